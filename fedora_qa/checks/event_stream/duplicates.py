@@ -118,35 +118,32 @@ class EventStreamDuplicates(WindowCheck[RepeatCount]):
                 features=(RepeatedEvents(repeats),),
             )
         ]
-        if self._once_a_tick(facts):
-            first = next((count.first for count in state if count.first is not None), None)
-            statistics.append(self._repeats(facts, repeats, total, first))
-        return Observation(event_coverage(facts, total), tuple(statistics))
-
-    def _once_a_tick(self, facts: Facts) -> bool:
+        # A pixel fires once a tick where ticks are microseconds, or rendered steps of the linear model.
         declared = facts.declared.events
         linear = declared is not None and declared.model == "linear"
         packets = declared is not None and declared.packet_interval_us > 0
-        return not packets and (linear or tick_ns(facts) == NS_PER_US)
-
-    def _repeats(self, facts: Facts, repeats: int, total: int, first: EventRow | None) -> Statistic:
-        declared, spurious_hz = facts.declared.events, 0.0
-        if declared is not None:
-            # Events that no brightness explains. One of a hot pixel meets others at the hot rate: as if all did.
-            spurious_hz = declared.shot_rate_hz + (declared.hot_pixel_rate_hz if declared.hot_pixels else 0.0)
-        chance = spurious_hz * tick_ns(facts) / NS_PER_S * total
-        return Statistic(
-            name="repeats",
-            value=float(repeats),
-            unit="events",
-            expected=chance,
-            # A count of rare coincidences; where none is declared even one is out of order.
-            standard_error=float(np.sqrt(chance)),
-            model_error_bound=1.0 if chance > 0 else 0.0,
-            side="upper",
-            resolution=1.0,
-            statement=f"{repeats} events repeat pixel and stamp of another.",
-            code="event_stream.duplicates.event",
-            where=where_of(facts, first),
-            features=(RepeatedEvents(repeats),),
-        )
+        if not packets and (linear or tick_ns(facts) == NS_PER_US):
+            first = next((count.first for count in state if count.first is not None), None)
+            spurious_hz = 0.0
+            if declared is not None:
+                # Events that no brightness explains. One of a hot pixel meets others at the hot rate: as if all did.
+                spurious_hz = declared.shot_rate_hz + (declared.hot_pixel_rate_hz if declared.hot_pixels else 0.0)
+            chance = spurious_hz * tick_ns(facts) / NS_PER_S * total
+            statistics.append(
+                Statistic(
+                    name="repeats",
+                    value=float(repeats),
+                    unit="events",
+                    expected=chance,
+                    # A count of rare coincidences; where none is declared even one exceeds the limit.
+                    standard_error=float(np.sqrt(chance)),
+                    model_error_bound=1.0 if chance > 0 else 0.0,
+                    side="upper",
+                    resolution=1.0,
+                    statement=f"{repeats} events repeat pixel and stamp of another.",
+                    code="event_stream.duplicates.event",
+                    where=where_of(facts, first),
+                    features=(RepeatedEvents(repeats),),
+                )
+            )
+        return Observation(event_coverage(facts, total), tuple(statistics))

@@ -162,7 +162,8 @@ class EventStreamRates(Check[PixelCounts]):
             unit="Hz",
             standard_error=float(excess.error[row, column]) / seconds,
             # One event a swing; and a pixel whose threshold is low by five declared sigma fires so much more often.
-            model_error_bound=float(excess.swings[row, column]) / seconds + rate_hz * _mismatch(facts.declared.events),
+            model_error_bound=float(excess.swings[row, column]) / seconds
+            + rate_hz * _threshold_spread(facts.declared.events),
             side="upper",
             tests=counts.size,
             statement=f"{max(many, 1)} pixels fire without cause: ({column}, {row}) at {rate_hz:.4g} Hz, "
@@ -235,7 +236,8 @@ def _moves(
         yield moved, MovedHotPixels("shifted", float(right_px) if down_px == 0 else None), _FEWEST_SHIFTED
 
 
-def _mismatch(declared: EventModel | None) -> float:
+def _threshold_spread(declared: EventModel | None) -> float:
+    """Return five sigma of the declared thresholds over the lower one, 1 at most."""
     if declared is None or declared.threshold_sigma <= 0:
         return 0.0
     spread = declared.threshold_sigma / max(min(declared.threshold_on, declared.threshold_off), 1e-12)

@@ -92,7 +92,13 @@ class IntegrityReadable(WindowCheck[ReadSummary]):
             end[key] = max(end[key], stop)
         read = sum(count * _chunks_beside(bindings[key]) for key, count in touched.items())
         damaged = {(chunk.key, chunk.chunk): chunk for summary in reversed(state) for chunk in summary.damaged}
-        damaged |= {(chunk.key, chunk.chunk): chunk for chunk in _damage_in_scan(facts, list(damaged.values()))}
+        # Blocks of event timestamps that the scan could not decode, and that therefore no window owns.
+        key = TIMESTAMPS_OF["events"]
+        reported = [chunk for chunk in damaged.values() if chunk.key == key]
+        for start, stop in facts.events.unreadable if facts.events else ():
+            if not any(chunk.start < stop and start < chunk.stop for chunk in reported):
+                number = start // _rows_in_chunk(bindings[key])
+                damaged[key, number] = DamagedChunk(key, number, start, stop, "their stamps do not decode")
         stored = sum(ceil(b.rows / _rows_in_chunk(b)) * _chunks_beside(b) for b in bindings.values())
         streams = sorted({DATASETS[key].stream for key in bindings})
         unusable = facts.layout.streams - facts.streams - {DATASETS[key].stream for key, _ in damaged}
@@ -173,13 +179,3 @@ def _damage(window: Window, binding: Binding, start: int, stop: int) -> Iterator
                 yield DamagedChunk(binding.key, chunk, first, min(first + rows, binding.rows), error.reason)
             if not error.chunks:
                 yield DamagedChunk(binding.key, first // rows * beside, first, last, error.reason)
-
-
-def _damage_in_scan(facts: Facts, damaged: Sequence[DamagedChunk]) -> Iterator[DamagedChunk]:
-    """Yield the blocks of event stamps that the scan could not decode and that therefore no window owns."""
-    key = TIMESTAMPS_OF["events"]
-    reported = [chunk for chunk in damaged if chunk.key == key]
-    for start, stop in facts.events.unreadable if facts.events else ():
-        if not any(damage.start < stop and start < damage.stop for damage in reported):
-            chunk = start // _rows_in_chunk(facts.layout.bindings[key])
-            yield DamagedChunk(key, chunk, start, stop, "their stamps do not decode")
