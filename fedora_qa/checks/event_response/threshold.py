@@ -116,6 +116,7 @@ class EventResponseThreshold(WindowCheck[WeightedLevelSums]):
         return Observation(coverage, tuple(self._of_polarity(fitted, declared, facts, side) for side in (0, 1)))
 
     def _of_polarity(self, thresholds: ThresholdFit, declared: EventModel, facts: Facts, side: int) -> Statistic:
+        """State the threshold of brighter (0) or darker (1) events."""
         name, word = (("threshold_on", "Brighter"), ("threshold_off", "Darker"))[side]
         nominal = (declared.threshold_on, declared.threshold_off)[side]
         fitted = (thresholds.fit.threshold_on, thresholds.fit.threshold_off)[side]

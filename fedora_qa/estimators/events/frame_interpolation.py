@@ -277,7 +277,11 @@ def interpolate_at_events(
     divided, uniform, chosen = np.empty((FINE, FINE)), np.empty((FINE, FINE)), np.empty(width, np.int64)
     rows = 0
     for row in range(height):
-        count = _choose(starts, row * width, width, (-3 * row) % every, every, chosen)
+        count = 0
+        for column in range((-3 * row) % every, width, every):
+            if starts[row * width + column + 1] - starts[row * width + column] > 1:
+                chosen[count] = column
+                count += 1
         for frame in range(n):
             _gather(frames.images[frame, row], chosen, count, log_eps, levels[:, frame])
             _gather(frames.uniform_images[frame, row], chosen, count, log_eps, uniform_levels[:, frame])
@@ -285,7 +289,12 @@ def interpolate_at_events(
                 usable_of[k, frame] = frames.usable[frame, row, chosen[k]]
         for k in range(count):
             pixel = row * width + chosen[k]
-            begin, stop = _between(timestamped, starts[pixel], starts[pixel + 1], frame_times[0], frame_times[n - 1])
+            # Events in (first frame, last frame].
+            begin, stop = starts[pixel], starts[pixel + 1]
+            while begin < stop and timestamped[begin] >> 1 <= frame_times[0]:
+                begin += 1
+            while begin < stop and timestamped[stop - 1] >> 1 > frame_times[n - 1]:
+                stop -= 1
             if stop - begin < 2:
                 continue
             frame, divided_from, all_usable = 0, -1, False
@@ -333,17 +342,6 @@ def interpolate_at_events(
 
 
 @njit(cache=True)
-def _choose(starts: Int32, first: int, width: int, begin: int, every: int, chosen: Int64) -> int:
-    """Write the pixels of a row that fire twice or more, one in ``every`` from ``begin`` on; return their number."""
-    count = 0
-    for column in range(begin, width, every):
-        if starts[first + column + 1] - starts[first + column] > 1:
-            chosen[count] = column
-            count += 1
-    return count
-
-
-@njit(cache=True)
 def _gather(image: NDArray[np.floating], chosen: Int64, count: int, log_eps: float, levels: Float64) -> None:
     """Write the levels of an image's row at the chosen pixels."""
     # Loads by themselves, since logarithms between them would wait for each.
@@ -352,16 +350,6 @@ def _gather(image: NDArray[np.floating], chosen: Int64, count: int, log_eps: flo
     if not np.isnan(log_eps):
         for k in range(count):
             levels[k] = np.log(max(levels[k] + log_eps, 1e-3))
-
-
-@njit(cache=True)
-def _between(timestamped: Int64, begin: int, stop: int, after: int, until: int) -> tuple[int, int]:
-    """Return begin and stop of the events of a pixel in (after, until]."""
-    while begin < stop and timestamped[begin] >> 1 <= after:
-        begin += 1
-    while begin < stop and timestamped[stop - 1] >> 1 > until:
-        stop -= 1
-    return begin, stop
 
 
 @njit(cache=True)

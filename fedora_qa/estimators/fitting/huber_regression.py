@@ -40,7 +40,11 @@ def huber_regression_weights(X: Float64, y: Float64) -> Float64:
     matrix, vector = np.empty((X.shape[1], X.shape[1])), np.empty(X.shape[1])
     weigh(X, y, weights, matrix, vector)
     for iteration in range(_ITERATIONS):
-        residuals(X, y, _solved(matrix, vector), residual)
+        theta = np.empty(len(vector))
+        if not solve(matrix, vector, theta):
+            # Of many solutions the shortest.
+            theta = np.asarray(np.linalg.lstsq(matrix, vector, rcond=None)[0], np.float64)
+        residuals(X, y, theta, residual)
         # NumPy's median partitions at both middle values, which takes eight times as long.
         parted = np.partition(residual, middle)
         below = parted[middle] if len(y) % 2 else parted[:middle].max()
@@ -51,14 +55,6 @@ def huber_regression_weights(X: Float64, y: Float64) -> Float64:
         if iteration + 1 < _ITERATIONS:
             weigh(X, y, weights, matrix, vector)
     return weights
-
-
-def _solved(matrix: Float64, vector: Float64) -> Float64:
-    """Return the solution (k,) of normal equations; the shortest of many."""
-    theta = np.empty(len(vector))
-    if solve(matrix, vector, theta):
-        return theta
-    return np.asarray(np.linalg.lstsq(matrix, vector, rcond=None)[0], np.float64)
 
 
 @njit(cache=True)

@@ -1,4 +1,4 @@
-"""Gross offsets in time: what one fit reads too small is read again with itself undone."""
+"""Gross offsets in time: what one fit underestimates is fitted again with itself undone."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -19,20 +19,20 @@ def late(file: EventFile, late_ms: int) -> EventFile:
 
 def offset_of(file: EventFile, path: Path) -> Measurement:
     result = run_check(file.write(path), CHECK)
-    return next(one for one in result.measurements if one.name == "time_offset")
+    return next(measured for measured in result.measurements if measured.name == "time_offset")
 
 
 @pytest.mark.parametrize("late_ms", [-24, -8, 8, 14, 24])
-def test_gross_offset_is_told_as_surely_as_none(late_ms: int, tmp_path: Path) -> None:
-    """To a millisecond, though one fit of frames 20 ms apart reads 14 ms as 9."""
-    told = offset_of(late(log_file(), late_ms), tmp_path / "late.h5")
-    assert told.value == pytest.approx(late_ms, abs=1.0)
-    assert told.standard_error is not None
-    assert told.standard_error < 0.5
+def test_gross_offset_is_estimated_as_precisely_as_none(late_ms: int, tmp_path: Path) -> None:
+    """To a millisecond, though one fit of frames 20 ms apart gives 9 ms for 14."""
+    offset = offset_of(late(log_file(), late_ms), tmp_path / "late.h5")
+    assert offset.value == pytest.approx(late_ms, abs=1.0)
+    assert offset.standard_error is not None
+    assert offset.standard_error < 0.5
 
 
-def test_without_an_offset_nothing_is_read_again(tmp_path: Path) -> None:
+def test_without_an_offset_nothing_is_searched(tmp_path: Path) -> None:
     """The first fit stands, with its rate."""
     result = run_check(log_file().write(tmp_path / "clean.h5"), CHECK)
-    assert {"time_offset", "clock_rate"} <= {one.name for one in result.measurements}
+    assert {"time_offset", "clock_rate"} <= {measured.name for measured in result.measurements}
     assert not result.findings
