@@ -109,7 +109,7 @@ class AlignmentEvents(WindowCheck[Registration]):
     Sources
     -------
     M. Guizar-Sicairos, S. Thurman, J. Fienup, Opt. Lett. 33 (2008) for the registration; derivations in
-    ``registration_errors``.
+    ``shift``.
     """
 
     name = "alignment.events"

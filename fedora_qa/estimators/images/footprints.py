@@ -1,6 +1,6 @@
 """Means of a colour frame over the footprints of a few pixels of the event camera: those that are asked for, no others.
 
-The weights are those of ``event_footprint``, separable in rows and columns, of which some four by four are not zero.
+The weights are those of ``footprint``, separable in rows and columns, of which some four by four are not zero.
 """
 
 from typing import Any
