@@ -154,14 +154,14 @@ def event_footprints(window: Window, shape_frame: tuple[int, int]) -> Footprints
     cameras, (height, width) = window.facts.declared.cameras, sensor_shape(window.facts.declared)
     K_frame, K_event = cameras["rgb"].K, cameras["events"].K
 
-    def kept(name: str, compute: Callable[[], FootprintAxis]) -> FootprintAxis:
+    def axis_of_file(name: str, compute: Callable[[], FootprintAxis]) -> FootprintAxis:
         """Return an axis that is computed once a file, and kept as an image is."""
         return FootprintAxis.unpacked(window.of_image(name, 0, lambda: compute().packed()))
 
     def footprints() -> Footprints:
         return Footprints(
-            kept("footprint_rows", lambda: row_axis(K_frame, shape_frame[0], K_event, height)),
-            kept("footprint_columns", lambda: column_axis(K_frame, shape_frame[1], K_event, width)),
+            axis_of_file("footprint_rows", lambda: row_axis(K_frame, shape_frame[0], K_event, height)),
+            axis_of_file("footprint_columns", lambda: column_axis(K_frame, shape_frame[1], K_event, width)),
         )
 
     return window.once(("footprints", shape_frame), footprints)
