@@ -166,14 +166,14 @@ def event_footprints(window: Window, shape_frame: tuple[int, int]) -> Footprints
     cameras, (height, width) = window.facts.declared.cameras, sensor_shape(window.facts.declared)
     K_frame, K_event = cameras["rgb"].K, cameras["events"].K
 
-    def kept(name: str, compute: Callable[[], FootprintAxis]) -> FootprintAxis:
+    def axis_of_file(name: str, compute: Callable[[], FootprintAxis]) -> FootprintAxis:
         """Return an axis that is computed once a file, and kept as an image is."""
         return FootprintAxis.unpacked(window.of_image(name, 0, lambda: compute().packed()))
 
     def footprints() -> Footprints:
         return Footprints(
-            kept("footprint_rows", lambda: row_axis(K_frame, shape_frame[0], K_event, height)),
-            kept("footprint_columns", lambda: column_axis(K_frame, shape_frame[1], K_event, width)),
+            axis_of_file("footprint_rows", lambda: row_axis(K_frame, shape_frame[0], K_event, height)),
+            axis_of_file("footprint_columns", lambda: column_axis(K_frame, shape_frame[1], K_event, width)),
         )
 
     return window.once(("footprints", shape_frame), footprints)
@@ -188,6 +188,7 @@ def intervals_due(window: Window, resampled: ResampledFrames, per_window: int) -
     length_ns = window.span.stop_ns - window.span.start_ns
     if 2 * length_ns >= WINDOW_NS:
         return round(per_window * length_ns / WINDOW_NS)
+    # Points of the grid in (before, second to last frame] are due.
     earlier = np.flatnonzero(window.facts.clocks["rgb"].advancing[: resampled.frames[0]])
     before_ns = window.facts.clocks["rgb"].times_ns[earlier[-1]] if len(earlier) else window.span.start_ns - 1
     return int(resampled.times_ns[-2]) * per_window // WINDOW_NS - int(before_ns) * per_window // WINDOW_NS
@@ -219,6 +220,7 @@ def signal_of(
     lit = np.greater(uniform_dn, 2 * resampled.error_dn[frame])
     if declared.model == "linear":
         return uniform_dn, lit
+    # Log model: L = ln(light + log_eps), of 1e-3 DN at least.
     level = uniform_dn + np.float32(declared.log_eps_dn)
     return np.log(np.maximum(level, np.float32(LEAST_LIGHT), out=level), out=level), lit
 

@@ -188,6 +188,7 @@ class FrameRuns:
         rounding_dn, excused = ROUNDING_DN[window.facts.declared.transfer], excused_pixels(window, declared)
         group = window.span.start_ns // GROUP_NS
         last = self.groups[-1][1] if self.groups and self.groups[-1][0] == group else []
+        # A run whose last frame is the first of this window goes on; after a gap another begins.
         if isinstance(last, list) and last and last[-1].last_frame == resampled.frames[0]:
             last[-1].follow(resampled, declared, rounding_dn, excused)
             return
@@ -266,7 +267,10 @@ def join(resampled: ResampledFrames, declared: EventModel, rounding_dn: float, e
 
 def violations(run: FrameRun, rule: int, declared: EventModel, phase_declared: bool) -> tuple[Bool, bool]:
     """Return where (h, w) the law is broken by a rule, and whether a declared start was part of the law."""
-    mismatch = _mismatch(run, declared)
+    # The declared spread of thresholds widens the law: n events of independent errors add sqrt(n) sigma, both ends of
+    # the range a threshold each, sqrt(2) sigma.
+    mismatch = MISMATCH_SIGMAS * declared.threshold_sigma * (sqrt(2.0) + np.sqrt(run.events))
+    # Log model: E varies by less than C+ + C- (``excursions``); linear: laws of runs and rises (``linear_runs``).
     if isinstance(run.bounds, Excursions):
         broken = run.bounds.excess(rule) > declared.threshold_on + declared.threshold_off + mismatch
     else:
@@ -288,6 +292,7 @@ def _summarised(runs: list[FrameRun], declared: EventModel, phase_declared: bool
         broken, start_in_law = violations(run, EVEN, declared, phase_declared and run.first_frame == 0)
         from_start |= start_in_law
         pixels |= broken
+        # What breaks the law only with all frames accepted is a flaw of their antialiasing.
         flawed |= violations(run, ALL, declared, start_in_law)[0]
         without_events |= broken & (run.events == 0)
         if isinstance(run.bounds, Excursions):
@@ -346,14 +351,8 @@ def _beyond_start(run: FrameRun, rule: int, declared: EventModel, mismatch: Floa
         runs, enough = run.bounds[rule], 1.0
         departure, excess = runs.departure(declared.threshold_on, declared.threshold_off), runs.excess()
     beyond: Bool = departure > mismatch
+    # Pixels that use enough of their range would leave the thresholds if the phase were at random.
     informative = excess > enough * max(declared.threshold_on, declared.threshold_off) + mismatch
     if np.count_nonzero(informative) < FEWEST_FOR_PHASE or beyond[informative].mean() > MOST_BEYOND_PHASE:
         return None
     return beyond
-
-
-def _mismatch(run: FrameRun, declared: EventModel) -> Float64:
-    """Return (h, w) what the spread of thresholds adds: each event steps by the pixel's own, and so are the ends."""
-    # n events of independent errors add sqrt(n) sigma; both ends of the range a threshold each, sqrt(2) sigma.
-    mismatch: Float64 = MISMATCH_SIGMAS * declared.threshold_sigma * (sqrt(2.0) + np.sqrt(run.events))
-    return mismatch

@@ -194,6 +194,7 @@ def _likely_shifts(resampled: ResampledFrames, declared: EventModel) -> list[tup
     usable = lit[:-1] & lit[1:]
     changes = np.where(usable, np.diff(levels, axis=0), 0.0)
     patch = np.sum([cross_correlation(*each) for each in zip(changes, signed, usable, strict=True)], axis=0)
+    # No shift is what the events have as they are.
     patch[RADIUS_PX, RADIUS_PX] = -np.inf
     highest = np.argsort(-patch, axis=None)[:_PEAKS]
     return [(int(column) - RADIUS_PX, int(row) - RADIUS_PX)
@@ -212,6 +213,7 @@ def _advanced_counts(window: Window, resampled: ResampledFrames, delay_ns: int) 
         return counts
     start_ns, stop_ns = resampled.times_ns[:-1] + delay_ns, resampled.times_ns[1:] + delay_ns
     beyond_file = (start_ns < scan.first_ns - _END_NS) | (stop_ns > scan.last_ns + _END_NS)
+    # The file gives no events from beyond its ends: these intervals keep theirs.
     counts[beyond_file] = resampled.counts[beyond_file]
     return counts
 

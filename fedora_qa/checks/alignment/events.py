@@ -111,7 +111,7 @@ class AlignmentEvents(WindowCheck[IntervalCorrelations]):
     Sources
     -------
     M. Guizar-Sicairos, S. Thurman, J. Fienup, Opt. Lett. 33 (2008) for the registration; derivations in
-    ``registration_errors``.
+    ``shift``.
     """
 
     name = "alignment.events"

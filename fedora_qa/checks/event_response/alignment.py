@@ -140,7 +140,7 @@ class EventResponseAlignment(WindowCheck[ShiftCorrelations]):
 
     Sources
     -------
-    First principles (event_shift, registration_errors); delete-one jackknife: Efron and Stein 1981.
+    First principles (shift); delete-one jackknife: Efron and Stein 1981.
     """
 
     name = "event_response.alignment"
@@ -204,10 +204,12 @@ class EventResponseAlignment(WindowCheck[ShiftCorrelations]):
         if isinstance(estimate, str) or facts.declared.events is None:
             return Observation(coverage, unobservable=str(estimate))
         shift, spread = estimate
+        # The larger threshold leaves the level open by more.
         threshold = max(facts.declared.events.threshold_on, facts.declared.events.threshold_off)
         slopes = np.concatenate([window.slopes for window in state])
         open_errors, lags = open_level_errors(slopes.mean(axis=0), threshold)
         errors = np.maximum(spread, open_errors)
+        # Leaving out pixels that have turned bounds the drag by the data; the lag of the noise model bounds it as well.
         lags = np.minimum(lags, _drag(shift, state)) if far is None else lags
         whole = (
             self._whole("shift_right", shift.right_px, "right", float(errors[0]), float(lags[0])),

@@ -77,11 +77,11 @@ class EventResponseConservation(Check[ConservationState]):
 
     How
     ---
-    Log model: E = L - C+ P + C- M varies by less than C+ + C-, however long (``event_excursions``). Where the first
+    Log model: E = L - C+ P + C- M varies by less than C+ + C-, however long (``excursions``). Where the first
     reference is declared to be the signal at the first frame, and nine tenths of the pixels that could contradict that
     do not, E also stays within C+ and C- of its start: in the first two seconds that sees a single event in most
     pixels. Linear model: a silent pixel varies by at most C+ + C-, and P brighter events alone mean a rise of at least
-    P (C+ + 1) - C+ - C- (``event_runs``); from a declared start its first run keeps to C+ and C-. Frames bound L at
+    P (C+ + 1) - C+ - C- (``linear_runs``); from a declared start its first run keeps to C+ and C-. Frames bound L at
     their times; two seconds are followed at a time. The first windows that break the law, and some later ones, are
     tried with faults undone: polarity, mirrored or exchanged axes, shifts, delays. What mends most pixels, less those
     that it breaks, names the cause.
@@ -95,7 +95,7 @@ class EventResponseConservation(Check[ConservationState]):
 
     What no bound covers is a renderer that samples its pixels too coarsely. Frames whose cut pixels alone leave the
     signal open by C+ + C- or more are not believed: there the bound would have to hold to the last, and events tell as
-    much (``stretch``). How often antialiasing fails is measured on the file: pixels that break the law only if those
+    much (``frame_runs``). How often antialiasing fails is measured on the file: pixels that break the law only if those
     frames are believed. As many are allowed among the others, which are more even, with the Poisson error of so many
     and one. A structure one pixel wide runs through an eighth of a tile.
 
@@ -107,7 +107,7 @@ class EventResponseConservation(Check[ConservationState]):
     Sources
     -------
     First principles: the sensor's definition (P. Lichtsteiner, C. Posch, T. Delbruck, IEEE J. Solid-State Circuits 43
-    (2008), section II) as inequalities; derivations in ``event_excursions``, ``event_runs`` and ``event_footprint``.
+    (2008), section II) as inequalities; derivations in ``excursions``, ``linear_runs`` and ``footprint``.
     """
 
     name = "event_response.conservation"
@@ -276,6 +276,7 @@ def _cluster(pixels: Bool, row: int, column: int, groups: list[FrameRunSummary])
 
 def _square_counts(pixels: Bool, side: int) -> NDArray[np.int64]:
     """Return the number of marked pixels in each square of a side, by its first row and column."""
+    # A summed-area table: the count in any square from its four corners.
     sums = np.pad(pixels.cumsum(axis=0).cumsum(axis=1), ((1, 0), (1, 0)))
     counts: NDArray[np.int64] = sums[side:, side:] - sums[:-side, side:] - sums[side:, :-side] + sums[:-side, :-side]
     return counts

@@ -76,7 +76,7 @@ class EventResponseFrames(WindowCheck[IntervalMoments]):
 
     Sources
     -------
-    First principles (event_orientation).
+    First principles (orientation).
     """
 
     name = "event_response.frames"

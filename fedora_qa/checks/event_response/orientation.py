@@ -126,7 +126,7 @@ class EventResponseOrientation(WindowCheck[OrientationMoments]):
 
     Sources
     -------
-    First principles (turned, event_orientation); delete-one jackknife: Efron and Stein 1981.
+    First principles (orientation); delete-one jackknife: Efron and Stein 1981.
     """
 
     name = "event_response.orientation"

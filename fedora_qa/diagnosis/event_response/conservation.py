@@ -96,7 +96,14 @@ def propose_conservation(alarm: Alarm, facts: Facts) -> tuple[Hypothesis, ...]:
         )
     any_fault = tuple(Hypothesis(cause, stream, _support("any_fault")) for cause, stream in _BREAKS_THE_LAW)
     beside = (dead_region, *unrelated, *samples, *any_fault)
-    return (*by_trial, *_cut_off(facts), *(replace(each, support=remaining * each.support) for each in beside))
+    # Events that end more than two frames before the frames do were cut off.
+    cut_off: tuple[Hypothesis, ...] = ()
+    times_ns = facts.clocks["rgb"].times_ns
+    if facts.events is not None and facts.events.count and len(times_ns) >= 2:
+        duration_ns, silent_ns = int(times_ns[-1] - times_ns[0]), int(times_ns[-1]) - facts.events.last_ns
+        if silent_ns * (len(times_ns) - 1) > 2 * duration_ns:
+            cut_off = (Hypothesis("truncated", "events", _support("truncated")),)
+    return (*by_trial, *cut_off, *(replace(each, support=remaining * each.support) for each in beside))
 
 
 def _dead_region_support(cluster: ViolationCluster, facts: Facts) -> float:
@@ -187,17 +194,6 @@ def _of(resolution: Resolution, weight: float, facts: Facts) -> tuple[Hypothesis
         return (events,)
     opposite = None if size is None else -size
     return events, Hypothesis(cause, "rgb", weight * of_frames / max(of_events, of_frames), opposite)
-
-
-def _cut_off(facts: Facts) -> tuple[Hypothesis, ...]:
-    """Return the hypothesis of truncated events, where they end more than two frames before the frames do."""
-    times_ns = facts.clocks["rgb"].times_ns
-    if facts.events is None or not facts.events.count or len(times_ns) < 2:
-        return ()
-    duration_ns, silent_ns = int(times_ns[-1] - times_ns[0]), int(times_ns[-1]) - facts.events.last_ns
-    if silent_ns * (len(times_ns) - 1) <= 2 * duration_ns:
-        return ()
-    return (Hypothesis("truncated", "events", _support("truncated")),)
 
 
 def _support(row: str) -> float:

@@ -110,6 +110,7 @@ class Excursions:
         light, error = self.start[:, np.newaxis]
         no_counts, first = np.zeros((0, 2, *light.shape[1:]), np.int32), np.zeros(1, np.int64)
         start = bound(light, error, no_counts, np.zeros(0), replace(self.law, uneven=(self.law.uneven[rule],)), first)
+        # Where E is nothing at the first frame, it stays within C+ above and C- below that start.
         rise = (self.highest[rule].astype(np.float64) - start.lowest[0]) / UNITS_PER_NAT - self.law.threshold_on
         fall = (start.highest[0].astype(np.float64) - self.lowest[rule]) / UNITS_PER_NAT - self.law.threshold_off
         farthest: Float64 = np.maximum(rise, fall)
@@ -253,6 +254,7 @@ def _split_bounds(
     """
     for column in range(len(light)):
         bright, off = light[column] + dark, float(error[column])
+        # An error as large as the light leaves the lower bound at no light, whose logarithm is not finite.
         known = (bright > off) & (off < np.inf)
         mantissas[0, column] = bright - off if known else 1.0
         mantissas[1, column] = bright + off if known else 1.0

@@ -67,6 +67,7 @@ def far_shift(sums: FarSums, beyond_px: float, least: float) -> FarShift | None:
     shift = Shift(BLOCK_PX * block_shift.right_px, BLOCK_PX * block_shift.down_px)
     if max(abs(shift.right_px), abs(shift.down_px)) <= beyond_px:
         return None
+    # A peak that moves where an interval is left out is a chance correlation of that interval.
     spread = peak_spread(sums.patches, total)
     if spread is None:
         return None
@@ -89,6 +90,7 @@ def sum_blocks(
     for row in range(usable.shape[0]):
         row_sums = _sums_of_row(change[row], events[row], usable[row])
         count, change_sum, event_sum = count + int(row_sums[0]), change_sum + row_sums[1], event_sum + row_sums[2]
+    # Both images are taken less their means over usable pixels.
     change_mean, event_mean = change_sum / max(count, 1), event_sum / max(count, 1)
     for row in range(change_blocks.shape[0]):
         for column in range(change_blocks.shape[1]):
@@ -101,6 +103,7 @@ def sum_blocks(
                     fired += events[y, x] if is_usable else 0.0
             change_blocks[row, column] = changed - pixels * change_mean
             event_blocks[row, column] = fired - pixels * event_mean
+    # Four usable pixels without events, less the mean of each.
     return -4 * event_mean
 
 

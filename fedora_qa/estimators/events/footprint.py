@@ -181,6 +181,7 @@ def column_axis(K_frame: Float64, width_frame: int, K_event: Float64, width_even
 def _axis(frame: Float64, event: Float64, size_frame: int, size_event: int) -> FootprintAxis:
     """Return the weights along one axis; ``frame`` and ``event`` are focal length and principal point, px."""
     edges = (np.arange(size_event + 1) - 0.5 - event[1]) * (frame[0] / event[0]) + frame[1] + 0.5
+    # Edges of event pixels in frame pixels, from the left border of the first: x_to = K_to K_from^-1 x_from.
     lengths = np.diff(edges)[:, np.newaxis]
     uniform = _means(edges, size_frame, points=2)
     edge_aware = _means(edges, size_frame, points=min(4, size_frame + 1))
@@ -201,6 +202,7 @@ def _means(edges: Float64, size: int, points: int) -> FootprintTaps:
     """
     positions = np.clip(edges, 0.0, size)
     first = np.clip(np.floor(positions).astype(np.int64) - points // 2 + 1, 0, size + 1 - points)
+    # Lagrange polynomials of the borders around each edge.
     borders, since = np.ones((points, len(edges))), positions - first
     for i in range(points):
         for j in range(points):
@@ -216,6 +218,7 @@ def _means(edges: Float64, size: int, points: int) -> FootprintTaps:
         since = np.clip(pixels + 1 - first[edge, np.newaxis], 0, points)
         return np.take_along_axis(behind[edge], since, axis=1)
 
+    # The integral over a footprint is the primitive at its end less that at its start.
     weights = before(slice(1, None)) - before(slice(None, -1))
     weights[np.abs(weights) < 1e-12] = 0.0
     return FootprintTaps(start, weights)
@@ -232,7 +235,11 @@ def average_taps(image: NDArray[Any], rows: Weighted, columns: Weighted, means: 
     """Write the weighted means (h, w) of an image (H, W)."""
     line = np.empty(image.shape[1])
     for row in range(means.shape[0]):
-        _add_rows(image, rows[0][row], rows[1][row], line)
+        line[:] = 0.0
+        first, weights = rows[0][row], rows[1][row]
+        for i in range(len(weights)):
+            for column in range(len(line)):
+                line[column] += weights[i] * image[first + i, column]
         _add_columns(line, columns[0], columns[1], means[row])
 
 
@@ -250,7 +257,10 @@ def resample_frame(
     uniform_rows, edge_aware_rows, split_rows, inside_rows = rows
     uniform_columns, edge_aware_columns, split_columns, inside_columns = columns
     edge_aware_means, uniform_means, errors = resampled
-    clipped_rows = _clipped_rows(clipped)
+    # Most frames have no clipped pixel in most rows: these are not searched again.
+    clipped_rows = np.empty(len(clipped), np.bool_)
+    for row in range(len(clipped)):
+        clipped_rows[row] = np.any(clipped[row])
     beyond = np.empty(len(inside_columns), np.float32)
     for column in range(len(beyond)):
         beyond[column] = rounding if inside_columns[column] else np.inf
@@ -271,6 +281,7 @@ def resample_frame(
             if kept_rows[slot] != first + i:
                 _contrast_of_row(luma, first + i, high, low, contrast[slot])
                 kept_rows[slot] = first + i
+            # split_bound: the contrast weighs with s (1 - s) of each pixel that the border cuts.
             _add_contrast(contrast[slot], weights[i], split_rows[1][row, i], whole, split)
         error = errors[row]
         _add_uniform_columns(uniform, whole, split, uniform_columns, split_columns[1], uniform_means[row], error)
@@ -281,14 +292,6 @@ def resample_frame(
             error[:] = np.inf
         if _mark_clipped(clipped, clipped_rows, first, weights, near_clipped):
             _exclude_columns(near_clipped, uniform_columns[0], uniform_columns[1], error)
-
-
-@njit(cache=True)
-def _add_rows(image: NDArray[Any], first: int, weights: Float64, line: Float64) -> None:
-    line[:] = 0.0
-    for i in range(len(weights)):
-        for column in range(len(line)):
-            line[column] += weights[i] * image[first + i, column]
 
 
 @njit(cache=True, fastmath={"contract"})
@@ -367,18 +370,6 @@ def _contrast_of_row(luma: Float32, row: int, high: Float32, low: Float32, contr
         most = max(high[left], high[column], high[right])
         least = min(low[left], low[column], low[right])
         contrast[column] = most - least
-
-
-@njit(cache=True)
-def _clipped_rows(clipped: Bool) -> Bool:
-    """Return the rows (H,) with a clipped pixel."""
-    rows = np.zeros(clipped.shape[0], np.bool_)
-    for row in range(clipped.shape[0]):
-        any_clipped = False
-        for column in range(clipped.shape[1]):
-            any_clipped |= clipped[row, column]
-        rows[row] = any_clipped
-    return rows
 
 
 @njit(cache=True)

@@ -1,4 +1,4 @@
-"""What frames and events say of the same interval, pixel by pixel, in one compiled pass."""
+"""By how much frames and events change in the same interval, pixel by pixel, in one compiled pass."""
 
 from typing import Any
 
@@ -37,6 +37,7 @@ def change_and_events(
             darker, brighter = counts[0, row, column], counts[1, row, column]
             if darker > 0 and brighter > 0:
                 continue
+            # Where an error is not finite, the frame is clipped or the pixel lies outside.
             if not (np.isfinite(error_before[row, column]) and np.isfinite(error_after[row, column])):
                 continue
             step = abs(np.float64(after[row, column]) - np.float64(before[row, column]))

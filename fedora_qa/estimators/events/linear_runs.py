@@ -96,6 +96,7 @@ def follow_runs(
     frames
         (n,) numbers of the frames.
     """
+    # Within [ref - C-, ref + C+] a value varies by at most C+ + C-.
     limit = threshold_on + threshold_off
     quiet = np.ones(lower.shape[1:], np.bool_)
     bounds = np.stack([lower, upper], axis=1)

@@ -1,4 +1,4 @@
-"""Whether events and frames agree in axes, direction and sign: correlation of what both say has changed.
+"""Whether events and frames agree in axes, direction and sign: correlation of the changes that both show.
 
 The change of level between frames is compared with the sum of the events in between, averaged over blocks of pixels
 (which forgives small shifts), under the eight symmetries of the square and both signs. Blocks are squares of a side; as
@@ -50,6 +50,7 @@ class ChangeMoments:
     def correlations(self) -> Float64:
         """Return the k correlation coefficients; 0 where either does not vary."""
         n, d, e, dd, ee, de = self.sums.T
+        # Pearson: (de - d e / n) over the root of the product of both variances.
         n = np.maximum(n, 1.0)
         spread = np.sqrt(np.maximum((dd - d * d / n) * (ee - e * e / n), 0.0))
         covariance = de - d * e / n
@@ -122,6 +123,7 @@ def most_reoriented(parts: Sequence[ChangeMoments], noise: float) -> PartOrienta
     if upright <= FEWEST_UPRIGHT * np.count_nonzero(informative):
         return None
     alternatives = np.array([other_correlations(part.correlations()) for part in parts])
+    # The part that gains most; parts of the same best orientation are taken together with it.
     gains = np.where(informative, alternatives.max(axis=1) - declared, -np.inf)
     worst = int(np.argmax(gains))
     orientation = int(np.argmax(alternatives[worst]))
@@ -252,6 +254,7 @@ def multiply_blocks(light: Float32, error: Float32, dark: float, least: float, s
             values, errors = light[y, left : left + len(line)], error[y, left : left + len(line)]
             for x in range(len(line)):
                 value = max(values[x] + dark, least)
+                # A product of 16 values of up to 1e3 is far below what double precision can hold.
                 line[x] *= value if values[x] > 2 * errors[x] else np.nan
         for column in range(columns):
             product = 1.0

@@ -32,6 +32,7 @@ def count_between_frames(
         stop, between = _first_after(t, frame_times[interval + 1]), counts[interval]
         for i in range(start, stop):
             between[p[i], y[i], x[i]] += 1
+        # Intervals meet: the first event after one frame is where the next interval begins.
         start = stop
 
 
@@ -61,7 +62,7 @@ def _first_after(t: Int64, instant: int) -> int:
 def survey_columns(
     x: NDArray[np.integer], y: NDArray[np.integer], p: NDArray[np.integer], shape: tuple[int, int], found: Int64
 ) -> None:
-    """Write of some events, as stored: beyond the sensor, of unknown polarity, the first such one, farthest, by sign.
+    """Write of some events, as stored: beyond the sensor, of unknown polarity, the first such, farthest, by sign.
 
     ``shape`` are rows and columns of the sensor. ``found`` (7,) receives how many lie outside, how many have a polarity
     that is neither 0 nor 1, the first of either (-1: none), the largest column and row, and the events of p = 0 and 1.
@@ -130,6 +131,7 @@ def find_repeats(x: Columns, y: Columns, t: Int64, p: Polarities, shape: tuple[i
         odd[p[i], y[i], x[i]] ^= True
         unpaired += 1 if odd[p[i], y[i], x[i]] else -1
         if i + 1 == len(t) or t[i + 1] != t[i]:
+            # Eight events that pair up by chance are improbable; two or four are not.
             if unpaired == 0 and i + 1 - begin >= 8:
                 doubled += 1
                 first_doubled = begin if first_doubled < 0 else first_doubled

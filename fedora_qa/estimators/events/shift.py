@@ -167,6 +167,7 @@ def intervals(
         follow_signs(before, signs)
     for i in range(max(chosen, default=-1) + 1):
         if i not in chosen:
+            # Which pixels have turned follows from all events before, also of intervals that are not correlated.
             follow_signs(counts[i], signs)
             continue
         (earlier, lit_before), (later, lit_after) = signal_of(i), signal_of(i + 1)
@@ -181,6 +182,7 @@ def peak(correlation: Float64) -> Shift | None:
     last = 2 * RADIUS_PX
     if correlation[row, column] <= 0 or not (0 < row < last and 0 < column < last):
         return None
+    # Parabola through the peak and its neighbours along each axis.
     down = _vertex(correlation[row - 1 : row + 2, column])
     right = _vertex(correlation[row, column - 1 : column + 2])
     return Shift(column - RADIUS_PX + right, row - RADIUS_PX + down)
@@ -218,7 +220,9 @@ def open_level_errors(sums: Float64, threshold: float) -> tuple[Float64, Float64
     average, so that events follow the motion by at most C/2 mean|g| / mean g^2, g the slope of the level.
     """
     level, level_squares, change_squares = sums
+    # Regression of e, of variance 2/3 C^2, on g: C sqrt(2/3 / sum g^2).
     errors = threshold * np.sqrt(2 / 3 / np.maximum(change_squares, 1e-300))
+    # Half a threshold of level over the slope is the distance by which events trail.
     lags = threshold / 2 * level / np.maximum(level_squares, 1e-300)
     return errors, lags
 
@@ -277,6 +281,7 @@ def most_shifted(
             if dragged is not None:
                 drag_px = dragged.right_px - shift.right_px, dragged.down_px - shift.down_px
                 errors[i] = np.hypot(errors[i], drag_px)
+    # Parts without a peak of their own are not compared.
     known = np.isfinite(shifts).all(axis=1)
     if np.count_nonzero(known) < FEWEST_PARTS:
         return None

@@ -79,6 +79,7 @@ def correlate(
         count += int(row_sums[0])
         change_sum, event_sum = change_sum + row_sums[1], event_sum + row_sums[2]
         change_squares, event_squares = change_squares + row_sums[3], event_squares + row_sums[4]
+    # sum (c - mean c)(e - mean e) over all shifts; pixels without the flag are 0 in both.
     patch[:] = 0.0
     if count == 0:
         return change_squares, event_squares
@@ -98,6 +99,7 @@ def correlate(
         _centre(events[row, left:right], mean, flags[row, left:right], flag, fired)
         firing = _find_firing(fired, beside, columns)
         lines = around[row - top : row - top + _SIDE]
+        # Rows in which many pixels fire are multiplied as a whole; in others the silent rest is added from the sums.
         if firing > width // _FEW:
             for down in range(_SIDE):
                 _add_products(fired, lines[_SIDE - 1 - down], patch[down])

@@ -19,19 +19,22 @@ from fedora_qa.estimators.events.shift import Shift
 Float64 = NDArray[np.float64]
 
 UPSAMPLING: Final = 200
-"""Shifts are found to 1/200 px, a tenth of what frames of a second tell."""
+"""Shifts are found to 1/200 px, a tenth of the error of those estimated from frames of a second."""
 
 PEAK_RADIUS_PX: Final = 4
-"""Radius of the surroundings of a peak that are registered: beyond it correlations tell of texture, not of place."""
+"""Radius of the surroundings of a peak that are registered: beyond it texture matters, not the shift."""
 
 _ROUNDS: Final = 8
-"""Each round leaves at most half of the shift that was left."""
+"""Each round leaves at most half of the residual shift."""
 
 
 def registered_shift(autocorrelation: Float64, crosscorrelation: Float64) -> Shift | None:
     """Return by how much the second is shifted, px, to the right and down; None where it has no peak.
 
-    Both are (2 R + 1, 2 R + 1) with no shift in the middle. Shifts of up to R - ``PEAK_RADIUS_PX`` are found.
+    Parameters
+    ----------
+    autocorrelation, crosscorrelation
+        (2 R + 1, 2 R + 1) with no shift in the middle. Shifts of up to R - ``PEAK_RADIUS_PX`` are found.
     """
     radius = autocorrelation.shape[0] // 2
     row, column = (int(i) for i in np.unravel_index(int(np.argmax(crosscorrelation)), crosscorrelation.shape))
@@ -39,22 +42,20 @@ def registered_shift(autocorrelation: Float64, crosscorrelation: Float64) -> Shi
     if crosscorrelation[row, column] <= 0 or np.abs(whole).max() > radius - PEAK_RADIUS_PX:
         return None
     moved = _tapered(crosscorrelation, row, column)
+    # The taper draws the estimate towards zero: the reference is moved along until no shift remains.
     fraction = np.zeros(2)
     for _ in range(_ROUNDS):
         reference = _tapered(moved_by(autocorrelation, fraction, order=3), radius, radius)
-        back = _way_back(reference, moved)
+        # Guizar-Sicairos et al. 2008: upsampled DFT around the peak; correlations are registered as they are.
+        registered, *_ = phase_cross_correlation(  # type: ignore[no-untyped-call]  # scikit-image publishes none
+            reference, moved, upsample_factor=UPSAMPLING, normalization=None
+        )
+        back = np.asarray(registered, dtype=np.float64)
         fraction = np.clip(fraction - back, -1.0, 1.0)
         if np.abs(back).max() <= 1 / UPSAMPLING:
             break
     down, right = whole + fraction
     return Shift(float(right), float(down))
-
-
-def _way_back(reference: Float64, moved: Float64) -> Float64:
-    back, *_ = phase_cross_correlation(  # type: ignore[no-untyped-call]  # scikit-image publishes none
-        reference, moved, upsample_factor=UPSAMPLING, normalization=None
-    )
-    return np.asarray(back, dtype=np.float64)
 
 
 def _tapered(patch: Float64, row: int, column: int) -> Float64:

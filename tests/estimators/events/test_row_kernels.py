@@ -1,26 +1,24 @@
 """Compiled loops against plain NumPy."""
 
 from collections import Counter
-from collections.abc import Callable
 from itertools import pairwise
 
 import numpy as np
 import pytest
-from fedora_qa.estimators.events.timestamp_kernels import are_crowded, longest_silences
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from fedora_qa.estimators.events.pixels import by_pixel
-from fedora_qa.estimators.events.rates import Tally
+from fedora_qa.estimators.events.rates import PixelCounts
 from fedora_qa.estimators.events.row_kernels import (
+    are_crowded,
     count_between_frames,
     count_repeats,
     find_repeats,
+    longest_silences,
     mark_bursts,
     survey_columns,
 )
-from fedora_qa.estimators.events.shift import IntervalChanges, intervals, slope_sums
-from fedora_qa.estimators.events.shift_kernels import KEPT, SETTLED, USABLE
 from tests.estimators.event_world import Stream
 
 SHAPE = (3, 4)
@@ -54,7 +52,7 @@ def test_events_between_frames_are_counted_once(events: Stream) -> None:
 @settings(deadline=None)
 def test_pixels_are_followed_one_by_one(events: Stream) -> None:
     """Every pixel gets its number of events and of runs of one polarity, its first and its last polarity."""
-    tally = Tally.of_nothing(SHAPE)
+    tally = PixelCounts.of_nothing(SHAPE)
     tally.add(events.x, events.y, events.p)
     counts, runs, first, last = tally.events, tally.runs, tally.first, tally.last
     for row, column in np.ndindex(SHAPE):
@@ -110,94 +108,6 @@ def test_an_event_at_a_frame_belongs_before_it(timestamp_ns: int) -> None:
     frames_ns = np.array([0, 20_000, 40_000])
     count_between_frames(zero, zero, np.array([timestamp_ns]), np.ones(1, np.uint8), frames_ns, counts)
     assert counts[:, 1, 0, 0].tolist() == ([1, 0] if timestamp_ns == 20_000 else [0, 1])
-
-
-def signals(levels: np.ndarray, lit: np.ndarray) -> Callable[[int], tuple[np.ndarray, np.ndarray]]:
-    """What frames show, a frame at a time."""
-    return lambda frame: (levels[frame].astype(np.float32), lit[frame])
-
-
-def flags_of(counts: np.ndarray, levels: np.ndarray) -> list[np.ndarray]:
-    """Flags of all intervals, all pixels lit."""
-    lit = np.ones(levels.shape, np.bool_)
-    found = intervals(signals(levels, lit), counts, 0.2, 0.2, range(len(counts)))
-    return [one.flags[0].copy() for one in found]
-
-
-def test_pixels_whose_events_change_sign_have_turned() -> None:
-    """Both signs in an interval, another sign than before, or nothing known before: turned; no events: not."""
-    counts = np.zeros((3, 2, 1, 4), np.int32)
-    counts[0, 1, 0, :3] = 1  # brighter; the last pixel is silent
-    counts[1, :, 0, 0] = 1  # both signs
-    counts[1, 0, 0, 1] = 2  # darker
-    counts[2, 1, 0, 2] = 1  # brighter again
-    turned = [(flags & KEPT == 0).tolist() for flags in flags_of(counts, np.zeros((4, 1, 4)))]
-    assert turned == [[True, True, True, False], [True, True, False, False], [False] * 4]
-
-
-def test_pixels_whose_frames_change_against_their_last_events_have_turned() -> None:
-    """A pixel on its way back through both thresholds is silent: only its frames tell that it has turned."""
-    counts = np.zeros((2, 2, 1, 3), np.int32)
-    counts[0, 1, 0, :2] = 1  # brighter; the last pixel is silent
-    levels = np.cumsum([[[0.0, 0.0, 0.0]], [[1.0, 1.0, -1.0]], [[-0.5, 0.5, -1.0]]], axis=0)
-    _, later = flags_of(counts, levels)
-    assert (later & KEPT == 0).tolist() == [False] * 3
-    assert (later & SETTLED == 0).tolist() == [True, False, False]
-    assert np.all(later & USABLE)
-
-
-def test_intervals_say_what_frames_and_events_have_changed() -> None:
-    """The change is that of the levels, events count by their thresholds, and dark pixels of either frame are out."""
-    rng = np.random.default_rng(3)
-    levels, counts = rng.normal(size=(3, 4, 5)).astype(np.float32), rng.poisson(1, (2, 2, 4, 5)).astype(np.int32)
-    lit = rng.uniform(size=levels.shape) < 0.7
-    for i, found in zip([1], intervals(signals(levels, lit), counts, 0.2, 0.3, [1]), strict=True):
-        assert np.allclose(found.change, levels[i + 1] - levels[i], atol=1e-6)
-        assert np.allclose(found.events, 0.2 * counts[i, 1] - 0.3 * counts[i, 0])
-        assert np.array_equal(found.flags & USABLE != 0, lit[i] & lit[i + 1])
-
-
-def test_intervals_that_are_not_asked_for_count_all_the_same() -> None:
-    """Who has turned follows from all events before, whether their interval is asked for or not."""
-    rng = np.random.default_rng(5)
-    levels, counts = rng.normal(size=(6, 4, 5)), rng.poisson(0.5, (5, 2, 4, 5)).astype(np.int32)
-    lit = np.ones(levels.shape, np.bool_)
-    every = [one.flags.copy() for one in intervals(signals(levels, lit), counts, 0.2, 0.3, range(5))]
-    some = [one.flags.copy() for one in intervals(signals(levels, lit), counts, 0.2, 0.3, [2, 4])]
-    assert np.array_equal(some, [every[2], every[4]])
-    assert len(np.unique(some)) > 2
-
-
-def test_slopes_are_those_of_their_definition() -> None:
-    """Sums over a part of the image: of |g| and g^2 of the level and g^2 of its change, where both pixels are used."""
-    rng = np.random.default_rng(4)
-    level, change = rng.normal(size=(2, 9, 12))
-    flags = rng.integers(0, 8, (9, 12)).astype(np.uint8)
-    part = IntervalChanges(level, change, change, flags).sums(KEPT, [(2, 8, 1, 11)])
-    inside = slice(2, 8), slice(1, 11)
-    used = (flags & KEPT > 0)[inside]
-    for axis, along in ((0, 1), (1, 0)):
-        both = used[:, 1:] & used[:, :-1] if along else used[1:] & used[:-1]
-        slopes, steeper = (np.diff(image[inside], axis=along)[both] for image in (level, change))
-        due = np.sum(np.abs(slopes)), np.sum(slopes**2), np.sum(steeper**2)
-        assert np.allclose(part.slopes[0, :, axis], due)
-    assert np.allclose(slope_sums(level[inside], change[inside], used), part.slopes[0])
-    assert np.allclose(part.squares[0], np.sum(change[inside][used] ** 2))
-
-
-def test_what_came_before_the_first_interval_tells_who_has_turned() -> None:
-    """A pixel that goes on as before is kept; one that turns, and one of which nothing is known, are not."""
-    counts, levels = np.zeros((1, 2, 1, 3), np.int32), np.zeros((2, 1, 3), np.float32)
-    counts[0, 1] = 1
-    before = np.zeros((2, 1, 3), np.int32)
-    before[1, 0, 0], before[0, 0, 1] = 1, 1
-    lit = np.ones(levels.shape, np.bool_)
-    (told,), (untold,) = (
-        [one.flags.copy() for one in intervals(signals(levels, lit), counts, 0.2, 0.2, [0], known)]
-        for known in (before, None)
-    )
-    assert (told & KEPT > 0).tolist() == [[True, False, False]]
-    assert not np.any(untold & KEPT)
 
 
 @given(streams())
