@@ -60,7 +60,7 @@ _SECOND_STEP_PX: Final = 0.5
 """Beyond so much of an error the linearisation is taken again about the corrected flow."""
 
 _EVERY_PX: Final = 2
-"""Every other pixel of every other row tells a tile's flow and its slopes: flow is smooth within a surface."""
+"""Every other pixel of every other row gives a tile's flow and its slopes: flow is smooth within a surface."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -68,7 +68,7 @@ class FieldTiles:
     """Tiles of one field: origins (n, 2), flow patches (n, 36, 36, 2), finite; and the pixels to use.
 
     ``noise_dn2`` (n,) is the variance of noise that the frames' pixels may hold, texture of one pixel's size included.
-    ``by_depth`` says that depth and motion told which pixels both frames show, so that every tile must match.
+    ``by_depth``: depth and motion decided which pixels both frames show, so that every tile must match.
     """
 
     origins: Int64
@@ -78,12 +78,12 @@ class FieldTiles:
     by_depth: bool
 
     def residuals(self, frames: FramePair, extra_px: Float64 | None = None) -> TileResiduals:
-        """Warp the second frame back by the flow, less ``extra_px`` (n, 2), and estimate what is left."""
+        """Warp the second frame back by the flow, less ``extra_px`` (n, 2), and estimate the residual flow."""
         less_px = np.zeros(self.origins.shape) if extra_px is None else extra_px
         warped = frames.second(*places_of(self.flow_px, self.origins, HALO_PX, less_px.astype(np.float32)))
-        found = tile_residuals(frames.first(self.origins), warped, self.usable, LUMA_ROUNDING_VARIANCE_DN2)
+        estimated = tile_residuals(frames.first(self.origins), warped, self.usable, LUMA_ROUNDING_VARIANCE_DN2)
         noisier = self.noise_dn2 / LUMA_ROUNDING_VARIANCE_DN2
-        return replace(found, noise_covariances_px2=found.noise_covariances_px2 * noisier[:, None, None])
+        return replace(estimated, noise_covariances_px2=estimated.noise_covariances_px2 * noisier[:, None, None])
 
     def chosen(self, mask: Mask) -> "FieldTiles":
         """Return some of the tiles, (n,) True for each."""
@@ -94,12 +94,12 @@ class FieldTiles:
 
 @dataclass(frozen=True, slots=True)
 class FieldResidual:
-    """What one field's tiles show.
+    """Residual flow of one field, from its tiles.
 
     Attributes
     ----------
     tiles, textured, unmatched
-        Tiles looked at, those that can tell, and those of them whose frames do not show the same thing.
+        Tiles that were read, those with texture, and those of them whose frames do not show the same thing.
     mean_px, mean_error_px
         Mean residual flow (u, v) and its formal standard error; NaN where too few tiles match.
     spread, freedom
@@ -109,7 +109,7 @@ class FieldResidual:
     evidence
         Normal equations of the templates; None where too few tiles match.
     least_matched, least_matched_tile
-        Largest unexplained share of a textured tile, and that tile; only where depth told what both frames show.
+        Largest unexplained share of a textured tile, and that tile; only where depth decided what both frames show.
     worst_tile, worst_px, worst_error_px
         The matched tile (left, top, right, bottom) whose residual lies furthest from the field's mean for its error.
     """
@@ -143,8 +143,8 @@ def sample_tiles(frames: FramePair, interval: Interval, share: float) -> FieldTi
     origins = _sampled(stored, interval, share)
     if not len(origins):
         return None
-    shown, by_depth = visible(frames.window, interval, origins)
-    return _tiles_at(frames, stored, origins, shown, by_depth=by_depth)
+    visible_pixels, by_depth = visible(frames.window, interval, origins)
+    return _tiles_at(frames, stored, origins, visible_pixels, by_depth=by_depth)
 
 
 def _sampled(stored: Float32, interval: Interval, share: float) -> Int64:
@@ -156,13 +156,15 @@ def _sampled(stored: Float32, interval: Interval, share: float) -> Int64:
     return grid.sample(share, rate_hz, interval.row)
 
 
-def _tiles_at(frames: FramePair, stored: Float32, origins: Int64, shown: Mask, *, by_depth: bool) -> FieldTiles:
-    flow_px, known = known_patches(stored, origins, TILE_PX, HALO_PX, LARGEST_FLOW_PX)
-    return FieldTiles(origins, flow_px, known & shown, frames.noise_variances_dn2(origins), by_depth)
+def _tiles_at(
+    frames: FramePair, stored: Float32, origins: Int64, visible_pixels: Mask, *, by_depth: bool
+) -> FieldTiles:
+    flow_px, is_valid = known_patches(stored, origins, TILE_PX, HALO_PX, LARGEST_FLOW_PX)
+    return FieldTiles(origins, flow_px, is_valid & visible_pixels, frames.noise_variances_dn2(origins), by_depth)
 
 
 def textured(residuals: TileResiduals) -> Mask:
-    """Return which tiles can tell their flow: enough pixels, and enough texture for the assumed noise floor."""
+    """Return which tiles (n,) determine their flow: enough pixels, and enough texture for the assumed noise floor."""
     of_u, of_v, both = (residuals.noise_covariances_px2[:, i, j] for i, j in ((0, 0), (1, 1), (0, 1)))
     worst_variance = 0.5 * (of_u + of_v) + np.hypot(0.5 * (of_u - of_v), both)  # the larger eigenvalue
     return np.asarray((worst_variance < TEXTURED_PX**2) & (residuals.valid_share >= FEWEST_VALID))
@@ -171,7 +173,7 @@ def textured(residuals: TileResiduals) -> Mask:
 def measure_field(frames: FramePair, interval: Interval, share: float) -> FieldResidual | None:
     """Measure the residual flow of a share of a field's tiles.
 
-    Of those that show too little to tell anything only that is looked at.
+    Tiles of which too few pixels are visible are only counted.
     """
     window, stored = frames.window, frames.window.flow_px(interval.stream, interval.row)
     is_thinned = is_large(stored.shape[0] * stored.shape[1], window)
@@ -179,27 +181,28 @@ def measure_field(frames: FramePair, interval: Interval, share: float) -> FieldR
     if not len(origins):
         return None
     fewest = ceil(FEWEST_VALID * TILE_PX**2)
-    shown, by_depth = visible(window, interval, origins, fewest)
-    enough = np.count_nonzero(shown.reshape(len(origins), -1), axis=1) >= fewest
+    visible_pixels, by_depth = visible(window, interval, origins, fewest)
+    enough = np.count_nonzero(visible_pixels.reshape(len(origins), -1), axis=1) >= fewest
     if not enough.any():
         return FieldResidual(interval, frames.before, len(origins), textured=0, unmatched=0)
-    tiles = _tiles_at(frames, stored, origins[enough], shown[enough], by_depth=by_depth)
+    tiles = _tiles_at(frames, stored, origins[enough], visible_pixels[enough], by_depth=by_depth)
     residuals = tiles.residuals(frames)
-    can_tell = textured(residuals)
-    matched = can_tell & (residuals.unexplained < UNMATCHED)
+    is_textured = textured(residuals)
+    matched = is_textured & (residuals.unexplained < UNMATCHED)
     errors_px, covariances_px2 = residuals.flow_errors_px, residuals.covariances_px2
     far = matched & (np.abs(errors_px).max(axis=1) > _SECOND_STEP_PX)
     if far.any():
-        again = tiles.residuals(frames, np.where(far[:, None], errors_px, 0.0))
-        better = far & (again.unexplained < residuals.unexplained)
-        errors_px = errors_px + np.where(better[:, None], again.flow_errors_px, 0.0)
-        covariances_px2 = np.where(better[:, None, None], again.covariances_px2, covariances_px2)
+        # The linearisation holds near the true flow only: once more about the corrected flow.
+        relinearised = tiles.residuals(frames, np.where(far[:, None], errors_px, 0.0))
+        better = far & (relinearised.unexplained < residuals.unexplained)
+        errors_px = errors_px + np.where(better[:, None], relinearised.flow_errors_px, 0.0)
+        covariances_px2 = np.where(better[:, None, None], relinearised.covariances_px2, covariances_px2)
     counts = FieldResidual(
-        interval, frames.before, len(origins), int(np.count_nonzero(can_tell)),
-        int(np.count_nonzero(can_tell & ~matched)),
+        interval, frames.before, len(origins), int(np.count_nonzero(is_textured)),
+        int(np.count_nonzero(is_textured & ~matched)),
     )  # fmt: skip
-    if tiles.by_depth and can_tell.any():
-        least = int(np.argmax(np.where(can_tell, residuals.unexplained, -1.0)))
+    if tiles.by_depth and is_textured.any():
+        least = int(np.argmax(np.where(is_textured, residuals.unexplained, -1.0)))
         counts = replace(
             counts,
             least_matched=float(residuals.unexplained[least]),

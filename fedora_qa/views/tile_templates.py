@@ -22,7 +22,7 @@ _STRIDE_PX: Final = 8
 
 _ABOUT_OPTICAL_AXIS: Final = np.eye(6)[:, 2:3]
 _NARROW: Final = 2.0
-"""Trace of a rotation by 60 degrees: up to there the sine tells the angle."""
+"""Trace of a rotation by 60 degrees: up to there the sine determines the angle."""
 
 _PERCENT, _DEG = 0.01, np.pi / 180
 
@@ -69,15 +69,16 @@ def _by_time(window: Window, interval: Interval, geometry: Geometry) -> Float64:
     return np.zeros((6, 1))
 
 
-def _twist_between(one: RigidMotion, other: RigidMotion) -> Float64:
-    """Return ``one.twist_from(other)`` (6,), in a tenth of the time where the rotation between them is small.
+def _twist_between(motion: RigidMotion, other: RigidMotion) -> Float64:
+    """Return ``motion.twist_from(other)`` (6,), in a tenth of the time where the rotation between them is small.
 
     By Rodrigues' formula a rotation less its reverse is twice its sine times its axis.
     """
-    dR = one.R @ other.R.T
+    dR = motion.R @ other.R.T
     if dR[0, 0] + dR[1, 1] + dR[2, 2] < _NARROW:
-        return one.twist_from(other)
+        return motion.twist_from(other)
+    # Rodrigues: R - R^T = 2 sin(angle) [axis]x.
     x, y, z = 0.5 * (dR[2, 1] - dR[1, 2]), 0.5 * (dR[0, 2] - dR[2, 0]), 0.5 * (dR[1, 0] - dR[0, 1])
     sine = min(hypot(x, y, z), 1.0)
     scale = asin(sine) / sine if sine > 0 else 1.0
-    return np.concatenate(((scale * x, scale * y, scale * z), one.t_m - dR @ other.t_m))
+    return np.concatenate(((scale * x, scale * y, scale * z), motion.t_m - dR @ other.t_m))
