@@ -127,6 +127,7 @@ class GroupedFit:
         self._score_covariance = self._normal + _SCATTER_IN_SCORE * self._scatter_normal
         explained = float(self._sums.right @ inverse_of(self._normal) @ self._sums.right)
         rows = sum(block.count for block in shifted)
+        # Squares less what all parameters explain, over the degrees of freedom.
         self.misfit = float(np.sqrt(max(self._sums.squares - explained, 0.0) / max(rows - count, 1)))
         """Root mean square of whitened residuals after all parameters are fitted; 1 where the noise model is right."""
         self.free, self._explained = self._select()
