@@ -46,6 +46,7 @@ def noise_against_declared(
         Defects of the samples that look like noise.
     """
     features = (*features, MeasuredNoise(level.sigma, level.standard_error, declared))
+    # A declared sigma is compared as a ratio; none declared means none allowed beyond rounding and motion.
     if declared > 0:
         return Statistic(
             name=f"{name}_noise_ratio",

@@ -36,8 +36,25 @@ def propose_continuity(alarm: Alarm, facts: Facts) -> tuple[Hypothesis, ...]:
         interpolated = (Hypothesis("interpolated_pose", "pose", strength, line.knot_rate_hz, "Hz") for line in lines)
         return (*of_timestamps, *interpolated)
 
+    # Transforms under which there is no jump, and a jump with its return.
+    strength = support("pose.transform")
+    transforms: list[Hypothesis] = []
+    for feature in statistic.features:
+        match feature:
+            case PoseTransform("length_unit"):
+                transforms.append(Hypothesis("unit_mm_m", "pose", strength, MM_PER_M, "1"))
+            case PoseTransform("axes", axes):
+                transforms.append(Hypothesis(axes_cause(axes), "pose", strength))
+            case PoseTransform("component_order"):
+                transforms.append(Hypothesis("quaternion_order", "pose", strength))
+            case PoseTransform("inverse"):
+                transforms.append(Hypothesis("quaternion_inverted", "pose", strength))
+            case PoseTransform("north_east_down"):
+                transforms.append(Hypothesis("frame_convention", "pose", strength))
+            case PairedSteps(length_m, standard_error_m):
+                paired = support("pose.paired_steps")
+                transforms.append(Hypothesis("lever_arm", "pose", paired, length_m, "m", standard_error_m))
     # A jump that a transform, a point of the body or a repeated pose explains is not one of the body itself.
-    transforms = _transform_hypotheses(alarm)
     beside_repeats = any(isinstance(f, PoseJump) and f.beside_repeated_samples for f in statistic.features)
     explained = bool(transforms) or beside_repeats
     repeats = support("pose.jump_at_repeats" if beside_repeats else "pose.jump_without_repeats")
@@ -56,28 +73,6 @@ def propose_continuity(alarm: Alarm, facts: Facts) -> tuple[Hypothesis, ...]:
             statistic.standard_error if in_metres else None,
         ),
     )
-
-
-def _transform_hypotheses(alarm: Alarm) -> tuple[Hypothesis, ...]:
-    """Return the causes of transforms under which there is no jump, and of a jump and its return."""
-    strength = support("pose.transform")
-    hypotheses: list[Hypothesis] = []
-    for feature in alarm.statistic.features:
-        match feature:
-            case PoseTransform("length_unit"):
-                hypotheses.append(Hypothesis("unit_mm_m", "pose", strength, MM_PER_M, "1"))
-            case PoseTransform("axes", axes):
-                hypotheses.append(Hypothesis(axes_cause(axes), "pose", strength))
-            case PoseTransform("component_order"):
-                hypotheses.append(Hypothesis("quaternion_order", "pose", strength))
-            case PoseTransform("inverse"):
-                hypotheses.append(Hypothesis("quaternion_inverted", "pose", strength))
-            case PoseTransform("north_east_down"):
-                hypotheses.append(Hypothesis("frame_convention", "pose", strength))
-            case PairedSteps(length_m, standard_error_m):
-                paired = support("pose.paired_steps")
-                hypotheses.append(Hypothesis("lever_arm", "pose", paired, length_m, "m", standard_error_m))
-    return tuple(hypotheses)
 
 
 def propose_noise(alarm: Alarm, facts: Facts) -> tuple[Hypothesis, ...]:

@@ -71,6 +71,7 @@ def _coincidences(facts: Facts, imu_ns: Int64, pose_ns: Int64) -> Iterator[tuple
     if frames_ns and len(imu_ns) and len(pose_ns):
         all_ns = np.concatenate(frames_ns)
         yield _share_among(all_ns, imu_ns), _share_among(all_ns, pose_ns)
+        # Of streams that begin together the one that was moved begins elsewhere.
         firsts_ns = np.array([times_ns[0] for times_ns in frames_ns])
         yield float(np.mean(firsts_ns == imu_ns[0])), float(np.mean(firsts_ns == pose_ns[0]))
     yield _on_own_grid(facts, imu_ns), _on_own_grid(facts, pose_ns)
@@ -81,6 +82,7 @@ def _share_among(times_ns: Int64, timestamps_ns: Int64) -> float:
     within = times_ns[(times_ns >= timestamps_ns[0]) & (times_ns <= timestamps_ns[-1])]
     if not len(within):
         return 0.0
+    # By bisection where timestamps are in order, which is the rule.
     in_order = not np.any(np.diff(timestamps_ns) < 0)
     coincident = (
         timestamps_ns[np.searchsorted(timestamps_ns, within)] == within if in_order else np.isin(within, timestamps_ns)

@@ -143,10 +143,12 @@ def streams_of(state: Sequence[WindowMotion], facts: Facts) -> InertialStreams |
         return unusable
     imu = join_imu([motion.imu for motion in state if motion.imu is not None])
     poses = join_poses([motion.poses for motion in state if motion.poses is not None])
+    # Too few samples, or none in common, leave nothing to compare.
     if len(poses.times_ns) < _FEWEST_POSES or len(imu.times_ns) < _FEWEST_POSES:
         return f"fewer than {_FEWEST_POSES} finite samples of pose or IMU"
     if poses.times_ns[0] >= imu.times_ns[-1] or imu.times_ns[0] >= poses.times_ns[-1]:
         return "IMU and pose do not overlap in time"
+    # Three checks conclude from the same windows: the last one's cache holds what the first has computed.
     cache = state[-1].cache
     streams = cache.streams if cache.facts is facts else None
     if streams is None or not (_are_equal(streams.poses, poses) and _are_equal(streams.imu, imu)):
@@ -187,12 +189,9 @@ def convention_trial(streams: InertialStreams, kind: MotionKind, fit: InertialFi
     First of the whole sequence; where none explains that, and the disagreement is a local one, of that part alone.
     It is looked for once.
     """
-    if kind not in streams.trials:
-        streams.trials[kind] = _try_conventions(streams, kind, fit)
-    return streams.trials[kind]
-
-
-def _try_conventions(streams: InertialStreams, kind: MotionKind, fit: InertialFit) -> InertialConventionTrial | None:
+    if kind in streams.trials:
+        return streams.trials[kind]
+    streams.trials[kind] = None
     excess = fit.rms - fit.model_rms - fit.expected_rms
     if fit.settled and not _exceeds(fit, 1.0) and excess < _EXCESS_SIGMAS * fit.rms_error:
         return None
@@ -208,9 +207,11 @@ def _try_conventions(streams: InertialStreams, kind: MotionKind, fit: InertialFi
             convention = explain_rates(samples, rotation_rad)
         else:
             convention = explain_forces(samples, streams.noise.gravity_m_s2, position_m)
+        # The declared convention has the complexity 0: it explains nothing that it does not already leave.
         if convention is not None and convention.complexity > 0:
-            return InertialConventionTrial(convention, interval_s)
-    return None
+            streams.trials[kind] = InertialConventionTrial(convention, interval_s)
+            break
+    return streams.trials[kind]
 
 
 def is_implausible(fit: InertialFit) -> bool:

@@ -140,6 +140,7 @@ def stored_resolution(values: Float64) -> float:
     if not values.size:
         return 0.0
     largest = float(np.abs(values).max())
+    # Whole numbers are float32 numbers as well, whatever their type was.
     single = values.astype(np.float32)
     if np.array_equal(single, values) and not np.array_equal(np.rint(values), values):
         return float(np.spacing(np.float32(largest)))
@@ -172,6 +173,7 @@ def _rounding_density(times_ns: NDArray[np.int64], values: Float64) -> float:
     step = rounding_step(times_ns, values, VectorSamples(values))
     if step <= stored_resolution(values):
         return 0.0
+    # Variance step^2 / 12 a sample, times the sampling interval.
     return step * float(np.sqrt(np.median(np.diff(times_ns)) / NS_PER_S / 12))
 
 
@@ -206,6 +208,7 @@ def position_floor_m(poses: PoseSamples) -> float:
 
 def rotation_floor_rad(poses: PoseSamples) -> float:
     """Return the scatter of exact orientations, likewise, rad."""
+    # A rotation's speed is the angle between neighbours over their step.
     steps_s = np.diff(poses.times_ns) / NS_PER_S
     pairs = np.arange(len(steps_s))[:, None] + np.arange(2)
     turns_rad = np.linalg.norm(OrientationSamples(poses.orientations_xyzw).relative_vectors(pairs, 0)[:, 1], axis=1)
@@ -223,6 +226,7 @@ def _rotation_step_rad(poses: PoseSamples) -> float:
 
 def _rounding_scatter(speeds: Float64, resolution: float) -> float:
     """Return by how much samples scatter whose timestamps are rounded, at the rms of their speeds (n,), and digits."""
+    # Independent errors add in squares: rms speed times the scatter of timestamps, and the stored step.
     speed = float(np.sqrt(np.mean(np.square(speeds)))) if len(speeds) else 0.0
     return float(np.hypot(speed * TIMESTAMP_SIGMA_S, resolution))
 
@@ -230,6 +234,7 @@ def _rounding_scatter(speeds: Float64, resolution: float) -> float:
 def location_of(facts: Facts, stream: str, start_ns: int, stop_ns: int | None = None) -> Where:
     """Return where samples from ``start_ns`` to before ``stop_ns`` are (the one sample where None)."""
     times_ns = facts.clocks[stream].times_ns
+    # Rows are those whose timestamps are nearest to both ends.
     row = int(np.argmin(np.abs(times_ns - start_ns)))
     last = row + 1 if stop_ns is None else max(row + 1, int(np.argmin(np.abs(times_ns - stop_ns))))
     return Where(

@@ -125,6 +125,7 @@ def pose_defects(facts: Facts, poses: PoseSamples, model: PoseModel) -> tuple[Fe
     Timestamps come first: a coarse grid looks like straight lines, repeats and noise, so that these are then not looked
     for. Nor is noise where straight lines or repeats would be taken for it.
     """
+    # Defects of timestamps explain what the others would be taken for.
     of_timestamps = timestamp_defects(facts, "pose")
     if of_timestamps:
         return of_timestamps

@@ -8,7 +8,7 @@ import numpy as np
 
 from fedora_qa.checks.protocol import Observation, Statistic
 from fedora_qa.conventions import NS_PER_S, US_PER_S
-from fedora_qa.estimators.fitting.grouped_fit import FittedParameter, group_of
+from fedora_qa.estimators.fitting.grouped_fit import ParameterEstimate, group_of
 from fedora_qa.estimators.imu.conventions import InertialConvention
 from fedora_qa.estimators.imu.summary import InertialFit
 from fedora_qa.features import Feature
@@ -98,7 +98,7 @@ class InertialParameter(Feature):
     component_ratio
         Absolute value over that of the largest component of its group's vector.
     explained
-        By group: share of what can be explained that it explains, as of ``FittedParameter``.
+        By group: share of what can be explained that it explains, as of ``ParameterEstimate``.
     """
 
     kind: MotionKind
@@ -156,6 +156,7 @@ def agreement_observation(
     if fit is None:
         return Observation(coverage, unobservable="too few poses with IMU samples all the way between them")
     trial = convention_trial(streams, kind, fit)
+    # A fit under a wrong convention says nothing of small faults.
     if trial is not None and trial.is_certain:
         return Observation(coverage, (_disagreement(facts, streams, kind, trial),))
     defects: tuple[Feature, ...] = (
@@ -182,18 +183,27 @@ def agreement_observation(
     )
 
     worst_ns = streams.time_ns(fit.worst.time_s)
+    # Streams of which samples within two steps of the poses repeat the one before.
+    imu, poses = streams.imu, streams.poses
+    reach_ns = 2 * int(np.median(np.diff(poses.times_ns)))
+    frozen = (("imu", imu.times_ns, frozen_imu(imu)), ("pose", poses.times_ns, frozen_poses(poses)))
+    repeats = tuple(
+        RepeatsNearby(stream, len(rows))
+        for stream, times_ns, rows in frozen
+        if len(rows) and int(np.min(np.abs(times_ns[rows] - worst_ns))) <= reach_ns
+    )
     worst = Statistic(
         name=f"worst_{kind}",
         value=factor * fit.worst.value,
         unit=unit,
         standard_error=factor * fit.worst.sigma,
         model_error_bound=factor * fit.worst.model_error,
-        tests=3 * fit.rows,
+        tests=3 * fit.rows,  # three axes a row
         statement=f"At {facts.to_file_us(worst_ns):.0f} us IMU and pose differ in {kind} by "
         f"{factor * fit.worst.value:.4g} {unit}; noise is {factor * fit.worst.sigma:.2g}.",
         code=f"imu.{kind}.worst",
         where=location_of(facts, "pose", worst_ns),
-        features=(*defects, smoothness, *_repeats_near(streams, worst_ns)),
+        features=(*defects, smoothness, *repeats),
     )
 
     unsettled = () if fit.settled and not is_implausible(fit) else (UnsettledFit(),)
@@ -256,22 +266,10 @@ def _convention_text(convention: InertialConvention) -> str:
     return " and ".join(parts)
 
 
-def _repeats_near(streams: InertialStreams, time_ns: int) -> tuple[RepeatsNearby, ...]:
-    """Return the streams of which samples within two steps of the poses repeat the one before."""
-    imu, poses = streams.imu, streams.poses
-    reach_ns = 2 * int(np.median(np.diff(poses.times_ns)))
-    frozen = (("imu", imu.times_ns, frozen_imu(imu)), ("pose", poses.times_ns, frozen_poses(poses)))
-    return tuple(
-        RepeatsNearby(stream, len(rows))
-        for stream, times_ns, rows in frozen
-        if len(rows) and int(np.min(np.abs(times_ns[rows] - time_ns))) <= reach_ns
-    )
-
-
 def parameter_statistics(
     kind: MotionKind,
     check: str,
-    fitted: Mapping[str, FittedParameter],
+    fitted: Mapping[str, ParameterEstimate],
     texts: Mapping[str, ParameterText],
     defects: tuple[Feature, ...] = (),
 ) -> tuple[Statistic, ...]:
@@ -287,6 +285,7 @@ def parameter_statistics(
         Of the samples, that disturb the fit.
     """
     stated = {name: parameter for name, parameter in fitted.items() if group_of(name) in texts}
+    # The largest component of each group's vector.
     sizes: dict[str, float] = {}
     for name, parameter in stated.items():
         sizes[group_of(name)] = max(abs(parameter.value), sizes.get(group_of(name), 0.0))
@@ -332,6 +331,7 @@ def local_statistics(
     names = [name for name in fit.local_deviations if group_of(name) == group]
     if not names or not fit.settled:
         return ()
+    # The component with the most significant deviation stands for its group: all are tested.
     local = fit.local_deviations
     name = max(names, key=lambda candidate: abs(local[candidate].deviation) / local[candidate].standard_error)
     worst = local[name]

@@ -115,6 +115,7 @@ def _averaged(fits: dict[MotionKind, InertialFit], name: str, defects: tuple[Fea
     """Average a parameter over the comparisons, weighted by information; features are those of the most precise."""
     fitted = {kind: fit.parameters[name] for kind, fit in fits.items()}
     information = np.array([parameter.standard_error**-2 for parameter in fitted.values()])
+    # Inverse-variance weights: both fits rest on independent data.
     weights = information / information.sum()
     most_precise = max(fitted, key=lambda kind: (fitted[kind].free, -fitted[kind].standard_error))
     average = replace(

@@ -144,7 +144,15 @@ class PoseContinuity(WindowCheck[PoseSamples]):
             max(model.rotation_sigma_rad, rotation_floor_rad(poses)),
         )
         for (name, unit, factor, material, curve), least_sigma in zip(kinds, least_sigmas, strict=True):
-            steps, sigma = _steps(poses, curve, least_sigma)
+            level = noise_level(poses.times_ns, curve, order=NOISE_ORDER)
+            sigma = max(least_sigma, 0.0 if level is None else level.sigma)
+            # Of the matched filters that are short enough for the file, the most precise.
+            candidates = [
+                find_steps(poses.times_ns, curve, half_width=width, degree=degree, sigma=sigma)
+                for width, degree in _STEP_FILTERS
+                if 4 * width <= len(poses.times_ns)
+            ]
+            steps = most_precise_steps(candidates, sigma)
             if not len(steps.before):
                 continue
             # The worst place and axis: most standard errors beyond what the motion may have added.
@@ -210,18 +218,6 @@ class PoseContinuity(WindowCheck[PoseSamples]):
         return Observation(coverage, tuple(measurements))
 
 
-def _steps(poses: PoseSamples, curve: SampledCurve, least_sigma: float) -> tuple[StepEstimates, float]:
-    """Return the steps of the filter with the least error, and the noise of a sample that errors rest on."""
-    level = noise_level(poses.times_ns, curve, order=NOISE_ORDER)
-    sigma = max(least_sigma, 0.0 if level is None else level.sigma)
-    candidates = [
-        find_steps(poses.times_ns, curve, half_width=width, degree=degree, sigma=sigma)
-        for width, degree in _STEP_FILTERS
-        if 4 * width <= len(poses.times_ns)
-    ]
-    return most_precise_steps(candidates, sigma), sigma
-
-
 def _paired_steps(poses: PoseSamples, steps: StepEstimates, sigma_m: float, row: int) -> tuple[PairedSteps, ...]:
     """Look for the jump that undoes the one in a row of the steps in the axes of the body.
 
@@ -237,6 +233,7 @@ def _paired_steps(poses: PoseSamples, steps: StepEstimates, sigma_m: float, row:
     if not np.isfinite(excess_m[partner]):
         return ()
     rows = np.array(sorted((row, partner)))
+    # R^T turns each jump into the axes of the body.
     jumps_m, errors_m = steps.sizes[rows], sigma_m * steps.gains[rows]
     R_world_body = so3.matrices_from_quaternions(so3.normalise(poses.orientations_xyzw[steps.before[rows]]))
     first_body_m, second_body_m = np.einsum("nji,nj->ni", R_world_body, jumps_m)
@@ -245,6 +242,7 @@ def _paired_steps(poses: PoseSamples, steps: StepEstimates, sigma_m: float, row:
     noise_m = _PAIR_SIGMAS * float(np.linalg.norm(errors_m))
     if sum_world_m <= noise_m or sum_body_m > max(noise_m, _BODY_RATIO * sum_world_m):
         return ()
+    # l and -l were measured: their mean halves the variance; its sign is that of its largest component.
     arm_m = (first_body_m - second_body_m) / 2
     length_m = float(np.copysign(np.linalg.norm(arm_m), arm_m[np.argmax(np.abs(arm_m))]))
     return (PairedSteps(length_m, float(np.linalg.norm(errors_m)) / 2),)

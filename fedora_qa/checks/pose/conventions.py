@@ -61,6 +61,7 @@ def position_transforms(poses: PoseSamples, before: int, sigma_m: float) -> tupl
         Noise of the positions on each axis.
     """
     positions_m = poses.positions_world_m
+    # Straight on from the two positions before the jump.
     expected_m = positions_m[before] + (positions_m[before] - positions_m[before - 1] if before else 0.0)
     measured_m = positions_m[before + 1]
     deviations_m = (
@@ -73,6 +74,7 @@ def position_transforms(poses: PoseSamples, before: int, sigma_m: float) -> tupl
 def orientation_transforms(poses: PoseSamples, before: int, sigma_rad: float) -> tuple[PoseTransform, ...]:
     """Return the transforms by which the orientation goes on across a jump; parameters as of the positions."""
     q = so3.normalise(poses.orientations_xyzw)
+    # On by the rotation between the two orientations before the jump.
     turn = so3.compose(so3.inverse(q[before - 1]), q[before]) if before else np.array([0.0, 0.0, 0.0, 1.0])
     expected, measured = so3.compose(q[before], turn), q[before + 1]
     deviations_rad = (
@@ -92,6 +94,7 @@ def _nearest(
 
 
 def _transformed_positions(position_m: Float64) -> Iterator[tuple[Float64, PoseTransform]]:
+    # Into the part with another unit, and out of it.
     for unit in (MM_PER_M, 1.0 / MM_PER_M):
         yield unit * position_m, PoseTransform("length_unit")
     identity = tuple(tuple(int(value) for value in row) for row in np.eye(3))

@@ -67,6 +67,7 @@ class PoseOrientation(WindowCheck[QuaternionNorms]):
         q = window.rows("path/pose/orientation", rows.start, rows.stop).astype(np.float64)
         excess = np.linalg.norm(q, axis=1) - 1.0
         not_finite = ~np.isfinite(excess)
+        # Rows that are not finite are counted, and take no part in the worst length.
         worst = int(np.argmax(np.where(not_finite, -1.0, np.abs(excess))))
         return QuaternionNorms(
             count=len(rows),

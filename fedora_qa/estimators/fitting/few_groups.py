@@ -45,6 +45,7 @@ def shared_errors(by_part: Float64 | float, parts: float, by_group: Float64 | fl
     parts, groups
         How many there are of each.
     """
+    # Fisher's F of the two variance estimates.
     ratio = (by_group / np.maximum(by_part, 1e-300)) ** 2
     shared = ratio > fisher_beyond(BEYOND_CHANCE, max(groups - 1, 1), max(parts - 1, 1))
     errors: Float64 = np.maximum(by_part, np.where(shared, student_factor(groups - 1), 1.0) * by_group)

@@ -46,7 +46,7 @@ class FitParameters:
 
 
 @dataclass(frozen=True, slots=True)
-class FittedParameter:
+class ParameterEstimate:
     """One parameter of a fit.
 
     Attributes
@@ -127,13 +127,14 @@ class GroupedFit:
         self._score_covariance = self._normal + _SCATTER_IN_SCORE * self._scatter_normal
         explained = float(self._sums.right @ inverse_of(self._normal) @ self._sums.right)
         rows = sum(block.count for block in shifted)
+        # Squares less what all parameters explain, over the degrees of freedom.
         self.misfit = float(np.sqrt(max(self._sums.squares - explained, 0.0) / max(rows - count, 1)))
         """Root mean square of whitened residuals after all parameters are fitted; 1 where the noise model is right."""
         self.free, self._explained = self._select()
 
-    def fitted(self) -> dict[str, FittedParameter]:
+    def fitted(self) -> dict[str, ParameterEstimate]:
         """Return every parameter by name: freed groups fitted together, every other group alone beside them."""
-        fitted: dict[str, FittedParameter] = {}
+        fitted: dict[str, ParameterEstimate] = {}
         for group in self.parameters.groups:
             columns = self._columns((*self.free, group) if group not in self.free else self.free)
             inverse = inverse_of(self._normal[np.ix_(columns, columns)])
@@ -147,7 +148,7 @@ class GroupedFit:
             errors = errors / attenuation
             for column in self.parameters.groups[group]:
                 row = columns.index(column)
-                fitted[self.parameters.names[column]] = FittedParameter(
+                fitted[self.parameters.names[column]] = ParameterEstimate(
                     float(values[row]), float(errors[row]), float(model_errors[row]),
                     group in self.free, self._explained[group],
                 )  # fmt: skip

@@ -206,6 +206,7 @@ def covered(imu_times_s: Float64, starts_s: Float64, stops_s: Float64) -> NDArra
         (n,) ends of the intervals.
     """
     steps_s = np.diff(imu_times_s)
+    # Steps that count as gaps.
     wide = np.flatnonzero(steps_s > _WIDEST_STEP * float(np.median(steps_s)))
     inside = (starts_s >= imu_times_s[0]) & (stops_s <= imu_times_s[-1])
     gaps_before_start = np.searchsorted(imu_times_s[wide + 1], starts_s, side="right")
@@ -232,6 +233,7 @@ def segments_of(times_s: Float64, shortest_s: float) -> list[slice]:
     span_s = float(times_s[-1] - times_s[0])
     wanted = max(1, round(span_s / float(np.clip(span_s / _MOST_SEGMENTS, shortest_s, _LONGEST_SEGMENT_S))))
     count = min(wanted, len(times_s))
+    # Equal lengths of time; segments without a row vanish.
     edges = np.searchsorted(times_s, times_s[0] + span_s * np.arange(1, count) / count)
     bounds = np.unique(np.concatenate(([0], edges, [len(times_s)])))
     return [slice(int(a), int(b)) for a, b in pairwise(bounds)]

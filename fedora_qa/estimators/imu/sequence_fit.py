@@ -117,11 +117,13 @@ def fit_inertial(
         if sum(map(len, segments)) < max(FEWEST_ROWS, 0 if first is None else first.rows // 2):
             return first
         fit, kept = _robust_fit(segments, comparison.parameters, linearised_at, bias_walk)
+        # Only what the residuals are not linear in has to be taken out of the samples.
         free = np.where(comparison.nonlinear, fit.values_of_free(), 0.0)
         if first is None:
             disturbed = disturbed_interval(segments)
         fitted = fit.fitted()
         errors = np.array([fitted[name].standard_error for name in fit.parameters.names])
+        # Converged: no parameter moves by more than a hundredth of its error.
         if np.all(np.abs(free - linearised_at) <= 0.01 * errors):
             return summarise(fit, segments, kept, linearised_at, disturbed, settled=True)
         if first is None:
@@ -222,6 +224,7 @@ def _robust_fit(
         deviations = [
             (np.abs(rows.residuals - rows.jacobians @ values) / rows.sigmas).max(axis=-1) for rows in segments
         ]
+        # The median absolute residual over the normal quartile: robust against the outliers looked for.
         scale = max(1.0, float(np.median(np.concatenate(deviations))) / NORMAL_QUARTILE)
         clean = [deviation <= OUTLIER * scale for deviation in deviations]
         outliers = sum(int(np.count_nonzero(~rows)) for rows in clean)

@@ -7,7 +7,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from fedora_qa.estimators.fitting.grouped_fit import FittedParameter, GroupedFit
+from fedora_qa.estimators.fitting.grouped_fit import GroupedFit, ParameterEstimate
 from fedora_qa.estimators.imu.samples import ComparisonRows
 
 Float64 = NDArray[np.float64]
@@ -94,7 +94,7 @@ class InertialFit:
         runs of rows.
     """
 
-    parameters: Mapping[str, FittedParameter]
+    parameters: Mapping[str, ParameterEstimate]
     settled: bool
     misfit: float
     rms: float
@@ -141,6 +141,21 @@ def summarise(
     # that of independent ones.
     weights = np.square(sigmas) / np.mean(np.square(sigmas))
     rms_error = float(expected * np.sqrt(1.94 * np.mean(np.square(weights)) / (2 * sigmas.size)))
+    # Smoothness is the correlation of neighbouring rows (lag one), over all segments and axes.
+    products = sum(float(np.sum(rows[1:] * rows[:-1])) for rows in residuals)
+    total = sum(float(np.sum(np.square(rows))) for rows in residuals)
+    # The worst row deviates most in units of its sigma, on its worst axis.
+    worst_rows = []
+    for rows, of_segment in zip(segments, residuals, strict=True):
+        row, axis = np.unravel_index(np.argmax(np.abs(of_segment) / rows.sigmas), of_segment.shape)
+        worst_rows.append(
+            WorstRow(
+                time_s=float(rows.times_s[row]),
+                value=float(of_segment[row, axis]),
+                sigma=float(rows.sigmas[row, axis]),
+                model_error=float(np.abs(rows.model_errors[row]).max()),
+            )
+        )
     return InertialFit(
         parameters=fit.fitted(),
         settled=settled,
@@ -149,10 +164,10 @@ def summarise(
         expected_rms=expected,
         rms_error=rms_error,
         model_rms=float(np.sqrt(np.mean(np.square(np.concatenate([rows.model_errors for rows in segments]))))),
-        smoothness=_smoothness(residuals),
+        smoothness=products / total if total > 0 else 0.0,
         rows=sum(map(len, segments)),
         outliers=sum(int(np.count_nonzero(~keep)) for keep in kept),
-        worst=_worst_row(segments, residuals),
+        worst=max(worst_rows, key=lambda row: abs(row.value) / row.sigma),
         local_deviations=_local_deviations(fit, segments, kept),
         disturbed=disturbed,
         course=_course(segments, residuals),
@@ -170,29 +185,6 @@ def disturbed_interval(segments: list[ComparisonRows]) -> tuple[float, float] | 
     start_s, stop_s = float(times_s[outlying][0]), float(times_s[outlying][-1])
     outside = np.count_nonzero((times_s < start_s) | (times_s > stop_s))
     return (start_s, stop_s) if outside >= max(FEWEST_ROWS, _LEAST_OUTSIDE * len(times_s)) else None
-
-
-def _smoothness(residuals: list[Float64]) -> float:
-    """Return the correlation of neighbouring rows (lag one), summed over segments and axes."""
-    products = sum(float(np.sum(rows[1:] * rows[:-1])) for rows in residuals)
-    squares = sum(float(np.sum(np.square(rows))) for rows in residuals)
-    return products / squares if squares > 0 else 0.0
-
-
-def _worst_row(segments: list[ComparisonRows], residuals: list[Float64]) -> WorstRow:
-    """Return the row that deviates most in units of its sigma, on its worst axis."""
-    candidates = []
-    for rows, of_segment in zip(segments, residuals, strict=True):
-        row, axis = np.unravel_index(np.argmax(np.abs(of_segment) / rows.sigmas), of_segment.shape)
-        candidates.append(
-            WorstRow(
-                time_s=float(rows.times_s[row]),
-                value=float(of_segment[row, axis]),
-                sigma=float(rows.sigmas[row, axis]),
-                model_error=float(np.abs(rows.model_errors[row]).max()),
-            )
-        )
-    return max(candidates, key=lambda row: abs(row.value) / row.sigma)
 
 
 def _local_deviations(
