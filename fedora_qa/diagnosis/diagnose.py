@@ -39,7 +39,7 @@ out. One power for all, fitted to how often first diagnoses of planted faults ar
 is -50.7 without it, -24.5 with 8, and within half of that from 6 to 12 (``python -m tests.benchmarks.confidence``)."""
 
 UNTHOUGHT = 0.02
-"""Share of first diagnoses that are wrong although little rivals them (2 of 120): no confidence exceeds what remains of 1."""
+"""Share of first diagnoses that are wrong although little rivals them (2 of 120): it is taken off any confidence."""
 
 _FAIR_FIT = 0.5
 """Share of the best fit from which on a cause's size is taken from where it is most precise: no derivation, but a worse
