@@ -1,10 +1,10 @@
 """Name the causes behind a file's findings: the fewest that explain them all.
 
 Each alarm has hypotheses: causes that would explain it, with their support. A cause that explains several alarms is
-preferred over several causes (Occam), so causes are taken greedily by the weight they explain that no cause before
-them has explained: the classical approximation of a smallest weighted cover (Chvatal, "A greedy heuristic for the
-set-covering problem", 1979). Checks are the witnesses: one that states a disagreement for each rate of flow, as a mean
-and at its worst, says it once. Diagnosis runs only after an alarm: on clean files it would always find something.
+preferred over several causes (Occam), so causes are taken greedily by the support they add to that of the causes
+before them: the classical approximation of a smallest weighted cover (Chvatal, "A greedy heuristic for the set-covering
+problem", 1979). Each check is one witness: where it states a disagreement for each rate of flow, as a mean and at its
+worst, that counts once. Diagnosis runs only after an alarm: on clean files it would always find something.
 """
 
 from collections import Counter, defaultdict
@@ -20,26 +20,26 @@ from fedora_qa.record.types import Diagnosis, Where
 from fedora_qa.sequence.facts import Facts
 
 _UNKNOWN = "unknown"
-"""No cause at all: it explains nothing, and stands where nothing else does."""
+"""No cause at all: it explains nothing, and is named where no hypothesis is."""
 
 _ENOUGH = 0.05
-"""Weight that a further cause must newly explain to be named at all."""
+"""Support that a further cause must add to be named at all."""
 
 _UNFORESEEN = 0.02
-"""Weight of a cause with a check that does not know it: none so well studied that it could be ruled out."""
+"""Support of a cause by a check that has no hypothesis of it: none is so well studied that it could be ruled out."""
 
 _IN_EARNEST = 0.3
-"""Weight from which on a cause, named by some check, may be what spoils its stream for others as well."""
+"""Support from which on a cause that one check proposes may explain what other checks measure of its stream."""
 
 SHARPNESS = 8.0
-"""Power to which products of weights are raised before they are shared. Weights are scores, not likelihoods: a cause
+"""Power to which products of support are raised before they are normalised. Support is a score, no likelihood: a cause
 that leaves a fifth of a deviation is given 0.8, though of a deviation of a hundred standard errors that fifth rules it
-out. One power for all, fitted to how often first diagnoses of planted faults are right, makes the shares true
+out. One power for all, fitted to how often first diagnoses of planted faults are right, makes them probabilities
 (temperature scaling: Guo et al., "On calibration of modern neural networks", 2017). Of 146 diagnoses the log-likelihood
 is -50.7 without it, -24.5 with 8, and within half of that from 6 to 12 (``python -m tests.benchmarks.confidence``)."""
 
 UNTHOUGHT = 0.02
-"""Share of first diagnoses that are wrong although little rivals them (2 of 120): none is surer than the rest."""
+"""Share of first diagnoses that are wrong although little rivals them (2 of 120): it is taken off any confidence."""
 
 _FAIR_FIT = 0.5
 """Share of the best fit from which on a cause's size is taken from where it is most precise: no derivation, but a worse
@@ -135,7 +135,7 @@ def _candidates(hypotheses: Mapping[str, Sequence[Hypothesis]]) -> list[_Candida
 
 
 def _of_one_sign(evidence: Mapping[str, Hypothesis]) -> dict[str, Hypothesis]:
-    """Leave out hypotheses whose size has the sign with less support: one fault is late or early, not both."""
+    """Leave out hypotheses whose size has the sign with less support: one fault shifts or scales in one direction."""
     signs = {finding: (h.magnitude or 0.0) > 0 for finding, h in evidence.items() if h.magnitude}
     support = {sign: sum(evidence[f].support for f in signs if signs[f] is sign) for sign in (True, False)}
     sign = support[True] >= support[False]
@@ -154,7 +154,7 @@ def _new_support(candidate: _Candidate, finding: str, unexplained: Mapping[str, 
 
 
 def share_of_first(plausibilities: Sequence[float], sharpness: float = SHARPNESS) -> float:
-    """Return the probability that the first of several rivals is the cause, from the logarithms of their weights.
+    """Return the probability that the first of several rivals is the cause, from the logarithms of their support.
 
     It is below 1 where there is no rival at all: by ``UNTHOUGHT``.
     """
@@ -166,9 +166,9 @@ def share_of_first(plausibilities: Sequence[float], sharpness: float = SHARPNESS
 def _plausibilities(
     rivals: Sequence[_Candidate], unexplained: Mapping[str, float], checks: Mapping[str, str]
 ) -> list[float]:
-    """Return the logarithms of the rivals' weights with what the first would explain.
+    """Return the logarithms of the rivals' support by the findings that the first would explain.
 
-    Checks are taken as independent witnesses of what is still unexplained: the weights that a cause has with each are
+    Checks are taken as independent witnesses of what is still unexplained: the support that a cause has by each is
     multiplied (Bayes, with equal priors). Findings of one check are one witness, and count by their mean.
     """
     of_check: dict[str, list[str]] = defaultdict(list)
@@ -176,11 +176,11 @@ def _plausibilities(
         if unexplained[finding] > 0:
             of_check[checks[finding]].append(finding)
 
-    def weight(rival: _Candidate, findings: Sequence[str]) -> float:
+    def support_of(rival: _Candidate, findings: Sequence[str]) -> float:
         mean = sum(_new_support(rival, finding, unexplained) for finding in findings) / len(findings)
         return max(mean, _UNFORESEEN)
 
-    return [sum(log(weight(rival, findings)) for findings in of_check.values()) for rival in rivals]
+    return [sum(log(support_of(rival, findings)) for findings in of_check.values()) for rival in rivals]
 
 
 def _as_diagnosis(name: str, candidate: _Candidate, share: float, places: Mapping[str, Where]) -> Diagnosis:
@@ -201,7 +201,7 @@ def _as_diagnosis(name: str, candidate: _Candidate, share: float, places: Mappin
 
 
 def _precision(hypothesis: Hypothesis, fair: float) -> tuple[bool, bool, bool, float, float]:
-    """Order hypotheses by how much they tell of the size: a magnitude, an error, a fair fit, the smaller error."""
+    """Order hypotheses by how well they give the size: a magnitude, an error, a fair fit, the smaller error."""
     error = hypothesis.standard_error
     return (hypothesis.magnitude is None, error is None, hypothesis.support < fair, error or 0.0, -hypothesis.support)
 

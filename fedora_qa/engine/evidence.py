@@ -8,9 +8,9 @@ from fedora_qa.engine.prepare import Prepared
 from fedora_qa.engine.stream import PassState, attempt
 from fedora_qa.evidence.collector import EvidenceCollector
 from fedora_qa.evidence.distributions import DistributionsCollector
-from fedora_qa.evidence.follow_up import images_of, keep_places
-from fedora_qa.evidence.kept import Kept, together
+from fedora_qa.evidence.follow_up import images_of, keep_worst_locations
 from fedora_qa.evidence.options import EvidenceOptions
+from fedora_qa.evidence.titled_arrays import TitledArrays, merged
 from fedora_qa.evidence.trajectory import keep_trajectory
 from fedora_qa.record.evidence import named
 from fedora_qa.record.types import Finding
@@ -18,10 +18,10 @@ from fedora_qa.sequence.facts import Facts
 from fedora_qa.sequence.window import Span
 
 
-def evidence_of_checks(observations: Mapping[str, Observation]) -> Kept:
+def evidence_of_checks(observations: Mapping[str, Observation]) -> TitledArrays:
     """Return the arrays that checks keep, under ``<check>/<name>``; one without a title is called by its name."""
-    return together(
-        Kept.titled(
+    return merged(
+        TitledArrays.titled(
             {
                 named(check, name): (array, observation.titles.get(name, name.replace("_", " ")))
                 for name, array in observation.evidence.items()
@@ -39,7 +39,7 @@ def evidence_of_pass(
     chosen: Sequence[Span],
     options: EvidenceOptions,
     looked_again: int,
-) -> Kept:
+) -> TitledArrays:
     """Return what the pass has seen, the flight, and the worst places. A crash is noted, and costs what comes after it.
 
     Parameters
@@ -56,11 +56,14 @@ def evidence_of_pass(
     parts = (
         attempt(states, collector.name, lambda: collector.conclude(states.states[collector.name], facts)),
         attempt(states, collector.name, lambda: keep_trajectory(facts, source, options.trajectory_points)),
-        attempt(states, collector.name, lambda: keep_places(findings, ready.spans, facts, source, options, images)),
+        attempt(
+            states, collector.name, lambda: keep_worst_locations(findings, ready.spans, facts, source, options, images)
+        ),
     )
-    return together(part for part in parts if part is not None)
+    return merged(part for part in parts if part is not None)
 
 
-def distributions_of(collector: DistributionsCollector, states: PassState, facts: Facts) -> Kept:
+def distributions_of(collector: DistributionsCollector, states: PassState, facts: Facts) -> TitledArrays:
     """Return what was counted by block of time; nothing, and a note among the crashes, where that failed."""
-    return attempt(states, collector.name, lambda: collector.conclude(states.states[collector.name], facts)) or Kept()
+    counted = attempt(states, collector.name, lambda: collector.conclude(states.states[collector.name], facts))
+    return counted or TitledArrays()

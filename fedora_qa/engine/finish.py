@@ -13,8 +13,7 @@ from fedora_qa.engine.progress import Progress
 from fedora_qa.engine.stopwatch import Stopwatch
 from fedora_qa.engine.stream import PassState, attempt, conclude, follow_up
 from fedora_qa.engine.survey import OpenSurvey, Survey
-from fedora_qa.evidence.kept import Kept
-from fedora_qa.evidence.kept import together as kept_together
+from fedora_qa.evidence.titled_arrays import TitledArrays, merged
 from fedora_qa.judgement.judge import judge
 from fedora_qa.record.types import Canary, FileRecord, Finding, Result, Scalar
 from fedora_qa.storage.place import RemoteFile
@@ -88,13 +87,13 @@ def _evidence(
     observations: Mapping[str, Observation],
     findings: Sequence[Finding],
     looked_again: int,
-) -> Kept:
+) -> TitledArrays:
     kept = evidence_of_checks(observations)
     if file.keeper is None or file.distributions is None or survey.options.evidence is None:
         return kept
     options = survey.options.evidence
     of_pass = evidence_of_pass(file.keeper, states, findings, file.ready, file.chosen, options, looked_again)
-    return kept_together([of_pass, kept, distributions_of(file.distributions, states, file.ready.facts)])
+    return merged([of_pass, kept, distributions_of(file.distributions, states, file.ready.facts)])
 
 
 def _proven(

@@ -9,7 +9,6 @@ from numpy.typing import NDArray
 from fedora_qa.causes import in_families
 from fedora_qa.conventions import NS_PER_US
 from fedora_qa.errors import UnreadableRowsError
-from fedora_qa.evidence.glimpse import Glimpse, glimpse
 from fedora_qa.evidence.histograms import (
     keep_histograms,
     padded_sum,
@@ -17,11 +16,12 @@ from fedora_qa.evidence.histograms import (
     window_values,
     with_events,
 )
-from fedora_qa.evidence.instants import fitting_width_px, spread_instants
-from fedora_qa.evidence.kept import Kept, together
-from fedora_qa.evidence.moments import keep_moments
 from fedora_qa.evidence.options import EvidenceOptions
+from fedora_qa.evidence.snapshot import Snapshot, take_snapshot
+from fedora_qa.evidence.snapshot_arrays import keep_snapshots
+from fedora_qa.evidence.snapshot_times import fitting_width_px, snapshot_times_ns
 from fedora_qa.evidence.timeline import Timeline, stream_counts, timeline_of
+from fedora_qa.evidence.titled_arrays import TitledArrays, merged
 from fedora_qa.layout.canonical import TIMESTAMPS_OF
 from fedora_qa.record.evidence import MOMENTS, TIMELINE, named
 from fedora_qa.sequence.facts import Facts
@@ -32,16 +32,16 @@ Int64 = NDArray[np.int64]
 
 @dataclass(frozen=True, slots=True)
 class EvidencePlan:
-    """What will be kept: instants (ns) by number of their window, the width of pictures, the bins of the timeline."""
+    """What is kept: times of snapshots by number of their window, the width of pictures, the bins of the timeline."""
 
-    instants: Mapping[int, tuple[int, ...]]
+    snapshot_times_ns: Mapping[int, tuple[int, ...]]
     width_px: int
     timeline: Timeline
 
 
 @dataclass(slots=True)
-class Seen:
-    """What some windows have shown. All of it is whole numbers or in the order of time, so that it merges exactly.
+class EvidenceState:
+    """Evidence of some windows. All of it is whole numbers or in the order of time, so that it merges exactly.
 
     Attributes
     ----------
@@ -56,7 +56,7 @@ class Seen:
     """
 
     plan: EvidencePlan
-    glimpses: list[Glimpse] = field(default_factory=list)
+    snapshots: list[Snapshot] = field(default_factory=list)
     values: dict[str, Int64] = field(default_factory=dict)
     pixels: NDArray[np.uint32] | None = None
     counted_ns: list[tuple[int, int]] = field(default_factory=list)
@@ -64,16 +64,16 @@ class Seen:
 
 
 class EvidenceCollector:
-    """Moments, timeline and histograms of a file.
+    """Snapshots, timeline and histograms of a file.
 
     Parameters
     ----------
     spans
         All of its windows.
     chosen
-        Those that will be looked at; the moments are spread over them.
+        Those that the pass decodes; the snapshots are spread over them.
     families
-        Which streams are looked at (``flow`` is every rate); None: all.
+        Which streams are kept (``flow`` is every rate); None: all.
     """
 
     name = "evidence"
@@ -90,69 +90,69 @@ class EvidenceCollector:
         self._chosen = tuple(chosen)
         self._options = options
 
-    def start(self, facts: Facts) -> Seen:
-        """Return the state that has seen nothing."""
+    def start(self, facts: Facts) -> EvidenceState:
+        """Return the state of no windows."""
         options = self._options
-        return Seen(
+        return EvidenceState(
             EvidencePlan(
-                instants=spread_instants(self._chosen, facts, options.moments),
-                width_px=fitting_width_px(facts, options, options.moments),
+                snapshot_times_ns=snapshot_times_ns(self._chosen, facts, options.snapshots),
+                width_px=fitting_width_px(facts, options, options.snapshots),
                 timeline=timeline_of(facts, self._spans, options.timeline_bins),
             )
         )
 
-    def update(self, state: Seen, window: Window) -> None:
+    def update(self, state: EvidenceState, window: Window) -> None:
         """Add what a window shows. Windows come in order."""
-        instants = state.plan.instants.get(window.span.index, ())
+        times_ns = state.plan.snapshot_times_ns.get(window.span.index, ())
         width_px, families = state.plan.width_px, self._families
-        state.glimpses += [glimpse(window, time_ns, width_px, families=families) for time_ns in instants]
+        state.snapshots += [take_snapshot(window, time_ns, width_px, families=families) for time_ns in times_ns]
         _add_values(state.values, window_values(window, self._families))
-        wanted = "events" in window.facts.streams and in_families("events", self._families)
-        if wanted and window.owned("events"):
+        counted = "events" in window.facts.streams and in_families("events", self._families)
+        if counted and window.owned("events"):
             _count_events(state, window)
 
-    def merge(self, state: Seen, later: Seen) -> Seen:
-        """Return the state that has seen what both have, ``later`` being of later windows."""
-        merged = Seen(
+    def merge(self, state: EvidenceState, later: EvidenceState) -> EvidenceState:
+        """Return the state of the windows of both, ``later`` being of later ones."""
+        both = EvidenceState(
             state.plan,
-            glimpses=state.glimpses + later.glimpses,
+            snapshots=state.snapshots + later.snapshots,
             values=dict(state.values),
             pixels=state.pixels,
             counted_ns=state.counted_ns + later.counted_ns,
             events={**state.events, **later.events},
         )
-        _add_values(merged.values, later.values)
+        _add_values(both.values, later.values)
         if later.pixels is not None:
-            merged.pixels = later.pixels if merged.pixels is None else padded_sum(merged.pixels, later.pixels)
-        return merged
+            both.pixels = later.pixels if both.pixels is None else padded_sum(both.pixels, later.pixels)
+        return both
 
-    def conclude(self, state: Seen, facts: Facts) -> Kept:
+    def conclude(self, state: EvidenceState, facts: Facts) -> TitledArrays:
         """Return everything that was kept, as arrays with titles."""
-        return together(
+        return merged(
             [
-                keep_moments(MOMENTS, state.glimpses, facts, state.plan.width_px),
-                self._timeline_kept(state, facts),
+                keep_snapshots(MOMENTS, state.snapshots, facts, state.plan.width_px),
+                self._timeline_arrays(state, facts),
                 keep_histograms(state.values, state.pixels, seconds_of(facts, state.counted_ns)),
             ]
         )
 
-    def _timeline_kept(self, state: Seen, facts: Facts) -> Kept:
+    def _timeline_arrays(self, state: EvidenceState, facts: Facts) -> TitledArrays:
         timeline = state.plan.timeline
         counts = stream_counts(timeline, facts, self._spans, state.events)
         edges_us = facts.origin_us + timeline.edges_ns / NS_PER_US
         step_ms = float(edges_us[1] - edges_us[0]) / 1e3
-        return Kept.titled(
+        return TitledArrays.titled(
             {
                 named(TIMELINE, "edges_us"): (edges_us, "Edges of the bins, us on the file's clock"),
                 **{
-                    named(TIMELINE, stream): (of_stream, f"Samples of {stream} in each {step_ms:.4g} ms")
-                    for stream, of_stream in counts.items()
+                    named(TIMELINE, stream): (samples, f"Samples of {stream} in each {step_ms:.4g} ms")
+                    for stream, samples in counts.items()
                 },
             }
         )
 
 
-def _count_events(state: Seen, window: Window) -> None:
+def _count_events(state: EvidenceState, window: Window) -> None:
     rows = window.owned("events")
     try:
         times_ns = window.rows(TIMESTAMPS_OF["events"], rows.start, rows.stop)
@@ -163,6 +163,6 @@ def _count_events(state: Seen, window: Window) -> None:
     state.counted_ns.append((window.span.start_ns, window.span.stop_ns))
 
 
-def _add_values(whole: dict[str, Int64], part: Mapping[str, Int64]) -> None:
+def _add_values(total: dict[str, Int64], part: Mapping[str, Int64]) -> None:
     for quantity, counts in part.items():
-        whole[quantity] = whole[quantity] + counts if quantity in whole else counts
+        total[quantity] = total[quantity] + counts if quantity in total else counts

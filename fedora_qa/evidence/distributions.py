@@ -1,7 +1,7 @@
-"""How depth, light, flow and events are distributed in each stretch of time: what comparisons are made from.
+"""How depth, light, flow and events are distributed in each block of time: what comparisons are made from.
 
-Counts in fixed bins, 16 an octave, are whole numbers, so that windows merge exactly, stretches nest, and any two files
-have the same edges.
+Counts in fixed bins, 16 an octave, are whole numbers, so that windows merge exactly, blocks of time nest, and any two
+files have the same edges.
 """
 
 from collections.abc import Iterator, Mapping, Sequence
@@ -9,14 +9,14 @@ from math import ceil, log2
 from typing import Any, Final
 
 import numpy as np
+from numba import njit
 from numpy.typing import NDArray
 
 from fedora_qa.causes import in_families
 from fedora_qa.conventions import NS_PER_MS
 from fedora_qa.errors import UnreadableRowsError
 from fedora_qa.evidence.histograms import window_values
-from fedora_qa.evidence.kept import Kept
-from fedora_qa.evidence.pixel_intervals import intervals_ns
+from fedora_qa.evidence.titled_arrays import TitledArrays
 from fedora_qa.evidence.value_counts import count_values, octave_counts, octave_edges
 from fedora_qa.record.evidence import DISTRIBUTIONS, QUANTITIES, named
 from fedora_qa.sequence.facts import Facts
@@ -29,8 +29,9 @@ Blocks = dict[int, dict[str, Int64]]
 LONGEST_INTERVAL_NS: Final = 100 * NS_PER_MS
 """Longer times between events of a pixel are not counted: a window looks no further back."""
 
+_NEVER_NS: Final = np.iinfo(np.int64).min
 _MOST_BLOCKS: Final = 128
-_MOST_PLACES: Final = 1 << 22
+_MOST_PIXELS: Final = 1 << 22
 _RATE_BIN_NS: Final = 5 * NS_PER_MS
 """Divides every length that windows have down to 25 ms."""
 
@@ -54,7 +55,7 @@ class DistributionsCollector:
         self._block_ns = cell_ns << max(0, ceil(log2(max(len(spans), 1) / _MOST_BLOCKS)))
 
     def start(self, facts: Facts) -> Blocks:
-        """Return the state that has seen nothing."""
+        """Return the state of no windows."""
         return {}
 
     def update(self, state: Blocks, window: Window) -> None:
@@ -65,23 +66,23 @@ class DistributionsCollector:
         _add(state, window.span.start_ns // self._block_ns, counts)
 
     def merge(self, state: Blocks, later: Blocks) -> Blocks:
-        """Return the state that has seen what both have."""
-        merged = {place: dict(counts) for place, counts in state.items()}
-        for place, counts in later.items():
-            _add(merged, place, counts)
-        return merged
+        """Return the state of the windows of both."""
+        both = {block: dict(counts) for block, counts in state.items()}
+        for block, counts in later.items():
+            _add(both, block, counts)
+        return both
 
-    def conclude(self, state: Blocks, facts: Facts) -> Kept:
+    def conclude(self, state: Blocks, facts: Facts) -> TitledArrays:
         """Return the counts of every quantity that has any, (blocks, bins), with their edges."""
-        places = sorted(state)
-        starts_ns = np.array(places, np.int64) * self._block_ns
+        blocks = sorted(state)
+        starts_ns = np.array(blocks, np.int64) * self._block_ns
         entries: dict[str, tuple[NDArray[Any], str]] = {}
         for quantity in dict.fromkeys(name for counts in state.values() for name in counts):
-            entries.update(_entries(quantity, [state[place].get(quantity) for place in places]))
+            entries.update(_entries(quantity, [state[block].get(quantity) for block in blocks]))
         if entries:
             blocks_ns = np.stack([starts_ns, starts_ns + self._block_ns], axis=1)
             entries[named(DISTRIBUTIONS, "blocks_ns")] = blocks_ns, "Start and stop of each block, ns from the origin"
-        return Kept.titled(entries)
+        return TitledArrays.titled(entries)
 
 
 def pixel_intervals_ms(pixels: NDArray[np.integer[Any]], times_ns: Int64, start_ns: int) -> NDArray[np.float64]:
@@ -90,27 +91,23 @@ def pixel_intervals_ms(pixels: NDArray[np.integer[Any]], times_ns: Int64, start_
     Parameters
     ----------
     pixels
-        (N,) whole numbers that tell pixels apart, of events in the order of time.
+        (N,) whole numbers, one for each pixel, of events in the order of time.
     times_ns
         (N,) their stamps.
     """
-    names, places = _numbered(pixels)
-    return intervals_ns(places, times_ns, names, start_ns, LONGEST_INTERVAL_NS) / NS_PER_MS
+    count = int(pixels.max(initial=-1)) + 1
+    if count <= _MOST_PIXELS and int(pixels.min(initial=0)) >= 0:
+        numbers = pixels.astype(np.int32, copy=False)
+    else:  # a table by these numbers would not fit: number the pixels that have events anew
+        distinct, inverse = np.unique(pixels, return_inverse=True)
+        count, numbers = len(distinct), inverse.astype(np.int32)
+    return _intervals_ns(numbers, times_ns, count, start_ns, LONGEST_INTERVAL_NS) / NS_PER_MS
 
 
-def _numbered(pixels: NDArray[np.integer[Any]]) -> tuple[int, NDArray[np.int32]]:
-    """Return how many numbers tell pixels apart, and those numbers; as they are, where they are not too many."""
-    most = int(pixels.max(initial=-1)) + 1
-    if most <= _MOST_PLACES and int(pixels.min(initial=0)) >= 0:
-        return most, pixels.astype(np.int32, copy=False)
-    names, places = np.unique(pixels, return_inverse=True)
-    return len(names), places.astype(np.int32)
-
-
-def _add(state: Blocks, place: int, counts: Mapping[str, Int64]) -> None:
-    block = state.setdefault(place, {})
-    for quantity, some in counts.items():
-        block[quantity] = block[quantity] + some if quantity in block else some
+def _add(state: Blocks, number: int, counts: Mapping[str, Int64]) -> None:
+    block = state.setdefault(number, {})
+    for quantity, added in counts.items():
+        block[quantity] = block[quantity] + added if quantity in block else added
 
 
 def _event_counts(window: Window) -> dict[str, Int64]:
@@ -125,9 +122,9 @@ def _event_counts(window: Window) -> dict[str, Int64]:
     except UnreadableRowsError:
         return {}
     span, times_ns = window.span, events.times_ns.astype(np.int64, copy=False)
-    columns, rows = (place - place.min() if len(place) else place for place in (events.x, events.y))
-    width, height = (int(places.max(initial=0)) + 1 for places in (columns, rows))
-    numbers = np.int32 if width * height <= _MOST_PLACES else np.int64
+    columns, rows = (axis - axis.min() if len(axis) else axis for axis in (events.x, events.y))
+    width, height = (int(axis.max(initial=0)) + 1 for axis in (columns, rows))
+    numbers = np.int32 if width * height <= _MOST_PIXELS else np.int64
     pixels = np.multiply(rows, width, dtype=numbers) + columns
     return {
         "event_rate_per_ms": count_values(_rates_per_ms(times_ns, span, scan.first_ns, scan.last_ns)),
@@ -141,21 +138,43 @@ def _rates_per_ms(times_ns: Int64, span: Span, first_ns: int, last_ns: int) -> N
     before = np.searchsorted(times_ns, edges_ns)
     before[-1:] = np.searchsorted(times_ns, edges_ns[-1:], side="right")
     counts = np.diff(before)
-    whole = (edges_ns[:-1] >= first_ns) & (edges_ns[1:] <= last_ns)
-    return np.asarray(counts[whole] * (NS_PER_MS / _RATE_BIN_NS))
+    within = (edges_ns[:-1] >= first_ns) & (edges_ns[1:] <= last_ns)
+    return np.asarray(counts[within] * (NS_PER_MS / _RATE_BIN_NS))
 
 
 def _entries(quantity: str, counts: Sequence[Int64 | None]) -> Iterator[tuple[str, tuple[NDArray[Any], str]]]:
     """Yield counts and edges of the bins that hold anything, under the names and titles of the record."""
     name = quantity.replace("flow/", "flow_")
-    every = octave_counts(np.stack([np.zeros_like(_any(counts)) if one is None else one for one in counts]))
-    filled = np.flatnonzero(every.any(axis=0))
+    no_counts = np.zeros_like(next(counts_of_block for counts_of_block in counts if counts_of_block is not None))
+    by_block = octave_counts(np.stack([no_counts if of_block is None else of_block for of_block in counts]))
+    filled = np.flatnonzero(by_block.any(axis=0))
     if len(filled):
         first, last = int(filled[0]), int(filled[-1]) + 1
         title = QUANTITIES.get(name, f"Pixels by length of {quantity}, px over its interval")
-        yield named(DISTRIBUTIONS, name, "counts"), (every[:, first:last], f"{title}: counts by block and bin")
+        yield named(DISTRIBUTIONS, name, "counts"), (by_block[:, first:last], f"{title}: counts by block and bin")
         yield named(DISTRIBUTIONS, name, "edges"), (octave_edges()[first : last + 1], "Edges of the bins")
 
 
-def _any(counts: Sequence[Int64 | None]) -> Int64:
-    return next(one for one in counts if one is not None)
+@njit(cache=True)
+def _intervals_ns(pixels: NDArray[np.int32], times_ns: Int64, count: int, start_ns: int, longest_ns: int) -> Int64:
+    """Return the times (m,) between successive events of a pixel, that end from ``start_ns`` on.
+
+    Parameters
+    ----------
+    pixels
+        (N,) numbers from 0 to ``count`` of events in the order of time.
+    longest_ns
+        Longer times are left out.
+    """
+    latest_ns = np.full(count, _NEVER_NS)
+    first = np.searchsorted(times_ns, start_ns)
+    for i in range(first):
+        latest_ns[pixels[i]] = times_ns[i]
+    intervals_ns, ended = np.empty(len(pixels) - first, np.int64), 0
+    for i in range(first, len(pixels)):
+        pixel, time_ns = pixels[i], times_ns[i]
+        if latest_ns[pixel] >= time_ns - longest_ns:
+            intervals_ns[ended] = time_ns - latest_ns[pixel]
+            ended += 1
+        latest_ns[pixel] = time_ns
+    return intervals_ns[:ended]

@@ -1,4 +1,4 @@
-"""How depth, flow, brightness and event rates are distributed over the windows that are looked at."""
+"""How depth, flow, brightness and event rates are distributed over the windows that are decoded."""
 
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from functools import partial
@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 from fedora_qa.causes import in_families
 from fedora_qa.conventions import NS_PER_S
 from fedora_qa.errors import UnreadableRowsError
-from fedora_qa.evidence.kept import Kept, together
-from fedora_qa.evidence.picture_kernels import add_events
+from fedora_qa.evidence.pictures import add_events
+from fedora_qa.evidence.titled_arrays import TitledArrays, merged
 from fedora_qa.evidence.value_counts import Int64, added, count_values, histogram
 from fedora_qa.record.evidence import HISTOGRAMS, named
 from fedora_qa.sequence.facts import Facts
@@ -62,18 +62,20 @@ def grown(counts: UInt32, height: int, width: int) -> UInt32:
     """Return counts of pixels that reach so far at least: the same ones where they do."""
     if counts.shape[0] >= height and counts.shape[1] >= width:
         return counts
-    whole = np.zeros((max(height, counts.shape[0]), max(width, counts.shape[1])), np.uint32)
-    whole[: counts.shape[0], : counts.shape[1]] = counts
-    return whole
+    larger = np.zeros((max(height, counts.shape[0]), max(width, counts.shape[1])), np.uint32)
+    larger[: counts.shape[0], : counts.shape[1]] = counts
+    return larger
 
 
-def keep_histograms(values: Mapping[str, Int64], pixels: UInt32 | None, seconds: float) -> Kept:
+def keep_histograms(values: Mapping[str, Int64], pixels: UInt32 | None, seconds: float) -> TitledArrays:
     """Return the histograms of everything that was counted; ``seconds`` is how long events were counted."""
-    kept = [_kept(quantity, _title(quantity), counts) for quantity, counts in values.items() if counts.any()]
+    histograms = [_histogram(quantity, _title(quantity), counts) for quantity, counts in values.items() if counts.any()]
     if pixels is not None and pixels.any() and seconds > 0:
         rates = count_values(pixels / seconds)
-        kept.append(_kept("event_rate_hz", "Pixels of the event camera by their rate of events, events/s", rates))
-    return together(kept)
+        histograms.append(
+            _histogram("event_rate_hz", "Pixels of the event camera by their rate of events, events/s", rates)
+        )
+    return merged(histograms)
 
 
 def seconds_of(facts: Facts, bounds_ns: Iterable[tuple[int, int]]) -> float:
@@ -84,19 +86,19 @@ def seconds_of(facts: Facts, bounds_ns: Iterable[tuple[int, int]]) -> float:
     return sum(max(min(stop, last) - max(start, first), 0) for start, stop in bounds_ns) / NS_PER_S
 
 
-def padded_sum(one: UInt32, other: UInt32) -> UInt32:
+def padded_sum(earlier: UInt32, later: UInt32) -> UInt32:
     """Add counts of pixels; the sensor reaches as far as the larger of both. Neither is changed."""
-    whole = grown(one, *other.shape)
-    whole = whole.copy() if whole is one else whole
-    whole[: other.shape[0], : other.shape[1]] += other
-    return whole
+    total = grown(earlier, *later.shape)
+    total = total.copy() if total is earlier else total
+    total[: later.shape[0], : later.shape[1]] += later
+    return total
 
 
-def _kept(quantity: str, title: str, counts: Int64) -> Kept:
+def _histogram(quantity: str, title: str, counts: Int64) -> TitledArrays:
     edges, heights, beyond = histogram(counts)
     name = quantity.replace("flow/", "flow_")
     share = f"; {beyond / counts.sum():.2g} of them lie above" if beyond else ""
-    return Kept.titled(
+    return TitledArrays.titled(
         {
             named(HISTOGRAMS, name, "edges"): (edges, "Edges of the bins"),
             named(HISTOGRAMS, name, "counts"): (heights, title + share),

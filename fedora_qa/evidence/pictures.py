@@ -3,13 +3,13 @@
 from typing import Any, Final, cast
 
 import numpy as np
+from numba import njit
 from numpy.typing import NDArray
-
-from fedora_qa.evidence.picture_kernels import code_means, events_of_blocks, finite_means
 
 Float32 = NDArray[np.float32]
 UInt8 = NDArray[np.uint8]
 UInt16 = NDArray[np.uint16]
+UInt32 = NDArray[np.uint32]
 
 _MOST_EVENTS: Final = np.iinfo(np.uint16).max
 
@@ -28,7 +28,7 @@ def mean_codes(image: UInt8, block: int) -> UInt8:
     """Return the mean of each block of an image of 8-bit codes (H, W, C), rounded to codes."""
     rows, columns = picture_shape(image.shape[0], image.shape[1], block)
     height, width = _side(image.shape[0], block), _side(image.shape[1], block)
-    return code_means(_as_decoded(np.ascontiguousarray(image)), rows, columns, height, width)
+    return _code_means(_as_decoded(np.ascontiguousarray(image)), rows, columns, height, width)
 
 
 def mean_values(image: NDArray[Any], block: int) -> Float32:
@@ -36,7 +36,7 @@ def mean_values(image: NDArray[Any], block: int) -> Float32:
     rows, columns = picture_shape(image.shape[0], image.shape[1], block)
     height, width = _side(image.shape[0], block), _side(image.shape[1], block)
     values = _as_decoded(np.ascontiguousarray(image, dtype=np.float32).reshape(*image.shape[:2], -1))
-    means = finite_means(values, rows, columns, height, width)
+    means = _finite_means(values, rows, columns, height, width)
     return means.reshape(rows, columns, *image.shape[2:])
 
 
@@ -53,7 +53,7 @@ def events_of_pixels(x: NDArray[Any], y: NDArray[Any], p: NDArray[Any], size: tu
     ``size`` is its height and width: ``summed_counts`` of the events of each pixel.
     """
     counts = np.zeros((2, *picture_shape(*size, block)), np.uint16)
-    events_of_blocks(_as_decoded(x), _as_decoded(y), _as_decoded(p), size, block, _MOST_EVENTS, counts)
+    _events_of_blocks(_as_decoded(x), _as_decoded(y), _as_decoded(p), size, block, _MOST_EVENTS, counts)
     return counts
 
 
@@ -62,10 +62,90 @@ def summed_counts(counts: NDArray[np.integer[Any]], block: int) -> UInt16:
     *before, height, width = counts.shape
     rows, columns = picture_shape(height, width, block)
     high, wide = _side(height, block), _side(width, block)
-    whole = counts[..., : rows * high, : columns * wide].reshape(*before, rows, high, columns, wide)
-    totals = whole.sum(axis=(-3, -1), dtype=np.int64)
+    blocks = counts[..., : rows * high, : columns * wide].reshape(*before, rows, high, columns, wide)
+    totals = blocks.sum(axis=(-3, -1), dtype=np.int64)
     return cast(UInt16, np.minimum(totals, _MOST_EVENTS).astype(np.uint16))
 
 
 def _side(size: int, block: int) -> int:
     return min(size, block)
+
+
+@njit(cache=True)
+def _finite_means(image: Float32, rows: int, columns: int, height: int, width: int) -> Float32:
+    """Return the means (rows, columns, c) of the finite values of blocks of an image (H, W, c); NaN where none is.
+
+    ``height`` and ``width`` are those of a block. Sums are taken in single precision along columns, in double of them.
+    """
+    channels = image.shape[2]
+    lines = image.reshape(image.shape[0], image.shape[1] * channels)
+    wide, step = columns * width * channels, np.uint64(channels)  # a signed index costs a comparison
+    means = np.empty((rows, columns, channels), np.float32)
+    sums, counts = np.empty(wide, np.float32), np.empty(wide, np.float32)
+    for row in range(rows):
+        sums[:], counts[:] = 0, 0
+        for line_number in range(row * height, (row + 1) * height):
+            line = lines[line_number]
+            for i in range(wide):
+                finite = abs(line[i]) < np.inf
+                sums[i] += line[i] if finite else np.float32(0)
+                counts[i] += np.float32(1) if finite else np.float32(0)
+        for column in range(columns):
+            for channel in range(channels):
+                position, total, count = np.uint64(column * width * channels + channel), 0.0, np.float32(0)
+                for _ in range(width):
+                    total += sums[position]
+                    count += counts[position]
+                    position += step
+                means[row, column, channel] = total / count if count else np.nan
+    return means
+
+
+@njit(cache=True)
+def _code_means(image: UInt8, rows: int, columns: int, height: int, width: int) -> UInt8:
+    """Return the means (rows, columns, c) of blocks of an image of codes (H, W, c), rounded, halves to even."""
+    channels = image.shape[2]
+    lines = image.reshape(image.shape[0], image.shape[1] * channels)
+    wide, step = columns * width * channels, np.uint64(channels)  # a signed index costs a comparison
+    means, sums = np.empty((rows, columns, channels), np.uint8), np.empty(wide, np.uint32)
+    for row in range(rows):
+        sums[:] = 0
+        for line_number in range(row * height, (row + 1) * height):
+            line = lines[line_number]
+            for i in range(wide):
+                sums[i] += line[i]
+        for column in range(columns):
+            for channel in range(channels):
+                position, total = np.uint64(column * width * channels + channel), np.uint32(0)
+                for _ in range(width):
+                    total += sums[position]
+                    position += step
+                means[row, column, channel] = np.uint8(np.rint(total / (height * width)))
+    return means
+
+
+@njit(cache=True)
+def add_events(counts: UInt32, columns: NDArray[Any], rows: NDArray[Any]) -> None:
+    """Add events (n,) to the counts of their pixels (H, W); those that lie beyond are left out."""
+    height, width = counts.shape
+    for i in range(len(rows)):
+        if 0 <= columns[i] < width and 0 <= rows[i] < height:
+            counts[rows[i], columns[i]] += np.uint32(1)
+
+
+@njit(cache=True)
+def _events_of_blocks(
+    columns: NDArray[Any], rows: NDArray[Any], p: NDArray[Any], size: tuple[int, int], block: int, most: int,
+    counts: UInt16,
+) -> None:  # fmt: skip
+    """Add events (n,) within rows and columns of a ``size`` to blocks of pixels by polarity, (2, h, w), up to ``most``.
+
+    Pixels beyond the last block are left out.
+    """
+    height, width = min(size[0], counts.shape[1] * block), min(size[1], counts.shape[2] * block)
+    for i in range(len(rows)):
+        if 0 <= columns[i] < width and 0 <= rows[i] < height and 0 <= p[i] <= 1:
+            block_counts = counts[p[i], rows[i] // block]
+            column = columns[i] // block
+            if block_counts[column] < most:
+                block_counts[column] += np.uint16(1)

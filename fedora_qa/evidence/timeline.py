@@ -31,8 +31,8 @@ class Timeline:
         within = times_ns[(times_ns >= self.start_ns) & (times_ns <= self.stop_ns)]
         length_ns = self.stop_ns - self.start_ns
         coarser = max(0, (length_ns * self.bins).bit_length() - 63)  # of decades the product would leave int64
-        places = ((within - self.start_ns) >> coarser) * self.bins // max(length_ns >> coarser, 1)
-        return np.bincount(np.minimum(places, self.bins - 1), minlength=self.bins).astype(np.int64)
+        numbers = ((within - self.start_ns) >> coarser) * self.bins // max(length_ns >> coarser, 1)
+        return np.bincount(np.minimum(numbers, self.bins - 1), minlength=self.bins).astype(np.int64)
 
     def spread(self, count: int, span: Span) -> Int64:
         """Spread samples of unknown times evenly over a window."""
@@ -44,24 +44,27 @@ class Timeline:
 def timeline_of(facts: Facts, spans: Sequence[Span], bins: int) -> Timeline:
     """Lay bins over the time in which at least half of the streams have samples.
 
-    A stamp in the far future, or a stream on another clock, does not squeeze all others into one bin. Flow does not
-    count: it ends an interval before the rest.
+    A stamp in the far future, or a stream on another clock, does not squeeze all other samples into one bin. Flow does
+    not count: it ends an interval before the rest.
     """
-    present = [_streams_in(span) for span in spans]
+    present = [
+        sum(start < stop and not stream.startswith("flow/") for stream, (start, stop) in span.owned.items())
+        for span in spans
+    ]
     most = max(present, default=0)
     usual = [span for span, streams in zip(spans, present, strict=True) if 2 * streams >= most]
     if not usual:
         return Timeline(0, 1, 1)
     low, high = usual[0].start_ns, usual[-1].stop_ns
-    ends = [bound for times in _timestamps(facts) for bound in _bounds_within(times, low, high)]
+    ends = [bound for clock in facts.clocks.values() for bound in _bounds_within(clock.times_ns, low, high)]
     if facts.events is not None and facts.events.count:
-        ends += [at for at in (facts.events.first_ns, facts.events.last_ns) if low <= at < high]
+        ends += [end for end in (facts.events.first_ns, facts.events.last_ns) if low <= end < high]
     start_ns, stop_ns = (min(ends), max(ends)) if ends else (low, high)
     return Timeline(start_ns, max(stop_ns, start_ns + 1), bins if stop_ns > start_ns else 1)
 
 
 def stream_counts(
-    timeline: Timeline, facts: Facts, spans: Iterable[Span], seen: Mapping[int, Int64]
+    timeline: Timeline, facts: Facts, spans: Iterable[Span], event_counts: Mapping[int, Int64]
 ) -> dict[str, Int64]:
     """Return the samples of each stream in each bin.
 
@@ -69,30 +72,21 @@ def stream_counts(
     ----------
     spans
         All windows of the file.
-    seen
+    event_counts
         Events in each bin, by the number of each window whose stamps were read. Of other windows the number of events
         is known; they are spread evenly.
     """
     counts = {stream: timeline.count(clock.times_ns) for stream, clock in sorted(facts.clocks.items())}
     if "events" in facts.streams:
-        of_windows = [seen[s.index] if s.index in seen else timeline.spread(_events(s), s) for s in spans]
-        counts["events"] = sum(of_windows, np.zeros(timeline.bins, np.int64))
+        by_window = []
+        for span in spans:
+            start, stop = span.owned.get("events", (0, 0))
+            counted = event_counts.get(span.index)
+            by_window.append(timeline.spread(stop - start, span) if counted is None else counted)
+        counts["events"] = sum(by_window, np.zeros(timeline.bins, np.int64))
     return counts
-
-
-def _streams_in(span: Span) -> int:
-    return sum(start < stop and not stream.startswith("flow/") for stream, (start, stop) in span.owned.items())
-
-
-def _timestamps(facts: Facts) -> list[Int64]:
-    return [clock.times_ns for clock in facts.clocks.values()]
 
 
 def _bounds_within(times_ns: Int64, low: int, high: int) -> tuple[int, ...]:
     within = times_ns[(times_ns >= low) & (times_ns < high)]
     return (int(within.min()), int(within.max())) if len(within) else ()
-
-
-def _events(span: Span) -> int:
-    start, stop = span.owned.get("events", (0, 0))
-    return stop - start

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from fedora_qa.conventions import NS_PER_S, NS_PER_US
 from fedora_qa.errors import UnreadableRowsError
-from fedora_qa.evidence.kept import Kept
+from fedora_qa.evidence.titled_arrays import TitledArrays
 from fedora_qa.geometry.so3 import matrices_from_quaternions
 from fedora_qa.record.evidence import TRAJECTORY, named
 from fedora_qa.sequence.facts import Facts
@@ -20,30 +20,30 @@ Float64 = NDArray[np.float64]
 _BLOCK_ROWS: Final = 1 << 14
 
 
-def keep_trajectory(facts: Facts, source: RowSource, points: int) -> Kept:
+def keep_trajectory(facts: Facts, source: RowSource, points: int) -> TitledArrays:
     """Keep at most so many poses, evenly chosen; nothing where there are none that advance and are finite.
 
     All poses are read, whatever the plan: a second of them is no larger than a few rows of one picture.
     """
     if "pose" not in facts.clocks:
-        return Kept()
+        return TitledArrays()
     parts = list(_readable(facts, source))
     if not parts:
-        return Kept()
+        return TitledArrays()
     times_ns, positions_m, orientations_xyzw = (np.concatenate(column) for column in zip(*parts, strict=True))
     speeds_m_s = _speeds(times_ns, positions_m)
-    kept = np.unique(np.linspace(0, len(times_ns) - 1, min(points, len(times_ns))).round().astype(np.intp))
-    forward = matrices_from_quaternions(orientations_xyzw[kept])[:, :, 0]
-    times_us = facts.origin_us + times_ns[kept] / NS_PER_US
-    return Kept.titled(
+    chosen = np.unique(np.linspace(0, len(times_ns) - 1, min(points, len(times_ns))).round().astype(np.intp))
+    forward = matrices_from_quaternions(orientations_xyzw[chosen])[:, :, 0]
+    times_us = facts.origin_us + times_ns[chosen] / NS_PER_US
+    return TitledArrays.titled(
         {
             named(TRAJECTORY, "times_us"): (times_us, "Instants of the poses, us on the file's clock"),
             named(TRAJECTORY, "positions_world_m"): (
-                positions_m[kept],
+                positions_m[chosen],
                 "Positions of the body in the world, m (east, north, up), as stored",
             ),
             named(TRAJECTORY, "speeds_m_s"): (
-                speeds_m_s[kept],
+                speeds_m_s[chosen],
                 "Speed, m/s, of quintic splines through the positions, so that noise does not add to it",
             ),
             named(TRAJECTORY, "forward_world"): (forward, "Direction of the body's X axis in the world, unit vectors"),

@@ -21,7 +21,7 @@ _MOST_BINS: Final = 2 << _FRACTION_BITS
 _FINE_PER_WIDE: Final = 4
 _FLOAT32_FRACTION_BITS, _FLOAT32_BIAS = 23, 127
 _OUTSIDE: Final = 1e-3
-"""Share of the values that may lie beyond the histogram, so that a few far ones do not flatten all others."""
+"""Share of the values that may lie beyond the histogram, so that a few far ones do not flatten the rest."""
 
 
 def no_values() -> Int64:
@@ -31,10 +31,10 @@ def no_values() -> Int64:
 
 def count_values(values: NDArray[Any]) -> Int64:
     """Count the values that are finite and not negative; those under 2^-10 in one bin, from 2^21 on in the last."""
-    single = np.array(values, dtype=np.float32, order="C").ravel() + np.float32(0)  # no minus zero
+    single_precision = np.array(values, dtype=np.float32, order="C").ravel() + np.float32(0)  # no minus zero
     first = (_FLOAT32_BIAS + _LEAST_EXPONENT) << _FRACTION_BITS
     counts = no_values()
-    _count_bits(single.view(np.int32), _FLOAT32_FRACTION_BITS - _FRACTION_BITS, first - 1, counts)
+    _count_bits(single_precision.view(np.int32), _FLOAT32_FRACTION_BITS - _FRACTION_BITS, first - 1, counts)
     return counts
 
 
@@ -49,10 +49,10 @@ def _count_bits(bits: NDArray[np.int32], shift: int, before: int, counts: Int64)
 
 def added(parts: Iterable[Int64]) -> Int64:
     """Return the counts of all parts together."""
-    whole = no_values()
+    total = no_values()
     for part in parts:
-        whole = whole + part
-    return whole
+        total = total + part
+    return total
 
 
 def histogram(counts: Int64) -> tuple[NDArray[np.float64], Int64, int]:

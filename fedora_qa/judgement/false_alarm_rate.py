@@ -1,4 +1,4 @@
-"""How often an honest file may alarm where nobody says otherwise. Whoever needs only that loads nothing that judges."""
+"""How often a correct file may alarm by default: apart from what judges, so that options load without it."""
 
 from typing import Final
 

@@ -1,4 +1,4 @@
-"""Compare what the checks measured with what an honest file gives."""
+"""Compare what the checks measured with what a correct file gives."""
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
@@ -10,7 +10,7 @@ from fedora_qa.judgement.tolerances import Tolerance, tolerance_for
 from fedora_qa.record.types import Coverage, Finding, Measurement, Outcome, Result
 from fedora_qa.record.wording import with_unit
 
-_TOLD: Final = 3
+_NAMED_IN_REASON: Final = 3
 """Measurements that a reason names; a fit of the IMU can have twenty."""
 
 
@@ -40,31 +40,31 @@ def judge(
     alarms = 0
     for check in checks:
         if check.name in observations:
-            judged.append(_judge_one(check, observations[check.name], tolerance, first_id=alarms + 1))
+            judged.append(_judge_check(check, observations[check.name], tolerance, first_id=alarms + 1))
             alarms += len(judged[-1].result.findings)
     return tuple(judged)
 
 
 def _comparisons(observation: Observation) -> int:
-    return sum(measured.tests for measured in observation.measurements if measured.standard_error > 0)
+    return sum(statistic.tests for statistic in observation.measurements if statistic.standard_error > 0)
 
 
-def _judge_one(check: Check[Any], observation: Observation, tolerance: Tolerance, first_id: int) -> Judged:
-    broken = [measured for measured in observation.measurements if exceeds_limit(measured, tolerance)]
+def _judge_check(check: Check[Any], observation: Observation, tolerance: Tolerance, first_id: int) -> Judged:
+    exceeding = [statistic for statistic in observation.measurements if exceeds_limit(statistic, tolerance)]
     alarms = tuple(
-        Alarm(Finding(f"F{first_id + i}", m.code, m.severity, m.statement, m.where), m) for i, m in enumerate(broken)
+        Alarm(Finding(f"F{first_id + i}", s.code, s.severity, s.statement, s.where), s) for i, s in enumerate(exceeding)
     )
     notices = tuple(
-        Finding(f"F{first_id + len(broken) + i}", notice.code, "warning", notice.message, notice.where)
+        Finding(f"F{first_id + len(exceeding) + i}", notice.code, "warning", notice.message, notice.where)
         for i, notice in enumerate(observation.notices)
     )
-    outcome, reason = _outcome(observation, bool(broken), tolerance)
+    outcome, reason = _outcome(observation, bool(exceeding), tolerance)
     return Judged(
         Result(
             check=check.name,
             outcome=outcome,
             question=check.question,
-            measurements=tuple(_recorded(measured, tolerance) for measured in observation.measurements),
+            measurements=tuple(_measurement_of(statistic, tolerance) for statistic in observation.measurements),
             coverage=observation.coverage,
             findings=tuple(alarm.finding for alarm in alarms) + notices,
             reason=reason,
@@ -73,77 +73,78 @@ def _judge_one(check: Check[Any], observation: Observation, tolerance: Tolerance
     )
 
 
-def exceeds_limit(measured: Statistic, tolerance: Tolerance) -> bool:
-    """Whether the value lies outside what an honest file gives. A value that is not a number always does."""
-    deviation = measured.value - measured.expected
-    if measured.side == "both":
+def exceeds_limit(statistic: Statistic, tolerance: Tolerance) -> bool:
+    """Whether the value lies outside what a correct file gives. A value that is not a number always does."""
+    deviation = statistic.value - statistic.expected
+    if statistic.side == "both":
         deviation = abs(deviation)
-    elif measured.side == "lower":
+    elif statistic.side == "lower":
         deviation = -deviation
-    return not deviation <= tolerance.limit(measured.standard_error, measured.model_error_bound)
+    return not deviation <= tolerance.limit(statistic.standard_error, statistic.model_error_bound)
 
 
-def _outcome(observation: Observation, broken: bool, tolerance: Tolerance) -> tuple[Outcome, str]:
+def _outcome(observation: Observation, failed: bool, tolerance: Tolerance) -> tuple[Outcome, str]:
     """Return the outcome and its reason.
 
-    A check that sees nothing of what matters is not observable. One that sees a part of it passes, and says what it
-    could not see.
+    A check none of whose measurements could show a material fault is not observable. Where some could, it passes, and
+    the reason names the rest.
     """
-    if broken:
+    if failed:
         return "failed", ""
     if observation.unobservable:
         return "not_observable", observation.unobservable
     if not observation.coverage.seen and not observation.notices:
-        return "not_observable", _nothing_seen(observation.coverage)
-    telling = [measured for measured in observation.measurements if measured.material is not None]
-    blind = [measured for measured in telling if _is_blind(measured, tolerance)]
-    unseen = _unseen(blind, tolerance)
-    if blind and len(blind) == len(telling):
-        return "not_observable", unseen
+        return "not_observable", _reason_of_no_coverage(observation.coverage)
+    # Of these a fault that would matter could have gone undetected.
+    with_material_size = [statistic for statistic in observation.measurements if statistic.material is not None]
+    insensitive = [statistic for statistic in with_material_size if _is_insensitive(statistic, tolerance)]
+    reason = _reason_of_insensitivity(insensitive, tolerance)
+    if insensitive and len(insensitive) == len(with_material_size):
+        return "not_observable", reason
     if observation.notices:
-        return "warned", "; ".join(filter(None, (*(notice.message for notice in observation.notices[:3]), unseen)))
-    return "passed", unseen
+        return "warned", "; ".join(filter(None, (*(notice.message for notice in observation.notices[:3]), reason)))
+    return "passed", reason
 
 
-def _nothing_seen(coverage: Coverage) -> str:
+def _reason_of_no_coverage(coverage: Coverage) -> str:
     return f"none of {coverage.of} {coverage.unit} could be seen" if coverage.of else f"there are no {coverage.unit}"
 
 
-def _is_blind(measured: Statistic, tolerance: Tolerance) -> bool:
-    """Whether a fault that matters could have gone unseen."""
-    return measured.material is not None and not _least_detectable(measured, tolerance) <= measured.material
+def _is_insensitive(statistic: Statistic, tolerance: Tolerance) -> bool:
+    """Whether a material fault could have stayed within the limit."""
+    return statistic.material is not None and not _least_detectable(statistic, tolerance) <= statistic.material
 
 
-def _unseen(blind: Sequence[Statistic], tolerance: Tolerance) -> str:
-    """Say what could not be seen, the first of it with the numbers."""
-    if not blind:
+def _reason_of_insensitivity(insensitive: Sequence[Statistic], tolerance: Tolerance) -> str:
+    """Name the measurements that could not show a material fault, the first of them with their numbers."""
+    if not insensitive:
         return ""
-    more = f"; and {len(blind) - _TOLD} more" if len(blind) > _TOLD else ""
-    told = ", ".join(_numbers(measured, tolerance) for measured in blind[:_TOLD])
-    return f"could not be seen where it matters: {told}{more}"
+    more = f"; and {len(insensitive) - _NAMED_IN_REASON} more" if len(insensitive) > _NAMED_IN_REASON else ""
+    listed = ", ".join(_detection_limit(statistic, tolerance) for statistic in insensitive[:_NAMED_IN_REASON])
+    return f"could not be seen where it matters: {listed}{more}"
 
 
-def _numbers(measured: Statistic, tolerance: Tolerance) -> str:
-    least = _least_detectable(measured, tolerance)
-    seen = f"from {with_unit(least, measured.unit)} on" if isfinite(least) else "at no size"
-    return f"{measured.name} ({seen}; {with_unit(measured.material, measured.unit)} matters)"
+def _detection_limit(statistic: Statistic, tolerance: Tolerance) -> str:
+    least = _least_detectable(statistic, tolerance)
+    sizes = f"from {with_unit(least, statistic.unit)} on" if isfinite(least) else "at no size"
+    return f"{statistic.name} ({sizes}; {with_unit(statistic.material, statistic.unit)} matters)"
 
 
-def _least_detectable(measured: Statistic, tolerance: Tolerance) -> float:
-    return tolerance.least_detectable(measured.standard_error, measured.model_error_bound, measured.resolution)
+def _least_detectable(statistic: Statistic, tolerance: Tolerance) -> float:
+    return tolerance.least_detectable(statistic.standard_error, statistic.model_error_bound, statistic.resolution)
 
 
-def _recorded(measured: Statistic, tolerance: Tolerance) -> Measurement:
+def _measurement_of(statistic: Statistic, tolerance: Tolerance) -> Measurement:
     return Measurement(
-        name=measured.name,
-        value=_finite(measured.value),
-        unit=measured.unit,
-        standard_error=_finite(measured.standard_error),
-        expected=_finite(measured.expected),
-        limit=_finite(tolerance.limit(measured.standard_error, measured.model_error_bound)),
-        least_detectable=_finite(_least_detectable(measured, tolerance)),
-        side=measured.side,
-        tests=measured.tests,
+        name=statistic.name,
+        value=_finite(statistic.value),
+        unit=statistic.unit,
+        standard_error=_finite(statistic.standard_error),
+        expected=_finite(statistic.expected),
+        limit=_finite(tolerance.limit(statistic.standard_error, statistic.model_error_bound)),
+        least_detectable=_finite(_least_detectable(statistic, tolerance)),
+        side=statistic.side,
+        tests=statistic.tests,
     )
 
 

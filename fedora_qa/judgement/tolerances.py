@@ -1,19 +1,19 @@
-"""How far an honest value may lie from what is expected, and the least deviation that would be seen.
+"""How far a correct value may lie from what is expected, and the least deviation that would be detected.
 
 All comparisons made on one file share one false-alarm budget alpha. With n comparisons, each is held to alpha/n
-(Bonferroni: valid whatever their dependence), two-sided, so that an honest Gaussian value with standard error s and a
-model error of at most ``allowance`` exceeds::
+(Bonferroni: valid whatever their dependence), two-sided, so that a correct Gaussian value with standard error s and a
+model error of at most ``bound`` exceeds::
 
-    limit = allowance + z s,      z = Phi^-1(1 - alpha / (2 n))
+    limit = bound + z s,      z = Phi^-1(1 - alpha / (2 n))
 
 with probability at most alpha/n. A value that is the worst of m is m of the n comparisons: by the union bound the worst
 exceeds with probability at most m alpha/n. Where only one side counts, the probability is at most half of that.
 
-A fault of size d gives the value d + b + s e, with e standard normal and a model error b of which only |b| <= allowance
-is known: what may feign a fault may as well hide one. It exceeds the limit with probability ``power`` or more, whatever
-b is, from that d on which does so for b = -allowance::
+A fault of size d gives the value d + b + s e, with e standard normal and a model error b of which only |b| <= bound
+is known: what may look like a fault may as well hide one. It exceeds the limit with probability ``power`` or more,
+whatever b is, from that d on which does so for b = -bound::
 
-    d - allowance = limit + z_power s,      least = 2 allowance + (z + z_power) s,      z_power = Phi^-1(power)
+    d - bound = limit + z_power s,      least = 2 bound + (z + z_power) s,      z_power = Phi^-1(power)
 
 A value that moves in steps (a count) must also move by one whole step to leave the limit.
 """
@@ -27,18 +27,18 @@ DEFAULT_POWER = 0.95
 
 @dataclass(frozen=True, slots=True)
 class Tolerance:
-    """The multiple of the standard error at which a value is out of order, and at which a fault is surely seen."""
+    """The multiple of the standard error at which a value exceeds its limit, and that of the detection power."""
 
     z_limit: float
     z_power: float
 
     def limit(self, standard_error: float, model_error_bound: float) -> float:
-        """Return the largest deviation that an honest value has."""
+        """Return the largest deviation that a correct value has."""
         return model_error_bound + self.z_limit * standard_error
 
     def least_detectable(self, standard_error: float, model_error_bound: float, resolution: float) -> float:
-        """Return the least fault that would have been seen with the stated power, whichever way the model errs."""
-        return (
+        """Return the least fault that would have been detected with the stated power, whichever way the model errs."""
+        return (  # the last equation of the module's docstring
             self.limit(standard_error, model_error_bound)
             + model_error_bound
             + max(self.z_power * standard_error, resolution)
@@ -55,5 +55,5 @@ def tolerance_for(comparisons: int, false_alarm_rate: float, power: float = DEFA
     """
     if not 0 < false_alarm_rate < 1 or not 0 < power < 1:
         raise ValueError(f"Expected rates between 0 and 1, got {false_alarm_rate} and {power}")
-    share = false_alarm_rate / max(comparisons, 1)
-    return Tolerance(z_limit=normal_beyond(share / 2), z_power=normal_beyond(1 - power))
+    rate_of_comparison = false_alarm_rate / max(comparisons, 1)  # Bonferroni
+    return Tolerance(z_limit=normal_beyond(rate_of_comparison / 2), z_power=normal_beyond(1 - power))

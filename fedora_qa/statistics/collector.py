@@ -14,18 +14,18 @@ from fedora_qa.record.types import Scalar
 from fedora_qa.sequence.facts import Clock, Facts
 from fedora_qa.sequence.window import Window
 from fedora_qa.statistics.moments import ValueMoments, added, sampled_depth_m, sampled_luma_dn, sampled_speeds_px
-from fedora_qa.statistics.trajectory import Motion, rotation, translation
+from fedora_qa.statistics.trajectory import CurveMotion, rotation, translation
 
 Image = TypeVar("Image")
 Statistics = Mapping[str, Mapping[str, Scalar]]
 
 _DURATION_FROM = ("pose", "rgb", "depth", "imu")
-"""Whose first and last stamp tell how long a sequence is: the first of these that is there."""
+"""The duration of a sequence is that of the first of these streams that it has."""
 
 
 @dataclass(frozen=True, slots=True)
 class WindowStatistics:
-    """What one window adds. Poses are kept as they are, because they are smoothed over the whole sequence.
+    """Statistics of one window. Poses are kept as they are, because they are smoothed over the whole sequence.
 
     ``poses`` counts those whose stamp advances; of these the arrays hold the ones that are finite.
     """
@@ -46,9 +46,9 @@ class StatisticsCollector:
     """The paper's sequence table (T, D, v max, w max, mean event rate) and flow table, and more.
 
     Images, depth and flow are sampled at every fourth column and row (small ones whole, large ones at fewer places
-    where not everything is looked at), in every frame of the windows that it is shown. Rows that cannot be decoded are
+    where not everything is used), in every frame of the windows that it is given. Rows that cannot be decoded are
     left out here; the check ``integrity.readable`` names them. Of streams beyond ``families`` (``flow`` is every rate)
-    only the stamps are told, and nothing is decoded; None: all.
+    only the timestamps count, and nothing is decoded; None: all.
     """
 
     name = "statistics"
@@ -57,7 +57,7 @@ class StatisticsCollector:
         self._families = families
 
     def start(self, facts: Facts) -> list[WindowStatistics]:
-        """Return the state that has seen nothing."""
+        """Return the state of no windows."""
         return []
 
     def update(self, state: list[WindowStatistics], window: Window) -> None:
@@ -82,24 +82,24 @@ class StatisticsCollector:
         return frozenset(stream for stream in facts.streams if in_families(stream, self._families))
 
     def merge(self, state: list[WindowStatistics], later: list[WindowStatistics]) -> list[WindowStatistics]:
-        """Return the state that has seen what both have, ``later`` being of later windows."""
+        """Return the state of the windows of both, ``later`` being of later ones."""
         return state + later
 
     def conclude(self, state: Sequence[WindowStatistics], facts: Facts) -> Statistics:
         """Return the statistics by group and name; units are the ends of the names.
 
-        Distance and speeds are null where not every pose was seen, or too few are there.
+        Distance and speeds are null where not every pose was read, or there are too few.
         """
         groups: dict[str, Mapping[str, Scalar]] = {"sequence": _sequence(state, facts), "motion": _motion(state, facts)}
         streams = self._streams(facts)
         if "events" in streams:
             groups["events"] = _events(state, facts)
         for stream in (stream for stream in facts.flow_streams if stream in streams):
-            groups[stream] = _flow(added(one.speeds_px[stream] for one in state))
+            groups[stream] = _flow(added(window.speeds_px[stream] for window in state))
         if "depth" in streams:
             groups["depth"] = _depth(added(s.depth_m for s in state), added(s.disparity_per_m for s in state))
         if "rgb" in streams:
-            groups["rgb"] = {"brightness_mean_dn": added(one.luma_dn for one in state).mean}
+            groups["rgb"] = {"brightness_mean_dn": added(window.luma_dn for window in state).mean}
         if facts.declared.cameras:
             groups["cameras"] = _sizes(facts)
         groups["rates"] = {f"{stream}_hz": _rate_hz(clock) for stream, clock in sorted(facts.clocks.items())}
@@ -185,44 +185,44 @@ def _duration(facts: Facts) -> tuple[str | None, float | None]:
 
 
 def _motion(state: Sequence[WindowStatistics], facts: Facts) -> dict[str, Scalar]:
-    seen = sum(one.poses for one in state)
+    poses = sum(window.poses for window in state)
     clock = facts.clocks.get("pose")
-    whole = clock is not None and seen == int(np.count_nonzero(clock.advancing))
-    moved = turned = None
-    if whole and seen:
-        times_ns = np.concatenate([one.pose_times_ns for one in state])
+    complete = clock is not None and poses == int(np.count_nonzero(clock.advancing))
+    path = turning = None
+    if complete and poses:
+        times_ns = np.concatenate([window.pose_times_ns for window in state])
         times_s = (times_ns - times_ns[:1]) / NS_PER_S
-        moved = translation(times_s, np.concatenate([one.positions_world_m for one in state]))
-        turned = rotation(times_s, np.concatenate([one.orientations_xyzw for one in state]))
+        path = translation(times_s, np.concatenate([window.positions_world_m for window in state]))
+        turning = rotation(times_s, np.concatenate([window.orientations_xyzw for window in state]))
     return {
-        **_moved("distance", "m", "speed_max", "m_s", moved),
-        **_moved("angle", "rad", "angular_speed_max", "rad_s", turned),
-        "position_noise_m": moved.noise if moved else None,
-        "rotation_noise_rad": turned.noise if turned else None,
-        "position_knot_spacing_s": moved.knot_spacing_s if moved else None,
-        "rotation_knot_spacing_s": turned.knot_spacing_s if turned else None,
-        "poses_seen": seen,
+        **_moved("distance", "m", "speed_max", "m_s", path),
+        **_moved("angle", "rad", "angular_speed_max", "rad_s", turning),
+        "position_noise_m": path.noise if path else None,
+        "rotation_noise_rad": turning.noise if turning else None,
+        "position_knot_spacing_s": path.knot_spacing_s if path else None,
+        "rotation_knot_spacing_s": turning.knot_spacing_s if turning else None,
+        "poses_seen": poses,
     }
 
 
-def _moved(length: str, unit: str, speed: str, speed_unit: str, motion: Motion | None) -> dict[str, Scalar]:
-    named = {(length, unit): motion.length, (speed, speed_unit): motion.speed_max} if motion else {}
+def _moved(length: str, unit: str, speed: str, speed_unit: str, motion: CurveMotion | None) -> dict[str, Scalar]:
+    estimates = {(length, unit): motion.length, (speed, speed_unit): motion.speed_max} if motion else {}
     values: dict[str, Scalar] = {}
     for name in ((length, unit), (speed, speed_unit)):
-        found = named.get(name)
-        values["_".join(name)] = found.value if found else None
-        values[f"{name[0]}_standard_error_{name[1]}"] = found.standard_error if found else None
+        estimate = estimates.get(name)
+        values["_".join(name)] = estimate.value if estimate else None
+        values[f"{name[0]}_standard_error_{name[1]}"] = estimate.standard_error if estimate else None
     return values
 
 
 def _events(state: Sequence[WindowStatistics], facts: Facts) -> dict[str, Scalar]:
-    seen = sum(one.events for one in state)
-    brighter = sum(one.brighter_events for one in state)
+    events = sum(window.events for window in state)
+    brighter = sum(window.brighter_events for window in state)
     return {
         "count": facts.events.count if facts.events else None,
-        "seen": seen,
-        "brighter_share": brighter / seen if seen else None,
-        "darker_share": (seen - brighter) / seen if seen else None,
+        "seen": events,
+        "brighter_share": brighter / events if events else None,
+        "darker_share": (events - brighter) / events if events else None,
     }
 
 

@@ -16,9 +16,9 @@ _STRIDE: Final = 4
 _SMALL_IMAGE_PX: Final = 128
 
 _ENOUGH: Final = 14_000
-"""Sampled pixels of a large image that are looked at, about: as many as 540x405 has.
+"""Sampled pixels of a large image that are used, about: as many as 540x405 has.
 
-Of more, every second, third ... row and column of the sample, but where everything is looked at (``exhaustive``,
+Of more, every second, third ... row and column of the sample, but where everything is used (``exhaustive``,
 ``fedora-qa stats``): of 1440x1080 one in nine. What a histogram shows is as smooth with a ninth of 5 million values a
 second; over 1 s of park-day means differ by 3 in 10,000 at most from those of the whole sample, the greatest flow and
 the least depth by 9 in 1000.
@@ -27,9 +27,9 @@ the least depth by 9 in 1000.
 
 @dataclass(frozen=True, slots=True)
 class ValueMoments:
-    """Count, sum, sum of squares and extremes of the valid values, and how many values were looked at."""
+    """Count, sum, sum of squares and extremes of the valid values, and how many values were sampled."""
 
-    looked_at: int = 0
+    sampled: int = 0
     count: int = 0
     total: float = 0.0
     squares: float = 0.0
@@ -54,29 +54,29 @@ class ValueMoments:
 
     @property
     def valid_share(self) -> float | None:
-        """Share of the values looked at that are valid; None where nothing was looked at."""
-        return self.count / self.looked_at if self.looked_at else None
+        """Share of the sampled values that are valid; None where there are none."""
+        return self.count / self.sampled if self.sampled else None
 
 
 def added(parts: Iterable[ValueMoments]) -> ValueMoments:
     """Add moments in the order given."""
-    whole = ValueMoments()
+    total = ValueMoments()
     for part in parts:
-        whole = ValueMoments(
-            looked_at=whole.looked_at + part.looked_at,
-            count=whole.count + part.count,
-            total=whole.total + part.total,
-            squares=whole.squares + part.squares,
-            least=min(whole.least, part.least),
-            greatest=max(whole.greatest, part.greatest),
+        total = ValueMoments(
+            sampled=total.sampled + part.sampled,
+            count=total.count + part.count,
+            total=total.total + part.total,
+            squares=total.squares + part.squares,
+            least=min(total.least, part.least),
+            greatest=max(total.greatest, part.greatest),
         )
-    return whole
+    return total
 
 
 def sampled_depth_m(window: Window, frame: int) -> NDArray[np.float32]:
     """Return depth at the sampled pixels of a frame: every fourth column of every fourth row, as a rule; once a window.
 
-    Small images are looked at whole, large ones at fewer places.
+    All pixels of small images are used, fewer of large ones.
     """
     return window.once(("sampled depth", frame), lambda: _sampled(window.depth_m(frame), window))
 

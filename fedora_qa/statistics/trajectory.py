@@ -1,14 +1,14 @@
 """Distance and greatest speeds, from poses that may be noisy.
 
 Summing the steps between noisy 200 Hz poses measures the noise: 5 mm add some 2 m of path a second. Here least-squares
-quintic splines are fitted to stretches of 2 s, each with a margin of 0.5 s on both sides, and their derivatives are
-measured. The spacing of the knots decides how much is smoothed. It is chosen for each stretch by generalised
+quintic splines are fitted to segments of 2 s, each with a margin of 0.5 s on both sides, and their derivatives are
+measured. The spacing of the knots decides how much is smoothed. It is chosen for each segment by generalised
 cross-validation (Craven and Wahba 1979) with the degrees of freedom weighted by 1.4 against too fine a choice (Kim and
 Gu 2004). So it follows the data: exact poses keep a knot every second sample, noisy ones get as few as the motion
 allows, and a long quiet flight does not smooth away its one fast turn.
 
-Lengths and maxima of a noisy curve are still too large. By how much, and with what spread, is told by a parametric
-bootstrap (Efron and Tibshirani 1993, ch. 6): white noise of the fitted size is added to the fitted curves, fitted with
+Lengths and maxima of a noisy curve are still too large. By how much, and with what spread, a parametric bootstrap
+estimates (Efron and Tibshirani 1993, ch. 6): white noise of the fitted size is added to the fitted curves, fitted with
 the same knots and measured again. The mean excess is subtracted; the error bar holds the spread, the whole excess, and
 what twice as many knots would change, because that is what smoothing may have taken away.
 """
@@ -28,8 +28,8 @@ _DEGREE: Final = 5
 _SAMPLES_PER_KNOT: Final = (2, 3, 4, 6, 8, 12, 16, 24, 32, 48, 64, 96, 128, 192, 256, 384)
 _DEGREES_OF_FREEDOM_WEIGHT: Final = 1.4
 _LARGEST_FREEDOM: Final = 0.6
-"""Degrees of freedom a sample beyond which too little is left over to tell noise from motion."""
-_STRETCH_SAMPLES: Final = 400
+"""Degrees of freedom a sample beyond which too few residuals remain to separate noise from motion."""
+_SEGMENT_SAMPLES: Final = 400
 _MARGIN_SAMPLES: Final = 100
 _REPETITIONS: Final = 24
 _FEWEST_SAMPLES: Final = 16
@@ -44,7 +44,7 @@ _Noise = Callable[[Float64, np.random.Generator], Float64]
 
 
 @dataclass(frozen=True, slots=True)
-class Estimate:
+class CurveEstimate:
     """A value and its standard error."""
 
     value: float
@@ -52,7 +52,7 @@ class Estimate:
 
 
 @dataclass(frozen=True, slots=True)
-class Motion:
+class CurveMotion:
     """How far and how fast a curve went.
 
     Attributes
@@ -65,18 +65,18 @@ class Motion:
         Mean distance of the knots: what is shorter has been smoothed away.
     """
 
-    length: Estimate
-    speed_max: Estimate
+    length: CurveEstimate
+    speed_max: CurveEstimate
     noise: float
     knot_spacing_s: float
 
 
-def translation(times_s: Float64, positions_m: Float64) -> Motion | None:
+def translation(times_s: Float64, positions_m: Float64) -> CurveMotion | None:
     """Measure positions (n, 3): metres and m/s. None where there are too few samples."""
     return _measure(times_s, positions_m, speeds=lambda _, rates: np.linalg.norm(rates, axis=-1), noise=_isotropic)
 
 
-def rotation(times_s: Float64, orientations_xyzw: Float64) -> Motion | None:
+def rotation(times_s: Float64, orientations_xyzw: Float64) -> CurveMotion | None:
     """Measure orientations (n, 4), quaternions of either sign: radians and rad/s. None where there are too few samples.
 
     The spline is fitted to the components; the angular velocity of the curve it traces on the sphere is
@@ -85,22 +85,22 @@ def rotation(times_s: Float64, orientations_xyzw: Float64) -> Motion | None:
     motion = _measure(times_s, _of_one_sign(orientations_xyzw), speeds=_angular_speeds, noise=_tangential)
     if motion is None:
         return None
-    return Motion(motion.length, motion.speed_max, 2.0 * motion.noise, motion.knot_spacing_s)  # half angles in q
+    return CurveMotion(motion.length, motion.speed_max, 2.0 * motion.noise, motion.knot_spacing_s)  # half angles in q
 
 
 def velocities(times_s: Float64, positions_m: Float64) -> Float64 | None:
     """Return the velocities (n, 3) in m/s of the smooth curve at each sample. None where there are too few samples."""
     if len(times_s) < _FEWEST_SAMPLES:
         return None
-    fits = [_Fit.best_to(stretch) for stretch in _stretches(times_s, positions_m)]
-    rates = [fit.curve.derivative()(fit.stretch.core_times_s) for fit in fits]
-    inner = [one[:-1] for one in rates[:-1]]  # stretches share the samples where they meet
+    fits = [_SegmentFit.best_to(segment) for segment in _segments(times_s, positions_m)]
+    rates = [fit.curve.derivative()(fit.segment.core_times_s) for fit in fits]
+    inner = [segment_rates[:-1] for segment_rates in rates[:-1]]  # segments share the samples where they meet
     return np.concatenate([*inner, rates[-1]])
 
 
 @dataclass(frozen=True, slots=True)
-class _Stretch:
-    """Samples of one stretch with its margins, and the stamps of the stretch itself, both ends among them."""
+class _Segment:
+    """Samples of a segment with its margins, and the timestamps of the segment itself, both ends among them."""
 
     times_s: Float64
     values: Float64
@@ -108,78 +108,78 @@ class _Stretch:
 
 
 @dataclass(frozen=True, slots=True)
-class _Fit:
-    """A spline through a stretch, and the standard deviation of each of three axes about it."""
+class _SegmentFit:
+    """A spline through a segment, and the standard deviation of each of three axes about it."""
 
-    stretch: _Stretch
+    segment: _Segment
     curve: BSpline
-    segments: int
+    pieces: int
     sigma: float
     score: float
     """Generalised cross-validation; smaller is better."""
 
     @classmethod
-    def to(cls, stretch: _Stretch, segments: int) -> Self:
-        """Fit a spline; its segments hold equally many samples, so that none is empty where samples are missing."""
-        times_s, count = stretch.times_s, len(stretch.times_s)
-        inner = np.interp(np.linspace(0, count - 1, segments + 1)[1:-1], np.arange(count), times_s)
+    def to(cls, segment: _Segment, pieces: int) -> Self:
+        """Fit a spline; its pieces hold equally many samples, so that none is empty where samples are missing."""
+        times_s, count = segment.times_s, len(segment.times_s)
+        inner = np.interp(np.linspace(0, count - 1, pieces + 1)[1:-1], np.arange(count), times_s)
         knots = np.concatenate([[times_s[0]] * (_DEGREE + 1), inner, [times_s[-1]] * (_DEGREE + 1)])
-        curve = make_lsq_spline(times_s, stretch.values, knots, _DEGREE)
-        freedom = segments + _DEGREE
-        squares = float(np.sum((stretch.values - curve(times_s)) ** 2))
+        curve = make_lsq_spline(times_s, segment.values, knots, _DEGREE)
+        freedom = pieces + _DEGREE
+        squares = float(np.sum((segment.values - curve(times_s)) ** 2))
         sigma = float(np.sqrt(squares / (3 * (count - freedom))))
-        return cls(stretch, curve, segments, sigma, squares / (count - _DEGREES_OF_FREEDOM_WEIGHT * freedom) ** 2)
+        return cls(segment, curve, pieces, sigma, squares / (count - _DEGREES_OF_FREEDOM_WEIGHT * freedom) ** 2)
 
     @classmethod
-    def best_to(cls, stretch: _Stretch) -> Self:
-        """Fit with the number of segments that cross-validation prefers."""
-        numbers = sorted({max(1, (len(stretch.times_s) - 1) // width) for width in _SAMPLES_PER_KNOT})
-        return min((cls.to(stretch, n) for n in numbers if _allowed(stretch, n)), key=lambda fit: fit.score)
+    def best_to(cls, segment: _Segment) -> Self:
+        """Fit with the number of pieces that cross-validation prefers."""
+        numbers = sorted({max(1, (len(segment.times_s) - 1) // width) for width in _SAMPLES_PER_KNOT})
+        return min((cls.to(segment, n) for n in numbers if _allowed(segment, n)), key=lambda fit: fit.score)
 
     def finer(self) -> Self:
-        """Fit with twice the segments; with no more than there are where that leaves too few residuals."""
-        return self.to(self.stretch, 2 * self.segments) if _allowed(self.stretch, 2 * self.segments) else self
+        """Fit with twice the pieces; with no more than there are where that leaves too few residuals."""
+        return self.to(self.segment, 2 * self.pieces) if _allowed(self.segment, 2 * self.pieces) else self
 
     def repeated(self, noise: _Noise, random: np.random.Generator) -> BSpline:
         """Return the curves (repetitions, d) as fitted with other noise; the fit is linear in the data."""
-        times_s = self.stretch.times_s
+        times_s = self.segment.times_s
         fitted = np.repeat(self.curve(times_s)[:, None], _REPETITIONS, axis=1)
         of_noise = make_lsq_spline(times_s, self.sigma * noise(fitted, random), self.curve.t, _DEGREE)
         return BSpline(self.curve.t, self.curve.c[:, None] + of_noise.c, _DEGREE)
 
 
-def _allowed(stretch: _Stretch, segments: int) -> bool:
-    return segments + _DEGREE < _LARGEST_FREEDOM * len(stretch.times_s)
+def _allowed(segment: _Segment, pieces: int) -> bool:
+    return pieces + _DEGREE < _LARGEST_FREEDOM * len(segment.times_s)
 
 
-def _measure(times_s: Float64, values: Float64, *, speeds: _Speeds, noise: _Noise) -> Motion | None:
+def _measure(times_s: Float64, values: Float64, *, speeds: _Speeds, noise: _Noise) -> CurveMotion | None:
     if len(times_s) < _FEWEST_SAMPLES:
         return None
-    fits = [_Fit.best_to(stretch) for stretch in _stretches(times_s, values)]
+    fits = [_SegmentFit.best_to(segment) for segment in _segments(times_s, values)]
     measured, spread = _without_noise(fits, speeds, noise)
     finer, _ = _without_noise([fit.finer() for fit in fits], speeds, noise)
     errors = np.sqrt(spread**2 + (finer - measured) ** 2 + (_EVALUATION_ERROR * measured) ** 2)
-    length, speed_max = (Estimate(float(v), float(s)) for v, s in zip(measured, errors, strict=True))
-    fitted_s = sum(fit.stretch.times_s[-1] - fit.stretch.times_s[0] for fit in fits)
-    return Motion(
+    length, speed_max = (CurveEstimate(float(v), float(s)) for v, s in zip(measured, errors, strict=True))
+    fitted_s = sum(fit.segment.times_s[-1] - fit.segment.times_s[0] for fit in fits)
+    return CurveMotion(
         length,
         speed_max,
         noise=float(np.sqrt(np.mean([fit.sigma**2 for fit in fits]))),
-        knot_spacing_s=float(fitted_s / sum(fit.segments for fit in fits)),
+        knot_spacing_s=float(fitted_s / sum(fit.pieces for fit in fits)),
     )
 
 
-def _stretches(times_s: Float64, values: Float64) -> list[_Stretch]:
+def _segments(times_s: Float64, values: Float64) -> list[_Segment]:
     last = len(times_s) - 1
-    edges = np.linspace(0, last, max(1, round(last / _STRETCH_SAMPLES)) + 1).astype(int)
+    edges = np.linspace(0, last, max(1, round(last / _SEGMENT_SAMPLES)) + 1).astype(int)
     cut = []
     for start, stop in pairwise(edges):
-        kept = slice(max(start - _MARGIN_SAMPLES, 0), stop + _MARGIN_SAMPLES + 1)
-        cut.append(_Stretch(times_s[kept], values[kept], times_s[start : stop + 1]))
+        with_margins = slice(max(start - _MARGIN_SAMPLES, 0), stop + _MARGIN_SAMPLES + 1)
+        cut.append(_Segment(times_s[with_margins], values[with_margins], times_s[start : stop + 1]))
     return cut
 
 
-def _without_noise(fits: Sequence[_Fit], speeds: _Speeds, noise: _Noise) -> tuple[Float64, Float64]:
+def _without_noise(fits: Sequence[_SegmentFit], speeds: _Speeds, noise: _Noise) -> tuple[Float64, Float64]:
     """Return length and maximum (2,) less the excess that noise leaves, and their errors (2,)."""
     measured = _length_and_maximum(fits, [fit.curve for fit in fits], speeds)
     random = np.random.default_rng(0)
@@ -188,17 +188,17 @@ def _without_noise(fits: Sequence[_Fit], speeds: _Speeds, noise: _Noise) -> tupl
     return np.maximum(measured - excess, 0.0), np.sqrt(repeated.var(axis=1, ddof=1) + excess**2)
 
 
-def _length_and_maximum(fits: Sequence[_Fit], curves: Sequence[BSpline], speeds: _Speeds) -> Float64:
+def _length_and_maximum(fits: Sequence[_SegmentFit], curves: Sequence[BSpline], speeds: _Speeds) -> Float64:
     """Return length and greatest speed, (2,), or (2, repetitions) where the curves are repeated.
 
     Integrates by Gauss's two-point rule on each interval; the maximum is over its points and the samples.
     """
     lengths, maxima = [], []
     for fit, curve in zip(fits, curves, strict=True):
-        times_s, rates = fit.stretch.core_times_s, curve.derivative()
+        times_s, rates = fit.segment.core_times_s, curve.derivative()
         half = np.diff(times_s)[:, None] / 2
         points = ((times_s[1:] + times_s[:-1])[:, None] / 2 + half * _GAUSS_NODES).ravel()
-        between, at_samples = (speeds(curve(at), rates(at)) for at in (points, times_s))
+        between, at_samples = (speeds(curve(t), rates(t)) for t in (points, times_s))
         lengths.append(np.tensordot(np.repeat(half, 2), between, axes=1))
         maxima.append(np.maximum(between.max(axis=0), at_samples.max(axis=0)))
     return np.array([np.sum(lengths, axis=0), np.max(maxima, axis=0)])

@@ -33,7 +33,7 @@ def test_clean_file_shows_no_worst_place(park_day: Path) -> None:
     run = check_file(park_day, CheckOptions(select=("depth.range", "images.repeats")))
     check_evidence(run)
     assert groups(run) == {"moments", "trajectory", "timeline", "histograms", "distributions"}
-    assert run.arrays["moments/rgb"].shape == (EvidenceOptions().moments, 200, 270, 3)
+    assert run.arrays["moments/rgb"].shape == (EvidenceOptions().snapshots, 200, 270, 3)
     with h5py.File(park_day) as file:
         times_us = np.asarray(file["path/rgb_ts"])
         frames = np.searchsorted(times_us, run.arrays["moments/rgb_times_us"])

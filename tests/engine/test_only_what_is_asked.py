@@ -39,7 +39,7 @@ def whole(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def check(path: Path, *select: str) -> None:
-    check_file(path, CheckOptions(select=select, evidence=EvidenceOptions(moments=2)))
+    check_file(path, CheckOptions(select=select, evidence=EvidenceOptions(snapshots=2)))
 
 
 SELECTED = {

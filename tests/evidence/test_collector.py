@@ -6,15 +6,15 @@ import numpy as np
 import pytest
 
 from fedora_qa.evidence.collector import EvidenceCollector
-from fedora_qa.evidence.follow_up import images_of, keep_places
-from fedora_qa.evidence.kept import Kept
+from fedora_qa.evidence.follow_up import images_of, keep_worst_locations
 from fedora_qa.evidence.options import EvidenceOptions
+from fedora_qa.evidence.titled_arrays import TitledArrays
 from fedora_qa.record.types import Finding, Where
 from tests.evidence.memory import HEIGHT, SENSOR_HEIGHT, SENSOR_WIDTH, WIDTH, Memory, memory
 from tests.support.identical import identical
 
 MOMENTS = 4
-OPTIONS = EvidenceOptions(moments=MOMENTS, timeline_bins=50)
+OPTIONS = EvidenceOptions(snapshots=MOMENTS, timeline_bins=50)
 SHAPES = {
     "moments/times_us": (MOMENTS,),
     "moments/rgb": (MOMENTS, HEIGHT, WIDTH, 3),
@@ -31,7 +31,7 @@ SHAPES = {
 TYPES = {"rgb": "u1", "depth_m": "f4", "flow_px": "f4", "residual_dn": "f2", "brighter": "u2", "darker": "u2"}
 
 
-def collect(file: Memory, options: EvidenceOptions = OPTIONS, families: frozenset[str] | None = None) -> Kept:
+def collect(file: Memory, options: EvidenceOptions = OPTIONS, families: frozenset[str] | None = None) -> TitledArrays:
     """What is kept of all windows."""
     spans = file.spans
     collector = EvidenceCollector(spans, spans, options, families)
@@ -147,9 +147,9 @@ def test_nothing_to_keep() -> None:
     assert set(collector.conclude(collector.start(empty), empty).arrays) == {"timeline/edges_us"}
 
 
-def places(file: Memory, *findings: Finding, images: int = 100) -> Kept:
+def places(file: Memory, *findings: Finding, images: int = 100) -> TitledArrays:
     """What is kept of the places of findings."""
-    return keep_places(findings, file.spans, file.facts, file, OPTIONS, images)
+    return keep_worst_locations(findings, file.spans, file.facts, file, OPTIONS, images)
 
 
 def test_a_place_is_a_moment_with_a_box() -> None:

@@ -4,7 +4,7 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from fedora_qa.evidence.residual import carried_back_dn
+from fedora_qa.evidence.snapshot import carried_back_dn
 
 
 def ramp(shift: float, height: int = 6, width: int = 9) -> np.ndarray:

@@ -26,8 +26,8 @@ SECONDS: Final = 1800
 FINDINGS: Final = 1000
 PICTURE: Final = (216, 288)
 SENSOR: Final = (240, 320)
-MOMENTS: Final = EvidenceOptions().moments
-PLACES: Final = EvidenceOptions().places
+MOMENTS: Final = EvidenceOptions().snapshots
+PLACES: Final = EvidenceOptions().worst_locations
 BESIDE: Final = EvidenceOptions().beside
 
 _STREAMS: Final = ("rgb", "depth", "events", "imu", "pose", "flow/10hz", "flow/25hz", "flow/50hz")

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 from scipy.special import erf
 
-from fedora_qa.statistics.trajectory import Estimate, rotation, translation
+from fedora_qa.statistics.trajectory import CurveEstimate, rotation, translation
 
 Float64 = NDArray[np.float64]
 
@@ -50,7 +50,7 @@ def positions(name: str, times_s: Float64) -> Float64:
     return np.zeros((len(times_s), 3)) if name == "rest" else CURVES[name][0](times_s)
 
 
-def deviation(estimate: Estimate, truth: float) -> float:
+def deviation(estimate: CurveEstimate, truth: float) -> float:
     return abs(estimate.value - truth) / max(estimate.standard_error, 1e-9)
 
 
@@ -167,9 +167,9 @@ def test_frame_and_sign_do_not_matter(
 def test_a_gap_is_bridged() -> None:
     """Half a second without poses on a straight line changes neither distance nor greatest speed."""
     times_s = instants(4.0)
-    kept = (times_s < 1.5) | (times_s > 2.0)
+    with_margins = (times_s < 1.5) | (times_s > 2.0)
     steady = np.outer(times_s, [1.0, 2.0, 2.0])
-    motion = translation(times_s[kept], steady[kept])
+    motion = translation(times_s[with_margins], steady[with_margins])
     assert motion is not None
     assert motion.length.value == pytest.approx(12.0, rel=1e-6)
     assert motion.speed_max.value == pytest.approx(3.0, rel=1e-6)

@@ -21,7 +21,7 @@ def modules(root: Path) -> list[Path]:
 def unit_tests_of(module: Path, root: Path) -> list[Path]:
     """Return the test files to run for a module, those that name it first."""
     tests = {
-        path: _imports(path) for package in PACKAGES for path in sorted((root / "tests" / package).glob("test_*.py"))
+        path: _imports(path) for package in PACKAGES for path in sorted((root / "tests" / package).rglob("test_*.py"))
     }
     inner = {_name(path): _imports(path) for path in modules(root)}
     distances = _distances(_name(module), inner)

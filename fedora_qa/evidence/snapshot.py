@@ -1,16 +1,17 @@
-"""What the streams show at one instant."""
+"""Snapshots: pictures of all streams at one instant, and what the flow does not explain."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any, Final, TypeVar
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
 
 from fedora_qa.causes import in_families
 from fedora_qa.errors import UnreadableRowsError
+from fedora_qa.estimators.images.luma import LUMA_WEIGHTS
 from fedora_qa.evidence.pictures import block_px, events_of_pixels, mean_codes, mean_values
-from fedora_qa.evidence.residual import carried_back_dn
 from fedora_qa.sequence.declared import Camera
 from fedora_qa.sequence.window import Window
 
@@ -21,6 +22,9 @@ EVENTS_NS: Final = 20_000_000
 
 _LARGEST_SENSOR_PX: Final = 4096
 """Events of an undeclared sensor that lie farther out are left out of its picture."""
+
+_OUTSIDE: Final = -10.0
+"""A place that lies in no picture, for pixels whose flow is unknown."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -36,73 +40,73 @@ class Picture:
 
 
 @dataclass(frozen=True, slots=True)
-class Glimpse:
-    """What each stream shows around an instant; a stream that shows nothing is left out.
+class Snapshot:
+    """Pictures of the streams around an instant; a stream without one is left out.
 
     Attributes
     ----------
     pictures
         By family: ``rgb`` (h, w, 3) codes, ``depth`` (h, w) m, ``flow`` (h, w, 2) px, all made smaller; ``residual``
-        (h, w) DN, what that flow leaves between the frames at both its ends; ``events`` (2, h, w) darker and brighter
-        events, of each pixel where the size of the sensor is not declared.
+        (h, w) DN, the residual of that flow between the frames at both its ends; ``events`` (2, h, w) darker and
+        brighter events, of each pixel where the size of the sensor is not declared.
     """
 
     time_ns: int
     pictures: Mapping[str, Picture]
 
 
-def glimpse(
+def take_snapshot(
     window: Window,
     time_ns: int,
     width_px: int,
     rows: Mapping[str, int] | None = None,
     families: frozenset[str] | None = None,
-) -> Glimpse:
-    """Look at every stream near an instant of a window.
+) -> Snapshot:
+    """Take pictures of every stream near an instant of a window.
 
     Parameters
     ----------
     window
-        The images that it owns are looked at; events from before and after it as well.
+        The images that it owns are used; events from before and after it as well.
     width_px
         Width that pictures do not exceed.
     rows
-        The image to show of a stream, where it is known; else the nearest in time.
+        The image to take of a stream, where one is given; else the nearest in time.
     families
-        The streams to look at (``flow`` is every rate); None: all.
+        The streams to take (``flow`` is every rate); None: all.
     """
     rows = rows or {}
-    looks: dict[str, Callable[[], Picture | None]] = {
+    draw: dict[str, Callable[[], Picture | None]] = {
         "rgb": lambda: _frame(window, "rgb", time_ns, rows, lambda row: _small_codes(window, row, width_px)),
         "depth": lambda: _frame(window, "depth", time_ns, rows, lambda row: _small(window.depth_m(row), width_px)),
         "flow": lambda: _flow(window, time_ns, rows, width_px),
         "events": lambda: _events(window, time_ns, width_px),
     }
-    seen = {family: _readable(look) for family, look in looks.items() if in_families(family, families)}
-    flow = seen.get("flow")
+    pictures = {family: _readable(read) for family, read in draw.items() if in_families(family, families)}
+    flow = pictures.get("flow")
     if flow is not None and in_families("rgb", families):
-        seen["residual"] = _readable(lambda: _residual(window, flow, width_px))
-    return Glimpse(time_ns, {family: picture for family, picture in seen.items() if picture is not None})
+        pictures["residual"] = _readable(lambda: _residual(window, flow, width_px))
+    return Snapshot(time_ns, {family: picture for family, picture in pictures.items() if picture is not None})
 
 
 def nearest_row(window: Window, stream: str, time_ns: int) -> int | None:
     """Return the row of a stream that a window owns nearest to an instant; None where it owns none.
 
-    Where the stamps of a stream say nothing, the rows are taken to be evenly spread over the window.
+    Where the timestamps of a stream are not usable, the rows are taken to be evenly spread over the window.
     """
     rows, clock = window.owned(stream), window.facts.clocks.get(stream)
     if clock is None or not rows:
         return None
     if clock.usable:
         return rows.start + int(np.argmin(np.abs(clock.times_ns[rows.start : rows.stop] - time_ns)))
-    share = (time_ns - window.span.start_ns) / (window.span.stop_ns - window.span.start_ns)
-    return rows.start + int(np.clip(share * len(rows), 0, len(rows) - 1))
+    phase = (time_ns - window.span.start_ns) / (window.span.stop_ns - window.span.start_ns)
+    return rows.start + int(np.clip(phase * len(rows), 0, len(rows) - 1))
 
 
-def _readable(look: Callable[[], T | None]) -> T | None:
-    """Return what a look shows; None where it cannot be decoded. Rows that cannot cost their own picture alone."""
+def _readable(read: Callable[[], T | None]) -> T | None:
+    """Return a picture; None where it cannot be decoded. Rows that cannot cost their own picture alone."""
     try:
-        return look()
+        return read()
     except UnreadableRowsError:
         return None
 
@@ -117,9 +121,9 @@ def _frame(
     row = rows.get(stream, nearest_row(window, stream, time_ns))
     if row is None or stream not in window.facts.streams:
         return None
-    at_ns = int(window.facts.clocks[stream].times_ns[row])
+    frame_ns = int(window.facts.clocks[stream].times_ns[row])
     image, block = draw(row)
-    return Picture(image, stream, row, block, at_ns, at_ns)
+    return Picture(image, stream, row, block, frame_ns, frame_ns)
 
 
 def _flow(window: Window, time_ns: int, rows: Mapping[str, int], width_px: int) -> Picture | None:
@@ -155,8 +159,41 @@ def _residual(window: Window, flow: Picture, width_px: int) -> Picture | None:
     (earlier, block), (later, _) = (_small_codes(window, row, width_px) for row in rows if row is not None)
     if earlier.shape[:2] != flow.image.shape[:2] or block != flow.block:
         return None
-    left = carried_back_dn(earlier, later, flow.image, block)
-    return Picture(left, flow.stream, flow.row, block, flow.start_ns, flow.stop_ns)
+    residual_dn = carried_back_dn(earlier, later, flow.image, block)
+    return Picture(residual_dn, flow.stream, flow.row, block, flow.start_ns, flow.stop_ns)
+
+
+def carried_back_dn(
+    earlier: NDArray[Any], later: NDArray[Any], flow_px: NDArray[Any], block: int
+) -> NDArray[np.float16]:
+    """Return the luma of ``later``, looked up where the flow leads, minus the luma of ``earlier``, DN.
+
+    For a picture, not for a measurement: pixels that are covered or uncovered meanwhile, and the averaging over blocks,
+    leave residuals too.
+
+    Parameters
+    ----------
+    earlier, later
+        (h, w, 3) codes of the frames at both ends of the flow's interval, averaged over blocks of pixels.
+    flow_px
+        (h, w, 2), u right and v down, px of the stored image; NaN where unknown.
+    block
+        Px of the stored image that one px of these pictures stands for, in each direction.
+
+    Returns
+    -------
+    (h, w); NaN where the flow is unknown or leads out of the picture.
+    """
+    weights = LUMA_WEIGHTS.astype(np.float32)
+    before, after = ((image.astype(np.float32) @ weights).astype(np.float32) for image in (earlier, later))
+    rows, columns = np.indices(before.shape, dtype=np.float32)
+    with np.errstate(over="ignore", invalid="ignore"):
+        x, y = columns + flow_px[..., 0] / block, rows + flow_px[..., 1] / block
+    height, width = before.shape
+    within = (x >= 0) & (x <= width - 1) & (y >= 0) & (y <= height - 1)  # False for NaN
+    to_column, to_row = (np.where(within, axis, _OUTSIDE).astype(np.float32) for axis in (x, y))
+    warped = cv2.remap(after, to_column, to_row, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
+    return np.where(within, warped - before, np.nan).astype(np.float16)
 
 
 def _frame_at(window: Window, time_ns: int, flow: Picture) -> int | None:
@@ -165,14 +202,14 @@ def _frame_at(window: Window, time_ns: int, flow: Picture) -> int | None:
     if clock is None or not clock.usable or "rgb" not in window.facts.streams:
         return None
     row = int(np.argmin(np.abs(clock.times_ns - time_ns)))
-    near = 4 * abs(int(clock.times_ns[row]) - time_ns) <= abs(flow.stop_ns - flow.start_ns)
-    return row if near else None
+    is_near = 4 * abs(int(clock.times_ns[row]) - time_ns) <= abs(flow.stop_ns - flow.start_ns)
+    return row if is_near else None
 
 
 def _events(window: Window, time_ns: int, width_px: int) -> Picture | None:
     """Count the events of each block of pixels; of each pixel where the size of the sensor is not declared.
 
-    Then it is known only when all instants have been seen.
+    Then it follows only from the events of all snapshots.
     """
     if "events" not in window.facts.streams:
         return None

@@ -8,25 +8,25 @@ from numpy.typing import NDArray
 
 
 @dataclass(frozen=True, slots=True)
-class Kept:
+class TitledArrays:
     """Arrays by name, and for each a title that can serve as a caption: what it shows, and its unit."""
 
     arrays: Mapping[str, NDArray[Any]] = field(default_factory=dict)
     titles: Mapping[str, str] = field(default_factory=dict)
 
     @classmethod
-    def titled(cls, entries: Mapping[str, tuple[NDArray[Any], str]]) -> "Kept":
+    def titled(cls, entries: Mapping[str, tuple[NDArray[Any], str]]) -> "TitledArrays":
         """Return the arrays of name: (array, title)."""
         return cls(
             {name: array for name, (array, _) in entries.items()}, {name: title for name, (_, title) in entries.items()}
         )
 
 
-def together(parts: Iterable[Kept]) -> Kept:
+def merged(parts: Iterable[TitledArrays]) -> TitledArrays:
     """Return the arrays of all parts."""
     arrays: dict[str, NDArray[Any]] = {}
     titles: dict[str, str] = {}
     for part in parts:
         arrays.update(part.arrays)
         titles.update(part.titles)
-    return Kept(arrays, titles)
+    return TitledArrays(arrays, titles)

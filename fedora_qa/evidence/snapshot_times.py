@@ -1,4 +1,4 @@
-"""Which instants are kept, and how large their pictures may be."""
+"""At which times snapshots are taken, and how large their pictures may be."""
 
 from collections.abc import Mapping, Sequence
 from itertools import pairwise
@@ -23,36 +23,36 @@ _LEAST_WIDTH_PX: Final = 16
 _USUAL_SENSOR: Final = (480, 640)
 
 
-def spread_instants(spans: Sequence[Span], facts: Facts, count: int) -> Mapping[int, tuple[int, ...]]:
-    """Return instants (ns) by the number of their window, evenly spread over the images of the windows.
+def snapshot_times_ns(spans: Sequence[Span], facts: Facts, count: int) -> Mapping[int, tuple[int, ...]]:
+    """Return times by the number of their window, evenly spread over the images of the windows.
 
     They are stamps of the slowest stream of images that has enough, so that faster ones have an image there as well;
     the middles of windows where there are no images.
     """
     stream = _slowest(spans, facts, count)
     if stream is None:
-        chosen = _evenly(len(spans), count)
-        return {spans[i].index: ((spans[i].start_ns + spans[i].stop_ns) // 2,) for i in chosen}
-    ends = np.cumsum([_owned(span, stream) for span in spans])
+        middles = _evenly(len(spans), count)
+        return {spans[i].index: ((spans[i].start_ns + spans[i].stop_ns) // 2,) for i in middles}
+    ends = np.cumsum([_owned_rows(span, stream) for span in spans])
     times_ns = facts.clocks[stream].times_ns
-    instants: dict[int, tuple[int, ...]] = {}
-    for place in _evenly(int(ends[-1]), count):
-        number = int(np.searchsorted(ends, place, "right"))
+    times_by_window: dict[int, tuple[int, ...]] = {}
+    for position in _evenly(int(ends[-1]), count):
+        number = int(np.searchsorted(ends, position, "right"))
         span = spans[number]
-        row = span.owned[stream][1] - (int(ends[number]) - place)
-        instants[span.index] = (*instants.get(span.index, ()), int(times_ns[row]))
-    return instants
+        row = span.owned[stream][1] - (int(ends[number]) - position)
+        times_by_window[span.index] = (*times_by_window.get(span.index, ()), int(times_ns[row]))
+    return times_by_window
 
 
-def fitting_width_px(facts: Facts, options: EvidenceOptions, glimpses: int) -> int:
-    """Return the greatest width of pictures with which so many glimpses fit into the size."""
+def fitting_width_px(facts: Facts, options: EvidenceOptions, snapshots: int) -> int:
+    """Return the greatest width of pictures with which so many snapshots fit into the size."""
     widths = range(options.picture_width_px, _LEAST_WIDTH_PX, -1)
-    fits = (width for width in widths if glimpses * glimpse_bytes(facts, width) <= options.size_bytes)
+    fits = (width for width in widths if snapshots * snapshot_bytes(facts, width) <= options.size_bytes)
     return next(fits, _LEAST_WIDTH_PX)
 
 
-def glimpse_bytes(facts: Facts, width_px: int) -> int:
-    """Return the size of the pictures of one instant, the largest flow among them."""
+def snapshot_bytes(facts: Facts, width_px: int) -> int:
+    """Return the size of the pictures of one snapshot, the largest flow among them."""
     sizes: dict[str, int] = {}
     for key, bytes_per_px in _BYTES_PER_PX.items():
         binding = facts.layout.bindings.get(key)
@@ -76,19 +76,19 @@ def _pixels(shape: tuple[int, ...], width_px: int) -> int:
 def _slowest(spans: Sequence[Span], facts: Facts, count: int) -> str | None:
     """Return the stream of images with the fewest rows that are enough; the one with the most where none has."""
     streams = [name for name in ("rgb", "depth", *facts.flow_streams) if name in facts.clocks]
-    sizes = {name: sum(_owned(span, name) for span in spans) for name in streams if facts.clocks[name].usable}
+    sizes = {name: sum(_owned_rows(span, name) for span in spans) for name in streams if facts.clocks[name].usable}
     enough = [name for name, size in sizes.items() if size >= count]
     if enough:
         return min(enough, key=lambda name: sizes[name])
     return max((name for name, size in sizes.items() if size), key=lambda name: sizes[name], default=None)
 
 
-def _owned(span: Span, stream: str) -> int:
+def _owned_rows(span: Span, stream: str) -> int:
     start, stop = span.owned.get(stream, (0, 0))
     return stop - start
 
 
 def _evenly(of: int, count: int) -> list[int]:
-    """Return places in the middles of ``count`` equal parts of a range, each once."""
+    """Return positions in the middles of ``count`` equal parts of a range, each once."""
     edges = np.linspace(0, of, count + 1)
     return sorted({int((start + stop) / 2) for start, stop in pairwise(edges)}) if of else []

@@ -7,8 +7,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from fedora_qa.evidence.instants import fitting_width_px, glimpse_bytes, spread_instants
 from fedora_qa.evidence.options import EvidenceOptions
+from fedora_qa.evidence.snapshot_times import fitting_width_px, snapshot_bytes, snapshot_times_ns
 from fedora_qa.layout.binding import Binding
 from fedora_qa.layout.resolve import Layout
 from fedora_qa.sequence.facts import Facts
@@ -19,7 +19,7 @@ from tests.support.facts import MS, clock, exact_facts
 def test_moments_lie_where_every_rate_begins() -> None:
     """Six moments of a second of 10 Hz flow are starts of its fields, each in the window that owns it."""
     file = memory()
-    instants = spread_instants(file.spans, file.facts, 6)
+    instants = snapshot_times_ns(file.spans, file.facts, 6)
     times_ms = [time_ns // MS for window in instants.values() for time_ns in window]
     assert times_ms == [0, 200, 400, 500, 700, 900]
     assert all(
@@ -30,8 +30,8 @@ def test_moments_lie_where_every_rate_begins() -> None:
 def test_moments_are_of_the_windows_looked_at() -> None:
     """Sampled windows alone hold moments, all of them where there are fewer images than moments."""
     file = memory()
-    assert set(spread_instants(file.spans[2:4], file.facts, 3)) == {2, 3}
-    few = spread_instants(file.spans[-1:], file.facts, 6)
+    assert set(snapshot_times_ns(file.spans[2:4], file.facts, 3)) == {2, 3}
+    few = snapshot_times_ns(file.spans[-1:], file.facts, 6)
     assert few == {5: (1000 * MS,)}
 
 
@@ -39,9 +39,9 @@ def test_files_without_images_show_the_middle_of_windows() -> None:
     """Events and motion alone have moments as well."""
     file = memory()
     motion = {name: file.facts.clocks[name] for name in ("imu", "pose")}
-    instants = spread_instants(file.spans, replace(file.facts, clocks=motion), 2)
+    instants = snapshot_times_ns(file.spans, replace(file.facts, clocks=motion), 2)
     assert instants == {1: (300 * MS,), 4: (900 * MS,)}
-    assert spread_instants((), file.facts, 6) == {}
+    assert snapshot_times_ns((), file.facts, 6) == {}
 
 
 def test_dead_clocks_place_no_moment() -> None:
@@ -49,7 +49,7 @@ def test_dead_clocks_place_no_moment() -> None:
     file = memory()
     dead = {name: clock(np.zeros(len(one.times_ns), np.int64)) for name, one in file.facts.clocks.items()}
     facts = replace(file.facts, clocks={**dead, "depth": file.facts.clocks["depth"]})
-    times = [t for window in spread_instants(file.spans, facts, 3).values() for t in window]
+    times = [t for window in snapshot_times_ns(file.spans, facts, 3).values() for t in window]
     assert times == [160 * MS, 500 * MS, 840 * MS]
 
 
@@ -66,16 +66,16 @@ def with_shapes(height: int, width: int) -> Facts:
 
 
 @given(st.integers(1, 4000), st.integers(1, 4000), st.integers(1, 12))
-def test_pictures_fit_into_the_size(height: int, width: int, glimpses: int) -> None:
+def test_pictures_fit_into_the_size(height: int, width: int, snapshots: int) -> None:
     """Whatever the images, so many glimpses stay within the size, unless even the least pictures do not."""
     facts, options = with_shapes(height, width), EvidenceOptions(size_bytes=1 << 20)
-    chosen = fitting_width_px(facts, options, glimpses)
+    chosen = fitting_width_px(facts, options, snapshots)
     assert chosen <= 360
-    assert glimpses * glimpse_bytes(facts, chosen) <= options.size_bytes or chosen == 16
+    assert snapshots * snapshot_bytes(facts, chosen) <= options.size_bytes or chosen == 16
 
 
 @pytest.mark.parametrize(("width", "height", "expected"), [(270, 200, 270), (1440, 1080, 288)])
 def test_usual_images(width: int, height: int, expected: int) -> None:
     """With the default size small images stay whole and the paper's become 288 px wide."""
-    chosen = fitting_width_px(with_shapes(height, width), EvidenceOptions(), EvidenceOptions().moments)
+    chosen = fitting_width_px(with_shapes(height, width), EvidenceOptions(), EvidenceOptions().snapshots)
     assert width // -(-width // chosen) == expected

@@ -8,7 +8,7 @@ import pytest
 from hypothesis import example, given
 from hypothesis import strategies as st
 
-from fedora_qa.evidence.places import WHOLE, box_of, place_of, worst_places
+from fedora_qa.evidence.worst_locations import WHOLE, box_of, location_of, worst_locations
 from fedora_qa.record.types import Finding, Severity, Where
 from tests.evidence.memory import memory
 from tests.support.facts import MS, clock, with_clock
@@ -49,7 +49,7 @@ def finding(where: Where, severity: Severity = "error", name: str = "F1") -> Fin
 def test_places(where: Where, expected: tuple[int, int, dict[str, int]]) -> None:
     """Window, instant and images follow from what the finding names."""
     file = memory()
-    place = place_of(finding(where), file.spans, file.facts)
+    place = location_of(finding(where), file.spans, file.facts)
     assert place is not None
     assert (place.span.index, place.time_ns, dict(place.rows)) == expected
 
@@ -58,14 +58,14 @@ def test_places(where: Where, expected: tuple[int, int, dict[str, int]]) -> None
 def test_findings_without_a_place(where: Where) -> None:
     """What is of the whole file, or of nothing that is there, has no place."""
     file = memory()
-    assert place_of(finding(where), file.spans, file.facts) is None
+    assert location_of(finding(where), file.spans, file.facts) is None
 
 
 def test_times_are_of_the_files_own_clock() -> None:
     """An origin at an epoch is taken off."""
     file = memory()
     facts = replace(file.facts, origin_us=1.7e15)
-    place = place_of(finding(Where("imu", 1.7e15 + 310_000)), file.spans, facts)
+    place = location_of(finding(Where("imu", 1.7e15 + 310_000)), file.spans, facts)
     assert place is not None
     assert place.time_ns == 310 * MS
 
@@ -74,7 +74,7 @@ def test_frames_lead_to_their_window_where_clocks_are_dead() -> None:
     """A frame is looked up by its row, not by a stamp that says nothing."""
     file = memory()
     facts = with_clock(file.facts, "rgb", clock(np.zeros(51, np.int64)))
-    place = place_of(finding(Where("rgb", 0.0, frame=16)), file.spans, facts)
+    place = location_of(finding(Where("rgb", 0.0, frame=16)), file.spans, facts)
     assert place is not None
     assert (place.span.index, dict(place.rows)) == (1, {"rgb": 16})
 
@@ -94,7 +94,7 @@ def test_frames_lead_to_their_window_where_clocks_are_dead() -> None:
 def test_no_place_is_too_strange(where: Where) -> None:
     """Whatever a check says, there is a place within the file or none, and a box within the picture."""
     file = memory()
-    place = place_of(finding(where), file.spans, file.facts)
+    place = location_of(finding(where), file.spans, file.facts)
     if place is not None:
         assert place.span in file.spans
         assert all(row in range(*place.span.owned[stream]) for stream, row in place.rows.items())
@@ -126,5 +126,5 @@ def test_the_gravest_come_first_and_each_place_once() -> None:
         finding(there, "warning", "F1"), finding(elsewhere, "error", "F2"), finding(there, "critical", "F3"),
         finding(Where(), "critical", "F4"), finding(third, "info", "F5"),
     ]  # fmt: skip
-    places = worst_places(found, file.spans, file.facts, 2)
+    places = worst_locations(found, file.spans, file.facts, 2)
     assert [place.finding.id for place in places] == ["F3", "F2"]

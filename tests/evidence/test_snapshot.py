@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from fedora_qa.evidence.glimpse import glimpse, nearest_row
+from fedora_qa.evidence.snapshot import nearest_row, take_snapshot
 from tests.evidence.memory import SENSOR_HEIGHT, SENSOR_WIDTH, WIDTH, memory
 from tests.support.facts import MS, clock, with_clock
 
@@ -13,7 +13,7 @@ from tests.support.facts import MS, clock, with_clock
 def test_each_stream_shows_its_image_there() -> None:
     """At 0.32 s: frames 16, the field of the fastest rate that begins there, events of 10 ms to both sides."""
     file = memory()
-    pictures = glimpse(file.window(1), 320 * MS, WIDTH).pictures
+    pictures = take_snapshot(file.window(1), 320 * MS, WIDTH).pictures
     assert {name: picture.row for name, picture in pictures.items()} == {
         "rgb": 16,
         "depth": 16,
@@ -34,7 +34,7 @@ def test_each_stream_shows_its_image_there() -> None:
 def test_events_of_the_neighbouring_window_are_shown() -> None:
     """At a window's edge events come from both sides of it."""
     file = memory()
-    assert int(glimpse(file.window(1), 200 * MS, WIDTH).pictures["events"].image.sum()) == 20
+    assert int(take_snapshot(file.window(1), 200 * MS, WIDTH).pictures["events"].image.sum()) == 20
 
 
 @pytest.mark.parametrize(
@@ -51,7 +51,7 @@ def test_unreadable_rows_cost_their_own_picture(key: str, lost: set[str]) -> Non
     file = memory()
     file.unreadable = {key}
     every = {"rgb", "depth", "flow", "residual", "events"}
-    assert set(glimpse(file.window(1), 320 * MS, WIDTH).pictures) == every - lost
+    assert set(take_snapshot(file.window(1), 320 * MS, WIDTH).pictures) == every - lost
 
 
 def test_missing_streams_are_left_out() -> None:
@@ -59,7 +59,7 @@ def test_missing_streams_are_left_out() -> None:
     file = memory()
     clocks = {name: one for name, one in file.facts.clocks.items() if name != "depth"}
     file.facts = replace(file.facts, clocks=clocks, streams=file.facts.streams - {"depth", "events"})
-    assert set(glimpse(file.window(1), 320 * MS, WIDTH).pictures) == {"rgb", "flow", "residual"}
+    assert set(take_snapshot(file.window(1), 320 * MS, WIDTH).pictures) == {"rgb", "flow", "residual"}
 
 
 def test_flow_that_begins_elsewhere_is_not_shown() -> None:
@@ -67,13 +67,13 @@ def test_flow_that_begins_elsewhere_is_not_shown() -> None:
     file = memory()
     slow = {name: one for name, one in file.facts.clocks.items() if name not in {"flow/25hz", "flow/50hz"}}
     file.facts = replace(file.facts, clocks=slow, streams=file.facts.streams - {"flow/25hz", "flow/50hz"})
-    assert glimpse(file.window(1), 320 * MS, WIDTH).pictures["flow"].row == 3
-    assert "flow" not in glimpse(file.window(1), 380 * MS, WIDTH).pictures
+    assert take_snapshot(file.window(1), 320 * MS, WIDTH).pictures["flow"].row == 3
+    assert "flow" not in take_snapshot(file.window(1), 380 * MS, WIDTH).pictures
 
 
 def test_named_images_are_shown() -> None:
     """A finding's own frame and field are shown, wherever the instant lies."""
-    pictures = glimpse(memory().window(1), 320 * MS, WIDTH, {"rgb": 12, "flow/25hz": 6}).pictures
+    pictures = take_snapshot(memory().window(1), 320 * MS, WIDTH, {"rgb": 12, "flow/25hz": 6}).pictures
     assert (pictures["rgb"].row, pictures["flow"].stream, pictures["flow"].row) == (12, "flow/25hz", 6)
 
 
@@ -89,9 +89,9 @@ def test_undeclared_sensor_reaches_as_far_as_its_events() -> None:
     """Without a declared event camera the picture holds all events; strays far outside do not make it huge."""
     file = memory()
     file.facts = replace(file.facts, declared=replace(file.facts.declared, cameras={}))
-    image = glimpse(file.window(1), 320 * MS, WIDTH).pictures["events"].image
+    image = take_snapshot(file.window(1), 320 * MS, WIDTH).pictures["events"].image
     assert image.shape == (2, SENSOR_HEIGHT, SENSOR_WIDTH)
     file.columns["path/events/x"][320] = 65_535
-    image = glimpse(file.window(1), 320 * MS, WIDTH).pictures["events"].image
+    image = take_snapshot(file.window(1), 320 * MS, WIDTH).pictures["events"].image
     assert image.shape[2] <= 4096
     assert int(image.sum()) == 19

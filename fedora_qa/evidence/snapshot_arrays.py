@@ -1,4 +1,4 @@
-"""Glimpses as arrays: the moments along the sequence, or the one of a place."""
+"""Snapshots as arrays: those along the sequence, or that of a location."""
 
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any, Final
@@ -7,9 +7,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fedora_qa.conventions import NS_PER_US
-from fedora_qa.evidence.glimpse import EVENTS_NS, Glimpse, Picture
-from fedora_qa.evidence.kept import Kept
 from fedora_qa.evidence.pictures import block_px, summed_counts
+from fedora_qa.evidence.snapshot import EVENTS_NS, Picture, Snapshot
+from fedora_qa.evidence.titled_arrays import TitledArrays
 from fedora_qa.record.evidence import named
 from fedora_qa.sequence.facts import Facts
 
@@ -20,27 +20,27 @@ _EVENTS_MS: Final = EVENTS_NS / 1e6
 _ON_CLOCK: Final = "us on the file's clock"
 
 
-def keep_moments(group: str, glimpses: Sequence[Glimpse], facts: Facts, width_px: int) -> Kept:
-    """Return the glimpses as arrays whose first axis is the moment; what a moment does not show is NaN, or 0.
+def keep_snapshots(group: str, snapshots: Sequence[Snapshot], facts: Facts, width_px: int) -> TitledArrays:
+    """Return the glimpses as arrays whose first axis is the snapshot; a picture that one lacks is NaN, or 0.
 
-    Nothing where none of them shows anything.
+    Nothing where none of them has any picture.
     """
-    entries = _entries(glimpses, facts, width_px) if any(one.pictures for one in glimpses) else {}
-    return Kept.titled({named(group, name): entry for name, entry in entries.items()})
+    entries = _entries(snapshots, facts, width_px) if any(snapshot.pictures for snapshot in snapshots) else {}
+    return TitledArrays.titled({named(group, name): entry for name, entry in entries.items()})
 
 
-def keep_glimpse(group: str, one: Glimpse, facts: Facts, width_px: int) -> Kept:
-    """Return one glimpse as arrays without an axis of moments."""
-    entries = _entries([one], facts, width_px)
-    return Kept.titled({named(group, name): (array[0], title) for name, (array, title) in entries.items()})
+def keep_snapshot(group: str, snapshot: Snapshot, facts: Facts, width_px: int) -> TitledArrays:
+    """Return one snapshot as arrays without an axis of snapshots."""
+    entries = _entries([snapshot], facts, width_px)
+    return TitledArrays.titled({named(group, name): (array[0], title) for name, (array, title) in entries.items()})
 
 
-def _entries(glimpses: Sequence[Glimpse], facts: Facts, width_px: int) -> Entries:
-    times_us = np.array([facts.to_file_us(one.time_ns) for one in glimpses])
+def _entries(snapshots: Sequence[Snapshot], facts: Facts, width_px: int) -> Entries:
+    times_us = np.array([facts.to_file_us(snapshot.time_ns) for snapshot in snapshots])
     entries: dict[str, tuple[NDArray[Any], str]] = {"times_us": (times_us, f"Instants, {_ON_CLOCK}")}
     families = (("rgb", _rgb), ("depth", _depth), ("flow", _flow), ("residual", _residual), ("events", _events))
     for family, arrays_of in families:
-        pictures = [one.pictures.get(family) for one in glimpses]
+        pictures = [snapshot.pictures.get(family) for snapshot in snapshots]
         if any(picture is not None for picture in pictures):
             entries.update(arrays_of(pictures, facts, width_px))
     return entries
@@ -61,7 +61,7 @@ def _depth(pictures: Pictures, facts: Facts, width_px: int) -> Entries:
 
 
 def _flow(pictures: Pictures, facts: Facts, width_px: int) -> Entries:
-    streams = sorted({picture.stream for picture in _shown(pictures)})
+    streams = sorted({picture.stream for picture in _present(pictures)})
     title = f"Flow ({', '.join(streams)}; u right, v down), px of the stored image over its interval"
     return {
         "flow_px": (_stacked(pictures, np.nan), title + _averaged(pictures)),
@@ -75,34 +75,34 @@ def _residual(pictures: Pictures, facts: Facts, width_px: int) -> Entries:
 
 
 def _events(pictures: Pictures, facts: Facts, width_px: int) -> Entries:
-    counts, block = _stacked(pictures, 0), max(picture.block for picture in _shown(pictures))  # (n, 2, h, w)
-    if block == 1:  # the size of an undeclared sensor is known only now
+    counts, block = _stacked(pictures, 0), max(picture.block for picture in _present(pictures))  # (n, 2, h, w)
+    if block == 1:  # the size of an undeclared sensor follows from all events
         block = block_px(counts.shape[3], width_px)
         counts = summed_counts(counts, block)
     of_pixel = f"{block}x{block} pixels" if block > 1 else "a pixel"
     entries = {
         name: (
             counts[:, polarity],
-            f"Events that tell of {what}, number in {of_pixel} of the sensor within {_EVENTS_MS:g} ms",
+            f"Events that tell of {change}, number in {of_pixel} of the sensor within {_EVENTS_MS:g} ms",
         )
-        for polarity, name, what in ((1, "brighter", "brightening"), (0, "darker", "darkening"))
+        for polarity, name, change in ((1, "brighter", "brightening"), (0, "darker", "darkening"))
     }
     interval = (_intervals_us(pictures, facts), f"Start and end of the time in which events were counted, {_ON_CLOCK}")
     return {**entries, "events_interval_us": interval}
 
 
-def _shown(pictures: Pictures) -> Iterable[Picture]:
+def _present(pictures: Pictures) -> Iterable[Picture]:
     return (picture for picture in pictures if picture is not None)
 
 
 def _stacked(pictures: Pictures, missing: float) -> NDArray[Any]:
     """Stack pictures, smaller ones in the upper left corner of the largest; what is missing has the given value."""
-    images = [picture.image for picture in _shown(pictures)]
+    images = [picture.image for picture in _present(pictures)]
     shape = tuple(max(sizes) for sizes in zip(*(image.shape for image in images), strict=True))
     stack = np.full((len(pictures), *shape), missing, images[0].dtype)
-    for place, picture in zip(stack, pictures, strict=True):
+    for layer, picture in zip(stack, pictures, strict=True):
         if picture is not None:
-            place[tuple(slice(size) for size in picture.image.shape)] = picture.image
+            layer[tuple(slice(size) for size in picture.image.shape)] = picture.image
     return stack
 
 
@@ -113,5 +113,5 @@ def _intervals_us(pictures: Pictures, facts: Facts) -> NDArray[np.float64]:
 
 
 def _averaged(pictures: Pictures) -> str:
-    block = max(picture.block for picture in _shown(pictures))
+    block = max(picture.block for picture in _present(pictures))
     return f", averaged over {block}x{block} pixels" if block > 1 else ""

@@ -1,4 +1,4 @@
-"""Where findings are worst, as places that can be looked at: a window, an instant, images, and a box in the picture."""
+"""Where findings are worst: a window, an instant, images, and a box in the picture."""
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -7,7 +7,7 @@ from typing import Final
 import numpy as np
 
 from fedora_qa.conventions import NS_PER_US
-from fedora_qa.evidence.instants import spread_instants
+from fedora_qa.evidence.snapshot_times import snapshot_times_ns
 from fedora_qa.record.types import Finding, Severity, Where
 from fedora_qa.sequence.facts import Facts
 from fedora_qa.sequence.window import Span
@@ -16,13 +16,13 @@ Box = tuple[float, float, float, float]
 
 WHOLE: Final[Box] = (0.0, 0.0, 1.0, 1.0)
 
-_RANK: Final[Mapping[Severity, int]] = {"critical": 0, "error": 1, "warning": 2, "info": 3}
+_SEVERITY_RANK: Final[Mapping[Severity, int]] = {"critical": 0, "error": 1, "warning": 2, "info": 3}
 _FRAMES: Final = ("rgb", "depth")
 
 
 @dataclass(frozen=True, slots=True)
-class Place:
-    """What to look at for a finding.
+class WorstLocation:
+    """The window, instant and images that show a finding.
 
     Attributes
     ----------
@@ -36,35 +36,37 @@ class Place:
     rows: Mapping[str, int] = field(default_factory=dict)
 
 
-def worst_places(findings: Iterable[Finding], spans: Sequence[Span], facts: Facts, most: int) -> tuple[Place, ...]:
-    """Return the places of the gravest findings that have one, each place once, at most so many."""
-    places: dict[object, Place] = {}
-    for finding in sorted(findings, key=lambda one: _RANK[one.severity]):
-        place = place_of(finding, spans, facts)
-        if place is not None:
+def worst_locations(
+    findings: Iterable[Finding], spans: Sequence[Span], facts: Facts, most: int
+) -> tuple[WorstLocation, ...]:
+    """Return the locations of the gravest findings that have one, each location once, at most so many."""
+    locations: dict[object, WorstLocation] = {}
+    for finding in sorted(findings, key=lambda finding: _SEVERITY_RANK[finding.severity]):
+        location = location_of(finding, spans, facts)
+        if location is not None:
             where = finding.where
-            places.setdefault((place.time_ns, where.pixel, where.tile), place)
-    return tuple(places.values())[:most]
+            locations.setdefault((location.time_ns, where.pixel, where.tile), location)
+    return tuple(locations.values())[:most]
 
 
-def place_of(finding: Finding, spans: Sequence[Span], facts: Facts) -> Place | None:
-    """Return where to look for a finding; None where it is of the whole file, or there is nothing to look at."""
+def location_of(finding: Finding, spans: Sequence[Span], facts: Facts) -> WorstLocation | None:
+    """Return the location of a finding; None where it is of the whole file, or no window shows it."""
     where = finding.where
-    rows = _named_rows(where, facts)
+    rows = _named_frame(where, facts)
     time_ns = _instant_ns(where, rows, facts)
     if time_ns is None and not rows and where.index_start is None:
-        return _in_the_middle(finding, spans, facts) if where.pixel or where.tile else None
+        return _in_the_middle_of_file(finding, spans, facts) if where.pixel or where.tile else None
     rows |= _field(where, rows, time_ns, facts)
-    beginning = {where.stream: where.index_start} if where.stream and where.index_start is not None else {}
-    span = _owner({**beginning, **rows}, spans) or _around(time_ns, spans)
+    first_row = {where.stream: where.index_start} if where.stream and where.index_start is not None else {}
+    span = _owner({**first_row, **rows}, spans) or _nearest_span(time_ns, spans)
     if span is None:
         return None
     owned = {stream: row for stream, row in rows.items() if row in range(*span.owned.get(stream, (0, 0)))}
-    return Place(finding, span, (span.start_ns + span.stop_ns) // 2 if time_ns is None else time_ns, owned)
+    return WorstLocation(finding, span, (span.start_ns + span.stop_ns) // 2 if time_ns is None else time_ns, owned)
 
 
-def place_beside(place: Place, step: int, spans: Sequence[Span], facts: Facts) -> Place | None:
-    """Return the place so many frames later, or earlier; None where there is no such frame, or stamps say nothing.
+def location_beside(location: WorstLocation, step: int, spans: Sequence[Span], facts: Facts) -> WorstLocation | None:
+    """Return the location so many frames later, or earlier; None where there is no such frame or timestamp.
 
     Of a field of flow that the finding names the neighbour nearest to that frame is shown.
     """
@@ -72,22 +74,22 @@ def place_beside(place: Place, step: int, spans: Sequence[Span], facts: Facts) -
     if stream is None:
         return None
     times_ns = facts.clocks[stream].times_ns
-    row = place.rows.get(stream, int(np.argmin(np.abs(times_ns - place.time_ns)))) + step
-    if not _has(facts, stream, row):
+    row = location.rows.get(stream, int(np.argmin(np.abs(times_ns - location.time_ns)))) + step
+    if not _has_row(facts, stream, row):
         return None
     time_ns = int(times_ns[row])
     rows = {stream: row}
-    for name in place.rows:
+    for name in location.rows:
         if name in facts.flow_streams and facts.clocks[name].usable:
             rows[name] = int(np.argmin(np.abs(facts.clocks[name].times_ns - time_ns)))
-    span = _owner({stream: row}, spans) or _around(time_ns, spans)
-    return None if span is None else Place(place.finding, span, time_ns, rows)
+    span = _owner({stream: row}, spans) or _nearest_span(time_ns, spans)
+    return None if span is None else WorstLocation(location.finding, span, time_ns, rows)
 
 
 def box_of(where: Where, height: int, width: int) -> Box:
     """Return a finding's tile or pixel as shares of an image of the stream named: left, top, right, bottom.
 
-    It is clipped to the image, and the whole image where nothing of it is left. The cameras of a file look through one
+    It is clipped to the image, and the whole image where nothing of it lies within. The cameras of a file have one
     field of view, so that the shares hold for the pictures of all streams.
     """
     tile = where.tile or (where.pixel and (*where.pixel, where.pixel[0] + 1, where.pixel[1] + 1))
@@ -98,12 +100,12 @@ def box_of(where: Where, height: int, width: int) -> Box:
     return (left, top, right, bottom) if left < right and top < bottom else WHOLE
 
 
-def _named_rows(where: Where, facts: Facts) -> dict[str, int]:
+def _named_frame(where: Where, facts: Facts) -> dict[str, int]:
     """Return the frame that a finding names, of its stream or else of colour."""
     own = where.stream if where.stream in _FRAMES else None
     stream = own or next((name for name in _FRAMES if name in facts.clocks), None)
     row = where.frame if where.frame is not None or own is None else where.index_start
-    if stream is None or stream not in facts.clocks or row is None or not _has(facts, stream, row):
+    if stream is None or stream not in facts.clocks or row is None or not _has_row(facts, stream, row):
         return {}
     return {stream: row}
 
@@ -113,8 +115,8 @@ def _field(where: Where, rows: Mapping[str, int], time_ns: int | None, facts: Fa
     if where.stream not in facts.flow_streams or where.index_start is None:
         return {}
     first = max(where.index_start, 0)
-    last = where.index_start + 1 if where.index_stop is None else where.index_stop
-    starts_ns = facts.clocks[where.stream].times_ns[first : max(last, 0)]
+    stop = where.index_start + 1 if where.index_stop is None else where.index_stop
+    starts_ns = facts.clocks[where.stream].times_ns[first : max(stop, 0)]
     if time_ns is None or not len(starts_ns):
         return {}
     # In floating point, as a finding may name a time that is beyond 64-bit nanoseconds.
@@ -127,11 +129,12 @@ def _instant_ns(where: Where, rows: Mapping[str, int], facts: Facts) -> int | No
         if facts.clocks[stream].usable:
             return int(facts.clocks[stream].times_ns[row])
     if where.start_us is not None:
-        one_field = where.stream in facts.flow_streams and _single(where)
-        stop_us = where.start_us if where.stop_us is None or one_field else where.stop_us
+        first, stop = where.index_start, where.index_stop
+        is_single_field = where.stream in facts.flow_streams and (stop is None or first is None or stop - first == 1)
+        stop_us = where.start_us if where.stop_us is None or is_single_field else where.stop_us
         return round(((where.start_us + stop_us) / 2 - facts.origin_us) * NS_PER_US)
     clock = facts.clocks.get(where.stream or "")
-    if clock is None or where.index_start is None or not _has(facts, where.stream or "", where.index_start):
+    if clock is None or where.index_start is None or not _has_row(facts, where.stream or "", where.index_start):
         return None
     return int(clock.times_ns[where.index_start])
 
@@ -145,22 +148,18 @@ def _owner(rows: Mapping[str, int], spans: Iterable[Span]) -> Span | None:
     return None
 
 
-def _around(time_ns: int | None, spans: Sequence[Span]) -> Span | None:
+def _nearest_span(time_ns: int | None, spans: Sequence[Span]) -> Span | None:
     """Return the window at an instant, or the one nearest to it."""
     if time_ns is None or not spans:
         return None
     return min(spans, key=lambda span: max(span.start_ns - time_ns, time_ns - span.stop_ns + 1, 0))
 
 
-def _in_the_middle(finding: Finding, spans: Sequence[Span], facts: Facts) -> Place | None:
-    for index, (time_ns, *_) in spread_instants(spans, facts, 1).items():
-        return next(Place(finding, span, time_ns) for span in spans if span.index == index)
+def _in_the_middle_of_file(finding: Finding, spans: Sequence[Span], facts: Facts) -> WorstLocation | None:
+    for index, (time_ns, *_) in snapshot_times_ns(spans, facts, 1).items():
+        return next(WorstLocation(finding, span, time_ns) for span in spans if span.index == index)
     return None
 
 
-def _single(where: Where) -> bool:
-    return where.index_stop is None or where.index_start is None or where.index_stop - where.index_start == 1
-
-
-def _has(facts: Facts, stream: str, row: int) -> bool:
+def _has_row(facts: Facts, stream: str, row: int) -> bool:
     return 0 <= row < len(facts.clocks[stream].times_ns)
