@@ -19,6 +19,7 @@ from fedora_qa.sequence.window import Window
 State = TypeVar("State")
 Summary = TypeVar("Summary")
 
+
 @dataclass(frozen=True, slots=True)
 class Statistic:
     """A number with its error under the noise model, and how it is to be judged.

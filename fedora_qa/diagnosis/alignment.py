@@ -25,7 +25,15 @@ _LEAST_ERROR_PX: Final = 1e-3
 def propose_depth(alarm: Alarm, facts: Facts) -> tuple[Hypothesis, ...]:
     """Propose causes for ``alignment.depth``: which camera is mirrored, or which is shifted."""
     if alarm.finding.code == "alignment.depth.mirrored":
-        return _mirrored(alarm, facts)
+        # Weigh depth against colour by the events: where their edges lie at the steps of depth, depth is right.
+        events_at_steps = any(edges.significant for edges in alarm.statistic.features if isinstance(edges, EventEdges))
+        if "events" not in facts.streams or "events" not in facts.declared.cameras:
+            depth = rgb = support("alignment.mirrored_without_events")
+        elif events_at_steps:
+            depth, rgb = support("alignment.mirrored_depth_with_events"), support("alignment.mirrored_rgb_with_events")
+        else:
+            depth, rgb = support("alignment.mirrored_depth_against_events"), support("alignment.mirrored_rgb_unopposed")
+        return Hypothesis("mirrored", "depth", depth), Hypothesis("mirrored", "rgb", rgb)
     return (
         *shift_hypotheses(_pairs(alarm), facts.declared.cameras),
         # Both move edges with the motion of the image.
@@ -49,18 +57,6 @@ def propose_events(alarm: Alarm, facts: Facts) -> tuple[Hypothesis, ...]:
 
 def _pairs(alarm: Alarm) -> list[CameraPairShift]:
     return [feature for feature in alarm.statistic.features if isinstance(feature, CameraPairShift)]
-
-
-def _mirrored(alarm: Alarm, facts: Facts) -> tuple[Hypothesis, ...]:
-    """Weigh depth against colour by the events: where their edges lie at the steps of depth, depth is right."""
-    events_at_steps = any(edges.significant for edges in alarm.statistic.features if isinstance(edges, EventEdges))
-    if "events" not in facts.streams or "events" not in facts.declared.cameras:
-        depth = rgb = support("alignment.mirrored_without_events")
-    elif events_at_steps:
-        depth, rgb = support("alignment.mirrored_depth_with_events"), support("alignment.mirrored_rgb_with_events")
-    else:
-        depth, rgb = support("alignment.mirrored_depth_against_events"), support("alignment.mirrored_rgb_unopposed")
-    return Hypothesis("mirrored", "depth", depth), Hypothesis("mirrored", "rgb", rgb)
 
 
 def shift_hypotheses(pairs: Sequence[CameraPairShift], cameras: Mapping[str, Camera]) -> tuple[Hypothesis, ...]:

@@ -126,20 +126,17 @@ def _event_counts(window: Window) -> dict[str, Int64]:
     width, height = (int(axis.max(initial=0)) + 1 for axis in (columns, rows))
     numbers = np.int32 if width * height <= _MOST_PIXELS else np.int64
     pixels = np.multiply(rows, width, dtype=numbers) + columns
-    return {
-        "event_rate_per_ms": count_values(_rates_per_ms(times_ns, span, scan.first_ns, scan.last_ns)),
-        "pixel_interval_ms": count_values(pixel_intervals_ms(pixels, times_ns, span.start_ns)),
-    }
-
-
-def _rates_per_ms(times_ns: Int64, span: Span, first_ns: int, last_ns: int) -> NDArray[np.float64]:
-    """Return events per ms in each 5 ms of the window that lies wholly within the stream of events."""
+    # Events per ms in each 5 ms of the window that lies wholly within the stream of events.
     edges_ns = np.arange(span.start_ns, span.stop_ns + 1, _RATE_BIN_NS)
     before = np.searchsorted(times_ns, edges_ns)
     before[-1:] = np.searchsorted(times_ns, edges_ns[-1:], side="right")
     counts = np.diff(before)
-    within = (edges_ns[:-1] >= first_ns) & (edges_ns[1:] <= last_ns)
-    return np.asarray(counts[within] * (NS_PER_MS / _RATE_BIN_NS))
+    within = (edges_ns[:-1] >= scan.first_ns) & (edges_ns[1:] <= scan.last_ns)
+    rates_per_ms = np.asarray(counts[within] * (NS_PER_MS / _RATE_BIN_NS))
+    return {
+        "event_rate_per_ms": count_values(rates_per_ms),
+        "pixel_interval_ms": count_values(pixel_intervals_ms(pixels, times_ns, span.start_ns)),
+    }
 
 
 def _entries(quantity: str, counts: Sequence[Int64 | None]) -> Iterator[tuple[str, tuple[NDArray[Any], str]]]:

@@ -31,7 +31,9 @@ def keep_trajectory(facts: Facts, source: RowSource, points: int) -> TitledArray
     if not parts:
         return TitledArrays()
     times_ns, positions_m, orientations_xyzw = (np.concatenate(column) for column in zip(*parts, strict=True))
-    speeds_m_s = _speeds(times_ns, positions_m)
+    # Speeds (n,); NaN where too few poses are there to smooth.
+    fitted = velocities((times_ns - times_ns[0]) / NS_PER_S, positions_m)
+    speeds_m_s = np.full(len(times_ns), np.nan) if fitted is None else np.linalg.norm(fitted, axis=1)
     chosen = np.unique(np.linspace(0, len(times_ns) - 1, min(points, len(times_ns))).round().astype(np.intp))
     forward = matrices_from_quaternions(orientations_xyzw[chosen])[:, :, 0]
     times_us = facts.origin_us + times_ns[chosen] / NS_PER_US
@@ -68,9 +70,3 @@ def _readable(facts: Facts, source: RowSource) -> Iterator[tuple[NDArray[np.int6
         )
         if usable.any():
             yield clock.times_ns[start:stop][usable], positions_m[usable], orientations_xyzw[usable]
-
-
-def _speeds(times_ns: NDArray[np.int64], positions_m: Float64) -> Float64:
-    """Return speeds (n,); NaN where too few poses are there to smooth."""
-    fitted = velocities((times_ns - times_ns[0]) / NS_PER_S, positions_m)
-    return np.full(len(times_ns), np.nan) if fitted is None else np.linalg.norm(fitted, axis=1)

@@ -34,7 +34,10 @@ def judge(
     observations: Mapping[str, Observation], checks: Iterable[Check[Any]], false_alarm_rate: float
 ) -> tuple[Judged, ...]:
     """Judge all observations of one file together, because they share one false-alarm budget."""
-    comparisons = sum(_comparisons(observation) for observation in observations.values())
+    comparisons = sum(
+        sum(statistic.tests for statistic in observation.measurements if statistic.standard_error > 0)
+        for observation in observations.values()
+    )
     tolerance = tolerance_for(comparisons, false_alarm_rate)
     judged: list[Judged] = []
     alarms = 0
@@ -43,10 +46,6 @@ def judge(
             judged.append(_judge_check(check, observations[check.name], tolerance, first_id=alarms + 1))
             alarms += len(judged[-1].result.findings)
     return tuple(judged)
-
-
-def _comparisons(observation: Observation) -> int:
-    return sum(statistic.tests for statistic in observation.measurements if statistic.standard_error > 0)
 
 
 def _judge_check(check: Check[Any], observation: Observation, tolerance: Tolerance, first_id: int) -> Judged:

@@ -101,7 +101,11 @@ class StatisticsCollector:
         if "rgb" in streams:
             groups["rgb"] = {"brightness_mean_dn": added(window.luma_dn for window in state).mean}
         if facts.declared.cameras:
-            groups["cameras"] = _sizes(facts)
+            # The declared size of each camera's images.
+            cameras = sorted(facts.declared.cameras.items())
+            groups["cameras"] = {
+                f"{name}_{side}_px": getattr(camera, side) for name, camera in cameras for side in ("width", "height")
+            }
         groups["rates"] = {f"{stream}_hz": _rate_hz(clock) for stream, clock in sorted(facts.clocks.items())}
         return groups
 
@@ -244,12 +248,6 @@ def _depth(depth_m: ValueMoments, disparity_per_m: ValueMoments) -> dict[str, Sc
         "disparity_mean_per_m": disparity_per_m.mean,
         "valid_share": depth_m.valid_share,
     }
-
-
-def _sizes(facts: Facts) -> dict[str, Scalar]:
-    """Return the declared size of each camera's images."""
-    cameras = sorted(facts.declared.cameras.items())
-    return {f"{name}_{side}_px": getattr(camera, side) for name, camera in cameras for side in ("width", "height")}
 
 
 def _rate_hz(clock: Clock) -> float | None:

@@ -10,7 +10,6 @@ from numpy.typing import NDArray
 from fedora_qa.errors import UnreadableRowsError
 from fedora_qa.estimators.flow.contrast import GAINS, MARGIN_PX, PixelEvents, SensorView, sharpness_under
 from fedora_qa.estimators.flow.contrast_kernels import on_rows
-from fedora_qa.sequence.facts import Facts
 from fedora_qa.sequence.window import Events, Window
 from fedora_qa.views.event_camera import sensor_shape
 from fedora_qa.views.flow_intervals import Interval, owned_intervals
@@ -122,7 +121,12 @@ def _measure(window: Window, interval: Interval, events: Events) -> FieldSharpne
         stored_px = window.flow_px(interval.stream, interval.row)
     except UnreadableRowsError:
         return None
-    shape, view = sensor_shape(window.facts.declared), _view_of_flow(window.facts)
+    # How the event camera, which has the centre of the depth camera, maps onto the flow's grid.
+    K_flow, K_event = (window.facts.declared.cameras[name].K for name in ("depth", "events"))
+    across, down = (float(K_flow[i, i] / K_event[i, i]) for i in range(2))
+    left, top = (float(K_flow[i, 2] - K_event[i, 2] * K_flow[i, i] / K_event[i, i]) for i in range(2))
+    view_of_flow = SensorView(across, left, down, top, 1 / across, 1 / down)
+    shape, view = sensor_shape(window.facts.declared), view_of_flow
     focal_px = float(window.facts.declared.cameras["events"].K[0, 0])
     rows, most, speed_pixels = np.ones(shape[0], np.bool_), MOST_EVENTS, _SPEED_PIXELS
     if is_large(stored_px.shape[0] * stored_px.shape[1], window):
@@ -190,11 +194,3 @@ def _transform_matrices(interval_s: float) -> tuple[Float64, ...]:
 
 _RMS_OF_TIME: Final = 12**-0.5
 """Root mean square distance of an instant from the middle, over the length of the interval."""
-
-
-def _view_of_flow(facts: Facts) -> SensorView:
-    """Return how the event camera, which has the centre of the depth camera, maps onto the flow's grid."""
-    K_flow, K_event = (facts.declared.cameras[name].K for name in ("depth", "events"))
-    across, down = (float(K_flow[i, i] / K_event[i, i]) for i in range(2))
-    left, top = (float(K_flow[i, 2] - K_event[i, 2] * K_flow[i, i] / K_event[i, i]) for i in range(2))
-    return SensorView(across, left, down, top, 1 / across, 1 / down)

@@ -175,7 +175,18 @@ def _transformed(window: Window, resampled: ResampledFrames, declared: EventMode
     swapped[..., :side, :side] = counts[..., :side, :side].swapaxes(2, 3)
     in_square[:side, :side] = True
     yield _TransformedCounts("swap_axes", _every_few(swapped), _every_few(in_square), (True, False, False))
-    for right_px, down_px in _likely_shifts(resampled, declared):
+    # The shifts, right and down, at which events correlate best with the frames; without that of nothing.
+    levels, lit = signal(resampled, declared)
+    signed = declared.threshold_on * resampled.counts[:, 1] - declared.threshold_off * resampled.counts[:, 0]
+    usable = lit[:-1] & lit[1:]
+    changes = np.where(usable, np.diff(levels, axis=0), 0.0)
+    patch = np.sum([cross_correlation(*each) for each in zip(changes, signed, usable, strict=True)], axis=0)
+    # No shift is what the events have as they are.
+    patch[RADIUS_PX, RADIUS_PX] = -np.inf
+    highest = np.argsort(-patch, axis=None)[:_PEAKS]
+    likely_shifts = [(int(column) - RADIUS_PX, int(row) - RADIUS_PX)
+            for row, column in zip(*np.unravel_index(highest, patch.shape), strict=True)]  # fmt: skip
+    for right_px, down_px in likely_shifts:
         rows, columns = np.arange(height) + down_px, np.arange(width) + right_px
         # Pixels whose events would have to come from beyond the sensor have none.
         from_sensor = ((rows >= 0) & (rows < height))[:, np.newaxis] & (columns >= 0) & (columns < width)
@@ -185,20 +196,6 @@ def _transformed(window: Window, resampled: ResampledFrames, declared: EventMode
     for delay_ms in _DELAYS_MS:
         advanced = _advanced_counts(window, resampled, round(delay_ms * NS_PER_MS))
         yield _TransformedCounts("delay", _every_few(advanced), everywhere, size=delay_ms)
-
-
-def _likely_shifts(resampled: ResampledFrames, declared: EventModel) -> list[tuple[int, int]]:
-    """Return the shifts, right and down, at which events correlate best with the frames; without that of nothing."""
-    levels, lit = signal(resampled, declared)
-    signed = declared.threshold_on * resampled.counts[:, 1] - declared.threshold_off * resampled.counts[:, 0]
-    usable = lit[:-1] & lit[1:]
-    changes = np.where(usable, np.diff(levels, axis=0), 0.0)
-    patch = np.sum([cross_correlation(*each) for each in zip(changes, signed, usable, strict=True)], axis=0)
-    # No shift is what the events have as they are.
-    patch[RADIUS_PX, RADIUS_PX] = -np.inf
-    highest = np.argsort(-patch, axis=None)[:_PEAKS]
-    return [(int(column) - RADIUS_PX, int(row) - RADIUS_PX)
-            for row, column in zip(*np.unravel_index(highest, patch.shape), strict=True)]  # fmt: skip
 
 
 def _advanced_counts(window: Window, resampled: ResampledFrames, delay_ns: int) -> Counts:

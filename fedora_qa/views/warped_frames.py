@@ -141,7 +141,9 @@ class FramePair:
                 read_parts(rgb, _luma_of_codes(self.window.facts.declared.transfer), taps, parts, columns, rows)
             )
         flat = (-1, columns.shape[-1])
-        return read_between(self._smoothed(frame), columns.reshape(flat), rows.reshape(flat)).reshape(columns.shape)
+        sigma_px = self.optics.sigma_px
+        smoothed = self.window.of_image("smooth luma", frame, lambda: smooth(luma_dn(self.window, frame), sigma_px))
+        return read_between(smoothed, columns.reshape(flat), rows.reshape(flat)).reshape(columns.shape)
 
     def _in_parts(self, frame: int, pixels: int) -> bool:
         """Whether so many pixels of a frame are few enough to make only these."""
@@ -155,10 +157,6 @@ class FramePair:
         scale = H[2, 0] * columns + H[2, 1] * rows + H[2, 2]
         x, y = (((H[i, 0] * columns + H[i, 1] * rows + H[i, 2]) / scale).astype(np.float32) for i in range(2))
         return x, y
-
-    def _smoothed(self, frame: int) -> Float32:
-        sigma_px = self.optics.sigma_px
-        return self.window.of_image("smooth luma", frame, lambda: smooth(luma_dn(self.window, frame), sigma_px))
 
 
 @cache
@@ -183,26 +181,23 @@ def visible(window: Window, interval: Interval, origins: Int64, fewest: int = 0)
     """
     geometry = geometry_of(window, interval)
     if geometry is None:
-        return _visible_by_flow(window, interval, origins), False
+        stored = window.flow_px(interval.stream, interval.row)
+        breaks, crowded = flow_conflicts(stored)
+        columns, rows = pixels_of(origins, halo_px=0)
+        flow_px = patches_of(stored, origins, halo_px=0)
+        height, width = breaks.shape
+        with np.errstate(invalid="ignore"):
+            at_columns, at_rows = np.rint(columns + flow_px[..., 0]), np.rint(rows + flow_px[..., 1])
+            inside = (at_columns >= 0) & (at_columns < width) & (at_rows >= 0) & (at_rows < height)
+        there = crowded[np.where(inside, at_rows, 0).astype(np.int64), np.where(inside, at_columns, 0).astype(np.int64)]
+        visible_by_flow = np.asarray(inside & (there == 0) & (patches_of(breaks, origins, halo_px=0) == 0))
+        return visible_by_flow, False
     K, size, motion = geometry.track.camera.K, (TILE_PX, TILE_PX), geometry.corrected
     depths_m = window.depth_m(geometry.frames[0]), window.depth_m(geometry.frames[1])
     if len(origins) * TILE_PX**2 < _FEW * min(image.size for image in depths_m):
         return seen_in_few_tiles(K, motion, origins, size, depths_m, geometry.uncertainty_px, fewest), True
     first, second = ((_inverse_depth(window, frame), _edges(window, frame)) for frame in geometry.frames)
     return seen_in_both(K, motion, origins, size, first, second, geometry.uncertainty_px), True
-
-
-def _visible_by_flow(window: Window, interval: Interval, origins: Int64) -> Mask:
-    stored = window.flow_px(interval.stream, interval.row)
-    breaks, crowded = flow_conflicts(stored)
-    columns, rows = pixels_of(origins, halo_px=0)
-    flow_px = patches_of(stored, origins, halo_px=0)
-    height, width = breaks.shape
-    with np.errstate(invalid="ignore"):
-        at_columns, at_rows = np.rint(columns + flow_px[..., 0]), np.rint(rows + flow_px[..., 1])
-        inside = (at_columns >= 0) & (at_columns < width) & (at_rows >= 0) & (at_rows < height)
-    there = crowded[np.where(inside, at_rows, 0).astype(np.int64), np.where(inside, at_columns, 0).astype(np.int64)]
-    return np.asarray(inside & (there == 0) & (patches_of(breaks, origins, halo_px=0) == 0))
 
 
 @dataclass(frozen=True, slots=True)

@@ -115,6 +115,19 @@ def rotation_rows(samples: InertialSamples, noise: InertialNoise) -> ComparisonR
     gyro, substeps = samples.angular_velocities_body_rad_s[sparse], _substeps(imu_times_s, stops_s - starts_s)
     coarse = rotation_increments(imu_times_s[sparse], gyro, starts_s, stops_s, substeps=substeps // 2)
     model_errors = so3.log_quaternion(so3.compose(so3.inverse(coarse), compared.increments)) / RICHARDSON
+    # The bands (3, 2, n), alike on each axis: every source of noise here is isotropic.
+    steps_s = np.diff(samples.pose_times_s)
+    rates = np.linalg.norm(so3.log_quaternion(compared.by_pose), axis=-1) / steps_s
+    # Of each pose the larger rate of the two steps beside it.
+    rates = np.maximum(np.append(rates, 0.0), np.insert(rates, 0, 0.0))
+    variances = (
+        noise.rotation_sigma_rad**2 + timestamp_scatter(rates) ** 2 + noise.rotation_rounding_rad**2 + _ROUNDING_RAD**2
+    )
+    # The residual is n_k+1 - n_k and white noise of the gyro: neighbours share -var(n).
+    own = variances[poses] + variances[poses + 1] + noise.gyro_density**2 * steps_s[poses]
+    shared = np.zeros(len(poses))
+    shared[1:] = np.where(np.diff(poses) == 1, -variances[poses[1:]], 0.0)
+    covariance = np.tile(np.array([shared, own]), (3, 1, 1))
     return ComparisonRows(
         poses=poses,
         times_s=starts_s,
@@ -123,7 +136,7 @@ def rotation_rows(samples: InertialSamples, noise: InertialNoise) -> ComparisonR
         model_errors=np.einsum("nij,nj->ni", compared.R_world_end, model_errors),
         jacobians=compared.effects.jacobians,
         bias_jacobians=compared.effects.jacobians[..., 3:6],
-        covariance_bands=_covariance(samples.pose_times_s, compared.by_pose, noise, poses),
+        covariance_bands=covariance,
     )
 
 
@@ -190,22 +203,6 @@ def _jacobians(rate: CubicSpline, integral: PPoly, starts_s: Float64, stops_s: F
     R_end_mean = unit - 0.5 * so3.cross_matrices(turn)
     derivatives: Float64 = -R_end_mean @ changes
     return derivatives
-
-
-def _covariance(times_s: Float64, by_pose: Float64, noise: InertialNoise, poses: NDArray[np.intp]) -> Float64:
-    """Return the bands (3, 2, n), alike on each axis: every source of noise here is isotropic."""
-    steps_s = np.diff(times_s)
-    rates = np.linalg.norm(so3.log_quaternion(by_pose), axis=-1) / steps_s
-    # Of each pose the larger rate of the two steps beside it.
-    rates = np.maximum(np.append(rates, 0.0), np.insert(rates, 0, 0.0))
-    variances = (
-        noise.rotation_sigma_rad**2 + timestamp_scatter(rates) ** 2 + noise.rotation_rounding_rad**2 + _ROUNDING_RAD**2
-    )
-    # The residual is n_k+1 - n_k and white noise of the gyro: neighbours share -var(n).
-    own = variances[poses] + variances[poses + 1] + noise.gyro_density**2 * steps_s[poses]
-    shared = np.zeros(len(poses))
-    shared[1:] = np.where(np.diff(poses) == 1, -variances[poses[1:]], 0.0)
-    return np.tile(np.array([shared, own]), (3, 1, 1))
 
 
 def _substeps(imu_times_s: Float64, steps_s: Float64) -> int:
