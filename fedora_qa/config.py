@@ -159,10 +159,10 @@ def files_beside(config: CheckConfig, path: Path) -> CheckConfig:
 
 def parse_bytes(text: str) -> int:
     """Return an amount of memory such as ``1GB`` or ``512MiB`` in bytes; raises ``MisuseError``."""
-    found = re.fullmatch(r"\s*(\d+(?:\.\d+)?)\s*([kmg]?i?b)\s*", text.lower())
-    if not found or found[2] not in _BYTES_PER_UNIT:
+    match = re.fullmatch(r"\s*(\d+(?:\.\d+)?)\s*([kmg]?i?b)\s*", text.lower())
+    if not match or match[2] not in _BYTES_PER_UNIT:
         raise MisuseError(f"Expected memory as a number and a unit such as 1GB or 512MiB, got {text!r}")
-    amount = int(float(found[1]) * _BYTES_PER_UNIT[found[2]])
+    amount = int(float(match[1]) * _BYTES_PER_UNIT[match[2]])
     if amount < LEAST_MEMORY_BYTES:
         raise MisuseError(f"Expected memory of at least {LEAST_MEMORY_BYTES >> 20}MiB, got {text!r}")
     return amount

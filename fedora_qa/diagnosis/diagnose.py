@@ -47,7 +47,7 @@ fit mostly means that another cause takes part."""
 
 
 @dataclass(frozen=True, slots=True)
-class _Candidate:
+class _CauseCandidate:
     """A cause in a stream, and its best hypothesis for each finding that it would explain, by the finding's id."""
 
     cause: str
@@ -76,10 +76,10 @@ def conclude(alarms: Sequence[Alarm], hypotheses: Mapping[str, Sequence[Hypothes
     candidates = _candidates(hypotheses)
     unexplained = {alarm.finding.id: 1.0 for alarm in alarms}
 
-    def gain(candidate: _Candidate) -> float:
+    def gain(candidate: _CauseCandidate) -> float:
         return sum(_new_support(candidate, finding, unexplained) for finding in candidate.evidence)
 
-    def gain_per_check(candidate: _Candidate) -> float:
+    def gain_per_check(candidate: _CauseCandidate) -> float:
         """Average over the findings of each check, sum over the checks: one check is one witness."""
         evidence = candidate.evidence
         return sum(_new_support(candidate, f, unexplained) / findings_of_check[checks[f]] for f in evidence)
@@ -104,7 +104,7 @@ def conclude(alarms: Sequence[Alarm], hypotheses: Mapping[str, Sequence[Hypothes
     return tuple(diagnoses)
 
 
-def _candidates(hypotheses: Mapping[str, Sequence[Hypothesis]]) -> list[_Candidate]:
+def _candidates(hypotheses: Mapping[str, Sequence[Hypothesis]]) -> list[_CauseCandidate]:
     """Gather hypotheses by cause and stream."""
     evidence: dict[tuple[str, str], dict[str, Hypothesis]] = defaultdict(dict)
     for finding, of_finding in hypotheses.items():
@@ -131,7 +131,7 @@ def _candidates(hypotheses: Mapping[str, Sequence[Hypothesis]]) -> list[_Candida
                 own = of_cause.get(finding, Hypothesis(cause, stream, 0.0))
                 if own.support < any_cause.support:
                     of_cause[finding] = replace(own, support=any_cause.support)
-    return [_Candidate(cause, stream, _of_one_sign(of_cause)) for (cause, stream), of_cause in evidence.items()]
+    return [_CauseCandidate(cause, stream, _of_one_sign(of_cause)) for (cause, stream), of_cause in evidence.items()]
 
 
 def _of_one_sign(evidence: Mapping[str, Hypothesis]) -> dict[str, Hypothesis]:
@@ -147,7 +147,7 @@ def _fit(hypothesis: Hypothesis) -> tuple[float, bool]:
     return round(hypothesis.support, 2), hypothesis.standard_error is not None
 
 
-def _new_support(candidate: _Candidate, finding: str, unexplained: Mapping[str, float]) -> float:
+def _new_support(candidate: _CauseCandidate, finding: str, unexplained: Mapping[str, float]) -> float:
     """Return the support for a finding that no cause chosen before has given."""
     hypothesis = candidate.evidence.get(finding)
     return 0.0 if hypothesis is None else min(hypothesis.support, unexplained[finding])
@@ -164,7 +164,7 @@ def share_of_first(plausibilities: Sequence[float], sharpness: float = SHARPNESS
 
 
 def _plausibilities(
-    rivals: Sequence[_Candidate], unexplained: Mapping[str, float], checks: Mapping[str, str]
+    rivals: Sequence[_CauseCandidate], unexplained: Mapping[str, float], checks: Mapping[str, str]
 ) -> list[float]:
     """Return the logarithms of the rivals' support by the findings that the first would explain.
 
@@ -176,14 +176,14 @@ def _plausibilities(
         if unexplained[finding] > 0:
             of_check[checks[finding]].append(finding)
 
-    def support_of(rival: _Candidate, findings: Sequence[str]) -> float:
+    def support_of(rival: _CauseCandidate, findings: Sequence[str]) -> float:
         mean = sum(_new_support(rival, finding, unexplained) for finding in findings) / len(findings)
         return max(mean, _UNFORESEEN)
 
     return [sum(log(support_of(rival, findings)) for findings in of_check.values()) for rival in rivals]
 
 
-def _as_diagnosis(name: str, candidate: _Candidate, share: float, places: Mapping[str, Where]) -> Diagnosis:
+def _as_diagnosis(name: str, candidate: _CauseCandidate, share: float, places: Mapping[str, Where]) -> Diagnosis:
     fair = _FAIR_FIT * max(hypothesis.support for hypothesis in candidate.evidence.values())
     finding, hypothesis = min(candidate.evidence.items(), key=lambda item: _precision(item[1], fair))
     return Diagnosis(

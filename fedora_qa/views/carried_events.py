@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fedora_qa.errors import UnreadableRowsError
-from fedora_qa.estimators.flow.contrast import GAINS, MARGIN_PX, PixelEvents, SensorView, sharpness_under
+from fedora_qa.estimators.flow.contrast import GAINS, MARGIN_PX, SensorView, WarpableEvents, sharpness_under
 from fedora_qa.estimators.flow.contrast_kernels import on_rows
 from fedora_qa.sequence.window import Events, Window
 from fedora_qa.views.event_camera import sensor_shape
@@ -143,7 +143,7 @@ def _measure(window: Window, interval: Interval, events: Events) -> FieldSharpne
     chosen = on_rows(events.x, events.y, (nearby.start, nearby.stop, step), shape[1], rows)
     x, y = events.x[chosen].astype(np.uint16), events.y[chosen].astype(np.uint16)
     tau = (events.times_ns[chosen] - interval.start_ns) / interval.length_ns
-    ordered = PixelEvents.pixel_by_pixel(x, y, tau)
+    ordered = WarpableEvents.pixel_by_pixel(x, y, tau)
     matrices = [0.0 * _UNIT, *(gain * _UNIT for gain in GAINS), *_transform_matrices(interval.duration_s)]
     flow = sensor_flow.at(ordered)
     as_stored = sharpness_under(ordered, [(flow, matrices)])

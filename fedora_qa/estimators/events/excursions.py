@@ -255,9 +255,9 @@ def _split_bounds(
     for column in range(len(light)):
         bright, off = light[column] + dark, float(error[column])
         # An error as large as the light leaves the lower bound at no light, whose logarithm is not finite.
-        known = (bright > off) & (off < np.inf)
-        mantissas[0, column] = bright - off if known else 1.0
-        mantissas[1, column] = bright + off if known else 1.0
+        bounded = (bright > off) & (off < np.inf)
+        mantissas[0, column] = bright - off if bounded else 1.0
+        mantissas[1, column] = bright + off if bounded else 1.0
     for end in range(2):
         for column in range(len(light)):
             whole = bits[end, column]

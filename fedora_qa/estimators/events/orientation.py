@@ -351,17 +351,17 @@ def add_moments(change: Float64, upright: Float64, swapped: Float64, tiles: int,
     """
     rows, columns = change.shape
     # A row of changes and its mirror image: that of the events' columns is the same thing.
-    known, changes, of_changes = np.empty((2, columns)), np.empty((2, columns)), np.empty(3)
+    is_finite, changes, of_changes = np.empty((2, columns)), np.empty((2, columns)), np.empty(3)
     for row in range(rows):
         for column in range(columns):
-            is_known = not np.isnan(change[row, column])
-            known[0, column] = known[1, columns - 1 - column] = 1.0 if is_known else 0.0
-            changes[0, column] = changes[1, columns - 1 - column] = change[row, column] if is_known else 0.0
+            finite = not np.isnan(change[row, column])
+            is_finite[0, column] = is_finite[1, columns - 1 - column] = 1.0 if finite else 0.0
+            changes[0, column] = changes[1, columns - 1 - column] = change[row, column] if finite else 0.0
         for tile in range(tiles):
             # Columns of which ``column * tiles // columns`` is the tile.
             first, stop = -(-tile * columns // tiles), -(-(tile + 1) * columns // tiles)
             of_tile = sums[tiles * (row * tiles // rows) + tile]
-            _sum_changes(known[0, first:stop], changes[0, first:stop], of_changes)
+            _sum_changes(is_finite[0, first:stop], changes[0, first:stop], of_changes)
             for symmetry in range(8):
                 line = (swapped if symmetry & 4 else upright)[rows - 1 - row if symmetry & 1 else row]
                 mirrored = (symmetry >> 1) & 1
@@ -370,26 +370,26 @@ def add_moments(change: Float64, upright: Float64, swapped: Float64, tiles: int,
                 moments[0] += of_changes[0]
                 moments[1] += of_changes[1]
                 moments[3] += of_changes[2]
-                _add_products(known[mirrored, begin:end], changes[mirrored, begin:end], line[begin:end], moments)
+                _add_products(is_finite[mirrored, begin:end], changes[mirrored, begin:end], line[begin:end], moments)
 
 
 @njit(cache=True, fastmath={"reassoc", "nsz", "contract"})
-def _sum_changes(known: Float64, changes: Float64, sums: Float64) -> None:
+def _sum_changes(is_finite: Float64, changes: Float64, sums: Float64) -> None:
     """Write the number of changes, their sum and that of their squares: alike under all symmetries."""
     n, d, dd = 0.0, 0.0, 0.0
-    for i in range(len(known)):
-        n += known[i]
+    for i in range(len(is_finite)):
+        n += is_finite[i]
         d += changes[i]
         dd += changes[i] * changes[i]
     sums[0], sums[1], sums[2] = n, d, dd
 
 
 @njit(cache=True, fastmath={"reassoc", "nsz", "contract"})
-def _add_products(known: Float64, changes: Float64, events: Float64, sums: Float64) -> None:
+def _add_products(is_finite: Float64, changes: Float64, events: Float64, sums: Float64) -> None:
     """Add the sums of events, of their squares, and of their products with the changes."""
     e, ee, de = 0.0, 0.0, 0.0
-    for i in range(len(known)):
-        event = known[i] * events[i]
+    for i in range(len(is_finite)):
+        event = is_finite[i] * events[i]
         e += event
         ee += event * event
         de += changes[i] * event

@@ -60,7 +60,7 @@ def _first_after(t: Int64, instant: int) -> int:
 
 @njit(cache=True)
 def survey_columns(
-    x: NDArray[np.integer], y: NDArray[np.integer], p: NDArray[np.integer], shape: tuple[int, int], found: Int64
+    x: NDArray[np.integer], y: NDArray[np.integer], p: NDArray[np.integer], shape: tuple[int, int], counts: Int64
 ) -> None:
     """Write of some events, as stored: beyond the sensor, of unknown polarity, the first such, farthest, by sign.
 
@@ -80,7 +80,15 @@ def survey_columns(
         off += p[i] == 0
         on += p[i] == 1
         column, row = max(column, np.int64(x[i])), max(row, np.int64(y[i]))
-    found[0], found[1], found[2], found[3], found[4], found[5], found[6] = outside, unknown, first, column, row, off, on
+    counts[0], counts[1], counts[2], counts[3], counts[4], counts[5], counts[6] = (
+        outside,
+        unknown,
+        first,
+        column,
+        row,
+        off,
+        on,
+    )
 
 
 @njit(cache=True)
@@ -104,12 +112,12 @@ def tally_events(x: Columns, y: Columns, p: Polarities, packed: Int64) -> None:
     A sequence that goes on is one. All that is kept of a pixel lies together, as events come from anywhere.
     """
     for i in range(len(x)):
-        known, sign = packed[y[i], x[i]], np.int64(p[i])
-        if known == 0:
-            known = sign * (FIRST | LAST) + RUN
-        elif (known & LAST) >> 1 != sign:
-            known = (known ^ LAST) + RUN
-        packed[y[i], x[i]] = known + EVENT
+        state, sign = packed[y[i], x[i]], np.int64(p[i])
+        if state == 0:
+            state = sign * (FIRST | LAST) + RUN
+        elif (state & LAST) >> 1 != sign:
+            state = (state ^ LAST) + RUN
+        packed[y[i], x[i]] = state + EVENT
 
 
 @njit(cache=True)

@@ -282,23 +282,23 @@ def most_shifted(
                 drag_px = dragged.right_px - shift.right_px, dragged.down_px - shift.down_px
                 errors[i] = np.hypot(errors[i], drag_px)
     # Parts without a peak of their own are not compared.
-    known = np.isfinite(shifts).all(axis=1)
-    if np.count_nonzero(known) < FEWEST_PARTS:
+    is_finite = np.isfinite(shifts).all(axis=1)
+    if np.count_nonzero(is_finite) < FEWEST_PARTS:
         return None
-    usual = np.median(shifts[known], axis=0)
+    usual = np.median(shifts[is_finite], axis=0)
     deviations = shifts - usual
-    scores = deviations[known] / errors[known]
+    scores = deviations[is_finite] / errors[is_finite]
     if len(scores) >= _FREEDOM + 2:
         # Where parts usually scatter beyond their errors, the errors are too small by as much.
         errors = errors * max(1.0, 1.4826 * float(np.median(np.abs(scores))))
-    scores = np.where(known[:, np.newaxis], np.abs(deviations) / errors, -1.0)
+    scores = np.where(is_finite[:, np.newaxis], np.abs(deviations) / errors, -1.0)
     part, axis = (int(i) for i in np.unravel_index(int(np.argmax(scores)), scores.shape))
     shift_px = float(deviations[part, axis])
-    alike = known & (deviations[:, axis] / shift_px > 1 / 2) if shift_px else known
+    alike = is_finite & (deviations[:, axis] / shift_px > 1 / 2) if shift_px else is_finite
     if abs(usual[axis] + shift_px) < abs(usual[axis]):
         # Most parts are shifted, and this one is not.
-        alike, shift_px = known & ~alike, -shift_px
-    return PartShift(part, axis, alike, shift_px, float(errors[part, axis]), int(np.count_nonzero(known)))
+        alike, shift_px = is_finite & ~alike, -shift_px
+    return PartShift(part, axis, alike, shift_px, float(errors[part, axis]), int(np.count_nonzero(is_finite)))
 
 
 def _vertex(three: Float64) -> float:

@@ -101,13 +101,13 @@ class SensorFlow:
         """The flow, and the four numbers that say where the flow of a pixel stands."""
         return FoldedFlow(self.flow_px, np.array([self.across, self.left, self.down, self.top], dtype=np.float32))
 
-    def at(self, events: "PixelEvents") -> "EventFlow":
+    def at(self, events: "WarpableEvents") -> "EventFlow":
         """Return the flow at the events' own pixels."""
         return EventFlow(self, *flows_of(events.x, events.y, self.folded))
 
 
 @dataclass(frozen=True, slots=True)
-class PixelEvents:
+class WarpableEvents:
     """Columns, rows (n,) and instants, in intervals of the flow after its start, of events, pixel by pixel."""
 
     x: Float32
@@ -115,16 +115,16 @@ class PixelEvents:
     tau: Float32
 
     @classmethod
-    def pixel_by_pixel(cls, x: Columns, y: Columns, tau: Float64) -> "PixelEvents":
+    def pixel_by_pixel(cls, x: Columns, y: Columns, tau: Float64) -> "WarpableEvents":
         """Order events by rows, by columns, and leave those of one pixel as they came."""
         # One sort of integers: row, column and index of each event.
         keys = ((y.astype(np.int64) << 16) + x << 32) + np.arange(len(x))
         order = np.sort(keys) & 0xFFFFFFFF
         return cls(*(values.astype(np.float32)[order] for values in (x, y, tau)))
 
-    def chosen(self, which: NDArray[np.int64]) -> "PixelEvents":
+    def chosen(self, which: NDArray[np.int64]) -> "WarpableEvents":
         """Return some of the events, by index."""
-        return PixelEvents(self.x[which], self.y[which], self.tau[which])
+        return WarpableEvents(self.x[which], self.y[which], self.tau[which])
 
 
 @dataclass(frozen=True, slots=True)
@@ -152,7 +152,7 @@ class WarpedEvents:
     way_px: float
 
 
-def sharpness_under(events: PixelEvents, candidates: Sequence[tuple[EventFlow, Sequence[Float64]]]) -> WarpedEvents:
+def sharpness_under(events: WarpableEvents, candidates: Sequence[tuple[EventFlow, Sequence[Float64]]]) -> WarpedEvents:
     """Carry the same events by every candidate: a flow, and the matrices (2, 2) that it is multiplied by.
 
     An event counts for all candidates or none: it must have a flow in every field, and lie farther from the border than

@@ -73,9 +73,9 @@ def templates_of_flow(flows_px: Float64, slopes: Float64, sines: Float64, geomet
     """
     count = len(flows_px)
     locking = sines[:, :, None] * np.eye(2)
-    known = np.zeros((count, 2, 8)) if geometric is None else geometric
+    geometric_templates = np.zeros((count, 2, 8)) if geometric is None else geometric
     constant = np.broadcast_to(np.eye(2), (count, 2, 2))
-    return np.concatenate((constant, flows_px[:, :, None], slopes, locking, known), axis=2)
+    return np.concatenate((constant, flows_px[:, :, None], slopes, locking, geometric_templates), axis=2)
 
 
 def fit_field(errors_px: Float64, covariances_px2: Float64, templates: Float64) -> FieldFit:

@@ -91,14 +91,14 @@ def sums_of_tiles(before: Float32, warped: Float32, valid: Mask, halo: int) -> F
     sums = np.zeros((count, 5, 5))
     mean, weights = np.empty(side * side, np.float32), np.zeros(side * side, np.float32)
     for i in range(count):
-        one, other = before[i].reshape(-1), warped[i].reshape(-1)
+        before_flat, other = before[i].reshape(-1), warped[i].reshape(-1)
         for at in range(len(mean)):
-            mean[at] = np.float32(0.5) * (one[at] + other[at])
+            mean[at] = np.float32(0.5) * (before_flat[at] + other[at])
         for row in range(size):
             line, of_row = weights[(row + halo) * side + halo :], valid[i, row]
             for column in range(size):
                 line[column] = of_row[column]
-        products = _products(mean, one, other, weights, side, halo)
+        products = _products(mean, before_flat, other, weights, side, halo)
         at = 0
         for a in range(5):
             for b in range(a, 5):
@@ -124,7 +124,7 @@ def _products(
     level = total / max(pixels, np.float32(1))
     aa = ab = ac = ad = ae = bb = bc = bd = be = cd = ce = dd = de = ee = np.float32(0)
     first, stop = halo * side, len(mean) - halo * side
-    here, one, other, there = mean[first:stop], before[first:stop], warped[first:stop], weights[first:stop]
+    here, before_row, other, there = mean[first:stop], before[first:stop], warped[first:stop], weights[first:stop]
     above, below = mean[first - side : stop - side], mean[first + side : stop + side]
     highest, lowest = mean[first - 2 * side : stop - 2 * side], mean[first + 2 * side : stop + 2 * side]
     left, right = mean[first - 1 : stop - 1], mean[first + 1 : stop + 1]
@@ -133,7 +133,7 @@ def _products(
         c = there[at]
         a = c * (near * (right[at] - left[at]) - far * (rightmost[at] - leftmost[at]))
         b = c * (near * (below[at] - above[at]) - far * (lowest[at] - highest[at]))
-        d, e = c * (here[at] - level), c * (other[at] - one[at])
+        d, e = c * (here[at] - level), c * (other[at] - before_row[at])
         aa += a * a
         ab += a * b
         ac += a

@@ -72,7 +72,7 @@ def known_patches(flow_px: Float32, origins: Int64, size: int, halo: int, larges
     """
     side = size + 2 * halo
     patches = np.zeros((len(origins), side, side, 2), np.float32)
-    known = np.zeros((len(origins), size, size), np.bool_)
+    is_finite = np.zeros((len(origins), size, size), np.bool_)
     for i in range(len(origins)):
         for j in range(side):
             line = flow_px[origins[i, 1] - halo + j]
@@ -81,8 +81,8 @@ def known_patches(flow_px: Float32, origins: Int64, size: int, halo: int, larges
                 if abs(u) < largest_px and abs(v) < largest_px:
                     patches[i, j, k, 0], patches[i, j, k, 1] = u, v
                     if halo <= j < side - halo and halo <= k < side - halo:
-                        known[i, j - halo, k - halo] = True
-    return patches, known
+                        is_finite[i, j - halo, k - halo] = True
+    return patches, is_finite
 
 
 @njit(cache=True)

@@ -41,7 +41,7 @@ class PixelTransfer(NamedTuple):
     t_px: Float64
 
 
-class DepthEdges(NamedTuple):
+class DepthEdgeMap(NamedTuple):
     """Inverse depth, 1/m, 0 where invalid, and 1 near its edges, else 0, of a frame (H, W) or a part of it."""
 
     inverse_per_m: Float32
@@ -91,7 +91,7 @@ def seen_in_both(
         (n, h, w), by tile.
     """
     transfer, agreement = _transfer(K, motion), DepthAgreement(EDGE, uncertainty_px)
-    return np.asarray(_seen_in_maps(transfer, origins, size, DepthEdges(*first), DepthEdges(*second), agreement))
+    return np.asarray(_seen_in_maps(transfer, origins, size, DepthEdgeMap(*first), DepthEdgeMap(*second), agreement))
 
 
 def seen_in_few_tiles(
@@ -130,8 +130,8 @@ def _seen_in_maps(
     transfer: PixelTransfer,
     origins: Int64,
     size: tuple[int, int],
-    first: DepthEdges,
-    second: DepthEdges,
+    first: DepthEdgeMap,
+    second: DepthEdgeMap,
     agreement: DepthAgreement,
 ) -> Mask:
     """Return which pixels of tiles (n, h, w) reappear, by maps of whole frames."""
@@ -205,7 +205,7 @@ def _seen_in_parts(
             edges1 = _edges_in(inverse1, part, shape, limits)
         if is_compact and agreement.uncertainty_px == 0:
             of_tile = inverse0[rows_above:, columns_before:]
-            _keep_agreeing(DepthEdges(inverse1, edges1), part, targets, of_tile, agreement.tolerance, visible_tile)
+            _keep_agreeing(DepthEdgeMap(inverse1, edges1), part, targets, of_tile, agreement.tolerance, visible_tile)
             continue
         for j in range(size[0]):
             for k in range(size[1]):
@@ -285,7 +285,7 @@ def _interpolated(image: Float32, x: float, y: float) -> float:
 
 @njit(cache=True)
 def _keep_agreeing(
-    second: DepthEdges, part: Int64, targets: _TileTransfer, inverses: Float32, tolerance: float, visible: Mask
+    second: DepthEdgeMap, part: Int64, targets: _TileTransfer, inverses: Float32, tolerance: float, visible: Mask
 ) -> None:
     """Leave out of the pixels (h, w) of a tile those near an edge of the second frame, or whose depth differs there.
 

@@ -8,9 +8,9 @@ from scipy.stats import norm
 
 from fedora_qa.estimators.flow.contrast import (
     GAINS,
-    PixelEvents,
     SensorFlow,
     SensorView,
+    WarpableEvents,
     WarpedEvents,
     best_gain,
     sharpness_under,
@@ -39,7 +39,7 @@ def warped(
     x: np.ndarray, y: np.ndarray, tau: np.ndarray, candidates: list[tuple[np.ndarray, np.ndarray]]
 ) -> WarpedEvents:
     """Events in any order, carried by every candidate: a flow and what it is multiplied by."""
-    events = PixelEvents.pixel_by_pixel(x, y, tau)
+    events = WarpableEvents.pixel_by_pixel(x, y, tau)
     return sharpness_under(events, [(SensorFlow(flow).at(events), [turn]) for flow, turn in candidates])
 
 
@@ -61,7 +61,7 @@ def test_events_are_carried_to_the_middle() -> None:
     """By the turned flow at the pixel where their point was at the start: here another one than where they fired."""
     flow_px = np.zeros((HEIGHT, WIDTH, 2), np.float32)
     flow_px[:, :40], flow_px[:, 40:] = (8.0, -2.0), (6.0, 0.0)
-    event = PixelEvents.pixel_by_pixel(np.array([42], np.uint16), np.array([20], np.uint16), np.array([0.75]))
+    event = WarpableEvents.pixel_by_pixel(np.array([42], np.uint16), np.array([20], np.uint16), np.array([0.75]))
     flow = SensorFlow(flow_px).at(event)
     places = []
     for turn in (UNIT, -UNIT, 0.0 * UNIT, 1e3 * UNIT):
@@ -95,7 +95,7 @@ def test_a_mirrored_grid_keeps_values(axis: int, left: float) -> None:
     view, shape = SensorView(2.0, left, 2.0, 1.0, 0.5, 0.5), (HEIGHT // 2, WIDTH // 2)
     wanted = np.ones(shape[0], np.bool_)
     x, y = (values.ravel().astype(np.uint16) for values in np.meshgrid(np.arange(shape[1]), np.arange(shape[0])))
-    events = PixelEvents.pixel_by_pixel(x, y, np.zeros(x.size))
+    events = WarpableEvents.pixel_by_pixel(x, y, np.zeros(x.size))
     turned = view.mirrored(view.of(flow_px, wanted, shape[1]), axis, flow_px.shape).at(events).flows_px
     stored = view.of(np.flip(flow_px, 1 - axis), wanted, shape[1]).at(events).flows_px
     both = np.isfinite(turned).all(axis=0) & np.isfinite(stored).all(axis=0)
