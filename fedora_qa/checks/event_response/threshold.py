@@ -88,8 +88,8 @@ class EventResponseThreshold(WindowCheck[WeightedLevelSums]):
 
     Sources
     -------
-    First principles (event_levels, event_fit). Huber 1964; Geman and McClure 1985 (weights); Fuller 1987,
-    "Measurement Error Models", eq. 1.1.12; Efron and Stein 1981.
+    First principles (``estimators/events/levels.py``, ``threshold_fit.py``). Huber 1964; Geman and McClure 1985
+    (weights); Fuller 1987, "Measurement Error Models", eq. 1.1.12; Efron and Stein 1981.
     """
 
     name = "event_response.threshold"

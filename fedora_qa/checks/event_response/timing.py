@@ -132,8 +132,8 @@ class EventResponseTiming(WindowCheck[TimingSummary]):
 
     Sources
     -------
-    First principles (event_reading, event_levels). Lagrange interpolation; Huber 1964; jackknife: Efron and Stein 1981;
-    matched filter for a step; Schwarz 1978, "Estimating the dimension of a model".
+    First principles (``estimators/events/frame_interpolation.py``, ``levels.py``). Lagrange interpolation; Huber 1964;
+    jackknife: Efron and Stein 1981; matched filter for a step; Schwarz 1978, "Estimating the dimension of a model".
     """
 
     name = "event_response.timing"

@@ -42,7 +42,7 @@ that the two frames' shares add up to about 3 sigma, where their difference has 
 """
 
 _WIDENED_PX: Final = 9
-"""Edges are widened by 4 px on either side, as ``flow_mask`` widens them."""
+"""Edges are widened by 4 px on either side, as ``estimators/flow/mask.py`` widens them."""
 
 _FEWEST_BLOCKS: Final = 180_000
 """Pixels from which on distances from edges are measured by blocks, at least so many of them in an image.
