@@ -5,6 +5,7 @@ a TypeError. And what no test could see: annotations (``X | None`` reads like a 
 the operator that does nothing.
 """
 
+import ast
 import random
 import re
 from collections.abc import Iterator, Sequence
@@ -39,15 +40,27 @@ class Mutant:
 
 
 def mutants_of(module: Path) -> Iterator[Mutant]:
-    """Yield every mutant of a module."""
-    tree = get_ast(module.read_text(encoding="utf-8"))
+    """Yield every mutant of a module outside of its compiled kernels."""
+    source = module.read_text(encoding="utf-8")
+    tree, kernels = get_ast(source), kernel_lines(source)
     for name in sorted(operator_names()):
         if _LEFT_OUT.search(name) or get_operator(name).arguments():
             continue
         operator = _operator(name)
         places = (place for node in ast_nodes(tree) for place in operator.mutation_positions(node))
         for occurrence, ((line, _), _) in enumerate(places):
-            yield Mutant(module, name, occurrence, line)
+            if line not in kernels:
+                yield Mutant(module, name, occurrence, line)
+
+
+def kernel_lines(source: str) -> frozenset[int]:
+    """Return the lines of functions that Numba compiles: anew for each change, which takes longer than their tests."""
+    return frozenset(
+        line
+        for node in ast.walk(ast.parse(source))
+        if isinstance(node, ast.FunctionDef) and any("njit" in ast.unparse(mark) for mark in node.decorator_list)
+        for line in range(node.lineno, (node.end_lineno or node.lineno) + 1)
+    )
 
 
 def drawn(mutants: Sequence[Mutant], count: int, seed: int) -> list[Mutant]:

@@ -19,11 +19,11 @@ def write(root: Path, path: str, imports: str = "") -> Path:
 
 def test_tests_that_name_the_module_come_before_those_that_reach_it(tmp_path: Path) -> None:
     """Direct importers first, then those of its users; others are left out."""
-    module = write(tmp_path, "fedora_qa/estimators/inner.py")
-    write(tmp_path, "fedora_qa/estimators/outer.py", "estimators.inner")
+    module = write(tmp_path, "fedora_qa/estimators/flow/inner.py")
+    write(tmp_path, "fedora_qa/estimators/outer.py", "estimators.flow.inner")
     write(tmp_path, "fedora_qa/judgement/other.py")
     reaching = write(tmp_path, "tests/estimators/test_a_outer.py", "estimators.outer")
-    naming = write(tmp_path, "tests/estimators/test_inner.py", "estimators.inner")
+    naming = write(tmp_path, "tests/estimators/flow/test_inner.py", "estimators.flow.inner")
     write(tmp_path, "tests/judgement/test_other.py", "judgement.other")
     assert unit_tests_of(module, tmp_path) == [naming, reaching]
 
@@ -36,7 +36,7 @@ def test_kernels_are_left_out(tmp_path: Path) -> None:
     assert modules(tmp_path) == [kept]
 
 
-@pytest.mark.parametrize("module", modules(ROOT), ids=lambda path: path.stem)
+@pytest.mark.parametrize("module", modules(ROOT), ids=lambda path: f"{path.parent.name}-{path.stem}")
 def test_every_module_has_a_unit_test(module: Path) -> None:
     """No estimator and no part of judgement is without a unit test that reaches it."""
     assert unit_tests_of(module, ROOT)

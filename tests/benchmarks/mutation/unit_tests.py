@@ -6,16 +6,16 @@ from pathlib import Path
 from typing import Final
 
 PACKAGES: Final = ("estimators", "judgement")
-_IMPORT: Final = re.compile(r"fedora_qa\.((?:estimators|judgement)\.\w+)")
+_IMPORT: Final = re.compile(r"fedora_qa\.((?:estimators|judgement)(?:\.\w+)+)")
 
 
 def modules(root: Path) -> list[Path]:
-    """Return the modules that are mutated: all of both packages but compiled kernels.
+    """Return the modules that are mutated: all of both packages but those that hold compiled kernels only.
 
     Kernels are compiled anew for each change, which takes longer than their tests; their callers are mutated.
     """
-    found = (path for package in PACKAGES for path in sorted((root / "fedora_qa" / package).glob("*.py")))
-    return [path for path in found if not path.stem.endswith(("__init__", "_kernels"))]
+    paths = (path for package in PACKAGES for path in sorted((root / "fedora_qa" / package).rglob("*.py")))
+    return [path for path in paths if not path.stem.endswith(("__init__", "_kernels"))]
 
 
 def unit_tests_of(module: Path, root: Path) -> list[Path]:
@@ -23,8 +23,8 @@ def unit_tests_of(module: Path, root: Path) -> list[Path]:
     tests = {
         path: _imports(path) for package in PACKAGES for path in sorted((root / "tests" / package).rglob("test_*.py"))
     }
-    inner = {_name(path): _imports(path) for path in modules(root)}
-    distances = _distances(_name(module), inner)
+    inner = {_name(path, root): _imports(path) for path in modules(root)}
+    distances = _distances(_name(module, root), inner)
     near = {
         path: min((distances[name] for name in names & distances.keys()), default=None) for path, names in tests.items()
     }
@@ -47,5 +47,5 @@ def _imports(path: Path) -> set[str]:
     return set(_IMPORT.findall(path.read_text(encoding="utf-8")))
 
 
-def _name(path: Path) -> str:
-    return f"{path.parent.name}.{path.stem}"
+def _name(path: Path, root: Path) -> str:
+    return ".".join(path.relative_to(root / "fedora_qa").with_suffix("").parts)

@@ -8,17 +8,17 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from fedora_qa.estimators.events.gaps import longest_silences
 from fedora_qa.estimators.events.pixels import by_pixel
 from fedora_qa.estimators.events.rates import PixelCounts
 from fedora_qa.estimators.events.row_kernels import (
-    are_crowded,
     count_between_frames,
     count_repeats,
     find_repeats,
-    longest_silences,
     mark_bursts,
     survey_columns,
 )
+from fedora_qa.estimators.events.timestamp_tick import are_crowded
 from tests.estimators.event_world import Stream
 
 SHAPE = (3, 4)
