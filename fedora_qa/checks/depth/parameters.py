@@ -10,15 +10,13 @@ import numpy as np
 from fedora_qa.checks.protocol import Observation, Statistic, WindowCheck
 from fedora_qa.estimators.depth.pair_fit import DepthFit, Family, fit_depth
 from fedora_qa.estimators.depth.warp import ModelNumber
+from fedora_qa.estimators.fitting.robust import MAD_TO_SIGMA
 from fedora_qa.features import Feature
 from fedora_qa.record.types import Coverage
 from fedora_qa.sequence.facts import Facts
 from fedora_qa.sequence.window import Window
 from fedora_qa.views.depth_pairs import DepthPair, owned_pairs, where_of_frames, why_no_geometry
 from fedora_qa.views.flow_intervals import depths_plausible
-
-_TO_SIGMA: Final = 1.4826
-"""From the median absolute deviation to the standard deviation of a normal distribution."""
 
 _FAR: Final = 3.0
 """Pairs so many sigmas from the median count half."""
@@ -161,7 +159,7 @@ def pool(fits: Sequence[PairParameter]) -> PooledParameter | None:
     ).T
     sigmas = np.hypot(errors, bounds)
     median = float(np.median(values))
-    scale = np.maximum(sigmas, _TO_SIGMA * float(np.median(np.abs(values - median))))
+    scale = np.maximum(sigmas, MAD_TO_SIGMA * float(np.median(np.abs(values - median))))
     # Inverse variances times Cauchy's weights 1 / (1 + u^2).
     weights = 1.0 / (sigmas**2 * (1.0 + ((values - median) / (_FAR * scale)) ** 2))
     weights /= weights.sum()

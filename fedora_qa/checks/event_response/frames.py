@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from fedora_qa.checks.protocol import Observation, Statistic, WindowCheck
 from fedora_qa.conventions import NS_PER_US, US_PER_S
 from fedora_qa.estimators.events.orientation import BLOCK_PX
+from fedora_qa.estimators.fitting.robust import MAD_TO_SIGMA
 from fedora_qa.features import Feature
 from fedora_qa.record.types import Coverage, Where
 from fedora_qa.sequence.facts import Facts
@@ -117,7 +118,7 @@ class EventResponseFrames(WindowCheck[IntervalMoments]):
                 f"events do not follow the frames at all: {middle:.2g} of what they say (event_response.orientation)"
             )
             return Observation(coverage, unobservable=reason)
-        spread = 1.4826 * float(np.median(np.abs(gains - middle)))
+        spread = MAD_TO_SIGMA * float(np.median(np.abs(gains - middle)))
         errors = np.hypot(spread, noise[clear])
         worst = int(np.argmax((np.abs(gains - middle) - CHANGE_BOUND * middle) / errors))
         earlier, later = (int(frame) for frame in frames[clear][worst])

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from fedora_qa.checks.exact import count_of_faults, no_faults
 from fedora_qa.checks.protocol import Notice, Observation, Statistic, WindowCheck
+from fedora_qa.estimators.fitting.robust import MAD_TO_SIGMA
 from fedora_qa.estimators.images.code_gain import CODES, gain_after_rounding, is_informative
 from fedora_qa.estimators.images.gain import brightness_gain
 from fedora_qa.estimators.images.values import count_codes, is_of_one_code
@@ -176,7 +177,7 @@ class ImagesExposure(WindowCheck[WindowExposure]):
 
 def _largest_jump(gains: Sequence[FramePairGain], facts: Facts) -> Statistic:
     jumps = departures(np.array([gain.log_gain for gain in gains]))
-    scatter = 1.4826 * float(np.median(np.abs(jumps)))
+    scatter = MAD_TO_SIGMA * float(np.median(np.abs(jumps)))
     errors = np.hypot(scatter, [gain.standard_error for gain in gains])
     model_error_bound = MISREGISTRATION_PERCENT / 100
     worst = int(np.argmax((np.abs(jumps) - model_error_bound) / errors))

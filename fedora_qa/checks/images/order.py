@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fedora_qa.checks.protocol import Observation, Statistic, WindowCheck
+from fedora_qa.estimators.fitting.robust import MAD_TO_SIGMA
 from fedora_qa.estimators.images.order import FlowRatio, flow_ratio, flow_ratios_of_parts, is_constant
 from fedora_qa.features import Feature
 from fedora_qa.record.types import Coverage, Where
@@ -179,7 +180,7 @@ class ImagesOrder(WindowCheck[tuple[FramePairRatio, ...]]):
         if usual < LEAST_RATIO:
             reason = f"frames do not follow the flow at all: {usual:.2g} of it (see flow_photometric.residual)"
             return Observation(coverage, unobservable=reason)
-        scatter = 1.4826 * float(np.median(np.abs(ratios - usual)))
+        scatter = MAD_TO_SIGMA * float(np.median(np.abs(ratios - usual)))
         errors = np.hypot(scatter, [pair.standard_error for pair in clear])
         worst = int(np.argmax((np.abs(ratios - usual) - ALLOWED * usual) / errors))
         whole = _worst_pair(clear[worst], usual, float(errors[worst]), clear, facts)
@@ -253,7 +254,7 @@ def _worst_part(pairs: Sequence[FramePairRatio], facts: Facts) -> Statistic | No
     if not informative.any():
         return None
     relative = np.where(informative, ratios / np.where(informative, usual, 1.0), np.nan)
-    scatter = 1.4826 * np.array([_median_of_finite(np.abs(column - 1)) for column in relative.T])
+    scatter = MAD_TO_SIGMA * np.array([_median_of_finite(np.abs(column - 1)) for column in relative.T])
     errors = np.hypot(scatter, own_errors / np.where(informative, usual, 1.0))
     scores = np.where(np.isfinite(relative), (np.abs(relative - 1) - ALLOWED) / errors, -np.inf)
     pair, part = (int(i) for i in np.unravel_index(int(np.argmax(scores)), scores.shape))

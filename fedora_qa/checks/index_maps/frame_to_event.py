@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from fedora_qa.checks.exact import count_of_faults
 from fedora_qa.checks.protocol import FactsCheck, Observation, Statistic
 from fedora_qa.conventions import NS_PER_S
+from fedora_qa.estimators.fitting.robust import NORMAL_QUARTILE
 from fedora_qa.features import Feature
 from fedora_qa.record.types import Coverage, Where
 from fedora_qa.sequence.facts import EventScan, Facts, IndexMap
@@ -247,4 +248,4 @@ def _median_and_spread(values: Float64) -> tuple[float, float]:
     if not len(values):
         return float("nan"), float("nan")
     middle = float(np.median(values))
-    return middle, float(np.median(np.abs(values - middle))) / 0.6745
+    return middle, float(np.median(np.abs(values - middle))) / NORMAL_QUARTILE

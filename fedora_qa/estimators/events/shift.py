@@ -23,6 +23,7 @@ from fedora_qa.estimators.events.shift_kernels import (
     follow_turns,
     step_between,
 )
+from fedora_qa.estimators.fitting.robust import MAD_TO_SIGMA
 
 Bool = NDArray[np.bool_]
 Float32 = NDArray[np.float32]
@@ -290,7 +291,7 @@ def most_shifted(
     scores = deviations[is_finite] / errors[is_finite]
     if len(scores) >= _FREEDOM + 2:
         # Where parts usually scatter beyond their errors, the errors are too small by as much.
-        errors = errors * max(1.0, 1.4826 * float(np.median(np.abs(scores))))
+        errors = errors * max(1.0, MAD_TO_SIGMA * float(np.median(np.abs(scores))))
     scores = np.where(is_finite[:, np.newaxis], np.abs(deviations) / errors, -1.0)
     part, axis = (int(i) for i in np.unravel_index(int(np.argmax(scores)), scores.shape))
     shift_px = float(deviations[part, axis])

@@ -5,6 +5,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 from fedora_qa.estimators.fitting.quantile_kernels import median_of
+from fedora_qa.estimators.fitting.robust import MAD_TO_SIGMA
 
 Float64 = NDArray[np.float64]
 
@@ -48,7 +49,7 @@ def huber_regression_weights(X: Float64, y: Float64) -> Float64:
         # NumPy's median partitions at both middle values, which takes eight times as long.
         parted = np.partition(residual, middle)
         below = parted[middle] if len(y) % 2 else parted[:middle].max()
-        scale = 1.4826 * 0.5 * float(below + parted[middle])
+        scale = MAD_TO_SIGMA * 0.5 * float(below + parted[middle])
         if scale == 0.0:
             break
         np.minimum(1.0, HUBER_K * scale / np.maximum(residual, 1e-300), out=weights)
@@ -73,7 +74,7 @@ def huber(X: Float64, y: Float64, tuning: float, iterations: int, weights: Float
         if not solve(matrix, vector, theta):
             return False
         residuals(X, y, theta, residual)
-        scale = 1.4826 * median_of(residual)
+        scale = MAD_TO_SIGMA * median_of(residual)
         if scale == 0.0:
             return True
         for i in range(len(y)):

@@ -11,6 +11,8 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from fedora_qa.estimators.fitting.robust import MAD_TO_SIGMA
+
 Float64 = NDArray[np.float64]
 
 TILES: Final = (9, 12)
@@ -28,8 +30,6 @@ The mean of both and not one of them, so that the choice favours neither directi
 
 _MEDIAN_EFFICIENCY: Final = float(np.sqrt(np.pi / 2))
 """Standard error of a median over that of a mean, normal values."""
-
-_MAD_TO_SIGMA: Final = 1.4826
 
 
 @dataclass(frozen=True, slots=True)
@@ -60,7 +60,7 @@ def brightness_gain(before_dn: NDArray[np.floating], after_dn: NDArray[np.floati
     sums = before_sums[usable], after_sums[usable]
     log_gains = np.log(sums[1] / sums[0])
     median = float(np.median(log_gains))
-    scatter = _MAD_TO_SIGMA * float(np.median(np.abs(log_gains - median)))
+    scatter = MAD_TO_SIGMA * float(np.median(np.abs(log_gains - median)))
     # Where nothing moves, rounding remains: uniform over a step in either frame, of variance 1/12 a pixel.
     rounding = float(np.sqrt(np.mean(pixels[usable] * (1 / 12) * (1 / sums[0] ** 2 + 1 / sums[1] ** 2))))
     return BrightnessGain(median, _MEDIAN_EFFICIENCY * max(scatter, rounding) / float(np.sqrt(len(log_gains))))
