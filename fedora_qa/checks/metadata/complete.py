@@ -91,6 +91,7 @@ class MetadataComplete(FactsCheck):
             text = f"{place} {problem.name}: {problem.message}" if problem.name else problem.message
             code = f"metadata.complete.{'missing' if problem.cause == 'missing_stream' else 'malformed'}"
             spec = ATTRIBUTES.get((problem.owner, problem.name))
+            # An optional attribute only weakens the checks that need it.
             if spec is not None and spec.required:
                 statistics.append(
                     count_of_faults(
