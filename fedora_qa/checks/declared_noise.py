@@ -44,6 +44,10 @@ def noise_against_declared(
         Name of the check that states it; stream of the samples.
     features
         Defects of the samples that look like noise.
+
+    Returns
+    -------
+    The ratio to the declared noise, with 1 expected; without a declaration the noise in ``unit``, with 0 expected.
     """
     features = (*features, MeasuredNoise(level.sigma, level.standard_error, declared))
     # A declared sigma is compared as a ratio; none declared means none allowed beyond rounding and motion.

@@ -217,7 +217,7 @@ def _correlated(
         quarter = int(4 * turn_of(int(frames.frames[interval])))
         rows = slice(quarter * height // 4, (quarter + 1) * height // 4)
     # The mean over a footprint is of linear intensity, the logarithm comes after it: averaged logarithms err by more at
-    # sharp edges. DARK_DN keeps black pixels finite.
+    # sharp edges. DARK_DN limits what rounding of dark pixels contributes.
     before, after = (np.log(frames.uniform_dn[frame, rows] + DARK_DN) for frame in (interval, interval + 1))
     error_before_dn, error_after_dn = frames.error_dn[interval, rows], frames.error_dn[interval + 1, rows]
     counts = np.ascontiguousarray(frames.counts[interval, :, rows])

@@ -26,7 +26,7 @@ from fedora_qa.views.clock_resets import clock_reset
 
 @dataclass(frozen=True, slots=True)
 class CounterWrap(Feature):
-    """A step back by nearly 2^31 or 2^32 us, as of a counter of 32 bits."""
+    """A step back by nearly 2^31 or 2^32 us: a 32-bit counter that overflowed."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -73,7 +73,7 @@ class ClocksOrder(FactsCheck):
     name = "clocks.order"
 
     def examine(self, facts: Facts) -> Observation:
-        """Count over all streams."""
+        """Count steps back and repeated timestamps in all streams."""
         statistics: list[Statistic] = []
         for stream, clock in clocks_of(facts):
             # Subtracted as int64 before any conversion: float64 seconds since 1970 lose 0.17 us.

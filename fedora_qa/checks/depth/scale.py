@@ -113,7 +113,7 @@ class DepthScale(FittedParameter):
         return None if pooled is None or pooled.value == 0 else _reciprocal(pooled)
 
     def statistic(self, pooled: PooledParameter, fits: Sequence[PairParameter]) -> Statistic:
-        """State the factor."""
+        """State the factor by which depths are too large beside the positions."""
         path_factors = np.array([fit.path_factor for fit in fits])
         fitted = path_factors[np.isfinite(path_factors)]
         path_scale = PathScale(

@@ -193,7 +193,7 @@ class EventResponseAlignment(WindowCheck[ShiftCorrelations]):
         )
 
     def conclude(self, state: Sequence[ShiftCorrelations], facts: Facts) -> Observation:
-        """Find the peak of all."""
+        """Find the peak of the summed correlations, in px of the event camera."""
         of = max(len(facts.clocks["rgb"].times_ns) - 1, 0)
         coverage = Coverage(sum(len(window.patches) for window in state), of, "frame intervals")
         if coverage.seen < FEWEST_INTERVALS:

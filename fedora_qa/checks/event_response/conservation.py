@@ -123,7 +123,7 @@ class EventResponseConservation(Check[ConservationState]):
         return why_frames_and_events_do_not_meet(facts)
 
     def start(self, facts: Facts) -> ConservationState:
-        """Return no frame run."""
+        """Return a state without frame runs."""
         declared = facts.declared.events
         if declared is None:
             raise ValueError("Expected a declared event sensor, got none; the check is not applicable")

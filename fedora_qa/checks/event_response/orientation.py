@@ -138,7 +138,7 @@ class EventResponseOrientation(WindowCheck[OrientationMoments]):
         return why_frames_and_events_do_not_meet(facts)
 
     def measure(self, window: Window) -> OrientationMoments | None:
-        """Correlate in one window."""
+        """Correlate frames and events of one window under the eight symmetries."""
         blocks = block_moments(window)
         if blocks is None:
             return None

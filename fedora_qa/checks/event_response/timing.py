@@ -163,7 +163,7 @@ class EventResponseTiming(WindowCheck[TimingSummary]):
         return tuple(of_window.window for of_window in richest)
 
     def follow_up(self, state: list[TimingSummary], window: Window) -> None:
-        """Try other offsets."""
+        """Search the window for offsets beyond the capture range of the fit."""
         fitted, _ = _fitted_offset(_sums(state), window.facts)
         search = search_window(window, fitted.offset_s if fitted is not None else None, _searches(state))
         if search is not None:

@@ -88,7 +88,7 @@ class EventStreamBounds(WindowCheck[BoundsCount]):
         return why_no_sensor(facts)
 
     def measure(self, window: Window) -> BoundsCount:
-        """Count offenders."""
+        """Count the window's events beyond the sensor and of unknown polarity."""
         events = own(window, all_events(window))
         survey, shape = np.empty(7, np.int64), sensor_shape(window.facts.declared)
         # Windows without an offender, nearly all, need no loop over their events.

@@ -84,7 +84,7 @@ class EventStreamDuplicates(WindowCheck[RepeatCount]):
         return why_no_sensor(facts)
 
     def measure(self, window: Window) -> RepeatCount:
-        """Count repeats."""
+        """Count the window's events that repeat pixel and timestamp of another."""
         events = own(window, sensor_events(window))
         shape = sensor_shape(window.facts.declared)
         repeats, first, doubled, first_doubled = count_repeats(events.x, events.y, events.times_ns, shape), -1, 0, -1

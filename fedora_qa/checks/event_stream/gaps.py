@@ -92,7 +92,7 @@ class EventStreamGaps(WindowCheck[SilenceCount]):
         return SilenceCount(len(own(window, events)), silences, silence)
 
     def conclude(self, state: Sequence[SilenceCount], facts: Facts) -> Observation:
-        """Take the least probable of all."""
+        """State the least probable silence of all windows, in ms."""
         coverage = event_coverage(facts, sum(count.events for count in state))
         silences = [count.least_probable for count in state if count.least_probable is not None]
         if not silences:

@@ -215,7 +215,11 @@ def moved_hot_pixels(
     declared
         Declared hot pixels.
     size
-        Width and height of the sensor.
+        Width and height of the sensor, px.
+
+    Returns
+    -------
+    The move, with the size of a shift along the rows in px.
     """
     if not hot_pixels or not declared:
         return None

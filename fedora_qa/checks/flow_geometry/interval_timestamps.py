@@ -263,7 +263,17 @@ def timestamp_patterns(instants_ns: Int64, frames_ns: Int64) -> tuple[TimestampP
 
 
 def offsets_from_nearest(frames_ns: Int64, instants_ns: Int64) -> Float64:
-    """Return how much later each instant (n,) is than the frame nearest to it, ns."""
+    """Return how much later each instant is than the frame nearest to it.
+
+    Parameters
+    ----------
+    frames_ns, instants_ns
+        (m,) and (n,) from the file's origin, in any order; m at least 1.
+
+    Returns
+    -------
+    (n,) ns; negative where the instant is earlier.
+    """
     ordered = np.sort(frames_ns)
     after = np.clip(np.searchsorted(ordered, instants_ns), 1, max(len(ordered) - 1, 1))
     neighbours_ns = np.stack((ordered[after - 1], ordered[np.minimum(after, len(ordered) - 1)]))

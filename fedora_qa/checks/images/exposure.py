@@ -206,7 +206,17 @@ def _largest_jump(gains: Sequence[FramePairGain], facts: Facts) -> Statistic:
 
 
 def departures(log_gains: Float64) -> Float64:
-    """Return by how much each gain (n,) departs from the median of those around it."""
+    """Return by how much each gain departs from the median of those around it.
+
+    Parameters
+    ----------
+    log_gains
+        (n,) logarithms of the brightness ratio of neighbouring frames, in the order of time; n at least 2.
+
+    Returns
+    -------
+    (n,) departures, positive for a jump to brighter.
+    """
     around = [
         np.concatenate([log_gains[max(i - NEIGHBOURS, 0) : i], log_gains[i + 1 : i + 1 + NEIGHBOURS]])
         for i in range(len(log_gains))

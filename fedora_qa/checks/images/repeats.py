@@ -127,7 +127,7 @@ class ImagesRepeats(WindowCheck[tuple[FrameDigest, ...]]):
 
 
 def repeated(frames: Sequence[FrameDigest]) -> list[tuple[int, int]]:
-    """Return each frame that is not blank and equals one before it, with the latest such frame."""
+    """Return (frame, latest earlier frame that it equals) for each frame that is not blank and repeats one."""
     latest: dict[bytes, int] = {}
     repeats = []
     for digest in frames:

@@ -64,7 +64,7 @@ class ImagesTransfer(ColourCheck):
     name = "images.transfer"
 
     def state(self, response: ColourResponse, declared: EventModel, facts: Facts) -> tuple[Statistic, ...]:
-        """State the exponent."""
+        """State the exponent that makes the frames' values follow the level of the events."""
         by_level = declared.model == "linear"
         # The linear model gives the exponent by the level of each step; in the log model it scales all steps alike.
         exponent = response.fit.exponent if by_level else response.fit.scale

@@ -147,6 +147,11 @@ def agreement_observation(
         Of the parameters to be stated, by group.
     unit, factor
         Of residuals, and its multiple of the fit's unit.
+
+    Returns
+    -------
+    The rms residual, the worst one, the parameters and their local deviations; only the disagreement where another
+    convention certainly reconciles the streams.
     """
     streams = streams_of(state, facts)
     coverage = coverage_of(streams, facts)

@@ -161,6 +161,10 @@ def empty_between_full(filled: Sequence[tuple[int, float]]) -> list[int]:
     ----------
     filled
         Row, and ratio of valid pixels, of each image that was read, in any order.
+
+    Returns
+    -------
+    Rows in ascending order.
     """
     valid_ratio = dict(filled)
     empty: list[int] = []

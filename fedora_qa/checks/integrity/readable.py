@@ -179,6 +179,6 @@ def _damage(window: Window, binding: Binding, start: int, stop: int) -> Iterator
             for chunk in error.chunks:
                 first = chunk // beside * rows
                 yield DamagedChunk(binding.key, chunk, first, min(first + rows, binding.rows), error.reason)
-            # Where the error names no chunk, the first one of the block stands for the rows that failed.
+            # Chunks that were not tried one by one: the first one of the block stands for the rows that failed.
             if not error.chunks:
                 yield DamagedChunk(binding.key, first // rows * beside, first, last, error.reason)

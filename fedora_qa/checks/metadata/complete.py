@@ -60,7 +60,7 @@ class MetadataComplete(FactsCheck):
     name = "metadata.complete"
 
     def examine(self, facts: Facts) -> Observation:
-        """Sort the problems by what the format asks for."""
+        """Separate problems of required declarations from those of optional ones."""
         count = len(ATTRIBUTES)
         # A file of the canonical layout that holds none of the objects that carry metadata.
         absent = {problem.owner for problem in facts.declared.problems if not problem.name}

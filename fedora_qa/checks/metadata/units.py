@@ -73,12 +73,12 @@ class MetadataUnits(FactsCheck):
     name = "metadata.units"
 
     def not_applicable(self, facts: Facts) -> str:
-        """Files of other makers carry no labels."""
+        """Require labels: files of other makers may carry none."""
         labelled = bool(facts.declared.units) or facts.layout.dialect_name == FORMAT_NAME
         return "" if labelled else f"no dataset of this {facts.layout.dialect_name} file carries a label"
 
     def examine(self, facts: Facts) -> Observation:
-        """Compare each label."""
+        """Compare each label with the unit of the layout."""
         bindings, labels = facts.layout.bindings, facts.declared.units
         wrong = [key for key, label in labels.items() if not label_agrees(bindings[key], label)]
         missing = [key for key in bindings if key not in labels]

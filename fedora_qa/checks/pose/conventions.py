@@ -60,7 +60,11 @@ def position_transforms(poses: PoseSamples, before: int, sigma_m: float) -> tupl
     before
         Index of the last pose before the jump.
     sigma_m
-        Noise of the positions on each axis.
+        Noise of the positions on each axis, m.
+
+    Returns
+    -------
+    Transforms within the capture range; empty where none makes the position go on.
     """
     positions_m = poses.positions_world_m
     # Straight on from the two positions before the jump.
