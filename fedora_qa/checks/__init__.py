@@ -53,6 +53,7 @@ from fedora_qa.checks.pose.noise import PoseNoise
 from fedora_qa.checks.pose.orientation import PoseOrientation
 from fedora_qa.checks.protocol import Check
 
+# Integrity, metadata and clocks come first: every later check rests on what they establish.
 CHECKS: Final[tuple[Check[Any], ...]] = (
     IntegrityLayout(),
     IntegrityReadable(),

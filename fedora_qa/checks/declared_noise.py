@@ -44,6 +44,10 @@ def noise_against_declared(
         Name of the check that states it; stream of the samples.
     features
         Defects of the samples that look like noise.
+
+    Returns
+    -------
+    The ratio to the declared noise, with 1 expected; without a declaration the noise in ``unit``, with 0 expected.
     """
     features = (*features, MeasuredNoise(level.sigma, level.standard_error, declared))
     # A declared sigma is compared as a ratio; none declared means none allowed beyond rounding and motion.
@@ -54,6 +58,7 @@ def noise_against_declared(
             unit="1",
             standard_error=level.standard_error / level.sigma if level.sigma > 0 else 0.0,
             expected=1.0,
+            # Motion and rounding are bounds: they add to each other, not in squares.
             model_error_bound=(level.motion + floor) / declared,
             material=0.5,
             statement=f"{name.capitalize()} noise is {level.sigma:.3g} {unit}; {declared:.3g} {unit} is declared.",
@@ -67,6 +72,7 @@ def noise_against_declared(
         unit=unit,
         standard_error=level.standard_error,
         model_error_bound=level.motion + floor,
+        # Only more noise than rounding and motion explain contradicts a declaration without noise.
         side="upper",
         statement=f"{name.capitalize()} has noise of {level.sigma:.3g} {unit}; none is declared.",
         code=f"{check}.{name}",

@@ -1,4 +1,4 @@
-"""What a check says of itself: its class docstring, in fixed sections.
+"""The explanation of a check: its class docstring, in fixed sections.
 
 The first line is the question, what follows is what is measured; then come the sections of ``SECTIONS``, each under a
 heading that is underlined with dashes.
@@ -25,12 +25,12 @@ class Explanation:
 
     @property
     def missing(self) -> tuple[str, ...]:
-        """Headings of which the check says nothing."""
+        """Headings of the sections that the docstring lacks."""
         return tuple(title for title in SECTIONS if not self.sections.get(title))
 
 
 def explanation(check: Check[Any]) -> Explanation:
-    """Return what the check says of itself."""
+    """Return the explanation in the check's docstring."""
     lines = inspect.cleandoc(type(check).__doc__ or "").splitlines()
     starts = [i for i in range(len(lines) - 1) if _is_heading(lines[i], lines[i + 1])]
     bounds = [*starts, len(lines)]

@@ -14,7 +14,7 @@ class FlowRateDeviations(Feature):
     Attributes
     ----------
     rates
-        The flow streams that the check looked at.
+        The flow streams that the check measured.
     deviations
         Every statistic of the check above zero, of whatever stream.
     """
@@ -27,6 +27,7 @@ def with_flow_rate_deviations(statistics: Iterable[Statistic], rates: Set[str]) 
     """Return the statistics, each with the feature ``FlowRateDeviations`` of all of them where there are rates."""
     statistics = tuple(statistics)
     deviations = tuple(statistic for statistic in statistics if statistic.value > 0)
+    # A single rate shares no fault with others.
     if not deviations or len(rates) < 2:
         return statistics
     feature = FlowRateDeviations(frozenset(rates), deviations)

@@ -1,4 +1,4 @@
-"""What a check is, and what it hands to judgement.
+"""What a check is, and what it returns to judgement.
 
 A check measures; it gives no verdict. It accumulates over windows in a state that can be merged, so that a file can
 be cut in time over workers and the outcome does not depend on the cut.
@@ -24,27 +24,28 @@ Summary = TypeVar("Summary")
 class Statistic:
     """A number with its error under the noise model, and how it is to be judged.
 
-    A value is out of order when it differs from ``expected`` by more than ``allowance + z * standard_error``, with z
-    from the false-alarm rate of the whole file. A count that must be zero has no error and no allowance.
+    A value exceeds its limit when it differs from ``expected`` by more than
+    ``model_error_bound + z * standard_error``, with z from the false-alarm rate of the whole file. A count that must be
+    zero has no error and no bound.
 
     Attributes
     ----------
     name, value, unit
         What was measured.
     standard_error
-        Of the value, under the noise model of an honest file.
+        Of the value, under the noise model of a correct file.
     statement
-        A sentence that states the deviation in the user's units, shown when the value is out of order.
+        A sentence that states the deviation in the user's units, shown when the value exceeds its limit.
     code
         The rule that is then broken: ``<subject>.<property>.<rule>``.
-    allowance
+    model_error_bound
         Bound on the known error of the model that the standard error does not cover, with its derivation in the check.
     side
         ``upper``: only values above ``expected`` count, ``lower``: only below, ``both``: either.
     resolution
         The least step by which the value can change (1 for a count).
-    matters
-        The largest deviation that may go unseen for the measurement still to be of use; None: any.
+    material
+        The largest deviation that may go undetected for the measurement still to be of use; None: any.
     tests
         How many independent comparisons the value is the worst of.
     features
@@ -86,7 +87,7 @@ class Observation:
     unobservable
         Why this sequence cannot show what was asked (hovering, no texture); empty where it can.
     evidence
-        Small arrays that a person will want to see, by name; ``titles`` describes each.
+        Small arrays for a reader of the report, by name; ``titles`` describes each.
     inferred
         Facts that were inferred and not declared (the unit of the flow, say), for the record.
     """
@@ -103,8 +104,8 @@ class Observation:
 class Check(ABC, Generic[State]):
     """One question about one subject.
 
-    Subclasses set the class attributes; their docstring's first line is the question, the rest tells what is
-    measured, how, its noise model, what it cannot see, and its sources (`fedora-qa explain`).
+    Subclasses set the class attributes; their docstring's first line is the question, the rest states what is
+    measured, how, its noise model, what it cannot detect, and its sources (`fedora-qa explain`).
     """
 
     name: str
@@ -118,12 +119,12 @@ class Check(ABC, Generic[State]):
         return (self.__doc__ or "").strip().splitlines()[0]
 
     def not_applicable(self, facts: Facts) -> str:
-        """Say why the question cannot be asked of this file beyond missing streams; empty where it can."""
+        """Return why the question cannot be asked of this file, beyond missing streams; empty where it can."""
         return ""
 
     @abstractmethod
     def start(self, facts: Facts) -> State:
-        """Return the state that has seen nothing."""
+        """Return the state of no window."""
 
     @abstractmethod
     def update(self, state: State, window: Window) -> None:
@@ -131,14 +132,14 @@ class Check(ABC, Generic[State]):
 
     @abstractmethod
     def merge(self, state: State, later: State) -> State:
-        """Return the state that has seen what both have, ``later`` being of later windows. Exact: no rounding."""
+        """Return the state of the windows of both, ``later`` being of later ones. Exact: no rounding."""
 
     def follow_up_windows(self, state: State, facts: Facts) -> tuple[int, ...]:
-        """Name the windows (by number) that deserve a second, closer look; most check none."""
+        """Return the numbers of the windows that the follow-up measures again; none for most checks."""
         return ()
 
     def follow_up(self, state: State, window: Window) -> None:
-        """Add what a second look at a window shows."""
+        """Add what the follow-up measures in a window."""
 
     @abstractmethod
     def conclude(self, state: State, facts: Facts) -> Observation:
@@ -167,7 +168,7 @@ class WindowCheck(Check[list[Summary]], Generic[Summary]):
 
     @abstractmethod
     def measure(self, window: Window) -> Summary | None:
-        """Summarise one window; None where it has nothing to say."""
+        """Summarise one window; None where nothing in it can be measured."""
 
     @abstractmethod
     def conclude(self, state: Sequence[Summary], facts: Facts) -> Observation:
@@ -175,13 +176,13 @@ class WindowCheck(Check[list[Summary]], Generic[Summary]):
 
 
 class FactsCheck(Check[None]):
-    """A check that needs no window: the scan of stamps and declarations is enough."""
+    """A check that needs no window: the scan of timestamps and declarations suffices."""
 
     def start(self, facts: Facts) -> None:
         """Keep nothing."""
 
     def update(self, state: None, window: Window) -> None:
-        """Look at nothing."""
+        """Measure nothing: the facts suffice."""
 
     def merge(self, state: None, later: None) -> None:
         """Keep nothing."""

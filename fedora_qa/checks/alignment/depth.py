@@ -66,7 +66,7 @@ class AlignmentDepth(WindowCheck[DepthEdges]):
     needs = ("depth", "rgb")
 
     def not_applicable(self, facts: Facts) -> str:
-        """Need both cameras, as pinholes that look in about one direction."""
+        """Require both cameras, as pinholes whose optical axes have about one direction."""
         return why_depth_and_colour_do_not_meet(facts)
 
     def measure(self, window: Window) -> DepthEdges | None:
@@ -78,9 +78,11 @@ class AlignmentDepth(WindowCheck[DepthEdges]):
         coverage = Coverage(sum(edges.frames for edges in state), len(facts.clocks["depth"].times_ns), "depth frames")
         if not state:
             return Observation(coverage, unobservable="no depth frame has the stamp of a colour frame")
+        # VARIANTS begins with the frames as stored; the others are mirrored.
         stored, *mirrored_variants = colour_edges(state)
         best = max(range(len(mirrored_variants)), key=lambda i: mirrored_variants[i].peak_fraction)
         mirrored = mirrored_variants[best]
+        # A peak of either suffices: a mirrored camera has its peak in a mirrored variant only.
         if not stored.significant and not mirrored.significant:
             why = (
                 f"edges of colour frames do not stand out at steps of depth within {FARTHEST_PX} px: "
@@ -106,6 +108,8 @@ class AlignmentDepth(WindowCheck[DepthEdges]):
         # Frames that fit better mirrored have no shift as stored.
         if mirrored.peak_fraction > stored.peak_fraction:
             return Observation(coverage, (orientation,))
+        # Depth is the reference of both pairs: a shifted depth camera appears in both, a shifted colour or event camera
+        # in its own pair only.
         pairs = (stored.against_depth("rgb"), events.against_depth("events"))
         shifts = [
             Statistic(

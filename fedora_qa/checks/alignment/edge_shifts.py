@@ -58,6 +58,7 @@ class EdgeShifts:
     def peak_fraction_error(self) -> float:
         """Standard error of ``peak_fraction``."""
         errors = (shift.peak_fraction_error for shift in (self.right, self.down) if shift is not None)
+        # Profiles along rows and along columns cross different edges, so that their variances add.
         return float(np.sqrt(sum(error**2 for error in errors)))
 
     @property
@@ -73,6 +74,7 @@ class EdgeShifts:
         shifts = [
             (0.0, _UNMEASURED_PX)
             if shift is None
+            # Diagnosis weighs camera pairs by one error each, so that the bound enters it as well.
             else (shift.shift_px, float(np.hypot(shift.standard_error_px, shift.model_error_bound_px)))
             for shift in (self.right, self.down)
         ]

@@ -118,7 +118,7 @@ class AlignmentEvents(WindowCheck[IntervalCorrelations]):
     needs = ("events", "rgb")
 
     def not_applicable(self, facts: Facts) -> str:
-        """Need both cameras at one place."""
+        """Require both cameras at one place."""
         return why_not_one_view(facts, "events", "rgb")
 
     def measure(self, window: Window) -> IntervalCorrelations | None:
@@ -129,6 +129,7 @@ class AlignmentEvents(WindowCheck[IntervalCorrelations]):
         intervals = min(INTERVALS, intervals_due(window, frames, 2 * INTERVALS))
         if intervals <= 0:
             return None
+        # In short windows rounding puts several places of an even spread on one interval.
         chosen = np.unique(np.linspace(0, len(frames) - 2, intervals).round().astype(int))
         rgb = window.facts.declared.cameras["rgb"]
         by_quarters = is_large(rgb.width * rgb.height, window)
@@ -146,8 +147,11 @@ class AlignmentEvents(WindowCheck[IntervalCorrelations]):
             np.concatenate([getattr(window, name) for window in state]) for name in ("auto", "cross", "sums", "slopes")
         )
         change, events, change_squares, event_squares = sums.sum(axis=0)
+        # A shift beyond the reach leaves no true peak within it, so that the coarse search has precedence.
         far = far_shift(joined([window.far for window in state]), REACH_PX, LEAST_CORRELATION)
         if far is None:
+            # Correlation coefficient: covariance over the root of both sums of squares; 1e-300 keeps it finite where
+            # nothing changes.
             strength = float(cross.sum(axis=0).max() / max(np.sqrt(change_squares * event_squares), 1e-300))
             shift = registered_shift(auto.sum(axis=0), cross.sum(axis=0))
             if strength < LEAST_CORRELATION or shift is None or events == 0:
@@ -158,7 +162,9 @@ class AlignmentEvents(WindowCheck[IntervalCorrelations]):
                 return Observation(coverage, unobservable="the peak depends on single stretches of time")
         else:
             shift, spread_px = far.shift, far.errors_px
+        # Size of a step, C, from the data: absolute change of the pixels that fire over their events (class docstring).
         level_errors_px, lags_px = open_level_errors(slopes.mean(axis=0), float(change / events))
+        # Not added: the spread over time contains the part of the open levels that differs between intervals.
         errors_px = np.maximum(spread_px, level_errors_px)
 
         # Depth against colour and against events: a shift of one camera must explain all pairs.
@@ -210,11 +216,14 @@ def _correlated(
     if by_quarters:
         quarter = int(4 * turn_of(int(frames.frames[interval])))
         rows = slice(quarter * height // 4, (quarter + 1) * height // 4)
+    # The mean over a footprint is of linear intensity, the logarithm comes after it: averaged logarithms err by more at
+    # sharp edges. DARK_DN limits what rounding of dark pixels contributes.
     before, after = (np.log(frames.uniform_dn[frame, rows] + DARK_DN) for frame in (interval, interval + 1))
     error_before_dn, error_after_dn = frames.error_dn[interval, rows], frames.error_dn[interval + 1, rows]
     counts = np.ascontiguousarray(frames.counts[interval, :, rows])
     change, events, usable, sums = change_and_events(before, after, error_before_dn, error_after_dn, counts)
     slopes = slope_sums(before, change, usable)
+    # Only pixels that fire lag behind the level; what events leave open concerns every usable pixel.
     slopes[:2] = slope_sums(before, change, events > 0)[:2]
     # Slopes are sums over pixels: a quarter counts as if all rows were like its own.
     slopes *= height / len(before)
@@ -228,7 +237,9 @@ def _jackknife_px(auto: Float64, cross: Float64) -> Float64 | None:
     all_auto, all_cross = auto.sum(axis=0), cross.sum(axis=0)
     shifts = [registered_shift(all_auto - auto[g].sum(axis=0), all_cross - cross[g].sum(axis=0)) for g in groups]
     fitted_px = [(shift.right_px, shift.down_px) for shift in shifts if shift is not None]
+    # A peak that vanishes without one group rests on that group alone.
     if len(fitted_px) < len(shifts):
         return None
+    # Delete-one jackknife: n - 1 times the variance of the n leave-one-out values (Efron and Stein 1981).
     spread_px: Float64 = np.sqrt((len(fitted_px) - 1) * np.var(fitted_px, axis=0))
     return spread_px

@@ -1,1 +1,1 @@
-"""Checks of stamps and index maps."""
+"""Checks of timestamps."""

@@ -17,7 +17,7 @@ from fedora_qa.sequence.facts import Clock, Facts
 
 @dataclass(frozen=True, slots=True)
 class DisorderedTimestamps(Feature):
-    """Timestamps that lie behind an earlier one: how many different ones, where they could fill all gaps."""
+    """Number of distinct timestamps that are earlier than one before them, where they could fill all gaps."""
 
     count: int
 
@@ -72,6 +72,7 @@ class ClocksGaps(FactsCheck):
         statistics: list[Statistic] = []
         notices: list[Notice] = []
         for stream, fit in fits_of(facts):
+            # With jitter above a tenth of the period or half a grid a late sample is not separable from a missing one.
             if not fit.regular:
                 jitter = f"jitter {fit.jitter_ns / NS_PER_US:.3g} us of a period of {fit.period_ns / NS_PER_US:.4g} us"
                 message = f"{stream} is irregular ({jitter}): gaps cannot be told"
@@ -113,7 +114,9 @@ class ClocksGaps(FactsCheck):
 
 def _of_gaps(clock: Clock, fit: RegularClock) -> tuple[Feature, ...]:
     """Distinguish samples that stand elsewhere, and leave a gap where they belong, from those that are missing."""
+    # Rows that were written twice share one timestamp and fill one gap at most.
     distinct = len(np.unique(clock.times_ns[~clock.advancing]))
+    # Fewer displaced samples than missing ones do not explain all gaps: some are lost.
     if not fit.missing or distinct < fit.missing:
         return ()
     set_back = clock_set_back(clock, np.flatnonzero(np.diff(clock.times_ns) < 0))
@@ -123,6 +126,7 @@ def _of_gaps(clock: Clock, fit: RegularClock) -> tuple[Feature, ...]:
 def _behind(facts: Facts, stream: str, steps: NDArray[np.intp]) -> tuple[int | None, Where]:
     """Return the row behind which the first of some steps between advancing timestamps lies, and its place."""
     clock = facts.clocks[stream]
+    # Steps are counted between advancing timestamps; flatnonzero gives back their rows in the file.
     first = int(np.flatnonzero(clock.advancing)[steps[0]]) if len(steps) else None
     stop = None if first is None else first + 1
     start_us, stop_us = file_us(facts, clock.times_ns, first), file_us(facts, clock.times_ns, stop)

@@ -1,4 +1,4 @@
-"""The rates of the clocks, which each stream keeps."""
+"""The rate of each stream's clock."""
 
 from dataclasses import dataclass
 from itertools import pairwise
@@ -30,7 +30,7 @@ other: (g/2) sum |n - m| / sum (n - m)^2 = (g/2) (N^2/4) / (N^3/12) = 3/2 g/N pe
 
 _SEGMENTS: Final = 4
 _FEWEST_TIMESTAMPS: Final = 12
-"""Of a segment: the scatter pooled over two of them then has twenty degrees of freedom."""
+"""Least number in a segment: the scatter pooled over two segments then has twenty degrees of freedom."""
 
 _WANDER_PPM: Final = 10.0
 """By how much the rate of a correct clock may change within a file: a quartz oscillator without compensation moves by
@@ -112,6 +112,8 @@ class ClocksRate(FactsCheck):
         if not fits:
             return Observation(all_timestamps(facts), unobservable="no stream has three stamps in order")
         errors = {stream: self._error(facts, stream, fit) for stream, fit in fits.items()}
+        # Streams that keep a nominal rate show that the clock of the file is right: all timestamps are of one clock,
+        # and the other streams can be judged by it.
         exact = [
             m for m in errors.values() if m is not None and abs(m.value) <= m.model_error_bound + 3 * m.standard_error
         ]
@@ -120,6 +122,7 @@ class ClocksRate(FactsCheck):
             for stream, fit in fits.items()
             if fit.regular
         )
+        # Flow is judged in any case: its nominal rate stands in its name.
         judged = {stream for stream in fits if exact or stream.startswith("flow/")}
         return Observation(
             all_timestamps(facts),
@@ -139,6 +142,7 @@ class ClocksRate(FactsCheck):
     def _error(self, facts: Facts, stream: str, fit: RegularClock) -> Statistic | None:
         nominal_ns = _nominal_period_ns(stream, fit.period_ns)
         deviation = fit.period_ns / nominal_ns - 1
+        # More than 1% from every nominal rate is another rate, not an error of a nominal one.
         if abs(deviation) > _NOMINAL_WITHIN and not stream.startswith("flow/"):
             return None
         ppm = 1e6 * deviation
@@ -148,7 +152,9 @@ class ClocksRate(FactsCheck):
             name=f"{stream}.rate_error",
             value=ppm,
             unit="ppm",
+            # Jitter within the grid is rounding, which the bound covers; jitter above it is white over samples.
             standard_error=0.0 if fit.jitter_ns <= grid_ns else 1e6 * fit.period_error_ns / nominal_ns,
+            # |error of the slope| <= 3/2 g/T for a grid g over a span T (derivation at _WORST_ROUNDING).
             model_error_bound=1e6 * _WORST_ROUNDING * grid_ns / span_ns,
             statement=f"The period of {stream} is {fit.period_ns / NS_PER_US:.6g} us, {ppm:+.4g} ppm off the nominal "
             f"{nominal_ns / NS_PER_US:.6g} us.",
@@ -169,6 +175,7 @@ def _rounded(times_ns: NDArray[np.int64], nominal_ns: float) -> tuple[RoundedClo
     grid_ns = int(np.gcd.reduce(steps_ns)) if len(steps_ns) else 0
     if has_odd_grid_above_period(times_ns):
         return (RoundedClock(grid_ns / NS_PER_MS),)
+    # Distance of each timestamp from n nominal periods; rounding keeps their range within one grid.
     strays_ns = float(np.ptp(times_ns - np.arange(len(times_ns)) * nominal_ns)) if len(times_ns) else 0.0
     if not (_LEAST_GRID_NS <= grid_ns < steps_ns.min() and strays_ns <= grid_ns):
         return ()
@@ -185,6 +192,7 @@ def _nominal_period_ns(stream: str, period_ns: float) -> float:
         return NS_PER_S / int(stream.removeprefix("flow/").removesuffix("hz"))
     exact_ns = NS_PER_S / max(round(NS_PER_S / period_ns), 1)
     candidates = [exact_ns, max(round(exact_ns / NS_PER_US), 1) * NS_PER_US]
+    # Video at 1000/1001 of its rate: 29.97 Hz has the period of 30 Hz times 1.001.
     if round(NS_PER_S / exact_ns) in _NTSC_HZ:
         candidates.append(exact_ns * 1.001)
     return min(candidates, key=lambda nominal: abs(nominal - period_ns))
@@ -198,6 +206,7 @@ def _change(facts: Facts, stream: str, fit: RegularClock, nominal_ns: float) -> 
     if len(segments) < 2:
         return None
     slowest, fastest = (choose(segments, key=lambda segment: segment.rate) for choose in (min, max))
+    # Pooled over the segments, as twelve timestamps alone have ten degrees of freedom.
     sigma_ns = float(np.sqrt(np.mean([segment.sigma_ns**2 for segment in segments])))
     jitter_ns = 0.0 if sigma_ns <= max(NS_PER_US, fit.grid_ns) else sigma_ns
     farthest = max(slowest, fastest, key=lambda segment: abs(segment.rate))
@@ -207,9 +216,11 @@ def _change(facts: Facts, stream: str, fit: RegularClock, nominal_ns: float) -> 
         name=f"{stream}.rate_change",
         value=ppm,
         unit="ppm",
+        # Standard error of a least-squares slope: sigma / sqrt(sum (n - m)^2), for the difference of two slopes.
         standard_error=1e6 * jitter_ns / nominal_ns * float(np.hypot(1 / slowest.lever, 1 / fastest.lever)),
         model_error_bound=_WANDER_PPM + 1e6 * (slowest.rounding + fastest.rounding),
         side="upper",
+        # Any two segments might have been the slowest and the fastest.
         tests=len(segments) * (len(segments) - 1) // 2,
         material=_MATERIAL_PPM,
         statement=f"The rate of {stream} changes by {ppm:.4g} ppm within the file: from row {start} to {stop} its "
@@ -233,9 +244,11 @@ def _segments(times_ns: NDArray[np.int64], fit: RegularClock, nominal_ns: float)
         return []
     segments: list[_RateSegment] = []
     for first, stop in pairwise(edges):
+        # A jump of the clock within a segment would be fitted as a change of its rate.
         if np.any((fit.jump_after >= first) & (fit.jump_after < stop - 1)):
             continue
         elapsed_ns = (times_ns[first:stop] - times_ns[first]).astype(np.float64)
+        # Numbers count elapsed periods, so that missing samples do not displace those behind them.
         numbers = np.rint(elapsed_ns / fit.period_ns)
         # Slope of t over n: sum (n - m) t / sum (n - m)^2.
         centred = numbers - numbers.mean()
@@ -248,6 +261,7 @@ def _segments(times_ns: NDArray[np.int64], fit: RegularClock, nominal_ns: float)
                 stop - 1,
                 rate=period_ns / nominal_ns - 1,
                 rounding=_WORST_ROUNDING * max(NS_PER_US, fit.grid_ns) / max(float(elapsed_ns[-1]), 1.0),
+                # Slope and mean take two degrees of freedom.
                 sigma_ns=float(np.sqrt(residuals_ns @ residuals_ns / (len(numbers) - 2))),
                 lever=float(np.sqrt(square)),
             )

@@ -89,7 +89,7 @@ class ClocksResolution(WindowCheck[Comb]):
     name = "clocks.resolution"
 
     def not_applicable(self, facts: Facts) -> str:
-        """Need timestamps."""
+        """Require timestamps."""
         return "" if facts.events is not None or facts.clocks else "the file has no stamps"
 
     def measure(self, window: Window) -> Comb | None:
@@ -101,6 +101,7 @@ class ClocksResolution(WindowCheck[Comb]):
         """Measure the grid of each stream; where that of all events is as declared, also that of a part."""
         observation = self.examine(facts)
         grids = observation.measurements
+        # Where the grid of all events is not the declared one, combs only repeat that finding.
         if not state or not any(grid.where.stream == "events" and grid.value == grid.expected for grid in grids):
             return observation
         return replace(observation, measurements=(*grids, _partial_grid(state, facts)))
@@ -109,6 +110,7 @@ class ClocksResolution(WindowCheck[Comb]):
         """Measure the grid of each stream whose timestamps show one."""
         grids: list[Statistic] = []
         for stream, fit in fits_of(facts):
+            # Equal steps are multiples of every divisor of the period; only unequal ones identify a grid.
             if fit.irregular_steps:
                 # Whole microseconds are 1, and what is finer counts as 1.
                 grid_us, clause = _grid_of(facts, stream, fit)
@@ -140,6 +142,7 @@ def _grid_of(facts: Facts, stream: str, fit: RegularClock) -> tuple[float, str]:
     grid_us = fit.grid_ns / NS_PER_US
     if grid_us > 1 and fit.jitter_ns < fit.period_ns and surely_no_chance(np.full(fit.irregular_steps, grid_us)):
         return grid_us, f"lie on a grid of {grid_us:g} us"
+    # The spacing of float32 numbers grows with their size, so that it is that of the absolute time.
     times_us = facts.origin_us + facts.clocks[stream].times_ns / NS_PER_US
     spacing_us = single_precision_spacing_us(times_us)
     if grid_us >= spacing_us:  # whole seconds, say, are single-precision seconds too
@@ -174,6 +177,7 @@ def _comb_of(window: Window) -> Comb | None:
     tick_us = _declared_tick_us(facts)
     times_ns = window.events(0, 0).times_ns
     within = times_ns[slice(*np.searchsorted(times_ns, [span.start_ns, span.stop_ns]))]
+    # Combs pass through the zero of the file's own clock, not through the file's origin.
     timestamps = within // NS_PER_US + round(facts.origin_us)
     counts = comb_counts(timestamps if tick_us == 1 else timestamps // tick_us)
     deviates = counts.deviates()
@@ -183,6 +187,7 @@ def _comb_of(window: Window) -> Comb | None:
     # Of a grid many combs are hit: it is the finest of those that are hit most.
     significant = deviates >= min(float(deviates.max()), _SIGNIFICANT)
     best = int(np.flatnonzero(significant & (hit_ratios >= _AS_MUCH * hit_ratios[significant].max()))[0])
+    # Probability that a tooth hits by chance: the share of ticks that hold an event (class docstring).
     by_chance = counts.occupied / counts.ticks
     return Comb(
         span.start_ns, span.stop_ns, STEPS[best] * tick_us, float(hit_ratios[best]), by_chance, float(deviates[best])
@@ -199,8 +204,10 @@ def _partial_grid(combs: Sequence[Comb], facts: Facts) -> Statistic:
         value=worst.hit_ratio,
         unit="1",
         expected=worst.by_chance,
+        # Chosen so that the excess is ``deviate`` standard errors; the bounds keep it finite and above 0.
         standard_error=(worst.hit_ratio - worst.by_chance) / max(min(worst.deviate, 1e6), 1e-6),
         side="upper",
+        # Every comb was tried in every window.
         tests=len(combs) * len(STEPS),
         statement=f"Events keep to a grid of {worst.step_us:g} us around {start_us / 1e6:.3f} s: "
         f"{worst.hit_ratio:.0%} of its ticks are met, {worst.by_chance:.1%} by chance.",

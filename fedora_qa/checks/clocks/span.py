@@ -67,17 +67,20 @@ class ClocksSpan(FactsCheck):
     name = "clocks.span"
 
     def not_applicable(self, facts: Facts) -> str:
-        """Need two sampled streams."""
+        """Require two sampled streams."""
         return "" if len(placed_streams(facts)) > 1 else "fewer than two streams have three stamps in order"
 
     def examine(self, facts: Facts) -> Observation:
         """Measure how much later each stream begins and how much earlier it ends."""
         fits = dict(fits_of(facts))
         ends = {stream: extent_ns(facts.clocks[stream]) for stream in fits}
+        # One stray stream does not move a median.
         begin, finish = (float(np.median(instants)) for instants in zip(*ends.values(), strict=True))
         usual_ns = float(np.median([fit.period_ns for fit in fits.values()]))
         statistics: list[Statistic] = []
         for stream, (start, stop) in ends.items():
+            # A stream ends less than one of its own periods before the recording does, the median stream likewise by
+            # its period.
             model_error_bound_ns = fits[stream].period_ns + usual_ns
             part = part_in_other_unit(facts, stream)
             features: list[Feature] = [StreamEnds(start - begin, finish - stop, finish - begin)]
@@ -97,6 +100,7 @@ def _end(
     value_ms = value_ns / NS_PER_MS
     clause = "begins {:.6g} ms after" if rule == "begins_late" else "ends {:.6g} ms before"
     start, stop = extent_ns(facts.clocks[stream])
+    # Extents count from the origin in ns: minus the origin is zero on the file's own clock.
     zero = rule == "begins_late" and value_ms < 0 and start == -round(facts.origin_us * 1000)
     return Statistic(
         name=f"{stream}.{rule}",
@@ -104,6 +108,7 @@ def _end(
         unit="ms",
         standard_error=0.0,
         model_error_bound=model_error_bound_ns / NS_PER_MS,
+        # Timestamps are whole microseconds; the value is in ms.
         resolution=1e-3,
         statement=f"{stream} {clause.format(value_ms)} the other streams"
         f"{': its stamps begin at zero, theirs do not' if zero else ''}.",
@@ -121,6 +126,7 @@ def _over_several_rates(statistics: Sequence[Statistic], rates: Sequence[str]) -
         cut = [i for i in of_flow if statistics[i].value > statistics[i].model_error_bound]
         uncut = [statistics[i] for i in of_flow if i not in cut]
         largest = max((statistics[i].value for i in cut), default=0.0)
+        # Every uncut rate must be compatible with the largest cut: its own bound, of about its period, hides it.
         if len(cut) > 1 and all(m.value > 0 and largest <= m.value + m.model_error_bound for m in uncut):
             feature = CutOfSeveralRates(tuple(statistics[i].where.stream or "" for i in cut))
             for i in cut:
@@ -136,6 +142,7 @@ def _incomplete(
         period_ns = fits[stream].period_ns
         counts = ((start - begin_ns) / period_ns, (finish_ns - stop) / period_ns)
         for count, rule, end in zip(counts, ("first", "last"), ("begin", "end"), strict=True):
+            # A sample is due within the jitter of its time; 1e-6 covers the rounding of the division.
             if count >= 1 - fits[stream].jitter_ns / period_ns - 1e-6:
                 missing = f"{stream} lacks {int(count + 0.5)} of its samples at its {end}"
                 message = f"{missing}: most other streams go on to where the {rule} one is due"

@@ -26,7 +26,7 @@ one step, behind which many lie."""
 class ClockSetBack(Feature):
     """Whole runs of samples stand behind others.
 
-    ``offset_ms`` says how late timestamps before the first step back are, where they leapt ahead by as much, else how
+    ``offset_ms`` is how late timestamps before the first step back are, where they leapt ahead by as much, else how
     early those after it.
     """
 
@@ -78,7 +78,7 @@ def file_us(facts: Facts, times_ns: NDArray[np.int64], row: int | None) -> float
 
 
 def all_timestamps(facts: Facts) -> Coverage:
-    """Return the coverage of checks that look at every timestamp of the file."""
+    """Return the coverage of checks that read every timestamp of the file."""
     count = sum(len(clock.times_ns) for clock in facts.clocks.values())
     count += facts.events.count if facts.events else 0
     return Coverage(count, count, "stamps")
@@ -107,12 +107,16 @@ def clock_set_back(clock: Clock, backward: NDArray[np.intp]) -> ClockSetBack | N
     backward
         (k,) rows before the steps back.
     """
+    # Single exchanged samples leave few timestamps behind for each step back, a clock that was set leaves many
+    # (_BEHIND).
     if not len(backward) or int(np.count_nonzero(~clock.advancing)) <= _BEHIND * len(backward):
         return None
     first = int(backward[0])
     steps_ns = np.diff(clock.times_ns)
     period_ns = float(np.median(steps_ns))
     ahead_ns, back_ns = float(steps_ns[: first + 1].max()) - period_ns, float(steps_ns[first]) - period_ns
+    # A leap ahead of about the same length precedes the step back where the clock was ahead in between; without one the
+    # clock is behind from the step on.
     return ClockSetBack((ahead_ns if abs(ahead_ns + back_ns) <= period_ns else back_ns) / NS_PER_MS)
 
 
@@ -135,6 +139,7 @@ def reference_duration_ns(facts: Facts, durations: dict[str, float]) -> float | 
     durations
         As ``durations_ns`` has them.
     """
+    # Intervals of flow abut, so that n fields of a rate f last n / f.
     promised_ns = [
         len(facts.clocks[stream].times_ns) * NS_PER_S / int(stream.removeprefix("flow/").removesuffix("hz"))
         for stream in facts.flow_streams

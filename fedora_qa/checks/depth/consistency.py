@@ -1,4 +1,4 @@
-"""Each depth frame against the next: the same surfaces, seen from where the pose says."""
+"""Each depth frame against the next: the same surfaces from the viewpoint that the pose gives."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -94,7 +94,7 @@ class DepthConsistency(WindowCheck[WindowAgreement]):
     needs = ("depth", "pose")
 
     def not_applicable(self, facts: Facts) -> str:
-        """Say what of the model does not hold."""
+        """Return which assumption of the model does not hold; empty where all hold."""
         return why_no_geometry(facts)
 
     def measure(self, window: Window) -> WindowAgreement | None:
@@ -108,8 +108,10 @@ class DepthConsistency(WindowCheck[WindowAgreement]):
         return WindowAgreement(window.span.index, tuple(agreements), without_pose, too_few_pixels)
 
     def follow_up_windows(self, state: list[WindowAgreement], facts: Facts) -> tuple[int, ...]:
-        """Ask for the windows of the worst pairs that exceed their bounds."""
+        """Return the windows of the worst pairs that exceed their bounds."""
+        # Negated, so that the worst window comes first and windows of equal excess keep their order.
         worst = sorted((-max((pair.excess for pair in window.pairs), default=0.0), window.window) for window in state)
+        # The excess is in units of the bound: above 1 a pair fails.
         chosen = [window for negative_excess, window in worst if negative_excess < -1]
         return tuple(chosen[:_MOST_FOLLOW_UPS])
 
@@ -120,6 +122,7 @@ class DepthConsistency(WindowCheck[WindowAgreement]):
         """
         of_window = [pair for summary in state if summary.window == window.span.index for pair in summary.pairs]
         off = sorted((pair for pair in of_window if pair.excess > 1), key=lambda pair: pair.excess)
+        # The median of the deviating pairs: a fault may begin or end between the frames of the worst one.
         chosen = off[(len(off) - 1) // 2]
         for pair in owned_pairs(window):
             if pair is not None and pair.first == chosen.first:
@@ -150,6 +153,7 @@ class DepthConsistency(WindowCheck[WindowAgreement]):
             *(trials for window in state for trials in window.trials),
         )
         statistics = [_whole(pairs, facts, features), _tile(pairs, facts, features)]
+        # Corrections have a known distribution only where the declared noise is not zero.
         if facts.declared.pose is not None and is_noisy(facts.declared.pose):
             statistics += _corrections(pairs, facts, features)
         undeclared = Notice(
@@ -168,6 +172,7 @@ def _whole(pairs: Sequence[PairAgreement], facts: Facts, features: tuple[Feature
         name="deviation",
         value=_PERCENT * worst.whole.typical,
         unit="percent",
+        # The bound covers the whole error of each pixel; no random part is left to the median.
         standard_error=0.0,
         model_error_bound=_PERCENT * worst.whole.bound,
         side="upper",
@@ -200,7 +205,7 @@ def _tile(pairs: Sequence[PairAgreement], facts: Facts, features: tuple[Feature,
 
 
 def _corrections(pairs: Sequence[PairAgreement], facts: Facts, features: tuple[Feature, ...]) -> list[Statistic]:
-    """Hold the corrections to the declared noise: all together over every second pair (no pose in common), and each.
+    """State the corrections against the declared noise: of every second pair together (no common pose), and the worst.
 
     With Q chi-square of n degrees of freedom, (Q/n)^(1/3) is normal about 1 - 2/(9n) with variance 2/(9n) (Wilson and
     Hilferty, PNAS 17 (1931) 684; at n = 6 its five-sigma tails are right within a factor of three).
@@ -233,12 +238,14 @@ def _correction(
     variance = 2 / (9 * dof)  # Wilson and Hilferty, as above
     return Statistic(
         name=name,
+        # (Q/n)^(1/3) is nearly normal (Wilson and Hilferty 1931).
         value=float(np.cbrt(ratio)),
         unit="1",
         standard_error=float(np.sqrt(variance)),
         expected=1 - variance,
         side=side,
         tests=tests,
+        # The ratio is one of squares.
         statement=f"{subject} {np.sqrt(ratio):.3g} times as large as the declared pose noise makes them.",
         code=f"depth.consistency.{name}",
         where=where,

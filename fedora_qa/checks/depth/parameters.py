@@ -79,12 +79,12 @@ class FittedParameter(WindowCheck[tuple[PairParameter, ...]]):
     number: ClassVar[ModelNumber]
     """Which number of the model it is."""
     from_value: ClassVar[float] = 0.0
-    """Where the fit begins of frames that do not agree as declared."""
+    """Start of the fit for frames that do not agree as declared."""
     declared_value: ClassVar[float] = 0.0
-    """What the number is as declared: there the fit of frames that agree begins, with the motion that makes them."""
+    """The number as declared: start of the fit for frames that agree, with the motion under which they agree."""
 
     def not_applicable(self, facts: Facts) -> str:
-        """Say what of the model does not hold."""
+        """Return which assumption of the model does not hold; empty where all hold."""
         return why_no_geometry(facts)
 
     @abstractmethod
@@ -110,6 +110,7 @@ class FittedParameter(WindowCheck[tuple[PairParameter, ...]]):
 
     def conclude(self, state: Sequence[tuple[PairParameter, ...]], facts: Facts) -> Observation:
         """Pool the pairs."""
+        # In the order of frames: sums then do not depend on how windows were shared among workers.
         fits = sorted((fit for fits in state for fit in fits), key=lambda fit: fit.first)
         total = max(int(np.count_nonzero(facts.clocks["depth"].advancing)) - 1, 0)
         coverage = Coverage(len(fits), total, "pairs of depth frames")
@@ -130,6 +131,7 @@ class FittedParameter(WindowCheck[tuple[PairParameter, ...]]):
         fit = fit_depth(
             self.family(pair), lattice, image1, pair.noise, start=start, step=self.number, coefficients=coefficients
         )
+        # A pair of frames that does not constrain the parameter has no finite standard error.
         if fit is None or not np.isfinite(fit.standard_error):
             return None
         return PairParameter(
@@ -159,6 +161,7 @@ def pool(fits: Sequence[PairParameter]) -> PooledParameter | None:
     ).T
     sigmas = np.hypot(errors, bounds)
     median = float(np.median(values))
+    # Few pairs may agree by chance: the scale is not below a pair's own error.
     scale = np.maximum(sigmas, MAD_TO_SIGMA * float(np.median(np.abs(values - median))))
     # Inverse variances times Cauchy's weights 1 / (1 + u^2).
     weights = 1.0 / (sigmas**2 * (1.0 + ((values - median) / (_FAR * scale)) ** 2))
@@ -166,10 +169,12 @@ def pool(fits: Sequence[PairParameter]) -> PooledParameter | None:
     value = float(weights @ values)
     # Standard error of a weighted mean from the scatter of its values, with n / (n - 1) for the fitted mean.
     spread = np.sqrt(weights**2 @ (values - value) ** 2 * len(fits) / max(len(fits) - 1, 1))
+    # Frames that agreed exactly as declared leave no residual to remove.
     residual_ratios = np.divide(fitted, declared, out=np.ones_like(fitted), where=declared > 0)
     return PooledParameter(
         value=value,
         standard_error=float(max(np.sqrt(weights**2 @ errors**2), spread)),
+        # Bounds average linearly: one error of the model may push all pairs the same way.
         bound=float(weights @ bounds),
         residual_reduction=max(float(np.median(1.0 - residual_ratios)), 0.0),
     )

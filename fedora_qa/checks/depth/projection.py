@@ -52,7 +52,7 @@ class DepthProjection(FittedParameter):
         return pair.as_rays
 
     def statistic(self, pooled: PooledParameter, fits: Sequence[PairParameter]) -> Statistic:
-        """State the exponent."""
+        """State the exponent of the ray's length: 0 for z-depth, 1 for ray length."""
         return Statistic(
             name="ray_exponent",
             value=pooled.value,

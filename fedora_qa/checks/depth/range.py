@@ -26,7 +26,7 @@ _NEIGHBOURHOOD: Final = 64 * RANGE_ROUNDING
 """Depths between this and ``RANGE_ROUNDING`` of an end are its neighbourhood: 63 times as wide as the end itself."""
 
 _COARSE: Final = 1e-3
-"""Steps of this share of the depth move a parallax of 10 px by 0.01 px, which flow is held to."""
+"""Steps of this share of the depth move a parallax of 10 px by 0.01 px."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -137,6 +137,7 @@ class DepthRange(WindowCheck[WindowExtents]):
 
 def _extent(frame: int, depth_m: NDArray[np.float32], range_m: tuple[float, float] | None) -> FrameExtent | None:
     """Count a frame's pixels at the ends of the range; None where it has no valid pixel."""
+    # Neighbourhoods are relative to the end: one at 0 m has none.
     ends_m = [(i, end_m) for i, end_m in enumerate(range_m or ()) if end_m > 0]
     # A little more than the neighbourhood: its ends are rounded to single precision.
     width = 2 * _NEIGHBOURHOOD
@@ -146,8 +147,10 @@ def _extent(frame: int, depth_m: NDArray[np.float32], range_m: tuple[float, floa
     nearest_m, farthest_m, near_ends_m = extremes
     on_end, near_end = [0, 0], [0, 0]
     for i, end_m in ends_m:
+        # In float64: float32 would round the relative distance by as much as the end is wide.
         distances = np.abs(near_ends_m.astype(np.float64) / end_m - 1.0)
         on_end[i] = int(np.count_nonzero(distances <= RANGE_ROUNDING))
+        # The neighbourhood without the end itself, as its definition has it: 63 times as wide as the end.
         near_end[i] = int(np.count_nonzero(distances <= _NEIGHBOURHOOD)) - on_end[i]
     on, near = (on_end[0], on_end[1]), (near_end[0], near_end[1])
     return FrameExtent(frame, nearest_m, farthest_m, sum(depth_m.shape), on, near)

@@ -97,6 +97,7 @@ class DepthScale(FittedParameter):
         The fit begins from the path that the factor of the depths asks for; a factor of zero, of positions beyond all
         measure, asks for none.
         """
+        # A factor that is 1 within ten errors leaves no scale to assign to the path.
         if not fit.value or abs(fit.value - 1) <= _SIGNIFICANT * (fit.standard_error + fit.bound):
             return float("nan")
         # Depths that are too large by a factor look like positions that are too small by it.
@@ -112,10 +113,11 @@ class DepthScale(FittedParameter):
         return None if pooled is None or pooled.value == 0 else _reciprocal(pooled)
 
     def statistic(self, pooled: PooledParameter, fits: Sequence[PairParameter]) -> Statistic:
-        """State the factor."""
+        """State the factor by which depths are too large beside the positions."""
         path_factors = np.array([fit.path_factor for fit in fits])
         fitted = path_factors[np.isfinite(path_factors)]
         path_scale = PathScale(
+            # Single bad frames do not move a median.
             factor=float(np.median(fitted)) if len(fitted) else None,
             depths_plausible=2 * sum(fit.plausible for fit in fits) > len(fits),
         )

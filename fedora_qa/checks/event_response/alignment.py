@@ -148,7 +148,7 @@ class EventResponseAlignment(WindowCheck[ShiftCorrelations]):
     _MATTERS_PX: Final = 2.0
 
     def not_applicable(self, facts: Facts) -> str:
-        """Need both cameras at one place, and declared thresholds."""
+        """Require both cameras at one place, and declared thresholds."""
         return why_frames_and_events_do_not_meet(facts)
 
     def measure(self, window: Window) -> ShiftCorrelations | None:
@@ -162,6 +162,7 @@ class EventResponseAlignment(WindowCheck[ShiftCorrelations]):
             times_ns, cameras = window.facts.clocks["rgb"].times_ns, window.facts.declared.cameras.values()
             is_long = int(times_ns[-1] - times_ns[0]) >= 2 * FEWEST_INTERVALS * WINDOW_NS
             read_px = window.sampling.tile_share * max(camera.width * camera.height for camera in cameras)
+            # One interval a window suffices only in long files whose images are read densely (INTERVALS_OF_LARGE).
             per_window = INTERVALS_OF_LARGE[is_long and read_px >= _DENSE_PX]
         due, last = intervals_due(window, resampled, per_window), len(resampled) - 2
         if due <= 0:
@@ -192,7 +193,7 @@ class EventResponseAlignment(WindowCheck[ShiftCorrelations]):
         )
 
     def conclude(self, state: Sequence[ShiftCorrelations], facts: Facts) -> Observation:
-        """Find the peak of all."""
+        """Find the peak of the summed correlations, in px of the event camera."""
         of = max(len(facts.clocks["rgb"].times_ns) - 1, 0)
         coverage = Coverage(sum(len(window.patches) for window in state), of, "frame intervals")
         if coverage.seen < FEWEST_INTERVALS:
@@ -207,6 +208,8 @@ class EventResponseAlignment(WindowCheck[ShiftCorrelations]):
         # The larger threshold leaves the level open by more.
         threshold = max(facts.declared.events.threshold_on, facts.declared.events.threshold_off)
         slopes = np.concatenate([window.slopes for window in state])
+        # C sqrt(2/3 / sum g^2) px, and the lag of the level behind its reference (class docstring; derivation in
+        # ``shift``).
         open_errors, lags = open_level_errors(slopes.mean(axis=0), threshold)
         errors = np.maximum(spread, open_errors)
         # Leaving out pixels that have turned bounds the drag by the data; the lag of the noise model bounds it as well.
@@ -248,6 +251,7 @@ class EventResponseAlignment(WindowCheck[ShiftCorrelations]):
             unit="px",
             standard_error=error,
             model_error_bound=float(lags[part.axis]),
+            # Each part was compared along both axes.
             tests=2 * part.compared,
             material=self._MATTERS_PX,
             statement=f"{place} events lie {part.shift_px:+.3g} +/- {error:.2g} px ({word} positive) from where they "
@@ -278,6 +282,7 @@ _AXES: Final[tuple[Literal["right", "down"], ...]] = ("right", "down")
 def _near_shift(patches: Float64, squares: Float64) -> tuple[Shift, Float64] | str:
     """Return the shift within reach and its spread (right, down), or why there is none."""
     total = patches.sum(axis=0)
+    # Correlation coefficient of frames and events; 1e-300 keeps it finite where nothing changes.
     strength = float(total.max()) / max(float(np.sqrt(squares.prod())), 1e-300)
     shift = peak(total)
     if shift is None or strength < LEAST_CORRELATION:
@@ -292,6 +297,7 @@ def _drag(shift: Shift, state: Sequence[ShiftCorrelations]) -> Float64:
     for by_window in ([window.with_turned for window in state], [window.settled for window in state]):
         dragged = peak(np.sum([patches.sum(axis=0) for patches in by_window], axis=0))
         if dragged is None:
+            # Without a peak the data give no bound, and the lag of the noise model remains.
             return np.full(2, np.inf)
         drag_px += abs(np.array([dragged.right_px - shift.right_px, dragged.down_px - shift.down_px]))
     return drag_px

@@ -119,11 +119,11 @@ class EventResponseConservation(Check[ConservationState]):
     """A structure one pixel wide runs through as many pixels of a tile as its side has."""
 
     def not_applicable(self, facts: Facts) -> str:
-        """Need both cameras at one place, and declared thresholds."""
+        """Require both cameras at one place, and declared thresholds."""
         return why_frames_and_events_do_not_meet(facts)
 
     def start(self, facts: Facts) -> ConservationState:
-        """Return no frame run."""
+        """Return a state without frame runs."""
         declared = facts.declared.events
         if declared is None:
             raise ValueError("Expected a declared event sensor, got none; the check is not applicable")
@@ -149,6 +149,7 @@ class EventResponseConservation(Check[ConservationState]):
             return Observation(coverage, unobservable="no two frames with events around them")
         shape = sensor_shape(facts.declared)
         pixels = np.any([group.unpacked(shape) for group in groups], axis=0)
+        # No pixel violates the law, and none shows enough change to be able to.
         if not pixels.any() and not any(group.informative for group in groups):
             return Observation(
                 coverage, unobservable="nowhere do frames show so much change that an event could be missed"
@@ -161,10 +162,14 @@ class EventResponseConservation(Check[ConservationState]):
             name="worst_tile",
             value=tile_fraction,
             unit="1",
+            # Binomial error over the pixels of a tile; the floor of one pixel keeps it above 0 where no pixel of the
+            # image violates.
             standard_error=sqrt(max(everywhere * (1 - everywhere), 1 / side**2) / side**2),
+            # The rest of the image is the reference: violations everywhere are stated by ``violating_pixels``.
             expected=everywhere,
             model_error_bound=self._TILE_MODEL_ERROR_BOUND,
             side="upper",
+            # No more pixels of a tile can violate the law than are informative.
             material=min(1.0, max(group.informative for group in groups) / side**2),
             tests=tiles,
             statement=f"In {tile_fraction:.0%} of the pixels of the tile at ({column}, {row}) events do not add up; "
@@ -194,6 +199,7 @@ class EventResponseConservation(Check[ConservationState]):
         excused = [_excused_fraction(group, declared, times_ns) for group in groups]
         # As many violations are allowed as uneven frames alone make, with the Poisson error of so many and one.
         bounds = [group.flawed / size + fraction for group, fraction in zip(groups, excused, strict=True)]
+        # Shares of the image: (k + 1) / size^2 of k flawed pixels (Poisson), p / size of an excused share p (binomial).
         errors = [
             sqrt((group.flawed + 1) / size**2 + fraction / size)
             for group, fraction in zip(groups, excused, strict=True)
@@ -238,8 +244,10 @@ def _excused_fraction(group: FrameRunSummary, declared: EventModel, times_ns: ND
     # A Poisson process of the declared rate gives at least one event in so many pixels.
     spurious = -expm1(-declared.shot_rate_hz * seconds)
     lagging = 0.0
+    # Five time constants, 1 / (2 pi f) each, on either side of a frame time.
     if declared.bandwidth_hz > 0:
         around_s = 10 / (2 * pi * declared.bandwidth_hz)
+        # Events a pixel within that time around all frames: an upper bound of the share of pixels that fire in it.
         lagging = group.events_per_pixel / max(seconds, 1e-9) * around_s * group.frames
     return min(spurious + lagging, 1.0)
 

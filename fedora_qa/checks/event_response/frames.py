@@ -84,7 +84,7 @@ class EventResponseFrames(WindowCheck[IntervalMoments]):
     needs = ("events", "rgb")
 
     def not_applicable(self, facts: Facts) -> str:
-        """Need both cameras at one place, and declared thresholds."""
+        """Require both cameras at one place, and declared thresholds."""
         return why_frames_and_events_do_not_meet(facts)
 
     def measure(self, window: Window) -> IntervalMoments | None:
@@ -92,6 +92,7 @@ class EventResponseFrames(WindowCheck[IntervalMoments]):
         blocks = block_moments(window)
         if blocks is None:
             return None
+        # Axis 2 holds the eight symmetries, the declared orientation first; axis 1 the tiles, which are summed.
         upright = blocks.steps[:, :, 0].sum(axis=1)
         return IntervalMoments(np.stack([blocks.frames[:-1], blocks.frames[1:]], axis=1), upright)
 
@@ -103,6 +104,8 @@ class EventResponseFrames(WindowCheck[IntervalMoments]):
         if not state or declared is None:
             return Observation(Coverage(0, intervals, "frame intervals"), unobservable="no two frames with events")
         frames = np.concatenate([window.frames for window in state])
+        # Of each interval: the number of blocks, sums of squares of the frames' change d and of the events' change e,
+        # and of d e.
         n, _, _, dd, ee, de = np.concatenate([window.sums for window in state]).T
         # What events leave open, 2/3 C+ C- a pixel, moves the coefficient de / ee by its regression on e.
         open_squares = n * 2 / 3 * declared.threshold_on * declared.threshold_off / BLOCK_PX**2
@@ -111,6 +114,7 @@ class EventResponseFrames(WindowCheck[IntervalMoments]):
         coverage = Coverage(int(np.count_nonzero(clear)), intervals, "frame intervals")
         if coverage.seen < FEWEST_INTERVALS:
             return Observation(coverage, unobservable="too little changes between frames")
+        # Regression coefficient of the frames' change on the events' change: sum d e / sum e^2.
         gains = de[clear] / ee[clear]
         middle = float(np.median(gains))
         if middle < LEAST_GAIN:
@@ -120,9 +124,11 @@ class EventResponseFrames(WindowCheck[IntervalMoments]):
             return Observation(coverage, unobservable=reason)
         spread = MAD_TO_SIGMA * float(np.median(np.abs(gains - middle)))
         errors = np.hypot(spread, noise[clear])
+        # The most significant deviation beyond what is allowed, not the largest: quiet intervals scatter most.
         worst = int(np.argmax((np.abs(gains - middle) - CHANGE_BOUND * middle) / errors))
         earlier, later = (int(frame) for frame in frames[clear][worst])
         gain = float(gains[worst])
+        # Exchanged frames change by -1 of what is usual: halfway from 0 to that counts as reversed.
         anomalies = ChangeAnomalies(
             unchanged=int(np.count_nonzero(dd[clear] == 0)), reversed=int(np.count_nonzero(gains < -0.5 * middle))
         )

@@ -47,7 +47,7 @@ class EventResponseModel(WindowCheck[LevelSums]):
     needs = ("events", "rgb")
 
     def not_applicable(self, facts: Facts) -> str:
-        """Need both cameras at one place, and declared thresholds."""
+        """Require both cameras at one place, and declared thresholds."""
         return why_frames_and_events_do_not_meet(facts)
 
     def measure(self, window: Window) -> LevelSums | None:
@@ -69,7 +69,9 @@ class EventResponseModel(WindowCheck[LevelSums]):
             value=value,
             unit="1",
             standard_error=error,
+            # Negative values favour the declared model; only positive ones contradict it.
             side="upper",
+            # A natural logarithm: 1 is a ratio e of the residuals.
             material=1.0,
             statement=f"Events follow the {other} model: its residual is {theirs:.3g} thresholds, that of the "
             f"declared {declared.model} model {ours:.3g}.",

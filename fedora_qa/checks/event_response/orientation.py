@@ -32,6 +32,7 @@ from fedora_qa.views.event_camera import (
 
 Float64 = NDArray[np.float64]
 
+# Eight symmetries of the square with both signs, less the declared orientation.
 _OTHERS: Final = 2 * len(SYMMETRIES) - 1
 
 FEWEST_WINDOWS: Final = 4
@@ -133,11 +134,11 @@ class EventResponseOrientation(WindowCheck[OrientationMoments]):
     needs = ("events", "rgb")
 
     def not_applicable(self, facts: Facts) -> str:
-        """Need both cameras at one place, and declared thresholds."""
+        """Require both cameras at one place, and declared thresholds."""
         return why_frames_and_events_do_not_meet(facts)
 
     def measure(self, window: Window) -> OrientationMoments | None:
-        """Correlate in one window."""
+        """Correlate frames and events of one window under the eight symmetries."""
         blocks = block_moments(window)
         if blocks is None:
             return None
@@ -157,7 +158,9 @@ class EventResponseOrientation(WindowCheck[OrientationMoments]):
         signals = [ChangeMoments(sums.sum(axis=0)).frame_variance() for sums in by_change]
         # Correlation of a signal with itself and independent noise.
         predicted = [float(np.sqrt(signal / (signal + noise))) for signal in signals]
+        # The change from frame to frame, or over the whole window where slow motion shows too little between frames.
         best = int(np.argmax(predicted))
+        # Element 4 holds the sum of squares of the events' change.
         if not np.any(by_change[best][..., 4]):
             return Observation(coverage, unobservable="no events between the frames (see event_response.conservation)")
         if predicted[best] < LEAST_PREDICTED:
@@ -177,6 +180,7 @@ def _whole(sums: Float64, predicted: float) -> tuple[Statistic, Statistic]:
     alternatives = other_correlations(correlations)
     orientation = int(np.argmax(alternatives))
     symmetry = EventSymmetry.numbered(orientation)
+    # Another orientation counts only if it reaches half of the predicted correlation, and more than the declared one.
     is_clear = alternatives[orientation] > max(predicted / 2, correlations[0])
     features = (symmetry,) if is_clear else ()
     errors = _errors(sums, orientation)
@@ -219,6 +223,7 @@ def _errors(sums: Float64, orientation: int) -> tuple[float, float]:
     Blocks of one moving texture are not independent: with too few windows three times the error of independent
     blocks is taken.
     """
+    # Independent blocks give 1 / sqrt(n).
     floor = 3 / float(np.sqrt(max(sums[:, 0, 0].sum(), 1.0)))
     n = len(sums)
     if n < FEWEST_WINDOWS:
@@ -227,6 +232,7 @@ def _errors(sums: Float64, orientation: int) -> tuple[float, float]:
     values = np.array([(each[0], other_correlations(each)[orientation] - each[0]) for each in left_out])
     # Efron and Stein 1981: the variance of n leave-one-out values times n - 1.
     spread = np.sqrt((n - 1) * values.var(axis=0))
+    # With enough windows the jackknife counts, but never less than the error of independent blocks.
     return max(float(spread[0]), floor / 3), max(float(spread[1]), floor / 3)
 
 

@@ -97,7 +97,7 @@ class EventResponseThreshold(WindowCheck[WeightedLevelSums]):
     _MATERIAL_PERCENT: Final = 25.0
 
     def not_applicable(self, facts: Facts) -> str:
-        """Need both cameras at one place, and declared thresholds."""
+        """Require both cameras at one place, and declared thresholds."""
         return why_frames_and_events_do_not_meet(facts)
 
     def measure(self, window: Window) -> WeightedLevelSums | None:
@@ -124,10 +124,12 @@ class EventResponseThreshold(WindowCheck[WeightedLevelSums]):
         unit = "DN" if declared.model == "linear" else "nat"
         errors, bounds = thresholds.fit.standard_errors, thresholds.model_errors
         error = (errors.threshold_on, errors.threshold_off)[side]
+        # The fit and the expected step may err in the same direction.
         bound = (bounds.threshold_on, bounds.threshold_off)[side] + model_error
         # Pixels of low threshold fire more: by up to six times the squared relative spread of thresholds.
         spread = declared.threshold_sigma / min(declared.threshold_on, declared.threshold_off)
         exposure_us = facts.declared.cameras["rgb"].exposure_us
+        # Exposure takes contrast off with the square of its time (EXPOSURE_BIAS).
         bound += (6 * spread**2 + EXPOSURE_BIAS * (exposure_us / EXPOSURE_OF_BIAS_US) ** 2) * expected
         percent = 100 / expected
         return Statistic(
@@ -158,5 +160,7 @@ def _expected_step(declared: EventModel, nominal: float, overshoot: float) -> tu
     """
     if declared.model == "log":
         return nominal, 0.0
+    # r / 2 beyond the crossing at C + 1/2, with r the overshoot times the step (derivation above).
     beyond = 0.5 * overshoot * (nominal + 0.5)
+    # Half a value by rounding, and half of the overshoot, which is a mean over events.
     return nominal + 0.5 + beyond, 0.5 + 0.5 * beyond

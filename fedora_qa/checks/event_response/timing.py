@@ -142,7 +142,7 @@ class EventResponseTiming(WindowCheck[TimingSummary]):
     _MATERIAL_PPM: Final = 1_000.0
 
     def not_applicable(self, facts: Facts) -> str:
-        """Need both cameras at one place, and declared thresholds."""
+        """Require both cameras at one place, and declared thresholds."""
         return why_frames_and_events_do_not_meet(facts)
 
     def measure(self, window: Window) -> TimingSummary | None:
@@ -158,11 +158,12 @@ class EventResponseTiming(WindowCheck[TimingSummary]):
         fitted, _ = _fitted_offset(sums, facts)
         if not sums or (fitted is not None and abs(fitted.offset_s) < CAPTURE_SHARE * fitted.capture_range_s):
             return ()
+        # Windows of most samples determine an offset with the least error.
         richest = sorted(sums, key=lambda of_window: -of_window.samples)[:WINDOWS_SEARCHED]
         return tuple(of_window.window for of_window in richest)
 
     def follow_up(self, state: list[TimingSummary], window: Window) -> None:
-        """Try other offsets."""
+        """Search the window for offsets beyond the capture range of the fit."""
         fitted, _ = _fitted_offset(_sums(state), window.facts)
         search = search_window(window, fitted.offset_s if fitted is not None else None, _searches(state))
         if search is not None:
@@ -185,10 +186,12 @@ class EventResponseTiming(WindowCheck[TimingSummary]):
             return Observation(coverage, (self._offset(searched, facts, None, of_all_pixels=True),))
         segment, region = segment_offset(interpolation), region_offset(interpolation)
         local = _differs_clearly(segment) or _differs_clearly(region)
+        # A search fits one offset to all events, which a segment or a region of another delay contradicts.
         if searched is not None and search_is_preferred(searched, fitted, facts) and not local:
             return Observation(coverage, (self._offset(searched, facts, None, of_all_pixels=True),))
         courses = None
         if segment is not None:
+            # Middles of the windows, s from the origin of the file.
             times_s = np.array([0.5 * (each.start_ns + each.stop_ns) / NS_PER_S for each in interpolation])
             courses = delay_courses(segment, times_s, 1e-3 * expected_delay_ms(declared, facts)[0])
         return Observation(
@@ -205,6 +208,7 @@ class EventResponseTiming(WindowCheck[TimingSummary]):
         self, estimate: ClockOffset, facts: Facts, courses: DelayCourses | None, *, of_all_pixels: bool
     ) -> Statistic:
         expected, tick_error = expected_delay_ms(facts.declared.events, facts)
+        # In ms; the error of the expected delay adds to the bound.
         delay, error, bound = 1e3 * estimate.offset_s, 1e3 * estimate.error_s, 1e3 * estimate.bound_s + tick_error
         offset = delay - expected
         size = OffsetSize(offset_error_ms(estimate, offset, bound, facts), of_all_pixels)
@@ -296,17 +300,21 @@ def delay_courses(local: LocalOffset, times_s: NDArray[np.float64], expected_s: 
     delays_s, errors_s, at_s = (local.delays_s - expected_s)[usable], local.errors_s[usable], times_s[usable]
     inside = local.step.chosen[usable]
     count = len(delays_s)
+    # Number of free parameters: a segment has its size, its start and its stop.
     courses = ((np.ones(count), 1), (at_s, 1), (inside.astype(np.float64), 3))
     squares_of = []
     for course, _ in courses:
         # The sum of squares that the best multiple of the course leaves of the delays, each over its error.
         values, weighted = delays_s / errors_s, course / errors_s
+        # Least squares of one multiple m in y = m x, both over the error of y: m = x . y / x . x.
         multiple = float(values @ weighted) / max(float(weighted @ weighted), 1e-300)
         squares_of.append(float(np.sum((values - multiple * weighted) ** 2)))
     squares = np.array(squares_of)
+    # Scatter beyond the errors counts as noise, or a large chi-square would make any course certain.
     noise = max(1.0, float(squares.min()) / max(count - 1, 1))
     # BIC = chi^2 + k ln n
     criteria = squares / noise + np.array([free for _, free in courses]) * np.log(count)
+    # Only differences of BIC matter; the least is subtracted so that exp does not underflow.
     probabilities = np.exp(-0.5 * (criteria - criteria.min()))
     probabilities /= probabilities.sum()
     constant, drift, segment = (float(probability) for probability in probabilities)
@@ -336,6 +344,7 @@ def _fitted_offset(sums: Sequence[TimingSums], facts: Facts) -> tuple[ClockOffse
     finite = [estimate for estimate in estimates if estimate is not None]
     if not finite:
         return None, by_levels if isinstance(by_levels, str) else "events do not follow the frames"
+    # By error and bound together, since a limit is made of both.
     return min(finite, key=lambda estimate: estimate.error_s + estimate.bound_s), ""
 
 

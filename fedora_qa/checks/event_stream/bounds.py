@@ -84,13 +84,14 @@ class EventStreamBounds(WindowCheck[BoundsCount]):
     needs = ("events",)
 
     def not_applicable(self, facts: Facts) -> str:
-        """Need the size of the sensor."""
+        """Require the size of the sensor."""
         return why_no_sensor(facts)
 
     def measure(self, window: Window) -> BoundsCount:
-        """Count offenders."""
+        """Count the window's events beyond the sensor and of unknown polarity."""
         events = own(window, all_events(window))
         survey, shape = np.empty(7, np.int64), sensor_shape(window.facts.declared)
+        # Windows without an offender, nearly all, need no loop over their events.
         if len(events) and all_on_sensor(events, shape):
             on = int(np.count_nonzero(events.p))
             survey[:] = 0, 0, -1, int(events.x.max()), int(events.y.max()), len(events) - on, on
@@ -114,6 +115,7 @@ class EventStreamBounds(WindowCheck[BoundsCount]):
         first = next((count.first for count in state if count.first is not None), None)
         outside, unknown = sum(count.outside for count in state), sum(count.bad_polarity for count in state)
         height, width = sensor_shape(facts.declared)
+        # Columns and rows count from 0: the least size that holds them is one more.
         columns, rows = (1 + max(count.farthest[axis] for count in state) for axis in (0, 1))
         fits_exchanged = columns <= height and rows <= width
         hint = "; with x and y exchanged all of them would fit" if fits_exchanged else ""

@@ -33,7 +33,7 @@ class RepeatedEvents(Feature):
 
 @dataclass(frozen=True, slots=True)
 class RepeatCount:
-    """Events of one window with the pixel and stamp of another, and ticks in which all events come in pairs."""
+    """Events of one window with the pixel and timestamp of another, and ticks in which all events come in pairs."""
 
     events: int
     repeats: int
@@ -80,14 +80,15 @@ class EventStreamDuplicates(WindowCheck[RepeatCount]):
     needs = ("events",)
 
     def not_applicable(self, facts: Facts) -> str:
-        """Need the size of the sensor."""
+        """Require the size of the sensor."""
         return why_no_sensor(facts)
 
     def measure(self, window: Window) -> RepeatCount:
-        """Count repeats."""
+        """Count the window's events that repeat pixel and timestamp of another."""
         events = own(window, sensor_events(window))
         shape = sensor_shape(window.facts.declared)
         repeats, first, doubled, first_doubled = count_repeats(events.x, events.y, events.times_ns, shape), -1, 0, -1
+        # Rows of repeats cost a second pass, which only windows with repeats need.
         if repeats:
             repeats, first, doubled, first_doubled = find_repeats(events.x, events.y, events.times_ns, events.p, shape)
         start = window.owned("events").start
@@ -128,6 +129,7 @@ class EventStreamDuplicates(WindowCheck[RepeatCount]):
             if declared is not None:
                 # Events that no brightness explains. One of a hot pixel meets others at the hot rate: as if all did.
                 spurious_hz = declared.shot_rate_hz + (declared.hot_pixel_rate_hz if declared.hot_pixels else 0.0)
+            # Each event meets a spurious one in its tick with probability rate times tick.
             chance = spurious_hz * tick_ns(facts) / NS_PER_S * total
             statistics.append(
                 Statistic(

@@ -22,12 +22,12 @@ class EventRow:
 
 
 def event_coverage(facts: Facts, count: int) -> Coverage:
-    """Return how many of the file's events were looked at."""
+    """Return how many of the file's events were read."""
     return Coverage(count, facts.events.count if facts.events is not None else 0, "events")
 
 
 def why_no_sensor(facts: Facts) -> str:
-    """Say that the event camera is not declared; empty where it is."""
+    """Return that the event camera is not declared; empty where it is."""
     return "" if "events" in facts.declared.cameras else "the size of the event camera is not declared"
 
 

@@ -92,7 +92,7 @@ class EventStreamGaps(WindowCheck[SilenceCount]):
         return SilenceCount(len(own(window, events)), silences, silence)
 
     def conclude(self, state: Sequence[SilenceCount], facts: Facts) -> Observation:
-        """Take the least probable of all."""
+        """State the least probable silence of all windows, in ms."""
         coverage = event_coverage(facts, sum(count.events for count in state))
         silences = [count.least_probable for count in state if count.least_probable is not None]
         if not silences:
@@ -102,11 +102,13 @@ class EventStreamGaps(WindowCheck[SilenceCount]):
         start_us, stop_us = (facts.to_file_us(time) for time in (worst.start_ns, worst.stop_ns))
         expected = max(round(worst.expected), 1)
         reset = clock_reset(facts.events)
+        # A clock that was set explains only the silence that is its step forwards.
         of_reset = reset is not None and reset.has_step_between(worst.start_ns, worst.stop_ns)
         statistic = Statistic(
             name="gap",
             value=length_ms,
             unit="ms",
+            # Judgement compares the length with 0: in this unit the silence is z standard errors long.
             standard_error=length_ms / max(worst.z, 0.5),
             side="upper",
             material=self._MATERIAL_MS,

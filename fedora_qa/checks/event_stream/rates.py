@@ -96,7 +96,7 @@ class EventStreamRates(Check[PixelCounts]):
     needs = ("events",)
 
     def not_applicable(self, facts: Facts) -> str:
-        """Need the size of the sensor."""
+        """Require the size of the sensor."""
         return why_no_sensor(facts)
 
     def start(self, facts: Facts) -> PixelCounts:
@@ -109,7 +109,7 @@ class EventStreamRates(Check[PixelCounts]):
         state.add(events.x, events.y, events.p)
 
     def merge(self, state: PixelCounts, later: PixelCounts) -> PixelCounts:
-        """Join."""
+        """Add the counts of later windows."""
         return state.then(later)
 
     def conclude(self, state: PixelCounts, facts: Facts) -> Observation:
@@ -125,7 +125,9 @@ class EventStreamRates(Check[PixelCounts]):
         for column, row in declared_pixels:
             if 0 <= row < counts.shape[0] and 0 <= column < counts.shape[1]:
                 declared_hot[row, column] = True
+        # Events were counted in the planned windows only: rates refer to the time that these cover.
         seconds = span_s * coverage.share
+        # Declared hot pixels have a statistic of their own.
         z = np.where(declared_hot, -np.inf, excess.z)
         rows, columns = np.nonzero(z > _SIGNIFICANT)
         hot_pixels = [(int(column), int(row)) for column, row in zip(columns, rows, strict=True)]
@@ -135,6 +137,7 @@ class EventStreamRates(Check[PixelCounts]):
             self._loudest(counts, excess, z, seconds, facts, (*features, HotPixelCount(max(len(hot_pixels), 1))))
         ]
         if declared_hot.any() and declared is not None and declared.hot_pixel_rate_hz > 0:
+            # Less the neighbours' median: the scene adds events to a hot pixel as it does to them.
             over = (counts - excess.median)[declared_hot]
             statistics.append(self._declared_rate(over, excess.error[declared_hot], declared, seconds, features))
         return Observation(
@@ -183,6 +186,7 @@ class EventStreamRates(Check[PixelCounts]):
     ) -> Statistic:
         expected = declared.hot_pixel_rate_hz
         rate_hz = float(over.mean()) / seconds
+        # Variance of a mean count over n pixels: r T / n (Poisson), and the errors of their neighbourhoods.
         variance = expected * seconds / len(over) + float(np.sum(error**2)) / len(over) ** 2
         return Statistic(
             name="declared_hot_pixel_rate",
@@ -211,7 +215,11 @@ def moved_hot_pixels(
     declared
         Declared hot pixels.
     size
-        Width and height of the sensor.
+        Width and height of the sensor, px.
+
+    Returns
+    -------
+    The move, with the size of a shift along the rows in px.
     """
     if not hot_pixels or not declared:
         return None
@@ -227,6 +235,7 @@ def _moves(
     """Yield where each move takes the declared pixels, the move, and how many pixels identify it."""
     right, bottom = size[0] - 1, size[1] - 1
     mirrored, transposed = MovedHotPixels("mirrored"), MovedHotPixels("transposed")
+    # One pixel identifies a mirror or an exchange, of which there are four; any pair of pixels fits some shift.
     yield {(right - column, row) for column, row in declared}, mirrored, 1
     yield {(column, bottom - row) for column, row in declared}, mirrored, 1
     yield {(right - column, bottom - row) for column, row in declared}, mirrored, 1
@@ -240,5 +249,6 @@ def _threshold_spread(declared: EventModel | None) -> float:
     """Return five sigma of the declared thresholds over the lower one, 1 at most."""
     if declared is None or declared.threshold_sigma <= 0:
         return 0.0
+    # Relative to the lower threshold, where a spread changes the number of events most.
     spread = declared.threshold_sigma / max(min(declared.threshold_on, declared.threshold_off), 1e-12)
     return min(5 * spread, 1.0)

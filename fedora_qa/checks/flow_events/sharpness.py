@@ -94,6 +94,7 @@ class RateSharpness:
         """Bound of what pixels and bent paths do to the gain (see ``Sharpness``)."""
         way_px2 = float(np.mean(np.square([field.way_px for field in self.fields])))
         way_rad2 = float(np.mean(np.square([field.way_rad for field in self.fields])))
+        # var(s) / var(u) = 1 / (12 w^2) by the pixel, 2 a^2 by the bent path (derivation in FlowEventsSharpness).
         return PIXEL_VARIANCE_PX2 / max(way_px2, 1e-12) + BEND * way_rad2
 
     @property
@@ -160,7 +161,7 @@ class FlowEventsSharpness(WindowCheck[tuple[FieldSharpness, ...]]):
     _MATTERS_PERCENT: Final = 30.0
 
     def not_applicable(self, facts: Facts) -> str:
-        """Need the event camera at the place of the depth camera, on whose grid flow lies."""
+        """Require the event camera at the place of the depth camera, on whose grid flow lies."""
         return why_not_one_view(facts, "depth", "events")
 
     def measure(self, window: Window) -> tuple[FieldSharpness, ...]:
@@ -215,6 +216,7 @@ class FlowEventsSharpness(WindowCheck[tuple[FieldSharpness, ...]]):
             standard_error=sharpness.advantage_error,
             model_error_bound=ADVANTAGE,
             side="upper",
+            # The best of all transforms was chosen.
             tests=len(TRANSFORMS),
             statement=f"Events are {np.exp(sharpness.advantage):.3g} times as sharp when the {rate} flow that carries "
             f"them is taken {_WORDS[sharpness.transform]}.",
@@ -247,18 +249,23 @@ def _estimate(fields: Sequence[FieldSharpness]) -> RateSharpness:
         np.array([getattr(field, name) for field in fields]) for name in ("sharpness", "transformed")
     )
     total, of_transforms = by_gain.sum(axis=0), by_transform.sum(axis=0)
+    # Columns: the sharpness of the stored flow and of the transformed one, on the same events.
     transform = int(np.argmax(of_transforms[:, 1] / np.maximum(of_transforms[:, 0], 1e-300)))
     # Jackknife: the gain without each group of consecutive fields.
     groups = np.array_split(by_gain, min(len(fields), _MOST_GROUPS))
+    # The best multiple of the stored flow is the reciprocal of the flow's gain.
     gains = np.array([1.0 / best_gain((total - group.sum(axis=0))[1:]) for group in groups])
+    # Only transforms that carry the same events are comparable with those of events that are not carried.
     sharpest = max(float(total[1:].max()), float(of_transforms[_SAME_EVENTS, 1].max()))
     stored, best = of_transforms[transform]
     return RateSharpness(
         fields=tuple(fields),
         gain=1.0 / best_gain(total[1:]),
+        # (n - 1) times the variance of the n leave-one-out gains (delete-one jackknife).
         gain_error=float(np.sqrt((len(groups) - 1) * gains.var())),
         transform=transform,
         advantage=float(np.log(np.maximum(best, 1e-300) / np.maximum(stored, 1e-300))),
+        # 4 / sqrt(N), the counting error of both sharpnesses (RateSharpness).
         advantage_error=4.0 / sum(field.carried for field in fields) ** 0.5,
         sharpening=sharpest / max(float(total[0]), 1e-300) - 1.0,
     )

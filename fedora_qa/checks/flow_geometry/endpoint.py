@@ -32,6 +32,7 @@ _AFFECTED: Final = 0.1
 _LINEAR_GAIN: Final = 0.1
 """Where the pose may be corrected it follows a larger gain, and the template is no longer the change of the flow."""
 
+# A drift of 1 ms/s is 1000 ppm, and lengthens each interval by 0.1%.
 _PPM_PER_MS_PER_S, _PERCENT_PER_MS_PER_S = 1e3, 0.1
 
 _MATERIAL_PX: Final = 0.1
@@ -193,7 +194,7 @@ class FlowGeometryEndpoint(WindowCheck[WindowErrors]):
     needs = ("flow", "depth", "pose")
 
     def not_applicable(self, facts: Facts) -> str:
-        """State what of the model does not hold."""
+        """Return which assumption of the model does not hold; empty where all hold."""
         camera = facts.declared.cameras.get("depth")
         if camera is None:
             return "the depth camera's intrinsics and mounting are not declared"
@@ -208,6 +209,7 @@ class FlowGeometryEndpoint(WindowCheck[WindowErrors]):
         without_depth = without_pose = too_few_pixels = 0
         for stream in window.facts.flow_streams:
             for interval in owned_intervals(window, stream):
+                # Poses are read once a window, and only where it owns an interval.
                 track = track or pose_track(window, window.facts.declared.cameras["depth"])
                 frame = frame_at(window.facts.clocks["depth"], interval.start_ns)
                 motion = motion_over(window, track, interval)
@@ -222,7 +224,8 @@ class FlowGeometryEndpoint(WindowCheck[WindowErrors]):
         return WindowErrors(window.span.index, tuple(fields), without_depth, without_pose, too_few_pixels)
 
     def follow_up_windows(self, state: list[WindowErrors], facts: Facts) -> tuple[int, ...]:
-        """Ask for the windows of the worst fields, the worst first."""
+        """Return the windows of the worst fields, the worst first."""
+        # Negated, so that the worst window comes first.
         worst = sorted((-_suspicion(errors.fields), errors.window) for errors in state)
         return tuple(window for suspicion, window in worst[:_MOST_FOLLOW_UPS] if suspicion < -1)
 
@@ -298,6 +301,7 @@ def _statistics(stream: str, fields: Sequence[FieldError], facts: Facts) -> list
         code="flow_geometry.endpoint.error",
         where=_where(off or fields, facts),
     )
+    # In units of its own bound, which differs over the image with depth and motion.
     field = max(fields, key=lambda field: field.worst_px / field.worst_bound_px)
     column, row = field.worst_pixel
     worst = Statistic(
@@ -326,6 +330,7 @@ def _statistics(stream: str, fields: Sequence[FieldError], facts: Facts) -> list
         unit="1",
         standard_error=float(np.sqrt(variance)),
         expected=1 - variance,
+        # The statistic is the cube root of a ratio of squares; its power 3/2 is the ratio of lengths.
         statement=f"The corrections of the pose that {stream} asks for are {ratio**1.5:.3g} times as large as the "
         "declared pose noise makes them.",
         code="flow_geometry.endpoint.pose_correction",
@@ -365,9 +370,11 @@ def _parameter_fits(fields: Sequence[FieldError], facts: Facts) -> list[Feature]
     fits: list[Feature] = []
     for template in PARAMETER_TEMPLATES:
         sizes, removed_share, error = total.fit(template.columns)
+        # A template is the derivative of the flow: beyond this size it is no longer the change of the flow.
         if np.abs(sizes).max() > template.largest:
             continue
         if template is FLOW_GAIN:
+            # The gain's template is 1% of the flow.
             gain = 0.01 * float(sizes[0])
             if not (is_noisy(facts.declared.pose) and abs(gain) > _LINEAR_GAIN):
                 correlation, interval_s = _correlation(total, gain), fields[0].interval.duration_s
@@ -384,6 +391,7 @@ def _parameter_fits(fields: Sequence[FieldError], facts: Facts) -> list[Feature]
         drifting.append(evidence.along(direction))
     ms_per_s, removed_share, error = sum_of(drifting).fit(slice(None))
     last_s = max(field.interval.end_ns for field, _ in measured) / NS_PER_S
+    # At the end of the file the drift's offset must still lie within the template of an offset.
     if not abs(ms_per_s[0]) * last_s > TIME_OFFSET.largest:
         ppm, error_ppm = _PPM_PER_MS_PER_S * float(ms_per_s[0]), _PPM_PER_MS_PER_S * error
         fits.append(FlowParameterFit("clock_rate", ppm, "ppm", error_ppm, removed_share))
@@ -397,11 +405,13 @@ def _correlation(total: Evidence, gain: float) -> float:
     of the deviation and explains nothing. Where only rounding remains, no flow at all is a gain.
     """
     column = FLOW_GAIN.columns.start
+    # The template is 1% of the recomputed flow: 100^2 times its square is the sum of squares of that flow.
     recomputed = float(total.matrix[column, column]) * 100.0**2
     if recomputed <= 0:  # all that a gain does, poses of unknown noise do as well
         return 1.0
     common = (1 + gain) ** 2 * recomputed
     remaining = max(total.total - gain**2 * recomputed, 0.0)
+    # r^2 = common / (common + remaining).
     return float(np.sqrt(min((common + total.count) / max(remaining + common, 1.0), 1.0)))
 
 
@@ -421,7 +431,7 @@ def correction_growth(fields: Sequence[FieldError]) -> float:
 
 
 def _independent(fields: Sequence[FieldError]) -> list[FieldError]:
-    """Return every second field of those that were held to the noise: their intervals share no pose."""
+    """Return every second field of those that were compared with the noise: their intervals share no pose."""
     return [field for field in fields if field.twist_dof > 0 and field.interval.row % 2 == 0]
 
 
@@ -441,6 +451,7 @@ def _rates_off(by_stream: Mapping[str, Sequence[FieldError]]) -> Mapping[str, bo
     """Return which rates are off, or would not show it: what is wrong with all rates grows with their intervals."""
     suspicions = {stream: _suspicion(fields) for stream, fields in by_stream.items()}
     lengths_s = {stream: fields[0].interval.duration_s for stream, fields in by_stream.items()}
+    # Excess for each second of an interval, by the rate that deviates most.
     growth = max(
         (suspicion / max(lengths_s[stream], 1e-9) for stream, suspicion in suspicions.items() if suspicion > 1),
         default=0.0,

@@ -114,9 +114,11 @@ def _of_one_rate(facts: Facts, stream: str) -> list[Statistic]:
     if clock.ends_ns is None or not len(clock.times_ns):
         return []
     off_frames = np.flatnonzero(~(_on(frames, clock.times_ns) & _on(frames, clock.ends_ns)))
+    # Intervals of one rate abut (format.md, Instants): compared as integers, without a tolerance.
     gaps = np.flatnonzero(clock.times_ns[1:] != clock.ends_ns[:-1]) + 1
     lengths_ns = clock.ends_ns - clock.times_ns
     nominal_ns = NS_PER_S / int(stream.removeprefix("flow/").removesuffix("hz"))
+    # Intervals end on frames: a wrong length is wrong by a whole frame step.
     wrong_length = np.flatnonzero(np.abs(lengths_ns - nominal_ns) > _frame_step_ns(frames) / 2)
 
     of_frames = _features_off_frames(facts, stream, clock, clock.ends_ns, off_frames)
@@ -184,6 +186,7 @@ def _features_off_frames(facts: Facts, stream: str, clock: Clock, ends_ns: Int64
         if np.all(before | after):
             return (IntervalsOffFrames(beyond_all_frames=True),)
     frames_ns = depth.times_ns[depth.advancing]
+    # Each instant once: where intervals abut, the end of one is the start of the next.
     instants_ns = np.unique(np.concatenate((clock.times_ns[off], ends_ns[off])))
     of_flow = _patterns_of(stream, instants_ns, frames_ns)
     far_ns = np.abs(offsets_from_nearest(frames_ns, instants_ns[~_on(depth, instants_ns)]))
@@ -229,6 +232,7 @@ def timestamp_patterns(instants_ns: Int64, frames_ns: Int64) -> tuple[TimestampP
         ratio = float(np.median(instant_steps_ns)) / step_ns if len(instant_steps_ns) else 0.0
         unit = next((unit for unit in _UNITS if abs(ratio / unit - 1) < _SAME_UNIT), None)
         return () if unit is None else (TimestampPattern("unit", unit, 1.0),)
+    # A median is not moved by the few instants whose nearest frame is not their own.
     middle_ns = float(np.median(offsets_ns))
     constant = ("constant", middle_ns / NS_PER_MS, offsets_ns - middle_ns)
     # A line through the offsets: its slope is the median of steps, so that a step across a frame does not count.
@@ -240,6 +244,7 @@ def timestamp_patterns(instants_ns: Int64, frames_ns: Int64) -> tuple[TimestampP
     drift = ("drift", 1e6 * slope, detrended_ns - np.median(detrended_ns))
     # Instants that are whole multiples of a grid explain offsets of up to half of it.
     grid_ns = int(np.gcd.reduce(instant_steps_ns)) if len(instant_steps_ns) >= _FEWEST_ON_A_GRID - 1 else 0
+    # A grid of up to two roundings is the unit of the timestamps and explains nothing.
     beyond_ns = np.maximum(np.abs(offsets_ns) - grid_ns / 2, 0.0) if grid_ns > 2 * _ROUNDING_NS else offsets_ns
     grid = ("grid", grid_ns / NS_PER_MS, beyond_ns)
 
@@ -247,16 +252,28 @@ def timestamp_patterns(instants_ns: Int64, frames_ns: Int64) -> tuple[TimestampP
     patterns = []
     for name, magnitude, residual_ns in (constant, drift, grid):
         remaining_ns = np.abs(residual_ns)
+        # Offsets are known modulo the frame step: what remains is the distance to its nearest multiple.
         if np.isfinite(step_ns):
             remaining_ns = np.minimum(remaining_ns % step_ns, -remaining_ns % step_ns)
         remaining = _rms(np.maximum(remaining_ns - _ROUNDING_NS, 0.0))
         removed_share = max(1.0 - remaining / rms_ns, 0.0) if rms_ns > 0 else 0.0
         patterns.append(TimestampPattern(name, magnitude, removed_share))
+    # A stable sort of shares rounded to 0.01: of equal ones the pattern with fewer numbers stays first.
     return tuple(sorted(patterns, key=lambda pattern: -round(pattern.removed_share, 2)))
 
 
 def offsets_from_nearest(frames_ns: Int64, instants_ns: Int64) -> Float64:
-    """Return how much later each instant (n,) is than the frame nearest to it, ns."""
+    """Return how much later each instant is than the frame nearest to it.
+
+    Parameters
+    ----------
+    frames_ns, instants_ns
+        (m,) and (n,) from the file's origin, in any order; m at least 1.
+
+    Returns
+    -------
+    (n,) ns; negative where the instant is earlier.
+    """
     ordered = np.sort(frames_ns)
     after = np.clip(np.searchsorted(ordered, instants_ns), 1, max(len(ordered) - 1, 1))
     neighbours_ns = np.stack((ordered[after - 1], ordered[np.minimum(after, len(ordered) - 1)]))

@@ -162,9 +162,11 @@ def _compare(window: Window, track: PoseTrack | None, interval: Interval, frame:
         may_pass = motion is None or (
             range_m is not None and not _all_before(track, motion, depth_m.shape, range_m, window)
         )
+    # Rows of interleaved u and v, contiguous float32: the layout that the kernel reads.
     lines = np.ascontiguousarray(flow_px, dtype=np.float32).reshape(len(flow_px), -1)
     unfounded, missing, infinite = compare_patterns(lines, depth_m, depth_m if static_m is None else static_m)
     are_missing = missing and track is not None and static_m is not None
+    # A field without any wrong pixel needs no count by kind.
     if not may_pass and not unfounded and not infinite and not are_missing:
         return FieldPattern(interval, frame, 0, 0, 0, 0, deep=True, infinite=0, missing=0, pixel=None)
     return _count_wrong_pixels(window, track, interval, frame, static_m)
@@ -219,6 +221,7 @@ def _before_and_behind(
     if _all_before(track, motion, depth_m.shape, range_m, window):
         return valid, np.zeros_like(valid)
     margin_m = _margin_m(window.facts.declared.pose, range_m[1])
+    # (1, W) and (H, 1) broadcast, without a full grid of coordinates.
     columns, rows = np.arange(width, dtype=np.float64)[None, :], np.arange(height, dtype=np.float64)[:, None]
     Z1_m = moved_points(track.camera.K, motion, columns, rows, depth_m.astype(np.float64))[2]
     return valid & (Z1_m > margin_m), valid & (Z1_m < -margin_m)
@@ -240,7 +243,9 @@ def _margin_m(noise: PoseModel | None, distance_m: float) -> float:
     """Return how far pose noise, or rounding where there is none, can move a point along the optical axis."""
     rounding_m = 1e-5 * distance_m
     if noise is None:
+        # Noise that is not declared may have any size: no point is certain to be before or behind.
         return distance_m
+    # Noise of the position, and of the rotation at this distance, are independent.
     return _SIGMAS * float(np.hypot(noise.position_sigma_m, noise.rotation_sigma_rad * distance_m)) + rounding_m
 
 

@@ -126,6 +126,7 @@ def fit_fields(fields: Sequence[FieldResidual]) -> RateFit | None:
 
 def deviation_ratio(field: FieldResidual) -> float:
     """Return the largest of a field's deviations over their limits: tiles that do not match, mean, gain."""
+    # Each deviation over its limit, so that shares and pixels compare: 1 is the limit.
     unmatched = max(field.unmatched_share / UNMATCHED_SHARE, field.least_matched / UNMATCHED)
     if field.evidence is None:
         return unmatched
@@ -134,6 +135,8 @@ def deviation_ratio(field: FieldResidual) -> float:
     # The gain and its formal error in px of the field's typical flow.
     matrix, vector = field.evidence.matrix, field.evidence.vector
     information = max(float(matrix[GAIN, GAIN][0, 0]), 1e-300)
+    # Information on the gain is sum w |f|^2, on the mean sum w for u and for v: 2 I / trace is the mean square of the
+    # flow f.
     typical_flow_px = float(np.sqrt(2 * information / np.trace(matrix[MEAN, MEAN])))
     gain = abs(float(vector[GAIN][0])) / information
     gain_px, gain_error_px = gain * typical_flow_px, typical_flow_px / float(np.sqrt(information))
@@ -292,6 +295,7 @@ def worst_statistics(
     fitted = [field for field in fields if field.worst_tile is not None]
     if not fitted:
         return statistics
+    # Formal errors times the scatter of the rate's tiles (Birge 1932).
     errors_px = [scale * max(field.mean_error_px) for field, scale in zip(fitted, scales_of(fitted), strict=True)]
     worst, error_px = max(
         zip(fitted, errors_px, strict=True), key=lambda pair: _mean_px(pair[0]) / (_field_bias_px(pair[0]) + pair[1])
@@ -322,6 +326,7 @@ def worst_statistics(
             standard_error=worst.worst_error_px,
             model_error_bound=_TILE_BIAS_PX,
             side="upper",
+            # Each textured tile might have been the worst.
             tests=sum(field.textured for field in fitted),
             statement=f"Field {worst.interval.row} of {stream} is off by {worst.worst_px:.3g} px in one tile.",
             code="flow_photometric.residual.tile",
@@ -333,6 +338,8 @@ def worst_statistics(
 
 
 def _field_bias_px(field: FieldResidual) -> float:
+    # Peak locking errs as sin(2 pi flow), of which the mean over the field's tiles counts (class docstring of the
+    # check).
     return _FIELD_BIAS_PX * field.mean_locking
 
 

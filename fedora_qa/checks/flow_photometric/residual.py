@@ -1,4 +1,4 @@
-"""Flow against the frames: warp the next frame back, and see how far it still lies from the one before."""
+"""Flow against the frames: the next frame is warped back, and its remaining displacement is estimated."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
@@ -94,7 +94,7 @@ class FlowPhotometricResidual(WindowCheck[WindowResiduals]):
     needs = ("flow", "rgb")
 
     def not_applicable(self, facts: Facts) -> str:
-        """Say why frames cannot be mapped onto the flow's grid."""
+        """Return why frames cannot be mapped onto the flow's grid; empty where they can."""
         optics = optics_of(facts)
         return optics if isinstance(optics, str) else ""
 
@@ -107,6 +107,7 @@ class FlowPhotometricResidual(WindowCheck[WindowResiduals]):
         without_frames = 0
         for stream in window.facts.flow_streams:
             for interval in owned_intervals(window, stream):
+                # Strides count from the first row of the file, so that the sample does not depend on the windows.
                 if interval.row % window.sampling.field_stride:
                     continue
                 frames = frame_pair(window, optics, interval)
@@ -116,7 +117,7 @@ class FlowPhotometricResidual(WindowCheck[WindowResiduals]):
         return WindowResiduals(window.span.index, tuple(fields), without_frames)
 
     def follow_up_windows(self, state: list[WindowResiduals], facts: Facts) -> tuple[int, ...]:
-        """Ask for the windows of the worst fields, the worst first."""
+        """Return the windows of the worst fields, the worst first."""
         worst = sorted((-max(map(deviation_ratio, w.fields), default=0.0), w.window) for w in state)
         return tuple(window for negative_ratio, window in worst[:_MOST_FOLLOW_UPS] if negative_ratio < -1)
 
@@ -131,6 +132,7 @@ class FlowPhotometricResidual(WindowCheck[WindowResiduals]):
             return
         trials: list[ConventionTrial] = []
         for stream in window.facts.flow_streams:
+            # Sorted: the first field of a rate is its worst.
             of_stream = [residual for residual in deviating if residual.interval.stream == stream]
             if of_stream:
                 trials += try_transforms(window, optics, of_stream[0].interval)
@@ -182,6 +184,7 @@ def _inferred_unit(
     unmatched_share = sum(residual.unmatched for residual in fields) / sum(residual.textured for residual in fields)
     if rate is None or unmatched_share > UNMATCHED_SHARE:
         return "unknown"
+    # A gain that is uncertain by half does not exclude another unit.
     if SIGNIFICANT_SIGMAS * rate.gain.errors[0] > _ANOTHER_UNIT:
         return None
     return "px" if abs(rate.gain.sizes[0]) < _ANOTHER_UNIT else "unknown"
@@ -193,11 +196,13 @@ def _residual_maps(window: Window, optics: Optics, interval: Interval) -> Mappin
     Tiles without texture are NaN.
     """
     frames = frame_pair(window, optics, interval)
+    # All tiles, in place of the share that the effort samples: the map is evidence for a reader.
     tiles = sample_tiles(frames, interval, 1.0) if frames else None
     if frames is None or tiles is None:
         return {}
     residuals = tiles.residuals(frames)
     stored = window.flow_px(interval.stream, interval.row)
+    # Tiles are listed row by row: the number of distinct left edges is that of the columns.
     columns = len(np.unique(TileGrid.of(*stored.shape[:2]).origins[:, 0]))
     is_textured = textured(residuals)
     of_field = f"of tiles of 32 px, worst field (row {interval.row} of {interval.stream})"

@@ -93,8 +93,10 @@ class FlowRatesComposition(WindowCheck[WindowComposition]):
     def measure(self, window: Window) -> WindowComposition | None:
         """Compare every pair of rates over the intervals that begin in the window."""
         agreements, not_compared = [], 0
+        # Streams are in the order of their rates: the slower one of each pair comes first.
         for slow, fast in combinations(window.facts.flow_streams, 2):
             for segment in segments(window, slow, fast):
+                # Strides count from the first row of the file, so that the sample does not depend on the windows.
                 if segment.slow.rows[0] % window.sampling.field_stride:
                     continue
                 agreement = compare_rates(window, segment)
@@ -103,7 +105,7 @@ class FlowRatesComposition(WindowCheck[WindowComposition]):
         return WindowComposition(window.span.index, tuple(agreements), not_compared)
 
     def follow_up_windows(self, state: list[WindowComposition], facts: Facts) -> tuple[int, ...]:
-        """Ask for the windows of the worst intervals."""
+        """Return the windows of the worst intervals that exceed their bounds."""
         worst = sorted(
             (-max((agreement.suspicion for agreement in summary.segments), default=0.0), summary.window)
             for summary in state

@@ -83,6 +83,7 @@ def _pixels_off(window: Window, segment: Segment) -> tuple[Float64, Float64]:
     columns, rows = path_starts(window, segment)
     slow, fast = (compose(window, chain, columns, rows) for chain in (segment.slow, segment.fast))
     compared = compared_pixels(slow, fast)
+    # Pixels that were not compared get 0 on both sides, and so do not count as off.
     apart_px = np.where(compared[:, None], slow.displacement_px - fast.displacement_px, 0.0)
     off = np.linalg.norm(apart_px, axis=-1) > np.where(compared, slow.bound_px + fast.bound_px, 0.0)
     if _FEWEST_OFF <= np.count_nonzero(off) < 0.5 * np.count_nonzero(compared):
@@ -108,12 +109,14 @@ def _of_either_rate(
         for factor in _factors(interval_s, own, other):
             gain = factor - 1
             units = (interval_s, 1 / interval_s) if interval_s > 0 else ()
+            # Flow in px/s or px s is off by the interval or its reciprocal: near these a factor is a unit, not a gain.
             unit = next((unit for unit in units if abs((1 + gain) / unit - 1) < _SAME_GAIN), None)
             residual_px = median_error_px(compose(window, chain, *pixels, _division_by(factor)), other)
             if unit is None:
                 yield residual_of("scaled", residual_px, 100 * gain)
             else:
                 yield residual_of("another_unit", residual_px, unit)
+        # A copy is exact: it explains all of the error or none (COPIES).
         yield residual_of("field_of_another_rate", 0.0 if _holds_field_of_another_rate(window, chain) else np.inf)
         repetitions = _count_repetitions(window, chain)
         yield residual_of("repeated_field", 0.0 if repetitions else np.inf, float(repetitions))

@@ -17,7 +17,7 @@ DETECTED_AT: Final = 7.0
 it; judgement draws its own line."""
 
 EXCHANGED: Final = "BGR"
-"""The usual wrong order, and the hardest to tell: red and blue have the nearest weights."""
+"""The usual wrong order, and the hardest to detect: red and blue have the nearest weights."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -81,6 +81,7 @@ class ImagesChannels(ColourCheck):
                 standard_error=estimate.standard_error,
                 model_error_bound=estimate.bound,
                 side="upper",
+                # 1 is the whole way from the right order to the wrong one.
                 material=1.0,
                 statement=f"In what events see the channels weigh {weights}, {estimate.value:.2f} +/- "
                 f"{hypot(estimate.standard_error, estimate.bound):.2g} of the way "
@@ -93,7 +94,8 @@ class ImagesChannels(ColourCheck):
         )
 
     def why_blind(self, response: ColourResponse) -> str:
-        """Where red and blue exchanged could not be detected, the order is not known."""
+        """Return that an exchange of red and blue could not be detected; empty where it could."""
         estimate = towards(response.fit, EXCHANGED)
+        # One bias may hide an exchange and another may feign one, hence twice the bound (DETECTED_AT).
         least = 2 * estimate.bound + DETECTED_AT * estimate.standard_error
         return "" if least <= 1 else f"too little colour: {least:.2f} of an exchange of red and blue would be seen"

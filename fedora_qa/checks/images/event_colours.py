@@ -45,7 +45,7 @@ between events may err more, and small frames have more samples. The straight li
 
 QUARTERS: Final = 4
 FEWEST_BLOCKS: Final = 8
-"""Quarters of the image in two windows: below, the spread between them says nothing."""
+"""Quarters of the image in two windows: with fewer, the spread between them is no standard error."""
 
 UNRELATED: Final = 0.7
 """Share of the events' variance that frames may leave: beyond, they show something else, or only rounding."""
@@ -55,7 +55,7 @@ UNRELATED: Final = 0.7
 class ColourSums:
     """Normal equations of a window by curve, a block for each quarter of the image; how many samples they rest on.
 
-    The declared curve comes first. Others are applied to means over footprints, near enough to tell which one it is.
+    The declared curve comes first. Others are applied to means over footprints, near enough to identify the curve.
     ``straight`` is by the declared curve, with straight lines between events in place of cubics.
     """
 
@@ -100,12 +100,14 @@ def _colour_sums(window: Window) -> ColourSums | None:
         return None
     height, width = frames.uniform_dn.shape[1:]
     rows, columns = np.divmod(pairs.pixels, width)
+    # Blocks of the jackknife: 2 x 2 quarters of the image, numbered row by row.
     quarter: NDArray[np.intp] = (2 * (2 * rows // height) + 2 * columns // width).astype(np.intp)
     transfer, colours = window.facts.declared.transfer, _colours_at_ends(window, frames, pairs)
 
     def sums(curve: str, pairs: LevelPairs) -> ColourBlocks:
         steps = np.array([declared.threshold_on, declared.threshold_off])
         events, delay = pairs.regressors[:, :2] @ steps, pairs.regressors[:, 2:] @ steps
+        # The declared curve recovers the stored codes, which the curve on trial then linearises.
         earlier, later = (each if curve == transfer else to_linear(to_code(each, transfer), curve) for each in colours)
         regressors = colour_columns(earlier, later, declared.model, declared.log_eps_dn)
         return colour_blocks(np.column_stack([regressors, -delay]), events, quarter, QUARTERS)
@@ -121,6 +123,7 @@ def _curves(declared: str) -> tuple[str, ...]:
 
 def _colours_at_ends(window: Window, frames: ResampledFrames, pairs: LevelPairs) -> tuple[Float64, Float64]:
     """Return linear R, G, B (m, 3) of each pair's pixel at its earlier and its later frame, in DN."""
+    # Frames are 8-bit: a table of 256 codes covers all values.
     linear_dn = to_linear(np.arange(256.0), window.facts.declared.transfer)
     earlier, later = np.empty((len(pairs), 3)), np.empty((len(pairs), 3))
     for i, frame in enumerate(frames.frames):
@@ -143,7 +146,7 @@ class ColourCheck(WindowCheck[ColourSums]):
     needs = ("events", "rgb")
 
     def not_applicable(self, facts: Facts) -> str:
-        """Need both cameras at one place, and declared thresholds."""
+        """Require both cameras at one place, and declared thresholds."""
         return why_frames_and_events_do_not_meet(facts)
 
     def measure(self, window: Window) -> ColourSums | None:
@@ -151,7 +154,7 @@ class ColourCheck(WindowCheck[ColourSums]):
         return colour_sums(window)
 
     def conclude(self, state: Sequence[ColourSums], facts: Facts) -> Observation:
-        """Fit, and state."""
+        """Fit the whole file and state the result."""
         samples = sum(sums.samples for sums in state)
         coverage = Coverage(samples, samples, "level samples")
         response = _fit_colours(state, facts)
@@ -161,7 +164,7 @@ class ColourCheck(WindowCheck[ColourSums]):
         return Observation(coverage, measured, unobservable=self.why_blind(response))
 
     def why_blind(self, response: ColourResponse) -> str:
-        """Say why the file could not show the least fault, beyond what each measurement says of itself."""
+        """Return why the file could not show the least fault, beyond the detection limit of each measurement."""
         return ""
 
     def state(self, response: ColourResponse, declared: EventModel, facts: Facts) -> tuple[Statistic, ...]:
@@ -170,7 +173,7 @@ class ColourCheck(WindowCheck[ColourSums]):
 
 
 def _fit_colours(state: Sequence[ColourSums], facts: Facts) -> ColourResponse | str:
-    """Fit a file under the declared curve, or say why it cannot be."""
+    """Fit a file under the declared curve, or return why it cannot be fitted."""
     declared = facts.declared.events
     curves = _curves(facts.declared.transfer)
     by_curve = [concatenate_colours([sums.by_curve[i] for sums in state]) for i in range(len(curves))] if state else []
@@ -184,6 +187,8 @@ def _fit_colours(state: Sequence[ColourSums], facts: Facts) -> ColourResponse | 
             f"frames leave {fits[best].unexplained:.0%} of what the events say unexplained: they do not belong "
             "together (see event_response.orientation)"
         )
+    # Only the linear model separates an exponent from the thresholds (class docstring of images.transfer).
     fit = fit_colours(by_curve[0], with_exponent=linear, frame_variance=fits[best].variance)
+    # Straight lines in place of cubics bound the error of the level between events.
     straight = fit_colours(concatenate_colours([sums.straight for sums in state]), with_exponent=linear)
     return ColourResponse(fit.widened(straight), curves[best])

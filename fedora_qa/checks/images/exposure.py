@@ -142,6 +142,7 @@ class ImagesExposure(WindowCheck[WindowExposure]):
             rgb = window.rgb(frame)
             if is_of_one_code(rgb):
                 blank.append(frame)
+            # Every fourth pixel along both axes: the share at 255 needs no more.
             sampled = ceil(rgb.shape[0] / _SAMPLED_EVERY_PX) * ceil(rgb.shape[1] / _SAMPLED_EVERY_PX)
             clipped.append(count_codes(rgb, _SAMPLED_EVERY_PX, codes) / max(sampled, 1))
         return WindowExposure(tuple(gains), tuple(blank), float(np.sum(clipped)), window.owned("rgb"), codes)
@@ -180,6 +181,7 @@ def _largest_jump(gains: Sequence[FramePairGain], facts: Facts) -> Statistic:
     scatter = MAD_TO_SIGMA * float(np.median(np.abs(jumps)))
     errors = np.hypot(scatter, [gain.standard_error for gain in gains])
     model_error_bound = MISREGISTRATION_PERCENT / 100
+    # The most significant jump beyond misregistration, not the largest.
     worst = int(np.argmax((np.abs(jumps) - model_error_bound) / errors))
     # One frame, or several, that are brighter give a jump up and one down of like size: the first of these is named.
     size, tolerance = abs(jumps[worst]), max(5 * float(errors[worst]), 0.2 * abs(jumps[worst]))
@@ -204,7 +206,17 @@ def _largest_jump(gains: Sequence[FramePairGain], facts: Facts) -> Statistic:
 
 
 def departures(log_gains: Float64) -> Float64:
-    """Return by how much each gain (n,) departs from the median of those around it."""
+    """Return by how much each gain departs from the median of those around it.
+
+    Parameters
+    ----------
+    log_gains
+        (n,) logarithms of the brightness ratio of neighbouring frames, in the order of time; n at least 2.
+
+    Returns
+    -------
+    (n,) departures, positive for a jump to brighter.
+    """
     around = [
         np.concatenate([log_gains[max(i - NEIGHBOURS, 0) : i], log_gains[i + 1 : i + 1 + NEIGHBOURS]])
         for i in range(len(log_gains))
@@ -238,6 +250,7 @@ def _frames_with_gain(windows: Sequence[WindowExposure], codes: NDArray[np.int64
 
     A gain of a part of the file shows only in that part, as the codes that it leaves out occur elsewhere.
     """
+    # A gain of the whole file leaves the same codes out everywhere; one of a part shows in its own windows only.
     of_all = gain_after_rounding(codes)
     gains = [
         (w.frames, gain)
@@ -247,6 +260,7 @@ def _frames_with_gain(windows: Sequence[WindowExposure], codes: NDArray[np.int64
     where, statement, features = Where(stream="rgb"), "", tuple[Feature, ...]()
     if gains:
         first, last = gains[0][0].start, gains[-1][0].stop - 1
+        # The gain with the narrowest range is the best known.
         sharpest = min((gain for _, gain in gains), key=lambda gain: gain.half_range)
         percent, half_range_percent = 100 * (sharpest.gain - 1), 100 * sharpest.half_range
         start_us, stop_us = (facts.to_file_us(int(facts.clocks["rgb"].times_ns[row])) for row in (first, last))

@@ -142,7 +142,7 @@ class ImagesOrder(WindowCheck[tuple[FramePairRatio, ...]]):
     needs = ("flow", "rgb")
 
     def not_applicable(self, facts: Facts) -> str:
-        """Say why frames cannot be seen on the flow's grid."""
+        """Return why frames cannot be mapped onto the flow's grid; empty where they can."""
         optics = optics_of(facts)
         return optics if isinstance(optics, str) else ""
 
@@ -158,6 +158,8 @@ class ImagesOrder(WindowCheck[tuple[FramePairRatio, ...]]):
             flow_px, size = pair.flow_px, (before.shape[1], before.shape[0])
             if is_large(before.size, window):
                 whole, parts = _ratios_of_large_frames(before, after, flow_px)
+                # Middles of the parts are a sample of the frame: the whole frame is used where they constrain too
+                # little.
                 if whole is None or whole.rounding_error >= LARGEST_ERROR:
                     whole = flow_ratio(before, after, flow_px)
             else:
@@ -176,6 +178,7 @@ class ImagesOrder(WindowCheck[tuple[FramePairRatio, ...]]):
         if len(clear) < FEWEST_PAIRS:
             return Observation(coverage, unobservable="too few frames lie at the ends of the flow, or too little moves")
         ratios = np.array([pair.ratio for pair in clear])
+        # The median of the file is the reference, as a gain of the whole flow puts no frame out of order.
         usual = float(np.median(ratios))
         if usual < LEAST_RATIO:
             reason = f"frames do not follow the flow at all: {usual:.2g} of it (see flow_photometric.residual)"
@@ -203,6 +206,7 @@ def _ratios_of_large_frames(before: Float32, after: Float32, flow_px: Float32) -
     half of which is allowed for, is the same.
     """
     height, width = before.shape
+    # Fourth root: the area is the geometric mean of both frames' areas, and the side is its root.
     side_ratio = min(1.0, (USUAL_PIXELS / before.size) ** 0.25)
     boxes, middles = part_boxes(width, height), []
     for left, top, right, bottom in boxes:
@@ -248,6 +252,7 @@ def _worst_pair(
 
 def _worst_part(pairs: Sequence[FramePairRatio], facts: Facts) -> Statistic | None:
     """State the part that lies farthest from where it usually does; None where no part is informative."""
+    # Ratios and their errors, (pairs, parts) each.
     ratios, own_errors = np.moveaxis(np.array([pair.parts for pair in pairs]), -1, 0)
     usual = np.array([_median_of_finite(column) for column in ratios.T])
     informative = (np.count_nonzero(np.isfinite(ratios), axis=0) >= FEWEST_PAIRS_OF_PART) & (usual >= LEAST_RATIO)
@@ -316,6 +321,7 @@ class _IntervalRun(NamedTuple):
 def _runs(ordered: Sequence[FrameInterval]) -> Iterator[_IntervalRun]:
     """Yield each run of intervals out of order, in which each begins with the frame at which that before it ends."""
     off = [abs(interval.relative_ratio - 1) > ALLOWED for interval in ordered]
+    # No interval before the first and none behind the last.
     follows = [False, *(earlier.after == later.before for earlier, later in pairwise(ordered)), False]
     start = 0
     while start < len(ordered):

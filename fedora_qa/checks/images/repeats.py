@@ -92,6 +92,7 @@ class ImagesRepeats(WindowCheck[tuple[FrameDigest, ...]]):
             rgb = window.rgb(frame)
             digest = _digest(window, frame)
             repeats = frame > 0 and _digest(window, frame - 1) == digest
+            # Only a repeat needs proof that the image must have changed; other frames need the motion of the pose.
             moved = (must_have_changed if repeats else moved_by_pose)(window, frame) if frame > 0 else None
             blank = is_of_one_code(rgb)
             digests.append(FrameDigest(frame, digest, blank, repeats, moved, viewpoint_of(window, frame)))
@@ -126,7 +127,7 @@ class ImagesRepeats(WindowCheck[tuple[FrameDigest, ...]]):
 
 
 def repeated(frames: Sequence[FrameDigest]) -> list[tuple[int, int]]:
-    """Return each frame that is not blank and equals one before it, with the latest such frame."""
+    """Return (frame, latest earlier frame that it equals) for each frame that is not blank and repeats one."""
     latest: dict[bytes, int] = {}
     repeats = []
     for digest in frames:

@@ -13,7 +13,7 @@ MATERIAL: Final = 0.5
 """Half of what the mildest curve of a display, a power of about 2, bends."""
 
 LEVEL_BIAS: Final = 0.04
-"""What errors of the level between events take off the exponent: not derived, but seen.
+"""What errors of the level between events take off the exponent: not derived, but measured.
 
 Clean files of all scenes give 0.963 to 0.992, whatever the model; closed-form frames and events give 1.002 to 1.006.
 """
@@ -64,8 +64,9 @@ class ImagesTransfer(ColourCheck):
     name = "images.transfer"
 
     def state(self, response: ColourResponse, declared: EventModel, facts: Facts) -> tuple[Statistic, ...]:
-        """State the exponent."""
+        """State the exponent that makes the frames' values follow the level of the events."""
         by_level = declared.model == "linear"
+        # The linear model gives the exponent by the level of each step; in the log model it scales all steps alike.
         exponent = response.fit.exponent if by_level else response.fit.scale
         error = hypot(exponent.standard_error, exponent.bound)
         # Pixels of low threshold fire more: the mean step is less by up to six times the squared relative spread.

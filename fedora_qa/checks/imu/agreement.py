@@ -147,6 +147,11 @@ def agreement_observation(
         Of the parameters to be stated, by group.
     unit, factor
         Of residuals, and its multiple of the fit's unit.
+
+    Returns
+    -------
+    The rms residual, the worst one, the parameters and their local deviations; only the disagreement where another
+    convention certainly reconciles the streams.
     """
     streams = streams_of(state, facts)
     coverage = coverage_of(streams, facts)
@@ -156,7 +161,7 @@ def agreement_observation(
     if fit is None:
         return Observation(coverage, unobservable="too few poses with IMU samples all the way between them")
     trial = convention_trial(streams, kind, fit)
-    # A fit under a wrong convention says nothing of small faults.
+    # Under a wrong convention the fitted parameters do not measure small faults.
     if trial is not None and trial.is_certain:
         return Observation(coverage, (_disagreement(facts, streams, kind, trial),))
     defects: tuple[Feature, ...] = (
@@ -214,6 +219,7 @@ def agreement_observation(
     return Observation(
         coverage,
         (residual, worst, *parameters, *local),
+        # Columns: time in s on the file's clock, and the length of the residual in the unit stated.
         evidence={"residual": fit.course * [1.0, factor] + [seconds, 0.0]},
         titles={"residual": f"Residuals of IMU and pose in {kind}; x time [s]; y length [{unit}]"},
     )
@@ -293,6 +299,7 @@ def parameter_statistics(
     for name, parameter in stated.items():
         text = texts[group_of(name)]
         value, error = text.factor * parameter.value, text.factor * parameter.standard_error
+        # Names of vector components end in their axis.
         sentence = text.sentence.format(size=f"{abs(value):.4g}", axis=name[-1], sense=text.senses[int(value < 0)])
         ratio = abs(parameter.value) / (sizes[group_of(name)] or 1.0)
         statistics.append(
@@ -345,6 +352,7 @@ def local_statistics(
             standard_error=text.factor * worst.standard_error,
             model_error_bound=text.factor * worst.model_error,
             material=text.material,
+            # Each segment was compared, in every component of the group.
             tests=worst.tests * len(names),
             statement=f"From {where.start_us:.0f} to {where.stop_us:.0f} us {name} is {size}, "
             f"{text.factor * worst.deviation:+.4g} off its value in the whole sequence.",

@@ -27,7 +27,7 @@ from fedora_qa.views.inertial_agreement import (
 from fedora_qa.views.sample_defects import timestamp_defects
 
 _RESOLVED_SIGMAS: Final = 6.0
-"""Standard errors that half an interval must exceed to be told from no offset at all."""
+"""Standard errors that half an interval must exceed to be distinguished from no offset at all."""
 
 _EQUAL_SIGMAS: Final = 3.0
 """Standard errors within which an offset is half an interval."""
@@ -89,6 +89,7 @@ class ImuTiming(WindowCheck[WindowMotion]):
         fits: dict[MotionKind, InertialFit] = {}
         for kind in kinds:
             fit = fit_of(streams, kind)
+            # Under a wrong convention the fitted offset describes the convention, not the clocks.
             if fit is not None and fit.settled and convention_trial(streams, kind, fit) is None:
                 fits[kind] = fit
         if not fits:
@@ -131,6 +132,7 @@ def _without_averaging(
     offset: Statistic, streams: InertialStreams, facts: Facts
 ) -> tuple[Statistic, tuple[Notice, ...]]:
     """Expect half an interval where instants are declared and the offset is just that: samples are means over it."""
+    # A mean over the interval before its timestamp states the motion half an interval earlier.
     half_ms = _MS_PER_S * float(np.median(np.diff(streams.imu.times_ns))) / NS_PER_S / 2
     limit = _EQUAL_SIGMAS * offset.standard_error + offset.model_error_bound
     declared = (facts.declared.imu or ImuModel()).sampling

@@ -120,12 +120,13 @@ class _FrameToEvent(FactsCheck):
     frames: str
 
     def not_applicable(self, facts: Facts) -> str:
-        """Need the map as well as timestamps that could be read."""
+        """Require the map and timestamps that could be read."""
         return "" if self.stream in facts.index_maps else "the map or the stamps that it joins cannot be read"
 
     def examine(self, facts: Facts) -> Observation:
         """Count entries that differ from the definition."""
         index_map, events = facts.index_maps[self.stream], facts.events
+        # Rows beyond the shorter length have no counterpart; the coverage states them.
         length = min(len(index_map.stored), len(index_map.expected_left))
         coverage = Coverage(length, max(len(index_map.stored), len(index_map.expected_left)), "frames")
         if events is None or events.unreadable:
@@ -192,6 +193,7 @@ def _rule_of(stored_map: _StoredMap) -> tuple[str, MapRule]:
     if fits:
         _, text, rule = max(fits, key=lambda fit: fit[0])
         return text, rule
+    # The nearest event is the first not before the frame, or the one before that.
     if set(np.unique(stored_map.deviations)) <= {-1, 0}:
         return "they point to the nearest event, before or behind", MapRule("nearest_event")
     return _rule_in_time(stored_map) or ("no known deviation", MapRule("none"))
@@ -217,15 +219,18 @@ def _candidates(stored_map: _StoredMap) -> Iterator[tuple[str, Int64, MapRule]]:
 def _rule_in_time(stored_map: _StoredMap) -> tuple[str, MapRule] | None:
     """Fit the delay of events that would explain the entries: their deviation over the local event rate.
 
-    If events were stamped d late after the map was made, an entry exceeds the count by rate * d. A delay that grows
-    with time is a clock of another rate.
+    If the timestamps of events were delayed by d after the map was made, an entry exceeds the count by rate * d. A
+    delay that grows with time is a clock of another rate.
     """
     wrong = stored_map.wrong
     times_s = stored_map.frame_times_ns / NS_PER_S
+    # Local rates need three frames in the order of time.
     if len(times_s) < 3 or np.any(np.diff(times_s) <= 0):
         return None
     with np.errstate(divide="ignore", invalid="ignore"):
+        # Events a second at each frame, by central differences of the right entries.
         rate = np.gradient(stored_map.index_map.expected_left.astype(np.float64), times_s)
+        # d = deviation / rate (derivation above), in ms.
         shifts_ms = 1e3 * stored_map.deviations / rate[wrong]
     finite = np.isfinite(shifts_ms)
     times_s, shifts_ms = times_s[wrong][finite], shifts_ms[finite]
@@ -235,6 +240,7 @@ def _rule_in_time(stored_map: _StoredMap) -> tuple[str, MapRule] | None:
     if spread_ms < _CLEAR * abs(delay_ms):
         text = f"the entries fit events that are {delay_ms:+.4g} ms late"
         return text, MapRule("delayed_events", delay_ms, spread_ms / np.sqrt(len(shifts_ms)))
+    # A drift grows from the first frame on; 1 ms a second is 1000 ppm.
     elapsed_s = times_s - stored_map.frame_times_ns[0] / NS_PER_S
     ppm, spread_ppm = _median_and_spread(1e3 * shifts_ms[elapsed_s > 0] / elapsed_s[elapsed_s > 0])
     if spread_ppm < _CLEAR * abs(ppm):
@@ -248,4 +254,5 @@ def _median_and_spread(values: Float64) -> tuple[float, float]:
     if not len(values):
         return float("nan"), float("nan")
     middle = float(np.median(values))
+    # 0.6745 standard deviations of a normal distribution are its median absolute deviation.
     return middle, float(np.median(np.abs(values - middle))) / NORMAL_QUARTILE

@@ -1,4 +1,4 @@
-"""Values that are no numbers, or stand for none: NaN and infinity, and how invalid pixels are marked."""
+"""Values that are not finite, or that mark invalid samples: NaN and infinity, and how invalid pixels are marked."""
 
 from collections.abc import Iterator, Sequence
 from contextlib import suppress
@@ -135,9 +135,9 @@ def longest_displacement_px(intervals: int, height: int, width: int) -> float:
     A surface that meets the plane Z = 0 meets it along a curve, which takes W + H pixels of an image at most, about.
     From one pixel to the next across the curve Z changes by some g, and the pixel nearest to the curve has a Z that is
     uniform between 0 and g: it is displaced by more than B with probability f R / (g B). A wall along the optical axis,
-    seen r px from the middle, has Z = f R / r, so g = Z / r and f R / g = r^2; one that leans towards the camera by a
+    r px from the middle, has Z = f R / r, so g = Z / r and f R / g = r^2; one that leans towards the camera by a
     slope t has f R / g = r^2 + r f t. Slopes of surfaces in all directions exceed t with probability 1 / t, so that up
-    to 100, beyond which the camera flies into what it sees, their mean is ln 100. Over an image of diagonal D, with
+    to 100, beyond which the camera flies into the surface, their mean is ln 100. Over an image of diagonal D, with
     r^2 = D^2 / 12 and r = 0.28 D on average and f = 0.69 D (60 degrees of view), that is 0.97 D^2 px; D^2 is taken.
 
     Parameters
@@ -155,12 +155,16 @@ def empty_between_full(filled: Sequence[tuple[int, float]]) -> list[int]:
     """Return the rows of images without a value whose neighbours are mostly valid.
 
     A run of empty images counts when it is bounded by full ones on both sides, or on one side and by the end of the
-    stream on the other. Rows that were not looked at bound nothing.
+    stream on the other. Rows that were not read bound nothing.
 
     Parameters
     ----------
     filled
-        Row, and ratio of valid pixels, of each image that was looked at, in any order.
+        Row, and ratio of valid pixels, of each image that was read, in any order.
+
+    Returns
+    -------
+    Rows in ascending order.
     """
     valid_ratio = dict(filled)
     empty: list[int] = []
@@ -171,10 +175,13 @@ def empty_between_full(filled: Sequence[tuple[int, float]]) -> list[int]:
             run = []
             continue
         run = [*run, row] if run and run[-1] == row - 1 else [row]
+        # The last row of a run decides for the run.
         if row + 1 in valid_ratio and valid_ratio[row + 1] == 0.0:
             continue
+        # A row that was not read bounds nothing and counts as empty; an end of the stream counts as full.
         before = valid_ratio.get(run[0] - 1, 1.0 if run[0] == 0 else 0.0)
         after = valid_ratio.get(row + 1, 1.0 if row == last else 0.0)
+        # A stream that is empty throughout is noted, and no run between full images.
         whole = run[0] == 0 and row == last
         if before > _FULL and after > _FULL and not whole:
             empty.extend(run)
@@ -184,6 +191,7 @@ def empty_between_full(filled: Sequence[tuple[int, float]]) -> list[int]:
 def _tallies(window: Window, key: str, owned: range) -> Iterator[DatasetCounts]:
     """Count what decodes; the rest is a finding of ``integrity.readable``."""
     facts, image = window.facts, DATASETS[key].is_image
+    # Image by image, so that a damaged chunk costs one image.
     blocks = [(row, row + 1) for row in owned] if image else [(owned.start, owned.stop)]
     for start, stop in blocks:
         with suppress(UnreadableRowsError):

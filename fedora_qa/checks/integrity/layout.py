@@ -1,4 +1,4 @@
-"""Is every dataset where the layout says, in the declared type and shape?"""
+"""Is every dataset at its place in the layout, in the declared type and shape?"""
 
 from dataclasses import dataclass
 
@@ -54,6 +54,7 @@ class IntegrityLayout(FactsCheck):
     def examine(self, facts: Facts) -> Observation:
         """State one finding a problem."""
         problems = facts.layout.problems
+        # Datasets that a problem keeps out of the layout: not covered.
         broken = {problem.key for problem in problems if problem.key} - set(facts.layout.bindings)
         coverage = Coverage(len(facts.layout.bindings), len(facts.layout.bindings) + len(broken), "datasets")
         if not problems:
@@ -71,5 +72,6 @@ class IntegrityLayout(FactsCheck):
             )
             for problem in problems
         ]
+        # Absent rates count as well: a fault of all rates is one fault of the flow.
         rates = {problem.stream for problem in problems if problem.stream in FLOW_STREAMS} | set(facts.flow_streams)
         return Observation(coverage, with_flow_rate_deviations(defects, rates))

@@ -18,7 +18,7 @@ from fedora_qa.sequence.window import Window
 
 @dataclass(frozen=True, slots=True)
 class DamagedChunk:
-    """A stored chunk that does not decode: its dataset, number, first and last row (half-open), and HDF5's words."""
+    """A stored chunk that does not decode: its dataset, number, first and last row (half-open), and HDF5's message."""
 
     key: str
     chunk: int
@@ -91,6 +91,7 @@ class IntegrityReadable(WindowCheck[ReadSummary]):
             touched[key] += max(0, stop - max(first, end[key]))
             end[key] = max(end[key], stop)
         read = sum(count * _chunks_beside(bindings[key]) for key, count in touched.items())
+        # Windows share chunks; reversed, so that the first window that reached a chunk describes it.
         damaged = {(chunk.key, chunk.chunk): chunk for summary in reversed(state) for chunk in summary.damaged}
         # Blocks of event timestamps that the scan could not decode, and that therefore no window owns.
         key = TIMESTAMPS_OF["events"]
@@ -121,6 +122,7 @@ class IntegrityReadable(WindowCheck[ReadSummary]):
         if not chunks:
             return no_faults(f"{stream}.unreadable_chunks", "chunks", "integrity.readable.chunk")
         first, blocks = chunks[0], {(chunk.key, chunk.start, chunk.stop) for chunk in chunks}
+        # Columns that are stored apart hold the same rows: each range of rows counts once.
         rows = sum(stop - start for _, start, stop in blocks)
         return count_of_faults(
             name=f"{stream}.unreadable_chunks",
@@ -177,5 +179,6 @@ def _damage(window: Window, binding: Binding, start: int, stop: int) -> Iterator
             for chunk in error.chunks:
                 first = chunk // beside * rows
                 yield DamagedChunk(binding.key, chunk, first, min(first + rows, binding.rows), error.reason)
+            # Chunks that were not tried one by one: the first one of the block stands for the rows that failed.
             if not error.chunks:
                 yield DamagedChunk(binding.key, first // rows * beside, first, last, error.reason)

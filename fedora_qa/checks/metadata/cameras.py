@@ -78,11 +78,11 @@ class MetadataCameras(FactsCheck):
     name = "metadata.cameras"
 
     def not_applicable(self, facts: Facts) -> str:
-        """Nothing to look at without a camera."""
+        """Require a declared camera."""
         return "" if facts.declared.cameras else "the file declares no camera"
 
     def examine(self, facts: Facts) -> Observation:
-        """Look at each camera, then at what they share."""
+        """Measure each camera, then what the cameras share."""
         cameras = facts.declared.cameras
         statistics = [m for name, camera in cameras.items() for m in _of_camera(name, camera, facts)]
         if "depth" in cameras and "events" in cameras:
@@ -94,6 +94,7 @@ class MetadataCameras(FactsCheck):
 def _of_camera(name: str, camera: Camera, facts: Facts) -> Iterator[Statistic]:
     """State how far K and T_body_camera of a camera depart from their forms, and its size from that of the images."""
     K = camera.K
+    # Skew is relative to the focal length, the last row absolute.
     scale = max(float(np.max(np.abs(K[:2, :2]))), 1.0)
     form = float(np.max(np.abs([K[0, 1] / scale, K[1, 0] / scale, K[2, 0], K[2, 1], K[2, 2] - 1.0])))
     yield _statistic(f"{name}.K_form", form, "1", model_error_bound=_ROUNDING,
@@ -121,6 +122,7 @@ def _of_camera(name: str, camera: Camera, facts: Facts) -> Iterator[Statistic]:
                          text=f"the {name} camera is declared {width} x {height} px, its images are "
                          f"{stored_width} x {stored_height}")  # fmt: skip
     R, last_row = camera.T_body_camera[:3, :3], camera.T_body_camera[3]
+    # Malformed matrices may overflow or hold NaN; the comparison fails them without a warning.
     with np.errstate(over="ignore", invalid="ignore"):
         handedness = float(np.sign(np.linalg.det(R)))
         gram = R.T @ R
@@ -128,6 +130,7 @@ def _of_camera(name: str, camera: Camera, facts: Facts) -> Iterator[Statistic]:
     yield _statistic(f"{name}.T_body_camera_rigid", excess, "1", model_error_bound=_ROUNDING,
                      text=f"T_body_camera of the {name} camera is not a rigid motion: R^T R or the last row is off by "
                      f"{excess:.3g}; is it transposed, or given in other units?")  # fmt: skip
+    # A determinant's sign changes by 2.
     yield _statistic(f"{name}.T_body_camera_handedness", handedness, "1", expected=1.0, resolution=2.0,
                      text=f"T_body_camera of the {name} camera mirrors: its determinant is not +1")  # fmt: skip
 
@@ -151,6 +154,7 @@ def _notices(name: str, camera: Camera) -> Iterator[Notice]:
         yield Notice(
             "metadata.cameras.aspect", f"pixels of the {name} camera are not square: {fx:.6g}, {fy:.6g}", where
         )
+    # The optical axis is Z; unrotated it is the body's Z, which points up.
     if np.array_equal(camera.T_body_camera[:3, :3], np.eye(3)):
         message = f"the {name} camera is not rotated: it looks up, unless optical axes were taken for those of the body"
         yield Notice("metadata.cameras.unrotated", message, where)

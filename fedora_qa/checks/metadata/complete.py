@@ -60,7 +60,7 @@ class MetadataComplete(FactsCheck):
     name = "metadata.complete"
 
     def examine(self, facts: Facts) -> Observation:
-        """Sort the problems by what the format asks for."""
+        """Separate problems of required declarations from those of optional ones."""
         count = len(ATTRIBUTES)
         # A file of the canonical layout that holds none of the objects that carry metadata.
         absent = {problem.owner for problem in facts.declared.problems if not problem.name}
@@ -91,6 +91,7 @@ class MetadataComplete(FactsCheck):
             text = f"{place} {problem.name}: {problem.message}" if problem.name else problem.message
             code = f"metadata.complete.{'missing' if problem.cause == 'missing_stream' else 'malformed'}"
             spec = ATTRIBUTES.get((problem.owner, problem.name))
+            # An optional attribute only weakens the checks that need it.
             if spec is not None and spec.required:
                 statistics.append(
                     count_of_faults(

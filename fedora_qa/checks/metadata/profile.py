@@ -15,6 +15,7 @@ from fedora_qa.sequence.facts import Facts
 
 PAPER: Final = "fedora-paper"
 
+# The paper's numbers: px (width, height), Hz, m, DN and us.
 _SIZES: Final = {"rgb": (1440, 1080), "depth": (1440, 1080), "events": (640, 480)}
 _RATES_HZ: Final = {"rgb": 50, "depth": 50, "imu": 1000, "pose": 200, "flow/10hz": 10, "flow/25hz": 25, "flow/50hz": 50}
 _STREAMS: Final = ("rgb", "depth", "events", "imu", "pose", *FLOW_STREAMS, "rgb_to_event", "depth_to_event")
@@ -57,11 +58,11 @@ class MetadataProfile(FactsCheck):
     name = "metadata.profile"
 
     def not_applicable(self, facts: Facts) -> str:
-        """Only for files that promise it."""
+        """Require the profile of the paper."""
         return "" if facts.declared.profile == PAPER else f"the file does not declare profile={PAPER!r}"
 
     def examine(self, facts: Facts) -> Observation:
-        """Hold each number to the paper's."""
+        """Compare each number with the paper's."""
         streams = (
             count_of_faults(
                 f"{stream}.absent",
@@ -95,8 +96,10 @@ def _rates(facts: Facts) -> Iterator[Statistic]:
         clock = facts.clocks.get(stream)
         if clock is None or np.count_nonzero(clock.advancing) < 2:
             continue
+        # Missing samples do not move a median.
         period_us = float(np.median(np.diff(clock.times_ns[clock.advancing]))) / NS_PER_US
         expected_us = NS_PER_S / rate_hz / NS_PER_US
+        # Both timestamps of a step are rounded to a microsecond: 1 us in the worst case.
         yield _number(f"{stream}.period", period_us, "us", expected_us, 1.0)
 
 
@@ -105,6 +108,7 @@ def _depth_range(facts: Facts) -> Iterator[Statistic]:
         for side, value, expected in zip(
             ("nearest", "farthest"), facts.declared.depth_range_m, _DEPTH_RANGE_M, strict=True
         ):
+            # The declared range may have been float32: 6e-8 relative, with a margin.
             yield _number(f"depth.{side}", value, "m", expected, 1e-6 * expected)
 
 
@@ -122,6 +126,7 @@ def _events(facts: Facts) -> Iterator[Statistic]:
     )
     yield _number("events.threshold_on", model.threshold_on, "DN", _THRESHOLD_DN)
     yield _number("events.threshold_off", model.threshold_off, "DN", _THRESHOLD_DN)
+    # The paper states a least interval: longer packets keep it.
     short_us = max(0, _LEAST_PACKET_US - model.packet_interval_us)
     yield _number("events.packet_too_short", short_us, "us", 0.0)
 

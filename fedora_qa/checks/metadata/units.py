@@ -14,6 +14,7 @@ from fedora_qa.layout.dialect import NS_PER_TIME_UNIT, SCALES
 from fedora_qa.record.types import Coverage, Where
 from fedora_qa.sequence.facts import Facts
 
+# The micro sign (U+00B5) and the Greek mu (U+03BC) are different characters, both in use.
 _SAME_UNIT: Final = {"µs": "us", "μs": "us", "microseconds": "us", "m/s2": "m/s^2", "m/s**2": "m/s^2",
                      "pixel": "px", "pixels": "px", "": "1", "dimensionless": "1", "dn": "DN"}  # fmt: skip
 """Spellings of the units of the layout."""
@@ -72,12 +73,12 @@ class MetadataUnits(FactsCheck):
     name = "metadata.units"
 
     def not_applicable(self, facts: Facts) -> str:
-        """Files of other makers carry no labels."""
+        """Require labels: files of other makers may carry none."""
         labelled = bool(facts.declared.units) or facts.layout.dialect_name == FORMAT_NAME
         return "" if labelled else f"no dataset of this {facts.layout.dialect_name} file carries a label"
 
     def examine(self, facts: Facts) -> Observation:
-        """Compare each label."""
+        """Compare each label with the unit of the layout."""
         bindings, labels = facts.layout.bindings, facts.declared.units
         wrong = [key for key, label in labels.items() if not label_agrees(bindings[key], label)]
         missing = [key for key in bindings if key not in labels]
@@ -110,6 +111,7 @@ class MetadataUnits(FactsCheck):
 def label_agrees(binding: Binding, label: str) -> bool:
     """Whether a label names the unit that the values of a dataset are read in."""
     label = _normalised(label)
+    # The layout states the unit of timestamps in ns a unit, that of other values as a scale.
     if binding.ns_per_unit is not None:
         return NS_PER_TIME_UNIT.get(label) == binding.ns_per_unit
     canonical = DATASETS[binding.key].units

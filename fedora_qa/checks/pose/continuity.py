@@ -1,4 +1,4 @@
-"""The motion of the poses: does it go on as a body moves?"""
+"""The motion of the poses: is it continuous, as that of a body?"""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -51,7 +51,7 @@ _WIDEST_REACH: Final = _STEP_FILTERS[-1][0]
 _FEWEST_POSES: Final = 24
 
 _PAIR_SIGMAS: Final = 5.0
-"""Standard errors by which two jumps must differ in the world's axes for those of the body to be told from them."""
+"""Standard errors by which two jumps must differ in the world's axes for equal jumps in the body's to count."""
 
 _BODY_RATIO: Final = 0.2
 """Share of that by which they may still differ in the body's: what the motion adds to the jumps of exact poses."""
@@ -126,7 +126,7 @@ class PoseContinuity(WindowCheck[PoseSamples]):
         return owned_poses(window)
 
     def conclude(self, state: Sequence[PoseSamples], facts: Facts) -> Observation:
-        """Look for jumps, stops and straight lines in the whole sequence."""
+        """Detect jumps, stops and straight lines in the whole sequence."""
         poses = join_poses(state)
         coverage = Coverage(len(poses.times_ns), len(facts.clocks["pose"].times_ns), "poses")
         unusable = why_unusable(facts, "pose")
@@ -139,6 +139,8 @@ class PoseContinuity(WindowCheck[PoseSamples]):
             ("position", "m", 1.0, 0.1, VectorSamples(poses.positions_world_m)),
             ("rotation", "deg", float(np.degrees(1)), 2.0, OrientationSamples(poses.orientations_xyzw)),
         )
+        # Rounded timestamps and stored digits are the least noise: below it each rounding of exact poses would be a
+        # jump.
         least_sigmas = (
             max(model.position_sigma_m, position_floor_m(poses)),
             max(model.rotation_sigma_rad, rotation_floor_rad(poses)),
@@ -165,6 +167,7 @@ class PoseContinuity(WindowCheck[PoseSamples]):
                 transforms = (*position_transforms(poses, before, sigma), *_paired_steps(poses, steps, sigma, row))
             else:
                 transforms = orientation_transforms(poses, before, sigma)
+            # Samples that repeat within the filter's reach look like a jump.
             beside_repeats = bool(np.any(np.abs(frozen_rows - before) <= _WIDEST_REACH))
             measurements.append(
                 Statistic(
@@ -174,6 +177,7 @@ class PoseContinuity(WindowCheck[PoseSamples]):
                     standard_error=factor * float(errors[row]),
                     model_error_bound=factor * float(steps.motion[row]),
                     material=material,
+                    # Each place and axis is a comparison of its own.
                     tests=steps.sizes.size,
                     statement=f"The {name} jumps by {abs(size):.4g} {unit} within one step.",
                     code=f"pose.continuity.{name}",
@@ -219,11 +223,11 @@ class PoseContinuity(WindowCheck[PoseSamples]):
 
 
 def _paired_steps(poses: PoseSamples, steps: StepEstimates, sigma_m: float, row: int) -> tuple[PairedSteps, ...]:
-    """Look for the jump that undoes the one in a row of the steps in the axes of the body.
+    """Find the jump that cancels the one in a row of the steps, in the axes of the body.
 
     A point l of the body lies ``R_world_body l`` from its origin: poses that state that point for a while jump there by
     ``R l`` and back by ``-R' l``. In the axes of the body the two undo each other, in those of the world only where the
-    body has not turned between; there a shifted origin would have the same effect, and cannot be told apart.
+    body has not turned between; there a shifted origin would have the same effect, and the two are not separable.
     """
     # The candidate is the largest jump beyond the filter's reach that exceeds noise and motion.
     sizes_m, bounds_m = np.linalg.norm(steps.sizes, axis=1), _PAIR_SIGMAS * sigma_m * steps.gains + steps.motion
@@ -240,6 +244,8 @@ def _paired_steps(poses: PoseSamples, steps: StepEstimates, sigma_m: float, row:
     sum_body_m = float(np.abs(first_body_m + second_body_m).max())
     sum_world_m = float(np.abs(jumps_m.sum(axis=0)).max())
     noise_m = _PAIR_SIGMAS * float(np.linalg.norm(errors_m))
+    # Steps that cancel in the world are a shifted origin as well; steps that do not cancel in the body are no lever
+    # arm.
     if sum_world_m <= noise_m or sum_body_m > max(noise_m, _BODY_RATIO * sum_world_m):
         return ()
     # l and -l were measured: their mean halves the variance; its sign is that of its largest component.

@@ -26,6 +26,8 @@ jump of ten, and of the many of a position in one of three; beyond, a transform 
 _NOISE_SIGMAS: Final = 3.0 * 6.0**0.5
 """Three sigma, on each axis, of a pose against the straight line through the two before it: weights 1, -2, 1."""
 
+# Quaternions x, y, z, w: half a turn about (1, 1, 0) / sqrt(2) exchanges east and north and reverses up; half a turn
+# about x reverses left and up.
 _ROOT_HALF: Final = float(np.sqrt(0.5))
 _NED_FROM_ENU: Final = np.array([_ROOT_HALF, _ROOT_HALF, 0.0, 0.0])
 _FLU_FROM_FRD: Final = np.array([1.0, 0.0, 0.0, 0.0])
@@ -58,7 +60,11 @@ def position_transforms(poses: PoseSamples, before: int, sigma_m: float) -> tupl
     before
         Index of the last pose before the jump.
     sigma_m
-        Noise of the positions on each axis.
+        Noise of the positions on each axis, m.
+
+    Returns
+    -------
+    Transforms within the capture range; empty where none makes the position go on.
     """
     positions_m = poses.positions_world_m
     # Straight on from the two positions before the jump.
@@ -86,7 +92,8 @@ def orientation_transforms(poses: PoseSamples, before: int, sigma_rad: float) ->
 def _nearest(
     deviations: Iterable[tuple[float, PoseTransform]], *, jump: float, sigma: float
 ) -> tuple[PoseTransform, ...]:
-    """Return the transforms within the capture range; of those that noise alone does not tell apart, the nearest."""
+    """Return the transforms within the capture range; of several, those within twice the least deviation."""
+    # A fixed share of the jump for exact poses; noise widens it, to a tenth of the jump at most.
     capture_range = max(_CAPTURE_RATIO * jump, min(_NOISE_SIGMAS * sigma, _NOISY_CAPTURE_RATIO * jump))
     captured = [(deviation, transform) for deviation, transform in deviations if deviation <= capture_range]
     least = min((deviation for deviation, _ in captured), default=0.0)
@@ -105,6 +112,7 @@ def _transformed_positions(position_m: Float64) -> Iterator[tuple[Float64, PoseT
 
 def _transformed_orientations(q: Float64) -> Iterator[tuple[Float64, PoseTransform]]:
     """Yield each transform of a quaternion, and of one that was transformed the other way round."""
+    # Components stored with w first in place of last, and the reverse.
     for order in ([3, 0, 1, 2], [1, 2, 3, 0]):
         yield q[order], PoseTransform("component_order")
     yield so3.inverse(q), PoseTransform("inverse")

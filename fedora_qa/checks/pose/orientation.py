@@ -60,11 +60,12 @@ class PoseOrientation(WindowCheck[QuaternionNorms]):
     needs = ("pose",)
 
     def measure(self, window: Window) -> QuaternionNorms | None:
-        """Measure the window's own rows, whatever their stamps."""
+        """Measure the window's own rows, whatever their timestamps."""
         rows = window.owned("pose")
         if not len(rows):
             return None
         q = window.rows("path/pose/orientation", rows.start, rows.stop).astype(np.float64)
+        # In float64: the rounding of float32 squares would be as large as the tolerance.
         excess = np.linalg.norm(q, axis=1) - 1.0
         not_finite = ~np.isfinite(excess)
         # Rows that are not finite are counted, and take no part in the worst length.
@@ -94,6 +95,7 @@ class PoseOrientation(WindowCheck[QuaternionNorms]):
                     value=worst.worst,
                     unit="1",
                     standard_error=0.0,
+                    # Four units in the last place (derivation in the class docstring).
                     model_error_bound=4.0 * max(norms.resolution for norms in state),
                     statement=f"A quaternion has the length {1 + worst.worst:.9g} (row {worst.worst_row}); normalise.",
                     code="pose.orientation.length",
