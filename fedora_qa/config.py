@@ -1,4 +1,4 @@
-"""How checks are to be run: ``fedora-qa.toml``, and what the command line puts in its place.
+"""How checks are run: ``fedora-qa.toml``, and the options of the command line that override it.
 
 ::
 
@@ -34,7 +34,7 @@ from fedora_qa.judgement.false_alarm_rate import DEFAULT_FALSE_ALARM_RATE
 T = TypeVar("T")
 
 RULESET_VERSION: Final = "1"
-"""Version of the checks and of their rules; it grows when the same file could get another verdict."""
+"""Version of the checks and of their rules; it increases when the same file could get another verdict."""
 
 _BYTES_PER_UNIT: Final[Mapping[str, int]] = {
     "b": 1,
@@ -49,10 +49,10 @@ LEAST_MEMORY_BYTES: Final = 64 * 2**20
 """A decoded colour and depth frame with two flow fields at 1440x1080 take 35 MiB."""
 
 MOST_TOML_BYTES: Final = 1 << 20
-"""Of a configuration, policy or dialect; ten thousand lines."""
+"""Longest configuration, policy or dialect that is read; some ten thousand lines."""
 
 _DECIDES_NOTHING: Final = frozenset({"jobs"})
-"""What makes a run faster and its record no other."""
+"""Keys that make a run faster and do not alter its record."""
 
 Share = Annotated[float, Field(ge=0, le=1)]
 
@@ -94,9 +94,11 @@ class CheckConfig:
     @property
     def digest(self) -> str:
         """SHA-256 of everything that is configured and may change the record, equal for equal configurations."""
+        # Records must not depend on the machine: with more jobs the same configuration gives the same digest.
         deciding = {name: value for name, value in asdict(self).items() if name not in _DECIDES_NOTHING}
         if not self.allow_external:
             del deciding["allow_external"]  # as when there was no such key
+        # Sorted keys and fixed separators, so that equal configurations give equal bytes.
         canonical = json.dumps(deciding, sort_keys=True, separators=(",", ":"))
         return hashlib.sha256(canonical.encode()).hexdigest()
 
@@ -113,12 +115,13 @@ def read_config(path: Path) -> CheckConfig:
         There is no such file, it is not TOML, or a key is unknown or has an illegal value; names the key.
     """
     config = read_toml(path, CONFIG_READER, "configuration")
+    # For what it raises: an illegal amount is reported when the file is read, not when memory is first used.
     parse_bytes(config.memory)
     return files_beside(config, path)
 
 
 def with_options(config: CheckConfig, options: Mapping[str, Any]) -> CheckConfig:
-    """Return a configuration with options, by their keys, in its place; raises ``MisuseError`` as ``read_config``."""
+    """Return a configuration with some options, by key, replaced; raises ``MisuseError`` as ``read_config``."""
     values = {each.name: getattr(config, each.name) for each in fields(config)}
     try:
         changed = CONFIG_READER.validate_python({**values, **options})
@@ -132,12 +135,14 @@ def read_toml(path: Path, reader: TypeAdapter[T], noun: str) -> T:
     """Read a TOML file as a type; raises ``MisuseError`` as ``read_config`` does. ``noun`` says what it holds."""
     try:
         with path.open("rb") as file:
+            # One byte more than the limit shows that the file is too long without reading the rest.
             content = file.read(MOST_TOML_BYTES + 1)
         if len(content) > MOST_TOML_BYTES:
             raise MisuseError(f"Expected a {noun} of {MOST_TOML_BYTES} bytes at most, got more: {path}")
         values = tomllib.loads(content.decode("utf-8"))
     except OSError as error:
         raise MisuseError(f"Expected a readable {noun} at {path}, got: {error.strerror}") from None
+    # The TOML parser descends once for each level; a hostile file of nested lists exhausts the stack.
     except RecursionError:
         raise MisuseError(f"Expected TOML in {path}, got tables or lists within each other without end") from None
     except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
@@ -149,7 +154,8 @@ def read_toml(path: Path, reader: TypeAdapter[T], noun: str) -> T:
 
 
 def files_beside(config: CheckConfig, path: Path) -> CheckConfig:
-    """Return the configuration with folders, and a dialect's file, looked for beside the file that names them."""
+    """Return the configuration with folders, and a dialect's file, relative to the file that names them."""
+    # Relative to the file, so that a release can be checked from any working directory.
     folders = tuple(str(path.parent / folder) for folder in config.allow_external)
     config = replace(config, allow_external=folders)
     if config.dialect is not None and config.dialect.endswith(".toml"):
@@ -162,6 +168,7 @@ def parse_bytes(text: str) -> int:
     match = re.fullmatch(r"\s*(\d+(?:\.\d+)?)\s*([kmg]?i?b)\s*", text.lower())
     if not match or match[2] not in _BYTES_PER_UNIT:
         raise MisuseError(f"Expected memory as a number and a unit such as 1GB or 512MiB, got {text!r}")
+    # 1GB is 10**9 bytes and 1GiB is 2**30 (IEC 80000-13).
     amount = int(float(match[1]) * _BYTES_PER_UNIT[match[2]])
     if amount < LEAST_MEMORY_BYTES:
         raise MisuseError(f"Expected memory of at least {LEAST_MEMORY_BYTES >> 20}MiB, got {text!r}")
@@ -171,6 +178,7 @@ def parse_bytes(text: str) -> int:
 def _first_problem(error: ValidationError) -> str:
     first = error.errors()[0]
     key = ".".join(str(part) for part in first["loc"])
+    # pydantic reports an unknown key as a keyword argument, a term that the writer of a TOML file does not expect.
     if first["type"] == "unexpected_keyword_argument":
         return f"the key {key!r}, which does not exist"
     return f"for the key {key!r}: {first['msg']}"

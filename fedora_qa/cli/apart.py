@@ -1,4 +1,4 @@
-"""Read a file in another process, as ``check`` does: HDF5 may die over it, or never end."""
+"""Read a file in another process, as ``check`` does: on a damaged file HDF5 may crash or never return."""
 
 import multiprocessing
 import os
@@ -18,22 +18,24 @@ Result = TypeVar("Result")
 
 
 def apart(task: Task[Result], path: Place, progress: Progress = quiet) -> Result:
-    """Do a task that reads a file, in a process of its own, and return what it returns.
+    """Run a task that reads a file in a process of its own, and return its result.
 
     Parameters
     ----------
     task
-        Something that can be pickled; it ends its process by a fuse where HDF5 might never end.
+        Can be pickled. It limits its own processor time where HDF5 might never return (``time_limit``).
 
     Raises
     ------
     MisuseError
-        The process has died over it.
+        The process ended before it returned a result.
     FedoraError
         As the task does.
     """
     if os.environ.get(IN_PROCESS_VARIABLE):
+        # A debugger cannot follow a task into another process.
         return task(progress)
+    # One process at work: its numerical libraries may use all cores.
     with ProcessExecutor(1, threads=usable_cores()) as processes:
         try:
             return processes.submit(task, progress).result()
@@ -42,9 +44,10 @@ def apart(task: Task[Result], path: Place, progress: Progress = quiet) -> Result
 
 
 def lightly_apart(task: Task[Result], path: Place) -> Result:
-    """Do the same in a process that loads nothing but what the task needs, and tells no progress."""
+    """Do the same without progress, in a process that loads only what the task needs: it starts sooner."""
     if os.environ.get(IN_PROCESS_VARIABLE):
         return task(quiet)
+    # `spawn`, not `fork`: the new process then holds no HDF5 state and no threads of this one.
     with ProcessPoolExecutor(1, multiprocessing.get_context("spawn")) as processes:
         try:
             return processes.submit(task, quiet).result()

@@ -36,13 +36,14 @@ def parse_budget(text: str) -> Budget:
     """Return an amount of time such as ``60s``, ``5m`` or ``0.5h``; raises ``MisuseError``."""
     match = re.fullmatch(r"\s*(\d+(?:\.\d+)?)\s*([smh])\s*", text.lower())
     seconds = float(match[1]) * _SECONDS_PER_UNIT[match[2]] if match else 0.0
+    # 0s is refused like text that does not match: no window fits into it.
     if seconds <= 0:
         raise MisuseError(f"Expected a time with a unit, such as 60s, 5m or 0.5h, got {text!r}")
     return Budget(text.strip(), seconds)
 
 
 def require_budget_alone(budget: Budget | None, effort: str | None, settings: CheckConfig) -> None:
-    """Raise ``MisuseError`` where a budget comes with what it cannot go with."""
+    """Raise ``MisuseError`` where a budget is combined with an effort or with canaries."""
     if budget and effort:
         raise MisuseError("Expected either --effort or --budget, got both")
     if budget and settings.canary:
@@ -50,6 +51,7 @@ def require_budget_alone(budget: Budget | None, effort: str | None, settings: Ch
 
 
 def budgeted(record: Record, budget: Budget) -> Record:
-    """Return the record that says in its run what the budget was. What was found depends on it, and on the machine."""
+    """Return the record with the budget among the facts of its run: results depend on it, and on the machine."""
+    # In `run`, whose facts do not make two records differ: how far a budget carries depends on the machine.
     host = {**record.run.host, "budget_s": budget.seconds}
     return replace(record, run=replace(record.run, host=host), effort=f"budget {budget.text}")

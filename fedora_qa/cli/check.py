@@ -1,4 +1,4 @@
-"""``fedora-qa check``: check files, write what was asked for, and say it in the terminal."""
+"""``fedora-qa check``: check files, write the outputs asked for, and print a summary."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -26,7 +26,7 @@ from fedora_qa.evidence.options import EvidenceOptions
 from fedora_qa.storage.place import Place
 from fedora_qa.storage.signature import require_signature
 
-if TYPE_CHECKING:  # who deals out the work loads nothing that measures
+if TYPE_CHECKING:  # the process that distributes the work loads no measuring code
     from fedora_qa.layout.dialect import Dialect
 
 PATH = click.Path(path_type=Path)
@@ -101,16 +101,19 @@ def check(
     Exit codes: 0 clean; 1 findings at or above --fail-on; 2 misuse; 3 incomplete. With several, 2 before 3 before 1.
     """
     settings = settings_from(config, given)
+    # Only an effort from the command line contradicts a budget; one in the configuration file gives way to it.
     require_budget_alone(budget, given["effort"], settings)
     if dask and given["jobs"]:
         raise MisuseError("Expected either --jobs or --dask, got both")
     options = replace(check_options(settings), evidence=EvidenceOptions() if outputs.show_evidence else None)
     options = replace(options, budget_s=budget.seconds if budget else None)
+    # Misuse is reported before hours of measuring, not after them.
     outputs.require_writable([file for file in files if isinstance(file, Path)])
     require_hdf5(files)
     started = datetime.now(UTC).isoformat(timespec="seconds")
     kept = kept_folder(resume, settings, options) if resume else None
     executor = executor_for(settings, dask)
+    # Read before the executor is closed: afterwards a cluster has no workers to count.
     jobs = executor.capacity
     began = click.get_current_context().meta.get(BEGAN)
     runs = checked(files, Request(settings, options, started, kept, began), executor)
@@ -125,15 +128,17 @@ def check(
 def settings_from(config: Path | None, given: dict[str, Any]) -> CheckConfig:
     """Return the configuration with what the command line gives in its place."""
     settings = read_config(config) if config else CheckConfig()
+    # An option that was not given must not override the file; click states that by None, or () if it may be repeated.
     return replace(settings, **{name: value for name, value in given.items() if value not in {None, ()}})
 
 
 def check_options(settings: CheckConfig) -> CheckOptions:
     """Return the engine's options; raises ``MisuseError`` for a check, dialect or amount that does not exist."""
     if settings.required_coverage or settings.select or settings.ignore:
-        # Raise ``MisuseError`` where a name is that of no check, or none is left to run.
+        # Raises ``MisuseError`` where a name matches no check, or no check is left to run.
         from fedora_qa.engine.run import select_checks  # noqa: PLC0415 - loads every check
 
+        # The same names as in `select` are legal here; one that is misspelt would otherwise require nothing.
         select_checks(tuple(settings.required_coverage), ())
         if not select_checks(settings.select, settings.ignore):
             raise MisuseError(
@@ -152,7 +157,8 @@ def check_options(settings: CheckConfig) -> CheckOptions:
 
 
 def folders_named(names: tuple[str, ...]) -> tuple[Path, ...]:
-    """Return folders in which other files may be read; raises ``MisuseError`` where one is none."""
+    """Return folders in which other files may be read; raises ``MisuseError`` where one does not exist."""
+    # Absolute, because workers may have another working directory.
     folders = tuple(Path(name).absolute() for name in names)
     for folder in folders:
         if not folder.is_dir():
@@ -169,7 +175,7 @@ def _dialect(name_or_path: str) -> "Dialect":
 def require_hdf5(files: Sequence[Place]) -> None:
     """Raise ``MisuseError`` before any work where a path is missing, given twice, or no HDF5 file at all.
 
-    Nothing but the file's first bytes is read: whatever else it holds is for a process that may die over it.
+    Only the first bytes of a file are read here: HDF5 may crash on the rest, so that other processes read it.
     """
     for path in files:
         if list(files).count(path) > 1:

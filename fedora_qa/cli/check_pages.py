@@ -1,4 +1,4 @@
-"""The pages of the documentation that say what each check does, in the checks' own words.
+"""The pages of the documentation on the checks, made from the docstrings of the checks.
 
 ``python -m fedora_qa.cli.check_pages docs/checks`` writes one page a subject, and an index.
 """
@@ -49,11 +49,13 @@ def _subject(check: Check[Any]) -> str:
 
 
 def _anchor(name: str) -> str:
+    # GitHub leaves dots out of the anchor of a heading.
     return name.replace(".", "")
 
 
 def _markdown(text: str) -> str:
     """Turn a docstring's marks into Markdown's: code in single backticks, blocks of formulas indented as they are."""
+    # `::` announces an indented literal block in reStructuredText. Markdown needs the indentation only.
     return re.sub(r"::$", ":", text.replace("``", "`"), flags=re.MULTILINE)
 
 

@@ -68,6 +68,7 @@ def compare(
     memory_bytes = parse_bytes(memory)
     sources = sources_of(given, dialect_read)
     read = [path for source in sources for path in source.paths]
+    # The arrays beside each record are inputs as well: no output may overwrite them.
     Outputs(json_path, markdown_path, html_path).require_writable([*read, *map(arrays_beside, read)])
     comparison = compare_subjects(
         read_sources(sources, dialect_read, memory_bytes, folders_named(allow_external)), design, false_alarm_rate
@@ -100,6 +101,7 @@ def _show_table(source: TextTable) -> None:
     console = stdout_console()
     table = Table(box=None, pad_edge=False, padding=(0, 2, 0, 0))
     for place, head in enumerate(source.head):
+        # Numbers are aligned on the right so that their digits stand below each other; words on the left.
         table.add_column(head, justify="left" if place < source.words or head == SOURCE else "right", overflow="fold")
     for row in source.rows:
         table.add_row(*(text(cell) for cell in row))

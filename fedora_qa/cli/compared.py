@@ -34,7 +34,7 @@ class Source:
 
 
 def sources_of(given: Sequence[Path], dialect: Dialect | None) -> tuple[Source, ...]:
-    """Return what there is to read, before any of it is.
+    """Return the files that the arguments name, before any of them is read.
 
     Raises
     ------
@@ -56,7 +56,7 @@ def sources_of(given: Sequence[Path], dialect: Dialect | None) -> tuple[Source, 
 def read_sources(
     sources: Sequence[Source], dialect: Dialect | None, memory_bytes: int, allow_external: Sequence[Path] = ()
 ) -> tuple[Given, ...]:
-    """Read the records, and measure the files that have none, each in a process of its own; raises as ``apart``."""
+    """Read the records, and measure the other files, each in a process of its own; raises as ``apart``."""
     names = labels([str(source.given) for source in sources])
     return tuple(
         Given(
@@ -76,6 +76,7 @@ def _source(path: Path) -> Source:
         return Source(path, (path,), path.suffix.lower() == _RECORD)
     inside = sorted(entry for entry in path.iterdir() if entry.is_file())
     sequences = tuple(entry for entry in inside if entry.suffix.lower() in _SEQUENCES)
+    # Only a record with its arrays: distributions cannot be compared without them, and other JSON is no record.
     records = tuple(entry for entry in inside if entry.suffix.lower() == _RECORD and arrays_beside(entry).is_file())
     if not sequences and not records:
         raise MisuseError(f"Expected sequences (.h5) or records with their arrays in {path}, got neither")
@@ -86,6 +87,7 @@ def _recorded(paths: Sequence[Path]) -> Iterator[GivenFile]:
     for path in paths:
         record = read_record(path)
         arrays = read_arrays(arrays_beside(path)) if arrays_beside(path).is_file() else {}
+        # The names of arrays start with the number of the file, from 0, if a record holds several (`record_of`).
         apart = len(record.files) > 1
         for place, file in enumerate(record.files):
             yield GivenFile(file.path, file.statistics, sampled_from(arrays, f"{place}/" if apart else ""), file)
@@ -97,7 +99,7 @@ def _measured(
     for path in paths:
         with progress_bar(path.name) as report:
             counted = apart(partial(_counted, path, dialect, memory_bytes, allow_external), path, report)
-        # The statistics as a record would hold them: what is not finite is not known.
+        # As a record holds them: values that are not finite become None, which means unknown.
         statistics = {
             name: {key: None if isinstance(v, float) and not math.isfinite(v) else v for key, v in group.items()}
             for name, group in counted.statistics.items()

@@ -8,7 +8,7 @@ from fedora_qa.record.wording import SHORT_OF_COVERAGE
 
 
 def hold_to_coverage(file: FileRecord, required: Mapping[str, float]) -> FileRecord:
-    """Return the record, incomplete where a check saw less of its stream than required, which its reason then says.
+    """Return the record, incomplete where a check covers less of its stream than required; its reason then states so.
 
     Parameters
     ----------
@@ -17,6 +17,7 @@ def hold_to_coverage(file: FileRecord, required: Mapping[str, float]) -> FileRec
     required
         Least share, 0 to 1, by subject or check. Where both are named, the check counts.
     """
+    # A check's own requirement overrides that of its subject; without either the required share is 0.
     results = tuple(
         _held(result, required.get(result.check, required.get(result.check.partition(".")[0], 0.0)))
         for result in file.results
@@ -27,6 +28,7 @@ def hold_to_coverage(file: FileRecord, required: Mapping[str, float]) -> FileRec
 
 
 def _held(result: Result, required: float) -> Result:
+    # A check without coverage (it crashed, say) measured nothing, so that it meets no requirement above 0.
     share = result.coverage.share if result.coverage else 0.0
     if share >= required:
         return result

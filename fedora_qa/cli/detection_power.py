@@ -1,4 +1,4 @@
-"""What a passed check is worth, in words: shown by ``fedora-qa explain`` and in reports where a table was published."""
+"""What a passed check rules out, in words, for ``fedora-qa explain`` and reports; needs a published table."""
 
 from dataclasses import dataclass
 
@@ -13,6 +13,7 @@ def detection_power_text(check: str) -> str:
     detection_power = read_detection_power()
     if detection_power is None:
         return ""
+    # Without the sentence a check that finds nothing surely would look like one that was not measured.
     lines = [(f"{row.cause}: {_found(row)}") for row in detection_power.of(check)] or [
         "No cause that was planted is surely found by it."
     ]
@@ -30,7 +31,7 @@ class FoundInWords:
 
 
 def all_detection_power() -> tuple[tuple[FoundInWords, ...], str]:
-    """Return what every check can be relied on to find, and in a sentence where that was measured; else nothing."""
+    """Return what every check surely finds, and a sentence that states where that was measured; else nothing."""
     detection_power = read_detection_power()
     if detection_power is None:
         return (), ""
@@ -40,6 +41,7 @@ def all_detection_power() -> tuple[tuple[FoundInWords, ...], str]:
     best: dict[str, DetectableCause] = {}
     for row in relied_on:
         rival = best.setdefault(row.cause, row)
+        # Strictly less: between equals the check that stands first stays, so that the page does not depend on chance.
         if _least(row) < _least(rival):
             best[row.cause] = row
     rows_as_text = (FoundInWords(row.cause, row.check, _found(row), best[row.cause] is row) for row in relied_on)
@@ -47,7 +49,7 @@ def all_detection_power() -> tuple[tuple[FoundInWords, ...], str]:
 
 
 def _least(row: DetectableCause) -> float:
-    """Return the size from which a cause is found; what is found at every size that was tried comes first."""
+    """Return the least size that is found; 0 where every size that was tried is found, so that it comes first."""
     return 0.0 if row.at_95.value is None else row.at_95.value
 
 

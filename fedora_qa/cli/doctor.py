@@ -25,7 +25,7 @@ _BROWSERS: Final = ("chromium", "chromium-browser", "google-chrome")
 
 @dataclass(frozen=True, slots=True)
 class Symptom:
-    """What was looked at and found; ``needed`` where checks cannot run without it."""
+    """One examined item and its state; ``needed`` where checks cannot run without it."""
 
     what: str
     state: State
@@ -54,7 +54,7 @@ def doctor() -> int:
 
 
 def examine() -> Iterator[Symptom]:
-    """Look at everything, in the order in which it is shown."""
+    """Examine everything, in the order in which it is shown."""
     facts = host_facts()
     yield Symptom("fedora-qa", "ok", f"{__version__}, Python {facts['python']}, {facts['system']} {facts['machine']}")
     for name in PACKAGES:
@@ -79,11 +79,12 @@ def _blosc() -> Symptom:
     try:
         h5py, hdf5plugin, np = (import_module(name) for name in ("h5py", "hdf5plugin", "numpy"))
         values = np.arange(4096, dtype=np.int64)
+        # Chunks of 1024 rows, so that several chunks pass through the filters; in memory, so that no disk is involved.
         with h5py.File(io.BytesIO(), "w") as file:
             codec = hdf5plugin.Blosc(cname="zstd", clevel=5, shuffle=hdf5plugin.Blosc.SHUFFLE)
             dataset = file.create_dataset("t", data=values, chunks=(1024,), fletcher32=True, **codec)
             same = np.array_equal(dataset[:], values)
-    except Exception as error:  # noqa: BLE001 - whatever a plugin raises is the answer
+    except Exception as error:  # noqa: BLE001 - any error of a plugin is a symptom
         return Symptom("HDF5 Blosc-Zstd", "broken", f"{type(error).__name__}: {error}")
     return Symptom("HDF5 Blosc-Zstd", "ok" if same else "broken", f"HDF5 {h5py.version.hdf5_version}, decodes")
 
@@ -93,12 +94,15 @@ def _remap() -> Symptom:
     try:
         cv2, np = (import_module(name) for name in ("cv2", "numpy"))
         ramp = np.tile(np.arange(8, dtype=np.float32), (8, 1))
+        # 0.01 px is less than half a step of 1/32 px: a build that rounds coordinates reads 0.01 px too little. On a
+        # ramp of 1 per px the error of the value is that of the coordinate, px.
         column, row = np.meshgrid(
             np.arange(1, 7, dtype=np.float32) + np.float32(0.01), np.arange(1, 7, dtype=np.float32)
         )
         error_px = float(np.max(np.abs(cv2.remap(ramp, column, row, cv2.INTER_LINEAR) - column)))
-    except Exception as error:  # noqa: BLE001 - whatever an import raises is the answer
+    except Exception as error:  # noqa: BLE001 - any error of an import is a symptom
         return Symptom("OpenCV remap", "broken", f"{type(error).__name__}: {error}")
+    # Between the resolution of float32 at 7, 5e-7, and the 1e-2 px of a build that rounds.
     precision = "coordinates are exact" if error_px < 1e-4 else f"coordinates are rounded by up to {error_px:.2g} px"
     return Symptom("OpenCV remap", "ok", f"OpenCV {cv2.__version__}, {precision}")
 

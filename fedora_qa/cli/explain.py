@@ -1,4 +1,4 @@
-"""``fedora-qa checks`` and ``fedora-qa explain``: what is asked of a file, and how it is answered."""
+"""``fedora-qa checks`` and ``fedora-qa explain``: the questions of the checks, and how each is answered."""
 
 import sys
 from typing import Any
@@ -19,6 +19,7 @@ from fedora_qa.errors import MisuseError
 @click.command(short_help="List the checks, each with its question.")
 def checks() -> int:
     """List the checks in the order in which they run. Piped, one a line: name, tab, question."""
+    # Tabs and no wrapping: `cut` and `awk` then split the lines.
     if not sys.stdout.isatty():
         for check in CHECKS:
             click.echo(f"{check.name}\t{check.question}")

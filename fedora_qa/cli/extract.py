@@ -70,6 +70,7 @@ def extract(
     if output.exists() and not force:
         raise MisuseError(f"Expected a new file to write, got {output}, which is there; use --force to write over it")
     record = read_record(record_path) if record_path else None
+    # The piece must be checked with the effort of the record: at a lower one the finding may not be detected.
     options = check_options(settings_from(config, _as_recorded(given, record)))
     require_hdf5([file])
     file_record = _known(file, record, record_path) if record and record_path else _checked(file, options)
@@ -87,17 +88,18 @@ def _checked(file: Path, options: CheckOptions) -> FileRecord:
 
 
 def _found(file: Path, options: CheckOptions, progress: Progress) -> FileRecord:
+    # Opening stands under a limit of processor time; this process ends if the file exceeds it.
     _require_end(file, options)
     return check_file(file, options, progress).record
 
 
 def _require_end(file: Path, options: CheckOptions) -> None:
-    with suppress(UnreadableFileError):  # whoever opens it for work tells what is wrong with it
+    with suppress(UnreadableFileError):  # the check that opens it next reports the fault
         require_end_of_opening(file, options.dialect, options.allow_external)
 
 
 def _as_recorded(given: Mapping[str, Any], record: Record | None) -> dict[str, Any]:
-    """Return the options with the effort of the record where none was given."""
+    """Return the options; the effort is that of the record unless one was given."""
     effort = record.effort if record and record.effort in get_args(Effort) else None
     return {**given, "effort": given["effort"] or effort}
 
@@ -105,8 +107,9 @@ def _as_recorded(given: Mapping[str, Any], record: Record | None) -> dict[str, A
 def _extracted(
     file: Path, output: Path, wanted: Wanted, options: CheckOptions, longest_s: float, progress: Progress
 ) -> Extracted:
-    """Write the piece by another process, in a folder that goes with it where that dies."""
+    """Write the piece by another process, in a folder that is removed even if that process dies."""
     try:
+        # Beside the output, because `replace` is atomic only within one file system.
         with TemporaryDirectory(prefix=f".{output.name}.", dir=output.parent) as folder:
             written = Path(folder) / output.name
             extracted = apart(partial(_cut, file, written, wanted, options, longest_s), file, progress)
@@ -124,7 +127,8 @@ def _cut(
 
 
 def _known(file: Path, record: Record, record_path: Path) -> FileRecord:
-    """Return what a record says of a file, which it knows by its content; raises ``MisuseError`` where it is none."""
+    """Return the part of a record about a file, identified by content; raises ``MisuseError`` where it has none."""
+    # By content, not by path: the file may have been moved, and another may now lie at its path.
     digest = file_digest(file)
     for file_record in record.files:
         if (file_record.sha256, file_record.digest_kind) == (digest.sha256, digest.kind):
@@ -140,13 +144,14 @@ def _wanted(finding: str, file_record: FileRecord) -> Wanted:
         available = ", ".join(findings) if findings else "no findings"
         raise MisuseError(f"Expected a finding of {file_record.path} ({available}), got {finding!r}")
     wanted = findings[finding]
+    # A finding of a release compares several files; no piece of one file can show it.
     if wanted.check.startswith("release."):
         raise MisuseError(f"Expected a finding about a sequence, got {finding}, which is about the release")
     return wanted
 
 
 def _lines(file: Path, output: Path, finding: str, wanted: Wanted, extracted: Extracted) -> Iterator[str]:
-    """Say what was kept, and whether the finding is found in it."""
+    """Yield lines that state what the piece holds, and whether the finding is found in it."""
     sizes = [path.stat().st_size / 1e6 for path in (output, file)]
     yield f"{output}: {sizes[0]:.3g} MB of the {sizes[1]:.3g} MB of {file}"
     for stream, rows in extracted.kept.items():

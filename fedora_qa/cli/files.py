@@ -1,4 +1,4 @@
-"""Check files with what the settings give to do it, and keep each as soon as it is done."""
+"""Check files by the executor that the settings name, and store each run as soon as it is complete."""
 
 import os
 from collections.abc import Sequence
@@ -24,7 +24,7 @@ from fedora_qa.storage.place import Place
 
 @dataclass(frozen=True, slots=True)
 class Request:
-    """What files are to be checked for, and since when: ``began`` on ``time.monotonic``, for a budget of time."""
+    """How files are to be checked; ``began`` is the start of the command, s on ``time.monotonic``, for a budget."""
 
     settings: CheckConfig
     options: CheckOptions
@@ -34,42 +34,46 @@ class Request:
 
 
 def executor_for(settings: CheckConfig, dask: str | None = None, *, in_process: bool = False) -> Executor:
-    """Return what does the tasks: as many processes as the settings say, or a cluster at an address.
+    """Return the executor of the tasks: as many processes as the settings state, or a cluster at an address.
 
-    Files are opened and measured in other processes even by a single job, so that one that ends HDF5 ends none of ours.
+    Even a single job opens and measures files in another process: a file that crashes HDF5 does not end the command.
 
     Parameters
     ----------
     in_process
-        Whether a single job is done here: it starts sooner, and what goes wrong can be looked at.
+        Whether a single job runs in this process: it starts sooner, and can be debugged.
 
     Raises
     ------
     MisuseError
-        The memory is too little for so many, or there is no such cluster.
+        The memory is too little for the number of jobs, or there is no such cluster.
     """
     if dask is not None:
         return DaskExecutor(dask)
     if settings.jobs == 1 and (in_process or os.environ.get(IN_PROCESS_VARIABLE)):
         return InProcess()
+    # A single job has the least memory by `parse_bytes`; here the share of each of several is tested.
     if settings.jobs > 1 and settings.memory_bytes // settings.jobs < LEAST_MEMORY_BYTES:
         least = f"{settings.jobs * LEAST_MEMORY_BYTES >> 20}MiB"
         raise MisuseError(f"Expected --memory of at least {least} for {settings.jobs} jobs, got {settings.memory}")
+    # Jobs times threads stays within the cores; more threads than cores slow each other down.
     return ProcessExecutor(settings.jobs, threads=max(1, usable_cores() // settings.jobs))
 
 
 def checked(files: Sequence[Place], request: Request, executor: Executor) -> list[FileRun]:
-    """Check the files, but for those whose run is kept, and return the runs of all in their order."""
+    """Check the files except those whose run is stored, and return the runs of all files in their order."""
     kept, required = request.kept, request.settings.required_coverage
     places = {path: kept.place(path) for path in files} if kept else {}
     runs = {path: run for path, place in places.items() if (run := place.load()) is not None}
     missing = [path for path in files if path not in runs]
+    # All of them before any reading starts: a file that changes while others are checked is detected as well.
     versions = {path: version_before(path) for path in missing}
     try:
         with executor, files_progress(file_count=len(runs)) as report:
             for path, run in check_files(missing, request.options, executor, report, request.began):
                 record = hold_to_version(run.record, path, versions[path])
                 runs[path] = replace(run, record=hold_to_coverage(record, required))
+                # `hold_to_version` returns the same object for an unchanged file; the run of a changed one is not kept.
                 if kept and record is run.record:
                     places[path].store(runs[path], request.started)
     except KeyboardInterrupt:

@@ -55,9 +55,11 @@ def gate(
     baseline = baseline_of(read_record(baseline_path)) if baseline_path else None
     outputs = replace(outputs, own=(certificate,))
     outputs.require_writable([*paths, policy_path, *([baseline_path] if baseline_path else [])])
+    # Only what depends on the machine (cores, folders) may override the policy; what is checked may not.
     settings = replace(policy.check, jobs=jobs) if jobs else policy.check
     settings = replace(settings, allow_external=allow_external) if allow_external else settings
     policy = replace(policy, check=settings)
+    # Evidence takes a second look at the worst places; it is gathered only where an output shows it.
     options = replace(check_options(settings), evidence=EvidenceOptions() if outputs.show_evidence else None)
     require_hdf5(paths)
     now = datetime.now(UTC)
@@ -66,12 +68,16 @@ def gate(
     jobs = executor.capacity
     runs = checked(paths, Request(settings, options, started), executor)
     facts = {"jobs": jobs, "peak_worker_memory_mib": executor.peak_memory_mib}
+    # A second executor: `checked` has closed the first one.
     with executor_for(settings) as readers:
         contents, files = contents_of(policy, release, [run.record for run in runs], readers)
     runs = [replace(run, record=file) for run, file in zip(runs, files, strict=True)]
+    # Last, where `judged` expects it.
     runs.append(FileRun(release_record(release, files)))
     record = record_of(runs, settings, started, facts)
     asks_for_digests = certificate or policy.documents.checksums
+    # Records hold only partial digests of files over 1 GiB. Certificates and lists of checksums need whole ones, for
+    # which every byte is read.
     digests = whole_digests(release, files) if asks_for_digests else {}
     release_results = release_results_of(policy, release, files, contents, digests)
     record = judged(record, release, release_results, Judgement(policy, baseline, now.date()))

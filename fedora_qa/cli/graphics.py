@@ -1,7 +1,7 @@
-"""Whether OpenGL really renders here.
+"""Whether OpenGL renders on this computer.
 
-Tried in a process of its own: a library being there does not mean that it draws, and a driver that fails can take its
-process along.
+Rendering is tried in a process of its own: an installed library may still not draw, and a driver that fails may end the
+process.
 """
 
 import os
@@ -40,7 +40,7 @@ print(GL.glGetString(GL.GL_RENDERER).decode(), "OpenGL", GL.glGetString(GL.GL_VE
 
 @dataclass(frozen=True, slots=True)
 class DrawingTrial:
-    """What became of a try: ``detail`` says what drew, or in one sentence why nothing did and what to install."""
+    """Outcome of a trial: ``detail`` names the renderer, or states why nothing was drawn and what to install."""
 
     works: bool
     detail: str
@@ -48,6 +48,7 @@ class DrawingTrial:
 
 def try_pyrender(environment: Mapping[str, str] | None = None) -> DrawingTrial:
     """Draw a triangle off-screen through EGL with pyrender, as the mesh world does."""
+    # EGL renders without a display server. PyOpenGL reads the variable when it is imported.
     variables = {**(os.environ if environment is None else environment), "PYOPENGL_PLATFORM": "egl"}
     try:
         done = subprocess.run(
@@ -64,6 +65,7 @@ def try_pyrender(environment: Mapping[str, str] | None = None) -> DrawingTrial:
         )
     if done.returncode == 0:
         return DrawingTrial(works=True, detail=done.stdout.strip())
+    # The last line of a traceback states the error.
     complaint = done.stderr.strip().splitlines()[-1] if done.stderr.strip() else f"ended with {done.returncode}"
     if "No module named" in complaint:
         return DrawingTrial(works=False, detail=f"{complaint}: {GENERATOR_INSTALL}.")
@@ -76,6 +78,7 @@ def try_pyvista() -> DrawingTrial:
         trajectory = import_module("fedora_reports.trajectory")
     except ImportError as error:
         return DrawingTrial(works=False, detail=f"{error}: {REPORTS_INSTALL}.")
+    # Two poses, 1 s (1e6 us) and 1 m apart, at 1 m/s; the body's X axis points east (ENU).
     east = ((1.0, 0.0, 0.0), (1.0, 0.0, 0.0))
     picture = trajectory.render_trajectory((0.0, 1e6), ((0.0, 0.0, 1.0), (1.0, 0.0, 1.0)), (1.0, 1.0), east)
     if picture.note:

@@ -26,7 +26,7 @@ PACKAGES: Final = (
 
 
 def host_facts() -> Mapping[str, Scalar]:
-    """Return what may matter when two runs differ."""
+    """Return facts of the machine that may explain why two runs differ."""
     return {
         "system": platform.system(),
         "machine": platform.machine(),
@@ -48,12 +48,13 @@ def package_version(name: str) -> str | None:
 def usable_cores() -> int:
     """Return how many cores this process may use."""
     if hasattr(os, "sched_getaffinity"):
+        # A container or batch system may grant fewer cores than the machine has; `cpu_count` counts all of them.
         return len(os.sched_getaffinity(0))
     return os.cpu_count() or 1
 
 
 def memory_mib() -> int | None:
-    """Return the machine's memory; None where the system does not tell."""
+    """Return the machine's memory, MiB; None where the system does not state it."""
     try:
         return os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES") >> 20
     except (ValueError, OSError):
@@ -61,6 +62,6 @@ def memory_mib() -> int | None:
 
 
 def peak_memory_mib() -> int:
-    """Return the most memory that this process has held so far."""
+    """Return the peak resident memory of this process so far, MiB."""
     peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
     return peak >> 20 if sys.platform == "darwin" else peak >> 10  # bytes there, KiB elsewhere

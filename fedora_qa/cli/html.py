@@ -1,4 +1,4 @@
-"""The report as one HTML file. What draws it is an extra, imported only where a report is asked for."""
+"""The report as one HTML file. ``fedora_reports`` is an optional package, imported only if a report is asked for."""
 
 from collections.abc import Mapping
 from pathlib import Path
@@ -13,7 +13,7 @@ from fedora_qa.record.types import Record
 
 
 def require_renderer() -> None:
-    """Raise ``MisuseError`` where what draws reports is not installed."""
+    """Raise ``MisuseError`` where ``fedora_reports`` is not installed."""
     try:
         from fedora_reports import html  # noqa: F401, PLC0415 - an extra
     except ImportError as missing:
@@ -23,7 +23,7 @@ def require_renderer() -> None:
 
 
 def render_html_or_none(record: Record, arrays: Mapping[str, NDArray[Any]]) -> str | None:
-    """Draw the report from a record and its arrays; None where what draws reports is not installed."""
+    """Draw the report from a record and its arrays; None where ``fedora_reports`` is not installed."""
     try:
         from fedora_reports.html import render_html  # noqa: PLC0415 - an extra
     except ImportError:
@@ -33,6 +33,7 @@ def render_html_or_none(record: Record, arrays: Mapping[str, NDArray[Any]]) -> s
 
 def write_html(target: Path, record: Record, arrays: Mapping[str, NDArray[Any]]) -> None:
     """Draw the report from a record and its arrays, and write it entirely or not at all."""
+    # Reports import nothing but records: the measured power is handed over in their own types.
     from fedora_reports.detection_power import DetectableCause, PassDetectionPower  # noqa: PLC0415 - an extra
     from fedora_reports.html import render_html  # noqa: PLC0415 - an extra
 

@@ -1,7 +1,7 @@
-"""What has been found of single files, kept in a folder, so that a run over many goes on where it was stopped.
+"""Results of single files, stored in a folder, so that a run over many files resumes where it was stopped.
 
-Each file has an ordinary record there, with its arrays beside it, which ``fedora-qa report`` can show. It counts only
-for the same content, checked by the same code, with the same configuration.
+Each file has an ordinary record there, with its arrays beside it, which ``fedora-qa report`` can show. It is used again
+only for the same content, checked by the same code with the same configuration.
 """
 
 import hashlib
@@ -25,20 +25,21 @@ from fedora_qa.storage.place import Place
 from fedora_qa.storage.server import version_of
 
 _KEY: Final = "resume_key"
-"""Where the record says of what it holds: among the facts of its run."""
+"""Name of the key of the stored run, among the facts of the run in the record."""
 
 
 @dataclass(frozen=True, slots=True)
 class KeptFolder:
-    """A folder of what was found. ``checked_with`` identifies everything but the file that decides what a run gives."""
+    """A folder of stored runs. ``checked_with`` identifies everything but the file that determines a run's results."""
 
     folder: Path
     settings: CheckConfig
     checked_with: str
 
     def place(self, path: Place) -> "KeptFile":
-        """Return a file's place in the folder, and note how the file is now."""
+        """Return a file's place in the folder, with the present version of the file."""
         whole = path.absolute()
+        # The stem is for people; the digest of the whole path keeps files of one name in different folders apart.
         name = f"{path.stem}-{hashlib.sha256(os.fsencode(str(whole))).hexdigest()[:12]}.json"
         return KeptFile(path, self.folder / name, version_of(path).tag, self)
 
@@ -53,7 +54,7 @@ class KeptFile:
     kept: KeptFolder
 
     def load(self) -> FileRun | None:
-        """Return the file's run; None where it is not known, or of another content, code or configuration."""
+        """Return the file's run; None where none is stored, or one of other content, code or configuration."""
         if not self.target.exists():
             return None
         digest = file_digest(self.path)
@@ -65,24 +66,28 @@ class KeptFile:
         file = record.files[0] if len(record.files) == 1 else None
         if file is None or record.run.host.get(_KEY) != self._key(digest.sha256, digest.kind):
             return None
+        # The record and its arrays are two files; an interrupt between the two writes leaves arrays of another run.
         if list(arrays) != list(file.evidence):
             return None
         reached = str(record.run.host.get("budget_reached", ""))
+        # The path as it is given now: the kept one may be relative to another working directory.
         whole = replace(file, path=str(self.path))
         stated = record.run.host.get("decoded_bytes")
         decoded_bytes = stated if isinstance(stated, int) else 0
         return FileRun(whole, arrays, record.run.seconds, decoded_bytes, reached=reached)
 
     def store(self, run: FileRun, started: str) -> None:
-        """Keep what was found of the file, entirely or not at all; nothing where the file was changed meanwhile."""
+        """Store the run of the file, entirely or not at all; nothing if the file was changed meanwhile."""
         if version_of(self.path).tag != self.tag:
             return
         key = self._key(run.record.sha256, run.record.digest_kind)
+        # The arrays first: a record that exists then always has its arrays.
         write_arrays(arrays_beside(self.target), run.arrays)
         write_record(record_of([run], self.kept.settings, started, {_KEY: key}), self.target)
 
     def _key(self, sha256: str, kind: str) -> str:
-        """Return what the run depends on. A partial digest does not see every change; the version's tag does."""
+        """Return a digest of what the run depends on. The version's tag shows changes that a partial digest misses."""
+        # A full digest suffices by itself: without the tag, a run stays valid when only the time of change differs.
         tag = self.tag if kind == "partial" else None
         parts = [sha256, kind, tag, self.kept.checked_with]
         return hashlib.sha256(json.dumps(parts).encode()).hexdigest()
@@ -94,7 +99,7 @@ def kept_folder(folder: Path, settings: CheckConfig, options: CheckOptions) -> K
     Parameters
     ----------
     options
-        What the settings come to: the dialect as it is read, and whether evidence is kept.
+        What the settings amount to: the dialect as it was read, and whether evidence is gathered.
     """
     try:
         folder.mkdir(parents=True, exist_ok=True)
@@ -102,6 +107,7 @@ def kept_folder(folder: Path, settings: CheckConfig, options: CheckOptions) -> K
         raise MisuseError(f"Expected to be able to keep results in {folder}, got: {problem.strerror}") from None
     if not os.access(folder, os.W_OK):
         raise MisuseError(f"Expected to be able to write into {folder}, got no permission; choose another folder")
+    # Another version of NumPy or OpenCV may change a measurement in its last digits, and so an outcome at a limit.
     libraries = [package_version(name) for name in PACKAGES]
     parts = [__version__, RULESET_VERSION, code_digest(), libraries, settings.digest, repr(options)]
     return KeptFolder(folder, settings, hashlib.sha256(json.dumps(parts).encode()).hexdigest())

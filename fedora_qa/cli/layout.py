@@ -29,7 +29,7 @@ from fedora_qa.record.atomic import write_text
 from fedora_qa.record.wording import number
 
 LONGEST_S: Final = 20.0
-"""Seconds of processor; a file of ten thousand objects takes a few."""
+"""Limit of processor time, s; a file of ten thousand objects takes a few seconds."""
 
 _UNUSED_SHOWN = 20
 _WIDE = 110
@@ -61,9 +61,11 @@ def layout(file: Path, dialect: str | None, draft_path: Path | None, allow_exter
 def _described(
     file: Path, dialect: Dialect | None, draft_name: str, allow_external: tuple[Path, ...], _: Progress
 ) -> tuple[Description, str]:
-    """Return what a file holds, and where a name is given for one, a draft of its dialect."""
+    """Return what a file holds, and a draft of its dialect if a name is given for it, else an empty text."""
     elsewhere = Elsewhere(allow_external) if allow_external else None
     try:
+        # The real path, because HDF5 searches for external files beside the name by which it was given this one.
+        # Best-effort locking, because a read-only file system grants no locks.
         with time_limit(LONGEST_S), h5py.File(file.resolve(), "r", locking="best-effort") as opened:
             description = describe(opened, resolve(opened, dialect, elsewhere))
             return description, draft_dialect(opened, draft_name) if draft_name else ""
@@ -96,6 +98,7 @@ def _table(rows: Sequence[DatasetRow]) -> Table:
         table.add_column(column, no_wrap=column in {"stream", "shape", "type", "units"}, overflow="fold")
     previous = ""
     for row in rows:
+        # Rows arrive by stream; a repeated name would hide where the next stream starts.
         stream = "" if row.stream == previous else row.stream
         cells = (stream, row.path, _shape(row.shape), row.dtype, row.units, _storage(row), row.conversion)
         table.add_row(*(text(cell) for cell in cells[: len(columns)]))
@@ -104,7 +107,7 @@ def _table(rows: Sequence[DatasetRow]) -> Table:
 
 
 def _list(rows: Sequence[DatasetRow]) -> RenderableType:
-    """Return the same as the table, two short lines a dataset."""
+    """Return the content of the table as two short lines for each dataset."""
     lines: list[RenderableType] = []
     for row in rows:
         lines.append(text(f"{row.path}  {_shape(row.shape)}  {row.dtype} {row.units}"))

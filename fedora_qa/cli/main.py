@@ -47,10 +47,10 @@ COMMANDS: Final[Mapping[str, tuple[str, str]]] = MappingProxyType(
 
 PROGRAM: Final = "fedora-qa"
 COMPLETION_VARIABLE: Final = "_FEDORA_QA_COMPLETE"
-"""Set by a shell that asks what may follow, and by a person who asks for the script that makes it ask."""
+"""Set by a shell that requests completions, and by a person who requests the script of completion."""
 
 _FULL: Final = frozenset({errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EROFS})
-"""What a disk says that takes no more."""
+"""Errors of a disk that cannot be written to: full, over quota, file too large, read-only."""
 
 TRACEBACK_VARIABLE: Final = "FEDORA_QA_TRACEBACK"
 
@@ -93,9 +93,10 @@ def fedora_qa() -> None:
 
 
 def main() -> None:
-    """Run the command line, or tell a shell what may follow, and leave with the exit code."""
+    """Run the command line, or print completions for a shell, and exit with the exit code."""
     for stream in (sys.stdout, sys.stderr):
         if hasattr(stream, "reconfigure"):
+            # A path may hold characters that the encoding of the terminal lacks; printing must not raise.
             stream.reconfigure(errors="replace")
     instruction = os.environ.get(COMPLETION_VARIABLE)
     if instruction:
@@ -103,6 +104,7 @@ def main() -> None:
     arguments = sys.argv[1:]
     begin_to_load(arguments)
     code = run(arguments)
+    # Looked up, not imported: a command that started no worker must not load it in order to end.
     if fork_server := sys.modules.get("fedora_qa.engine.fork_server"):
         fork_server.end_fork_server()
     sys.exit(code)
@@ -115,19 +117,20 @@ def run(arguments: Sequence[str]) -> int:
     except click.exceptions.Exit as request:  # --help and --version end here
         return request.exit_code
     except (click.ClickException, FedoraError) as error:
-        # Say what cannot be done, and return the exit code that it means.
+        # The message states the error; its type determines the exit code.
         if isinstance(error, click.ClickException):
             error.show()
             return MISUSE
         click.echo(f"fedora-qa: {unobeyed(str(error))}", err=True)
         if isinstance(error, MisuseError):
             return MISUSE
+        # An unreadable file is a finding about the file; any other error leaves open whether there are findings.
         return FINDINGS if isinstance(error, UnreadableFileError) else INCOMPLETE
     except (click.Abort, KeyboardInterrupt):
         click.echo("fedora-qa: interrupted", err=True)
         return INTERRUPTED
     except BrokenPipeError:
-        # Keep Python from complaining, when it exits, about a reader that went away.
+        # At exit Python flushes stdout, and would report the closed pipe once more.
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return OUTPUT_CLOSED
     except Exception as error:  # noqa: BLE001 - a person gets one sentence, whatever happened
@@ -138,12 +141,13 @@ def _invoke(arguments: list[str]) -> int:
     """Run a command without click's own ending, which gives a closed pipe the code that means findings."""
     with fedora_qa.make_context(PROGRAM, arguments) as context:
         code: int = fedora_qa.invoke(context)
+    # Within `run`, where a closed pipe is handled; at exit Python itself would report it.
     sys.stdout.flush()
     return code
 
 
 def _cannot_write(error: OSError) -> int:
-    """Say that a disk takes no more. What was to be written is not there: an output gets its name when it is whole."""
+    """Report that a disk cannot be written to. No partial output is left: a file gets its name when it is complete."""
     place = f" {unobeyed(str(error.filename))}" if error.filename else ""
     click.echo(f"fedora-qa: Expected to be able to write{place}, got: {error.strerror}", err=True)
     return MISUSE

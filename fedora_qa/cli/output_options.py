@@ -54,6 +54,7 @@ def output_options(command: Callable[..., int]) -> Callable[..., int]:
         )  # fmt: skip
         return command(outputs=outputs, **others)
 
+    # click lists options in the order of decorators from top to bottom, and the last one applied is the top one.
     for option in reversed(_OPTIONS):
         with_outputs = option(with_outputs)
     return with_outputs

@@ -1,4 +1,4 @@
-"""What commands write: refused before the work when it cannot be written, and never half written."""
+"""What commands write: refused before the work if it cannot be written, and never written in part."""
 
 import os
 from collections.abc import Mapping, Sequence
@@ -46,7 +46,7 @@ class Outputs:
 
     @property
     def show_evidence(self) -> bool:
-        """Whether anything is written in which a person can see the evidence."""
+        """Whether an output is written that holds the evidence."""
         return self.json is not None or self.html is not None
 
     def require_writable(self, inputs: Sequence[Path]) -> None:
@@ -56,7 +56,9 @@ class Outputs:
         for folder, names in ((self.csv, CSV_NAMES), (self.parquet, PARQUET_NAMES)):
             if folder:
                 _require_folder(folder)
+                # A folder that does not exist yet holds nothing that could be overwritten.
                 targets += [folder / name for name in names if folder.is_dir()]
+        # Resolved, because two names may lead to one file by a link or `..`.
         places = [path.resolve() for path in targets]
         read = {path.resolve() for path in inputs}
         for target, place in zip(targets, places, strict=True):
@@ -68,6 +70,7 @@ class Outputs:
                 raise MisuseError(f"Expected the folder of {target} to exist; make it first")
             if not os.access(place.parent, os.W_OK):
                 raise MisuseError(f"Expected the folder of {target} to be writable")
+        # Last, because these import optional packages; a wrong path is reported without that.
         if self.parquet:
             require_parquet()
         if self.html:

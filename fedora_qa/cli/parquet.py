@@ -1,4 +1,4 @@
-"""The record's tables as Parquet. What writes them is an extra, imported only where they are asked for."""
+"""The record's tables as Parquet. pyarrow is an optional package, imported only if they are asked for."""
 
 import math
 from collections.abc import Iterator
@@ -16,7 +16,7 @@ PARQUET_NAMES: Final = tuple(f"{name}.parquet" for name in TABLE_NAMES)
 
 
 def require_parquet() -> None:
-    """Raise ``MisuseError`` where what writes Parquet is not installed."""
+    """Raise ``MisuseError`` where pyarrow, which writes Parquet, is not installed."""
     try:
         import pyarrow.parquet  # noqa: F401, PLC0415 - an extra
     except ImportError as missing:
@@ -35,7 +35,7 @@ def write_parquet(folder: Path, record: Record) -> None:
 
 
 def arrow_table(table: Table) -> Any:
-    """Return a table as Arrow's, every column of one type, what is not known null.
+    """Return a table as a ``pyarrow.Table``: every column of one type, unknown values null.
 
     A column of scalars of any type becomes two: its numbers, and under ``<name>_text`` what is no number.
     """
@@ -54,6 +54,7 @@ def arrow_table(table: Table) -> Any:
 def _typed_columns(table: Table) -> Iterator[tuple[Column, list[Any]]]:
     for place, column in enumerate(table.columns):
         cells = [_carried(row[place]) for row in table.rows]
+        # An Arrow column has one type; a statistic may be a number, a text or a flag.
         if column.kind == "scalar":
             yield Column(column.name, "number"), [cell if _is_number(cell) else None for cell in cells]
             yield Column(f"{column.name}_text", "text"), [_no_number(cell) for cell in cells]
@@ -74,6 +75,7 @@ def _carried(value: Any) -> Any:
 
 
 def _is_number(value: Any) -> bool:
+    # bool is a subclass of int; as numbers, flags would become 0 and 1.
     return isinstance(value, Real) and not isinstance(value, bool)
 
 

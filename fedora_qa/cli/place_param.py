@@ -7,7 +7,7 @@ from fedora_qa.storage.place import Place, place_of
 
 
 class PlaceParam(click.ParamType):  # type: ignore[type-arg]  # generic only from click 8.4 on
-    """Turns what was given into a place; raises ``MisuseError`` for a URL that cannot be read from."""
+    """Turns an argument into a place; raises ``MisuseError`` for a URL that cannot be read."""
 
     name = "place"
 

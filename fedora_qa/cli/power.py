@@ -1,4 +1,4 @@
-"""``fedora-qa power``: what the checks can see, measured over a corpus with a manifest."""
+"""``fedora-qa power``: which faults the checks detect, measured over a corpus with a manifest."""
 
 import os
 from dataclasses import replace
@@ -58,6 +58,7 @@ def power(
     Run again after an interrupt, it goes on where it was. Exit codes: 0 measured; 2 misuse; 3 a check crashed.
     """
     settings = settings_from(config, given)
+    # A study counts outcomes; evidence of thousands of files would only cost time and space.
     options = replace(check_options(settings), evidence=None)
     manifests = {corpus: read_manifest(corpus) for corpus in corpora}
     require_other_names(manifests)
@@ -65,12 +66,13 @@ def power(
     outputs.require_writable([corpus / MANIFEST for corpus in corpora])
     if svg_path:
         require_renderer()
+    # All files of all corpora are looked for before the first is measured: a study may run for hours.
     for corpus, manifest in manifests.items():
         require_files(corpus, manifest)
     started = datetime.now(UTC).isoformat(timespec="seconds")
     trials: list[Trial] = []
     for corpus, manifest in manifests.items():
-        # A folder that is there and can be written to.
+        # The folder must exist and be writable before hours of measuring.
         folder = state_folder(corpus, state)
         try:
             folder.mkdir(parents=True, exist_ok=True)
@@ -89,6 +91,7 @@ def power(
     if publish:
         write_detection_power(detection_power_of(measured_power), publish)
     if markdown_path:
+        # A relative link works only where the drawing lies beside the page.
         drawing = svg_path.name if svg_path and svg_path.parent.resolve() == markdown_path.parent.resolve() else ""
         write_text(markdown_path, power_to_markdown(measured_power, drawing))
     if html_path:

@@ -20,10 +20,11 @@ from fedora_qa.engine.progress import ProgressTally
 from fedora_qa.engine.progress import Report as FilesReport
 from fedora_qa.record.wording import printable
 
+# 30 days in s, longer than any run; the default of rich, 30 s, is shorter than a step may take.
 _WHOLE_RUN_S: Final = 30 * 86400.0
 
 Report = Callable[[str, int, int], None]
-"""Called with what is going on, how much is done, and of how much."""
+"""Called with the present activity, the amount done, and the total amount."""
 
 
 @contextmanager
@@ -40,12 +41,12 @@ def progress_bar(title: str) -> Iterator[Report]:
 
 @contextmanager
 def files_progress(file_count: int) -> Iterator[FilesReport]:
-    """Yield a function that shows how far a run over files has come, and how long it will take at the rate so far.
+    """Yield a function that shows the progress of a run over files, and the remaining time at the rate so far.
 
     Parameters
     ----------
-    known
-        How many files were done before; they are counted, and tell nothing of the rate.
+    file_count
+        Files that were complete before; they are counted, but do not enter the rate.
     """
     counts = TextColumn("{task.fields[counts]}", markup=False)
     with _bar(counts, DownloadColumn(), TimeRemainingColumn()) as bar:
@@ -64,13 +65,13 @@ def files_progress(file_count: int) -> Iterator[FilesReport]:
 
 
 def counts_words(tally: ProgressTally, file_count: int) -> str:
-    """Say how many files and windows are done; windows of files that nobody has read yet are not known."""
+    """Return how many files and windows are done; of files not yet opened the number of windows is unknown."""
     files = f"files {tally.files_done + file_count}/{tally.files + file_count}"
     return f"{files}, windows {tally.windows_done}/{tally.windows}" if tally.windows else files
 
 
 def _bar(*columns: ProgressColumn) -> Progress:
-    """Return a bar on stderr; the rate is taken over the whole run, as steps are few and long."""
+    """Return a bar on stderr; the rate is that of the whole run, because steps are few and long."""
     console = stderr_console()
     is_visible = console.is_terminal
     return Progress(

@@ -13,7 +13,7 @@ from fedora_qa.storage.traffic import NO_TRAFFIC
 
 
 def record_of(runs: Sequence[FileRun], settings: CheckConfig, started: str, facts: Mapping[str, Scalar]) -> Record:
-    """Return the record of all files together; evidence of several files is kept apart by the file's number.
+    """Return the record of all files together; names of evidence of several files start with the file's number.
 
     Parameters
     ----------
@@ -25,6 +25,7 @@ def record_of(runs: Sequence[FileRun], settings: CheckConfig, started: str, fact
         replace(run.record, evidence={_named(name, i, apart): title for name, title in run.record.evidence.items()})
         for i, run in enumerate(runs)
     ]
+    # A dict, not a set: stages stay in the order in which they ran.
     stages = dict.fromkeys(stage for run in runs for stage in run.seconds)
     return Record(
         record_version=RECORD_VERSION,
@@ -55,13 +56,13 @@ def gathered_arrays(runs: Sequence[FileRun]) -> dict[str, Any]:
 
 
 def _traffic(runs: Sequence[FileRun]) -> dict[str, Scalar]:
-    """Return what was asked of servers, where anything was."""
+    """Return bytes and requests from servers, where there were any."""
     traffic = sum((run.traffic for run in runs), NO_TRAFFIC)
     return {"transferred_bytes": traffic.transferred_bytes, "requests": traffic.requests} if traffic.requests else {}
 
 
 def _reached(runs: Sequence[FileRun]) -> dict[str, Scalar]:
-    """Return how far a budget of time has carried, in the order of the files, where there was one."""
+    """Return how far a budget of time has carried, in the order of the files; empty without a budget."""
     reached = [run.reached for run in runs if run.reached]
     return {"budget_reached": "; ".join(reached)} if reached else {}
 

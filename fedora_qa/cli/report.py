@@ -25,6 +25,7 @@ def report(record_path: Path, outputs: Outputs) -> int:
 
     Pictures come from RECORD.arrays.npz beside it; without that file the report is drawn without pictures.
     """
+    # The record and its arrays are inputs, even where no picture is drawn from them.
     outputs.require_writable([record_path, arrays_beside(record_path)])
     record = read_record(record_path)
     outputs.write(record, _evidence(record, record_path) if outputs.html else {})
@@ -33,11 +34,12 @@ def report(record_path: Path, outputs: Outputs) -> int:
 
 
 def _evidence(record: Record, record_path: Path) -> Mapping[str, NDArray[Any]]:
-    """Return the arrays that the record names; none, and a word on stderr, where they are missing or damaged."""
+    """Return the arrays that the record names; none, with a message on stderr, where they are missing or damaged."""
     if not any(file.evidence for file in record.files):
         return {}
     try:
         return read_arrays(arrays_beside(record_path))
     except MisuseError as problem:
+        # A warning, not misuse: verdict, findings and tables need no arrays.
         click.echo(f"fedora-qa: {unobeyed(str(problem))}; the report is drawn without pictures", err=True)
         return {}

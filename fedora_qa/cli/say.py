@@ -1,4 +1,4 @@
-"""Say what a record holds: the summary for people, and annotations for GitHub where they are asked for."""
+"""Print a record: the summary for people, and annotations for GitHub if they are asked for."""
 
 import click
 
@@ -9,11 +9,12 @@ from fedora_qa.record.types import Record
 
 
 def say_record(record: Record, *, github: bool) -> None:
-    """Print the summary, and then the annotations; what comes from a file commands GitHub to nothing."""
+    """Print the summary, and then the annotations; GitHub obeys no command that a file contains."""
     console = stdout_console()
     if not github:
         show_record(console, record)
         return
+    # Captured whole, because GitHub obeys commands in any line that is printed outside the silenced part.
     with console.capture() as captured:
         show_record(console, record)
     click.echo(silenced(captured.get()) + record_to_github(record), nl=False)

@@ -29,5 +29,6 @@ def schema(name: str | None) -> int:
             click.echo(f"{each}\t{meaning}")
         return 0
     package, file, _ = SCHEMAS[name]
+    # The file ends with a newline of its own; the output is then the published file to the byte.
     click.echo((resources.files(package) / file).read_text("utf-8"), nl=False)
     return 0

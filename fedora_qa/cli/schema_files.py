@@ -27,6 +27,7 @@ _READERS: Mapping[str, TypeAdapter[Any]] = {"config": CONFIG_READER, "policy": P
 
 def schemas() -> dict[str, dict[str, Any]]:
     """Return every published schema by its name."""
+    # Documents as they are written: every field is there. Configurations as they are read: fields may be absent.
     written = {kind.name: kind.schema() for kind in _DOCUMENTS}
     read = {name: schema_of(name, reader, "validation") for name, reader in _READERS.items()}
     return written | read

@@ -1,4 +1,4 @@
-"""``fedora-qa stats``: the paper's sequence and flow tables, and more."""
+"""``fedora-qa stats``: the sequence and flow tables of the paper, and tables of images and rates."""
 
 import json
 from collections.abc import Mapping, Sequence
@@ -86,6 +86,7 @@ def _counted(
 def _as_json(by_file: Mapping[str, Statistics]) -> str:
     tool = {"name": "fedora-qa", "version": __version__}
     files = [{"path": path, "statistics": statistics} for path, statistics in by_file.items()]
+    # NaN is no JSON: an error here is better than a document that other parsers refuse.
     return json.dumps({"tool": tool, "files": files}, indent=1, allow_nan=False) + "\n"
 
 

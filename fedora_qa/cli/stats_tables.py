@@ -38,7 +38,7 @@ def tables_of(by_file: Mapping[str, Statistics]) -> tuple[StatsTable, ...]:
 
 
 def _short(path: str, by_file: Mapping[str, Statistics]) -> str:
-    """Return the file's name where that is enough to tell it from the others, else its path."""
+    """Return the file's name if that distinguishes it from the others, else its path."""
     names = [PurePath(other).name for other in by_file]
     name = PurePath(path).name
     return name if names.count(name) == 1 else path
@@ -57,6 +57,7 @@ def _sequences(by_file: Mapping[str, Statistics]) -> StatsTable:
                 _measured(motion, "speed_max", "m_s"),
                 _measured(motion, "angular_speed_max", "rad_s"),
                 _value(events, "count"),
+                # MER, the mean event rate, in 1e6 events/s.
                 _value(sequence, "event_rate_mean_per_s", scale=1e-6),
                 _value(events, "brighter_share", scale=100.0),
             )
@@ -90,6 +91,7 @@ def _images(by_file: Mapping[str, Statistics]) -> StatsTable:
 
 
 def _rates(by_file: Mapping[str, Statistics]) -> StatsTable:
+    # The union over files, as one may lack a stream that another has.
     streams = list(dict.fromkeys(key for statistics in by_file.values() for key in statistics.get("rates", {})))
     head = ("sequence", *(f"{stream.removesuffix('_hz')} [Hz]" for stream in streams))
     rows = [(name, *(_value(stats.get("rates", {}), key) for key in streams)) for name, stats in by_file.items()]
@@ -103,6 +105,7 @@ def _value(group: Group, key: str, scale: float = 1.0) -> str:
 
 def _measured(group: Group, name: str, unit: str) -> str:
     value, error = group.get(f"{name}_{unit}"), group.get(f"{name}_standard_error_{unit}")
+    # Noise of the poses adds to distances and maxima (NOTES); without the error of its removal a value is not shown.
     if not isinstance(value, int | float) or not isinstance(error, int | float):
         return _ABSENT
     return with_error(value, error, "")

@@ -1,4 +1,4 @@
-"""What a person reads in the terminal after a check: the verdict, why, what to do, and what rests on what."""
+"""The summary in the terminal after a check: the verdict, its causes, their remedies, and the findings behind them."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Final
@@ -140,7 +140,7 @@ def _checks_table(results: Sequence[Result]) -> Table:
 
 
 def _checks_list(results: Sequence[Result]) -> RenderableType:
-    """Return the same as the table, a few short lines a check."""
+    """Return the content of the table as a few short lines for each check."""
     blocks: list[RenderableType] = []
     for result in results:
         measured, expected, least, coverage = check_cells(result)
@@ -170,10 +170,12 @@ def _files_table(files: Sequence[FileRecord]) -> Table:
 def _run_lines(record: Record) -> Iterator[RenderableType]:
     seconds = record.run.seconds
     stages = {name: spent for name, spent in seconds.items() if not name.startswith("check ")}
+    # Seconds of the stages; those of single checks, "check <name>", lie within a stage and must not be added again.
     checks = {name.removeprefix("check "): spent for name, spent in seconds.items() if name.startswith("check ")}
     slowest = sorted(checks, key=lambda name: -checks[name])[:_SLOWEST_SHOWN]
     parts = [
         f"{sum(stages.values()):.1f} s",
+        # At one decimal a shorter stage would be printed as 0.0 s.
         *(f"{name} {spent:.1f} s" for name, spent in stages.items() if spent > 0.05),
     ]
     line = f"{record.tool.name} {record.tool.version}, effort {record.effort}: {', '.join(parts)}"
@@ -184,7 +186,7 @@ def _run_lines(record: Record) -> Iterator[RenderableType]:
 
 
 def _transferred(record: Record) -> Iterator[str]:
-    """Say what was asked of servers, where files lie behind URLs."""
+    """Yield a line on bytes and requests from servers, where files lie behind URLs."""
     host, size = record.run.host, sum(file.size for file in record.files)
     transferred, requests = host.get("transferred_bytes"), host.get("requests")
     if isinstance(transferred, int) and requests:
@@ -192,7 +194,7 @@ def _transferred(record: Record) -> Iterator[str]:
 
 
 def _reached(record: Record) -> Iterator[str]:
-    """Say how far a budget of time has carried, where there was one."""
+    """Yield a line on how far a budget of time has carried; nothing without a budget."""
     reached = record.run.host.get("budget_reached")
     if reached:
         yield f"{record.effort}: {reached}"

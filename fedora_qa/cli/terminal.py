@@ -1,4 +1,4 @@
-"""Consoles: colour and width only where somebody looks, and nothing from a file ever taken for markup."""
+"""Consoles: colour and width of a terminal only on one, and no text of a file interpreted as markup."""
 
 import os
 import sys
@@ -9,14 +9,15 @@ from rich.text import Text
 
 from fedora_qa.record.wording import unobeyed
 
+# Columns. rich assumes 80 for a pipe, which is too narrow for the table of checks.
 _PIPED_WIDTH: Final = 132
 
 
 class _PipedConsole(Console):
-    """A console that tells its caller when the reader has gone, rather than leave the process on its own."""
+    """A console that raises when its reader has closed the pipe; rich itself would end the process."""
 
     def on_broken_pipe(self) -> None:
-        """Raise on."""
+        """Raise ``BrokenPipeError``, which ``run`` turns into an exit code."""
         raise BrokenPipeError
 
 
@@ -31,11 +32,12 @@ def stderr_console() -> Console:
 
 
 def text(content: str, style: str = "") -> Text:
-    """Return text as it is: made printable, never read as markup, and obeyed by nobody who reads a log."""
+    """Return text made printable: never read as markup, nor as a command by a CI system that reads the log."""
     return Text(unobeyed(content), style=style)
 
 
 def _console(*, stderr: bool) -> Console:
     stream = sys.stderr if stderr else sys.stdout
     width = None if stream.isatty() or "COLUMNS" in os.environ else _PIPED_WIDTH
+    # Square brackets and colons occur in messages and paths; rich would take them for markup and emoji.
     return _PipedConsole(stderr=stderr, width=width, markup=False, highlight=False, emoji=False)

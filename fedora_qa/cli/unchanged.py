@@ -1,4 +1,4 @@
-"""Hold a record to the file that it is of: one that changed meanwhile was seen partly before and partly after."""
+"""Mark a record incomplete if its file changed meanwhile: parts were read before the change, parts after it."""
 
 from dataclasses import replace
 from typing import Final
@@ -12,19 +12,19 @@ QUESTION: Final = "Did the file stay as it was while it was checked?"
 
 
 def version_before(place: Place) -> Version | None:
-    """Return which version a local file is; None behind a URL, where whoever reads it notices a change."""
+    """Return the version of a local file; None behind a URL, where reading detects a change."""
     return None if isinstance(place, RemoteFile) else local_version(place)
 
 
 def hold_to_version(file: FileRecord, place: Place, before: Version | None) -> FileRecord:
-    """Return the record, incomplete where the size of its file or the time of its last change is another now.
+    """Return the record, incomplete if the size or the time of the last change of its file differs now.
 
-    A record is of the bytes of one moment, of which it has the digest, and what was read before and after a change is
-    of no file that ever was.
+    A record and its digest belong to one content; data read partly before and partly after a change belong to none.
     """
     if version_before(place) == before:
         return file
     reason = "Expected the file to stay as it is while it is checked, got a change; check it again"
+    # As a crashed result every format shows it, with the exit code of an incomplete run.
     return replace(
         file, verdict="incomplete", results=(*file.results, Result(NAME, "crashed", QUESTION, reason=reason))
     )

@@ -21,6 +21,7 @@ def verify(certificate_path: Path, folder: Path) -> int:
     Exit codes: 0 the same; 1 something was changed, added or removed, or a waiver has expired; 2 misuse.
     """
     certificate = read_certificate(certificate_path)
+    # The day in UTC, as in `gate`: whether a waiver has expired must not depend on the time zone.
     deviations = differences(certificate, folder, datetime.now(UTC).date())
     for difference in deviations:
         click.echo(f"differs: {unobeyed(difference)}")

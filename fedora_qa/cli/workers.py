@@ -1,11 +1,11 @@
-"""Whether a command line will need processes that measure, guessed before anything of it is understood."""
+"""Whether a command line will need worker processes, guessed before it is parsed."""
 
 import os
 from collections.abc import Sequence
 from typing import Final
 
 IN_PROCESS_VARIABLE: Final = "FEDORA_QA_IN_PROCESS"
-"""Where set, a single job is done in the process of the command: for debuggers and profilers."""
+"""If set, a single job runs in the process of the command: for debuggers and profilers."""
 
 _COMMANDS: Final = frozenset({"check", "gate"})
 
@@ -14,11 +14,11 @@ _WITHOUT: Final = frozenset({"-h", "--help", "--dask"})
 
 
 def begin_to_load(arguments: Sequence[str]) -> None:
-    """Begin to load what workers need, where they will most likely be needed.
+    """Begin to load what workers need, if they will most likely be needed.
 
-    That takes longer than it takes this process to understand what is asked, so both are done at once. A wrong guess
-    costs time alone.
+    Loading takes longer than parsing the command line, so both are done at once. A wrong guess costs only time.
     """
+    # Both `--dask ADDRESS` and `--dask=ADDRESS` are legal.
     options = {argument.split("=")[0] for argument in arguments}
     if arguments and arguments[0] in _COMMANDS and not options & _WITHOUT and IN_PROCESS_VARIABLE not in os.environ:
         from fedora_qa.engine.fork_server import begin_preloading  # noqa: PLC0415 - other commands need none of it

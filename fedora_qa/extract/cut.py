@@ -1,4 +1,4 @@
-"""Write a file that holds some rows of another: the same groups, attributes and links, index maps that count anew."""
+"""Write a file with some rows of another: the same groups, attributes and links, and index maps of its own events."""
 
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import suppress
@@ -34,7 +34,7 @@ _Place = tuple[str, int]
 """The file in which an object lies, and its address there."""
 
 _SMALL_BYTES: Final = 64 << 10
-"""What no dialect speaks of is copied whole where it is no larger: nobody knows which of its rows belong to a piece."""
+"""Longest dataset unknown to the dialect that is copied, whole: which of its rows belong to a piece is unknown."""
 
 
 class Cutter:
@@ -45,11 +45,11 @@ class Cutter:
     file, sequence
         The file, open for reading, and the sequence that it holds.
     scanned
-        Its stamps and index maps.
+        Its timestamps and index maps.
     dialect
         How it names things.
     elsewhere
-        Which other files may be read; None: no other. What they hold is written into the piece.
+        Which other files may be read; None: no other. Their values are written into the piece.
     """
 
     def __init__(
@@ -64,20 +64,22 @@ class Cutter:
         self._elsewhere = elsewhere
         self._sequence = sequence
         self._scanned = scanned
-        # Every dataset of a stream that can be opened, by canonical key, whether or not its stream is whole.
+        # Every dataset of a stream that can be opened, by canonical key, also of streams that lack another dataset.
         datasets: dict[str, h5py.Dataset] = {}
         for key, spec in DATASETS.items():
             place = dialect.place_of(key)
+            # Contiguous in the canonical layout: no rows of a stream but values of the whole file, copied whole.
             if place is None or not spec.chunk_rows:
                 continue
             with suppress(RefusedError):
                 dataset = find_dataset(file, place.path or key, elsewhere)
                 if dataset is not None and dataset.shape:
+                    # External files are named relative to their own file, not to the working directory.
                     datasets[key] = beside_its_file(dataset) if dataset.external else dataset
         self._datasets = datasets
 
     def write(self, piece: Piece, target: Path) -> tuple[dict[str, CutRows], tuple[str, ...]]:
-        """Write a piece over what lies at the target.
+        """Write a piece to the target, and replace a file that is there.
 
         Returns
         -------
@@ -93,6 +95,7 @@ class Cutter:
         cuts: dict[_Place, _Cut] = {}
         for key, dataset in self._datasets.items():
             stream = DATASETS[key].stream
+            # By address, not by path: a dataset may have several names, and the walk meets any of them first.
             cuts[_linked_place(dataset.file, dataset.name)] = _Cut(
                 dataset, kept[stream], self._entries(stream, dataset, kept)
             )
@@ -110,6 +113,7 @@ class Cutter:
         frames, events = kept[stream], kept["events"]
         index_map = self._scanned.facts.index_maps.get(stream)
         if index_map is not None:
+            # Entries count events from the start of the file; those of the piece must count from its first event.
             return entries_kept(index_map, frames, events)
         with suppress(*READ_ERRORS):
             return shifted(np.asarray(dataset[frames.start : _stop(frames, dataset)]).astype(np.int64), events)
@@ -117,7 +121,7 @@ class Cutter:
 
 
 def _row_counts(datasets: Mapping[str, h5py.Dataset]) -> dict[str, int]:
-    """Return the rows of each stream: of its shortest dataset, where they differ."""
+    """Return the number of rows of each stream: that of its shortest dataset where they differ."""
     counts: dict[str, int] = {}
     for key, dataset in datasets.items():
         stream = DATASETS[key].stream
@@ -126,11 +130,12 @@ def _row_counts(datasets: Mapping[str, h5py.Dataset]) -> dict[str, int]:
 
 
 def _aligned(kept: Mapping[str, CutRows], datasets: Mapping[str, h5py.Dataset]) -> dict[str, CutRows]:
-    """Return the rows with streams begun at a whole chunk where rows cannot be decoded, so that the damage is kept."""
+    """Return the rows; a stream with rows that cannot be decoded starts at a whole chunk, so that damage is copied."""
     whole = dict(kept)
     for stream, rows in kept.items():
         ours = [dataset for key, dataset in datasets.items() if DATASETS[key].stream == stream]
         if any(needs_whole_chunks(dataset, rows.start, _stop(rows, dataset)) for dataset in ours):
+            # All datasets of a stream start at one row, and each at a whole chunk: at a multiple of all chunk lengths.
             together = lcm(*(dataset.chunks[0] for dataset in ours if dataset.chunks))
             whole[stream] = CutRows(rows.start // together * together, rows.stop, rows.of)
     return whole
@@ -138,7 +143,7 @@ def _aligned(kept: Mapping[str, CutRows], datasets: Mapping[str, h5py.Dataset]) 
 
 @dataclass(frozen=True, slots=True)
 class _Cut:
-    """Rows of a dataset to keep; ``entries`` in their place where they are counted anew."""
+    """Rows of a dataset to copy; ``entries`` replace their values where an index map counts other events."""
 
     dataset: h5py.Dataset
     rows: CutRows
@@ -150,13 +155,13 @@ def _stop(rows: CutRows, dataset: h5py.Dataset) -> int:
 
 
 def _linked_place(group: h5py.Group, path: str) -> _Place:
-    """Return where the object of a hard link lies, as the link tells: the object itself may be damaged."""
+    """Return where the object of a hard link lies, read from the link: the object itself may be damaged."""
     return group.file.filename, int(group.id.links.get_info(path.encode("utf-8", "surrogateescape")).u)
 
 
 @dataclass
 class _Writer:
-    """Walks a file and writes what is kept of it; an object that has several names is written once."""
+    """Walks a file and writes the rows of a piece; an object that has several names is written once."""
 
     cuts: Mapping[_Place, _Cut]
     file: RememberingFile
@@ -175,6 +180,7 @@ class _Writer:
             except READ_ERRORS:
                 self.left_out.append(f"{source.name.rstrip('/')}/{name}")
                 with suppress(*READ_ERRORS):
+                    # A member written half-way would be a fault that the source does not have.
                     del copy[name]
 
     def _member(self, source: h5py.Group, copy: h5py.Group, name: str, link: Any) -> None:
@@ -187,7 +193,8 @@ class _Writer:
             copy[name] = link
 
     def _led_to(self, source: h5py.Group, name: str, link: Any) -> Any:
-        """Return what a link leads to that cannot stay a link in the piece, where that may be read; else None."""
+        """Return the target of a link that cannot stay a link in the piece, if it may be read; else None."""
+        # Also soft links within another file: their paths lead nowhere in the piece.
         leaves = isinstance(link, h5py.ExternalLink) or source.file.filename != self.source
         if self.elsewhere is None or not leaves:
             return None
@@ -223,6 +230,7 @@ class _Writer:
             start = min(cut.rows.start, dataset.shape[0])
             copy_rows(dataset, copy, name, start, max(_stop(cut.rows, dataset), start))
             return
+        # The stored type stays, so that a wrong one is a fault of the piece as well.
         entries = new_dataset(dataset, copy, name, len(cut.entries))
         entries[...] = cut.entries.astype(dataset.dtype)
         copy_attributes(dataset, entries)
@@ -232,5 +240,5 @@ def _links(group: h5py.Group) -> Iterator[tuple[str, Any]]:
     """Yield the members of a group that can be listed, by name, with how each is linked."""
     with suppress(*READ_ERRORS):
         for name in group:
-            if isinstance(name, str):  # what is no UTF-8 comes as bytes, and names nothing of any dialect
+            if isinstance(name, str):  # other names are bytes, no UTF-8, and in no dialect
                 yield name, group.get(name, getlink=True)

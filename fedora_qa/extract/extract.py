@@ -1,4 +1,4 @@
-"""Cut the least piece out of a sequence that still shows a finding, and see by a check of the piece that it does."""
+"""Cut the shortest piece out of a sequence that still shows a finding, which a check of the piece confirms."""
 
 from collections.abc import Callable
 from contextlib import ExitStack, closing
@@ -23,10 +23,10 @@ from fedora_qa.sequence.scan import scan
 from fedora_qa.sequence.sequence import open_sequence
 
 LONGEST_S: Final = 20.0
-"""Length of the longest piece that is tried unless asked for otherwise: one can still be sent to somebody."""
+"""Default length of the longest piece that is tried, s: its file is still small enough to be sent."""
 
 Report = Callable[[str], None]
-"""Called with what is going on."""
+"""Called with a description of the present activity."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -48,7 +48,7 @@ class Extracted:
     left_out
         Datasets that belong to no stream and are too large to be copied whole, and what could not be read.
     finding
-        The finding as the check of the piece tells it; None where it does not.
+        The finding as the check of the piece reports it; None where it reports none.
     """
 
     kept: dict[str, CutRows]
@@ -72,8 +72,8 @@ def extract(
     Parameters
     ----------
     options
-        How the finding was found; of the checks only the one that found it is run. Whatever is read of other files,
-        where ``allow_external`` names folders, is written into the piece, which is checked without any.
+        How the finding was found; only the check that found it is run. Values from other files, where
+        ``allow_external`` names their folders, are written into the piece, which is checked without these files.
     longest_s
         Length of the longest piece to try; the first is tried whatever its length.
 
@@ -83,6 +83,7 @@ def extract(
         As ``open_sequence``.
     """
     folders = options.allow_external
+    # Without `allow_external`: the piece must show the finding by itself, on a machine that has no other files.
     options = replace(options, select=(wanted.check,), ignore=(), evidence=None, canary=False, allow_external=())
     with ExitStack() as opened:
         sequence = opened.enter_context(open_sequence(source, options.dialect, allow_external=folders))
@@ -96,19 +97,21 @@ def extract(
                 report(f"a piece of {(piece.stop_ns - piece.start_ns) / NS_PER_S:.3g} s")
                 kept, left_out = cutter.write(piece, temporary)
                 extracted = Extracted(kept, left_out, _found_in(temporary, wanted, options))
+                # A piece that holds all rows cannot grow.
                 if extracted.finding or extracted.is_whole:
                     break
             return extracted
 
 
 def _found_in(piece: Path, wanted: Wanted, options: CheckOptions) -> Finding | None:
-    """Return the finding as a check of the piece tells it: the same rule, broken in the same stream."""
+    """Return the finding as a check of the piece reports it: the same rule, broken in the same stream."""
     record = check_file(piece, options).record
     same = (
         finding
         for result in record.results
         for finding in result.findings
         if result.check == wanted.check
+        # Place and size of the finding may differ in the piece: it is the worst place of fewer rows.
         and finding.code == wanted.finding.code
         and finding.where.stream == wanted.finding.where.stream
     )

@@ -12,11 +12,12 @@ from fedora_qa.sequence.facts import Facts
 from fedora_qa.sequence.scan import FRAMES_OF_MAP, Scan
 
 SHORTEST_MARGIN_NS: Final = 200_000_000
-"""A window: the least time in which flow of 10, 25 and 50 Hz all complete whole intervals."""
+"""One window, 0.2 s: the least time in which flow of 10, 25 and 50 Hz all complete whole intervals."""
 
 
+# 1 s, five windows: pieces hold a shorter place as a whole.
 _LONGEST_LOCAL_NS: Final = 5 * SHORTEST_MARGIN_NS
-"""A longer place is that of something lasting, which a part of it may show."""
+"""A longer place belongs to a lasting fault, which a part of it may show."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -28,9 +29,9 @@ class FindingPlace:
     start_ns, stop_ns
         From the file's origin, within the time that most streams share.
     centre_ns
-        What pieces lie around that are shorter than the place.
+        Centre of pieces that are shorter than the place, ns from the origin.
     rows
-        Rows (stream, start, stop) that belong to the finding whatever their stamps say; None where it names none.
+        Rows (stream, start, stop) that belong to the finding whatever their timestamps; None where it names none.
     """
 
     start_ns: int
@@ -41,7 +42,7 @@ class FindingPlace:
 
 @dataclass(frozen=True, slots=True)
 class Piece:
-    """A stretch of time, both ends in it, and the rows that belong to it besides."""
+    """A segment of time with both its ends, ns from the origin, and further rows that belong to it."""
 
     start_ns: int
     stop_ns: int
@@ -51,21 +52,23 @@ class Piece:
 def place_of(where: Where, check: str, scanned: Scan) -> FindingPlace:
     """Return where a finding lies.
 
-    One that names no time concerns the whole file, and any stretch may show it: pieces then lie around the instant of
-    most events. What is wrong with the layout shows at the end, where rows are missing.
+    A finding that names no time concerns the whole file, and any segment may show it: pieces then lie around the window
+    with most events. Faults of the layout show at the end, where rows are missing.
     """
     first, last = shared_time_ns(scanned)
     times = _times_of(where, scanned)
     if times is None:
+        # Missing rows show at the end; elsewhere checks have most to measure where events are densest.
         centre = last if check.startswith("integrity.") else _busiest_ns(scanned, first, last)
         return FindingPlace(centre, centre, centre)
+    # A faulty timestamp may lie far outside the time of the other streams, which have no rows there.
     start, stop = (min(max(time, first), last) for time in times)
     named_by_rows = where.start_us is None or where.stop_us is None
     return FindingPlace(start, stop, start if named_by_rows else _busiest_ns(scanned, start, stop), _rows_of(where))
 
 
 def pieces_around(place: FindingPlace, longest_ns: int) -> Iterator[Piece]:
-    """Yield pieces to try, each with twice the margin of the one before; all but the first no longer than the longest.
+    """Yield pieces to try, each with twice the margin of the one before; only the first may exceed ``longest_ns``.
 
     Each holds the whole of a short place, and as much of a long one as fits around its centre.
     """
@@ -73,19 +76,21 @@ def pieces_around(place: FindingPlace, longest_ns: int) -> Iterator[Piece]:
     start, stop = (place.start_ns, place.stop_ns) if local else (place.centre_ns, place.centre_ns)
     rows = place.rows if local or place.rows is None else (place.rows[0], place.rows[1], place.rows[1] + 1)
     margin = SHORTEST_MARGIN_NS
+    # The first piece has no bound: with a small limit there would be none at all.
     while margin == SHORTEST_MARGIN_NS or stop - start + 2 * margin <= longest_ns:
         yield Piece(start - margin, stop + margin, rows)
         margin *= 2
 
 
 def shared_time_ns(scanned: Scan) -> tuple[int, int]:
-    """Return the time that most streams share: a stream whose clock jumps does not stretch it."""
+    """Return the time that most streams share, ns from the origin; one stream with a wrong clock does not change it."""
     facts = scanned.facts
     spans = [_span_ns(facts, stream) for stream in facts.clocks if facts.clocks[stream].usable]
     if facts.events and facts.events.count:
         spans.append((facts.events.first_ns, facts.events.last_ns))
     if not spans:
         return 0, 0
+    # Medians of starts and of stops: fewer than half of the streams with a wrong clock cannot move them.
     first, last = np.median(np.array(spans, dtype=np.float64), axis=0)
     return int(first), int(last)
 
@@ -97,7 +102,7 @@ def _span_ns(facts: Facts, stream: str) -> tuple[int, int]:
 
 
 def _times_of(where: Where, scanned: Scan) -> tuple[int, int] | None:
-    """Return the time that a place names or its rows have, from the origin; None where it names neither."""
+    """Return the time that a place names, or that of its rows, ns from the origin; None where it names neither."""
     if where.start_us is not None:
         stop_us = where.start_us if where.stop_us is None else where.stop_us
         return _from_origin_ns(where.start_us, scanned), _from_origin_ns(stop_us, scanned)
@@ -106,6 +111,7 @@ def _times_of(where: Where, scanned: Scan) -> tuple[int, int] | None:
         return None
     stream, start, stop = rows
     times = [_time_of_row(stream, row, scanned) for row in (start, stop - 1)]
+    # Timestamps may run backwards between the rows (a clock reset), so that the two are ordered.
     return None if times[0] is None or times[1] is None else (min(times[0], times[1]), max(times[0], times[1]))
 
 
@@ -134,6 +140,7 @@ def _time_of_row(stream: str, row: int, scanned: Scan) -> int | None:
     runs = scanned.runs.get(stream)
     if runs is None or not len(runs.cells):
         return None
+    # Events are indexed by cells of the window grid; the start of the cell is exact enough, and nothing is decoded.
     cell = max(int(np.searchsorted(runs.starts, row, "right")) - 1, 0)
     return int(runs.cells[cell]) * scanned.cell_ns
 
@@ -151,4 +158,5 @@ def _busiest_ns(scanned: Scan, start_ns: int, stop_ns: int) -> int:
 
 
 def _from_origin_ns(time_us: float, scanned: Scan) -> int:
+    # From us on the clock of the file to ns from its origin.
     return round((time_us - scanned.facts.origin_us) * NS_PER_US)

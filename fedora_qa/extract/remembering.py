@@ -1,7 +1,7 @@
-"""A file to write through that remembers why a write failed.
+"""A file that stores the error of a failed write.
 
-HDF5 cannot close a file that it could not write, and crashes over it when the interpreter ends. So a write that fails
-seems to succeed, all after it are dropped, and whoever writes asks for the failure.
+HDF5 cannot close a file that it could not write, and crashes when the interpreter ends. Therefore a failed write
+reports success to HDF5, all later writes are dropped, and ``go_on`` raises the error.
 """
 
 import io
@@ -29,6 +29,7 @@ class RememberingFile(io.FileIO):
         with self._remembering():
             written = 0
             while self.failure is None and written < len(view):
+                # A raw write may take fewer bytes than given, for example on a disk that is nearly full.
                 written += super().write(view[written:]) or 0
         return len(view)
 
@@ -52,4 +53,5 @@ class RememberingFile(io.FileIO):
         try:
             yield
         except OSError as error:
+            # The first failure is the cause; those after it are its consequences.
             self.failure = self.failure or error

@@ -1,4 +1,4 @@
-"""Which rows of each stream a piece keeps."""
+"""Which rows of each stream a piece holds."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -13,12 +13,12 @@ from fedora_qa.sequence.scan import FRAMES_OF_MAP, Runs, Scan
 from fedora_qa.sequence.sequence import SequenceRows
 
 _ANOTHER_UNIT: Final = 100
-"""Units of time differ by a thousand; a stream that is cut off, or whose clock jumps, rarely by a hundred."""
+"""Ratio of durations from which units differ: units differ by 1000, a cut-off stream or clock reset rarely by 100."""
 
 
 @dataclass(frozen=True, slots=True)
 class CutRows:
-    """Rows of a stream, of how many; where they reach its end, a dataset with more rows keeps them to its own."""
+    """Rows of a stream of ``of`` rows; if they reach its end, a longer dataset of it is copied to its own end."""
 
     start: int
     stop: int
@@ -33,9 +33,9 @@ class CutRows:
 def rows_kept(piece: Piece, sequence: SequenceRows, scanned: Scan, counts: Mapping[str, int]) -> dict[str, CutRows]:
     """Return the rows of every stream that lie in a piece.
 
-    A row lies where the latest stamp up to it does, as in windows, so that rows stay together whatever the stamps. Of
-    flow, whole intervals are kept. A stream whose stamps say nothing, or are of another time or unit than those of the
-    others, gives the same share of its rows as of the time.
+    The time of a row is the latest timestamp up to it, as in windows, so that the rows of a piece are contiguous
+    whatever the timestamps. Of flow, whole intervals are taken. A stream without usable timestamps, or with those of
+    another time or unit, contributes the share of its rows that the piece is of the shared time.
 
     Parameters
     ----------
@@ -49,11 +49,13 @@ def rows_kept(piece: Piece, sequence: SequenceRows, scanned: Scan, counts: Mappi
         start, stop = _range(stream, piece, sequence, scanned, count)
         if piece.rows is not None and FRAMES_OF_MAP.get(piece.rows[0], piece.rows[0]) == stream:
             _, first, last = piece.rows
+            # Rows that the finding names are kept even if their timestamps lie elsewhere: these may be its subject.
             start, stop = (min(start, first), max(stop, last)) if start < stop else (first, last)
         start = min(max(start, 0), count)
         kept[stream] = CutRows(start, min(max(stop, start), count), count)
     for stream, frames in FRAMES_OF_MAP.items():
         if stream in counts:
+            # An index map has one entry for each frame, so that it keeps exactly the frames' rows.
             kept[stream] = kept.get(frames, CutRows(0, counts[stream], counts[stream]))
     return kept
 
@@ -62,19 +64,22 @@ def _range(stream: str, piece: Piece, sequence: SequenceRows, scanned: Scan, cou
     clock, runs = scanned.facts.clocks.get(stream), scanned.runs.get(stream)
     first, last = shared_time_ns(scanned)
     if clock is not None and clock.usable and _is_of(first, last, clock.times_ns[0], clock.times_ns.max()):
+        # The envelope: binary search needs ascending values, and faulty timestamps do not ascend.
         starts = np.maximum.accumulate(clock.times_ns)
         stops = starts if clock.ends_ns is None else np.maximum.accumulate(clock.ends_ns)
         start = int(np.searchsorted(starts, piece.start_ns, "left"))
+        # A flow interval is kept if it starts and ends within the piece; for other streams both times are the same.
         return start, max(start, int(np.searchsorted(stops, piece.stop_ns, "right")))
     events = scanned.facts.events
     if stream == "events" and runs and events and _is_of(first, last, events.first_ns, events.last_ns):
         return _range_of_events(runs, piece, sequence, scanned)
     length = max(last - first, 1)
+    # Rows of unknown time are taken as evenly spread over the shared time, outwards to whole rows.
     return int(count * (piece.start_ns - first) / length), int(np.ceil(count * (piece.stop_ns - first) / length))
 
 
 def _is_of(first_ns: int, last_ns: int, own_first_ns: int, own_last_ns: int) -> bool:
-    """Whether a stream's time is that of the others: it meets theirs, and is not of another unit."""
+    """Whether a stream's time is that of the others: both overlap, and their durations are of one unit."""
     length, own = max(last_ns - first_ns, 1), max(own_last_ns - own_first_ns, 1)
     meets = own_first_ns <= last_ns and own_last_ns >= first_ns
     return meets and 1 / _ANOTHER_UNIT < own / length < _ANOTHER_UNIT
@@ -83,16 +88,18 @@ def _is_of(first_ns: int, last_ns: int, own_first_ns: int, own_last_ns: int) -> 
 def _range_of_events(runs: Runs, piece: Piece, sequence: SequenceRows, scanned: Scan) -> tuple[int, int]:
     return (
         _event_row(runs, piece.start_ns, sequence, scanned),
+        # The stop of a piece is within it: the first row at least 1 ns later ends the half-open range.
         _event_row(runs, piece.stop_ns + 1, sequence, scanned),
     )
 
 
 def _event_row(runs: Runs, time_ns: int, sequence: SequenceRows, scanned: Scan) -> int:
-    """Return the first row that lies at a time or later; the start of its window where stamps cannot be decoded."""
+    """Return the first row that lies at a time or later; the start of its window where timestamps cannot be decoded."""
     cell_start_ns = time_ns // scanned.cell_ns * scanned.cell_ns
     first = int(np.searchsorted(runs.cells, time_ns // scanned.cell_ns, "left"))
     bounds = np.append(runs.starts, runs.count)
     start = int(bounds[first])
+    # The cell of the time holds no events: the answer is the first row of the next cell, without reading.
     if first == len(runs.cells) or int(runs.cells[first]) * scanned.cell_ns > cell_start_ns:
         return start
     try:

@@ -1,7 +1,7 @@
 """Copy rows of a dataset into another file, stored as they were: type, chunks, codec, checksum and attributes.
 
-Whole chunks are copied as bytes, so that a damaged one stays damaged and one that was never written stays so. Rows that
-begin within a chunk are decoded and stored anew.
+Whole chunks are copied as bytes, so that a damaged chunk stays damaged, and one that was never written stays unwritten.
+Rows that start within a chunk are decoded and encoded again.
 """
 
 import os
@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from fedora_qa.layout.links import READ_ERRORS
 
 _COPIED_AT_ONCE: Final = 16 << 20
-"""Bytes of decoded rows that are held together."""
+"""Bytes of decoded rows that are held in memory at once."""
 
 
 def copy_attributes(source: h5py.Group | h5py.Dataset, target: h5py.Group | h5py.Dataset) -> None:
@@ -27,15 +27,17 @@ def copy_attributes(source: h5py.Group | h5py.Dataset, target: h5py.Group | h5py
     with suppress(*READ_ERRORS):
         names += source.attrs
     for name in names:
-        coded = name if isinstance(name, bytes) else name.encode()  # what is no UTF-8 comes as bytes
+        coded = name if isinstance(name, bytes) else name.encode()  # h5py returns names that are no UTF-8 as bytes
         with suppress(*READ_ERRORS):
             stored = h5py.h5a.open(source.id, coded)
+            # A reference is an address within its file; in the piece it would point at other bytes.
             if not _holds_references(stored.get_type()):
                 _copy_attribute(stored, target, coded)
 
 
 def _copy_attribute(stored: Any, target: h5py.Group | h5py.Dataset, name: bytes) -> None:
     copy = h5py.h5a.create(target.id, name, stored.get_type(), stored.get_space())
+    # A null dataspace has no values to copy; reading it raises.
     if stored.get_space().get_simple_extent_type() != h5py.h5s.NULL:
         values = np.empty(stored.shape, dtype=stored.dtype)
         stored.read(values, mtype=stored.get_type())
@@ -47,16 +49,18 @@ def _holds_references(stored_type: Any) -> bool:
 
 
 def needs_whole_chunks(dataset: h5py.Dataset, start: int, stop: int) -> bool:
-    """Whether rows of chunks cannot be decoded, or were never written, so that only whole chunks show it."""
+    """Whether some rows cannot be decoded or were never written, which only a copy of whole chunks preserves."""
     if dataset.chunks is None or start % dataset.chunks[0] == 0:
         return False
     try:
-        # How many chunks hold any of the rows.
+        # The number of chunks that hold any of the rows: along the rows, times across the other axes.
         along = ceil(stop / dataset.chunks[0]) - start // dataset.chunks[0]
         across = (ceil(size / chunk) for size, chunk in zip(dataset.shape[1:], dataset.chunks[1:], strict=True))
         chunk_count = along * prod(across) if stop > start else 0
+        # A chunk that was never written reads as the fill value; decoding would store it and remove that fault.
         if len(_written_corners(dataset, start, stop)) < chunk_count:
             return True
+        # Decoding is the only test of a checksum; the values are not needed.
         for _ in _blocks(dataset, start, stop):
             continue
     except READ_ERRORS:
@@ -77,6 +81,7 @@ def copy_rows(dataset: h5py.Dataset, parent: h5py.Group, name: str, start: int, 
         for corner in _written_corners(dataset, start, stop):
             filters, stored = dataset.id.read_direct_chunk(corner)
             copy.id.write_direct_chunk((corner[0] - start, *corner[1:]), stored, filters)
+    # Contiguous storage that was never written has a size of 0: it stays unwritten in the piece.
     elif dataset.chunks is not None or lies_elsewhere(dataset) or dataset.id.get_storage_size():
         for first, rows in _blocks(dataset, start, stop):
             copy[first - start : first - start + len(rows)] = rows
@@ -99,7 +104,8 @@ def copy_whole(dataset: h5py.Dataset, parent: h5py.Group, name: str) -> None:
 def beside_its_file(dataset: h5py.Dataset) -> h5py.Dataset:
     """Return an externally stored dataset, opened so that its files are looked for beside the file that names them.
 
-    HDF5 opens nothing twice in different ways: nobody else may hold the dataset open, and the one given is closed.
+    HDF5 returns the open dataset if there is one, with its old prefix. Therefore the given one is closed, and no other
+    may be open.
     """
     file, name = dataset.file, dataset.name
     dataset.id.close()
@@ -115,17 +121,18 @@ def lies_elsewhere(dataset: h5py.Dataset) -> bool:
 
 
 def _points_elsewhere(dataset: h5py.Dataset) -> bool:
-    """Whether stored bytes are no values but say where in the file values lie, as those of texts of any length do."""
+    """Whether stored bytes are addresses of values in the file, as those of variable-length texts are."""
     stored_type = dataset.id.get_type()
     return _holds_references(stored_type) or bool(stored_type.detect_class(h5py.h5t.VLEN)) or dataset.dtype.hasobject
 
 
 def new_dataset(dataset: h5py.Dataset, parent: h5py.Group, name: str, rows: int) -> h5py.Dataset:
-    """Create an empty dataset of so many rows, stored like another; in this file whatever that is made of."""
+    """Create an empty dataset with a number of rows, stored like another one, but always within the new file."""
     shape = (rows, *dataset.shape[1:])
     longest = None if dataset.chunks is None else (h5py.h5s.UNLIMITED, *dataset.shape[1:])
     space = h5py.h5s.create_simple(shape, longest)
     plain = h5py.h5p.create(h5py.h5p.DATASET_CREATE)
+    # The creation properties of such a dataset name the other files; the piece holds the values itself.
     stored = plain if lies_elsewhere(dataset) else dataset.id.get_create_plist()
     made = h5py.h5d.create(parent.id, name.encode(), dataset.id.get_type(), space, stored)
     return h5py.Dataset(made)
@@ -144,10 +151,11 @@ def _written_corners(dataset: h5py.Dataset, start: int, stop: int) -> list[tuple
 
 
 def _blocks(dataset: h5py.Dataset, start: int, stop: int) -> Iterator[tuple[int, NDArray[Any]]]:
-    """Yield rows a block at a time, each with its first row; no chunk is decoded twice but where blocks meet in it."""
+    """Yield rows block by block, each with its first row; only a chunk in which two blocks meet is decoded twice."""
     row_bytes = max(dataset.dtype.itemsize * int(np.prod(dataset.shape[1:], dtype=np.int64)), 1)
     rows = max(_COPIED_AT_ONCE // row_bytes, 1)
     if dataset.chunks is not None:
+        # Whole chunks at a time, so that a chunk is not decoded again for the next block.
         rows = ceil(rows / dataset.chunks[0]) * dataset.chunks[0]
     for first in range(start, stop, rows):
         yield first, dataset[first : min(first + rows, stop)]

@@ -13,16 +13,18 @@ def replacing(target: Path) -> Iterator[Path]:
 
     When the block raises, the temporary file is removed and ``target`` stays as it was.
     """
+    # In the same folder, because `replace` is atomic only within one file system.
     handle, name = tempfile.mkstemp(prefix=f".{target.name}.", suffix=".part", dir=target.parent)
     os.close(handle)
     temporary = Path(name)
     try:
         yield temporary
-        # The process's file mode mask, which can only be read by setting it.
+        # The file mode mask of the process can only be read by setting it.
         mask = os.umask(0)
         os.umask(mask)
-        temporary.chmod(0o666 & ~mask)  # mkstemp makes a private file; a record is as public as its folder allows
+        temporary.chmod(0o666 & ~mask)  # mkstemp makes mode 0600; a record gets the usual one
         temporary.replace(target)
+    # Also KeyboardInterrupt: an interrupted command must leave no partial file.
     except BaseException:
         temporary.unlink(missing_ok=True)
         raise

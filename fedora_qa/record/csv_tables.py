@@ -9,7 +9,7 @@ from fedora_qa.record.types import Record
 from fedora_qa.record.wording import printable
 
 _FORMULA_STARTS: Final = ("=", "+", "-", "@", "\uff1d", "\uff0b", "\uff0d", "\uff20")
-"""What begins a formula, also after spaces, and in the full width that East Asian keyboards write."""
+"""Characters that start a formula, also after spaces; with their full-width forms of East Asian keyboards."""
 
 CSV_NAMES: Final = tuple(f"{name}.csv" for name in TABLE_NAMES)
 """The files that hold the tables."""
@@ -29,14 +29,16 @@ def _csv(table: Table) -> str:
 
 
 def _cell(value: Cell) -> str:
-    """Return a cell; nothing is empty. Text that a spreadsheet would calculate is marked as text."""
+    """Return a cell; None is empty. Text that a spreadsheet would calculate is marked as text."""
     if value is None:
         return ""
+    # Before `str`, which would write True: the words are those of the JSON.
     if isinstance(value, bool):
         return "true" if value else "false"
     if isinstance(value, tuple):
         return _cell(" ".join(map(str, value)))
     if isinstance(value, str):
         text = printable(value)
+        # Spreadsheets calculate a cell that starts like a formula (CWE-1236); an apostrophe marks it as text.
         return f"'{text}" if text.lstrip().startswith(_FORMULA_STARTS) else text
     return str(value)

@@ -21,7 +21,7 @@ from fedora_qa.record.schemas import schema_of
 T = TypeVar("T")
 
 MOST_BYTES: Final = 512 << 20
-"""A document of a thousand files takes 100 MB; what is longer must not eat the machine that reads it."""
+"""Longest document that is read; one of a thousand files takes 100 MB. A longer one could exhaust the memory."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -35,11 +35,11 @@ class DocumentKind(Generic[T]):
     noun
         The same with its article, for people.
     adapter
-        Turns a value into plain ones and back, checking every type.
+        Turns a value into plain values and back, and validates every type.
     written_by
         What writes such a document.
     again
-        What to do where a document is of no use.
+        Advice where a document cannot be used.
     """
 
     name: str
@@ -59,8 +59,10 @@ class DocumentKind(Generic[T]):
         ValidationError
             The value holds what its types do not allow; such a document would not be readable again.
         """
+        # Without warnings of types: the validation below raises for the same ones.
         plain = _plain(self.adapter.dump_python(value, warnings="none"))
         text = json.dumps(plain, ensure_ascii=False, allow_nan=False, indent=1) + "\n"
+        # A wrong type is an error of the writer and must be raised here, not when the document is read.
         self.adapter.validate_json(text)
         return text
 
@@ -70,7 +72,7 @@ class DocumentKind(Generic[T]):
         Raises
         ------
         MisuseError
-            The text is not JSON, is of another version, or does not fit the schema; names the offending place.
+            The text is not JSON, is of another version, or does not fit the schema; the message names the place.
         """
         self._require_version(text)
         try:
@@ -88,6 +90,7 @@ class DocumentKind(Generic[T]):
         """Read a document; raises ``MisuseError`` where there is none, as ``from_json`` does."""
         try:
             with path.open("rb") as file:
+                # One byte more than the limit shows that the file is too long without reading the rest.
                 text = file.read(MOST_BYTES + 1)
         except OSError as problem:
             raise MisuseError(f"Expected {self.noun} at {path}, got: {problem.strerror}") from None
@@ -105,6 +108,7 @@ class DocumentKind(Generic[T]):
     def _require_version(self, text: str | bytes) -> None:
         try:
             document = json.loads(text)
+        # The JSON parser descends once for each level; a hostile document of nested lists exhausts the stack.
         except RecursionError:
             raise MisuseError(f"Expected {self.noun} as JSON, got lists within lists without end") from None
         except ValueError as problem:
@@ -113,6 +117,7 @@ class DocumentKind(Generic[T]):
             ) from None
         key = f"{self.name}_version"
         version = document.get(key) if isinstance(document, dict) else None
+        # Before the fields: of another version, some field that does not fit would be reported instead.
         if version != self.version:
             raise MisuseError(f"Expected {self.noun} with {key} {self.version!r}, got {version!r}; {self.again}")
 
@@ -125,6 +130,7 @@ def _plain(value: Any) -> Any:
         return {_plain(key): _plain(item) for key, item in value.items()}
     if isinstance(value, list | tuple):
         return [_plain(item) for item in value]
+    # Before Integral, of which bool is a subclass: flags must not become 0 and 1.
     if isinstance(value, bool) or value is None:
         return value
     if isinstance(value, Integral):

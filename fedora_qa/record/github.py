@@ -21,7 +21,7 @@ def record_to_github(record: Record) -> str:
 def silenced(text: str, token: str | None = None) -> str:
     """Return text between commands that keep GitHub from obeying any command in it.
 
-    The token ends the silence, so that it must be one that nobody can guess; a random one by default.
+    The token ends the silence, so that it must be unpredictable; by default it is random.
     """
     token = token or secrets.token_hex(16)
     return f"::stop-commands::{token}\n{text}\n::{token}::\n"
@@ -36,9 +36,10 @@ def _annotation(problem: Problem) -> str:
 
 def _data(text: str) -> str:
     """Return a message as the end of a command can carry it."""
+    # The percent sign first: the escapes that follow contain it (actions/toolkit, escapeData).
     return printable(text).replace("%", "%25").replace("\r", "%0D").replace("\n", "%0A")
 
 
 def _property(text: str) -> str:
-    """Return the value of a property, which also colons and commas would end."""
+    """Return the value of a property, in which colons and commas must be escaped as well."""
     return _data(text).replace(":", "%3A").replace(",", "%2C")

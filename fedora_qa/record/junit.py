@@ -1,7 +1,7 @@
-"""The record as JUnit XML: a suite a file, a case a check.
+"""The record as JUnit XML: one suite for each file, one case for each check.
 
 The form is the common ground of what CI systems read (Jenkins, GitLab, Azure): failures are findings, errors are what
-makes a file incomplete, skipped is what could not be told.
+makes a file incomplete, and skipped are checks that were not applicable or not observable.
 """
 
 import xml.etree.ElementTree as ET
@@ -25,6 +25,7 @@ def record_to_junit(record: Record) -> str:
 
 
 def _suite(file: FileRecord, record: Record) -> ET.Element:
+    # All text passes through `printable`: XML 1.0 forbids most control characters, and a parser refuses the file.
     suite = ET.Element("testsuite", name=printable(file.path))
     properties = ET.SubElement(suite, "properties")
     facts = {
@@ -43,6 +44,7 @@ def _suite(file: FileRecord, record: Record) -> ET.Element:
         suite.append(_case(result, own, file.path))
     for problem in problems:
         if problem.code == INCOMPLETE:
+            # A case of its own, because CI systems count the outcomes of cases only.
             ended = ET.SubElement(suite, "testcase", name="complete", classname=printable(file.path))
             ET.SubElement(ended, "error", message=printable(problem.message), type=INCOMPLETE)
     _count(suite)
@@ -55,6 +57,7 @@ def _case(result: Result, problems: Sequence[Problem], path: str) -> ET.Element:
     if errors:
         first = errors[0]
         failure = ET.SubElement(case, "failure", message=printable(first.message), type=printable(first.code))
+        # One failure element a case, which every reader accepts; its text lists all findings.
         failure.text = "\n".join(_line(problem) for problem in errors)
     elif result.outcome == "crashed":
         error = ET.SubElement(case, "error", message=printable(result.reason), type="crashed")
@@ -62,6 +65,7 @@ def _case(result: Result, problems: Sequence[Problem], path: str) -> ET.Element:
     elif result.outcome in {"not_applicable", "not_observable"}:
         words = f"{OUTCOME_WORDS[result.outcome]}: {result.reason}"
         ET.SubElement(case, "skipped", message=printable(words), type=result.outcome)
+    # Warnings and measurements do not fail a build; `system-out` shows them without an effect on the counts.
     said = [*(_line(problem) for problem in problems if problem.level != "error"), _measured(result)]
     if any(said):
         ET.SubElement(case, "system-out").text = "\n".join(line for line in said if line)

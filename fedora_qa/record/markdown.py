@@ -20,7 +20,9 @@ from fedora_qa.record.wording import (
     why_incomplete,
 )
 
+# Includes `$` (formulas), `~` (strikethrough) and `#` (issues) of GitHub, beside the marks of CommonMark.
 _SPECIAL = re.compile(r"([\\`*_\[\]<>|~#&$])")
+# GitHub turns bare `https://` and `www.` into links.
 _LINK = re.compile(r"(:)(?=//)|(?<=www)(\.)")
 
 
@@ -37,6 +39,7 @@ def escape(text: str) -> str:
     """Return text that markdown shows as it is: no markup, HTML, link, or mention of a person."""
     escaped = _SPECIAL.sub(r"\\\1", printable(text))
     escaped = _LINK.sub(lambda match: "\\" + match[0], escaped)
+    # GitHub has no escape for a mention; a character of no width after the sign breaks the name.
     return escaped.replace("@", "@\N{ZERO WIDTH SPACE}")
 
 
@@ -52,7 +55,7 @@ def _row(cells: Iterable[str]) -> str:
 
 
 def _overview(files: Iterable[FileRecord]) -> str:
-    """Return what came of each of several files, so that a reader of many need not look through all."""
+    """Return a table with the verdict of each of several files."""
     head = ("file", "verdict", "checks", "most probable cause")
     rows = ((file.path, file.verdict, tally(file.results), *map(cause_sentence, file.diagnoses[:1])) for file in files)
     return table(head, (row + ("",) * (len(head) - len(row)) for row in rows))

@@ -41,7 +41,7 @@ _WRONG_SHOWN: Final = 30
 
 @dataclass(frozen=True, slots=True)
 class PowerTable:
-    """A table of text; cells of the first columns, ``words`` of them, are words and the rest numbers."""
+    """A table of text: the first ``words`` columns hold words, the others numbers."""
 
     title: str
     head: tuple[str, ...]
@@ -105,11 +105,12 @@ def estimate_words(estimate: Estimate, unit: str = "") -> str:
 
 
 def curve_words(curve: Curve, unit: str = "") -> str:
-    """Return the size found 95% of the time, or why it is not known."""
+    """Return the size that is found with 95% probability, or why it is unknown."""
     return estimate_words(curve.at_95, unit) if curve.fitted == "fitted" else WHY_NO_FIT[curve.fitted]
 
 
 def _rounded(value: float) -> float:
+    # Three digits: the intervals beside these sizes are too wide for a fourth to mean anything.
     return float(f"{value:.3g}")
 
 
@@ -129,7 +130,7 @@ def _alarms(power: Power) -> PowerTable:
 def _found(power: Power) -> PowerTable:
     rows: list[tuple[str, ...]] = []
     for _, group in groupby(power.detections, key=lambda detection: (detection.cause, detection.unit)):
-        # How any check finds a cause, and the checks that find it most often.
+        # First how often any check finds the cause, then the checks that find it most often.
         for detection in list(group)[: 1 + _CHECKS_SHOWN]:
             name = detection.cause if detection.check == WHOLE_FILE else ""
             rows.append(
@@ -146,6 +147,7 @@ def _found(power: Power) -> PowerTable:
 
 
 def _wrong(power: Power) -> PowerTable:
+    # Of several planted causes any is right in the first place; what was not found is a miss, not a wrong name.
     wrong = [
         confusion for confusion in power.confusions if confusion.named not in {NOT_FOUND, *confusion.planted.split("+")}
     ]
@@ -183,8 +185,10 @@ def _limits(power: Power) -> PowerTable:
         for limit in power.stated
     ]  # fmt: skip
     true = sum(limit.truth == "true" for limit in power.stated)
+    # A limit near which too few faults were planted counts neither as true nor as false.
     tested = sum(limit.truth != "untested" for limit in power.stated)
     count, of = (sum(getattr(limit.found_from_twice, name) for limit in power.stated) for name in ("count", "of"))
+    # None in older studies; what the check finds itself is then a lower bound.
     by_any = sum((limit.found_from_twice_by_any or limit.found_from_twice).count for limit in power.stated)
     note = (
         f"{true} of {tested} that could be tested are true: at least 90% found from the stated size on, and 95% not "

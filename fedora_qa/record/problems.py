@@ -1,4 +1,4 @@
-"""What CI systems show of a file: a flat list of problems. Their levels tell the same verdict in every format."""
+"""What CI systems show of a file: a flat list of problems. Their levels give the same verdict in every format."""
 
 from dataclasses import dataclass
 from typing import Final, Literal
@@ -9,8 +9,9 @@ from fedora_qa.record.wording import cause_sentence, why_incomplete
 Level = Literal["error", "warning", "note"]
 
 INCOMPLETE: Final = "incomplete"
-"""Code of the problem that an incomplete file has: not a finding about the data, but that too little was seen of it."""
+"""Code of the problem of an incomplete file: no finding about the data, but too little of it was measured."""
 
+# GitHub has three kinds of annotations, the record four severities.
 _LEVELS: Final[dict[Severity, Level]] = {"critical": "error", "error": "error", "warning": "warning", "info": "note"}
 
 
@@ -19,7 +20,7 @@ class Problem:
     """One thing to show about a file.
 
     A file with a problem of level ``error`` is not clean: incomplete where one has the code ``INCOMPLETE``, else with
-    findings. ``code`` is the rule, ``check`` who found it (empty for ``INCOMPLETE``), ``waived`` who accepts it.
+    findings. ``code`` is the rule, ``check`` the finder (empty for ``INCOMPLETE``), ``waived`` who accepts it.
     """
 
     path: str
@@ -54,6 +55,7 @@ def _problems_of(result: Result, file: FileRecord) -> list[Problem]:
         )
         for finding in result.findings
     ]
+    # A failed check without a finding of that level must still fail the build.
     if failed and not any(problem.level == "error" for problem in problems):
         message = f"The check failed: {result.reason or result.question}"
         problems.append(Problem(file.path, result.check, result.check, "error", message, Where()))
@@ -63,6 +65,7 @@ def _problems_of(result: Result, file: FileRecord) -> list[Problem]:
 def _level(finding: Finding, failed: bool) -> Level:
     """Return the level of a finding; only a failed check has errors."""
     level = _LEVELS[finding.severity]
+    # `critical` and `error` of a check that did not fail would contradict the verdict of the file.
     return "warning" if level == "error" and not failed else level
 
 

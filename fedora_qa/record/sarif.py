@@ -29,6 +29,7 @@ def record_to_sarif(record: Record) -> str:
         "columnKind": "unicodeCodePoints",
         "invocations": [
             {
+                # False where a file is incomplete; findings alone are the result of a successful execution.
                 "executionSuccessful": not missing,
                 "toolExecutionNotifications": [_notification(problem) for problem in missing],
             }
@@ -44,6 +45,7 @@ def record_to_sarif(record: Record) -> str:
 def artifact_uri(path: str) -> str:
     """Return a path as a URI reference: ``file://`` where it is absolute, else relative to the repository."""
     quoted = quote(path.encode("utf-8", "backslashreplace"))
+    # Code scanning resolves a relative reference against the root of the repository.
     return f"file://{quoted}" if path.startswith("/") else quoted
 
 
@@ -63,18 +65,20 @@ def _artifact(file: FileRecord) -> dict[str, Any]:
         "length": file.size,
         "properties": {"verdict": file.verdict},
     }
+    # A partial digest is not the SHA-256 of the file, with which readers would compare it.
     if file.digest_kind == "full":
         artifact["hashes"] = {"sha-256": printable(file.sha256)}
     return artifact
 
 
 def _results(findings: Iterable[Problem], rules: Sequence[str]) -> list[dict[str, Any]]:
-    """Return a result for each finding; a fingerprint tells it from others of its rule, stream and file."""
+    """Return a result for each finding; a fingerprint distinguishes it from others of its rule, stream and file."""
     findings = tuple(findings)
     tells_suppressions = any(problem.waived for problem in findings)
     counts: Counter[tuple[str, str, str]] = Counter()
     results = []
     for problem in findings:
+        # Without message, time and row, which change with every measured number: the alert must stay the same one.
         kin = (problem.path, problem.code, problem.where.stream or "")
         result = _result(problem, rules.index(problem.code), _fingerprint(*kin, str(counts[kin])))
         results.append(result | ({"suppressions": _suppressions(problem)} if tells_suppressions else {}))

@@ -7,7 +7,7 @@ from typing import Final, Literal
 from fedora_qa.record.types import FileRecord, Record, Scalar, Where
 
 Kind = Literal["text", "texts", "integer", "integers", "number", "scalar"]
-"""What a column holds; ``texts`` and ``integers`` several in a cell, ``scalar`` any of them."""
+"""What a column holds: ``texts`` and ``integers`` hold several values in a cell, ``scalar`` one of any type."""
 
 Cell = Scalar | tuple[str, ...] | tuple[int, ...]
 Row = tuple[Cell, ...]
@@ -44,6 +44,7 @@ def tables_of(record: Record) -> tuple[Table, ...]:
 def table_of(record: Record, name: str) -> Table:
     """Return one table of a record; raises ``KeyError`` where there is none of the name."""
     shape = _SHAPES[name]
+    # The path is in each row, so that tables of one record can be joined.
     rows = tuple((file.path, *row) for file in record.files for row in shape.rows(file))
     return Table(name, (Column("file", "text"), *shape.columns), rows)
 

@@ -64,6 +64,7 @@ class Coverage:
     @property
     def share(self) -> float:
         """Share that was seen, 0 to 1; nothing to see counts as all seen."""
+        # A stream without rows leaves nothing unmeasured; a share of 0 would fall short of every required coverage.
         return self.seen / self.of if self.of else 1.0
 
 

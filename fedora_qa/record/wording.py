@@ -1,4 +1,4 @@
-"""What a record says, in words: shared by the terminal and by markdown, so that both say the same."""
+"""The content of a record in words, shared by the terminal and by markdown, so that both agree."""
 
 import math
 import re
@@ -21,7 +21,7 @@ OUTCOME_WORDS: Final[dict[Outcome, str]] = {
 """Outcomes in words, the gravest first."""
 
 SHORT_OF_COVERAGE: Final = "where the configuration requires"
-"""Marks, in a result's reason, that less was seen than required."""
+"""Marks, in a result's reason, that its coverage is less than required."""
 
 _COUNTED = {
     "chunks",
@@ -38,6 +38,7 @@ _COUNTED = {
 }
 """Units that are plurals."""
 
+# ECMA-48: control sequences (ESC [), operating system commands (ESC ], ended by BEL or ST), and other escapes.
 _ESCAPE_SEQUENCE = re.compile(r"\x1b(\[[0-?]*[ -/]*[@-~]|\][^\x07\x1b]*(\x07|\x1b\\)?|[@-_])?")
 _UNPRINTABLE = {"Cc", "Cf", "Cs", "Co", "Cn", "Zl", "Zp"}
 """Unicode categories that could move the cursor, hide text or turn its direction."""
@@ -51,11 +52,12 @@ def printable(text: str) -> str:
 
 
 def unobeyed(text: str) -> str:
-    """Return the same without what a build obeys when it reads it in a log, however lines are broken.
+    """Return printable text without the commands that a CI system obeys in a log, wherever lines break.
 
     GitHub's runner obeys ``::`` at the beginning of a line, behind spaces too, and ``##[`` anywhere in one
     (actions/runner, ActionCommand.cs).
     """
+    # Twice: of three colons the first pass leaves two that follow each other.
     return printable(text).replace("::", ": :").replace("::", ": :").replace("##[", "## [")
 
 
@@ -63,6 +65,7 @@ def number(value: float | None) -> str:
     """Return a number with four significant digits; integers in full."""
     if value is None:
         return "not a number"
+    # Larger integers (counts of events, say) are rounded to four significant digits.
     if float(value).is_integer() and abs(value) < 1e7:
         return f"{value:.0f}"
     return f"{value:.4g}"
@@ -80,10 +83,12 @@ def with_error(value: float | None, standard_error: float | None, unit: str) -> 
     if value is None or not standard_error:
         return with_unit(value, unit)
     exponent = math.floor(math.log10(standard_error))
+    # An error of 1.4 rounded to 1 would be wrong by 29%; from 2 on, one digit is wrong by 20% at most.
     digits = 2 if standard_error < 2 * 10.0**exponent else 1
     decimals = digits - 1 - exponent
     suffix = f" {unit}" if unit not in {"", "1"} else ""
     largest = max(abs(value), standard_error)
+    # Fixed notation would need more than six decimals, or more than seven digits before the point.
     if decimals > 6 or largest >= 1e7:
         return f"{value:.4g} ± {standard_error:.{digits}g}{suffix}"
     rounded, error = round(value, decimals) + 0.0, round(standard_error, decimals)  # + 0.0: no minus zero
@@ -129,7 +134,7 @@ def why_incomplete(file: FileRecord) -> str:
 
 
 def canaries_seen(file: FileRecord) -> str:
-    """Return how many checks saw the fault that was planted for them; empty where none was asked for."""
+    """Return how many checks detected the fault that was planted for them; empty without canaries."""
     if not file.canaries:
         return ""
     checks = {
@@ -170,18 +175,19 @@ def explained_checks(diagnosis: Diagnosis, file: FileRecord) -> tuple[str, ...]:
 def findings_of(file: FileRecord) -> tuple[tuple[Result, Finding], ...]:
     """Return every finding with its result, failures before warnings."""
     pairs = [(result, finding) for result in file.results for finding in result.findings]
+    # `sorted` is stable: within each group the order of the checks remains.
     return tuple(sorted(pairs, key=lambda pair: pair[1].severity in {"warning", "info"}))
 
 
 def principal(result: Result) -> Measurement | None:
-    """Return the measurement that lies farthest out, in units of what an honest file gives; the first among equals."""
+    """Return the measurement that lies farthest out, in units of its limit; the first among equals."""
     return max(result.measurements, key=_excess, default=None)
 
 
 def check_cells(result: Result) -> tuple[str, str, str, str]:
-    """Return what was measured, what is expected, the least deviation that would have been seen, and the coverage.
+    """Return the measured value, the expected one, the least detectable deviation, and the coverage.
 
-    Of a check that could not tell, or failed itself, there is only the coverage; its reason says why.
+    A check that was not observable, not applicable or crashed has only its coverage; its reason states why.
     """
     main, coverage = principal(result), coverage_words(result.coverage)
     if main is None or result.outcome in {"not_observable", "not_applicable", "crashed"}:
@@ -196,7 +202,7 @@ def check_cells(result: Result) -> tuple[str, str, str, str]:
 
 
 def reasons(results: Sequence[Result]) -> tuple[str, ...]:
-    """Return why checks did not tell, or saw less than all, checks with one reason together."""
+    """Return why checks have no answer, or did not cover everything; checks with the same reason together."""
     together: dict[tuple[str, str], list[str]] = {}
     for result in results:
         reason = _beyond_warnings(result)
@@ -206,7 +212,7 @@ def reasons(results: Sequence[Result]) -> tuple[str, ...]:
 
 
 def _beyond_warnings(result: Result) -> str:
-    """Return the reason without what a check warns of, which stands among its findings."""
+    """Return the reason without the warnings of a check, which are among its findings."""
     reason = result.reason
     if result.outcome == "warned":
         for finding in result.findings:
@@ -215,7 +221,7 @@ def _beyond_warnings(result: Result) -> str:
 
 
 def coverage_words(coverage: Coverage | None) -> str:
-    """Return how much was seen: ``all 101 frames``, ``12 of 101 frames (11.9%)``."""
+    """Return how much was measured: ``all 101 frames``, ``12 of 101 frames (11.9%)``."""
     if coverage is None:
         return ""
     if coverage.seen >= coverage.of:
@@ -225,9 +231,11 @@ def coverage_words(coverage: Coverage | None) -> str:
 
 def _excess(measurement: Measurement) -> float:
     if measurement.value is None or measurement.expected is None:
+        # A value that could not be computed lies farthest out; without an expectation there is no deviation.
         return math.inf if measurement.value is None else 0.0
     deviation = _deviation(measurement.value - measurement.expected, measurement.side)
     if not measurement.limit:
+        # A limit of 0 or none belongs to an exact rule: any deviation breaks it.
         return math.inf if deviation else 0.0
     return deviation / measurement.limit
 
@@ -249,6 +257,7 @@ def _times(where: Where) -> str | None:
 
 def _seconds(time_us: float) -> str:
     """Return microseconds of the file's clock as seconds, without losing a microsecond."""
+    # Six decimals of a second are the resolution of timestamps; `number` would round to four significant digits.
     return f"{time_us / 1e6:.6f}".rstrip("0").rstrip(".") + " s"
 
 
@@ -257,4 +266,5 @@ def _range(noun: str, start: int | None, stop: int | None) -> str | None:
         return None
     if stop is None or stop - start == 1:
         return f"{noun} {start}"
+    # Half-open in the record; in a sentence the last row is included.
     return f"{noun}s {start} to {stop - 1}"
