@@ -51,8 +51,10 @@ def compare(given: Sequence[Given], design: Design | None, false_alarm_rate: flo
     """
     if len(given) < 2:
         raise MisuseError(f"Expected two or more things to compare, got {len(given)}")
+    # All tests are counted before the first is judged: they share one false-alarm rate.
     planned = [_plan(given[0], other, place, design) for place, other in enumerate(given[1:], start=1)]
     tests = sum(item.tests for item in planned)
+    # Bonferroni: valid whatever the dependence of the tests.
     level = false_alarm_rate / max(tests, 1)
     return Comparison(
         comparison_version=COMPARISON_VERSION,
@@ -96,6 +98,7 @@ def _versions(planned: _PairPlan, level: float) -> Versions:
         if item.before.record and item.after.record
     ]
     before, after = planned.before.by_name, planned.after.by_name
+    # By identity: two single files are versions of each other under different names.
     matched_files = {id(file) for item in planned.matched for file in (item.before, item.after)}
     return Versions(
         matched=len(planned.matched),
@@ -121,6 +124,7 @@ def _overlays(given: Sequence[Given]) -> Iterator[Overlay]:
     )
     for quantity in quantities:
         totals = [_total(subject, quantity) for subject in given]
+        # One range of bins for all subjects, so that their shares can be drawn over each other.
         filled_bins = np.flatnonzero(np.any([total > 0 for total in totals if total is not None], axis=0))
         first, last = int(filled_bins[0]), int(filled_bins[-1]) + 1
         shares = tuple(

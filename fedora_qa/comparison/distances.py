@@ -72,8 +72,10 @@ def difference_of(held: PairedCounts, level: float) -> Difference:
 def _told_beforehand(held: PairedCounts, level: float) -> tuple[Told | None, str]:
     """Return what needs no relabelling, and why relabelling cannot tell; None where it can."""
     sides = held.sides
+    # Whole numbers: the counts of a copy are equal exactly.
     if np.array_equal(sides.before, sides.after):
         return "identical", ""
+    # A permutation test states no chance below that of its least likely relabelling: too few units decide nothing.
     if sides.least_chance <= level:
         return None, ""
     u, v, enough = len(sides.before), len(sides.after), enough_units(level, paired=sides.paired)
@@ -96,6 +98,8 @@ def _held(file: str, quantity: str, design: Design, before: Int64, after: Int64,
 def _units(given: Given, quantity: str, design: Design) -> Int64:
     """Return the counts (u, n) of what can be exchanged: files of a dataset, stretches of a sequence."""
     having = [sampled for sampled in map(_sampled, given.files) if sampled and quantity in sampled.counts]
+    # Files are independent as they are. Blocks of one flight are correlated: only segments of several correlation times
+    # can be exchanged.
     if design == "datasets":
         return np.stack([sampled.total(quantity) for sampled in having])
     return np.concatenate([independent_stretches(sampled.counts[quantity]) for sampled in having])

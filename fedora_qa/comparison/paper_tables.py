@@ -118,6 +118,7 @@ def _pooled(parts: Sequence[Group]) -> tuple[float | None, float | None]:
     if not pixels:
         return None, None
     mean = sum(n * m for n, m, _ in pairs) / pixels
+    # Law of total variance: the mean of the variances plus the variance of the means, both weighted by pixels.
     return mean, sum(n * (v + (m - mean) * (m - mean)) for n, m, v in pairs) / pixels
 
 
@@ -155,6 +156,7 @@ def _total(groups: Sequence[Mapping[str, Group]], group: str, key: str, scale: f
     """Return a sum over all files; absent where one of them does not say."""
     values = [statistics.get(group, {}).get(key) for statistics in groups]
     numbers = [float(value) for value in values if isinstance(value, int | float)]
+    # A sum that lacks a file would look like a smaller dataset.
     return number(scale * sum(numbers)) if numbers and len(numbers) == len(values) else ABSENT
 
 

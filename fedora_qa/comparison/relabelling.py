@@ -38,6 +38,7 @@ class Sides:
     def least_chance(self) -> float:
         """The least chance that relabelling can tell; exchanging whole sides of one size changes no distance."""
         u, v = len(self.before), len(self.after)
+        # Each pair is exchanged or not; without pairs any u of the u + v units form the first side.
         ways = 2**u if self.paired else comb(u + v, u)
         return min(1.0, (2.0 if self.paired or u == v else 1.0) / ways)
 
@@ -51,7 +52,10 @@ class Sides:
         u, v = len(self.before), len(self.after)
         if self.paired:
             exchanged = random.integers(0, 2, (number, u)).astype(np.float64)
+            # Sum of the first side plus (after - before) of each exchanged pair: one matrix product for all
+            # relabellings.
             return self._distances(self.before.sum(axis=0) + exchanged @ (self.after - self.before))
+        # Each row is a permutation of all units: those with the numbers below u form the first side.
         places = random.permuted(np.broadcast_to(np.arange(u + v), (number, u + v)), axis=1)
         chosen = (places < u).astype(np.float64)
         return self._distances(chosen @ np.concatenate([self.before, self.after]))
@@ -59,11 +63,13 @@ class Sides:
     def resampled(self, number: int, random: np.random.Generator) -> tuple[Float64, Float64]:
         """Return distances and shifts of the mean (number,) of sides whose units were drawn again (bootstrap)."""
         weights = _drawn_again(len(self.before), number, random)
+        # Pairs are drawn together: what both sides have in common is then no scatter of their difference.
         others = weights if self.paired else _drawn_again(len(self.after), number, random)
         before, after = shares_of(weights @ self.before), shares_of(others @ self.after)
         return wasserstein(before, after, self.edges), mean_of(after, self.edges) - mean_of(before, self.edges)
 
     def _distances(self, before: Float64) -> Float64:
+        # Relabelling moves units and loses none: the other side is the rest.
         after = self.before.sum(axis=0) + self.after.sum(axis=0) - before
         return wasserstein(shares_of(before), shares_of(after), self.edges)
 
@@ -79,6 +85,8 @@ class Chance:
 def chance_of(sides: Sides, level: float, random: np.random.Generator) -> Chance:
     """Relabel until the chance of the sides' own distance is known well enough to hold it against ``level``."""
     own = sides.distance * (1 - 1e-9)  # a relabelling that gives the sides back must not fall short by rounding
+    # The least chance of n relabellings is 1 / (1 + n): n = 1 / level could just reach the level, four times as many
+    # leave it room.
     wanted = min(_MOST_RELABELLINGS, ceil(4 / level))
     distances: list[Float64] = []
     made = as_far = 0
@@ -86,6 +94,7 @@ def chance_of(sides: Sides, level: float, random: np.random.Generator) -> Chance
         distances.append(sides.relabelled(_AT_ONCE, random))
         made += _AT_ONCE
         as_far += int(np.count_nonzero(distances[-1] >= own))
+    # The sides as they are count as one relabelling, since a chance of 0 is not valid (Phipson and Smyth 2010).
     return Chance((1 + as_far) / (1 + made), float(np.quantile(np.concatenate(distances), 0.95)))
 
 

@@ -21,6 +21,7 @@ def statistic_changes(file: str, before: Statistics, after: Statistics, level: f
         if error is None or first is None or other is None:
             yield StatisticChange(file, name, first, other, None, None, "changed")
             continue
+        # P(|z| > x) = erfc(x / sqrt 2) of a normal difference; without an error any difference is certain.
         chance = erfc(abs(other - first) / (error * sqrt(2))) if error else 0.0
         yield StatisticChange(file, name, first, other, error, chance, "moved" if chance <= level else "within_error")
 
@@ -47,6 +48,7 @@ def _error(name: str, before: Statistics, after: Statistics) -> float | None:
     group, _, key = name.rpartition(".")
     errors = [_error_of(side.get(group, {}), key) for side in (before, after)]
     finite_errors = [error for error in errors if error is not None]
+    # The errors of two versions are independent: variances add.
     error = hypot(*finite_errors)
     return error if len(finite_errors) == len(errors) and isfinite(error) else None
 

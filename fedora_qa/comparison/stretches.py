@@ -41,6 +41,7 @@ def correlation_time(counts: Int64) -> float:
         return 1.0
     below = np.cumsum(shares_of(counts.sum(axis=0)))
     places = np.minimum(np.searchsorted(below, _QUARTILES), len(below) - 1)
+    # One series for each quartile: the share of a block's values that lie below it.
     series = np.cumsum(shares_of(counts), axis=1)[:, places]
     return max(_summed_correlations(series[:, k]) for k in range(len(places)))
 
@@ -53,14 +54,18 @@ def _summed_correlations(series: Float64) -> float:
     """
     centred = series - series.mean()
     count = len(centred)
+    # N times the autocovariances at the lags 0 to N - 1.
     products = np.correlate(centred, centred, "full")[count - 1 :]
+    # Shares lie between 0 and 1: a variance below (1e-12)^2 is the rounding of a constant series.
     if not products[0] > 1e-24 * count:
         return 1.0
     correlations = products / products[0]
+    # 1 + 2 (rho_1 + rho_2 + ...) = -1 + 2 (sum over pairs of lags 2 j, 2 j + 1), because rho_0 = 1.
     total, last = -1.0, 0
     for lag in range(0, count - 1, 2):
         pair = float(correlations[lag] + correlations[lag + 1])
         if pair <= 0:
             break
         total, last = total + 2 * pair, lag + 1
+    # Relative error sqrt(2 (2 M + 1) / N) of Sokal 1989, 3.19 (docstring), with M = last.
     return max(total, 1.0) * (1 + sqrt(2 * (2 * last + 1) / count))

@@ -47,6 +47,8 @@ def _findings(record: FileRecord) -> dict[Key, tuple[Result, Finding]]:
     numbered: dict[Key, tuple[Result, Finding]] = {}
     for result in record.results:
         for finding in result.findings:
+            # Findings of one rule in one stream are paired by their order: messages hold measured values and identify
+            # nothing.
             same = sum(key[:3] == (result.check, finding.code, finding.where.stream or "") for key in numbered)
             numbered[result.check, finding.code, finding.where.stream or "", same] = result, finding
     return numbered
@@ -91,6 +93,7 @@ def _measurement_changes(file: str, before: FileRecord, after: FileRecord) -> It
         allowed = allowed_shift(earlier, measured) if earlier and earlier.unit == measured.unit else None
         if earlier is None or allowed is None or earlier.value is None or measured.value is None:
             continue
+        # A value that moves on the side without a limit has not changed.
         if abs(_counting(measured) - _counting(earlier)) > allowed:
             yield MeasurementChange(file, check, name, measured.unit, earlier.value, measured.value, allowed)
 

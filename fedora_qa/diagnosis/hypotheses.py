@@ -97,4 +97,5 @@ def propose(alarms: Sequence[Alarm], facts: Facts) -> dict[str, tuple[Hypothesis
 
 def hypotheses_of(alarm: Alarm, facts: Facts) -> tuple[Hypothesis, ...]:
     """Return the hypotheses for an alarm, best supported first; its check has a row in ``PROPOSALS``."""
+    # The code of a finding is ``<subject>.<property>.<rule>``: without the rule it is the name of the check.
     return PROPOSALS[alarm.finding.code.rpartition(".")[0]](alarm, facts)

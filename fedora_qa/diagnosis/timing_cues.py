@@ -45,6 +45,7 @@ def timing_cues_of(facts: Facts) -> TimingCues:
         return TimingCues()
     imu_ns, pose_ns = (facts.clocks[stream].times_ns for stream in ("imu", "pose"))
     for imu_share, pose_share in _coincidences(facts, imu_ns, pose_ns):
+        # IMU in place, poses not: the poses were moved, or the IMU was and is back on the grid by chance.
         if imu_share >= _IN_PLACE and pose_share <= _OUT_OF_PLACE:
             return TimingCues(imu_offset=_chance_of_coincidence(imu_ns))
         if pose_share >= _IN_PLACE and imu_share <= _OUT_OF_PLACE:
@@ -84,6 +85,7 @@ def _share_among(times_ns: Int64, timestamps_ns: Int64) -> float:
         return 0.0
     # By bisection where timestamps are in order, which is the rule.
     in_order = not np.any(np.diff(timestamps_ns) < 0)
+    # The search has no index beyond the end: ``within`` does not exceed the last timestamp.
     coincident = (
         timestamps_ns[np.searchsorted(timestamps_ns, within)] == within if in_order else np.isin(within, timestamps_ns)
     )
@@ -94,6 +96,7 @@ def _on_own_grid(facts: Facts, timestamps_ns: Int64) -> float:
     """Return whether the file stamps the stream at multiples of its period."""
     if len(timestamps_ns) < 2:
         return 0.0
+    # The median, because a gap would move the mean of the steps.
     period_us = float(np.median(np.diff(timestamps_ns))) / NS_PER_US
     return float(period_us > 1 and facts.to_file_us(float(timestamps_ns[0])) % period_us == 0)
 

@@ -37,6 +37,7 @@ def keep_worst_locations(
         of the flow. What the locations leave of it is spent on the frames before and after them, the gravest first.
     """
     streams = sum(name in facts.clocks for name in ("rgb", "depth")) + bool(facts.flow_streams)
+    # The residual also needs the frame at the end of the field's interval.
     streams += bool(facts.flow_streams) and "rgb" in facts.clocks
     most = min(options.worst_locations, images // max(streams, 1))
     width_px = fitting_width_px(facts, options, options.worst_locations + options.beside * len(BESIDE))

@@ -35,6 +35,7 @@ def keep_trajectory(facts: Facts, source: RowSource, points: int) -> TitledArray
     fitted = velocities((times_ns - times_ns[0]) / NS_PER_S, positions_m)
     speeds_m_s = np.full(len(times_ns), np.nan) if fitted is None else np.linalg.norm(fitted, axis=1)
     chosen = np.unique(np.linspace(0, len(times_ns) - 1, min(points, len(times_ns))).round().astype(np.intp))
+    # The first column of R_world_body is the body's X axis, forward, in the world (east, north, up).
     forward = matrices_from_quaternions(orientations_xyzw[chosen])[:, :, 0]
     times_us = facts.origin_us + times_ns[chosen] / NS_PER_US
     return TitledArrays.titled(

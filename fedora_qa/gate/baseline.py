@@ -88,6 +88,7 @@ def accept_known(name: str, file: FileRecord, baseline: Baseline, false_alarm_ra
         )
         if grown_worse:
             return replace(finding, message=f"{finding.message} Worse than in the baseline.")
+        # One known finding accepts one: a second of its kind is new.
         left[key] -= 1
         return replace(finding, severity="warning", message=f"{finding.message} Known from the baseline.")
 
@@ -106,10 +107,12 @@ def _farther_out(now: Measurement, before: Measurement, sigmas: float) -> bool:
     if now.expected is None or before.expected is None:
         return False
     grown = _deviation(now.value - now.expected, now.side) - _deviation(before.value - before.expected, before.side)
+    # Variances of both deviations add; ``sigmas`` is the one-sided quantile at the shared rate.
     return grown > sigmas * math.hypot(now.standard_error or 0.0, before.standard_error or 0.0)
 
 
 def _deviation(difference: float, side: Side) -> float:
     if side == "both":
         return abs(difference)
+    # What lies on the side without a limit does not deviate.
     return max(difference if side == "upper" else -difference, 0.0)

@@ -84,10 +84,12 @@ def _stream_digest(sequence: Sequence, stream: str) -> str | None:
         for spec in datasets_of(stream):
             if spec.is_timestamps:
                 continue
+            # Key and shape are digested too: the same bytes in another dataset or shape are other content.
             digest.update(f"{spec.key} {sequence.layout.bindings[spec.key].shape}".encode())
             first: NDArray[Any] | None = None
             for block in _blocks(sequence, spec):
                 first = block[:1] if first is None else first
+                # As bytes, because NaN, which marks invalid depth, is not equal to itself.
                 changes = changes or block.tobytes() != np.broadcast_to(first, block.shape).tobytes()
                 digest.update(np.ascontiguousarray(block).tobytes())
     except UnreadableRowsError:

@@ -41,6 +41,7 @@ def amount_of(files: Sequence[FileRecord], total: Total) -> float | None:
         return float(sum(file.size for file in files))
     group, name = _STATISTICS[total]
     values = [file.statistics.get(group, {}).get(name) for file in files]
+    # A sum that lacks a sequence would look like a smaller release.
     if any(not isinstance(value, int | float) for value in values):
         return None
     return float(sum(value for value in values if isinstance(value, int | float)))

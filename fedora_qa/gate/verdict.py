@@ -69,6 +69,7 @@ def judged(record: Record, release: Release, release_results: Iterable[ReleaseRe
     weighed = [with_severity(file, policy.severity, policy.check.fail_on) for file in ruled]
     files_judged = [_held_to_required(file, policy) for file in weighed[:-1]] + weighed[-1:]
     accepted = [_accepted(name, file, judgement) for name, file in zip(names, files_judged, strict=True)]
+    # Before anything is waived: a waiver is needed where its finding is there, whichever waiver is applied first.
     on_waivers = waivers_in_order(zip(names, files_judged, strict=True), policy.waivers, judgement.today)
     accepted[-1] = with_release_results(FOLDER, accepted[-1], [on_waivers])
     crossing = crossing_streams(select_checks(policy.check.select, policy.check.ignore))

@@ -34,6 +34,7 @@ def judge(
     observations: Mapping[str, Observation], checks: Iterable[Check[Any]], false_alarm_rate: float
 ) -> tuple[Judged, ...]:
     """Judge all observations of one file together, because they share one false-alarm budget."""
+    # Without a standard error nothing is left to chance: such statistics take no part of the false-alarm budget.
     comparisons = sum(
         sum(statistic.tests for statistic in observation.measurements if statistic.standard_error > 0)
         for observation in observations.values()
@@ -79,6 +80,7 @@ def exceeds_limit(statistic: Statistic, tolerance: Tolerance) -> bool:
         deviation = abs(deviation)
     elif statistic.side == "lower":
         deviation = -deviation
+    # Every comparison with NaN is false: ``not <=`` makes it exceed the limit, ``>`` would let it pass.
     return not deviation <= tolerance.limit(statistic.standard_error, statistic.model_error_bound)
 
 
@@ -111,6 +113,7 @@ def _reason_of_no_coverage(coverage: Coverage) -> str:
 
 def _is_insensitive(statistic: Statistic, tolerance: Tolerance) -> bool:
     """Whether a material fault could have stayed within the limit."""
+    # ``not <=`` again: a limit that is not a number shows no fault.
     return statistic.material is not None and not _least_detectable(statistic, tolerance) <= statistic.material
 
 

@@ -34,6 +34,7 @@ class Tolerance:
 
     def limit(self, standard_error: float, model_error_bound: float) -> float:
         """Return the largest deviation that a correct value has."""
+        # The first equation of the module's docstring.
         return model_error_bound + self.z_limit * standard_error
 
     def least_detectable(self, standard_error: float, model_error_bound: float, resolution: float) -> float:
@@ -56,4 +57,6 @@ def tolerance_for(comparisons: int, false_alarm_rate: float, power: float = DEFA
     if not 0 < false_alarm_rate < 1 or not 0 < power < 1:
         raise ValueError(f"Expected rates between 0 and 1, got {false_alarm_rate} and {power}")
     rate_of_comparison = false_alarm_rate / max(comparisons, 1)  # Bonferroni
+    # Half of the rate in each tail of the two-sided limit; a fault moves the value in one direction, hence all of 1 -
+    # power.
     return Tolerance(z_limit=normal_beyond(rate_of_comparison / 2), z_power=normal_beyond(1 - power))

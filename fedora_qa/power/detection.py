@@ -111,9 +111,11 @@ def curve_of(sizes: Sequence[float], detected: Sequence[bool], *, worse_when_sma
     why = _why_not(sizes, detected)
     if why:
         return Curve(why, separated=False, at_50=UNKNOWN, at_95=UNKNOWN, points=())
+    # Size on an axis along which the fault grows: -ln m where a smaller magnitude is worse.
     direction = -1.0 if worse_when_smaller else 1.0
     log_sizes = direction * np.log(sizes)
     answers = np.array(detected)
+    # The model has a slope b > 0: a falling rate would be fitted by the least slope allowed, and mean nothing.
     if log_sizes[answers].mean() <= log_sizes[~answers].mean():
         return Curve("not_rising", separated=False, at_50=UNKNOWN, at_95=UNKNOWN, points=())
     fit = fit_probit(log_sizes, answers)
@@ -144,6 +146,7 @@ def _estimate(fit: ProbitFit, probability: float, direction: float) -> Estimate:
     value, low, high = (
         None if log_size is None else float(np.exp(direction * log_size)) for log_size in fit.log_size_at(probability)
     )
+    # A negative direction exchanges the lower and the upper bound.
     return Estimate(value, low, high) if direction > 0 else Estimate(value, high, low)
 
 

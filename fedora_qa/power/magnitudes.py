@@ -56,6 +56,7 @@ def _errors(cause: str, unit: str, sizes: Sequence[SizeEstimate]) -> MagnitudeEr
         median_relative_error=float(np.median(relative)),
         with_error=len(pulls),
         pull_median=float(np.median(pulls)) if len(pulls) else None,
+        # 1.4826 times the median absolute pull is sigma of a normal distribution; a few wrong sizes do not move it.
         pull_spread=float(MAD_TO_SIGMA * np.median(np.abs(pulls))) if len(pulls) else None,
         within_two=share_of(int((np.abs(pulls) < 2).sum()), len(pulls)),
     )

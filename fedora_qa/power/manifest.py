@@ -154,6 +154,7 @@ def _require_sense(manifest: Manifest, path: Path) -> None:
 
 def _problem(item: CorpusItem, files: list[str], clean: set[str]) -> str:
     """Return what is wrong with an item, empty where nothing is."""
+    # Anybody may write a manifest: its names must not lead to files outside the corpus.
     inside = PurePosixPath(item.file)
     if inside.is_absolute() or ".." in inside.parts or not inside.name:
         return "a path that is not beneath the manifest's folder"

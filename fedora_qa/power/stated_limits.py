@@ -184,6 +184,8 @@ def _responses(
             and before.least_detectable
             and not (bool(before.limit) and (after.limit or 0.0) > _DISTURBED * (before.limit or 0.0))
         ):
+            # The noise of the clean file is in both readings and cancels: the difference is the effect of the fault
+            # alone.
             ratio = before.harm(after.deviation - before.deviation) / before.least_detectable
             yield before.unit, _Comparison(before.least_detectable, ratio, after.exceeds, trial.checked.is_found)
 
@@ -215,6 +217,7 @@ def _found_from(ratio: float, trials: Sequence[_Comparison]) -> Share:
 
 def _truth(from_it: Share, curve: Curve, ratios: Sequence[float]) -> Truth:
     too_few_found = from_it.count < _NEEDED * from_it.of
+    # P(X <= count) if the promised 95% were true.
     if too_few_found and 1 - chance_of(from_it.count + 1, from_it.of, _PROMISED) < _BY_CHANCE:
         return "too_bold"
     at_95 = curve.at_95.value
