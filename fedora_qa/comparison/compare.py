@@ -1,4 +1,4 @@
-"""Hold subjects against the first of them."""
+"""Compare subjects with the first of them."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
@@ -20,12 +20,12 @@ from fedora_qa.evidence.value_counts import octave_edges
 from fedora_qa.record.types import Tool
 
 DEFAULT_FALSE_ALARM_RATE: Final = 0.01
-"""Of a whole comparison: once in a hundred, something is said to differ that does not."""
+"""Of a whole comparison: one in a hundred reports a difference where there is none."""
 
 
 @dataclass(frozen=True, slots=True)
 class _PairPlan:
-    """What will be held together, known before anything is judged, so that all can share one false-alarm rate."""
+    """The comparisons of one pair, known before any is judged, so that all can share one false-alarm rate."""
 
     before: Given
     after: Given
@@ -42,7 +42,21 @@ class _PairPlan:
 
 
 def compare(given: Sequence[Given], design: Design | None, false_alarm_rate: float) -> Comparison:
-    """Compare two or more subjects; ``design`` says what they are to each other, found from their names where None.
+    """Compare two or more subjects with the first.
+
+    Parameters
+    ----------
+    given
+        The subjects, the reference first.
+    design
+        How they are related; None: by their names.
+    false_alarm_rate
+        Probability, 0 to 1, that any test of the whole comparison reports a difference where there is none.
+
+    Returns
+    -------
+    Comparison
+        The whole document.
 
     Raises
     ------

@@ -1,8 +1,9 @@
 """Whether two sides differ by more than chance: exchange what chance alone could have put on the other side.
 
 If both sides came from one process, who belongs to which side would be arbitrary. So the distance of the sides as they
-are is held against the distances of sides made by exchanging their units at random (permutation test; Phipson and Smyth
-2010 for the chance of a sample of relabellings). It assumes that units are exchangeable, nothing about distributions.
+are is compared with the distances of sides made by exchanging their units at random (permutation test; Phipson and
+Smyth 2010 for the chance of a sample of relabellings). It assumes that units are exchangeable, nothing about
+distributions.
 """
 
 from dataclasses import dataclass
@@ -22,7 +23,7 @@ _SURELY_CHANCE: Final = 20
 
 _RESAMPLINGS: Final = 400
 _FEWEST_RESAMPLED: Final = 5
-"""The spread of fewer units says too little of their process."""
+"""The spread of fewer units is no estimate of that of their process."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -36,7 +37,7 @@ class Sides:
 
     @property
     def least_chance(self) -> float:
-        """The least chance that relabelling can tell; exchanging whole sides of one size changes no distance."""
+        """The least chance that relabelling can give; exchanging whole sides of one size changes no distance."""
         u, v = len(self.before), len(self.after)
         # Each pair is exchanged or not; without pairs any u of the u + v units form the first side.
         ways = 2**u if self.paired else comb(u + v, u)
@@ -83,7 +84,23 @@ class Chance:
 
 
 def chance_of(sides: Sides, level: float, random: np.random.Generator) -> Chance:
-    """Relabel until the chance of the sides' own distance is known well enough to hold it against ``level``."""
+    """Relabel until the chance of the sides' own distance is known well enough to compare it with ``level``.
+
+    Parameters
+    ----------
+    sides
+        Counts of the units of both sides.
+    level
+        Probability, 0 to 1, at which a chance is significant: it decides how many relabellings are made.
+    random
+        Source of the relabellings.
+
+    Returns
+    -------
+    Chance
+        The chance of the sides' own distance, and the distance that chance exceeds once in twenty, in the unit of the
+        edges.
+    """
     own = sides.distance * (1 - 1e-9)  # a relabelling that gives the sides back must not fall short by rounding
     # The least chance of n relabellings is 1 / (1 + n): n = 1 / level could just reach the level, four times as many
     # leave it room.
@@ -99,12 +116,26 @@ def chance_of(sides: Sides, level: float, random: np.random.Generator) -> Chance
 
 
 def enough_units(level: float, *, paired: bool) -> int:
-    """Return how many units, on each side, can be exchanged in enough ways to tell at ``level``."""
+    """Return how many units a side needs so that its least chance reaches ``level``."""
     return next(n for n in count(1) if 2 / (2**n if paired else comb(2 * n, n)) <= level)
 
 
 def standard_errors(sides: Sides, random: np.random.Generator) -> tuple[float | None, float | None]:
-    """Return the standard errors of the distance and of the shift of the mean; None where too few units are there."""
+    """Estimate the errors of distance and shift by drawing units again (bootstrap).
+
+    Parameters
+    ----------
+    sides
+        Counts of the units of both sides.
+    random
+        Source of the draws.
+
+    Returns
+    -------
+    tuple[float | None, float | None]
+        Standard errors of the distance and of the shift of the mean, in the unit of the edges; None where a side has
+        too few units.
+    """
     if min(len(sides.before), len(sides.after)) < _FEWEST_RESAMPLED:
         return None, None
     distances, shifts = sides.resampled(_RESAMPLINGS, random)

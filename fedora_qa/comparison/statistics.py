@@ -27,7 +27,7 @@ def statistic_changes(file: str, before: Statistics, after: Statistics, level: f
 
 
 def with_errors(before: Statistics, after: Statistics) -> int:
-    """Return how many statistics have an error on both sides, so that moving can be told from chance."""
+    """Return how many statistics have a standard error on both sides: each is a test of whether it moved."""
     return sum(_error(name, before, after) is not None for name in _numbers(before, after))
 
 
@@ -54,7 +54,7 @@ def _error(name: str, before: Statistics, after: Statistics) -> float | None:
 
 
 def _error_of(group: Mapping[str, Scalar], key: str) -> float | None:
-    """Return what ``speed_max_standard_error_m_s`` says for ``speed_max_m_s``."""
+    """Return the error of a statistic: of ``speed_max_m_s`` it is ``speed_max_standard_error_m_s``."""
     return next((_number(v) for name, v in group.items() if _ERROR in name and name.replace(_ERROR, "") == key), None)
 
 

@@ -1,8 +1,8 @@
-"""Cut a sequence into stretches that can count as independent of each other.
+"""Cut a sequence into segments of time that can count as independent of each other.
 
-Neighbouring moments of a flight resemble each other, so that a thousand frames are not a thousand samples. For how long
-they do is measured, and the sequence is cut into stretches several times as long (batch means: Law and Kelton,
-*Simulation Modeling and Analysis*, 9.5.3).
+Neighbouring frames of a flight are correlated, so that a thousand frames are not a thousand samples. The correlation
+time is estimated, and the sequence is cut into segments several times as long (batch means: Law and Kelton, *Simulation
+Modeling and Analysis*, 9.5.3).
 """
 
 from itertools import pairwise
@@ -14,17 +14,28 @@ import numpy as np
 from fedora_qa.comparison.histograms import Float64, Int64, shares_of
 
 _LENGTH: Final = 4.0
-"""Length of a stretch in correlation times. Where the correlation falls as exp(-t / T), whose correlation time is 2 T,
-the means of neighbouring stretches of length L are correlated by T / (2 (L - T)): by 0.07 for L = 8 T."""
+"""Length of a segment in correlation times. Where the correlation falls as exp(-t / T), whose correlation time is 2 T,
+the means of neighbouring segments of length L are correlated by T / (2 (L - T)): by 0.07 for L = 8 T."""
 
 _MOST: Final = 16
-"""Longer stretches are better than more of them: 16 against 16 can be relabelled in 6e8 ways."""
+"""Longer segments are better than more of them: 16 against 16 can be relabelled in 6e8 ways."""
 
 _QUARTILES: Final = (0.25, 0.5, 0.75)
 
 
 def independent_stretches(counts: Int64) -> Int64:
-    """Merge blocks (b, n) in order of time into at most 16 stretches (s, n), each 4 correlation times long or more."""
+    """Merge blocks of time into segments of 4 correlation times or more.
+
+    Parameters
+    ----------
+    counts
+        (b, n) counts in n bins of blocks in the order of time; blocks without any are left out.
+
+    Returns
+    -------
+    Int64
+        (s, n) counts of the segments, 16 at most.
+    """
     counts = counts[counts.sum(axis=1) > 0]
     number = max(1, min(_MOST, int(len(counts) / (_LENGTH * correlation_time(counts)))))
     edges = np.linspace(0, len(counts), number + 1).round().astype(int)
@@ -32,10 +43,10 @@ def independent_stretches(counts: Int64) -> Int64:
 
 
 def correlation_time(counts: Int64) -> float:
-    """Return for how many blocks (b, n) in time values stay alike: 1 or a little more for independent ones.
+    """Return the correlation time of blocks (b, n), in blocks: 1 or a little more for independent ones.
 
-    It is the sum of all correlations with its standard error added, because a short sequence hides how slowly it
-    changes; and the longest of three, those of the shares of values below each quartile of all.
+    It is the sum of the correlations at all lags. Its standard error is added, because a short sequence underestimates
+    slow changes. Of three series, the shares of values below each quartile of all, the longest time counts.
     """
     if len(counts) < 2:
         return 1.0

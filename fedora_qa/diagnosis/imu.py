@@ -22,7 +22,7 @@ _LEAST_EXPLAINED: Final = 0.5
 _MS, _PPM = 1e3, 1e6
 
 _ROUNDED_S: Final = 1e-6 / sqrt(12.0)
-"""Files stamp in whole microseconds: all stamps of an even clock are rounded by the same part of one."""
+"""Timestamps are whole microseconds: all those of an even clock are rounded by the same part of one."""
 
 
 def propose_noise(alarm: Alarm, facts: Facts) -> tuple[Hypothesis, ...]:
@@ -200,7 +200,7 @@ def _group_hypotheses(
     hypotheses: tuple[Hypothesis, ...] = ()
     match group:
         case "time_offset":
-            # Two clocks alone do not show which of them is late, nor what of a delay is written in stamps.
+            # Two clocks alone do not show which of them is late, nor which part of a delay is in the timestamps.
             # Rounding to whole us is uniform, sigma = 1 us / sqrt(12), and independent of the errors of the fit.
             error_ms = _MS * hypot(error, _ROUNDED_S)
             of_imu, of_pose = timing_cues.imu_offset * strength, timing_cues.pose_offset * strength

@@ -38,8 +38,9 @@ class TimingCues:
 def timing_cues_of(facts: Facts) -> TimingCues:
     """Compare the timestamps of IMU and poses with those of all other streams.
 
-    A simulator, and a good recorder, stamps on one grid: frames fall on stamps of IMU and pose. A clock that was moved
-    by a whole number of microseconds at random is still in place with a chance of one in its period.
+    A simulator, and a good recorder, has one grid for all timestamps: those of frames are also timestamps of IMU and
+    pose. A clock that was moved by a whole number of microseconds at random is still in place with a chance of 1 us
+    over its period.
     """
     if "imu" not in facts.clocks or "pose" not in facts.clocks:
         return TimingCues()
@@ -66,7 +67,7 @@ def gravity_likelihoods(declared_m_s2: float, excess_m_s2: float, error_m_s2: fl
 
 
 def _coincidences(facts: Facts, imu_ns: Int64, pose_ns: Int64) -> Iterator[tuple[float, float]]:
-    """Yield, cue by cue, how far IMU and pose are in place: of frames on their stamps, of beginnings, of the grid."""
+    """Yield for each cue how far IMU and pose are in place: by frames on their timestamps, by beginnings, by the grid."""
     frame_clocks = [clock for stream, clock in facts.clocks.items() if stream not in ("imu", "pose")]
     frames_ns = [clock.times_ns for clock in frame_clocks if clock.usable]
     if frames_ns and len(imu_ns) and len(pose_ns):
@@ -93,7 +94,7 @@ def _share_among(times_ns: Int64, timestamps_ns: Int64) -> float:
 
 
 def _on_own_grid(facts: Facts, timestamps_ns: Int64) -> float:
-    """Return whether the file stamps the stream at multiples of its period."""
+    """Return whether the timestamps of the stream are multiples of its period: 1 if so, else 0."""
     if len(timestamps_ns) < 2:
         return 0.0
     # The median, because a gap would move the mean of the steps.

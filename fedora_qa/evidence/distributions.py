@@ -95,7 +95,7 @@ def pixel_intervals_ms(pixels: NDArray[np.integer[Any]], times_ns: Int64, start_
     pixels
         (N,) whole numbers, one for each pixel, of events in the order of time.
     times_ns
-        (N,) their stamps.
+        (N,) their timestamps.
     """
     count = int(pixels.max(initial=-1)) + 1
     if count <= _MOST_PIXELS and int(pixels.min(initial=0)) >= 0:
@@ -117,7 +117,7 @@ def _event_counts(window: Window) -> dict[str, Int64]:
     scan = window.facts.events
     if "events" not in window.facts.streams or scan is None:
         return {}
-    # A search by time needs stamps in order; without, the window stays within its own rows.
+    # A search by time needs timestamps in order. Without, only the rows of the window are read.
     before_ns = LONGEST_INTERVAL_NS if scan.decreases == 0 else 0
     try:
         events = window.events(before_ns=before_ns)

@@ -28,8 +28,8 @@ _USUAL_SENSOR: Final = (480, 640)
 def snapshot_times_ns(spans: Sequence[Span], facts: Facts, count: int) -> Mapping[int, tuple[int, ...]]:
     """Return times by the number of their window, evenly spread over the images of the windows.
 
-    They are stamps of the slowest stream of images that has enough, so that faster ones have an image there as well;
-    the middles of windows where there are no images.
+    They are timestamps of the slowest stream of images that has enough, so that faster ones have an image there as
+    well. Where there are no images they are the middles of windows.
     """
     stream = _slowest(spans, facts, count)
     if stream is None:

@@ -21,9 +21,22 @@ _BLOCK_ROWS: Final = 1 << 14
 
 
 def keep_trajectory(facts: Facts, source: RowSource, points: int) -> TitledArrays:
-    """Keep at most so many poses, evenly chosen; nothing where there are none that advance and are finite.
+    """Return at most ``points`` poses, evenly chosen, as arrays of the record.
 
     All poses are read, whatever the plan: a second of them is no larger than a few rows of one picture.
+
+    Parameters
+    ----------
+    facts, source
+        Of the file.
+    points
+        Greatest number of poses.
+
+    Returns
+    -------
+    TitledArrays
+        Times (us, clock of the file), positions (m, world), speeds (m/s) and forward directions (world); nothing where
+        no pose advances and is finite.
     """
     if "pose" not in facts.clocks:
         return TitledArrays()
@@ -55,7 +68,7 @@ def keep_trajectory(facts: Facts, source: RowSource, points: int) -> TitledArray
 
 
 def _readable(facts: Facts, source: RowSource) -> Iterator[tuple[NDArray[np.int64], Float64, Float64]]:
-    """Yield stamps, positions and orientations that advance and are finite, block by block."""
+    """Yield timestamps (ns), positions (m) and orientations (xyzw) that advance and are finite, block by block."""
     clock = facts.clocks["pose"]
     for start in range(0, len(clock.times_ns), _BLOCK_ROWS):
         stop = min(start + _BLOCK_ROWS, len(clock.times_ns))

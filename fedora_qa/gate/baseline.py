@@ -1,4 +1,4 @@
-"""The baseline: findings that an earlier gate told of are known; new ones, and known ones grown worse, are not."""
+"""The baseline: findings of an earlier gate are known; new ones, and known ones that have grown worse, are not."""
 
 import math
 from collections import Counter
@@ -75,9 +75,8 @@ def accept_known(name: str, file: FileRecord, baseline: Baseline, false_alarm_ra
         key = _key(name, result, finding)
         if finding.severity not in GRAVE or not left[key]:
             return finding
-        # Whether any value lies farther out than before, beyond the errors of both.
-        # The difference of two honest deviations is normal with the variances of both; the rate is shared by the
-        # check's measurements (Bonferroni).
+        # Whether any value lies farther out than before, beyond the errors of both. The difference of two correct
+        # deviations is normal with the variances of both. The check's measurements share the rate (Bonferroni).
         before = baseline.results[name, result.check]
         sigmas = NormalDist().inv_cdf(1 - false_alarm_rate / max(len(result.measurements), 1))
         earlier = {measurement.name: measurement for measurement in before.measurements}

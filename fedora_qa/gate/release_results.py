@@ -39,7 +39,7 @@ def release_results_of(
     ----------
     files
         The records of the sequences, in the release's order.
-    known
+    contents_by_name
         What ``contents_of`` found.
     digests
         SHA-256 of all of each sequence, by its name; may be empty where the policy asks for no checksums.

@@ -60,8 +60,10 @@ def judged(record: Record, release: Release, release_results: Iterable[ReleaseRe
     ----------
     record
         Of the sequences, in the release's order, and last of the release itself, as ``release_record`` begins it.
-    rulings
+    release_results
         What the rules about the release found.
+    judgement
+        The policy, the baseline, and the day on which waivers are tested.
     """
     policy, release_results = judgement.policy, tuple(release_results)
     names = [*(sequence.name for sequence in release.sequences), FOLDER]
@@ -85,7 +87,7 @@ def _accepted(name: str, file: FileRecord, judgement: Judgement) -> FileRecord:
 
 
 def _held_to_required(file: FileRecord, policy: Policy) -> FileRecord:
-    """Return the file, incomplete where a check that must tell could not, which its reason then says."""
+    """Return the file, incomplete where a required check came to no verdict; the reason of the check states it."""
     required = {check.name for name in policy.required_checks for check in select_checks((name,), ())}
     results = tuple(_marked_untold(result) if result.check in required else result for result in file.results)
     return file if results == file.results else replace(file, results=results, verdict="incomplete")

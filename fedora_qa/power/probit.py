@@ -1,7 +1,7 @@
 """Probability of detection against the size of a fault.
 
 Model: a fault of size m is found with probability Phi(a + b ln m), b > 0. Without a fault nothing is found: false
-alarms, 1e-4 a file, lie far below what a study of some thousand files could tell from zero.
+alarms, 1e-4 a file, lie far below what a study of some thousand files could distinguish from zero.
 
 The estimate maximises the likelihood times |I|^(1/4), I being the Fisher information of (a, b): the square root of
 Jeffreys' prior. As trials grow it is that of maximum likelihood. It is finite, too, where a size separates what was
@@ -122,7 +122,8 @@ def fit_probit(log_sizes: Array, detected: NDArray[np.bool_]) -> ProbitFit:
 def _climb(log_sizes: Array, detected: NDArray[np.bool_]) -> Array:
     """Return the best curve (ln size at one half, ln slope); the slope stays within its bounds.
 
-    It begins with one that rises over all sizes: steep ones tell so little of the sizes that the prior is flat there.
+    It begins with one that rises over all sizes: about steep ones the trials hold so little information that the prior
+    is flat there.
     """
 
     def cost(at: Array) -> float:

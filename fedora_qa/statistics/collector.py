@@ -27,7 +27,7 @@ _DURATION_FROM = ("pose", "rgb", "depth", "imu")
 class WindowStatistics:
     """Statistics of one window. Poses are kept as they are, because they are smoothed over the whole sequence.
 
-    ``poses`` counts those whose stamp advances; of these the arrays hold the ones that are finite.
+    ``poses`` counts those whose timestamp advances; of these the arrays hold the ones that are finite.
     """
 
     poses: int = 0

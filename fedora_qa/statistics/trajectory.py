@@ -73,15 +73,40 @@ class CurveMotion:
 
 
 def translation(times_s: Float64, positions_m: Float64) -> CurveMotion | None:
-    """Measure positions (n, 3): metres and m/s. None where there are too few samples."""
+    """Estimate distance and greatest speed from positions.
+
+    Parameters
+    ----------
+    times_s
+        (n,) increasing.
+    positions_m
+        (n, 3) in the world.
+
+    Returns
+    -------
+    CurveMotion | None
+        Length in m, speed in m/s, noise in m on each axis; None where there are too few samples.
+    """
     return _measure(times_s, positions_m, speeds=lambda _, rates: np.linalg.norm(rates, axis=-1), noise=_isotropic)
 
 
 def rotation(times_s: Float64, orientations_xyzw: Float64) -> CurveMotion | None:
-    """Measure orientations (n, 4), quaternions of either sign: radians and rad/s. None where there are too few samples.
+    """Estimate the angle turned and the greatest angular speed from orientations.
 
     The spline is fitted to the components; the angular velocity of the curve it traces on the sphere is
     2 Im(q* dq/dt) / |q|^2, in which a change of length drops out.
+
+    Parameters
+    ----------
+    times_s
+        (n,) increasing.
+    orientations_xyzw
+        (n, 4) quaternions of either sign, body to world.
+
+    Returns
+    -------
+    CurveMotion | None
+        Length in rad, speed in rad/s, noise in rad on each axis; None where there are too few samples.
     """
     motion = _measure(times_s, _of_one_sign(orientations_xyzw), speeds=_angular_speeds, noise=_tangential)
     if motion is None:
