@@ -29,8 +29,7 @@ def wasserstein(first: Float64, other: Float64, edges: Float64) -> Float64:
     It is the area between the two distribution functions (Vallender 1974): how far a value must be moved on average to
     turn one distribution into the other.
     """
-    # F - G at the right edge of each bin, a straight line within it; ``before`` and ``after`` are |F - G| at both
-    # edges.
+    # F - G at the right edge of each bin, a straight line within it; then |F - G| at its left and right edge.
     ahead = np.cumsum(first - other, axis=-1)
     before = np.abs(np.concatenate([np.zeros_like(ahead[..., :1]), ahead[..., :-1]], axis=-1))
     after = np.abs(ahead)

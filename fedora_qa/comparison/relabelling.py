@@ -53,8 +53,7 @@ class Sides:
         u, v = len(self.before), len(self.after)
         if self.paired:
             exchanged = random.integers(0, 2, (number, u)).astype(np.float64)
-            # Sum of the first side plus (after - before) of each exchanged pair: one matrix product for all
-            # relabellings.
+            # The first side plus (after - before) of each exchanged pair: one product for all relabellings.
             return self._distances(self.before.sum(axis=0) + exchanged @ (self.after - self.before))
         # Each row is a permutation of all units: those with the numbers below u form the first side.
         places = random.permuted(np.broadcast_to(np.arange(u + v), (number, u + v)), axis=1)
@@ -102,8 +101,8 @@ def chance_of(sides: Sides, level: float, random: np.random.Generator) -> Chance
         edges.
     """
     own = sides.distance * (1 - 1e-9)  # a relabelling that gives the sides back must not fall short by rounding
-    # The least chance of n relabellings is 1 / (1 + n): n = 1 / level could just reach the level, four times as many
-    # leave it room.
+    # The least chance of n relabellings is 1 / (1 + n): 1 / level of them could just reach the level, and four times
+    # as many allow some to lie as far apart.
     wanted = min(_MOST_RELABELLINGS, ceil(4 / level))
     distances: list[Float64] = []
     made = as_far = 0

@@ -82,8 +82,7 @@ def filled(counts: Int64, other: Int64) -> tuple[Int64, Int64, Float64]:
 def _placed(arrays: Mapping[str, NDArray[Any]], name: str, blocks: int) -> Int64 | None:
     """Return counts in all bins; None where an array is missing or is not what it should be."""
     counts, edges, every = arrays.get(f"{name}/counts"), arrays.get(f"{name}/edges"), octave_edges()
-    # Arrays beside a record may come from anywhere: type, shape and edges are tested before they count as a
-    # distribution.
+    # Arrays beside a record may come from anywhere: type, shape and edges are tested before they are used.
     if counts is None or edges is None or counts.dtype.kind != "i" or counts.ndim != 2 or edges.dtype.kind != "f":
         return None
     first = int(np.searchsorted(every, edges[0])) if edges.shape == (counts.shape[1] + 1,) else len(every)

@@ -47,8 +47,7 @@ def _findings(record: FileRecord) -> dict[Key, tuple[Result, Finding]]:
     numbered: dict[Key, tuple[Result, Finding]] = {}
     for result in record.results:
         for finding in result.findings:
-            # Findings of one rule in one stream are paired by their order: messages hold measured values and identify
-            # nothing.
+            # Paired by order within a rule and stream: messages hold measured values and identify nothing.
             same = sum(key[:3] == (result.check, finding.code, finding.where.stream or "") for key in numbered)
             numbered[result.check, finding.code, finding.where.stream or "", same] = result, finding
     return numbered

@@ -1,7 +1,7 @@
 """Hypotheses for alarms of depth: the range of values, and the agreement of depth frames with each other and the pose.
 
-Depth and pose contradict each other wherever either is wrong, so that most alarms also name, weakly, every cause for
-which other checks have the stronger evidence.
+Depth and pose contradict each other wherever either is wrong. So most alarms also name, with little support,
+every cause for which other checks have the stronger evidence.
 """
 
 from collections.abc import Callable, Iterable, Mapping, Sequence

@@ -67,8 +67,15 @@ def conclude(alarms: Sequence[Alarm], hypotheses: Mapping[str, Sequence[Hypothes
 
     Parameters
     ----------
+    alarms
+        Of one file.
     hypotheses
         By the id of the finding that they would explain.
+
+    Returns
+    -------
+    tuple[Diagnosis, ...]
+        In the order in which they were chosen, ``unknown`` last.
     """
     places = {alarm.finding.id: alarm.finding.where for alarm in alarms}
     checks = {alarm.finding.id: alarm.finding.code.rpartition(".")[0] for alarm in alarms}
@@ -96,8 +103,7 @@ def conclude(alarms: Sequence[Alarm], hypotheses: Mapping[str, Sequence[Hypothes
         confidence = share_of_first(_plausibilities([best, *rivals], unexplained, checks))
         diagnoses.append(_as_diagnosis(f"D{len(diagnoses) + 1}", best, confidence, places))
         for finding, hypothesis in best.evidence.items():
-            # A maximum, not a sum: two causes that explain half of a finding each are alternatives, and do not add to a
-            # whole.
+            # What the best supported cause so far leaves: supports of several causes of one finding do not add.
             unexplained[finding] = min(unexplained[finding], 1.0 - hypothesis.support)
         explained |= set(best.evidence)
         # A cause all of whose findings are explained would be named beside the one that made it superfluous.

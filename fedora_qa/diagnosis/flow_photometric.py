@@ -120,8 +120,7 @@ def _template_hypotheses(rate: RateResidual, templates: dict[str, TemplateExplan
     ]
     for name, (cause, unit, largest) in _FAULT_OF_TEMPLATE.items():
         sizes = np.array(templates[name].sizes)
-        # The template of time is in percent of the interval: 1% of 1 s is 10 ms. The others are in the unit of their
-        # cause.
+        # The template of time is in percent of the interval (1% of 1 s is 10 ms), others in the unit of their cause.
         scale = _MS_PER_PERCENT_OF_S * rate.interval_s if name == "time" else 1.0
         size = _signed_norm(scale * sizes)
         if abs(size) <= _LINEAR * largest:

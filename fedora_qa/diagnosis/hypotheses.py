@@ -34,7 +34,10 @@ from fedora_qa.judgement.judge import Alarm
 from fedora_qa.sequence.facts import Facts
 
 Propose = Callable[[Alarm, Facts], tuple[Hypothesis, ...]]
-"""Gives the hypotheses for an alarm of one check, best supported first."""
+"""Gives the hypotheses for an alarm of one check, best supported first.
+
+It reads the features of the alarm's statistic and the facts of the file, and no samples: diagnosis decodes nothing.
+"""
 
 PROPOSALS: Final[Mapping[str, Propose]] = MappingProxyType({
     "integrity.layout": integrity.propose_layout,

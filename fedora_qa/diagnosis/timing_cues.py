@@ -67,7 +67,7 @@ def gravity_likelihoods(declared_m_s2: float, excess_m_s2: float, error_m_s2: fl
 
 
 def _coincidences(facts: Facts, imu_ns: Int64, pose_ns: Int64) -> Iterator[tuple[float, float]]:
-    """Yield for each cue how far IMU and pose are in place: by frames on their timestamps, by beginnings, by the grid."""
+    """Yield for each cue the shares to which IMU and pose are in place: frames, beginnings, grid."""
     frame_clocks = [clock for stream, clock in facts.clocks.items() if stream not in ("imu", "pose")]
     frames_ns = [clock.times_ns for clock in frame_clocks if clock.usable]
     if frames_ns and len(imu_ns) and len(pose_ns):

@@ -52,8 +52,7 @@ class DistributionsCollector:
     def __init__(self, spans: Sequence[Span], families: frozenset[str] | None = None) -> None:
         self._families = families
         cell_ns = spans[0].stop_ns - spans[0].start_ns if spans else 1
-        # The length of a window times the power of two that leaves at most _MOST_BLOCKS blocks: blocks of two files
-        # nest.
+        # A window times the power of two that leaves at most _MOST_BLOCKS blocks, so that blocks of files nest.
         self._block_ns = cell_ns << max(0, ceil(log2(max(len(spans), 1) / _MOST_BLOCKS)))
 
     def start(self, facts: Facts) -> Blocks:

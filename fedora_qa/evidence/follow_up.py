@@ -26,7 +26,7 @@ def keep_worst_locations(
     options: EvidenceOptions,
     images: int,
 ) -> TitledArrays:
-    """Draw what the streams show at the locations of the gravest findings.
+    """Draw pictures of all streams at the locations of the gravest findings.
 
     Parameters
     ----------
@@ -35,6 +35,11 @@ def keep_worst_locations(
     images
         How many images may be decoded for it; one location needs one of each stream of images, and the frame at the end
         of the flow. What the locations leave of it is spent on the frames before and after them, the gravest first.
+
+    Returns
+    -------
+    TitledArrays
+        Pictures and boxes by the id of the finding.
     """
     streams = sum(name in facts.clocks for name in ("rgb", "depth")) + bool(facts.flow_streams)
     # The residual also needs the frame at the end of the field's interval.

@@ -74,6 +74,11 @@ def take_snapshot(
         The image to take of a stream, where one is given; else the nearest in time.
     families
         The streams to take (``flow`` is every rate); None: all.
+
+    Returns
+    -------
+    Snapshot
+        Of the streams that have a picture; rows that cannot be decoded cost their own picture alone.
     """
     rows = rows or {}
     draw: dict[str, Callable[[], Picture | None]] = {

@@ -59,7 +59,7 @@ def judged(record: Record, release: Release, release_results: Iterable[ReleaseRe
     Parameters
     ----------
     record
-        Of the sequences, in the release's order, and last of the release itself, as ``release_record`` begins it.
+        Of the sequences, in the release's order, and last of the release itself, as ``release_record`` makes it.
     release_results
         What the rules about the release found.
     judgement

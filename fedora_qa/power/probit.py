@@ -88,7 +88,19 @@ class ProbitFit:
 
 
 def fit_probit(log_sizes: Array, detected: NDArray[np.bool_]) -> ProbitFit:
-    """Fit the curve to trials of ln size (n,) and whether they were found (n,).
+    """Fit the curve to trials.
+
+    Parameters
+    ----------
+    log_sizes
+        (n,) natural logarithms of the sizes.
+    detected
+        (n,) whether each fault was found.
+
+    Returns
+    -------
+    ProbitFit
+        The best curve, and all that the trials do not rule out.
 
     Raises
     ------
@@ -139,8 +151,7 @@ def _climb(log_sizes: Array, detected: NDArray[np.bool_]) -> Array:
         x = log_sizes - log_sizes.mean()
         determinant = weights.sum() * (weights * x**2).sum() - (weights * x).sum() ** 2
         prior = _POWER * float(np.log(max(determinant, np.finfo(float).tiny)))
-        # A slope beyond its bounds has the likelihood of the bound and costs its distance, which leads the simplex
-        # back.
+        # A slope beyond its bounds has the likelihood of the bound, and its distance as a cost: the simplex returns.
         return float(np.abs(at[1:] - allowed)[0] - likelihood - prior)
 
     half, log_slope = np.median(log_sizes), -np.log(log_sizes.std())

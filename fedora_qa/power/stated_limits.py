@@ -194,8 +194,7 @@ def _responses(
             and before.least_detectable
             and not (bool(before.limit) and (after.limit or 0.0) > _DISTURBED * (before.limit or 0.0))
         ):
-            # The noise of the clean file is in both readings and cancels: the difference is the effect of the fault
-            # alone.
+            # The noise of the clean file is in both readings and cancels: the difference is the effect of the fault.
             ratio = before.harm(after.deviation - before.deviation) / before.least_detectable
             yield before.unit, _Comparison(before.least_detectable, ratio, after.exceeds, trial.checked.is_found)
 

@@ -115,7 +115,20 @@ def rotation(times_s: Float64, orientations_xyzw: Float64) -> CurveMotion | None
 
 
 def velocities(times_s: Float64, positions_m: Float64) -> Float64 | None:
-    """Return the velocities (n, 3) in m/s of the smooth curve at each sample. None where there are too few samples."""
+    """Return the velocities of the smooth curve through the positions.
+
+    Parameters
+    ----------
+    times_s
+        (n,) increasing.
+    positions_m
+        (n, 3) in the world.
+
+    Returns
+    -------
+    Float64 | None
+        (n, 3) m/s in the world, at each sample; None where there are too few samples.
+    """
     if len(times_s) < _FEWEST_SAMPLES:
         return None
     fits = [_SegmentFit.best_to(segment) for segment in _segments(times_s, positions_m)]
@@ -188,8 +201,7 @@ def _measure(times_s: Float64, values: Float64, *, speeds: _Speeds, noise: _Nois
     fits = [_SegmentFit.best_to(segment) for segment in _segments(times_s, values)]
     measured, spread = _without_noise(fits, speeds, noise)
     finer, _ = _without_noise([fit.finer() for fit in fits], speeds, noise)
-    # The three errors of the module's docstring (spread holds the excess), and that of evaluating the curve, in
-    # squares.
+    # The errors of the module's docstring (spread holds the excess), and that of evaluating the curve.
     errors = np.sqrt(spread**2 + (finer - measured) ** 2 + (_EVALUATION_ERROR * measured) ** 2)
     length, speed_max = (CurveEstimate(float(v), float(s)) for v, s in zip(measured, errors, strict=True))
     fitted_s = sum(fit.segment.times_s[-1] - fit.segment.times_s[0] for fit in fits)

@@ -38,8 +38,7 @@ def _focal_chosen(camera: Camera) -> bool:
 def _centre_chosen(camera: Camera) -> bool:
     """Whether the principal point lies in the middle, by any of the three conventions."""
     return all(
-        # Px. (size - 1) / 2: pixel centres at whole numbers from 0; size / 2: corners there; (size + 1) / 2: centres
-        # from 1.
+        # Px. Centres at 0, 1, ...: (size - 1) / 2; corners there: size / 2; centres at 1, 2, ...: (size + 1) / 2.
         any(abs(centre - (size + by) / 2) < _SAME * size for by in (-1, 0, 1))
         for centre, size in ((camera.K[0, 2], camera.width), (camera.K[1, 2], camera.height))
     )
@@ -50,8 +49,7 @@ def _mount_chosen(camera: Camera) -> bool:
     R_body_camera = camera.T_body_camera[:3, :3]
     # Entries 0 and +-1 only: the camera is mounted at right angles to the axes of the body.
     straight = bool(np.all(np.abs(R_body_camera - np.rint(R_body_camera)) < _SAME))
-    # A camera that looks ahead: columns are its axes (X right, Y down, Z forward) in the body's (X forward, Y left, Z
-    # up).
+    # Columns: axes (X right, Y down, Z forward) of a camera that looks ahead, in the body (X forward, Y left, Z up).
     forward = np.array([[0.0, 0.0, 1.0], [-1.0, 0.0, 0.0], [0.0, -1.0, 0.0]])
     angles_deg = Rotation.from_matrix(R_body_camera @ forward.T).as_rotvec(degrees=True)
     return straight or (np.count_nonzero(np.abs(angles_deg) > _SAME) == 1 and _round(np.abs(angles_deg).max(), 0.5))

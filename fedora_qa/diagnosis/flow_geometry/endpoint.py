@@ -156,8 +156,7 @@ def _of_the_poses(correction: FreeMotionCorrection, fields_off: int, flow: str, 
 
 def noise_likeness(growth: float) -> float:
     """Return how far (0 to 1) corrections look like pose noise, from the growth of their sum."""
-    # 5.4 = chi2_3^-1(0.999) / 3. Independent corrections sum to a random walk; those of another motion add up and
-    # exceed.
+    # 5.4 = chi2_3^-1(0.999) / 3: the sum of independent corrections stays below, that of another motion exceeds it.
     return min(1.0, _GROWTH_OF_NOISE / max(growth, 1.0))
 
 

@@ -59,7 +59,7 @@ def _of_the_values(alarm: Alarm, values: WrongFlowValues, facts: Facts) -> tuple
     elif rule == "missing":
         causes = (("nan_in_stream", "flow", support("flow_geometry.missing_flow")),
                   ("invalid_encoding", "depth", encoding_of_depth))  # fmt: skip
-    # More than half of the values without a ground belong to points behind the camera: the motion exceeds the depth.
+    # More than half of the unfounded values belong to points behind the camera: the motion exceeds the depth.
     elif 2 * values.behind > values.unfounded:
         blamed = "pose" if values.deep else "depth"
         causes = (("unit_mm_m", blamed, support("flow_geometry.points_behind_camera")),
