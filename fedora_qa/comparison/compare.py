@@ -1,4 +1,4 @@
-"""Hold subjects against the first of them."""
+"""Compare subjects with the first of them."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
@@ -20,12 +20,12 @@ from fedora_qa.evidence.value_counts import octave_edges
 from fedora_qa.record.types import Tool
 
 DEFAULT_FALSE_ALARM_RATE: Final = 0.01
-"""Of a whole comparison: once in a hundred, something is said to differ that does not."""
+"""Of a whole comparison: one in a hundred reports a difference where there is none."""
 
 
 @dataclass(frozen=True, slots=True)
 class _PairPlan:
-    """What will be held together, known before anything is judged, so that all can share one false-alarm rate."""
+    """The comparisons of one pair, known before any is judged, so that all can share one false-alarm rate."""
 
     before: Given
     after: Given
@@ -42,7 +42,21 @@ class _PairPlan:
 
 
 def compare(given: Sequence[Given], design: Design | None, false_alarm_rate: float) -> Comparison:
-    """Compare two or more subjects; ``design`` says what they are to each other, found from their names where None.
+    """Compare two or more subjects with the first.
+
+    Parameters
+    ----------
+    given
+        The subjects, the reference first.
+    design
+        How they are related; None: by their names.
+    false_alarm_rate
+        Probability, 0 to 1, that any test of the whole comparison reports a difference where there is none.
+
+    Returns
+    -------
+    Comparison
+        The whole document.
 
     Raises
     ------
@@ -51,8 +65,10 @@ def compare(given: Sequence[Given], design: Design | None, false_alarm_rate: flo
     """
     if len(given) < 2:
         raise MisuseError(f"Expected two or more things to compare, got {len(given)}")
+    # All tests are counted before the first is judged: they share one false-alarm rate.
     planned = [_plan(given[0], other, place, design) for place, other in enumerate(given[1:], start=1)]
     tests = sum(item.tests for item in planned)
+    # Bonferroni: valid whatever the dependence of the tests.
     level = false_alarm_rate / max(tests, 1)
     return Comparison(
         comparison_version=COMPARISON_VERSION,
@@ -96,6 +112,7 @@ def _versions(planned: _PairPlan, level: float) -> Versions:
         if item.before.record and item.after.record
     ]
     before, after = planned.before.by_name, planned.after.by_name
+    # By identity: two single files are versions of each other under different names.
     matched_files = {id(file) for item in planned.matched for file in (item.before, item.after)}
     return Versions(
         matched=len(planned.matched),
@@ -121,6 +138,7 @@ def _overlays(given: Sequence[Given]) -> Iterator[Overlay]:
     )
     for quantity in quantities:
         totals = [_total(subject, quantity) for subject in given]
+        # One range of bins for all subjects, so that their shares can be drawn over each other.
         filled_bins = np.flatnonzero(np.any([total > 0 for total in totals if total is not None], axis=0))
         first, last = int(filled_bins[0]), int(filled_bins[-1]) + 1
         shares = tuple(

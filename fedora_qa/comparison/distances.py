@@ -1,4 +1,4 @@
-"""Which distributions are held against each other, what can be exchanged between them, and what comes of it."""
+"""Which distributions are compared, which units can be exchanged between them, and how far they lie apart."""
 
 from dataclasses import dataclass
 from typing import Final
@@ -21,7 +21,7 @@ _NOUNS: Final[dict[Design, str]] = {
 
 @dataclass(frozen=True, slots=True)
 class PairedCounts:
-    """Two distributions that are held against each other. ``file`` is empty where they are of whole subjects."""
+    """Two distributions that are compared. ``file`` is empty where they are of whole subjects."""
 
     file: str
     quantity: str
@@ -43,7 +43,7 @@ def held_together(before: Given, after: Given, design: Design) -> tuple[PairedCo
 
 
 def difference_of(held: PairedCounts, level: float) -> Difference:
-    """Return how far they lie apart, and whether that is more than chance gives at ``level``."""
+    """Return how far two distributions lie apart, and whether chance gives as much at ``level`` (a probability)."""
     sides = held.sides
     random = np.random.default_rng(0)  # the same answer whenever it is asked for
     distance_error, shift_error = standard_errors(sides, random)
@@ -70,10 +70,12 @@ def difference_of(held: PairedCounts, level: float) -> Difference:
 
 
 def _told_beforehand(held: PairedCounts, level: float) -> tuple[Told | None, str]:
-    """Return what needs no relabelling, and why relabelling cannot tell; None where it can."""
+    """Return the conclusion where none needs relabelling, with its reason; None where relabelling decides."""
     sides = held.sides
+    # Whole numbers: the counts of a copy are equal exactly.
     if np.array_equal(sides.before, sides.after):
         return "identical", ""
+    # A permutation test states no chance below that of its least likely relabelling: too few units decide nothing.
     if sides.least_chance <= level:
         return None, ""
     u, v, enough = len(sides.before), len(sides.after), enough_units(level, paired=sides.paired)
@@ -94,8 +96,10 @@ def _held(file: str, quantity: str, design: Design, before: Int64, after: Int64,
 
 
 def _units(given: Given, quantity: str, design: Design) -> Int64:
-    """Return the counts (u, n) of what can be exchanged: files of a dataset, stretches of a sequence."""
+    """Return the counts (u, n) of what can be exchanged: files of a dataset, segments of a sequence."""
     having = [sampled for sampled in map(_sampled, given.files) if sampled and quantity in sampled.counts]
+    # Files are independent as they are. Blocks of one flight are correlated: only segments of several correlation times
+    # can be exchanged.
     if design == "datasets":
         return np.stack([sampled.total(quantity) for sampled in having])
     return np.concatenate([independent_stretches(sampled.counts[quantity]) for sampled in having])

@@ -19,6 +19,7 @@ def shares_of(counts: NDArray[Any]) -> Float64:
 
 def mean_of(shares: Float64, edges: Float64) -> Float64:
     """Return the means (...) of distributions given by shares (..., n) in bins of ``edges`` (n + 1,), in their unit."""
+    # Values are spread evenly within a bin, so that the mean of a bin is its middle.
     return np.asarray(shares @ ((edges[1:] + edges[:-1]) / 2))
 
 
@@ -28,11 +29,15 @@ def wasserstein(first: Float64, other: Float64, edges: Float64) -> Float64:
     It is the area between the two distribution functions (Vallender 1974): how far a value must be moved on average to
     turn one distribution into the other.
     """
+    # F - G at the right edge of each bin, a straight line within it; then |F - G| at its left and right edge.
     ahead = np.cumsum(first - other, axis=-1)
     before = np.abs(np.concatenate([np.zeros_like(ahead[..., :1]), ahead[..., :-1]], axis=-1))
     after = np.abs(ahead)
     crossing = np.sign(np.roll(ahead, 1, axis=-1)) * np.sign(ahead) < 0
+    # np.roll puts the last bin before the first, where F - G is 0 and cannot change its sign.
     crossing[..., 0] = False
     total = before + after
+    # Where F - G changes its sign in a bin of width w, |F - G| is two triangles, (a^2 + b^2) / (a + b) w / 2, and not
+    # the trapezium (a + b) w / 2.
     squares = np.divide(before**2 + after**2, total, out=np.zeros_like(total), where=total > 0)
     return np.asarray(np.where(crossing, squares, total) @ np.diff(edges) / 2)

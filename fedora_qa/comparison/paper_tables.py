@@ -53,7 +53,7 @@ def paper_tables(comparison: Comparison) -> tuple[TextTable, ...]:
 
 
 def _named(subjects: Sequence[Subject]) -> Iterator[tuple[str, ComparedFile]]:
-    """Yield each file with a name that tells it from those of other subjects."""
+    """Yield each file with a name that distinguishes it from those of other subjects."""
     names = [file.name for subject in subjects for file in subject.files]
     for subject in subjects:
         for file in subject.files:
@@ -118,6 +118,7 @@ def _pooled(parts: Sequence[Group]) -> tuple[float | None, float | None]:
     if not pixels:
         return None, None
     mean = sum(n * m for n, m, _ in pairs) / pixels
+    # Law of total variance: the mean of the variances plus the variance of the means, both weighted by pixels.
     return mean, sum(n * (v + (m - mean) * (m - mean)) for n, m, v in pairs) / pixels
 
 
@@ -152,9 +153,10 @@ def _published(
 
 
 def _total(groups: Sequence[Mapping[str, Group]], group: str, key: str, scale: float = 1.0) -> str:
-    """Return a sum over all files; absent where one of them does not say."""
+    """Return a sum over all files; absent where one of them lacks the value."""
     values = [statistics.get(group, {}).get(key) for statistics in groups]
     numbers = [float(value) for value in values if isinstance(value, int | float)]
+    # A sum that lacks a file would look like a smaller dataset.
     return number(scale * sum(numbers)) if numbers and len(numbers) == len(values) else ABSENT
 
 

@@ -36,6 +36,7 @@ PUBLISHED: Final[tuple[Published, ...]] = (
              "event_rate_mean_per_s": rate},
             _FEDORA,
         )
+        # T (s), D (m), v max (m/s), w max (rad/s), and mean event rate (events/s) of the paper's sequence table.
         for name, duration, distance, speed, turn, rate in (
             ("FEDORA Baylands Day1", 165, 594.87, 5.032, 1.233, 1.12e6),
             ("FEDORA Baylands Day2", 220, 386.31, 2.531, 2.845, 1.44e6),
@@ -45,6 +46,7 @@ PUBLISHED: Final[tuple[Published, ...]] = (
         )
     ),
     *(
+        # Mean in px over the interval of the rate; the paper prints the variance in pix/s.
         Published("flow", "FEDORA Baylands, three sequences", {"rate": rate, "mean_px": mean, "variance": variance},
                   _FEDORA)
         for rate, mean, variance in (("10 Hz", 18.841, 18.67), ("25 Hz", 10.392, 12.163), ("50 Hz", 6.15, 9.13))
@@ -53,5 +55,6 @@ PUBLISHED: Final[tuple[Published, ...]] = (
               _BY_FEDORA),
     Published("disparity", "FEDORA, test set", {"disparity_mean": 0.2566},
               _FEDORA),
+    # Px of a stereo pair; FEDORA's disparity is the reciprocal of depth, 1/m.
     Published("disparity", "DSEC, test set", {"disparity_mean": 20.21}, _BY_FEDORA),
 )  # fmt: skip

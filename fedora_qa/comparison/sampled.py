@@ -48,6 +48,7 @@ def sampled_from(arrays: Mapping[str, NDArray[Any]], prefix: str = "") -> Sample
 
 def paired_blocks(before: SampledCounts, after: SampledCounts, quantity: str) -> tuple[Int64, Int64]:
     """Return the counts (b, n) of both sides in the blocks of time in which both have some."""
+    # A block is a power of two times a window: shorter blocks merge into the longer ones.
     block_ns = max(before.block_ns, after.block_ns)
     sides = [_by_block(side, quantity, block_ns) for side in (before, after)]
     common = [place for place in sides[0] if place in sides[1]]
@@ -81,6 +82,7 @@ def filled(counts: Int64, other: Int64) -> tuple[Int64, Int64, Float64]:
 def _placed(arrays: Mapping[str, NDArray[Any]], name: str, blocks: int) -> Int64 | None:
     """Return counts in all bins; None where an array is missing or is not what it should be."""
     counts, edges, every = arrays.get(f"{name}/counts"), arrays.get(f"{name}/edges"), octave_edges()
+    # Arrays beside a record may come from anywhere: type, shape and edges are tested before they are used.
     if counts is None or edges is None or counts.dtype.kind != "i" or counts.ndim != 2 or edges.dtype.kind != "f":
         return None
     first = int(np.searchsorted(every, edges[0])) if edges.shape == (counts.shape[1] + 1,) else len(every)

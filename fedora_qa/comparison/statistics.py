@@ -21,12 +21,13 @@ def statistic_changes(file: str, before: Statistics, after: Statistics, level: f
         if error is None or first is None or other is None:
             yield StatisticChange(file, name, first, other, None, None, "changed")
             continue
+        # P(|z| > x) = erfc(x / sqrt 2) of a normal difference; without an error any difference is certain.
         chance = erfc(abs(other - first) / (error * sqrt(2))) if error else 0.0
         yield StatisticChange(file, name, first, other, error, chance, "moved" if chance <= level else "within_error")
 
 
 def with_errors(before: Statistics, after: Statistics) -> int:
-    """Return how many statistics have an error on both sides, so that moving can be told from chance."""
+    """Return how many statistics have a standard error on both sides: each is a test of whether it moved."""
     return sum(_error(name, before, after) is not None for name in _numbers(before, after))
 
 
@@ -47,12 +48,13 @@ def _error(name: str, before: Statistics, after: Statistics) -> float | None:
     group, _, key = name.rpartition(".")
     errors = [_error_of(side.get(group, {}), key) for side in (before, after)]
     finite_errors = [error for error in errors if error is not None]
+    # The errors of two versions are independent: variances add.
     error = hypot(*finite_errors)
     return error if len(finite_errors) == len(errors) and isfinite(error) else None
 
 
 def _error_of(group: Mapping[str, Scalar], key: str) -> float | None:
-    """Return what ``speed_max_standard_error_m_s`` says for ``speed_max_m_s``."""
+    """Return the error of a statistic: of ``speed_max_m_s`` it is ``speed_max_standard_error_m_s``."""
     return next((_number(v) for name, v in group.items() if _ERROR in name and name.replace(_ERROR, "") == key), None)
 
 

@@ -70,7 +70,7 @@ def matches(before: Given, after: Given) -> tuple[Match, ...]:
 
 
 def labels(paths: Sequence[str]) -> tuple[str, ...]:
-    """Return a short name for each path: its end, with as many folders before it as tell it from the others."""
+    """Return a short name for each path: its end, with as many folders before it as distinguish it."""
     parts = [PurePath(path).parts or (path,) for path in paths]
     return tuple("/".join(part[-_needed(part, parts) :]).replace("//", "/") for part in parts)
 

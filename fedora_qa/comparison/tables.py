@@ -185,6 +185,7 @@ def _version_tables(versions: Versions) -> Iterator[TextTable]:
     yield _shown(
         "Measured values that moved", ("file", "measured", "unit", "before", "after", "allowed"), moved, 3, note
     )
+    # What moved beyond its error comes first, because only the first rows are shown.
     statistics = sorted(
         versions.statistics, key=lambda change: ("moved", "within_error", "changed").index(change.moved)
     )

@@ -22,7 +22,7 @@ class RecordChanges:
 
 
 def record_changes(file: str, before: FileRecord, after: FileRecord) -> RecordChanges:
-    """Hold two records of one file against each other."""
+    """Compare two records of one file."""
     moved = tuple(_measurement_changes(file, before, after))
     restless = {change.check for change in moved}
     first, other = _findings(before), _findings(after)
@@ -34,9 +34,9 @@ def record_changes(file: str, before: FileRecord, after: FileRecord) -> RecordCh
 
 
 def allowed_shift(before: Measurement, after: Measurement) -> float | None:
-    """Return how far a value may move between two honest versions; None where a limit is not known.
+    """Return how far a value may move between two correct versions; None where a limit is not known.
 
-    Each may lie off by its limit, and the two are independent but for errors of the model, which they share.
+    Each may deviate by its limit. The two are independent but for errors of the model, which they share.
     """
     if before.limit is None or after.limit is None:
         return None
@@ -47,6 +47,7 @@ def _findings(record: FileRecord) -> dict[Key, tuple[Result, Finding]]:
     numbered: dict[Key, tuple[Result, Finding]] = {}
     for result in record.results:
         for finding in result.findings:
+            # Paired by order within a rule and stream: messages hold measured values and identify nothing.
             same = sum(key[:3] == (result.check, finding.code, finding.where.stream or "") for key in numbered)
             numbered[result.check, finding.code, finding.where.stream or "", same] = result, finding
     return numbered
@@ -91,6 +92,7 @@ def _measurement_changes(file: str, before: FileRecord, after: FileRecord) -> It
         allowed = allowed_shift(earlier, measured) if earlier and earlier.unit == measured.unit else None
         if earlier is None or allowed is None or earlier.value is None or measured.value is None:
             continue
+        # A value that moves on the side without a limit has not changed.
         if abs(_counting(measured) - _counting(earlier)) > allowed:
             yield MeasurementChange(file, check, name, measured.unit, earlier.value, measured.value, allowed)
 
@@ -104,7 +106,7 @@ def _counting(measured: Measurement) -> float:
 
 
 def _measurements(record: FileRecord) -> Mapping[tuple[str, str], Measurement]:
-    """Return what was measured by check and name; of checks that could tell."""
+    """Return the measurements of checks that came to a verdict, by check and name."""
     return {
         (result.check, measured.name): measured
         for result in record.results

@@ -86,6 +86,7 @@ def shift_hypotheses(pairs: Sequence[CameraPairShift], cameras: Mapping[str, Cam
         hypotheses.append(_fitted_shift("spatial_offset", name, support("alignment.spatial_offset"), gains, pairs))
     # The centre of each camera moves by the same number of its own pixels, the image of the second one back.
     differences = [1.0 - focal_px[pair.second] / focal_px[pair.first] for pair in pairs]
+    # With equal focal lengths a common move of all centres shifts no pair: nothing measured depends on it.
     if any(abs(difference) > 1e-6 for difference in differences):
         centre, gains = support("alignment.intrinsics_centre"), [-difference for difference in differences]
         hypotheses.append(_fitted_shift("intrinsics_centre", "metadata", centre, gains, pairs))
@@ -97,6 +98,7 @@ def _fitted_shift(
     cause: str, stream: str, prior: float, gains: Sequence[float], pairs: Sequence[CameraPairShift]
 ) -> Hypothesis:
     """Fit one shift to all pairs by weighted least squares; its support is the share of their squares it explains."""
+    # Weights 1 / sigma^2; the floor keeps a pair with an error of 0 from an infinite weight.
     precisions = np.array([1.0 / np.maximum(pair.error_px, _LEAST_ERROR_PX) ** 2 for pair in pairs])
     shifts_px = np.array([pair.shift_px for pair in pairs])
     gain = np.array(gains)[:, np.newaxis]
@@ -105,7 +107,9 @@ def _fitted_shift(
     projection = (precisions * gain * shifts_px).sum(axis=0)
     fit_px = np.divide(projection, information, out=np.zeros(2), where=information > 0)
     total = float((precisions * shifts_px**2).sum())
+    # At the least-squares fit sum(w s^2) = fit * projection + rest: this is the explained share of the squares.
     explained = float((projection * fit_px).sum()) / total if total > 0 else 0.0
+    # A cause has one size: the larger component, with the error 1 / sqrt(information) of its own axis.
     axis = int(np.argmax(np.abs(fit_px)))
     error_px = float(information[axis]) ** -0.5 if information[axis] > 0 else None
     return Hypothesis(cause, stream, prior * explained, float(fit_px[axis]), "px", error_px)

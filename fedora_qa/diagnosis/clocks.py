@@ -33,6 +33,7 @@ def hypotheses_of_reset(reset: ClockReset) -> tuple[Hypothesis, ...]:
         reset.offset_error_ms,
     )
     drift = Hypothesis("clock_rate", "events", reset.drift_agreement, reset.drift_ppm, "ppm" if sized else "")
+    # The contract of a proposal: best supported first.
     return (drift, offset) if reset.drift_agreement >= reset.offset_agreement else (offset, drift)
 
 
@@ -41,6 +42,7 @@ def propose_order(alarm: Alarm, facts: Facts) -> tuple[Hypothesis, ...]:
     statistic, stream = alarm.statistic, alarm.finding.where.stream or ""
     if alarm.finding.code == "clocks.order.repeated_stamps":
         twice = Hypothesis("duplicated_samples", stream, support("clocks.repeats"), statistic.value, "samples")
+        # A grid coarser than the period gives neighbouring samples one timestamp, without a sample written twice.
         rounded = tuple(
             Hypothesis("quantised_time", stream, support("clocks.rounded_repeats"), feature.grid_ms, "ms")
             for feature in statistic.features
@@ -55,6 +57,7 @@ def propose_order(alarm: Alarm, facts: Facts) -> tuple[Hypothesis, ...]:
                 hypotheses.append(Hypothesis("time_unit", stream, support("clocks.event_counter_wrap")))
             elif isinstance(feature, ClockReset):
                 hypotheses += hypotheses_of_reset(feature)
+                # The reset explains the step back: an exchange of events is less probable beside it.
                 unsorted = support("clocks.event_steps_back_of_reset")
         return (
             *hypotheses,
@@ -118,6 +121,7 @@ def propose_resolution(alarm: Alarm, facts: Facts) -> tuple[Hypothesis, ...]:
     statistic, stream = alarm.statistic, alarm.finding.where.stream or ""
     grids = [feature for feature in statistic.features if isinstance(feature, PartialGrid)]
     if not grids:
+        # The statistic is in us, the cause in ms.
         grid_ms = statistic.value / 1e3
         return (Hypothesis("quantised_time", stream, support("clocks.grid"), grid_ms, "ms"),)
     grid = grids[0]
@@ -150,11 +154,15 @@ def propose_span(alarm: Alarm, facts: Facts) -> tuple[Hypothesis, ...]:
 def _of_ends(stream: str, ends: StreamEnds) -> tuple[Hypothesis, ...]:
     """Return an offset where both ends moved alike, up to a tenth that may be cut off; a cut otherwise."""
     begins_later_ns, ends_earlier_ns = ends.begins_later_ns, ends.ends_earlier_ns
+    # A shift s begins the stream s later and ends it s later, that is -s earlier: half the difference is the shift, the
+    # sum is what is missing.
     shift_ns, missing_ns = (begins_later_ns - ends_earlier_ns) / 2, begins_later_ns + ends_earlier_ns
     if begins_later_ns * ends_earlier_ns < 0 and abs(missing_ns) < 0.1 * abs(shift_ns):
         return (Hypothesis("time_offset", stream, support("clocks.shifted_span"), shift_ns / NS_PER_MS, "ms"),)
+    # Streams of one sample each have a median duration of 0 ns.
     duration_ns = max(ends.median_duration_ns, 1.0)
     cut = Hypothesis("truncated", stream, support("clocks.cut_span"), 100 * missing_ns / duration_ns, "percent")
+    # Duration over the median duration of the streams: near the factor of a unit it is a unit, not a cut.
     factor = unit_factor(1 - missing_ns / duration_ns)
     if factor == 1.0:
         return (cut,)

@@ -1,7 +1,7 @@
 """Hypotheses for alarms of depth: the range of values, and the agreement of depth frames with each other and the pose.
 
-Depth and pose contradict each other wherever either is wrong, so that most alarms also name, weakly, every cause for
-which other checks have the stronger evidence.
+Depth and pose contradict each other wherever either is wrong. So most alarms also name, with little support,
+every cause for which other checks have the stronger evidence.
 """
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
@@ -108,6 +108,7 @@ def propose_range(alarm: Alarm, facts: Facts) -> tuple[Hypothesis, ...]:
         return (Hypothesis("invalid_encoding", "depth", support("depth.clipped_values")),)
     extent = _feature(alarm, DepthExtent)
     low_m, high_m = extent.range_m
+    # Stored depth is true depth times the factor: dividing undoes the unit before the range is tested.
     for factor in (1 / MM_PER_M, MM_PER_M):
         nearest_m, farthest_m = extent.nearest_m / factor, extent.farthest_m / factor
         if low_m <= nearest_m * (1 + RANGE_ROUNDING) and farthest_m * (1 - RANGE_ROUNDING) <= high_m:
@@ -124,6 +125,7 @@ def propose_scale(alarm: Alarm, facts: Facts) -> tuple[Hypothesis, ...]:
     statistic, path_scale = alarm.statistic, _feature(alarm, PathScale)
     # No change of unit gives lengths another sign.
     reduction = _feature(alarm, ResidualReduction).share if statistic.value > 0 else 0.0
+    # Where only a reversed path would fit the depths, the unit of the positions is not what is wrong.
     path_reversed = path_scale.factor is not None and path_scale.factor <= 0
     if path_scale.depths_plausible and not path_reversed:
         of_depth, of_pose = support("depth.scale_of_plausible_depths"), support("depth.scale_of_path")
@@ -148,6 +150,7 @@ def propose_consistency(alarm: Alarm, facts: Facts) -> tuple[Hypothesis, ...]:
     if alarm.finding.code not in ("depth.consistency.pose_correction", "depth.consistency.worst_pose_correction"):
         return of_pairs
     ratio = _feature(alarm, MotionCorrections).variance_ratio
+    # The ratio is of variances, measured over declared: declared over measured sigma, less 1, is the size of the cause.
     percent = 100 * (1 / ratio**0.5 - 1) if ratio else None
     of_all, of_worst = (
         Hypothesis("noise_misdeclared", "pose", support(f"depth.{name}"), percent, "percent")
@@ -176,7 +179,9 @@ def _of_pairs(alarm: Alarm) -> tuple[Hypothesis, ...]:
     if pairs.repeated:
         # Frames that are equal bit for bit are counted, not fitted.
         hypotheses.append(Hypothesis("frozen_frames", "depth", _ALL_OF_IT, float(pairs.repeated), "samples", 0.0))
+    # A free motion fits whatever befalls the two poses of a pair: no other fault of the poses explains more.
     single_pose = max((h.support for h in hypotheses if (h.cause, h.stream) == ("teleport", "pose")), default=0.0)
+    # Depths or poses of another sequence agree in no pair; a few pairs that are off rule that out.
     if 2 * pairs.off > pairs.compared:
         least = support("depth.another_sequence")
         hypotheses += [
@@ -204,6 +209,8 @@ def _by_trials(pairs: Sequence[PairTrials], extent: Extent, *, share_off: float)
             by_cause.setdefault(key, []).append(of_pair)
     hypotheses = []
     for (cause, stream), of_pairs in by_cause.items():
+        # A cause must explain every pair that is off, hence the mean. Its size is that of the pair that it explains
+        # best: elsewhere another cause may take part.
         mean_support = float(np.mean([of_pair[0] for of_pair in of_pairs]))
         unlikely = share_off > _MOST_PAIRS if cause in _SINGLE_FRAME_CAUSES else share_off < _FEW_PAIRS
         mean_support *= support("depth.unlikely_extent") if unlikely else 1.0

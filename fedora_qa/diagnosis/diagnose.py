@@ -67,13 +67,21 @@ def conclude(alarms: Sequence[Alarm], hypotheses: Mapping[str, Sequence[Hypothes
 
     Parameters
     ----------
+    alarms
+        Of one file.
     hypotheses
         By the id of the finding that they would explain.
+
+    Returns
+    -------
+    tuple[Diagnosis, ...]
+        In the order in which they were chosen, ``unknown`` last.
     """
     places = {alarm.finding.id: alarm.finding.where for alarm in alarms}
     checks = {alarm.finding.id: alarm.finding.code.rpartition(".")[0] for alarm in alarms}
     findings_of_check = Counter(checks.values())
     candidates = _candidates(hypotheses)
+    # What is left to explain of each finding: the demand of the set cover.
     unexplained = {alarm.finding.id: 1.0 for alarm in alarms}
 
     def gain(candidate: _CauseCandidate) -> float:
@@ -86,14 +94,19 @@ def conclude(alarms: Sequence[Alarm], hypotheses: Mapping[str, Sequence[Hypothes
 
     diagnoses: list[Diagnosis] = []
     explained: set[str] = set()
+    # Greedy step of the weighted cover (Chvatal 1979): the cause that adds most, counted by check; of equal ones that
+    # of more findings.
     while supported := [candidate for candidate in candidates if gain(candidate) >= _ENOUGH]:
         best = max(supported, key=lambda candidate: (gain_per_check(candidate), len(candidate.evidence)))
+        # Only causes of common findings compete; others belong to a diagnosis of their own.
         rivals = [rival for rival in candidates if rival is not best and set(rival.evidence) & set(best.evidence)]
         confidence = share_of_first(_plausibilities([best, *rivals], unexplained, checks))
         diagnoses.append(_as_diagnosis(f"D{len(diagnoses) + 1}", best, confidence, places))
         for finding, hypothesis in best.evidence.items():
+            # What the best supported cause so far leaves: supports of several causes of one finding do not add.
             unexplained[finding] = min(unexplained[finding], 1.0 - hypothesis.support)
         explained |= set(best.evidence)
+        # A cause all of whose findings are explained would be named beside the one that made it superfluous.
         candidates = [candidate for candidate in candidates if not set(candidate.evidence) <= explained]
     without_cause: dict[str, list[Alarm]] = defaultdict(list)
     for alarm in alarms:
@@ -159,6 +172,7 @@ def share_of_first(plausibilities: Sequence[float], sharpness: float = SHARPNESS
     It is below 1 where there is no rival at all: by ``UNTHOUGHT``.
     """
     most = max(plausibilities)
+    # Softmax at the temperature 1 / sharpness (Guo et al. 2017); less the maximum, so that exp cannot overflow.
     shares = [exp(sharpness * (plausibility - most)) for plausibility in plausibilities]
     return (1.0 - UNTHOUGHT) * shares[0] / sum(shares)
 
@@ -178,8 +192,10 @@ def _plausibilities(
 
     def support_of(rival: _CauseCandidate, findings: Sequence[str]) -> float:
         mean = sum(_new_support(rival, finding, unexplained) for finding in findings) / len(findings)
+        # Without the floor one check that has no hypothesis of a cause would rule it out with log(0).
         return max(mean, _UNFORESEEN)
 
+    # ln of the product over checks: Bayes with equal priors and independent witnesses.
     return [sum(log(support_of(rival, findings)) for findings in of_check.values()) for rival in rivals]
 
 

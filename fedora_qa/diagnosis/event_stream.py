@@ -81,6 +81,7 @@ def _of_moves(features: Sequence[Feature]) -> tuple[Hypothesis, ...]:
             _CAUSE_OF_MOVE[feature.transform],
             "events",
             support("event_stream.moved_hot_pixels"),
+            # Only a shift has a size, px to the right; a mirror image and exchanged axes have none.
             feature.right_px,
             "px" if feature.transform == "shifted" else "",
         )

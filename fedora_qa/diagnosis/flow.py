@@ -100,6 +100,7 @@ def convention_hypotheses(
         # One wrong frame cannot spoil most fields, and a fault of all fields does not spare most.
         unlikely = share_off > _MOST if cause in _SINGLE_FRAME_CAUSES else share_off < _FEW
         mean_support *= support("flow.unlikely_extent") if unlikely else 1.0
+        # The size comes from the field that the transform explains best: elsewhere another fault may take part.
         magnitude = max(zip(supports, group, strict=True), key=lambda pair: pair[0])[1].magnitude
         if magnitude is not None and cause in _UNSIGNED:
             magnitude = abs(magnitude)
@@ -117,8 +118,10 @@ def gain_hypothesis(
     within the relative ``tolerance`` of a name has that name. ``removed_share`` becomes the support.
     """
     factor = 1 + gain
+    # 1 + gain = -1: vectors of the right length and the opposite sign.
     if abs(factor + 1) < tolerance:
         return Hypothesis("flow_sign", flow, removed_share)
+    # A field in px/s is that in px times 1 / seconds; one in px s is that in px times seconds.
     for unit_factor in (seconds, 1 / seconds) if seconds > 0 else ():
         if abs(factor / unit_factor - 1) < tolerance:
             return Hypothesis("flow_unit", flow, removed_share, unit_factor, "1")

@@ -34,6 +34,7 @@ def propose_sharpness(alarm: Alarm, facts: Facts) -> tuple[Hypothesis, ...]:
         size = {"times_interval": 1 / interval_s, "divided_by_interval": interval_s}.get(sharpest.transform)
         cause = _CAUSE_OF_TRANSFORM[sharpest.transform]
         return (Hypothesis(cause, flow, support("flow_events.other_flow"), size, "1" if size else ""),)
+    # From percent to a share. The sign of the model error is unknown, so that its bound adds to the error.
     error = 0.01 * (alarm.statistic.standard_error + alarm.statistic.model_error_bound)
     return (
         gain_hypothesis(flow, sharpest.gain - 1, error, support("flow_events.gain"), interval_s, _GAIN_TOLERANCE),

@@ -27,6 +27,7 @@ def over_all_rates(
             streams_of_cause: dict[str, set[str]] = {}
             for hypothesis in (h for deviation in feature.deviations for h in hypotheses_of(deviation)):
                 streams_of_cause.setdefault(hypothesis.cause, set()).add(hypothesis.stream)
+            # One measured rate without the cause is enough: then the fault is of single rates, and not of the flow.
             common = {cause for cause, streams in streams_of_cause.items() if feature.rates <= streams}
             return tuple(
                 replace(h, stream="flow") if stream_family(h.stream) == "flow" and h.cause in common else h

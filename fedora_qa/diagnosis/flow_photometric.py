@@ -106,6 +106,7 @@ def _template_hypotheses(rate: RateResidual, templates: dict[str, TemplateExplan
     if rate.explained_share <= 0:
         return []
     gain, shift = templates["gain"], templates["shift"]
+    # Relative to what all templates explain together, so that rival supports are on one scale.
     by_gain, by_shift = gain.explained_share / rate.explained_share, shift.explained_share / rate.explained_share
     shift_px = _signed_norm(np.array(shift.sizes))
     if abs(shift_px) > _LARGEST_SHIFT_PX:
@@ -114,13 +115,16 @@ def _template_hypotheses(rate: RateResidual, templates: dict[str, TemplateExplan
     hypotheses = [
         gain_hypothesis(flow, gain.sizes[0], gain.standard_error, gain_support, rate.interval_s, _GAIN_TOLERANCE),
         Hypothesis("spatial_offset", "rgb", by_shift, shift_px, "px"),
+        # A field that is moved by -d gives each pixel the vector that an image moved by d asks for.
         Hypothesis("spatial_offset", flow, support("flow_photometric.image_shift_of_flow") * by_shift, -shift_px, "px"),
     ]
     for name, (cause, unit, largest) in _FAULT_OF_TEMPLATE.items():
         sizes = np.array(templates[name].sizes)
+        # The template of time is in percent of the interval (1% of 1 s is 10 ms), others in the unit of their cause.
         scale = _MS_PER_PERCENT_OF_S * rate.interval_s if name == "time" else 1.0
         size = _signed_norm(scale * sizes)
         if abs(size) <= _LINEAR * largest:
+            # Occam's razor: each further fitted number explains some of any deviation by chance.
             simplicity = support("flow_photometric.further_number") ** len(sizes)
             share = simplicity * templates[name].explained_share / rate.explained_share
             hypotheses.append(Hypothesis(cause, flow, share, size, unit))

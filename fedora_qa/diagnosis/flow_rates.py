@@ -62,11 +62,13 @@ def _copied_rates(trials: Sequence[ConventionTrial]) -> set[str]:
     for trial in trials:
         if trial.transform in COPIES:
             shares.setdefault((trial.stream, trial.transform), []).append(trial.removed_share)
+    # A copy is equal bit for bit, so that its removed share is exactly 1: no tolerance.
     return {stream for (stream, _), of_transform in shares.items() if min(of_transform) == 1.0}
 
 
 def _support_of_rate(rate: str, pair: RatePair, shares_off: Mapping[RatePair, float]) -> float:
     """Return how probably a rate is the wrong one of a pair: by whether each of the two agrees with a third rate."""
+    # Two rates that disagree do not show which one is wrong; one that agrees with a third rate is hardly the wrong one.
     agrees = {
         of_pair: any(of_pair in another and not share for another, share in shares_off.items()) for of_pair in pair
     }

@@ -34,7 +34,10 @@ from fedora_qa.judgement.judge import Alarm
 from fedora_qa.sequence.facts import Facts
 
 Propose = Callable[[Alarm, Facts], tuple[Hypothesis, ...]]
-"""Gives the hypotheses for an alarm of one check, best supported first."""
+"""Gives the hypotheses for an alarm of one check, best supported first.
+
+It reads the features of the alarm's statistic and the facts of the file, and no samples: diagnosis decodes nothing.
+"""
 
 PROPOSALS: Final[Mapping[str, Propose]] = MappingProxyType({
     "integrity.layout": integrity.propose_layout,
@@ -97,4 +100,5 @@ def propose(alarms: Sequence[Alarm], facts: Facts) -> dict[str, tuple[Hypothesis
 
 def hypotheses_of(alarm: Alarm, facts: Facts) -> tuple[Hypothesis, ...]:
     """Return the hypotheses for an alarm, best supported first; its check has a row in ``PROPOSALS``."""
+    # The code of a finding is ``<subject>.<property>.<rule>``: without the rule it is the name of the check.
     return PROPOSALS[alarm.finding.code.rpartition(".")[0]](alarm, facts)

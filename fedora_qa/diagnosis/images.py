@@ -48,8 +48,10 @@ def hypotheses_of_order(intervals: OutOfOrderIntervals) -> tuple[Hypothesis, ...
     or turned, for many.
     """
     ratios = intervals.relative_ratios
+    # Displacement over that of the flow: 1 in order, 0 for a frame that stands still, negative in reversed order.
     turned = any(ratio < -ALLOWED for ratio in ratios)
     stopped = sum(abs(ratio) < ALLOWED for ratio in ratios)
+    # Frames that are d apart leave d + 2 intervals out of order (docstring).
     exchanged_by = float(max(len(ratios) - 2, 1)) if turned else None
     # How far frames out of their places explain the intervals; the rest is a change of the image itself.
     displaced = {True: 1.0, False: 0.0, None: support("images.order_return_unmeasured")}[intervals.frames_return]
@@ -101,6 +103,7 @@ def propose_exposure(alarm: Alarm, facts: Facts) -> tuple[Hypothesis, ...]:
             )
         case _:
             gain = _feature(alarm, CodesMultiplied)
+            # Rounded codes bound the gain from both sides: half of that range stands for its standard error.
             size = gain.percent, "percent", gain.half_range_percent
             return (Hypothesis("exposure_or_gamma", _RGB, support("images.codes_exposure"), *size),)
 

@@ -30,6 +30,7 @@ def propose_channels(alarm: Alarm, facts: Facts) -> tuple[Hypothesis, ...]:
 def propose_transfer(alarm: Alarm, facts: Facts) -> tuple[Hypothesis, ...]:
     """Propose another transfer curve; where its exponent is confounded with the threshold, that as well."""
     exponent, (low, high) = alarm.statistic.value, EXPONENTS_OF_DISPLAYS
+    # Either direction of the curve: linear light encoded for a display (1 / 2.2), or such codes taken as linear (2.2).
     of_a_display = low <= exponent <= high or 1 / high <= exponent <= 1 / low
     # In the linear model an exponent bends steps by their level, which no threshold does.
     bent = of_a_display or alarm.statistic.name == "exponent"

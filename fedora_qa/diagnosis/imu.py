@@ -18,16 +18,18 @@ from fedora_qa.views.inertial_agreement import InertialConventionTrial, MotionKi
 _LEAST_EXPLAINED: Final = 0.5
 """Share of what can be explained from which on a group rivals the one that was freed."""
 
+# The fit is in s and s/s, the causes are in ms and ppm.
 _MS, _PPM = 1e3, 1e6
 
 _ROUNDED_S: Final = 1e-6 / sqrt(12.0)
-"""Files stamp in whole microseconds: all stamps of an even clock are rounded by the same part of one."""
+"""Timestamps are whole microseconds: all those of an even clock are rounded by the same part of one."""
 
 
 def propose_noise(alarm: Alarm, facts: Facts) -> tuple[Hypothesis, ...]:
     """Return the causes of noise that is not as declared, or of repeated samples."""
     if alarm.finding.code == "imu.noise.frozen":
         return (Hypothesis("frozen_frames", "imu", support("imu.repeats_counted"), alarm.statistic.value, "samples"),)
+    # A gyro written in deg/s has 180 / pi = 57.3 times its noise in rad/s.
     units = {"unit_deg_rad": degrees(1.0)} if alarm.finding.code == "imu.noise.gyro" else {}
     return noise_hypotheses(alarm, "imu", units)
 
@@ -155,6 +157,7 @@ def parameter_hypotheses(
     kind, group = parameter.kind, group_of(parameter.name)
     own = parameter.explained.get(group, support("imu.parameter_not_freed"))
     smallest = support("imu.smallest_component")
+    # Linear in this component over the largest of its vector: 1 for the largest, ``smallest_component`` for 0.
     strength = (smallest + (1.0 - smallest) * parameter.component_ratio) * max(support("imu.parameter_least"), own)
     value, error = parameter.value, parameter.standard_error
     rivals = [
@@ -180,6 +183,7 @@ def _relative_likelihood(explained: float, own: float) -> float:
     With an unknown size of the noise the likelihood of ``n`` samples goes as the squares that are left to the power
     ``-n / 2``. What a model leaves is alike in neighbouring samples: all count as one, the fewest there can be.
     """
+    # (S_own / S_rival)^(n / 2) with n = 1, S = 1 - explained: the likelihood ratio of the docstring.
     return sqrt(max(1.0 - own, 0.0) / (1.0 - explained)) if explained < own else 1.0
 
 
@@ -196,7 +200,8 @@ def _group_hypotheses(
     hypotheses: tuple[Hypothesis, ...] = ()
     match group:
         case "time_offset":
-            # Two clocks alone do not show which of them is late, nor what of a delay is written in stamps.
+            # Two clocks alone do not show which of them is late, nor which part of a delay is in the timestamps.
+            # Rounding to whole us is uniform, sigma = 1 us / sqrt(12), and independent of the errors of the fit.
             error_ms = _MS * hypot(error, _ROUNDED_S)
             of_imu, of_pose = timing_cues.imu_offset * strength, timing_cues.pose_offset * strength
             hypotheses = (
@@ -225,6 +230,7 @@ def _group_hypotheses(
             of_metadata = support("imu.gravity_of_declaration") * declaration * strength
             hypotheses = (
                 Hypothesis("gravity_magnitude", "imu", sensor * strength, value, "m/s^2", error),
+                # What the sensor measures too large is declared too small by the same amount.
                 Hypothesis("gravity_magnitude", "metadata", of_metadata, -value, "m/s^2", error),
             )
         case "slope":

@@ -28,6 +28,7 @@ def _of_rule(stream: str, rule: MapRule, entries: WrongEntries) -> Iterator[Hypo
     frames, size, error = entries.frames, rule.size, rule.standard_error
     match rule.rule:
         case "behind_equal_timestamps":
+            # An entry is the number of events before its frame: events at the frame's own timestamp do not count.
             yield Hypothesis("index_side", stream, support("index_maps.right_side"))
         case "zero":
             # Zero from some frame to the end: writing ended early. Zero throughout: it was never written.
@@ -36,6 +37,7 @@ def _of_rule(stream: str, rule: MapRule, entries: WrongEntries) -> Iterator[Hypo
                 yield Hypothesis("truncated", stream, supported, 100 * entries.ratio, "percent")
             yield Hypothesis("missing_stream", stream, support("index_maps.not_written"))
         case "last_event":
+            # The index of the last event before a frame is one less than the number of events before it.
             yield Hypothesis("index_off_by_one", stream, support("index_maps.stops_at_last_event"), -1.0, "events")
         case "nearest_event":
             yield Hypothesis("index_off_by_one", stream, support("index_maps.nearest_event"), -1.0, "events")
@@ -43,6 +45,7 @@ def _of_rule(stream: str, rule: MapRule, entries: WrongEntries) -> Iterator[Hypo
             yield Hypothesis("index_off_by_one", stream, support("index_maps.constant_shift"), size, "events", error)
             # A shift that begins at some frame: events were lost or doubled there after the map was made.
             if entries.begins_within and entries.reaches_end and size is not None and abs(size) > 1:
+                # Entries that are too large count events that the stream no longer has.
                 cause = "dropped_samples" if size > 0 else "duplicated_samples"
                 yield Hypothesis(cause, "events", support("index_maps.events_lost_or_doubled"))
         case "other_camera":

@@ -43,6 +43,7 @@ def _of_label(statistic: Statistic) -> tuple[Hypothesis, ...]:
             hypotheses.append(Hypothesis("time_unit", stream, supported, label.time_factor, "1"))
         cause = _CAUSE_OF_UNIT.get(label.expected)
         if label.scale and cause:
+            # ``scale`` leads from the labelled to the expected unit: values are too large by its reciprocal.
             hypotheses.append(Hypothesis(cause, stream, supported, 1 / label.scale, "1"))
         if stream in FLOW_STREAMS and label.label == "px/s":
             hypotheses.append(Hypothesis("flow_unit", stream, supported))

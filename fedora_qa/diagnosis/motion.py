@@ -68,6 +68,7 @@ def noise_hypotheses(alarm: Alarm, stream: str, unit_causes: Mapping[str, float]
     ratio = noise.sigma / noise.declared
     # The declaration is wrong by declared / sigma - 1, whose relative error is that of sigma.
     error = 100.0 * (1.0 / ratio - 1.0) if ratio > 0 else None
+    # d(declared / sigma) = declared / sigma^2 d sigma, in percent.
     standard_error = 100.0 * noise.standard_error / noise.sigma / ratio if ratio > 0 else None
     units = (
         Hypothesis(cause, stream, support("motion.noise_of_unit"), factor, "1")
@@ -85,4 +86,5 @@ def noise_hypotheses(alarm: Alarm, stream: str, unit_causes: Mapping[str, float]
 def axes_cause(axes: tuple[tuple[int, ...], ...]) -> str:
     """Return the cause of a signed permutation of axes: an exchange of two, or another convention."""
     matrix = np.array(axes)
+    # An exchange of two axes has no negative entry and leaves one axis in place: trace 1. A cyclic one has trace 0.
     return "axes_swapped" if np.all(matrix >= 0) and int(np.trace(matrix)) == 1 else "frame_convention"

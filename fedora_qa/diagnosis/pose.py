@@ -59,6 +59,7 @@ def propose_continuity(alarm: Alarm, facts: Facts) -> tuple[Hypothesis, ...]:
     explained = bool(transforms) or beside_repeats
     repeats = support("pose.jump_at_repeats" if beside_repeats else "pose.jump_without_repeats")
     teleport = support("pose.jump_explained" if explained else "pose.jump")
+    # A teleport has a length; a jump of the orientation has none.
     in_metres = statistic.unit == "m"
     return (
         *of_timestamps,
@@ -85,6 +86,7 @@ def propose_noise(alarm: Alarm, facts: Facts) -> tuple[Hypothesis, ...]:
         return hypotheses
     noise = next(feature for feature in alarm.statistic.features if isinstance(feature, MeasuredNoise))
     rotation_sigma_rad = (facts.declared.pose or PoseModel()).rotation_sigma_rad
+    # Independent noises add in squares: what exceeds the declaration is left to the arm.
     excess_m2 = noise.sigma**2 - noise.declared**2
     if excess_m2 <= 0 or rotation_sigma_rad <= 0:
         return hypotheses

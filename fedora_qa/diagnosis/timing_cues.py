@@ -38,13 +38,15 @@ class TimingCues:
 def timing_cues_of(facts: Facts) -> TimingCues:
     """Compare the timestamps of IMU and poses with those of all other streams.
 
-    A simulator, and a good recorder, stamps on one grid: frames fall on stamps of IMU and pose. A clock that was moved
-    by a whole number of microseconds at random is still in place with a chance of one in its period.
+    A simulator, and a good recorder, has one grid for all timestamps: those of frames are also timestamps of IMU and
+    pose. A clock that was moved by a whole number of microseconds at random is still in place with a chance of 1 us
+    over its period.
     """
     if "imu" not in facts.clocks or "pose" not in facts.clocks:
         return TimingCues()
     imu_ns, pose_ns = (facts.clocks[stream].times_ns for stream in ("imu", "pose"))
     for imu_share, pose_share in _coincidences(facts, imu_ns, pose_ns):
+        # IMU in place, poses not: the poses were moved, or the IMU was and is back on the grid by chance.
         if imu_share >= _IN_PLACE and pose_share <= _OUT_OF_PLACE:
             return TimingCues(imu_offset=_chance_of_coincidence(imu_ns))
         if pose_share >= _IN_PLACE and imu_share <= _OUT_OF_PLACE:
@@ -65,7 +67,7 @@ def gravity_likelihoods(declared_m_s2: float, excess_m_s2: float, error_m_s2: fl
 
 
 def _coincidences(facts: Facts, imu_ns: Int64, pose_ns: Int64) -> Iterator[tuple[float, float]]:
-    """Yield, cue by cue, how far IMU and pose are in place: of frames on their stamps, of beginnings, of the grid."""
+    """Yield for each cue the shares to which IMU and pose are in place: frames, beginnings, grid."""
     frame_clocks = [clock for stream, clock in facts.clocks.items() if stream not in ("imu", "pose")]
     frames_ns = [clock.times_ns for clock in frame_clocks if clock.usable]
     if frames_ns and len(imu_ns) and len(pose_ns):
@@ -84,6 +86,7 @@ def _share_among(times_ns: Int64, timestamps_ns: Int64) -> float:
         return 0.0
     # By bisection where timestamps are in order, which is the rule.
     in_order = not np.any(np.diff(timestamps_ns) < 0)
+    # The search has no index beyond the end: ``within`` does not exceed the last timestamp.
     coincident = (
         timestamps_ns[np.searchsorted(timestamps_ns, within)] == within if in_order else np.isin(within, timestamps_ns)
     )
@@ -91,9 +94,10 @@ def _share_among(times_ns: Int64, timestamps_ns: Int64) -> float:
 
 
 def _on_own_grid(facts: Facts, timestamps_ns: Int64) -> float:
-    """Return whether the file stamps the stream at multiples of its period."""
+    """Return whether the timestamps of the stream are multiples of its period: 1 if so, else 0."""
     if len(timestamps_ns) < 2:
         return 0.0
+    # The median, because a gap would move the mean of the steps.
     period_us = float(np.median(np.diff(timestamps_ns))) / NS_PER_US
     return float(period_us > 1 and facts.to_file_us(float(timestamps_ns[0])) % period_us == 0)
 

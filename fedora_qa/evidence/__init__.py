@@ -1,4 +1,4 @@
-"""What a person will want to see, kept by the measuring pass within a size cap: pictures, series, histograms.
+"""Evidence for a reader of the report, collected by the measuring pass within a size cap: pictures, series, histograms.
 
 Names, shapes and units of the arrays are those of ``record/evidence.py``. Nothing here judges.
 """

@@ -160,6 +160,7 @@ def _count_events(state: EvidenceState, window: Window) -> None:
     except UnreadableRowsError:
         return
     state.events[window.span.index] = state.plan.timeline.count(times_ns)
+    # Windows whose events were not read count no time, or the rates of pixels would come out too low.
     state.counted_ns.append((window.span.start_ns, window.span.stop_ns))
 
 

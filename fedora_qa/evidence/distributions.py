@@ -52,6 +52,7 @@ class DistributionsCollector:
     def __init__(self, spans: Sequence[Span], families: frozenset[str] | None = None) -> None:
         self._families = families
         cell_ns = spans[0].stop_ns - spans[0].start_ns if spans else 1
+        # A window times the power of two that leaves at most _MOST_BLOCKS blocks, so that blocks of files nest.
         self._block_ns = cell_ns << max(0, ceil(log2(max(len(spans), 1) / _MOST_BLOCKS)))
 
     def start(self, facts: Facts) -> Blocks:
@@ -93,7 +94,7 @@ def pixel_intervals_ms(pixels: NDArray[np.integer[Any]], times_ns: Int64, start_
     pixels
         (N,) whole numbers, one for each pixel, of events in the order of time.
     times_ns
-        (N,) their stamps.
+        (N,) their timestamps.
     """
     count = int(pixels.max(initial=-1)) + 1
     if count <= _MOST_PIXELS and int(pixels.min(initial=0)) >= 0:
@@ -115,7 +116,7 @@ def _event_counts(window: Window) -> dict[str, Int64]:
     scan = window.facts.events
     if "events" not in window.facts.streams or scan is None:
         return {}
-    # A search by time needs stamps in order; without, the window stays within its own rows.
+    # A search by time needs timestamps in order. Without, only the rows of the window are read.
     before_ns = LONGEST_INTERVAL_NS if scan.decreases == 0 else 0
     try:
         events = window.events(before_ns=before_ns)
@@ -129,8 +130,10 @@ def _event_counts(window: Window) -> dict[str, Int64]:
     # Events per ms in each 5 ms of the window that lies wholly within the stream of events.
     edges_ns = np.arange(span.start_ns, span.stop_ns + 1, _RATE_BIN_NS)
     before = np.searchsorted(times_ns, edges_ns)
+    # As in np.histogram the last bin includes its right edge.
     before[-1:] = np.searchsorted(times_ns, edges_ns[-1:], side="right")
     counts = np.diff(before)
+    # A bin that the stream covers in part would show too low a rate.
     within = (edges_ns[:-1] >= scan.first_ns) & (edges_ns[1:] <= scan.last_ns)
     rates_per_ms = np.asarray(counts[within] * (NS_PER_MS / _RATE_BIN_NS))
     return {
@@ -170,6 +173,7 @@ def _intervals_ns(pixels: NDArray[np.int32], times_ns: Int64, count: int, start_
     intervals_ns, ended = np.empty(len(pixels) - first, np.int64), 0
     for i in range(first, len(pixels)):
         pixel, time_ns = pixels[i], times_ns[i]
+        # _NEVER_NS is the least int64: it is compared and never subtracted from, which would overflow.
         if latest_ns[pixel] >= time_ns - longest_ns:
             intervals_ns[ended] = time_ns - latest_ns[pixel]
             ended += 1

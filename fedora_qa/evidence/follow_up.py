@@ -26,7 +26,7 @@ def keep_worst_locations(
     options: EvidenceOptions,
     images: int,
 ) -> TitledArrays:
-    """Draw what the streams show at the locations of the gravest findings.
+    """Draw pictures of all streams at the locations of the gravest findings.
 
     Parameters
     ----------
@@ -35,8 +35,14 @@ def keep_worst_locations(
     images
         How many images may be decoded for it; one location needs one of each stream of images, and the frame at the end
         of the flow. What the locations leave of it is spent on the frames before and after them, the gravest first.
+
+    Returns
+    -------
+    TitledArrays
+        Pictures and boxes by the id of the finding.
     """
     streams = sum(name in facts.clocks for name in ("rgb", "depth")) + bool(facts.flow_streams)
+    # The residual also needs the frame at the end of the field's interval.
     streams += bool(facts.flow_streams) and "rgb" in facts.clocks
     most = min(options.worst_locations, images // max(streams, 1))
     width_px = fitting_width_px(facts, options, options.worst_locations + options.beside * len(BESIDE))

@@ -89,6 +89,7 @@ def seconds_of(facts: Facts, bounds_ns: Iterable[tuple[int, int]]) -> float:
 def padded_sum(earlier: UInt32, later: UInt32) -> UInt32:
     """Add counts of pixels; the sensor reaches as far as the larger of both. Neither is changed."""
     total = grown(earlier, *later.shape)
+    # ``grown`` returns its argument where that is large enough: states of two windows must not share an array.
     total = total.copy() if total is earlier else total
     total[: later.shape[0], : later.shape[1]] += later
     return total

@@ -87,6 +87,7 @@ def _finite_means(image: Float32, rows: int, columns: int, height: int, width: i
         for line_number in range(row * height, (row + 1) * height):
             line = lines[line_number]
             for i in range(wide):
+                # False for NaN and infinity alike.
                 finite = abs(line[i]) < np.inf
                 sums[i] += line[i] if finite else np.float32(0)
                 counts[i] += np.float32(1) if finite else np.float32(0)
@@ -107,6 +108,7 @@ def _code_means(image: UInt8, rows: int, columns: int, height: int, width: int) 
     channels = image.shape[2]
     lines = image.reshape(image.shape[0], image.shape[1] * channels)
     wide, step = columns * width * channels, np.uint64(channels)  # a signed index costs a comparison
+    # 255 times the pixels of a block fits 32 bits up to blocks of 4104 x 4104 pixels.
     means, sums = np.empty((rows, columns, channels), np.uint8), np.empty(wide, np.uint32)
     for row in range(rows):
         sums[:] = 0
@@ -147,5 +149,6 @@ def _events_of_blocks(
         if 0 <= columns[i] < width and 0 <= rows[i] < height and 0 <= p[i] <= 1:
             block_counts = counts[p[i], rows[i] // block]
             column = columns[i] // block
+            # Saturates at 65535, where 16 bits would wrap to 0.
             if block_counts[column] < most:
                 block_counts[column] += np.uint16(1)

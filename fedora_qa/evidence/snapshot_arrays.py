@@ -21,7 +21,7 @@ _ON_CLOCK: Final = "us on the file's clock"
 
 
 def keep_snapshots(group: str, snapshots: Sequence[Snapshot], facts: Facts, width_px: int) -> TitledArrays:
-    """Return the glimpses as arrays whose first axis is the snapshot; a picture that one lacks is NaN, or 0.
+    """Return the snapshots as arrays whose first axis is the snapshot; a picture that one lacks is NaN, or 0.
 
     Nothing where none of them has any picture.
     """

@@ -17,17 +17,19 @@ _BYTES_PER_PX: Final[Mapping[str, int]] = {
     "path/depth": 4,
     **{f"path/{name}": 8 for name in FLOW_STREAMS},
 }
+# Counts of two polarities as uint16; the residual is float16.
 _EVENT_BYTES_PER_PX: Final = 4
 _RESIDUAL_BYTES_PER_PX: Final = 2
 _LEAST_WIDTH_PX: Final = 16
+# Rows and columns of the paper's event camera, for files that declare none.
 _USUAL_SENSOR: Final = (480, 640)
 
 
 def snapshot_times_ns(spans: Sequence[Span], facts: Facts, count: int) -> Mapping[int, tuple[int, ...]]:
     """Return times by the number of their window, evenly spread over the images of the windows.
 
-    They are stamps of the slowest stream of images that has enough, so that faster ones have an image there as well;
-    the middles of windows where there are no images.
+    They are timestamps of the slowest stream of images that has enough, so that faster ones have an image there as
+    well. Where there are no images they are the middles of windows.
     """
     stream = _slowest(spans, facts, count)
     if stream is None:
@@ -39,6 +41,7 @@ def snapshot_times_ns(spans: Sequence[Span], facts: Facts, count: int) -> Mappin
     for position in _evenly(int(ends[-1]), count):
         number = int(np.searchsorted(ends, position, "right"))
         span = spans[number]
+        # ``ends`` are cumulative counts, so that the row is counted back from the end of its window.
         row = span.owned[stream][1] - (int(ends[number]) - position)
         times_by_window[span.index] = (*times_by_window.get(span.index, ()), int(times_ns[row]))
     return times_by_window

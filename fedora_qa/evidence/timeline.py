@@ -27,7 +27,7 @@ class Timeline:
         return np.linspace(self.start_ns, self.stop_ns, self.bins + 1)
 
     def count(self, times_ns: Int64) -> Int64:
-        """Count stamps in each bin, those outside in none; in whole numbers, so that no stamp moves by rounding."""
+        """Count timestamps in each bin, those outside in none; in whole numbers, so that none moves by rounding."""
         within = times_ns[(times_ns >= self.start_ns) & (times_ns <= self.stop_ns)]
         length_ns = self.stop_ns - self.start_ns
         coarser = max(0, (length_ns * self.bins).bit_length() - 63)  # of decades the product would leave int64
@@ -44,8 +44,8 @@ class Timeline:
 def timeline_of(facts: Facts, spans: Sequence[Span], bins: int) -> Timeline:
     """Lay bins over the time in which at least half of the streams have samples.
 
-    A stamp in the far future, or a stream on another clock, does not squeeze all other samples into one bin. Flow does
-    not count: it ends an interval before the rest.
+    A timestamp in the far future, or a stream on another clock, does not put all other samples into one bin. Flow does
+    not count, because it ends an interval before the rest.
     """
     present = [
         sum(start < stop and not stream.startswith("flow/") for stream, (start, stop) in span.owned.items())
@@ -73,8 +73,8 @@ def stream_counts(
     spans
         All windows of the file.
     event_counts
-        Events in each bin, by the number of each window whose stamps were read. Of other windows the number of events
-        is known; they are spread evenly.
+        Events in each bin, by the number of each window whose timestamps were read. Of other windows only the number
+        of events is known: they are spread evenly.
     """
     counts = {stream: timeline.count(clock.times_ns) for stream, clock in sorted(facts.clocks.items())}
     if "events" in facts.streams:

@@ -21,9 +21,22 @@ _BLOCK_ROWS: Final = 1 << 14
 
 
 def keep_trajectory(facts: Facts, source: RowSource, points: int) -> TitledArrays:
-    """Keep at most so many poses, evenly chosen; nothing where there are none that advance and are finite.
+    """Return at most ``points`` poses, evenly chosen, as arrays of the record.
 
     All poses are read, whatever the plan: a second of them is no larger than a few rows of one picture.
+
+    Parameters
+    ----------
+    facts, source
+        Of the file.
+    points
+        Greatest number of poses.
+
+    Returns
+    -------
+    TitledArrays
+        Times (us, clock of the file), positions (m, world), speeds (m/s) and forward directions (world); nothing where
+        no pose advances and is finite.
     """
     if "pose" not in facts.clocks:
         return TitledArrays()
@@ -35,6 +48,7 @@ def keep_trajectory(facts: Facts, source: RowSource, points: int) -> TitledArray
     fitted = velocities((times_ns - times_ns[0]) / NS_PER_S, positions_m)
     speeds_m_s = np.full(len(times_ns), np.nan) if fitted is None else np.linalg.norm(fitted, axis=1)
     chosen = np.unique(np.linspace(0, len(times_ns) - 1, min(points, len(times_ns))).round().astype(np.intp))
+    # The first column of R_world_body is the body's X axis, forward, in the world (east, north, up).
     forward = matrices_from_quaternions(orientations_xyzw[chosen])[:, :, 0]
     times_us = facts.origin_us + times_ns[chosen] / NS_PER_US
     return TitledArrays.titled(
@@ -54,7 +68,7 @@ def keep_trajectory(facts: Facts, source: RowSource, points: int) -> TitledArray
 
 
 def _readable(facts: Facts, source: RowSource) -> Iterator[tuple[NDArray[np.int64], Float64, Float64]]:
-    """Yield stamps, positions and orientations that advance and are finite, block by block."""
+    """Yield timestamps (ns), positions (m) and orientations (xyzw) that advance and are finite, block by block."""
     clock = facts.clocks["pose"]
     for start in range(0, len(clock.times_ns), _BLOCK_ROWS):
         stop = min(start + _BLOCK_ROWS, len(clock.times_ns))

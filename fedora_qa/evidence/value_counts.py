@@ -43,6 +43,8 @@ def _count_bits(bits: NDArray[np.int32], shift: int, before: int, counts: Int64)
     """Count numbers of single precision by their leading bits; negative ones, infinity and NaN not at all."""
     infinity, last = np.int32(0x7F800000), len(counts) - 1
     for value in bits:
+        # Floats that are not negative are ordered as their bits (IEEE 754). A set sign bit makes the integer negative;
+        # NaN lies above infinity.
         if 0 <= value < infinity:
             counts[min(max((value >> shift) - before, 0), last)] += 1
 

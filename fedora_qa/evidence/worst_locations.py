@@ -124,7 +124,7 @@ def _field(where: Where, rows: Mapping[str, int], time_ns: int | None, facts: Fa
 
 
 def _instant_ns(where: Where, rows: Mapping[str, int], facts: Facts) -> int | None:
-    """Return the stamp of the frame that is named, or else the time: of a long time its middle."""
+    """Return the timestamp of the frame that is named, or else the time of the finding: the middle of an interval."""
     for stream, row in rows.items():
         if facts.clocks[stream].usable:
             return int(facts.clocks[stream].times_ns[row])

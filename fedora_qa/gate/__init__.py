@@ -1,1 +1,1 @@
-"""The gate: holds a release of many sequences to a policy, and certifies what was checked."""
+"""The gate: compares a release of many sequences with a policy, and certifies what was checked."""

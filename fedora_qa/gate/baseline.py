@@ -1,4 +1,4 @@
-"""The baseline: findings that an earlier gate told of are known; new ones, and known ones grown worse, are not."""
+"""The baseline: findings of an earlier gate are known; new ones, and known ones that have grown worse, are not."""
 
 import math
 from collections import Counter
@@ -75,9 +75,8 @@ def accept_known(name: str, file: FileRecord, baseline: Baseline, false_alarm_ra
         key = _key(name, result, finding)
         if finding.severity not in GRAVE or not left[key]:
             return finding
-        # Whether any value lies farther out than before, beyond the errors of both.
-        # The difference of two honest deviations is normal with the variances of both; the rate is shared by the
-        # check's measurements (Bonferroni).
+        # Whether any value lies farther out than before, beyond the errors of both. The difference of two correct
+        # deviations is normal with the variances of both. The check's measurements share the rate (Bonferroni).
         before = baseline.results[name, result.check]
         sigmas = NormalDist().inv_cdf(1 - false_alarm_rate / max(len(result.measurements), 1))
         earlier = {measurement.name: measurement for measurement in before.measurements}
@@ -88,6 +87,7 @@ def accept_known(name: str, file: FileRecord, baseline: Baseline, false_alarm_ra
         )
         if grown_worse:
             return replace(finding, message=f"{finding.message} Worse than in the baseline.")
+        # One known finding accepts one: a second of its kind is new.
         left[key] -= 1
         return replace(finding, severity="warning", message=f"{finding.message} Known from the baseline.")
 
@@ -106,10 +106,12 @@ def _farther_out(now: Measurement, before: Measurement, sigmas: float) -> bool:
     if now.expected is None or before.expected is None:
         return False
     grown = _deviation(now.value - now.expected, now.side) - _deviation(before.value - before.expected, before.side)
+    # Variances of both deviations add; ``sigmas`` is the one-sided quantile at the shared rate.
     return grown > sigmas * math.hypot(now.standard_error or 0.0, before.standard_error or 0.0)
 
 
 def _deviation(difference: float, side: Side) -> float:
     if side == "both":
         return abs(difference)
+    # What lies on the side without a limit does not deviate.
     return max(difference if side == "upper" else -difference, 0.0)

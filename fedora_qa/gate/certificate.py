@@ -88,6 +88,7 @@ class Certificate:
     @property
     def own_digest(self) -> str:
         """What ``digest`` is in a certificate that nobody has changed."""
+        # Canonical JSON, without the digest itself: equal certificates have equal bytes.
         values = CERTIFICATE.adapter.dump_python(replace(self, digest=""), mode="json")
         return hashlib.sha256(json.dumps(values, sort_keys=True, separators=(",", ":")).encode()).hexdigest()
 

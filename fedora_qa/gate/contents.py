@@ -1,4 +1,4 @@
-"""What the rules of a release need of a sequence beyond its record: streams, cameras, and what tells its content."""
+"""What the rules of a release need of a sequence beyond its record: streams, cameras, and digests of its content."""
 
 import hashlib
 from collections.abc import Iterable, Iterator, Mapping
@@ -30,7 +30,7 @@ class Contents:
     digests
         SHA-256 of a stream's content, by stream; streams that are absent, unreadable, or never change have none.
     poses
-        Digests of the distinct poses, to find stretches of one flight in two files.
+        Digests of the distinct poses, to find segments of one flight in two files.
     """
 
     streams: frozenset[str]
@@ -73,7 +73,7 @@ def read_contents(
 
 
 def _stream_digest(sequence: Sequence, stream: str) -> str | None:
-    """Return a digest of a stream's values without its stamps, which sequences of one rate may share.
+    """Return a digest of a stream's values without its timestamps, which sequences of one rate may share.
 
     None where the stream is not there, cannot be decoded, or never changes: a grey wall is alike everywhere.
     """
@@ -84,10 +84,12 @@ def _stream_digest(sequence: Sequence, stream: str) -> str | None:
         for spec in datasets_of(stream):
             if spec.is_timestamps:
                 continue
+            # Key and shape are digested too: the same bytes in another dataset or shape are other content.
             digest.update(f"{spec.key} {sequence.layout.bindings[spec.key].shape}".encode())
             first: NDArray[Any] | None = None
             for block in _blocks(sequence, spec):
                 first = block[:1] if first is None else first
+                # As bytes, because NaN, which marks invalid depth, is not equal to itself.
                 changes = changes or block.tobytes() != np.broadcast_to(first, block.shape).tobytes()
                 digest.update(np.ascontiguousarray(block).tobytes())
     except UnreadableRowsError:

@@ -51,6 +51,7 @@ def rule_on_checksums(folder: Path, listing: str, digests: Mapping[str, str]) ->
 
 def _checksum_violations(folder: Path, listing: Path, digests: Mapping[str, str]) -> Iterator[Violation]:
     listed: dict[str, str] = {}
+    # Names of files need not be UTF-8: surrogates keep them readable and comparable.
     text = listing.read_text(encoding="utf-8", errors="surrogateescape") if listing.is_file() else ""
     for number, line in enumerate(text.splitlines(), start=1):
         match = _LINE.fullmatch(line)

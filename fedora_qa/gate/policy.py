@@ -131,6 +131,7 @@ def _require_known_names(policy: Policy) -> None:
         for name in names:
             if name not in {*STREAMS, "flow"}:
                 raise MisuseError(f"Expected a stream in {key!r}, got {name!r}; there are {', '.join(STREAMS)}")
+    # Raises ``MisuseError`` for a name that is no check, no subject and no rule.
     select_checks(tuple(name for name in policy.severity if name not in RULES), ())
     _require_selected(policy)
     for pattern in policy.files:

@@ -61,6 +61,7 @@ def find_sequences(folder: Path, patterns: Iterable[str]) -> tuple[SequenceFile,
 def is_plain(name: str) -> bool:
     """Whether a name is relative, stays where it is on every system, and can be written as UTF-8."""
     path = PurePosixPath(name)
+    # A backslash separates folders on Windows; a lone surrogate cannot be written as UTF-8.
     odd = {"\\", "\0"} & set(name) or any("\ud800" <= character <= "\udfff" for character in name)
     return bool(path.parts) and not path.is_absolute() and ".." not in path.parts and not odd
 
@@ -76,6 +77,7 @@ def inside(folder: Path, name: str) -> Path:
     if not is_plain(name):
         raise MisuseError(f"Expected the name of a file within {folder}, got {name!r}")
     path = folder / name
+    # The name alone does not show where a link leads: the resolved path does.
     if not path.resolve().is_relative_to(folder.resolve()):
         raise MisuseError(f"Expected files within {folder}, got a link that leads out of it: {name!r}")
     return path

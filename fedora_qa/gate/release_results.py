@@ -39,7 +39,7 @@ def release_results_of(
     ----------
     files
         The records of the sequences, in the release's order.
-    known
+    contents_by_name
         What ``contents_of`` found.
     digests
         SHA-256 of all of each sequence, by its name; may be empty where the policy asks for no checksums.
@@ -81,6 +81,7 @@ def contents_of(
     folders = tuple(map(Path, policy.check.allow_external))
     contents_by_name, records_read = dict[str, Contents](), list[FileRecord]()
     for sequence, file in zip(release.sequences, files, strict=True):
+        # A file whose checks all crashed would probably end the next process that opens it as well.
         died = file.results and all(result.outcome == "crashed" for result in file.results)
         task = partial(_read, sequence.path, dialect, streams, bool(policy.splits), folders)
         try:

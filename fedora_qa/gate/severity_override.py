@@ -22,6 +22,7 @@ def _marked(result: Result, mark: Mark) -> Result:
     findings = tuple(mark(result, finding) for finding in result.findings)
     if findings == result.findings:
         return result
+    # A check that crashed or could not measure stays so, whatever its findings count as.
     if result.outcome not in {"failed", "warned"}:
         return replace(result, findings=findings)
     grave = any(finding.severity in GRAVE for finding in findings)

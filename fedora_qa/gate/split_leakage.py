@@ -37,6 +37,7 @@ def rule_on_splits(
         if len(home) != 1
     ]
     for first, other in combinations(contents_by_name, 2):
+        # Sequences of one split may be alike: only what two splits share leaks.
         apart = set(homes[first]).isdisjoint(homes[other])
         # What two sequences have in common, in words; empty where they differ.
         if apart and (shared := " and ".join(_alike(contents_by_name, first, other))):

@@ -18,7 +18,7 @@ _STATISTICS: Final[Mapping[Total, tuple[str, str]]] = {
 
 
 def rule_on_totals(files: Sequence[FileRecord], totals: Mapping[Total, Bounds]) -> ReleaseResult:
-    """Sum over all sequences, and hold each sum to its bounds."""
+    """Sum over all sequences, and compare each sum with its bounds."""
     violations = [violation for total, bounds in totals.items() for violation in _out_of_bounds(files, total, bounds)]
     return ReleaseResult("release.totals", "Does the release amount to what it should?", FOLDER, tuple(violations))
 
@@ -34,13 +34,14 @@ def _out_of_bounds(files: Sequence[FileRecord], total: Total, bounds: Bounds) ->
 
 
 def amount_of(files: Sequence[FileRecord], total: Total) -> float | None:
-    """Return what all sequences amount to; None where one of them does not tell."""
+    """Return the sum over all sequences, in the unit of the total; None where one of them lacks the statistic."""
     if total == "sequences":
         return float(len(files))
     if total == "bytes":
         return float(sum(file.size for file in files))
     group, name = _STATISTICS[total]
     values = [file.statistics.get(group, {}).get(name) for file in files]
+    # A sum that lacks a sequence would look like a smaller release.
     if any(not isinstance(value, int | float) for value in values):
         return None
     return float(sum(value for value in values if isinstance(value, int | float)))

@@ -59,9 +59,11 @@ def judged(record: Record, release: Release, release_results: Iterable[ReleaseRe
     Parameters
     ----------
     record
-        Of the sequences, in the release's order, and last of the release itself, as ``release_record`` begins it.
-    rulings
+        Of the sequences, in the release's order, and last of the release itself, as ``release_record`` makes it.
+    release_results
         What the rules about the release found.
+    judgement
+        The policy, the baseline, and the day on which waivers are tested.
     """
     policy, release_results = judgement.policy, tuple(release_results)
     names = [*(sequence.name for sequence in release.sequences), FOLDER]
@@ -69,6 +71,7 @@ def judged(record: Record, release: Release, release_results: Iterable[ReleaseRe
     weighed = [with_severity(file, policy.severity, policy.check.fail_on) for file in ruled]
     files_judged = [_held_to_required(file, policy) for file in weighed[:-1]] + weighed[-1:]
     accepted = [_accepted(name, file, judgement) for name, file in zip(names, files_judged, strict=True)]
+    # Before anything is waived: a waiver is needed where its finding is there, whichever waiver is applied first.
     on_waivers = waivers_in_order(zip(names, files_judged, strict=True), policy.waivers, judgement.today)
     accepted[-1] = with_release_results(FOLDER, accepted[-1], [on_waivers])
     crossing = crossing_streams(select_checks(policy.check.select, policy.check.ignore))
@@ -84,7 +87,7 @@ def _accepted(name: str, file: FileRecord, judgement: Judgement) -> FileRecord:
 
 
 def _held_to_required(file: FileRecord, policy: Policy) -> FileRecord:
-    """Return the file, incomplete where a check that must tell could not, which its reason then says."""
+    """Return the file, incomplete where a required check came to no verdict; the reason of the check states it."""
     required = {check.name for name in policy.required_checks for check in select_checks((name,), ())}
     results = tuple(_marked_untold(result) if result.check in required else result for result in file.results)
     return file if results == file.results else replace(file, results=results, verdict="incomplete")

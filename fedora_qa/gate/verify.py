@@ -24,6 +24,7 @@ def _differences(certificate: Certificate, folder: Path, today: date) -> Iterato
     if certificate.digest != certificate.own_digest:
         yield "the certificate was changed after it was issued"
     certified = {file.name: file.sha256 for file in certificate.files} | dict(certificate.documents)
+    # Before any file is read: a name that leads out of the folder raises.
     paths = {name: inside(folder, name) for name in certified}
     sequences = {sequence.name for sequence in find_sequences(folder, certificate.patterns)}
     for name, sha256 in certified.items():

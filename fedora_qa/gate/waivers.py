@@ -54,6 +54,7 @@ class Waiver:
 
 def waive(name: str, file: FileRecord, waivers: Iterable[Waiver], today: date) -> FileRecord:
     """Return the file with its waived findings as information that says who waived them, why and until when."""
+    # The day of expiry is the last on which a waiver holds.
     valid = [waiver for waiver in waivers if waiver.expires >= today]
 
     def mark(result: Result, finding: Finding) -> Finding:

@@ -33,7 +33,28 @@ class Judged:
 def judge(
     observations: Mapping[str, Observation], checks: Iterable[Check[Any]], false_alarm_rate: float
 ) -> tuple[Judged, ...]:
-    """Judge all observations of one file together, because they share one false-alarm budget."""
+    """Judge all observations of one file together, because they share one false-alarm budget.
+
+    Parameters
+    ----------
+    observations
+        By the name of the check.
+    checks
+        In the order of the record.
+    false_alarm_rate
+        Probability, 0 to 1, that a correct file fails any check.
+
+    Returns
+    -------
+    tuple[Judged, ...]
+        One for each check that has an observation.
+
+    Raises
+    ------
+    ValueError
+        The rate is not between 0 and 1.
+    """
+    # Without a standard error nothing is left to chance: such statistics take no part of the false-alarm budget.
     comparisons = sum(
         sum(statistic.tests for statistic in observation.measurements if statistic.standard_error > 0)
         for observation in observations.values()
@@ -79,6 +100,7 @@ def exceeds_limit(statistic: Statistic, tolerance: Tolerance) -> bool:
         deviation = abs(deviation)
     elif statistic.side == "lower":
         deviation = -deviation
+    # Every comparison with NaN is false: ``not <=`` makes it exceed the limit, ``>`` would let it pass.
     return not deviation <= tolerance.limit(statistic.standard_error, statistic.model_error_bound)
 
 
@@ -94,7 +116,7 @@ def _outcome(observation: Observation, failed: bool, tolerance: Tolerance) -> tu
         return "not_observable", observation.unobservable
     if not observation.coverage.seen and not observation.notices:
         return "not_observable", _reason_of_no_coverage(observation.coverage)
-    # Of these a fault that would matter could have gone undetected.
+    # Measurements whose detection limit exceeds the material size: a material fault could have gone undetected.
     with_material_size = [statistic for statistic in observation.measurements if statistic.material is not None]
     insensitive = [statistic for statistic in with_material_size if _is_insensitive(statistic, tolerance)]
     reason = _reason_of_insensitivity(insensitive, tolerance)
@@ -111,6 +133,7 @@ def _reason_of_no_coverage(coverage: Coverage) -> str:
 
 def _is_insensitive(statistic: Statistic, tolerance: Tolerance) -> bool:
     """Whether a material fault could have stayed within the limit."""
+    # ``not <=`` again: a limit that is not a number shows no fault.
     return statistic.material is not None and not _least_detectable(statistic, tolerance) <= statistic.material
 
 

@@ -33,7 +33,8 @@ class Tolerance:
     z_power: float
 
     def limit(self, standard_error: float, model_error_bound: float) -> float:
-        """Return the largest deviation that a correct value has."""
+        """Return the largest deviation of a correct value, in the unit of its standard error."""
+        # The first equation of the module's docstring.
         return model_error_bound + self.z_limit * standard_error
 
     def least_detectable(self, standard_error: float, model_error_bound: float, resolution: float) -> float:
@@ -48,6 +49,15 @@ class Tolerance:
 def tolerance_for(comparisons: int, false_alarm_rate: float, power: float = DEFAULT_POWER) -> Tolerance:
     """Return the tolerance when a file's false-alarm rate is shared by a number of comparisons.
 
+    Parameters
+    ----------
+    comparisons
+        Number of comparisons that share the rate.
+    false_alarm_rate
+        Probability that a correct file fails.
+    power
+        Probability with which the least detectable fault is detected.
+
     Raises
     ------
     ValueError
@@ -56,4 +66,5 @@ def tolerance_for(comparisons: int, false_alarm_rate: float, power: float = DEFA
     if not 0 < false_alarm_rate < 1 or not 0 < power < 1:
         raise ValueError(f"Expected rates between 0 and 1, got {false_alarm_rate} and {power}")
     rate_of_comparison = false_alarm_rate / max(comparisons, 1)  # Bonferroni
+    # Two-sided limit: half of the rate in each tail. A fault moves the value in one direction: one tail of 1 - power.
     return Tolerance(z_limit=normal_beyond(rate_of_comparison / 2), z_power=normal_beyond(1 - power))

@@ -1,6 +1,6 @@
-"""What the checks can see, measured: detection and false alarms over a corpus of files with a manifest.
+"""The power of the checks, measured: detection and false alarms over a corpus of files with a manifest.
 
-``manifest`` reads what was planted, ``study`` checks the files and keeps what was found; ``probit`` and ``binomial``
-are the statistics; ``detection``, ``naming``, ``magnitudes`` and ``stated_limits`` the tables, ``tables`` all of them;
-``worth`` is what a passed check is worth, as published.
+``manifest`` reads what was planted, ``study`` checks the files and stores what was found. ``probit`` and ``binomial``
+are the statistics. ``detection``, ``naming``, ``magnitudes`` and ``stated_limits`` make the tables, ``tables`` all of
+them. ``detection_power`` is the published table of what each check detects.
 """

@@ -1,4 +1,4 @@
-"""What a study keeps of a checked file: which checks failed, what they had stated, and what was named."""
+"""What a study stores of a checked file: the failed checks, their measurements, and the diagnoses."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -8,7 +8,7 @@ from fedora_qa.record.types import Diagnosis, FileRecord, Result, Side
 
 @dataclass(frozen=True, slots=True)
 class Reading:
-    """One measurement: its deviation from what is expected, its limit, and the fault that it would surely have seen."""
+    """One measurement: its deviation from what is expected, its limit, and its detection limit, all in ``unit``."""
 
     check: str
     name: str
@@ -24,7 +24,7 @@ class Reading:
         return self.limit is not None and self.harm(self.deviation) > self.limit
 
     def harm(self, deviation: float) -> float:
-        """Return how far a deviation goes to the side that is held against a limit; negative on the other."""
+        """Return how far a deviation goes to the side that has a limit; negative on the other."""
         return {"both": abs(deviation), "upper": deviation, "lower": -deviation}[self.side]
 
 
@@ -71,7 +71,7 @@ class CheckedFile:
 
 
 def checked_from(file: FileRecord) -> CheckedFile:
-    """Return what is kept of a record."""
+    """Return what a study stores of a record."""
     answered = [result for result in file.results if result.outcome in {"passed", "warned", "failed"}]
     return CheckedFile(
         sha256=file.sha256,

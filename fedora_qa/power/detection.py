@@ -71,7 +71,7 @@ def by_cause(trials: Iterable[Trial]) -> tuple[CauseTrials, ...]:
 
 
 def _unit_in(groups: Mapping[tuple[str, str], object], fault: PlantedFault) -> tuple[str, float]:
-    """Return the unit in which the cause has come before, if its sizes can be told in it, and the factor to it."""
+    """Return the unit in which the cause came before, if this one can be converted into it, and the factor to it."""
     unit = fault.unit or ""
     for cause, other in groups:
         factor = factor_between(unit, other)
@@ -107,13 +107,30 @@ def is_found_by(trial: Trial, check: str) -> bool:
 
 
 def curve_of(sizes: Sequence[float], detected: Sequence[bool], *, worse_when_smaller: bool = False) -> Curve:
-    """Return detection against size, fitted where the trials can tell."""
+    """Fit the probability of detection against the size of a fault.
+
+    Parameters
+    ----------
+    sizes
+        (n) sizes of the faults, all in one unit; 0 for a fault without a size.
+    detected
+        (n) whether each was found.
+    worse_when_smaller
+        Whether the fault grows as its size falls.
+
+    Returns
+    -------
+    Curve
+        In the unit of the sizes; without a fit, the reason why there is none.
+    """
     why = _why_not(sizes, detected)
     if why:
         return Curve(why, separated=False, at_50=UNKNOWN, at_95=UNKNOWN, points=())
+    # Size on an axis along which the fault grows: -ln m where a smaller magnitude is worse.
     direction = -1.0 if worse_when_smaller else 1.0
     log_sizes = direction * np.log(sizes)
     answers = np.array(detected)
+    # The model has a slope b > 0: a falling rate would be fitted by the least slope allowed, and mean nothing.
     if log_sizes[answers].mean() <= log_sizes[~answers].mean():
         return Curve("not_rising", separated=False, at_50=UNKNOWN, at_95=UNKNOWN, points=())
     fit = fit_probit(log_sizes, answers)
@@ -144,6 +161,7 @@ def _estimate(fit: ProbitFit, probability: float, direction: float) -> Estimate:
     value, low, high = (
         None if log_size is None else float(np.exp(direction * log_size)) for log_size in fit.log_size_at(probability)
     )
+    # A negative direction exchanges the lower and the upper bound.
     return Estimate(value, low, high) if direction > 0 else Estimate(value, high, low)
 
 

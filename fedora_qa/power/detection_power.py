@@ -1,7 +1,7 @@
-"""What a check that passed is worth: the faults that it finds 95% of the time, as measured and published.
+"""The faults that each check finds 95% of the time, as measured and published.
 
 The table is a file of the package, made by ``make power``, with the digest of the code that it was measured with. Where
-that code has changed since, it is stale, and whoever shows it says so.
+that code has changed since, the table is stale; callers that show it must state so.
 """
 
 import json

@@ -1,4 +1,4 @@
-"""How well the size of a fault is told, where its cause is named first."""
+"""How well the size of a fault is estimated, where its cause is named first."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -35,7 +35,7 @@ def magnitude_errors(trials: Sequence[Trial]) -> tuple[MagnitudeError, ...]:
 
 
 def _size_estimate(trial: Trial) -> SizeEstimate | None:
-    """Return what was told of a fault's size; None where it was not named first, or the units measure other things."""
+    """Return the estimated size of a fault; None where it was not named first, or the units are incompatible."""
     if len(trial.item.planted) != 1 or not trial.checked.is_found or not is_named_first(trial):
         return None
     (fault,), named = trial.item.planted, trial.checked.diagnoses[0]
@@ -56,6 +56,7 @@ def _errors(cause: str, unit: str, sizes: Sequence[SizeEstimate]) -> MagnitudeEr
         median_relative_error=float(np.median(relative)),
         with_error=len(pulls),
         pull_median=float(np.median(pulls)) if len(pulls) else None,
+        # 1.4826 times the median absolute pull is sigma of a normal distribution; a few wrong sizes do not move it.
         pull_spread=float(MAD_TO_SIGMA * np.median(np.abs(pulls))) if len(pulls) else None,
         within_two=share_of(int((np.abs(pulls) < 2).sum()), len(pulls)),
     )

@@ -1,7 +1,7 @@
 """The manifest of a corpus: which files there are, and what was planted in each. See docs/corpus.md.
 
-A study knows nothing else of where files come from. What a manifest says beyond these fields is ignored, so anybody can
-write one for files of their own.
+A study uses nothing else about the origin of files. Further fields of a manifest are ignored, so that anybody can write
+one for files of their own.
 """
 
 from collections.abc import Mapping
@@ -127,7 +127,7 @@ def require_files(corpus: Path, manifest: Manifest) -> None:
 
 
 def require_other_names(manifests: Mapping[Path, Manifest]) -> None:
-    """Raise ``MisuseError`` where two corpora list a file of the same name: names tell files of a study apart."""
+    """Raise ``MisuseError`` where two corpora list a file of the same name: files of a study are identified by name."""
     first_by_name: dict[str, Path] = {}
     for corpus, manifest in manifests.items():
         for item in manifest.items:
@@ -154,6 +154,7 @@ def _require_sense(manifest: Manifest, path: Path) -> None:
 
 def _problem(item: CorpusItem, files: list[str], clean: set[str]) -> str:
     """Return what is wrong with an item, empty where nothing is."""
+    # Anybody may write a manifest: its names must not lead to files outside the corpus.
     inside = PurePosixPath(item.file)
     if inside.is_absolute() or ".." in inside.parts or not inside.name:
         return "a path that is not beneath the manifest's folder"

@@ -1,7 +1,7 @@
 """Probability of detection against the size of a fault.
 
 Model: a fault of size m is found with probability Phi(a + b ln m), b > 0. Without a fault nothing is found: false
-alarms, 1e-4 a file, lie far below what a study of some thousand files could tell from zero.
+alarms, 1e-4 a file, lie far below what a study of some thousand files could distinguish from zero.
 
 The estimate maximises the likelihood times |I|^(1/4), I being the Fisher information of (a, b): the square root of
 Jeffreys' prior. As trials grow it is that of maximum likelihood. It is finite, too, where a size separates what was
@@ -33,6 +33,7 @@ from scipy.stats import chi2
 
 Array = NDArray[np.float64]
 
+# Twice the log likelihood ratio is chi-square of two degrees of freedom for the two parameters (docstring).
 _DROP: Final = float(chi2.ppf(0.95, 2)) / 2
 _BEYOND: Final = float(np.log(100.0))
 """How far beyond the sizes that were tried a limit is looked for: what lies farther is not known."""
@@ -70,6 +71,7 @@ class ProbitFit:
     def log_size_at(self, probability: float) -> tuple[float | None, float | None, float | None]:
         """Return ln of the size found with a probability, and its bounds; None beyond what can be known."""
         quantile = float(ndtri(probability))
+        # Phi(b (x - h)) = p, solved for x = h + Phi^-1(p) / b.
         sizes = self.likely_halves + quantile * np.exp(-self.likely_log_slopes)
         best = self.log_half + quantile * float(np.exp(-self.log_slope))
         return self._known(best), self._known(float(sizes.min())), self._known(float(sizes.max()))
@@ -86,7 +88,19 @@ class ProbitFit:
 
 
 def fit_probit(log_sizes: Array, detected: NDArray[np.bool_]) -> ProbitFit:
-    """Fit the curve to trials of ln size (n,) and whether they were found (n,).
+    """Fit the curve to trials.
+
+    Parameters
+    ----------
+    log_sizes
+        (n,) natural logarithms of the sizes.
+    detected
+        (n,) whether each fault was found.
+
+    Returns
+    -------
+    ProbitFit
+        The best curve, and all that the trials do not rule out.
 
     Raises
     ------
@@ -99,6 +113,8 @@ def fit_probit(log_sizes: Array, detected: NDArray[np.bool_]) -> ProbitFit:
     halves, slopes = np.linspace(least, most, 2 * _COARSE), np.linspace(*_LOG_SLOPES, _COARSE)
     coarse = _log_likelihoods(halves, slopes, log_sizes, detected)
     best = _climb(log_sizes, detected)
+    # The grid can miss the maximum, and the climb maximises with the prior: the larger of both is the reference of the
+    # likelihood region.
     top = max(float(coarse.max()), float(_log_likelihoods(best[:1], best[1:], log_sizes, detected)[0, 0]))
     rows, columns = np.nonzero(coarse > top - _DROP)
     halves = _finer(halves, rows, best[0])
@@ -118,7 +134,8 @@ def fit_probit(log_sizes: Array, detected: NDArray[np.bool_]) -> ProbitFit:
 def _climb(log_sizes: Array, detected: NDArray[np.bool_]) -> Array:
     """Return the best curve (ln size at one half, ln slope); the slope stays within its bounds.
 
-    It begins with one that rises over all sizes: steep ones tell so little of the sizes that the prior is flat there.
+    It begins with one that rises over all sizes: about steep ones the trials hold so little information that the prior
+    is flat there.
     """
 
     def cost(at: Array) -> float:
@@ -134,6 +151,7 @@ def _climb(log_sizes: Array, detected: NDArray[np.bool_]) -> Array:
         x = log_sizes - log_sizes.mean()
         determinant = weights.sum() * (weights * x**2).sum() - (weights * x).sum() ** 2
         prior = _POWER * float(np.log(max(determinant, np.finfo(float).tiny)))
+        # A slope beyond its bounds has the likelihood of the bound, and its distance as a cost: the simplex returns.
         return float(np.abs(at[1:] - allowed)[0] - likelihood - prior)
 
     half, log_slope = np.median(log_sizes), -np.log(log_sizes.std())
@@ -151,6 +169,7 @@ def _finer(axis: Array, likely: NDArray[np.intp], best: float) -> Array:
 
 def _log_likelihoods(halves: Array, log_slopes: Array, log_sizes: Array, detected: NDArray[np.bool_]) -> Array:
     """Return the log likelihood (halves, slopes) of curves with these ln sizes at one half and ln slopes."""
+    # ln Phi(z) of what was found, ln(1 - Phi(z)) = ln Phi(-z) of what was not; log_ndtr keeps its digits in the tails.
     signs = np.where(detected, 1.0, -1.0)
     distances = signs * (log_sizes - halves[:, None, None])
     return np.asarray(log_ndtr(np.exp(log_slopes)[None, :, None] * distances).sum(axis=2))

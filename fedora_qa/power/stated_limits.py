@@ -1,7 +1,7 @@
 """Whether the least detectable faults that checks state of clean files are true.
 
-A stated limit is a size in the unit of a measurement: a deviation of it that would surely have been seen. It is held
-against what was planted in one of two ways.
+A stated limit is a size in the unit of a measurement: the least deviation that is detected with 95% probability. It is
+compared with what was planted in one of two ways.
 
 *By size*, where the measurement measures the cause itself: where its unit is one of the fault's size, and its
 deviation *is* that size. So it is one that exceeded its limit in three trials of the cause or more, by a deviation
@@ -12,7 +12,7 @@ least limit counts.
 
 *By response*, where it does not (a clock error in ppm that shows as a shift in px, a fault without a size): a faulty
 file is a copy of a clean one, noise and all, so that the difference of the two readings is what the fault moved the
-measurement by. That effect is held against the limit stated of the clean file, and found is what the measurement
+measurement by. That effect is compared with the limit stated of the clean file, and found is what the measurement
 itself exceeded. Of several, the one that exceeded most often is taken, and of those alike the one that moves most.
 Left out are trials whose fault makes the measurement's own limit more than twice what it was: it disturbs what the
 measurement is made of, and the faulty file states another limit.
@@ -37,7 +37,7 @@ from fedora_qa.power.units import factor_between
 from fedora_qa.record.power_types import ComparedBy, Curve, NotComparable, Share, StatedLimit, Truth
 
 _FEWEST: Final = 3
-"""Trials in which a measurement must have exceeded its limit, and faults near the limit that can tell its truth."""
+"""Trials in which a measurement must have exceeded its limit, and faults near the limit that can test it."""
 _TRACKS: Final = (0.5, 2.0)
 _MOSTLY: Final = 0.75
 _PROMISED: Final = 0.95
@@ -47,9 +47,9 @@ _CAUTIOUS: Final = 0.5
 _DISTURBED: Final = 2.0
 """Times the limit of the clean file from which on a fault is taken to disturb the measurement, not to move it."""
 _NEAR: Final = 4.0
-"""Times the limit up to which a fault tells something of it: far beyond, anything would have been found."""
+"""Times the limit up to which a fault tests it: far beyond, any limit would be met."""
 _NOTHING: Final = 0.01
-"""Times the limit below which a fault says nothing of where detection rises."""
+"""Times the limit below which a fault carries no information on where detection rises."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -78,9 +78,19 @@ class _LimitTrials:
 def stated_limits(
     sized: CauseTrials, clean: Mapping[str, Trial]
 ) -> tuple[tuple[StatedLimit, ...], tuple[NotComparable, ...]]:
-    """Return every check whose stated limit can be held against the cause, and those for which it cannot.
+    """Compare the stated limits of all checks with the trials of one cause.
 
-    ``clean`` are the clean trials by file.
+    Parameters
+    ----------
+    sized
+        The trials of the cause, sizes in one unit.
+    clean
+        The clean trials, by file.
+
+    Returns
+    -------
+    tuple[tuple[StatedLimit, ...], tuple[NotComparable, ...]]
+        The checks whose limits can be compared, and those whose limits cannot, with the reason.
     """
     checks = dict.fromkeys(check for trial in sized.trials for check in trial.checked.failed)
     judged = [_judge(sized, check, clean) for check in checks]
@@ -125,7 +135,7 @@ def _why_not(sized: CauseTrials, check: str) -> str:
 
 
 def _by_size(sized: CauseTrials, check: str, clean: Mapping[str, Trial]) -> _LimitTrials | None:
-    """Hold planted sizes against the limits of those measurements that measure them."""
+    """Compare planted sizes with the limits of those measurements that measure them."""
     if not sized.has_size or sized.worse_when_smaller:
         return None
     names = _that_measure(sized, check)
@@ -161,7 +171,7 @@ def _that_measure(sized: CauseTrials, check: str) -> tuple[str, ...]:
 
 
 def _by_response(sized: CauseTrials, check: str, clean: Mapping[str, Trial]) -> _LimitTrials | None:
-    """Hold what the fault moved a measurement by against its limit, of the measurement that exceeds most often."""
+    """Compare what the fault moved a measurement by with its limit, for the measurement that exceeds most often."""
     options = []
     for name, times in _names_exceeded(sized, check).items():
         pairs = list(_responses(sized, check, name, clean)) if times >= _FEWEST else []
@@ -184,6 +194,7 @@ def _responses(
             and before.least_detectable
             and not (bool(before.limit) and (after.limit or 0.0) > _DISTURBED * (before.limit or 0.0))
         ):
+            # The noise of the clean file is in both readings and cancels: the difference is the effect of the fault.
             ratio = before.harm(after.deviation - before.deviation) / before.least_detectable
             yield before.unit, _Comparison(before.least_detectable, ratio, after.exceeds, trial.checked.is_found)
 
@@ -215,6 +226,7 @@ def _found_from(ratio: float, trials: Sequence[_Comparison]) -> Share:
 
 def _truth(from_it: Share, curve: Curve, ratios: Sequence[float]) -> Truth:
     too_few_found = from_it.count < _NEEDED * from_it.of
+    # P(X <= count) if the promised 95% were true.
     if too_few_found and 1 - chance_of(from_it.count + 1, from_it.of, _PROMISED) < _BY_CHANCE:
         return "too_bold"
     at_95 = curve.at_95.value

@@ -1,4 +1,4 @@
-"""Check every file of a corpus, in several processes, and keep what was found of each as soon as it is known."""
+"""Check every file of a corpus, in several processes, and store each result as soon as it is known."""
 
 import hashlib
 import json
@@ -20,7 +20,7 @@ from fedora_qa.power.sources import estimators_digest
 from fedora_qa.power.state import State
 
 Report = Callable[[str, int, int], None]
-"""Is told the file that was done, how many are done, and of how many."""
+"""Receives the name of the file that was checked, how many are done, and of how many."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -32,7 +32,7 @@ class Trial:
 
 
 def state_folder(corpus: Path, within: Path | None = None) -> Path:
-    """Return where a study is kept: in the folder asked for, or beside the corpus, never in it."""
+    """Return the folder of a study: in the folder asked for, or beside the corpus, never in it."""
     whole = corpus.resolve()
     return (within or whole.parent) / f"{whole.name}.power"
 
@@ -46,12 +46,23 @@ def measured_with(config_digest: str) -> str:
 def run_study(manifest: Manifest, state: State, options: CheckOptions, jobs: int, report: Report) -> tuple[Trial, ...]:
     """Check what is not known yet, and return every trial in the manifest's order.
 
+    Parameters
+    ----------
+    manifest, state
+        Of the corpus: its files, and the results stored before.
+    options
+        Of each check; the same for all files.
+    jobs
+        Number of processes.
+    report
+        Called after each file.
+
     Raises
     ------
     MisuseError
         A file is not the one that the manifest lists.
     FedoraError
-        A process ended abruptly. What was found until then is kept.
+        A process ended abruptly. Results stored until then remain.
     """
     checked_before = {item.file: checked for item in manifest.items if (checked := state.load(item)) is not None}
     missing = [item for item in manifest.items if item.file not in checked_before]
@@ -70,7 +81,7 @@ def _check_all(
         for item in items:
             yield item, _check_one(item, state, options)
         return
-    # The interrupt is the parent's to handle: it starts no more, and lets what is being checked be kept.
+    # The parent handles the interrupt: it starts no further file, and those being checked still store their results.
     ignore = (signal.SIGINT, signal.SIG_IGN)
     with ProcessPoolExecutor(jobs, get_context("spawn"), initializer=signal.signal, initargs=ignore) as pool:
         try:

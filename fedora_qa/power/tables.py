@@ -25,8 +25,9 @@ class Origin:
 
 
 def power_of(trials: Sequence[Trial], origin: Origin) -> Power:
-    """Return everything that the trials say."""
+    """Return all tables of the trials."""
     clean = {trial.item.file: trial for trial in trials if trial.item.is_clean}
+    # A copy of a clean file that fails by itself may fail by that false alarm, and not by its fault.
     informative = [trial for trial in trials if not _of_a_false_alarm(trial, clean)]
     causes = by_cause(informative)
     stated = [stated_limits(sized, clean) for sized in causes]

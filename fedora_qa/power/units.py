@@ -1,4 +1,4 @@
-"""Units that can stand for each other, so that a stated limit can be held against a planted size."""
+"""Units that can stand for each other, so that a stated limit can be compared with a planted size."""
 
 from collections.abc import Mapping
 from math import pi

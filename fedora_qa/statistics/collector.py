@@ -27,7 +27,7 @@ _DURATION_FROM = ("pose", "rgb", "depth", "imu")
 class WindowStatistics:
     """Statistics of one window. Poses are kept as they are, because they are smoothed over the whole sequence.
 
-    ``poses`` counts those whose stamp advances; of these the arrays hold the ones that are finite.
+    ``poses`` counts those whose timestamp advances; of these the arrays hold the ones that are finite.
     """
 
     poses: int = 0
@@ -159,6 +159,7 @@ def _flow_speeds(window: Window, stream: str, streams: frozenset[str]) -> ValueM
 
 def _disparities(depth_m: NDArray[np.float32]) -> ValueMoments:
     with np.errstate(divide="ignore"):
+        # 1 / depth, 1/m, as the paper has it; a depth of 0 gives infinity, which does not count.
         return ValueMoments.of(np.float32(1) / depth_m, positive=True)
 
 
@@ -169,6 +170,7 @@ def _luma(window: Window, frame: int) -> ValueMoments:
 def _sequence(state: Sequence[WindowStatistics], facts: Facts) -> dict[str, Scalar]:
     stream, duration_s = _duration(facts)
     count = facts.events.count if facts.events else None
+    # All events of the file by its scan, over its whole duration, whichever windows were decoded.
     rate = count / duration_s if count is not None and duration_s else None
     return {
         "duration_s": duration_s,
@@ -191,6 +193,7 @@ def _duration(facts: Facts) -> tuple[str | None, float | None]:
 def _motion(state: Sequence[WindowStatistics], facts: Facts) -> dict[str, Scalar]:
     poses = sum(window.poses for window in state)
     clock = facts.clocks.get("pose")
+    # Where poses are missing the path would be cut short, and distance and speeds would come out too small.
     complete = clock is not None and poses == int(np.count_nonzero(clock.advancing))
     path = turning = None
     if complete and poses:
@@ -252,4 +255,5 @@ def _depth(depth_m: ValueMoments, disparity_per_m: ValueMoments) -> dict[str, Sc
 
 def _rate_hz(clock: Clock) -> float | None:
     span_ns = int(clock.times_ns.max() - clock.times_ns.min()) if len(clock.times_ns) > 1 else 0
+    # n samples span n - 1 periods.
     return (len(clock.times_ns) - 1) * NS_PER_S / span_ns if span_ns > 0 else None

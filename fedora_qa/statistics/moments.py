@@ -50,6 +50,7 @@ class ValueMoments:
     @property
     def variance(self) -> float | None:
         """Variance of the valid values about their mean; None where there are none."""
+        # E[x^2] - E[x]^2; rounding can leave a small negative number of values that are all alike.
         return max(self.squares / self.count - (self.total / self.count) ** 2, 0.0) if self.count else None
 
     @property
@@ -110,7 +111,9 @@ def _lattice(image: NDArray[Any], window: Window) -> tuple[int, int]:
     if min(height, width) < _SMALL_IMAGE_PX:
         return 0, 1
     fewer = height * width > USUAL_PIXELS and window.sampling.tile_share < 1.0
+    # A whole multiple of the usual stride: about _ENOUGH pixels of the image are left.
     stride = _STRIDE * (max(1, round(sqrt(height * width / _STRIDE**2 / _ENOUGH))) if fewer else 1)
+    # Begins half a stride from the edge, so that the lattice lies about the middle of the image.
     return stride // 2, stride
 
 

@@ -35,6 +35,7 @@ _REPETITIONS: Final = 24
 _FEWEST_SAMPLES: Final = 16
 _EVALUATION_ERROR: Final = 1e-5
 """Relative error of measuring the curve at three points an interval, for motion slower than 5 Hz at 200 samples/s."""
+# Gauss-Legendre of two points on [-1, 1]: weights 1, exact for cubics.
 _GAUSS_NODES: Final = np.array([-1.0, 1.0]) / np.sqrt(3.0)
 
 _Speeds = Callable[[Float64, Float64], Float64]
@@ -72,15 +73,40 @@ class CurveMotion:
 
 
 def translation(times_s: Float64, positions_m: Float64) -> CurveMotion | None:
-    """Measure positions (n, 3): metres and m/s. None where there are too few samples."""
+    """Estimate distance and greatest speed from positions.
+
+    Parameters
+    ----------
+    times_s
+        (n,) increasing.
+    positions_m
+        (n, 3) in the world.
+
+    Returns
+    -------
+    CurveMotion | None
+        Length in m, speed in m/s, noise in m on each axis; None where there are too few samples.
+    """
     return _measure(times_s, positions_m, speeds=lambda _, rates: np.linalg.norm(rates, axis=-1), noise=_isotropic)
 
 
 def rotation(times_s: Float64, orientations_xyzw: Float64) -> CurveMotion | None:
-    """Measure orientations (n, 4), quaternions of either sign: radians and rad/s. None where there are too few samples.
+    """Estimate the angle turned and the greatest angular speed from orientations.
 
     The spline is fitted to the components; the angular velocity of the curve it traces on the sphere is
     2 Im(q* dq/dt) / |q|^2, in which a change of length drops out.
+
+    Parameters
+    ----------
+    times_s
+        (n,) increasing.
+    orientations_xyzw
+        (n, 4) quaternions of either sign, body to world.
+
+    Returns
+    -------
+    CurveMotion | None
+        Length in rad, speed in rad/s, noise in rad on each axis; None where there are too few samples.
     """
     motion = _measure(times_s, _of_one_sign(orientations_xyzw), speeds=_angular_speeds, noise=_tangential)
     if motion is None:
@@ -89,7 +115,20 @@ def rotation(times_s: Float64, orientations_xyzw: Float64) -> CurveMotion | None
 
 
 def velocities(times_s: Float64, positions_m: Float64) -> Float64 | None:
-    """Return the velocities (n, 3) in m/s of the smooth curve at each sample. None where there are too few samples."""
+    """Return the velocities of the smooth curve through the positions.
+
+    Parameters
+    ----------
+    times_s
+        (n,) increasing.
+    positions_m
+        (n, 3) in the world.
+
+    Returns
+    -------
+    Float64 | None
+        (n, 3) m/s in the world, at each sample; None where there are too few samples.
+    """
     if len(times_s) < _FEWEST_SAMPLES:
         return None
     fits = [_SegmentFit.best_to(segment) for segment in _segments(times_s, positions_m)]
@@ -123,11 +162,15 @@ class _SegmentFit:
         """Fit a spline; its pieces hold equally many samples, so that none is empty where samples are missing."""
         times_s, count = segment.times_s, len(segment.times_s)
         inner = np.interp(np.linspace(0, count - 1, pieces + 1)[1:-1], np.arange(count), times_s)
+        # End knots degree + 1 times: the spline ends at its first and last sample.
         knots = np.concatenate([[times_s[0]] * (_DEGREE + 1), inner, [times_s[-1]] * (_DEGREE + 1)])
         curve = make_lsq_spline(times_s, segment.values, knots, _DEGREE)
+        # Number of coefficients of a B-spline of this many pieces.
         freedom = pieces + _DEGREE
         squares = float(np.sum((segment.values - curve(times_s)) ** 2))
+        # Residuals have three axes: those of a unit quaternion lie across it, in three of its four dimensions.
         sigma = float(np.sqrt(squares / (3 * (count - freedom))))
+        # GCV up to a constant: RSS / (n - 1.4 freedom)^2 (Craven and Wahba 1979; weight 1.4 of Kim and Gu 2004).
         return cls(segment, curve, pieces, sigma, squares / (count - _DEGREES_OF_FREEDOM_WEIGHT * freedom) ** 2)
 
     @classmethod
@@ -158,6 +201,7 @@ def _measure(times_s: Float64, values: Float64, *, speeds: _Speeds, noise: _Nois
     fits = [_SegmentFit.best_to(segment) for segment in _segments(times_s, values)]
     measured, spread = _without_noise(fits, speeds, noise)
     finer, _ = _without_noise([fit.finer() for fit in fits], speeds, noise)
+    # The errors of the module's docstring (spread holds the excess), and that of evaluating the curve.
     errors = np.sqrt(spread**2 + (finer - measured) ** 2 + (_EVALUATION_ERROR * measured) ** 2)
     length, speed_max = (CurveEstimate(float(v), float(s)) for v, s in zip(measured, errors, strict=True))
     fitted_s = sum(fit.segment.times_s[-1] - fit.segment.times_s[0] for fit in fits)
@@ -182,6 +226,7 @@ def _segments(times_s: Float64, values: Float64) -> list[_Segment]:
 def _without_noise(fits: Sequence[_SegmentFit], speeds: _Speeds, noise: _Noise) -> tuple[Float64, Float64]:
     """Return length and maximum (2,) less the excess that noise leaves, and their errors (2,)."""
     measured = _length_and_maximum(fits, [fit.curve for fit in fits], speeds)
+    # A fixed seed: the record of a file must not depend on the run.
     random = np.random.default_rng(0)
     repeated = _length_and_maximum(fits, [fit.repeated(noise, random) for fit in fits], speeds)
     excess = repeated.mean(axis=1) - measured
@@ -206,6 +251,7 @@ def _length_and_maximum(fits: Sequence[_SegmentFit], curves: Sequence[BSpline], 
 
 def _angular_speeds(q: Float64, rates: Float64) -> Float64:
     squared = np.sum(q**2, axis=-1)
+    # The part of dq/dt across q is what turns the curve on the sphere: omega = 2 |across| / |q|.
     across = rates - q * (np.sum(q * rates, axis=-1) / squared)[..., None]
     return cast(Float64, 2.0 * np.linalg.norm(across, axis=-1) / np.sqrt(squared))
 
@@ -213,6 +259,7 @@ def _angular_speeds(q: Float64, rates: Float64) -> Float64:
 def _of_one_sign(orientations_xyzw: Float64) -> Float64:
     """Return unit quaternions whose sign does not jump; q and -q are the same rotation."""
     q = orientations_xyzw / np.linalg.norm(orientations_xyzw, axis=1, keepdims=True)
+    # A negative dot product is a jump from q to -q; after an odd number of such jumps the sign is turned back.
     turns = np.sum(q[1:] * q[:-1], axis=1) < 0
     signs = np.concatenate([[1.0], np.where(np.cumsum(turns) % 2, -1.0, 1.0)]) if len(q) else np.empty(0)
     return cast(Float64, q * signs[:, None])

@@ -101,6 +101,7 @@ def propose_conservation(alarm: Alarm, facts: Facts) -> tuple[Hypothesis, ...]:
     times_ns = facts.clocks["rgb"].times_ns
     if facts.events is not None and facts.events.count and len(times_ns) >= 2:
         duration_ns, silent_ns = int(times_ns[-1] - times_ns[0]), int(times_ns[-1]) - facts.events.last_ns
+        # silent > 2 duration / (n - 1), multiplied out: whole nanoseconds without a division.
         if silent_ns * (len(times_ns) - 1) > 2 * duration_ns:
             cut_off = (Hypothesis("truncated", "events", _support("truncated")),)
     return (*by_trial, *cut_off, *(replace(each, support=remaining * each.support) for each in beside))
@@ -134,6 +135,7 @@ def hypotheses_of_trials(trials: Sequence[InverseTrial], facts: Facts) -> tuple[
     if not resolved:
         return _dominant_hypotheses(trials, facts)
     trial = max(resolved, key=lambda candidate: candidate.best)
+    # One twentieth of the violations (docstring), and one pixel at least: few violations decide nothing by a fraction.
     scale = max(1.0, 0.05 * trial.violations)
     weights = {
         resolution: _support("resolved") * exp((resolution.pixels - trial.best) / scale)
@@ -158,12 +160,15 @@ def _dominant_hypotheses(trials: Sequence[InverseTrial], facts: Facts) -> tuple[
     """
     whole: dict[int, InverseTrial] = {}
     for trial in trials:
+        # Of a window and its halves the whole one has the most violations.
         if trial.window not in whole or trial.violations > whole[trial.window].violations:
             whole[trial.window] = trial
     violations = sum(trial.violations for trial in whole.values())
     resolved: Counter[str] = Counter()
     for trial in whole.values():
+        # Net counts can be negative: what a transform breaks in one window must not cancel what it resolves in another.
         resolved.update({resolution.transform: max(resolution.pixels, 0) for resolution in trial.resolutions})
+    # Padded with empty pairs, as fewer than two transforms may have been tried.
     (transform, most), (_, next_best), *_ = (*resolved.most_common(2), ("", 0), ("", 0))
     if violations < _ENOUGH_VIOLATIONS or most < violations / 2 or most < _DOMINANT * next_best:
         return ()
@@ -189,6 +194,7 @@ def _of(resolution: Resolution, weight: float, facts: Facts) -> tuple[Hypothesis
     of_events, of_frames = _support("events"), _support("frames")
     if cause == "time_offset":
         of_events, of_frames = whose_offset(size or 0.0, facts)
+    # The likelier of the two streams has the whole weight of the trial, the other its share.
     events = Hypothesis(cause, "events", weight * of_events / max(of_events, of_frames), size)
     if cause not in _OF_FRAMES_TOO:
         return (events,)

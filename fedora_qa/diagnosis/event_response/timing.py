@@ -89,9 +89,11 @@ def whose_offset(offset_ms: float, facts: Facts) -> tuple[float, float]:
     frames_ns = facts.clocks["rgb"].times_ns
     if len(common_ns) < 2 or not len(frames_ns):
         return either
+    # Ns per ms. A quarter of the offset separates a frame's place before the move from that after it.
     near_ns = abs(offset_ms) * 1e6 / 4
     as_timestamped = _median_distance(frames_ns, common_ns) < near_ns
     moved_back = _median_distance(frames_ns + round(1e6 * offset_ms), common_ns) < near_ns
+    # Frames meet the common times with and without the move, or with neither: these times do not decide.
     if as_timestamped == moved_back:
         return either
     return either[::-1] if moved_back else (_EVENTS, support("event_response.clock_of_frames_in_step"))
@@ -99,6 +101,7 @@ def whose_offset(offset_ms: float, facts: Facts) -> tuple[float, float]:
 
 def _median_distance(times_ns: NDArray[np.int64], grid_ns: NDArray[np.int64]) -> float:
     """Return the median distance of timestamps from the nearest of a sorted grid of two or more."""
+    # The neighbours ``after - 1`` and ``after`` exist for timestamps beyond the ends of the grid as well.
     after = np.clip(np.searchsorted(grid_ns, times_ns), 1, len(grid_ns) - 1)
     return float(np.median(np.minimum(np.abs(times_ns - grid_ns[after - 1]), np.abs(grid_ns[after] - times_ns))))
 
@@ -110,12 +113,14 @@ def _offsets(offset_ms: float, error_ms: float | None, facts: Facts, explained: 
         return Hypothesis("time_offset", "events", of_events), Hypothesis("time_offset", "rgb", of_frames)
     return (
         Hypothesis("time_offset", "events", of_events, offset_ms, "ms", error_ms),
+        # Only the difference of two clocks is measured: events too late are frames too early.
         Hypothesis("time_offset", "rgb", of_frames, -offset_ms, "ms", error_ms),
     )
 
 
 def _rates(estimate: ClockOffset, explained: float) -> tuple[Hypothesis, ...]:
     """Return a clock rate of the events and of the frames, with its size."""
+    # From s/s to ppm. Statistical error and bound of the model error add in squares.
     ppm, error = 1e6 * estimate.rate, 1e6 * hypot(estimate.rate_error, estimate.rate_bound)
     return (
         Hypothesis("clock_rate", "events", _EVENTS * explained, ppm, "ppm", error),

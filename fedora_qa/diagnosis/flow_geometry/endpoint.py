@@ -75,6 +75,7 @@ def _of_one_rate(rate: str, features: Sequence[Feature], declared: Declared) -> 
     flow = spreads_over(rate, _only(features, FlowRatesOff).off)
     extent = _only(features, FieldsOff)
     share_off = extent.affected_share
+    # Declarations and conventions hold for all fields: half of them or fewer are off by faults of single fields.
     local = share_off <= 0.5
     trials = [feature for feature in features if isinstance(feature, ConventionTrial)]
     conventions = convention_hypotheses(rate, trials, flow, share_off=share_off)
@@ -84,6 +85,7 @@ def _of_one_rate(rate: str, features: Sequence[Feature], declared: Declared) -> 
             frozen = of_repeats * repeats / extent.count  # fields that do not repeat another are off as well
             conventions.append(Hypothesis("frozen_frames", stream, frozen, float(repeats), "samples"))
     parameters = _of_the_parameters(features, flow)
+    # Cameras and poses are common to all pixels: a part of the image is wrong in an image stream only.
     if extent.in_part:
         conventions = [hypothesis for hypothesis in conventions if hypothesis.cause != "other_sequence"]
         parameters = [hypothesis for hypothesis in parameters if hypothesis.stream in (*_IMAGE_STREAMS, flow)]
@@ -91,6 +93,7 @@ def _of_one_rate(rate: str, features: Sequence[Feature], declared: Declared) -> 
         replace(hypothesis, support=hypothesis.support * _trust(hypothesis, declared, share_off))
         for hypothesis in parameters
     ]
+    # A gain is a fitted number as the parameters are, no exact transform: it does not weaken them.
     if max((hypothesis.support for hypothesis in conventions if hypothesis.cause != "flow_gain"), default=0) > _EXACT:
         parameters = weakened(parameters, support("flow_geometry.fit_beside_exact_transform"))
     correction = next((feature for feature in features if isinstance(feature, FreeMotionCorrection)), None)
@@ -135,6 +138,7 @@ def _of_the_poses(correction: FreeMotionCorrection, fields_off: int, flow: str, 
     """
     share, noise = correction.removed_share, noise_likeness(correction.growth)
     if local:
+        # A jump spoils two fields of a rate: the more fields are off, the less of them it explains.
         in_a_jump = min(_FIELDS_OF_A_JUMP / fields_off, 1.0)
         teleport = support("flow_geometry.jump_of_the_pose") * share * in_a_jump
         hypotheses = [Hypothesis("teleport", "pose", teleport, correction.shift_m, "m"),
@@ -152,6 +156,7 @@ def _of_the_poses(correction: FreeMotionCorrection, fields_off: int, flow: str, 
 
 def noise_likeness(growth: float) -> float:
     """Return how far (0 to 1) corrections look like pose noise, from the growth of their sum."""
+    # 5.4 = chi2_3^-1(0.999) / 3: the sum of independent corrections stays below, that of another motion exceeds it.
     return min(1.0, _GROWTH_OF_NOISE / max(growth, 1.0))
 
 

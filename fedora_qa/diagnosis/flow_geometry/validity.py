@@ -59,6 +59,7 @@ def _of_the_values(alarm: Alarm, values: WrongFlowValues, facts: Facts) -> tuple
     elif rule == "missing":
         causes = (("nan_in_stream", "flow", support("flow_geometry.missing_flow")),
                   ("invalid_encoding", "depth", encoding_of_depth))  # fmt: skip
+    # More than half of the unfounded values belong to points behind the camera: the motion exceeds the depth.
     elif 2 * values.behind > values.unfounded:
         blamed = "pose" if values.deep else "depth"
         causes = (("unit_mm_m", blamed, support("flow_geometry.points_behind_camera")),
@@ -92,10 +93,12 @@ def _of_the_intervals(stream: str, features: Sequence[Feature], facts: Facts) ->
             return (*sorted(hypotheses, key=lambda hypothesis: -hypothesis.support), *of_frames)
         if isinstance(feature, IntervalLengths):
             length_ns = feature.median_ns
+            # ``flow/<n>hz`` has intervals of 1 / n s: the name of a stream states the length of its intervals.
             rates_hz = [int(rate.removeprefix("flow/").removesuffix("hz")) for rate in facts.flow_streams]
             if any(abs(length_ns - NS_PER_S / rate) < _SAME_LENGTH * length_ns for rate in rates_hz):
                 mixed = Hypothesis("flow_rate_mixed", stream, support("flow_geometry.length_of_another_rate"))
                 return (mixed, *of_frames)
+            # Measured length of an interval over the length that the stream's name states.
             lengths = length_ns * int(stream.removeprefix("flow/").removesuffix("hz")) / NS_PER_S
             is_unit = lengths > 0 and any(abs(lengths / factor - 1) < _SAME_LENGTH for factor in _THOUSANDS)
             row = "length_in_another_unit" if is_unit else "length_of_no_unit"
