@@ -1,10 +1,10 @@
 """What inverse transforms resolve, net, in rectangles of tiles."""
 
 import numpy as np
-from fedora_qa.views.event_tiles import GRID
 from hypothesis import given
 from hypothesis import strategies as st
 
+from fedora_qa.views.event_camera import GRID
 from fedora_qa.views.inverse_trials import most_resolved
 
 

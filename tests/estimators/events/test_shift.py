@@ -4,7 +4,6 @@ from collections.abc import Callable
 
 import numpy as np
 import pytest
-from fedora_qa.views.event_tiles import GRID, tile_around
 from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter, shift
 
@@ -19,6 +18,7 @@ from fedora_qa.estimators.events.shift import (
     slope_sums,
 )
 from fedora_qa.estimators.events.shift_kernels import KEPT, SETTLED, USABLE
+from fedora_qa.views.event_camera import GRID, tile_around
 
 TEXTURE = gaussian_filter(np.random.default_rng(0).normal(0, 1, (24, 36)), 1.5)
 ALL = np.ones(TEXTURE.shape, np.bool_)

@@ -109,7 +109,7 @@ def test_colours_of_single_footprints() -> None:
     prints = footprints(K_frame, (90, 120), K_event, (40, 52))
     rgb, linear = RNG.integers(0, 256, (90, 120, 3)).astype(np.uint8), np.linspace(0, 255, 256) ** 2 / 255
     pixels = RNG.integers(0, 40 * 52, 200)
-    whole = [np.maximum(prints.sharp_average(linear[rgb[..., i]]), 0).ravel()[pixels] for i in range(3)]
+    whole = [np.maximum(prints.edge_aware_average(linear[rgb[..., i]]), 0).ravel()[pixels] for i in range(3)]
     np.testing.assert_allclose(edge_aware_colours(prints, rgb, linear, pixels), np.stack(whole, axis=1), atol=1e-9)
 
 

@@ -57,7 +57,7 @@ def test_pixels_that_just_pass_their_threshold_in_each_swing_are_not_hot() -> No
     amplitudes[20, 20] = amplitudes[18, 30] = 1.05
     counts = swinging(amplitudes, 60)
     found = neighbour_excess(counts)
-    assert found.excess[20, 20] == found.swings[20, 20] == counts.runs[20, 20] == 60
+    assert found.events[20, 20] == found.swings[20, 20] == counts.runs[20, 20] == 60
     assert found.z.max() < 1
     hot = np.full(200, 12, np.uint16)
     counts.add(hot, hot, (np.arange(200) % 2).astype(np.uint8))
