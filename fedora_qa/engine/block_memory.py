@@ -24,7 +24,7 @@ _REGION_BYTES: Final = 256 << 20
 """Address space of one region. The system provides a page only when it is first written."""
 
 _UNUSED_REFERENCES: Final = 2
-"""References to the array of all of a block's pages where nobody views it: of the block, and of ``getrefcount``."""
+"""References to the array of all of a block's pages without any view: of the block, and of ``getrefcount``."""
 
 
 def is_looked_at(block: NDArray[Any]) -> bool:
@@ -74,7 +74,7 @@ class BlockMemory:
         return place.fresh if place else _whole_pages(size)
 
     def give_back(self) -> bool:
-        """Give pages that nobody uses to the system, of the gap with the fewest; return whether there were any."""
+        """Return unused pages to the system, those of the gap with the fewest; return whether there were any."""
         self._take_back()
         pieces = [(region.held(*free), region, free) for region in self._work_queue for free in region.free]
         # Wide gaps stay as long as possible, as only these can take the next large block.
@@ -92,7 +92,7 @@ class BlockMemory:
         return True
 
     def give_back_all(self) -> None:
-        """Give all pages that nobody uses to the system."""
+        """Return all unused pages to the system."""
         while self.give_back():
             pass
 
@@ -131,7 +131,7 @@ class _Place(NamedTuple):
 
 
 class _Region:
-    """Pages one after another; ``free`` are those that nobody uses, ``fresh`` those that the system need not hold."""
+    """Pages one after another; ``free`` are the unused ones, ``fresh`` those for which the system holds no memory."""
 
     def __init__(self, size: int) -> None:
         self.pages = mmap.mmap(-1, size, **_PRIVATE)
@@ -155,13 +155,13 @@ class _Region:
         return stop - start - self._fresh.overlap(start, stop)
 
     def take(self, place: _Place) -> int:
-        """Let somebody use a place; return how many bytes more that makes the system hold."""
+        """Mark a place as used; return by how many bytes the memory that the system holds grows."""
         self.free.remove(place.start, place.start + place.size)
         self._fresh.remove(place.start, place.start + place.size)
         return place.fresh
 
     def give_back(self, start: int, stop: int) -> bool:
-        """Give these pages to the system; return whether that can be done here."""
+        """Return these pages to the system; return whether it supports that."""
         if not hasattr(mmap, "MADV_DONTNEED"):
             return False
         # Their content is lost (madvise(2)); no block lies there.

@@ -31,12 +31,12 @@ class SampledPasses:
 
 
 def has_steady_checks(survey: Survey) -> bool:
-    """Whether any check sees every window."""
+    """Whether any check gets every window."""
     return any(sees_every_window(check.needs) for check in survey.asked)
 
 
 def measure_steady(survey: Survey, windows: Sequence[int], progress: Progress) -> PartialPass:
-    """Hand neighbouring windows to the checks that see every window."""
+    """Hand neighbouring windows to the checks that get every window."""
     with opened(survey) as file:
         return _measured(survey, file, _steady(file), windows, progress)
 
@@ -44,7 +44,7 @@ def measure_steady(survey: Survey, windows: Sequence[int], progress: Progress) -
 def measure_sampled(
     survey: Survey, windows: Sequence[int], allowed_s: float, progress: Progress
 ) -> dict[int, PartialPass]:
-    """Hand windows one by one to all else, in the order given, while they fit into a time; one at least."""
+    """Hand windows one by one to all other checks, in the given order, while they fit into a time; one at least."""
     began = time.monotonic()
     with opened(survey) as file:
         accumulators = _sampled(file)
@@ -62,7 +62,7 @@ def measure_sampled(
 
 
 def finish_sampled(survey: Survey, passes: SampledPasses, lost: Sequence[int], progress: Progress) -> FileRun:
-    """Judge a file by what its windows have shown. ``lost`` are windows of the plan that nobody could measure."""
+    """Judge a file by the passes over its windows. ``lost`` are windows of the plan that could not be measured."""
     with opened(survey) as file:
         return _finished(survey, file, passes, lost, progress)
 

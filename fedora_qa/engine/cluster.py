@@ -151,7 +151,7 @@ class DaskExecutor:
             future.set_exception(WorkerLostError(f"Expected a worker to end its task, got: {death}"))
         except self._distributed.CancelledError:
             future.set_exception(FedoraError(f"Expected the Dask scheduler at {self._address} to stay, got its end"))
-        except Exception as error:  # noqa: BLE001 - whoever asks for the result gets it
+        except Exception as error:  # noqa: BLE001 - raised where the result is requested
             future.set_exception(error)
 
 

@@ -42,6 +42,6 @@ def _load(loop: Any) -> int:
         for signature in kept:
             # With a signature that is in the cache this only reads machine code.
             loop.compile(signature)
-    except Exception:  # noqa: BLE001 - another process may be writing it: who calls the loop gets it, or says why not
+    except Exception:  # noqa: BLE001 - another process may be writing it; the first call compiles then
         return 0
     return len(kept)

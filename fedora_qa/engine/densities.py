@@ -37,7 +37,7 @@ class Density:
 
 
 class Densities:
-    """The densities that were tried, from the sparsest on.
+    """The densities that were tried, beginning with the sparsest.
 
     Attributes
     ----------

@@ -69,7 +69,7 @@ class InProcess:
         future: Future[Result] = Future()
         try:
             future.set_result(task(progress))
-        except Exception as error:  # noqa: BLE001 - whoever asks for the result gets it
+        except Exception as error:  # noqa: BLE001 - raised where the result is requested
             future.set_exception(error)
         return future
 

@@ -17,7 +17,7 @@ QUESTION: Final = "Could every window be measured?"
 
 
 def lost_windows(lost: Sequence[Span], of: int, facts: Facts) -> tuple[Result, ...]:
-    """Return the result that names the windows that nobody could measure; none where there are none."""
+    """Return the result that names the windows that could not be measured; none where there are none."""
     if not lost:
         return ()
     first = lost[0]

@@ -36,7 +36,7 @@ class CheckOptions:
     canary
         Whether each check must detect a fault that is planted for it in memory; one that does not is ``crashed``.
     budget_s
-        Seconds that ``check_files`` may take over all files together, in place of what the effort says; None: any.
+        Seconds that ``check_files`` may take over all files together, in place of the effort; None: no limit.
     evidence
         How much to keep for the reader of a report; None: only the evidence of the checks.
     allow_external

@@ -89,7 +89,7 @@ def make_plan(effort: Effort, windows: int, window_ns: int = WINDOW_NS, pixels: 
 
 
 def sees_every_window(needs: Iterable[str]) -> bool:
-    """Whether a check of these streams sees every window whatever the effort."""
+    """Whether a check of these streams gets every window at every effort."""
     return bool(streams := frozenset(needs)) and streams <= _SAMPLES
 
 
@@ -113,6 +113,6 @@ def sampling_of(effort: Effort, pixels: int | None) -> Sampling:
         return usual
     # Above ``USUAL_PIXELS`` the number of pixels that are read is constant, and so is the standard error.
     fewer = min(1.0, USUAL_PIXELS / pixels)
-    # sqrt(2000 * pixels) pixels of a frame at least, which is never fewer than 2000 in a frame that has as many.
+    # sqrt(2000 * pixels) pixels at least, never fewer than 2000 of a larger frame, but no larger share than ``full``.
     least = min((_FEWEST_PLACES / pixels) ** 0.5, EFFORTS["full"].sampling.tile_share * fewer)
     return replace(usual, tile_share=max(usual.tile_share * fewer, least))
