@@ -63,7 +63,7 @@ class Pace:
 
 @dataclass(slots=True)
 class Reserve:
-    """How long judgement will take: the second look, conclusions, statistics and evidence."""
+    """How long judgement will take: follow-ups, conclusions, statistics and evidence."""
 
     _rehearsed: list[tuple[int, float]] = field(default_factory=list)
 

@@ -142,7 +142,7 @@ class BlockDecoder:
         return block
 
     def _place(self, shape: tuple[int, ...], dtype: np.dtype[Any]) -> NDArray[Any]:
-        """Return an array to decode a block into, after making room for it where it is large."""
+        """Return an array to decode a block into, after making space for it where it is large."""
         size = prod(shape) * dtype.itemsize
         if size < LEAST_BYTES:
             return np.empty(shape, dtype)

@@ -20,7 +20,7 @@ DIED_TWICE: Final = "died twice over it (out of memory, a library crashed, or it
 ENDLESS: Final = "did not come to an end, and was ended"
 """What became of the processes that a file was given to."""
 
-if TYPE_CHECKING:  # who deals out the work loads nothing that measures
+if TYPE_CHECKING:  # the process that deals out the work loads no checks
     from fedora_qa.checks.protocol import Check
 
 

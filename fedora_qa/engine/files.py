@@ -15,7 +15,7 @@ from fedora_qa.errors import EndlessError, WorkerLostError
 from fedora_qa.storage.place import Place
 from fedora_qa.storage.server import version_of
 
-if TYPE_CHECKING:  # who deals out the work loads nothing that measures
+if TYPE_CHECKING:  # the process that deals out the work loads no checks
     from fedora_qa.checks.protocol import Check
 
 _LIBRARIES_BYTES: Final = 340_000_000

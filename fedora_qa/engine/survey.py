@@ -94,7 +94,7 @@ class OpenSurvey:
         return (*self.asked, *(collector for collector in beside if collector is not None))
 
     def audience(self, span: Span) -> Sequence[Accumulator]:
-        """Return who gets a window: all accumulators if the plan has it, else the checks that get every window."""
+        """Return the receivers of a window: all accumulators if it is planned, else checks that get every window."""
         if span.index in self.planned:
             return self.accumulators
         return tuple(check for check in self.asked if sees_every_window(check.needs))
