@@ -1,1 +1,1 @@
-"""The package as a library: check files, look at what was found as data frames, and see it in a notebook."""
+"""The package as a library: check files, read their records as data frames, and show them in a notebook."""

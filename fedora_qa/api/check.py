@@ -1,4 +1,4 @@
-"""Check files from Python, and read what was found before."""
+"""Check files from Python, and read records of earlier runs."""
 
 from dataclasses import fields, replace
 from datetime import UTC, datetime
@@ -23,7 +23,7 @@ AnyPath = str | PathLike[str]
 def check(
     *paths: AnyPath, config: AnyPath | None = None, evidence: bool = True, apart: bool = False, **options: Any
 ) -> CheckedRecord:
-    """Check files as ``fedora-qa check`` does, and return what was found of all of them.
+    """Check files as ``fedora-qa check`` does, and return the record of all of them.
 
     Parameters
     ----------
@@ -32,28 +32,30 @@ def check(
     config
         A ``fedora-qa.toml`` whose options hold where none are given here.
     evidence
-        Whether to keep pictures and series for the report.
+        Whether to keep images and series for the report.
     apart
-        Whether to open files in another process even with a single job: for files of strangers, over which HDF5 may
-        die, or which never end to open. Their checks are then ``crashed``, and the program goes on.
+        Whether to open files in another process even with a single job: for files from unknown sources, which may
+        crash HDF5 or take for ever to open. Their checks are then ``crashed``, and the program continues.
     **options
         The keys of ``fedora-qa.toml``: ``effort="quick"``, ``select=["imu"]``, ``jobs=4``. With several jobs, or
-        ``apart``, a script must guard its entry with ``if __name__ == "__main__"``, as for any processes.
+        ``apart``, a script must guard its entry with ``if __name__ == "__main__"``, as multiprocessing requires.
 
     Raises
     ------
     MisuseError
-        No such file, not HDF5 at all, or an option that does not exist or has an illegal value. What is wrong with a
-        file is no error: it stands in the record.
+        No such file, not HDF5 at all, or an option that does not exist or has an illegal value. Defects of a
+        file raise nothing: they stand in the record.
     """
     files = [Path(path) for path in paths]
     if not files:
         raise MisuseError("Expected at least one file to check, got none")
     settings = with_options(read_config(Path(config)) if config else CheckConfig(), options)
     engine_options = replace(check_options(settings), evidence=EvidenceOptions() if evidence else None)
+    # Before workers are started: a wrong path is a misuse of the call, not a finding.
     require_hdf5(files)
     started = datetime.now(UTC).isoformat(timespec="seconds")
     executor = executor_for(settings, in_process=not apart)
+    # Read here, as ``checked`` closes the executor.
     jobs = executor.capacity
     runs = checked(files, Request(settings, engine_options, started), executor)
     return _with_arrays(record_of(runs, settings, started, {"jobs": jobs}), gathered_arrays(runs))

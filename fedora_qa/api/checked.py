@@ -1,4 +1,4 @@
-"""A record with its arrays, as somebody looks at it from Python."""
+"""A record with its arrays, for use from Python and in notebooks."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True, repr=False)
 class CheckedRecord(Record):
-    """What was found of one or more files: a record, and the arrays that lie beside it.
+    """The record of one or more files, and the arrays that lie beside it.
 
     ``results``, ``measurements``, ``findings``, ``diagnoses`` and ``statistics`` are data frames of all files, with the
     columns of the tables that ``--csv`` writes; they need pandas (``pip install 'fedora-qa[notebook]'``).
@@ -30,9 +30,10 @@ class CheckedRecord(Record):
     Attributes
     ----------
     arrays
-        Evidence by name; what each holds stands in ``evidence`` of its file.
+        Evidence by name; ``evidence`` of each file states what each array holds.
     """
 
+    # Not compared: an array has no single truth value, so that ``==`` of two records would raise.
     arrays: Mapping[str, NDArray[Any]] = field(default_factory=dict, compare=False)
 
     @property
@@ -40,6 +41,7 @@ class CheckedRecord(Record):
         """The gravest verdict of all files: incomplete before findings before clean."""
         verdicts = {file.verdict for file in self.files}
         gravest_first: tuple[Verdict, ...] = ("incomplete", "findings", "clean")
+        # A record without files has tested nothing: incomplete.
         return next((verdict for verdict in gravest_first if verdict in verdicts), "incomplete")
 
     @property
@@ -49,7 +51,7 @@ class CheckedRecord(Record):
 
     @property
     def measurements(self) -> "pd.DataFrame":
-        """A row for each number that a check measured, beside what is expected and what would have been seen."""
+        """A row for each number that a check measured, with its expected value and its detection limit."""
         return frame_of(table_of(self, "measurements"))
 
     @property
@@ -76,5 +78,5 @@ class CheckedRecord(Record):
         return "\n".join(f"{file.path}: {headline(file)}" for file in self.files)
 
     def _repr_html_(self) -> str:
-        """Return what a notebook shows: the report where what draws it is installed, else verdicts and findings."""
+        """Return the HTML for a notebook: the report where its package is installed, else verdicts and findings."""
         return report_frame(self, self.arrays) or light_page(self)

@@ -1,4 +1,4 @@
-"""Tables of a record as data frames. What makes them is an extra, imported only where one is asked for."""
+"""Tables of a record as data frames. pandas is an extra, imported only where a data frame is requested."""
 
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Final
@@ -9,6 +9,7 @@ from fedora_qa.record.tables import Kind, Table
 if TYPE_CHECKING:
     import pandas as pd
 
+# Types that allow missing values: NumPy's int64 has none, pandas' Int64 does.
 _TYPES: Final[Mapping[Kind, str]] = {
     "text": "string",
     "texts": "object",
@@ -34,6 +35,7 @@ def frame_of(table: Table) -> "pd.DataFrame":
             f"Expected what makes data frames, got: {missing}; install it with pip install 'fedora-qa[notebook]'"
         ) from None
     columns = {
+        # An explicit type: inferred ones would differ between records, and for columns without values.
         column.name: pd.Series([row[place] for row in table.rows], dtype=_TYPES[column.kind])
         for place, column in enumerate(table.columns)
     }

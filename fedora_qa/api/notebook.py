@@ -1,4 +1,4 @@
-"""What a notebook shows of a record. Whatever comes from a file is escaped."""
+"""HTML of a record for notebooks. All text from a file is escaped."""
 
 from collections.abc import Iterable, Iterator, Mapping
 from html import escape
@@ -12,11 +12,12 @@ from fedora_qa.record.wording import cause_sentence, findings_of, headline, plac
 
 
 def report_frame(record: Record, arrays: Mapping[str, NDArray[Any]]) -> str | None:
-    """Return the report in a frame of its own, shut off from the notebook; None where nothing draws reports."""
+    """Return the report in a frame that is isolated from the notebook; None where its package is not installed."""
     page = render_html_or_none(record, arrays)
     if page is None:
         return None
     return (
+        # Sandboxed without ``allow-same-origin``: scripts of the report cannot reach the page of the notebook.
         f'<iframe srcdoc="{escape(page)}" sandbox="allow-scripts" title="fedora-qa report" '
         'style="width: 100%; height: 800px; border: 1px solid #8888"></iframe>'
     )

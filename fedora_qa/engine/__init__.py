@@ -1,1 +1,1 @@
-"""Run the checks over a file: stamps first, fixed windows, one measuring pass, one bounded second look."""
+"""Run the checks over a file: timestamps first, fixed windows, one measuring pass, one bounded follow-up."""

@@ -1,9 +1,9 @@
 """Memory for decoded blocks, apart from all other arrays: pages that the next block is decoded into.
 
-On the heap a block would lie between what checks compute and drop, and what is free there is in pieces, too small for
-the next block and too many to be given back: 160 MB of a worker at 1440x1080, more than all blocks it held. And to get
-fresh pages for a block takes as long as to decode it. So blocks of whatever size lie one after another in one region,
-whose pages are used again, and given back where others are needed.
+On the heap, blocks would lie between the temporary arrays of checks. The gaps between them are too small for the next
+block, and the heap returns few of them to the system: 160 MB of a worker at 1440x1080, more than all blocks it held. To
+get fresh pages for a block takes as long as to decode it. Therefore blocks of all sizes lie one after another in one
+region. Its pages are used again, and are returned to the system where memory is needed elsewhere.
 """
 
 import mmap
@@ -21,10 +21,10 @@ LEAST_BYTES: Final = 1 << 20
 """Smaller arrays lie on the heap."""
 
 _REGION_BYTES: Final = 256 << 20
-"""What one region has room for. It costs nothing before it is used."""
+"""Address space of one region. The system provides a page only when it is first written."""
 
 _UNUSED_REFERENCES: Final = 2
-"""To the array of all of a block's pages: from the block itself, and from who counts."""
+"""References to the array of all of a block's pages without any view: of the block, and of ``getrefcount``."""
 
 
 def is_looked_at(block: NDArray[Any]) -> bool:
@@ -43,9 +43,9 @@ class BlockMemory:
     Attributes
     ----------
     used_bytes
-        What blocks fill, those included that nobody keeps and somebody still looks at, in whole pages.
+        Bytes that blocks fill, in whole pages; dropped blocks count as long as any view of them exists.
     held_bytes
-        That, and what the next may fill without asking the system for more.
+        Bytes that the system holds: the used ones, and those that the next block may fill without fresh pages.
     """
 
     def __init__(self) -> None:
@@ -74,14 +74,16 @@ class BlockMemory:
         return place.fresh if place else _whole_pages(size)
 
     def give_back(self) -> bool:
-        """Give pages that nobody uses to the system, those of the narrowest gap; return whether there were any."""
+        """Return unused pages to the system, those of the gap with the fewest; return whether there were any."""
         self._take_back()
         pieces = [(region.held(*free), region, free) for region in self._work_queue for free in region.free]
+        # Wide gaps stay as long as possible, as only these can take the next large block.
         held, region, free = min(
             (piece for piece in pieces if piece[0]), key=lambda piece: piece[0], default=(0, None, (0, 0))
         )
         if region is None:
             return False
+        # An empty region is dropped as a whole: that unmaps its pages also where the system has no MADV_DONTNEED.
         if free == (0, len(region.pages)):
             self._work_queue.remove(region)
         elif not region.give_back(*free):
@@ -90,12 +92,13 @@ class BlockMemory:
         return True
 
     def give_back_all(self) -> None:
-        """Give all pages that nobody uses to the system."""
+        """Return all unused pages to the system."""
         while self.give_back():
             pass
 
     def return_pages(self, place: "_Place") -> None:
-        """Be told that nobody looks at these pages any more, perhaps in the midst of anything."""
+        """Note that no view of these pages is left; may be called at any time, also within another method."""
+        # Only noted here: a lease may end while another method iterates over the gaps, which must not change then.
         self._returned.append(place)
 
     def _take_back(self) -> None:
@@ -108,6 +111,7 @@ class BlockMemory:
         """Return the place for which the fewest fresh pages are needed, in the narrowest gap of those."""
         self._take_back()
         places = (place for region in self._work_queue for place in region.places(_whole_pages(size)))
+        # Fresh pages cost as much as decoding, so they are counted first; best fit then leaves wide gaps whole.
         return min(places, key=lambda place: (place.fresh, place.gap), default=None)
 
     def _in_new_region(self, size: int) -> "_Place":
@@ -127,10 +131,11 @@ class _Place(NamedTuple):
 
 
 class _Region:
-    """Pages one after another; ``free`` are those that nobody uses, ``fresh`` those that the system need not hold."""
+    """Pages one after another; ``free`` are the unused ones, ``fresh`` those for which the system holds no memory."""
 
     def __init__(self, size: int) -> None:
         self.pages = mmap.mmap(-1, size, **_PRIVATE)
+        # One page fault for each huge page while a block is decoded, in place of one for each ordinary page.
         if hasattr(mmap, "MADV_HUGEPAGE"):
             self.pages.madvise(mmap.MADV_HUGEPAGE)
         with memoryview(self.pages) as view:
@@ -141,6 +146,7 @@ class _Region:
         """Yield where an array of so many bytes can lie: at either end of each gap."""
         for start, stop in self.free:
             if stop - start >= size:
+                # Only at the ends of a gap: a block in the middle would leave two narrower gaps.
                 for at in (start, stop - size):
                     yield _Place(self._fresh.overlap(at, at + size), stop - start, self, at, size)
 
@@ -149,24 +155,27 @@ class _Region:
         return stop - start - self._fresh.overlap(start, stop)
 
     def take(self, place: _Place) -> int:
-        """Let somebody use a place; return how many bytes more that makes the system hold."""
+        """Mark a place as used; return by how many bytes the memory that the system holds grows."""
         self.free.remove(place.start, place.start + place.size)
         self._fresh.remove(place.start, place.start + place.size)
         return place.fresh
 
     def give_back(self, start: int, stop: int) -> bool:
-        """Give these pages to the system; return whether that can be done here."""
+        """Return these pages to the system; return whether it supports that."""
         if not hasattr(mmap, "MADV_DONTNEED"):
             return False
+        # Their content is lost (madvise(2)); no block lies there.
         self.pages.madvise(mmap.MADV_DONTNEED, start, stop - start)
         self._fresh.add(start, stop)
         return True
 
 
+# Private, as MADV_DONTNEED keeps the memory of a shared map (madvise(2)), and ``own_bytes`` leaves shared pages out.
 _PRIVATE: Final[dict[str, int]] = {} if sys.platform == "win32" else {"flags": mmap.MAP_PRIVATE | mmap.MAP_ANONYMOUS}
 
 
 def _whole_pages(size: int) -> int:
+    # madvise(2) accepts whole pages only.
     return -(-size // mmap.PAGESIZE) * mmap.PAGESIZE
 
 
@@ -177,6 +186,7 @@ class _Lease:
         self._memory = memory
         self._place = place
         address = place.region.address + place.start
+        # numpy keeps this object as the base of every view, so that the last view ends the lease. False: writable.
         self.__array_interface__ = {"version": 3, "shape": (size,), "typestr": "|u1", "data": (address, False)}
 
     def __del__(self) -> None:

@@ -1,8 +1,8 @@
-"""What still fits into a budget of time, by what has been measured in this run and nothing else.
+"""What still fits into a budget of time, estimated from durations measured in this run and from nothing else.
 
-Two things are measured: how long windows take, and how long it takes to come from what they have shown to a record.
-The latter is rehearsed on a copy, when windows have become twice as many as at the last rehearsal, so that rehearsals
-together cost less than twice the last of them.
+Two durations are measured: of windows, and of the steps from their states to a record. The latter is rehearsed on a
+copy whenever the number of windows has doubled since the last rehearsal. So all rehearsals together take less than
+twice as long as the last of them.
 """
 
 from collections import deque
@@ -10,15 +10,16 @@ from dataclasses import dataclass, field
 from typing import Final
 
 _LATEST: Final = 8
-"""Of so many windows the slowest counts for the next one: the first ones also load and compile, and are forgotten."""
+"""Number of latest windows whose slowest predicts the next one. The first windows, which also load and compile, drop
+out of them."""
 
 _MOST_WINDOWS: Final = 8
-"""In a step: a worker that dies takes them with it."""
+"""Most windows of a step: a worker that dies loses them."""
 
 
 @dataclass(slots=True)
 class Pace:
-    """How fast one file comes on, at one density of looking.
+    """How fast the windows of one file are measured at one density.
 
     Attributes
     ----------
@@ -38,7 +39,7 @@ class Pace:
 
     @property
     def mean_s(self) -> float:
-        """Seconds a window, of the latest."""
+        """Mean seconds of the latest windows."""
         return sum(self._latest_s) / len(self._latest_s)
 
     @property
@@ -62,7 +63,7 @@ class Pace:
 
 @dataclass(slots=True)
 class Reserve:
-    """How long judgement will take: the second look, conclusions, statistics and evidence."""
+    """How long judgement will take: follow-ups, conclusions, statistics and evidence."""
 
     _rehearsed: list[tuple[int, float]] = field(default_factory=list)
 
@@ -76,10 +77,10 @@ class Reserve:
         return bool(self._rehearsed)
 
     def seconds(self, windows: int) -> float:
-        """Return the seconds to keep for after so many windows: on the line through the last two rehearsals.
+        """Return the seconds that judgement takes after so many windows, on the line through the last two rehearsals.
 
-        After one, in proportion to the windows, which is too much where part of it does not grow with them. Never less
-        than the last rehearsal took.
+        After one rehearsal they are proportional to the windows, an upper bound where judgement has a constant part.
+        They are never fewer than the last rehearsal took.
         """
         if not self._rehearsed:
             return 0.0
@@ -87,17 +88,20 @@ class Reserve:
         if len(self._rehearsed) == 1:
             return last_s * max(1.0, windows / last_windows)
         before_windows, before_s = self._rehearsed[-2]
+        # Judgement does not get faster with more windows: a negative slope is scatter of the measured times.
         slope = max(0.0, (last_s - before_s) / max(last_windows - before_windows, 1))
         return last_s + slope * max(0, windows - last_windows)
 
     def is_due(self, windows: int, pace: Pace, left_s: float) -> bool:
         """Whether to rehearse: windows have doubled, and there is time for it and for more windows after it.
 
-        Before the first time nobody knows what it takes; then there must be time for as many windows again.
+        Before the first rehearsal its duration is unknown; then there must be time for as many windows again.
         """
         if not self._rehearsed:
+            # Assumed bound of the unknown duration: that of all windows so far.
             return left_s > pace.spent_s
         return (
+            # Twice: for the rehearsal and for judgement. Without time for one window more it would decide nothing.
             windows >= 2 * self._rehearsed[-1][0]
             and left_s > 2 * pace.unevenness * self.seconds(windows) + pace.longest_s
         )
@@ -106,9 +110,10 @@ class Reserve:
 def batch(left_s: float, pace: Pace, pending: int, workers: int) -> int:
     """Return how many windows to measure in one step, 0 where none fits.
 
-    At most half of what fits, so that the pace is known anew before the end, and no worker waits for another for long.
+    At most half of the windows that fit, so that the pace is measured again before the end, and workers end together.
     """
     if not pending or pace.longest_s > left_s:
         return 0
+    # Rounded up: the last windows are spread over all workers.
     share = -(-pending // workers)
     return max(1, min(_MOST_WINDOWS, int(left_s / pace.longest_s / 2), share))

@@ -1,7 +1,8 @@
-"""The steps of a file that is checked within a budget of time; like all steps they can be done anywhere.
+"""The steps of a file that is checked within a budget of time; like all steps they can be done by any process.
 
-What needs no images and no events sees every window, at once and first. All else sees windows one by one, in the order
-in which they are visited; each gives a state of its own, and in the end they are merged in the order of time.
+Checks that need neither images nor events get every window, first and in one step. All others get windows one by one,
+in the order in which they are visited. Each window gives a state of its own; in the end these are merged in the order
+of time.
 """
 
 import pickle
@@ -23,19 +24,19 @@ from fedora_qa.storage.traffic import Traffic
 
 @dataclass(frozen=True, slots=True)
 class SampledPasses:
-    """What a file has shown so far: to the checks that see every window, and to all else, by window."""
+    """Passes over a file so far: of the checks that get every window, and of all others by window."""
 
     steady: tuple[PartialPass, ...]
     sampled: Mapping[int, PartialPass]
 
 
 def has_steady_checks(survey: Survey) -> bool:
-    """Whether any check sees every window."""
+    """Whether any check gets every window."""
     return any(sees_every_window(check.needs) for check in survey.asked)
 
 
 def measure_steady(survey: Survey, windows: Sequence[int], progress: Progress) -> PartialPass:
-    """Hand neighbouring windows to the checks that see every window."""
+    """Hand neighbouring windows to the checks that get every window."""
     with opened(survey) as file:
         return _measured(survey, file, _steady(file), windows, progress)
 
@@ -43,7 +44,7 @@ def measure_steady(survey: Survey, windows: Sequence[int], progress: Progress) -
 def measure_sampled(
     survey: Survey, windows: Sequence[int], allowed_s: float, progress: Progress
 ) -> dict[int, PartialPass]:
-    """Hand windows one by one to all else, in the order given, while they fit into a time; one at least."""
+    """Hand windows one by one to all other checks, in the given order, while they fit into a time; one at least."""
     began = time.monotonic()
     with opened(survey) as file:
         accumulators = _sampled(file)
@@ -51,6 +52,7 @@ def measure_sampled(
         longest_s = 0.0
         for done, window in enumerate(windows):
             left_s = allowed_s - (time.monotonic() - began)
+            # One window at least: ``Pace.add`` divides by the number of windows of a step.
             if passes and longest_s > left_s:
                 break
             progress(STAGE, done, len(windows))
@@ -60,14 +62,15 @@ def measure_sampled(
 
 
 def finish_sampled(survey: Survey, passes: SampledPasses, lost: Sequence[int], progress: Progress) -> FileRun:
-    """Judge a file by what its windows have shown. ``lost`` are windows of the plan that nobody could measure."""
+    """Judge a file by the passes over its windows. ``lost`` are windows of the plan that could not be measured."""
     with opened(survey) as file:
         return _finished(survey, file, passes, lost, progress)
 
 
 def rehearse(survey: Survey, passes: SampledPasses, progress: Progress) -> Traffic:
-    """Do the same with a copy, to see how long it takes; return what it asked of a server."""
-    copy = pickle.loads(pickle.dumps(passes))  # judging takes the states apart
+    """Judge a copy of the passes, so that its duration can be measured; return the traffic that this caused."""
+    # Merging and concluding may change the states, which later windows still have to be merged with.
+    copy = pickle.loads(pickle.dumps(passes))
     with opened(survey) as file:
         _finished(survey, file, copy, (), progress)
         return file.sequence.traffic
@@ -83,7 +86,9 @@ def _finished(
 ) -> FileRun:
     facts = file.ready.facts
     steady = together(passes.steady, _steady(file), facts)
+    # States merge only in the order of time, whatever the order of visits was.
     sampled = together((part for _, part in sorted(passes.sampled.items())), _sampled(file), facts)
+    # No name is in both: ``_sampled`` leaves out the steady checks.
     both = PartialPass(
         PassState(
             {**steady.states.states, **sampled.states.states},
@@ -95,6 +100,7 @@ def _finished(
         steady.decoded_bytes + sampled.decoded_bytes,
         steady.traffic + sampled.traffic,
     )
+    # ``lost`` holds numbers of the plan, ``finish_open`` takes places among the windows of the survey.
     return finish_open(survey, file, [both], [survey.windows.index(window) for window in lost], progress)
 
 
@@ -102,6 +108,7 @@ def _measured(
     survey: Survey, file: OpenSurvey, accumulators: Sequence[Accumulator], windows: Sequence[int], progress: Progress
 ) -> PartialPass:
     watch, ready = Stopwatch(), file.ready
+    # Both count from the opening of the file, which several passes of a step share.
     decoded_before, traffic_before = ready.decoder.decoded_bytes, file.sequence.traffic
     with watch.stage(STAGE):
         spans = [ready.spans[window] for window in windows]

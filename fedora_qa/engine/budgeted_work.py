@@ -38,8 +38,9 @@ _ANY_TIME: Final = float("inf")
 class BudgetedWork(FileWork):
     """One file: windows are visited in an order that spreads them evenly, for as long as the next one fits.
 
-    The least number of windows is visited whatever the budget. ``allot`` says until when (``time.monotonic``) the file
-    may take, once its stamps have been read. Only the process that deals out the steps looks at its clock.
+    The least number of windows is visited whatever the budget. ``allot`` returns the deadline of the file on the clock
+    of ``time.monotonic``, s; it is called once the timestamps have been read. Only the process that deals out the steps
+    reads this clock for deadlines.
     """
 
     def __init__(
@@ -66,7 +67,7 @@ class BudgetedWork(FileWork):
         super().__init__(path, size, checks, options, workers, report, folder)
 
     def _do_in_one(self) -> None:
-        """Go in steps even alone: between them it is decided what comes next."""
+        """Go in steps even with a single worker: the next step is decided between them."""
         self._do_in_steps()
 
     def _surveyed(self, surveyed: Surveyed | FileRun) -> None:
@@ -77,6 +78,7 @@ class BudgetedWork(FileWork):
         self._deadline = self._allot(self)
         self.windows = survey.plan.of
         self._least = min(FEWEST_WINDOWS, self.windows)
+        # Windows shorter than 0.2 s are visited in groups of that length, as neighbours share decoded frames.
         together = max(1, WINDOW_NS // survey.scanned.cell_ns)
         densities = self._densities = Densities(survey, visiting_order(self.windows, together))
         for windows in equal_parts(self.windows, self._workers) if has_steady_checks(survey) else ():
@@ -90,10 +92,12 @@ class BudgetedWork(FileWork):
             pass
         if not self._under_way:
             now = densities.now
+            # Passes at another density are not judged, but the server was asked for their rows all the same.
             for other in densities.tried:
                 if other is not now:
                     self._traffic = sum((part.traffic for part in other.passes.values()), self._traffic)
             passes = SampledPasses(self._steady_parts(), now.passes)
+            # A window that was lost at one density may have been measured at another.
             lost = sorted(set(self._lost) - now.passes.keys())
             self._do("being judged", partial(finish_sampled, self._visited(now), passes, lost), self._finished)
 
@@ -101,12 +105,15 @@ class BudgetedWork(FileWork):
         """Make the next step ready; False where there is none for now."""
         now, left_s = densities.now, self._deadline - time.monotonic()
         soon = len(now.passes) + sum(windows for density, windows in self._under_way.values() if density is now)
+        # The least number is measured whatever the budget (docs/efforts.md).
         if soon < self._least and now.pending:
             self._measure(now, [now.pending.popleft()], _ANY_TIME)
             return True
         reserve_is_measured = self._reserve.is_known
+        # What fits cannot be estimated before the least windows have been measured and judgement has been rehearsed.
         if len(now.passes) < self._least or (self._under_way and not reserve_is_measured):
             return False
+        # Once the reserve is measured, a rehearsal only serves windows that are still to come.
         worthwhile = not self._rehearsing and (now.pending or not reserve_is_measured)
         if worthwhile and self._reserve.is_due(len(now.passes), now.pace, left_s):
             self._rehearse(now)
@@ -117,6 +124,7 @@ class BudgetedWork(FileWork):
 
     def _measure_more(self, now: Density, soon: int, left_s: float) -> bool:
         """Measure as many windows as fit beside the reserve that they will need; False where none fits."""
+        # Judgement after one window more; the load that slowed the slowest window may slow judgement as well.
         left_s -= now.pace.unevenness * self._reserve.seconds(soon + 1)
         count = batch(left_s, now.pace, len(now.pending), self._workers)
         if count:
@@ -132,13 +140,16 @@ class BudgetedWork(FileWork):
         began = time.monotonic()
 
         def measured(passes: dict[int, PartialPass]) -> None:
+            # Windows that did not fit return to the front, so that those visited stay evenly spread.
             now.pending.extendleft(reversed([window for window in windows if window not in passes]))
             now.passes.update(passes)
             now.pace.add(len(passes), time.monotonic() - began)
+            # A new density starts with no windows; the progress that is reported shall not run backwards.
             self._seen = {0: max(self.windows_done, len(now.passes))}
 
         def each_by_itself() -> None:
             for window in windows:
+                # One window a step: the one that ends its process is then lost alone.
                 alone = partial(measure_sampled, now.survey, (window,), _ANY_TIME)
                 self._start(alone, now.passes.update, partial(self._lost.append, window), now, 1)
 
@@ -156,6 +167,7 @@ class BudgetedWork(FileWork):
             self._rehearsing = False
 
         self._rehearsing = True
+        # A copy of the mapping: steps that end meanwhile add passes to it.
         self._start(
             partial(rehearse, self._visited(now), SampledPasses(self._steady_parts(), dict(now.passes))), rehearsed
         )
@@ -176,7 +188,8 @@ class BudgetedWork(FileWork):
         density: Density | None = None,
         windows: int = 0,
     ) -> None:
-        """Make a step ready, which is under way until it has ended; a lost one is done again unless said otherwise."""
+        """Make a step ready, which is under way until it has ended; a lost one is repeated without ``when_lost``."""
+        # The identity stays unique while ``lost`` below refers to the task.
         key = id(task)
         self._under_way[key] = (density, windows)
 
@@ -202,7 +215,7 @@ class BudgetedWork(FileWork):
         super()._finished(replace(run, reached=self._reached(), seconds=seconds, traffic=run.traffic + self._traffic))
 
     def _reached(self) -> str:
-        """Say how far the budget has carried."""
+        """Return how many windows the budget sufficed for, as text."""
         if self._densities is None:
             return "the file cannot be opened"
         now, late_s = self._densities.now, time.monotonic() - self._deadline

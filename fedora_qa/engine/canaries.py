@@ -1,9 +1,9 @@
-"""Prove each check alive: plant a fault in what it reads, and see whether it fails.
+"""Verify each check: plant a fault in the data that it reads, and test whether the check detects it.
 
-A check has a canary where it has found the file in order. It is shown the fault on the window with most events first,
-then on twice as many around it, and so on up to all that were planned, until it gives a finding; it is judged by the
-limits of the plain run. One that gives none is shown larger faults. If it sees none of them it is deaf, and its silence
-on the file says nothing.
+A check gets a canary where it passed on the file, or warned. The fault is planted on the window with most events first,
+then on twice as many around it, and so on up to all planned windows, until the check gives a finding. It is judged by
+the limits of the plain run. A check that gives no finding gets larger faults. One that detects none of them is deaf:
+that it passed on the file is then no evidence.
 """
 
 from collections.abc import Iterator, Mapping, Sequence
@@ -49,7 +49,7 @@ class PlainRun:
 
 @dataclass(frozen=True, slots=True)
 class Proof:
-    """A canary and, where the check did not see it, the traceback of its own failure if there is one."""
+    """A canary and, where the check did not detect it, the traceback of the check's own failure if there is one."""
 
     canary: Canary
     traceback: str = ""
@@ -58,7 +58,7 @@ class Proof:
 def prove_alive(
     checks: Sequence[Check[Any]], results: Sequence[Result], run: PlainRun, progress: Progress
 ) -> tuple[Proof, ...]:
-    """Plant a canary for each check that has a result, and say whether it was seen."""
+    """Plant a canary for each check that has a result, and return which of them were detected."""
     by_name = {check.name: check for check in checks}
     place_ns = _place_ns(_planned(run, run.ready))
     proofs = []
@@ -93,7 +93,7 @@ def _why_none(result: Result) -> str:
 
 
 def _prove(check: Check[Any], result: Result, run: PlainRun, place_ns: int) -> Proof:
-    """Plant the check's canary. One that fails itself proves nothing, and so is not seen."""
+    """Plant the check's canary. A canary that fails itself proves nothing, and counts as not detected."""
     attempted = PassState({})
     proof = attempt(attempted, check.name, partial(_plant_ever_larger, check, result, run, place_ns))
     if proof is None:
@@ -102,31 +102,35 @@ def _prove(check: Check[Any], result: Result, run: PlainRun, place_ns: int) -> P
 
 
 def _plant_ever_larger(check: Check[Any], result: Result, run: PlainRun, place_ns: int) -> Proof:
-    """Plant ever larger faults until one is seen; one without a size is planted once."""
+    """Plant ever larger faults until one is detected; a fault without a size is planted once."""
     proofs: dict[str, Proof] = {}
     for multiple in MULTIPLES:
         try:
             fault = CANARIES[check.name](CanaryConditions(run.ready.facts, result.measurements, place_ns, multiple))
         except UnplantableError as why:
             return Proof(Canary(check.name, "not_planted", reason=str(why)))
+        # A fault without a size is the same at every multiple.
         if fault.description in proofs:
             continue
+        # A rule that the check already reports of the unchanged file is no detection of the fault.
         proof = _plant(check, fault, run, place_ns, known_rules=_rules([result]))
         if proof.canary.outcome == "seen" or proof.traceback:
             return proof
         proofs[fault.description] = proof
+    # A check that cannot observe its question on the faulty rows is not deaf.
     withheld = [proof for proof in proofs.values() if proof.canary.outcome == "withheld"]
     return (withheld or list(proofs.values()))[0]
 
 
 def _plant(check: Check[Any], fault: Fault, run: PlainRun, place_ns: int, *, known_rules: frozenset[str]) -> Proof:
-    """Show the check a fault on ever more windows; it sees what gives a finding of another rule than the ``known``.
+    """Plant a fault on ever more windows; a finding of a rule that is not in ``known_rules`` is a detection.
 
-    Only the first look counts: the second one is for naming causes.
+    Only the first pass counts: follow-ups serve to name causes.
     """
     faulty = _with_fault(run, fault)
     sampling = sampling_of(run.effort, faulty.frame_pixels)
     canary, reason = Canary(check.name, "silent", fault.description), ""
+    # Windows of the faulty sequence: a fault that moves time is cut into other windows than the file.
     for spans in growing((faulty.spans if sees_every_window(check.needs) else _planned(run, faulty)), place_ns):
         states = measure([check], spans, faulty.facts, faulty.decoder, sampling, _quiet, faulty.images)
         # The check's result by the limits of the plain run, whose comparisons share one false-alarm rate.
@@ -153,6 +157,7 @@ def _with_fault(run: PlainRun, fault: Fault) -> Prepared:
         return prepare(sequence, run.memory_bytes)
     ready = run.ready
     facts = replace(ready.facts, declared=sequence.declared, layout=sequence.layout)
+    # Blocks and images of the plain run hold values without the fault, so none may be reused.
     decoder = BlockDecoder(sequence, ready.scanned, ready.decoder.cache_bytes, ready.decoder.memory_budget)
     return replace(ready, facts=facts, decoder=decoder, images=SharedImages(ready.images.limit_bytes))
 
@@ -167,6 +172,7 @@ def growing(chosen: Sequence[Span], place_ns: int) -> Iterator[Sequence[Span]]:
     centre = int(np.argmin([abs((span.start_ns + span.stop_ns) / 2 - place_ns) for span in chosen])) if chosen else 0
     count = 1
     while count < len(chosen):
+        # Clamped at both ends of the sequence, so that there are always ``count`` windows.
         first = min(max(centre - count // 2, 0), len(chosen) - count)
         yield chosen[first : first + count]
         count *= 2

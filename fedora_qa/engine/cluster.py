@@ -1,4 +1,4 @@
-"""Tasks on a Dask cluster: the same as anywhere else, done by whoever of its workers is free.
+"""Tasks on a Dask cluster: the same as elsewhere, done by any of its workers that is free.
 
 The files must lie under the same path on every worker, and the same version of this package must be installed there.
 A task whose worker dies is given to another by the cluster itself, and is lost where it kills several of them.
@@ -28,9 +28,9 @@ _WITHOUT_WORKERS_S: Final = 60.0
 
 @dataclass(frozen=True, slots=True)
 class _WithWorker(Sealed[Any]):
-    """What lies with the worker that made it, and goes from there to the one that needs it, if that is another.
+    """A value that stays on the worker that computed it, and moves from there to another that needs it.
 
-    Where that worker dies before, the cluster gets it made again.
+    Where that worker dies before, the cluster computes the value again.
     """
 
     _: KW_ONLY
@@ -72,8 +72,8 @@ class DaskExecutor:
         self._dask: Any = dask
         self._distributed: Any = distributed
         try:
-            # Raise ``OSError`` or ``ValueError`` where nobody listens: a client that has failed tells of it again at
-            # exit.
+            # A plain connection first, which raises ``OSError`` or ``ValueError`` where nothing listens: a Dask client
+            # that could not connect logs its failure again at exit.
             socket.create_connection(get_address_host_port(address), timeout=_CONNECT_S).close()
             self._client: Any = self._distributed.Client(address, timeout=_CONNECT_S, set_as_default=False)
         except (OSError, ValueError) as problem:
@@ -100,14 +100,17 @@ class DaskExecutor:
         return max(self._threads, default=1)
 
     def submit(self, task: Task[Result], progress: Progress, worker: int | None = None) -> Future[Result]:
-        """Give the task to the cluster; its progress is not told."""
+        """Give the task to the cluster; its progress is not reported."""
         future: Future[Result] = Future()
-        if isinstance(task, FileTask):  # Dask finds what lies with workers in arguments alone
+        # Dask resolves futures in arguments only, not within an object. Not pure: Dask would otherwise answer a step
+        # that is done again with the result of the first time, as it has the same arguments.
+        if isinstance(task, FileTask):
             arguments = _told_apart(task.arguments)
             remote = self._client.submit(
                 do_if_same_code, self._code, replace(task, arguments=()), arguments, pure=False
             )
-            stays = bool(task.windows)  # what windows have shown is large
+            # States of windows are large (some 40 MB at 1440x1080): they stay, and do not pass through this process.
+            stays = bool(task.windows)
         else:
             remote, stays = self._client.submit(do_if_same_code, self._code, task, pure=False), False
         self._remote[future] = remote
@@ -143,11 +146,12 @@ class DaskExecutor:
         try:
             left = stays and remote.status == "finished"
             future.set_result(_WithWorker(b"", remote=remote) if left else remote.result())
+        # Raised after ``allowed-failures`` deaths: the cluster itself has tried other workers before.
         except self._distributed.KilledWorker as death:
             future.set_exception(WorkerLostError(f"Expected a worker to end its task, got: {death}"))
         except self._distributed.CancelledError:
             future.set_exception(FedoraError(f"Expected the Dask scheduler at {self._address} to stay, got its end"))
-        except Exception as error:  # noqa: BLE001 - whoever asks for the result gets it
+        except Exception as error:  # noqa: BLE001 - raised where the result is requested
             future.set_exception(error)
 
 
@@ -157,8 +161,9 @@ def do_if_same_code(code: str, task: Task[Result], arguments: tuple[Any, ...] | 
     Raises
     ------
     MisuseError
-        The worker has other code than who sent the task.
+        The worker has other code than the process that sent the task.
     """
+    # The record shall be the same to the last bit whoever measures; other code could differ without any error.
     if _code_here() != code:
         raise MisuseError("Expected the same fedora-qa on every worker, got another; install the same version on all")
     if isinstance(task, FileTask) and arguments is not None:
@@ -167,7 +172,7 @@ def do_if_same_code(code: str, task: Task[Result], arguments: tuple[Any, ...] | 
 
 
 def _told_apart(arguments: Any) -> Any:
-    """Return arguments with what lies with workers as Dask knows it."""
+    """Return arguments with the futures of Dask in place of values that stay on workers."""
     if isinstance(arguments, _WithWorker):
         return arguments.remote
     if isinstance(arguments, list | tuple):

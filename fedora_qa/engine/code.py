@@ -15,6 +15,8 @@ def code_digest(folders: Sequence[str] = ("",), package: Path = PACKAGE) -> str:
     digest = hashlib.sha256()
     paths = (path for folder in folders for path in (package / folder).rglob("*") if path.suffix in _SUFFIXES)
     for path in sorted(paths):
+        # A zero byte ends each path and each text, so that no text can be read as the path that follows.
         digest.update(f"{path.relative_to(package).as_posix()}\0".encode())
+        # Line ends of a checkout on Windows do not change what the code does.
         digest.update(path.read_bytes().replace(b"\r\n", b"\n") + b"\0")
     return digest.hexdigest()

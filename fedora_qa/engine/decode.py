@@ -1,7 +1,7 @@
-"""Decoding as a component of its own: blocks of rows, each decoded once while it is wanted.
+"""Decoding as a component of its own: blocks of rows, each decoded once while it is needed.
 
-Here it runs in the process that measures. Workers with shared memory and limits of their own can stand behind the same
-interface (``RowSource``) without any check noticing.
+Here it runs in the process that measures. Workers with shared memory and limits of their own can implement the same
+interface (``RowSource``) without a change of any check.
 """
 
 from bisect import bisect_left
@@ -26,27 +26,31 @@ Block = NDArray[Any] | UnreadableRowsError
 class BlockDecoder:
     """Decodes stored blocks on demand and keeps some within a limit of bytes.
 
-    Where not all fit, what lies before the window goes first, then what lies farthest beyond its end, and then what
-    was not used for longest. One check after another goes through the images of a window, and the next window does the
-    same with those that follow. So what one check has fetched from beyond the end is wanted again later than anything
-    within, although it was used last. What somebody looks at stays: to drop it would free nothing.
+    Where not all fit, blocks before the window are dropped first, then those farthest beyond its end, then the least
+    recently used. One check after another reads the images of a window, and the next window does the same with those
+    that follow. So a block that one check has read beyond the end is needed again later than any block within, although
+    it was used last. A block of which views exist is not dropped: that would free nothing.
 
-    Of what lies before the window, a block as large as the one that is wanted goes first, and leaves its pages to it.
-    Otherwise what becomes free lies in places too narrow, which are given back for fresh pages elsewhere: at 1440x1080
-    with 310 MB for all, a third of what is decoded went to fresh pages, now a seventh, with as much decoded.
+    Of the blocks before the window, one of the size that is needed is dropped first, so that the new one takes its
+    pages. Otherwise free pages lie in gaps too narrow, which are returned to the system for fresh pages elsewhere: at
+    1440x1080 with 310 MB for all, a third of the decoded bytes went to fresh pages, now a seventh.
 
-    With 80, 100, 120, 140 and 160 MB at 1440x1080, all checks, 2.6, 2.0, 1.6, 1.4 and 1.2 times the file is decoded;
-    were the longest unused to go first, 3.4, 2.2, 1.7, 1.4 and 1.3 times; did one know the future, 2.1, 1.7, 1.5, 1.3
-    and 1.1 times.
+    With 80, 100, 120, 140 and 160 MB at 1440x1080 and all checks, 2.6, 2.0, 1.6, 1.4 and 1.2 times the file is decoded.
+    If the least recently used were dropped first, it would be 3.4, 2.2, 1.7, 1.4 and 1.3 times; with knowledge of all
+    later reads 2.1, 1.7, 1.5, 1.3 and 1.1 times.
 
-    A block that cannot be decoded raises ``UnreadableRowsError`` each time it is asked for, and is tried only once.
+    A block that cannot be decoded raises ``UnreadableRowsError`` at each read, and is tried only once.
 
     Parameters
     ----------
+    sequence
+        The open file whose stored rows are decoded.
+    scan
+        Its timestamps, of which the first of every block of events locates events in time.
     cache_bytes
-        What blocks may fill at most.
-    room
-        What is left for them at the time; all of that where None.
+        Most bytes that blocks may fill.
+    memory_budget
+        Limits blocks further to the bytes that are left at the time; no further limit where None.
     """
 
     def __init__(
@@ -66,13 +70,14 @@ class BlockDecoder:
 
     @property
     def held_bytes(self) -> int:
-        """What blocks fill, those included that only somebody looks at, and what the next may fill."""
+        """Bytes of blocks, dropped ones of which views exist included, and of pages that the next block may fill."""
         return self._memory.held_bytes + self._small_bytes
 
     def begin(self, span: Span) -> None:
-        """Be told which window is looked at from now on."""
+        """Note which window is read from now on."""
         if self.memory_budget:
             self.memory_budget.begin_window()
+        # A stream without rows in this window keeps its last ones, so that its older blocks still count as behind.
         self._owned |= span.owned
 
     def rows(self, key: str, start: int, stop: int) -> NDArray[Any]:
@@ -84,6 +89,7 @@ class BlockDecoder:
         parts = [
             self._block(key, number, rows)[max(start - number * rows, 0) : stop - number * rows] for number in blocks
         ]
+        # Rows within one block are returned as a view, without a copy.
         return parts[0] if len(parts) == 1 else np.concatenate(parts)
 
     def forget(self) -> None:
@@ -93,13 +99,15 @@ class BlockDecoder:
         self._memory.give_back_all()
 
     def event_index(self, time_ns: int) -> int:
-        """Return the number of events earlier than ``time_ns``, exact where the stamps are in order."""
+        """Return the number of events earlier than ``time_ns``, exact where the timestamps are in order."""
+        # The last block whose first event is earlier: the boundary lies within it, or at its end.
         block = int(np.searchsorted(self._block_first_ns, time_ns, "left")) - 1
         if block < 0:
             return 0
         start, stop = block * BLOCK_ROWS, min((block + 1) * BLOCK_ROWS, self._event_count)
         timestamps = TIMESTAMPS_OF["events"]
-        rows = range(start, stop)  # to join the blocks of a million of them takes longer than to look at twenty
+        # Bisection reads about twenty of up to a million timestamps; to concatenate them all would take longer.
+        rows = range(start, stop)
         return start + bisect_left(rows, time_ns, key=lambda row: int(self.rows(timestamps, row, row + 1)[0]))
 
     def _block(self, key: str, number: int, rows: int) -> NDArray[Any]:
@@ -109,7 +117,8 @@ class BlockDecoder:
         else:
             self._cached.move_to_end((key, number))
         if isinstance(block, UnreadableRowsError):
-            raise block.with_traceback(None)  # or each time would add to what the last one has kept alive
+            # Each raise extends the traceback, whose frames would keep their arrays alive for the rest of the run.
+            raise block.with_traceback(None)
         return block
 
     def _decode(self, key: str, number: int, rows: int) -> Block:
@@ -117,19 +126,23 @@ class BlockDecoder:
         try:
             block = self._sequence.rows(key, number * rows, min((number + 1) * rows, count), self._place)
         except UnreadableRowsError as error:
+            # Cached like a block, so that damaged rows are decoded only once.
             return error
         self.decoded_bytes += block.nbytes
         if block.nbytes < LEAST_BYTES:
-            block = np.ascontiguousarray(block)  # compiled loops are made for rows that lie one after another
+            # Compiled loops are specialised for contiguous rows.
+            block = np.ascontiguousarray(block)
             self._make_space(block.nbytes)
             self._small_bytes += block.nbytes
+        # Images whose units are converted come in an array of their own (``Sequence.rows``).
         elif not lies_in_pages(block):
             block = self._moved(block)
+        # Several checks read the same block: none may change what the next one reads.
         block.flags.writeable = False
         return block
 
     def _place(self, shape: tuple[int, ...], dtype: np.dtype[Any]) -> NDArray[Any]:
-        """Return an array to decode a block into, after making room for it where it is large."""
+        """Return an array to decode a block into, after making space for it where it is large."""
         size = prod(shape) * dtype.itemsize
         if size < LEAST_BYTES:
             return np.empty(shape, dtype)
@@ -142,7 +155,7 @@ class BlockDecoder:
         return moved
 
     def _make_space(self, size: int) -> None:
-        """Drop blocks until another of this size fits, or all that are left are looked at."""
+        """Drop blocks until another of this size fits, or until views exist of all that are left."""
         most = (
             self.cache_bytes
             if self.memory_budget is None
@@ -150,6 +163,7 @@ class BlockDecoder:
         )
         while self._memory.used_bytes + self._small_bytes + size > most and self._drop_one(size):
             pass
+        # Pages of dropped blocks may fit no block of this size: what exceeds the limit goes back to the system.
         while self.held_bytes + self._missing(size) > most and self._memory.give_back():
             pass
 
@@ -169,6 +183,7 @@ class BlockDecoder:
         behind = (name for name, block in self._cached.items() if self._is_behind(*name) and not _is_held(block))
         unseen = (name for name, block in self._cached.items() if not _is_held(block))
         fitting = self._behind_of_size(wanted_bytes) if wanted_bytes >= LEAST_BYTES else None
+        # ``max`` returns the first of equals: within the window the least recently used, as the cache is in that order.
         return fitting or next(behind, None) or max(unseen, key=self._ahead, default=None)
 
     def _behind_of_size(self, size: int) -> tuple[str, int] | None:
@@ -185,11 +200,12 @@ class BlockDecoder:
         count = self._sequence.layout.bindings[key].rows
         _, stop = self._owned.get(DATASETS[key].stream, (0, count))
         beyond = number * self._sequence.chunk_rows(key) - stop
+        # As a share of its stream, distances in streams of different rates compare as times.
         return beyond / count if beyond >= 0 else -1.0
 
 
 def _is_held(block: Block) -> bool:
-    """Whether to drop a block would free nothing: somebody looks at it, or it could not be decoded at all."""
+    """Whether to drop a block would free nothing: views of it exist, or it could not be decoded at all."""
     return isinstance(block, UnreadableRowsError) or is_looked_at(block)
 
 

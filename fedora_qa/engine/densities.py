@@ -1,9 +1,9 @@
-"""How densely the windows of a file are looked at within a budget of time.
+"""How densely the windows of a file are sampled within a budget of time.
 
-A window more is worth at least what density is: half as much time again for every flow field instead of every third
-lowers the limits of flow by a tenth, half as many windows again lower all limits by 18% (docs/trade.md). So the density
-of ``quick`` is kept until all windows fit. Only then denser ones are tried, on as few windows as are always looked at,
-and the first with which all windows fit is kept.
+Further windows gain at least as much as density does: half as much time again for every flow field instead of every
+third lowers the limits of flow by a tenth, half as many windows again lower all limits by 18% (docs/trade.md). So the
+density of ``quick`` holds until all windows fit. Only then denser ones are tried, on the least number of windows, and
+the first with which all windows fit is chosen.
 """
 
 from collections import deque
@@ -22,12 +22,12 @@ from fedora_qa.engine.survey import Survey
 _DENSER: Final[tuple[Effort, ...]] = ("full", "standard")
 
 _MOMENTS_OVER: Final = 16
-"""Over how many windows, the first in the order, the moments of the evidence are spread."""
+"""Over how many windows, the first in the visiting order, the snapshots of the evidence are spread."""
 
 
 @dataclass(slots=True, eq=False)
 class Density:
-    """The density of an effort: the windows that wait for it, what the others have shown, and how fast that goes."""
+    """The density of an effort: windows still to be measured, the passes over the others, and their pace."""
 
     effort: Effort
     survey: Survey
@@ -37,12 +37,12 @@ class Density:
 
 
 class Densities:
-    """The densities that were tried, from the sparsest on.
+    """The densities that were tried, beginning with the sparsest.
 
     Attributes
     ----------
     now
-        The one at which windows are looked at.
+        The one at which windows are measured.
     tried
         All of them, that of ``quick`` first.
     """
@@ -55,18 +55,21 @@ class Densities:
         self.now = self._look("quick")
 
     def changed(self, fits: Callable[[Density], bool]) -> bool:
-        """Go to another density, where that of now is not the right one; whether that was done.
+        """Go to another density, where the present one is not the right one; return whether that was done.
 
-        Ask after the least number of windows. ``fits`` says whether all windows that wait at a density fit.
+        To be called after the least number of windows. ``fits`` returns whether all windows that are left at a density
+        fit into the budget.
         """
         sparse = self.tried[0]
         if self._settled:
             return False
+        # Settled for good: each further density would measure its windows anew.
         if self.now is not sparse and fits(self.now):
             self._settled = True
             return False
         untried = [effort for effort in _DENSER if effort not in {density.effort for density in self.tried}]
         before = self.now
+        # Denser ones only once all windows fit at the sparsest: windows lower limits more than tiles do.
         self.now = self._look(untried[0]) if untried and fits(sparse) else sparse
         return self.now is not before
 

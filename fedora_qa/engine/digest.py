@@ -19,7 +19,7 @@ _PIECES: Final = 64
 class Digest:
     """A SHA-256, and whether it is of the whole file.
 
-    ``version`` is that of the file which was read, ``traffic`` what that took of a server.
+    ``version`` is that of the file which was read, ``traffic`` the requests and bytes that this took of a server.
     """
 
     sha256: str
@@ -32,8 +32,8 @@ def file_digest(path: Place) -> Digest:
     """Return the file's digest.
 
     Files over 1 GiB get a partial digest: of their size, and of 64 evenly spread pieces of 1 MiB with the first and the
-    last among them. It is the same wherever the file lies. Files behind a URL get no other: of shorter ones the pieces
-    are together a 256th, so that the quickest look costs more than the digest.
+    last among them. It is the same wherever the file lies. A file behind a URL always gets a partial digest: where it
+    is at most 1 GiB long, the pieces are together a 256th of it, so that the digest costs less than the quickest check.
     """
     if isinstance(path, RemoteFile):
         return _remote_digest(path)
@@ -48,6 +48,7 @@ def file_digest(path: Place) -> Digest:
 
 
 def _remote_digest(place: RemoteFile) -> Digest:
+    # Blocks of one byte: no more is fetched than the pieces themselves.
     with closing(RemoteBytes(place, block_bytes=1)) as file:
         size = file.version.size
         piece = _PIECE if size > _WHOLE_UP_TO else -(-size // (256 * _PIECES))
@@ -56,8 +57,10 @@ def _remote_digest(place: RemoteFile) -> Digest:
 
 
 def _of_pieces(file: BinaryIO | RemoteBytes, size: int, piece: int) -> str:
+    # The size first: files of different lengths may agree in all pieces.
     digest = hashlib.sha256(str(size).encode())
     for number in range(_PIECES):
+        # The first piece begins with the file, the last one ends with it.
         file.seek((size - piece) * number // (_PIECES - 1))
         digest.update(file.read(piece) or b"")
     return digest.hexdigest()

@@ -1,4 +1,4 @@
-"""How much of a file is looked at, by name; what each means is in ``plan.py``. Nothing heavy is imported here."""
+"""How much of a file is measured, by name; ``plan.py`` defines each. No large library is imported here."""
 
 from typing import Literal
 

@@ -1,4 +1,4 @@
-"""Gather the evidence of a file: what checks keep, what the pass has seen, and the worst places."""
+"""Gather the evidence of a file: arrays of the checks, of the pass over its windows, and of the worst places."""
 
 from collections.abc import Iterable, Mapping, Sequence
 
@@ -40,17 +40,17 @@ def evidence_of_pass(
     options: EvidenceOptions,
     looked_again: int,
 ) -> TitledArrays:
-    """Return what the pass has seen, the flight, and the worst places. A crash is noted, and costs what comes after it.
+    """Return evidence of the pass, the trajectory, and the worst places. A crash is noted, and costs all that follows.
 
     Parameters
     ----------
     chosen
-        The windows that were looked at.
+        The windows that were measured.
     looked_again
-        How many of them checks have looked at again: the places share one budget with those.
+        How many of them were measured again for checks: the worst places share one budget with these follow-ups.
     """
     facts, source = ready.facts, ready.decoder
-    # How many images may still be looked at again: a share of all, and at least those of one window.
+    # Images that may still be read again: the share of follow-ups less those done, and at least those of one window.
     mean = images_of(chosen) / max(len(chosen), 1)
     images = round(mean * max(1.0, FOLLOW_UP_SHARE * len(chosen) - looked_again))
     parts = (

@@ -11,11 +11,11 @@ from fedora_qa.engine.progress import Progress
 Result = TypeVar("Result")
 
 Task = Callable[[Progress], Result]
-"""One step of one file, whole in itself: it can be sent to another process and done there, or done again."""
+"""One step of one file with all that it needs: another process can do it, and it can be done again."""
 
 
 class Executor(Protocol):
-    """Does tasks. Use as a context manager; to leave it ends what is still being done."""
+    """Does tasks. Use as a context manager; leaving it ends the tasks that still run."""
 
     @property
     def capacity(self) -> int:
@@ -29,24 +29,24 @@ class Executor(Protocol):
 
     @property
     def folder(self) -> Path | None:
-        """Where tasks leave what is large for each other; None where they are not sure to find the same folder."""
+        """Where tasks leave large values for each other; None where tasks may not share a file system."""
         ...
 
     @property
     def peak_memory_mib(self) -> int:
-        """The most memory that one of its processes is known to have held; 0 where none is known of."""
+        """Largest known peak of memory of one of its processes, MiB; 0 where none is known."""
         ...
 
     def submit(self, task: Task[Result], progress: Progress, worker: int | None = None) -> Future[Result]:
-        """Begin a task, where it can be chosen by the worker of that number.
+        """Begin a task, on the worker of that number where the executor lets one be chosen.
 
         The future raises what the task raises, and ``WorkerLostError`` where the process that did it died. Progress
-        may be told from another thread, late, or not at all.
+        may be reported from another thread, late, or not at all.
         """
         ...
 
     def require_workers(self) -> None:
-        """Raise ``FedoraError`` where nobody is left who could do what was submitted."""
+        """Raise ``FedoraError`` where no worker is left for the submitted tasks."""
         ...
 
     def __enter__(self) -> Self: ...
@@ -69,7 +69,7 @@ class InProcess:
         future: Future[Result] = Future()
         try:
             future.set_result(task(progress))
-        except Exception as error:  # noqa: BLE001 - whoever asks for the result gets it
+        except Exception as error:  # noqa: BLE001 - raised where the result is requested
             future.set_exception(error)
         return future
 

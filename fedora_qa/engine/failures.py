@@ -1,4 +1,4 @@
-"""What becomes of windows and files whose process died twice: outcomes that say so, and never a clean verdict."""
+"""Outcomes of windows and files whose process died twice: they state it, and never give a clean verdict."""
 
 from collections.abc import Iterable, Sequence
 from typing import Any, Final
@@ -17,7 +17,7 @@ QUESTION: Final = "Could every window be measured?"
 
 
 def lost_windows(lost: Sequence[Span], of: int, facts: Facts) -> tuple[Result, ...]:
-    """Return the result that names the windows that nobody could measure; none where there are none."""
+    """Return the result that names the windows that could not be measured; none where there are none."""
     if not lost:
         return ()
     first = lost[0]
@@ -30,10 +30,11 @@ def lost_windows(lost: Sequence[Span], of: int, facts: Facts) -> tuple[Result, .
 
 
 def lost_file(path: Place, checks: Iterable[Check[Any]], doing: str, end: str) -> FileRun:
-    """Return the run of a file that nobody could open, or judge: every check crashed.
+    """Return the run of a file that no process could open, or judge: every check crashed.
 
-    ``doing`` and ``end`` say what was done with it, and what became of the process that did it.
+    ``doing`` and ``end`` are parts of the reason: the step that failed, and how its process ended.
     """
+    # Reads bytes only, not through HDF5, which may have ended the processes before.
     digest = file_digest(path)
     reason = f"the process by which it was {doing} {end}"
     return FileRun(

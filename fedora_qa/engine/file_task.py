@@ -1,7 +1,7 @@
 """A step of a file as it travels: the name of a function and what it needs.
 
-Whoever deals out the steps imports none of the functions, and does not look into what they hand on to each other. So
-the process of the command loads neither the checks nor HDF5, and touches nothing of a file but its bytes.
+The process that deals out the steps imports none of the functions, and does not open the values that they hand on to
+each other. So the process of the command loads neither the checks nor HDF5, and reads of a file only its bytes.
 """
 
 import importlib
@@ -21,10 +21,10 @@ T = TypeVar("T")
 
 @dataclass(frozen=True, slots=True)
 class Sealed(Generic[T]):
-    """Something on its way through a process that does not look into it: as bytes, or where it lies in a file.
+    """A value on its way through a process that does not open it: as bytes, or as the path of a file.
 
-    What windows have shown is large, as some checks keep a number for each pixel: through a pipe it would be held
-    several times over at both ends.
+    States of windows are large, as some checks keep a number for each pixel: a pipe would hold them several times at
+    both ends.
     """
 
     pickled: bytes
@@ -35,6 +35,7 @@ class Sealed(Generic[T]):
         """Seal a value, in a new file where there is a folder for such."""
         if folder is None:
             return Sealed(pickle.dumps(value, pickle.HIGHEST_PROTOCOL))
+        # Not deleted when closed: another process opens it by name, and ``discard`` removes it.
         with NamedTemporaryFile(dir=folder, delete=False) as file:
             pickle.dump(value, file, pickle.HIGHEST_PROTOCOL)
         return Sealed(b"", Path(file.name))
@@ -54,7 +55,7 @@ class Sealed(Generic[T]):
 
 @dataclass(frozen=True, slots=True)
 class Surveyed:
-    """A file whose stamps have been scanned: as much of its survey as who deals out its windows needs to know.
+    """A file whose timestamps have been scanned: the part of its survey that is needed to deal out its windows.
 
     Attributes
     ----------
@@ -73,7 +74,7 @@ class Surveyed:
 class FileTask:
     """A function of ``steps.py`` by its name, its arguments, and the windows that it is to measure, if any.
 
-    ``folder`` is where to leave what is large; with the answer where None.
+    ``folder`` is where to leave large values; where None, they are part of the answer.
     """
 
     function: str
@@ -83,6 +84,7 @@ class FileTask:
     folder: Path | None = None
 
     def __call__(self, progress: Progress, open_file: OpenFile | None = None) -> Any:
-        """Do it, with the open file of the process where it has one."""
+        """Do the task, with the open file of the process where it has one."""
+        # Imported where the task is done, so that unpickling it loads neither the checks nor HDF5.
         function = getattr(importlib.import_module("fedora_qa.engine.steps"), self.function)
         return function(self, open_file or OpenFile(keeps=False), progress)

@@ -1,4 +1,4 @@
-"""One file on its way to its record, as steps that can be done anywhere: survey, stretches of windows, judgement."""
+"""One file on its way to its record, as steps for any process: survey, batches of windows, judgement."""
 
 from collections import deque
 from collections.abc import Callable, Sequence
@@ -20,15 +20,15 @@ DIED_TWICE: Final = "died twice over it (out of memory, a library crashed, or it
 ENDLESS: Final = "did not come to an end, and was ended"
 """What became of the processes that a file was given to."""
 
-if TYPE_CHECKING:  # who deals out the work loads nothing that measures
+if TYPE_CHECKING:  # the process that deals out the work loads no checks
     from fedora_qa.checks.protocol import Check
 
 
 @dataclass(frozen=True, slots=True)
 class WorkStep:
-    """A task of a file: what it tells, what becomes of its result, and what is done when the process died over it.
+    """A task of a file, with the calls for its progress, for its result, and for the death of its process.
 
-    ``when_endless`` is done where the file took for ever to open, as it would again; None: what any death asks for.
+    ``when_endless`` is called where the file took for ever to open, as it would again; None: ``when_lost`` is called.
     """
 
     task: Task[Any]
@@ -40,7 +40,7 @@ class WorkStep:
 
 @dataclass(frozen=True, slots=True)
 class Part:
-    """What neighbouring windows have shown, from ``start`` to before ``stop``."""
+    """The sealed pass over neighbouring windows, from ``start`` up to but without ``stop``."""
 
     start: int
     stop: int
@@ -48,15 +48,16 @@ class Part:
 
 
 class FileWork:
-    """One file: the steps that are ready to be done, and in the end its run.
+    """One file: the steps that are ready, and in the end its run.
 
-    A step whose process dies is done again once: a stretch of windows each window by itself, so that the one that
-    kills costs no other. What takes for ever to open is not opened again. A single worker does a file in one step.
+    A step whose process dies is done once more. A batch of windows is then measured window by window, so that the one
+    which ends the process costs no other. A file that takes for ever to open is not opened again. A single worker does
+    a file in one step.
 
     Attributes
     ----------
     ready
-        Steps that wait for nothing, beside windows that nobody measures yet.
+        Steps that can begin at once; windows of the work queue are not among them.
     run
         None until the file is done.
     """
@@ -103,6 +104,7 @@ class FileWork:
     @property
     def windows_done(self) -> int:
         """How many windows have been measured, or lost."""
+        # A copy of the values: threads of workers add windows while this sums.
         return sum(tuple(self._seen.values()))
 
     @property
@@ -111,7 +113,7 @@ class FileWork:
         return 1.0 if self.run else self.windows_done / (self.windows + 1)
 
     def _do_in_one(self) -> None:
-        """Get the whole file done by one process, step by step where that dies over it."""
+        """Make the whole file one step for one process; where that process dies, go on step by step."""
 
         def tell(what: str, done: int, of: int) -> None:
             if what == MEASURING:
@@ -127,8 +129,9 @@ class FileWork:
         self._do(_OPENED, task, self._surveyed)
 
     def _do(self, doing: str, task: Task[Any], then: Callable[[Any], None]) -> None:
-        """Get a task done for the whole file; where its process dies twice, every check has crashed."""
+        """Make a task for the whole file ready; where its process dies twice, every check has crashed."""
         once = WorkStep(task, self._tell, then, partial(self._give_up, doing, DIED_TWICE), self._give_up_opening)
+        # The first loss makes the same step ready once more; the second gives the file up.
         self.ready.append(replace(once, when_lost=partial(self.ready.append, once)))
 
     def _give_up_opening(self) -> None:
@@ -151,8 +154,10 @@ class FileWork:
 
     def _measuring(self, survey: Surveyed, windows: Sequence[int], when_lost: Callable[[], None]) -> WorkStep:
         first = windows[0]
+        # A batch that follows a part extends its state: fewer large states have to be merged in the end.
         before = next((part for part in self._parts.values() if part.stop == first), None)
         if before:
+            # Taken out, so that no other step extends the same part meanwhile.
             del self._parts[before.start]
 
         def tell(what: str, done: int, of: int) -> None:
@@ -163,6 +168,7 @@ class FileWork:
             self._seen[first] = len(windows)
             self._keep(Part(before.start if before else first, windows[-1] + 1, part))
             if before:
+                # Not before the extended part has come: a lost step needs the old one again.
                 before.sealed_pass.discard()
             self._finish_if_measured(survey)
 
@@ -179,6 +185,7 @@ class FileWork:
 
     def _each_alone(self, survey: Surveyed, windows: Sequence[int]) -> None:
         for window in windows:
+            # What the lost batch had reported no longer counts.
             self._seen[window] = 0
             self.ready.append(self._measuring(survey, [window], when_lost=partial(self._lose, survey, window)))
 
@@ -194,6 +201,7 @@ class FileWork:
             self._do("being judged", task, self._finished)
 
     def _finished(self, run: FileRun) -> None:
+        # Tasks carry the absolute path; the record states the path that was given.
         self.run = replace(run, record=replace(run.record, path=str(self.path)))
         for part in self._parts.values():
             part.sealed_pass.discard()

@@ -15,26 +15,26 @@ from fedora_qa.errors import EndlessError, WorkerLostError
 from fedora_qa.storage.place import Place
 from fedora_qa.storage.server import version_of
 
-if TYPE_CHECKING:  # who deals out the work loads nothing that measures
+if TYPE_CHECKING:  # the process that deals out the work loads no checks
     from fedora_qa.checks.protocol import Check
 
 _LIBRARIES_BYTES: Final = 340_000_000
-"""What all processes of a run share, as they are forked from one, and what the one that deals out the work holds.
+"""Bytes that all processes of a run share, as they are forked from one, and bytes of the process of the command.
 
-Proportional set sizes, summed before the first window (/proc/PID/smaps_rollup): the command 52 MB, of which 40 are its
-own, what watches its children 6, the process that others are forked from 146 of its own and 135 of libraries' files,
-which all share.
+Proportional set sizes, summed before the first window (/proc/PID/smaps_rollup): the command 52 MB, of which 40 MB are
+private; the process that watches its children 6 MB; the process that others are forked from 146 MB private, and 135 MB
+of library files, which all share.
 """
 
 _COPIED_BYTES: Final = 20_000_000
-"""What each process that shares the memory copies of those pages, as it writes into them: 17 MB after some windows,
-which ``Room`` cannot tell from what it shares; and what it holds for its tables of pages."""
+"""Bytes of those pages that each process copies as it writes into them, 17 MB after some windows, which
+``MemoryBudget`` cannot distinguish from shared ones; and bytes of its page tables."""
 
 _LEAST_SHARE: Final = 0.25
-"""Of the memory, for the tasks, where libraries would leave less."""
+"""Least share of the memory for the tasks, where libraries would leave less."""
 
 _SILENCE_S: Final = 2.0
-"""After how long without a result it is asked whether anybody is left to give one."""
+"""Seconds without a result after which the executor is asked whether any worker is left."""
 
 
 def check_files(
@@ -46,13 +46,14 @@ def check_files(
     *,
     checks: "tuple[Check[Any], ...] | None" = None,
 ) -> Iterator[tuple[Place, FileRun]]:
-    """Check files, and yield each as soon as it is done. What is found does not depend on who finds it.
+    """Check files, and yield each as soon as it is done. The result does not depend on which worker measures.
 
     Parameters
     ----------
     options
-        Their memory is that of the whole run; tasks that share it get their share. So is their budget of time: a file
-        gets what is left of it in proportion to its length, and hands on what it does not use.
+        Their memory is that of the whole run, and each task gets its share. Their budget of time is that of the whole
+        run as well: a file gets a part of what is left in proportion to its bytes; what it does not use is left to the
+        files after it.
     began
         Since when (``time.monotonic``) the budget of time counts; now where None.
     checks
@@ -63,13 +64,15 @@ def check_files(
     MisuseError
         The options name an unknown check, or a path is no HDF5 file.
     FedoraError
-        A file was changed while it was checked, or nobody is left to do the tasks.
+        A file was changed while it was checked, or no worker is left for the tasks.
     """
+    # Bytes that belong to no task: libraries once, copied pages for each process.
     beside = _LIBRARIES_BYTES + executor.sharing * _COPIED_BYTES
     for_tasks = max(options.memory_bytes - beside, int(_LEAST_SHARE * options.memory_bytes))
     options = replace(options, memory_bytes=for_tasks // executor.sharing)
 
     def tell(doing: str) -> None:
+        # ``works`` is assigned below: nothing is reported before the first step runs.
         report(_tally(doing, works))
 
     began = time.monotonic() if began is None else began
@@ -77,6 +80,7 @@ def check_files(
     def allot(work: FileWork) -> float:
         now, ahead = time.monotonic(), works[works.index(work) :]
         left_s = max(0.0, began + (options.budget_s or 0.0) - now)
+        # In proportion to the bytes of this file and of those after it that are not done.
         return now + left_s * work.bytes / max(sum(item.bytes for item in ahead if item.run is None), 1)
 
     def work_on(path: Place) -> FileWork:
@@ -97,6 +101,7 @@ def check_files(
             executor.require_workers()
         for future in done:
             _settle(running.pop(future)[0], future)
+        # A copy, as files that are done leave the list.
         for work in tuple(waiting):
             if work.run:
                 waiting.remove(work)
@@ -105,7 +110,7 @@ def check_files(
 
 
 def _submit(works: Sequence[FileWork], running: dict[Future[Any], tuple[WorkStep, int]], executor: Executor) -> None:
-    """Keep the executor busy. Earlier files come first, so that few are under way at a time and each is soon done."""
+    """Keep the executor busy. Earlier files come first, so that few are open at a time and each is soon done."""
     busy = {worker for _, worker in running.values()}
     idle = deque(worker for worker in range(executor.capacity) if worker not in busy)
     for work in works:

@@ -1,4 +1,4 @@
-"""From what the windows have shown to the file's record: the second look, judgement, evidence, canaries."""
+"""From the passes over the windows to the record of the file: follow-ups, judgement, evidence, canaries."""
 
 from collections.abc import Iterable, Mapping, Sequence
 
@@ -22,19 +22,21 @@ from fedora_qa.storage.place import RemoteFile
 def finish_open(
     survey: Survey, file: OpenSurvey, parts: Iterable[PartialPass], lost: Sequence[int], progress: Progress
 ) -> FileRun:
-    """Judge a file by what its windows have shown.
+    """Judge a file by the passes over its windows.
 
     Parameters
     ----------
     parts
-        Of stretches of windows, in the order of time.
+        Passes over batches of windows, in the order of time.
     lost
-        Windows of the survey that nobody could measure.
+        Windows of the survey that could not be measured, by their place in it.
     """
+    # A copy: a survey is judged several times where judgement is rehearsed.
     watch = Stopwatch(dict(survey.seconds))
     decoded_before = file.ready.decoder.decoded_bytes
     with watch.stage(STAGE):
         measured = together(parts, file.accumulators, file.ready.facts)
+    # Beside the seconds of merging, those that the windows took in all processes.
     watch.seconds[STAGE] += measured.seconds
     states, ready, options, asked = measured.states, file.ready, survey.options, file.asked
     facts = ready.facts
@@ -59,6 +61,7 @@ def finish_open(
     if options.canary:
         with watch.stage("canaries"):
             results, canaries = _proven(survey, file, observations, results, progress)
+    # Last, as this result belongs to no check, and no canary is planted for it.
     results += lost_windows(never, len(file.windows), facts)
     record = FileRecord(
         path=str(survey.path),
@@ -115,7 +118,7 @@ def _proven(
 
 
 def _stored(survey: Survey) -> dict[str, Scalar]:
-    """Return what tells versions of a file behind a URL apart beside its partial digest, as far as its server says."""
+    """Return the version tag of a file behind a URL, whose partial digest does not cover all bytes."""
     return {"storage.version": survey.version.tag} if isinstance(survey.path, RemoteFile) and survey.version.tag else {}
 
 

@@ -1,6 +1,6 @@
-"""Where worker processes come from: forks of one that has loaded everything, so that it is loaded and held once.
+"""Where worker processes come from: forks of one that has loaded everything, so that memory holds it once.
 
-Only on Linux. Elsewhere libraries of the system may not survive a fork, and each process loads all by itself.
+Only on Linux. Elsewhere libraries of the system may not survive a fork, and each process loads everything itself.
 """
 
 import multiprocessing
@@ -30,22 +30,23 @@ def start_method() -> str:
 
 
 def worker_context() -> BaseContext:
-    """Return what starts worker processes, after beginning to load what they need, where they share it.
+    """Return the context that starts worker processes, after beginning to load what they need, where they share it.
 
-    Returns at once: who goes on has a core for itself while another process loads.
+    Returns at once: the caller continues while the other process loads on another core.
     """
     context = multiprocessing.get_context(start_method())
     if start_method() == "forkserver":
         context.set_forkserver_preload(_PRELOADED)
+        # The fork server is a new interpreter, which finds modules by PYTHONPATH and not by ``sys.path`` of this one.
         with _imports_as_here():
             forkserver.ensure_running()
     return context
 
 
 def begin_preloading() -> None:
-    """Begin to load what workers need, where they share it, before it is known what is asked of them.
+    """Begin to load what workers need, where they share it, before their tasks are known.
 
-    Where that cannot be done, whoever asks for a worker is told why.
+    An error of the system is raised again where a worker is first needed.
     """
     with suppress(OSError):
         worker_context()
@@ -53,8 +54,9 @@ def begin_preloading() -> None:
 
 @contextmanager
 def _imports_as_here() -> Iterator[None]:
-    """Let processes that are started meanwhile find modules where this one does."""
+    """Let processes that are started meanwhile import modules from the folders of this one."""
     before = os.environ.get("PYTHONPATH")
+    # An empty entry of ``sys.path`` is the working directory, which is written out here.
     os.environ["PYTHONPATH"] = os.pathsep.join(dict.fromkeys(path or "." for path in sys.path))
     try:
         yield
@@ -68,13 +70,14 @@ def _imports_as_here() -> Iterator[None]:
 def end_fork_server() -> None:
     """End the process that workers were forked from, and wait for it, so that a command leaves nothing behind.
 
-    Only for a program's own end: whoever else in it forks from that process would lose it. It ends by itself soon
-    after the program in any case. It holds nothing that would have to be written or closed, and is not given the time
-    to take down all that it has loaded.
+    Only for the end of a program: other code in it that forks from that process would lose it. It ends by itself soon
+    after the program in any case. It is killed, as it holds nothing that would have to be written or closed, and to
+    unload all its modules takes time.
     """
     server = forkserver._forkserver
     stop, process_id = (getattr(server, name, None) for name in ("_stop", "_forkserver_pid"))
     if stop is not None and process_id is not None:
         with suppress(ProcessLookupError):
             os.kill(process_id, signal.SIGKILL)
+        # ``_stop`` of multiprocessing waits for the process, and removes its socket.
         stop()

@@ -1,6 +1,6 @@
-"""What a process keeps from one task to the next: the file that it measures, open, with what has been decoded of it.
+"""What a process keeps from one task to the next: the open file that it measures, and the blocks decoded of it.
 
-And what its last windows have shown, which otherwise would be read back at once.
+It also keeps the pass over its last windows, which otherwise would be read back at once.
 """
 
 import sys
@@ -17,18 +17,18 @@ if TYPE_CHECKING:  # a worker has an open file before it has loaded what measure
     from fedora_qa.storage.place import Place
 
 OPENING_S: Final = 5.0
-"""Seconds of processor within which a file must open, which takes hundredths of one. Structures of HDF5 that lead to
-themselves are followed for ever (docs/hostile-files.md)."""
+"""Seconds of processor time within which a file must open, which takes hundredths of one. HDF5 follows structures that
+refer to themselves for ever (docs/hostile-files.md)."""
 
 
 class OpenFile:
-    """Holds one open file at most, so that neighbouring stretches of windows share what lies between them.
+    """Holds one open file at most, so that neighbouring batches of windows share the blocks between them.
 
     Parameters
     ----------
     keeps
-        Whether the process is a worker of ours, in which a file stays open after a task; elsewhere each task opens it
-        anew. One behind a URL never stays, as each task tells what it has asked of the server.
+        Whether the process is a worker of this package, in which a file stays open after a task; elsewhere each task
+        opens it anew. A file behind a URL never stays open, as each task reports its own traffic.
     """
 
     def __init__(self, *, keeps: bool) -> None:
@@ -56,22 +56,24 @@ class OpenFile:
             yield self._open
         except BaseException:
             self._surveyed = self._open = self._shown = None
+            # With the error, so that the file is closed without the test for a change, which would raise another one.
             self._kept.__exit__(*sys.exc_info())
             raise
         if not self._keeps or isinstance(surveyed.path, RemoteFile):
             self.clear()
 
     def keep_shown(self, sealed: "Sealed[PartialPass]", measured: "PartialPass") -> None:
-        """Keep what was put away in a file, for the task that goes on from there; in workers, where that may come."""
+        """Keep a pass that was written to a file, for the task that continues it; only in workers."""
         if self._keeps and sealed.path is not None:
             self._shown = sealed, measured
 
     def take_shown(self, *sealed: "Sealed[PartialPass]") -> "Iterator[PartialPass]":
-        """Yield what windows have shown, to be added to; nothing is kept of it here any longer.
+        """Yield passes over windows, to be extended; none of them is kept here any longer.
 
-        What was put away last need not be read back. It is handed out once: where a task fails, and is done again,
-        that reads it from its file.
+        The pass that was written last need not be read back. It is handed out once: a task that is done again reads the
+        pass from its file.
         """
+        # Given away before use: the task changes it, and a failed task leaves it half changed.
         latest, self._shown = self._shown, None
         for item in sealed:
             yield latest[1] if latest and latest[0] == item else item.open()
@@ -83,6 +85,6 @@ class OpenFile:
         return time_limit(OPENING_S) if self._keeps and not isinstance(path, RemoteFile) else nullcontext()
 
     def clear(self) -> None:
-        """Close what is open, and forget what has been decoded."""
+        """Close the file, and drop its decoded blocks."""
         self._surveyed = self._open = self._shown = None
         self._kept.close()

@@ -1,4 +1,4 @@
-"""Does a file open at all? Asked by processes that open it elsewhere, before they do."""
+"""Test whether a file opens at all, for code that opens it outside of the engine afterwards."""
 
 from collections.abc import Iterable
 from pathlib import Path

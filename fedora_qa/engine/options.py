@@ -11,7 +11,7 @@ from fedora_qa.judgement.false_alarm_rate import DEFAULT_FALSE_ALARM_RATE
 from fedora_qa.record.types import FileRecord
 from fedora_qa.storage.traffic import NO_TRAFFIC, Traffic
 
-if TYPE_CHECKING:  # who deals out the work loads nothing that measures
+if TYPE_CHECKING:  # the process that deals out the work loads no checks
     from numpy.typing import NDArray
 
     from fedora_qa.layout.dialect import Dialect
@@ -29,16 +29,16 @@ class CheckOptions:
         Names of checks (``subject`` or ``subject.property``) to run, all where empty, and to leave out. What is
         selected also bounds the statistics: values of streams that no selected check needs are not decoded.
     dialect
-        How the file names and scales things; recognised from the file when None.
+        Names and units of the datasets; recognised from the file when None.
     memory_bytes
-        What to aim at: shares of it bound the decoded blocks and what is computed of single images; what else checks
-        compute follows the size of frames and the number of events.
+        A target: shares of it bound the decoded blocks and the arrays computed from single images. Other arrays of
+        checks follow from the size of frames and the number of events.
     canary
-        Whether each check must see a fault that is planted for it in memory; one that does not is ``crashed``.
+        Whether each check must detect a fault that is planted for it in memory; one that does not is ``crashed``.
     budget_s
-        Seconds that ``check_files`` may take over all files together, in place of what the effort says; None: any.
+        Seconds that ``check_files`` may take over all files together, in place of the effort; None: no limit.
     evidence
-        How much to keep for a person to see; None: only what checks keep themselves.
+        How much to keep for the reader of a report; None: only the evidence of the checks.
     allow_external
         Folders in which other files may be read that a local file links to, or is made of; none where empty.
     """
@@ -57,9 +57,9 @@ class CheckOptions:
 
 @dataclass(frozen=True, slots=True)
 class FileRun:
-    """The record of one file, the evidence that lies beside it, where the time went, and what was asked of servers.
+    """The record of one file, its evidence, the seconds of each stage, and the traffic with servers.
 
-    ``reached`` says how far a budget of time has carried; empty without one.
+    ``reached`` states how many windows a budget of time sufficed for; empty without one.
     """
 
     record: FileRecord

@@ -16,12 +16,13 @@ _COLLECTORS: Final[Mapping[str, str]] = {
     "evidence": "What would a person want to see?",
     "distributions": "How are values distributed over time?",
 }
-"""What accumulates beside the checks, and the question that it answers. Where one crashes, a result says so."""
+"""Collectors beside the checks, and the question that each answers. Where one crashes, a result states it."""
 
 
 def why_not_applicable(check: Check[Any], facts: Facts) -> str:
-    """Say which stream the check misses, or why its question cannot be asked of this file; empty where it can."""
+    """Return which stream the check lacks, or why its question cannot be asked of this file; empty where it can."""
     families = {stream_family(stream) for stream in facts.streams}
+    # A check that needs ``flow`` is served by any rate, as each ``flow/<rate>`` belongs to that family.
     missing = [stream for stream in check.needs if stream not in facts.streams and stream not in families]
     if missing:
         return "; ".join(
@@ -29,6 +30,7 @@ def why_not_applicable(check: Check[Any], facts: Facts) -> str:
         )
     try:
         return check.not_applicable(facts)
+    # It counts as applicable for now: the same call fails again in ``stream.start``, which notes the crash.
     except Exception:  # noqa: BLE001 - it is asked, and crashes as it starts, where that becomes an outcome
         return ""
 
@@ -46,7 +48,7 @@ def crashed_result(name: str, question: str, traceback: str) -> Result:
 
 
 def crossing_streams(checks: Iterable[Check[Any]]) -> frozenset[str]:
-    """Return the names of the checks that hold one stream against another."""
+    """Return the names of the checks that compare streams with each other."""
     return frozenset(check.name for check in checks if len(check.needs) > 1)
 
 
@@ -70,7 +72,7 @@ def results_in_order(
 
 
 def _with_missed(result: Result, states: PassState) -> Result:
-    """Say how many windows a check could not see because they cannot be decoded."""
+    """Add to the reason how many windows were not measured because their rows cannot be decoded."""
     missed = states.missed.get(result.check, 0)
     if not missed:
         return result
@@ -79,12 +81,14 @@ def _with_missed(result: Result, states: PassState) -> Result:
 
 
 def verdict_of(results: tuple[Result, ...], crossing: frozenset[str]) -> Verdict:
-    """Return the verdict: incomplete where a check crashed or no stream could be held against another."""
+    """Return the verdict: incomplete where a check crashed or no streams could be compared."""
+    # Before findings: a crashed check might have given further ones.
     if any(result.outcome == "crashed" for result in results):
         return "incomplete"
     if any(result.outcome == "failed" for result in results):
         return "findings"
     conclusive = {"passed", "warned"}
+    # Without a conclusive comparison of streams nothing was tested beyond each stream by itself.
     if crossing and not any(result.outcome in conclusive and result.check in crossing for result in results):
         return "incomplete"
     return "clean"

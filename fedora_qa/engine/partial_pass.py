@@ -1,4 +1,4 @@
-"""One pass over some windows of a surveyed file, in whichever process, and how passes are put together."""
+"""One pass over some windows of a surveyed file, in whichever process, and how passes are merged."""
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
@@ -12,12 +12,12 @@ from fedora_qa.sequence.facts import Facts
 from fedora_qa.storage.traffic import NO_TRAFFIC, Traffic
 
 STAGE: Final = MEASURING
-"""As the stopwatch and the pass itself call it."""
+"""Name of the stage, for the stopwatch and for progress."""
 
 
 @dataclass(frozen=True, slots=True)
 class PartialPass:
-    """What some windows have shown, and what that took."""
+    """States of all checks after some windows, and the seconds, decoded bytes and traffic that they took."""
 
     states: PassState
     seconds: float
@@ -28,9 +28,9 @@ class PartialPass:
 def measure_open(
     survey: Survey, file: OpenSurvey, windows: Sequence[int], progress: Progress, before: PartialPass | None = None
 ) -> PartialPass:
-    """Hand windows of a survey, named by their place in it, to what sees them.
+    """Hand windows of a survey, given by their place in it, to the checks and collectors that need them.
 
-    ``before`` is what the windows just before them have shown. It is added to, and what both have shown is returned.
+    ``before`` is the pass over the windows just before them. It is extended, and the pass over both is returned.
     """
     watch = Stopwatch()
     ready, decoded_before = file.ready, file.ready.decoder.decoded_bytes
@@ -52,6 +52,7 @@ def measure_open(
             measured,
             seconds=measured.seconds + before.seconds,
             decoded_bytes=measured.decoded_bytes + before.decoded_bytes,
+            # The task adds its own traffic once it is done with the file (``steps.measure_windows``).
             traffic=before.traffic,
         )
         if before
@@ -60,8 +61,9 @@ def measure_open(
 
 
 def together(parts: Iterable[PartialPass], accumulators: Sequence[Accumulator], facts: Facts) -> PartialPass:
-    """Merge passes over stretches of windows, in the order of time: the same as one pass over all, bit for bit."""
+    """Merge passes over batches of windows, in the order of time: the same as one pass over all, bit for bit."""
     whole: PartialPass | None = None
+    # Parts are unpickled one at a time, so that memory holds the merged pass and one part.
     for part in parts:
         whole = part if whole is None else _merged(whole, part, accumulators)
     return whole or PartialPass(start(accumulators, facts), 0.0, 0)

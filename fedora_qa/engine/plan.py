@@ -1,10 +1,10 @@
-"""Which windows are looked at, and how densely, for each effort.
+"""Which windows are measured, and how densely, for each effort.
 
 Efforts trade time for detection power. ``quick`` and ``standard`` sample windows evenly over the sequence, the first
-and the last among them, short ones in stretches of neighbours, as what lies around a window is decoded with it;
-``full`` decodes every chunk and uses every event and sample, image tiles by a stated share; ``exhaustive`` uses every
-pixel. What needs no images and no events sees every window at every effort: IMU and poses are a thousandth of a file,
-and a jump of an instant is not found by looking now and then.
+and the last among them, short ones in groups of neighbours, as each window is decoded with its halo; ``full`` decodes
+every chunk and uses every event and sample, and a stated share of image tiles; ``exhaustive`` uses every pixel. Checks
+that need neither images nor events get every window at every effort: IMU and poses are a thousandth of a file, and a
+sample of windows would miss a jump of one instant.
 """
 
 from collections.abc import Iterable, Mapping
@@ -19,24 +19,24 @@ from fedora_qa.engine.windows import WINDOW_NS
 from fedora_qa.sequence.window import USUAL_PIXELS, Sampling
 
 FEWEST_WINDOWS: Final = 4
-"""A sample smaller than this cannot tell a local fault from a global one."""
+"""In a sample smaller than this a local fault cannot be distinguished from a global one."""
 
 _FEWEST_PLACES: Final = 2_000
-"""Pixels of a frame that dense checks look at, at least: to thin out a small frame costs power and saves no time."""
+"""Least pixels of a frame that dense checks read: to thin out a small frame costs power and saves no time."""
 
 _SAMPLES: Final = frozenset({"imu", "pose"})
-"""Streams of single samples."""
+"""Streams of single samples, which cost little to read."""
 
 FOLLOW_UP_SHARE: Final = 0.1
-"""Share of the windows that checks may ask to see again."""
+"""Share of the windows that checks may request for follow-ups."""
 
 FEWEST_FOLLOW_UPS: Final = 3
-"""Windows that they may ask for in any case: fewer do not tell by how much windows scatter."""
+"""Windows that they may always request: the scatter of windows cannot be estimated from fewer."""
 
 
 @dataclass(frozen=True, slots=True)
 class EffortLevel:
-    """Share of the windows, and of what lies in a window."""
+    """Share of the windows, and the density within a window."""
 
     window_share: float
     sampling: Sampling
@@ -54,7 +54,7 @@ EFFORTS: Final[Mapping[Effort, EffortLevel]] = MappingProxyType(
 
 @dataclass(frozen=True, slots=True)
 class Plan:
-    """The windows to look at, by their place in the list of spans, and how densely."""
+    """The windows to measure, by their place in the list of spans, and how densely."""
 
     chosen: tuple[int, ...]
     of: int
@@ -64,8 +64,8 @@ class Plan:
 def make_plan(effort: Effort, windows: int, window_ns: int = WINDOW_NS, pixels: int | None = None) -> Plan:
     """Choose windows for an effort, evenly spread over the sequence.
 
-    Windows shorter than usual are chosen in stretches of neighbours, which together are as long as a usual window: at
-    1440x1080 a window of 0.025 s decodes five times what it owns. There are at least ``FEWEST_WINDOWS`` stretches.
+    Windows shorter than usual are chosen in groups of neighbours that are together as long as a usual window: at
+    1440x1080 a window of 0.025 s decodes five times its own rows. There are at least ``FEWEST_WINDOWS`` groups.
 
     Parameters
     ----------
@@ -78,8 +78,10 @@ def make_plan(effort: Effort, windows: int, window_ns: int = WINDOW_NS, pixels: 
     """
     share = EFFORTS[effort].window_share
     wanted = min(windows, max(FEWEST_WINDOWS, round(share * windows)))
+    # Groups as long as one usual window of 0.2 s, rounded up.
     stretches = min(wanted, max(FEWEST_WINDOWS, -(-wanted * window_ns // WINDOW_NS)))
     number = np.arange(wanted)
+    # Windows left out lie in equal gaps between the groups only, so that the first and the last are chosen.
     gaps_before = number * stretches // max(wanted, 1)
     left_out = gaps_before * (windows - wanted) / max(stretches - 1, 1)
     chosen = number + left_out.round().astype(int)
@@ -87,27 +89,30 @@ def make_plan(effort: Effort, windows: int, window_ns: int = WINDOW_NS, pixels: 
 
 
 def sees_every_window(needs: Iterable[str]) -> bool:
-    """Whether a check of these streams sees every window whatever the effort."""
+    """Whether a check of these streams gets every window at every effort."""
     return bool(streams := frozenset(needs)) and streams <= _SAMPLES
 
 
 def sampling_of(effort: Effort, pixels: int | None) -> Sampling:
-    """Return how densely an effort looks at a window: more so in small frames, up to ``full``, and less in large ones.
+    """Return how densely an effort samples a window: more so in small frames, up to ``full``, and less in large ones.
 
-    A fault of a whole field is told by the number of places, not by their share: what a large frame has more of them
-    costs time and gains little, as fields lie beside each other by the thousand. Errors grow as one over the root of
-    the places: at 1440x1080 a seventh of those that the share would give makes limits 2.7 times as large, 0.002 to
-    0.005 px of a rate's mean within one second. Against a bound of 400,000 pixels limits are 1.35 times as large (the
-    median of the 33 numbers that the flow of one second is fitted with), and the check takes 0.7 of the time.
+    The power to detect a fault of a whole field follows from the number of pixels that are read, not from their share.
+    Further pixels of a large frame cost time and gain little, as a file has thousands of fields. Standard errors grow
+    with one over the root of that number: at 1440x1080 a seventh of the pixels that the share would give makes limits
+    2.7 times as large, 0.002 to 0.005 px of a rate's mean within one second. Against a bound of 400,000 pixels limits
+    are 1.35 times as large (the median of the 33 numbers that the flow of one second is fitted with), and the check
+    takes 0.7 of the time.
 
     Parameters
     ----------
     pixels
-        The size of a frame, where known. ``exhaustive`` looks everywhere.
+        Pixels of a frame, where known. ``exhaustive`` reads all of them.
     """
     usual = EFFORTS[effort].sampling
     if not pixels or effort == "exhaustive":
         return usual
+    # Above ``USUAL_PIXELS`` the number of pixels that are read is constant, and so is the standard error.
     fewer = min(1.0, USUAL_PIXELS / pixels)
+    # sqrt(2000 * pixels) pixels at least, never fewer than 2000 of a larger frame, but no larger share than ``full``.
     least = min((_FEWEST_PLACES / pixels) ** 0.5, EFFORTS["full"].sampling.tile_share * fewer)
     return replace(usual, tile_share=max(usual.tile_share * fewer, least))

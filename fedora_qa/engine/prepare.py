@@ -1,4 +1,4 @@
-"""What comes before the pass: stamps scanned, windows cut, decoding ready."""
+"""What comes before the pass: timestamps scanned, windows cut, decoding ready."""
 
 from dataclasses import dataclass
 from typing import Final
@@ -15,18 +15,18 @@ from fedora_qa.sequence.shared_images import SharedImages
 from fedora_qa.sequence.window import Span
 
 _EXPECTED_BYTES_PER_PIXEL: Final = 90
-"""What a process is expected to hold beside blocks, for each pixel of a frame, before it is known (``Room``): what
-checks remember, what one of them computes on the way, what they share within a window, the images below. Measured at
-1440x1080, all checks: 66 bytes in the first three windows, 90 after nine."""
+"""Bytes that a process is expected to hold beside blocks, for each pixel of a frame, before ``MemoryBudget`` has
+measured them: states of checks, temporary arrays of one check, views of a window, the images below. Measured at
+1440x1080 with all checks: 66 bytes in the first three windows, 90 after nine."""
 
 _MOST_BYTES: Final = 320 << 20
-"""What blocks may fill at most: those of five windows. More saves no decoding, as what lies around one is held."""
+"""Most bytes of blocks: those of five windows. More saves no decoding, as these hold the halo of a window."""
 
 _IMAGES_SHARE: Final = 0.1
-"""Of the memory, for what is computed of single images: five of 1440x1080 in float32 where a worker has 340 MB."""
+"""Share of the memory for arrays computed from single images: five of 1440x1080 in float32 for 340 MB."""
 
 _MOST_IMAGES_BYTES: Final = 64 << 20
-"""What they may fill at most."""
+"""Most bytes of these."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -48,12 +48,12 @@ class Prepared:
 
 
 def prepare(sequence: SequenceRows, memory_bytes: int) -> Prepared:
-    """Scan the stamps of an open sequence and cut its windows."""
+    """Scan the timestamps of an open sequence and cut its windows."""
     return ready_to_measure(sequence, scan(sequence, window_length_ns(sequence)), memory_bytes)
 
 
 def ready_to_measure(sequence: SequenceRows, scanned: Scan, memory_bytes: int) -> Prepared:
-    """Cut the windows of an open sequence whose stamps have been scanned."""
+    """Cut the windows of an open sequence whose timestamps have been scanned."""
     pixels = frame_pixels(sequence.layout)
     memory_budget = MemoryBudget(memory_bytes, _EXPECTED_BYTES_PER_PIXEL * (pixels or 0))
     decoder = BlockDecoder(sequence, scanned, _MOST_BYTES, memory_budget)
@@ -64,4 +64,5 @@ def ready_to_measure(sequence: SequenceRows, scanned: Scan, memory_bytes: int) -
 def frame_pixels(layout: Layout) -> int | None:
     """Return the pixels of the largest images of a file; None without any."""
     shapes = [binding.shape for key, binding in layout.bindings.items() if DATASETS[key].is_image]
+    # Axes of images: row of the dataset, height, width and, of colour images, channels.
     return max((height * width for _, height, width, *_ in shapes), default=None)

@@ -1,4 +1,4 @@
-"""Tasks in processes of this machine, each with a pipe of its own, so that it is known which task killed which.
+"""Tasks in processes of this machine, each with a pipe of its own, so that it is known which task ended which process.
 
 A process that dies takes the task it was doing with it and nothing else: the next task finds a new one.
 """
@@ -35,6 +35,7 @@ class ProcessExecutor:
         self._folder = TemporaryDirectory(prefix="fedora-qa-")
         self.folder = Path(self._folder.name)
         context = worker_context()
+        # One thread for each process: it waits at the pipe for the answer.
         self._threads = ThreadPoolExecutor(jobs, thread_name_prefix="worker")
         self._workers = tuple(_Worker(context, threads) for _ in range(jobs))
         self._idle = list(range(jobs))
@@ -51,12 +52,13 @@ class ProcessExecutor:
         future = self._threads.submit(self._do, task, progress, worker)
         if not self._started:
             self._started = True
-            for each in self._workers:  # while the first task is done, which others wait for
+            # Later tasks mostly wait for the first one, so that the other processes can start meanwhile.
+            for each in self._workers:
                 self._threads.submit(each.start)
         return future
 
     def require_workers(self) -> None:
-        """Look for nobody: a process that died is replaced."""
+        """Raise nothing: a process that died is replaced."""
 
     def __enter__(self) -> Self:
         return self
@@ -64,6 +66,7 @@ class ProcessExecutor:
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, traceback: TracebackType | None
     ) -> None:
+        # Threads wait at pipes: only the end of the processes lets them end.
         self._threads.shutdown(wait=False, cancel_futures=True)
         for worker in self._workers:
             worker.close()
@@ -73,6 +76,7 @@ class ProcessExecutor:
     def _do(self, task: Task[Result], progress: Progress, wanted: int | None) -> Result:
         with self._changed:
             self._changed.wait_for(lambda: wanted in self._idle if wanted is not None else self._idle)
+            # A numbered worker still has the file open, with the blocks that lie beside the next windows.
             number = self._idle[0] if wanted is None else wanted
             self._idle.remove(number)
         try:
@@ -96,11 +100,12 @@ class _Worker:
         self._pipe: Any = None
 
     def do(self, task: Task[Result], progress: Progress) -> Result:
-        """Do the task; raises ``WorkerLostError`` where the process dies over it, by its own fuse ``EndlessError``."""
+        """Do the task; raises ``WorkerLostError`` where the process dies, ``EndlessError`` by its own time limit."""
         self.start()
         try:
             answer = self._answer(task, progress)
         except (EOFError, ConnectionError) as end:
+            # A negative exit code is the number of the signal (multiprocessing).
             code = self._end()
             by = "never started" if code is None else f"signal {-code}" if code < 0 else f"exit code {code}"
             lost = EndlessError if ENDED_BY is not None and code == -ENDED_BY else WorkerLostError
@@ -119,7 +124,8 @@ class _Worker:
                 self._pipe, theirs = self._context.Pipe()
                 self._process = self._context.Process(target=serve, args=(theirs, self._threads), daemon=True)
                 self._process.start()
-                theirs.close()  # the process holds the only copy, so that its death is the end of the pipe
+                # The process then holds the only copy, so that its death ends the pipe and ``recv`` raises.
+                theirs.close()
 
     def close(self) -> None:
         """End the process, and start no other."""

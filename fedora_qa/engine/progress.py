@@ -1,15 +1,15 @@
-"""How far the work has come: of one step, and of all files together."""
+"""Progress of one step, and of all files together."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Final
 
 Progress = Callable[[str, int, int], None]
-"""Called with what is going on, how much is done, and of how much."""
+"""Called with the name of the stage, how much of it is done, and of how much."""
 
 
 MEASURING: Final = "measuring"
-"""What is going on while windows are handed to the checks."""
+"""The stage in which windows are handed to the checks."""
 
 
 def quiet(what: str, done: int, of: int) -> None:
@@ -23,9 +23,9 @@ class ProgressTally:
     Attributes
     ----------
     doing
-        What was told last.
+        The last message.
     windows
-        Of the files whose stamps have been read; of the others it is not known yet.
+        Of the files whose timestamps have been read; of the others it is not known yet.
     bytes_done
         A file counts in proportion to the windows of it that have been measured; its judgement counts as one more.
     """
@@ -40,4 +40,4 @@ class ProgressTally:
 
 
 Report = Callable[[ProgressTally], None]
-"""Is told how far the run has come, from any thread."""
+"""Called with the progress of the run, from any thread."""

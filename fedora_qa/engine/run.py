@@ -20,7 +20,7 @@ def check_file(path: Place, options: CheckOptions, progress: Progress = quiet) -
     ------
     MisuseError
         There is no such file, it is not HDF5, or the options name an unknown check, or a budget of time, which
-        ``check_files`` keeps to.
+        only ``check_files`` supports.
     """
     if options.budget_s is not None:
         raise MisuseError("Expected check_files for a budget of time, got check_file, which takes what it takes")

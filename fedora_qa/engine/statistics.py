@@ -1,4 +1,4 @@
-"""The statistics of a file alone, without its checks."""
+"""The statistics of a file without its checks."""
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
@@ -62,6 +62,7 @@ def _measured(
         ready = prepare(sequence, memory_bytes)
         distributions = DistributionsCollector(ready.spans)
         collectors: list[Accumulator] = [statistics, *([distributions] if distributed else [])]
+        # The default sampling reads every tile and every field: statistics describe the whole file.
         states = measure(collectors, ready.spans, ready.facts, ready.decoder, Sampling(), progress)
         tables = attempt(
             states, statistics.name, lambda: statistics.conclude(states.states[statistics.name], ready.facts)

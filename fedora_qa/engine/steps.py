@@ -1,4 +1,4 @@
-"""The steps of a file, as a worker does them. ``FileTask`` names them."""
+"""The steps of a file, as a worker does them. ``FileTask`` refers to them by name."""
 
 from dataclasses import replace
 
@@ -23,7 +23,7 @@ def check_whole(task: FileTask, open_file: OpenFile, progress: Progress) -> File
 
 
 def survey_file(task: FileTask, open_file: OpenFile, progress: Progress) -> Surveyed | FileRun:
-    """Scan the stamps of a file, arguments as above; its whole run where HDF5 refuses to open it."""
+    """Scan the timestamps of a file, arguments as above; its whole run where HDF5 refuses to open it."""
     open_file.clear()
     checks, options = task.arguments
     place = _place(task)
@@ -36,13 +36,14 @@ def survey_file(task: FileTask, open_file: OpenFile, progress: Progress) -> Surv
 
 
 def measure_windows(task: FileTask, open_file: OpenFile, progress: Progress) -> Sealed[PartialPass]:
-    """Hand the task's windows to what sees them: the argument is what the windows just before them have shown, or None.
+    """Measure the windows of the task: the argument is the sealed pass over the windows just before them, or None.
 
-    Returns what both have shown.
+    Returns the pass over both, sealed.
     """
     with open_file.opened(_surveyed(task)) as (survey, file):
         before = next(open_file.take_shown(*filter(None, task.arguments)), None)
         measured = measure_open(survey, file, task.windows, progress, before)
+        # A file behind a URL is opened for each task alone, so that this counts no request twice.
         measured = replace(measured, traffic=measured.traffic + file.sequence.traffic)
         sealed = Sealed.of(measured, task.folder)
         open_file.keep_shown(sealed, measured)
@@ -50,10 +51,11 @@ def measure_windows(task: FileTask, open_file: OpenFile, progress: Progress) -> 
 
 
 def finish_file(task: FileTask, open_file: OpenFile, progress: Progress) -> FileRun:
-    """Judge a file: arguments are what its stretches of windows have shown, in order, and the windows that are lost."""
+    """Judge a file: arguments are the sealed passes over its batches of windows, in order, and the lost windows."""
     parts, lost = task.arguments
     with open_file.opened(_surveyed(task)) as (survey, file):
-        file.ready.forget()  # what all workers have kept is merged in the room that blocks had
+        # Blocks and images make place for the states of all workers, which are merged here.
+        file.ready.forget()
         run = finish_open(survey, file, open_file.take_shown(*parts), lost, progress)
     open_file.clear()
     return run

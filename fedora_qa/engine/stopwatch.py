@@ -1,4 +1,4 @@
-"""Where the time goes, by stage."""
+"""Seconds of a run, by stage."""
 
 import time
 from collections.abc import Iterator
@@ -8,13 +8,13 @@ from dataclasses import dataclass, field
 
 @dataclass(slots=True)
 class Stopwatch:
-    """Seconds by stage; a stage that comes again adds to what it has taken."""
+    """Seconds by stage; a stage that is entered again adds to its seconds."""
 
     seconds: dict[str, float] = field(default_factory=dict)
 
     @contextmanager
     def stage(self, name: str) -> Iterator[None]:
-        """Time what the block does."""
+        """Add the seconds of the block to the stage."""
         began = time.perf_counter()
         try:
             yield

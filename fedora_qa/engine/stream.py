@@ -1,6 +1,6 @@
 """The measuring pass: every planned window handed to every check, in order; states that merge.
 
-A pass over some windows gives ``States``. Passes over neighbouring stretches merge in order, and the outcome is the
+A pass over some windows gives a ``PassState``. Passes over neighbouring batches merge in order, and the result is the
 same bit for bit however the windows were dealt out.
 """
 
@@ -24,29 +24,29 @@ T = TypeVar("T")
 
 
 class Accumulator(Protocol):
-    """What the pass feeds: a check, or a collector of statistics or evidence. ``Check`` says what each call means."""
+    """A check, or a collector of statistics or evidence, which gets the windows. ``Check`` documents each call."""
 
     name: str
 
     def start(self, facts: Facts) -> Any:
-        """Return the state that has seen nothing."""
+        """Return the state before any window."""
         ...
 
     def update(self, state: Any, window: Window) -> None:
-        """Add what a window shows."""
+        """Add a window to the state."""
         ...
 
     def merge(self, state: Any, later: Any) -> Any:
-        """Return the state that has seen what both have."""
+        """Return the state after the windows of both."""
         ...
 
 
 @dataclass(slots=True)
 class PassState:
-    """What a pass has accumulated, by the name of the check.
+    """The states of a pass, by the name of the check.
 
-    ``missed`` counts the windows that a check could not see because rows in them cannot be decoded; ``crashes`` holds
-    the traceback of each check that failed itself.
+    ``missed`` counts the windows that a check could not measure because rows in them cannot be decoded; ``crashes``
+    holds the traceback of each check that failed itself.
     """
 
     states: dict[str, Any]
@@ -56,9 +56,9 @@ class PassState:
 
 
 def start(checks: Iterable[Accumulator], facts: Facts) -> PassState:
-    """Return the states that have seen nothing.
+    """Return the states before any window.
 
-    A check that could not even say whether its question can be asked crashes here, where that is noted.
+    A check that fails on whether its question can be asked crashes here, where that is noted.
     """
     states = PassState({})
     for check in checks:
@@ -69,7 +69,7 @@ def start(checks: Iterable[Accumulator], facts: Facts) -> PassState:
 
 
 def attempt(states: PassState, name: str, call: Callable[[], T]) -> T | None:
-    """Return what a call into a check gives, or None after noting its crash, or where it has crashed before."""
+    """Return the value of a call into a check; None after noting its crash, or where it has crashed before."""
     if name in states.crashes:
         return None
     try:
@@ -92,10 +92,11 @@ def measure(
 ) -> PassState:
     """Hand each window to each check, or to those of them that are its ``audience``, in order of time.
 
-    ``states`` have seen the windows before, and are added to; new ones where None.
+    ``states`` are those after the windows before, and are extended; new ones where None.
     """
     images = images or SharedImages()
     states = states or start(checks, facts)
+    # By these numbers a window drops each shared view after the last check that asks for it (``Window.take_turn``).
     turns = {check.name: turn for turn, check in enumerate(checks)}
     for done, span in enumerate(spans):
         progress(MEASURING, done, len(spans))
@@ -115,11 +116,12 @@ def follow_up(
     progress: Progress,
     images: SharedImages | None = None,
 ) -> int:
-    """Give the checks one more look at the windows they name, a bounded share of all together; return how many."""
+    """Hand the windows that checks name to them once more, a bounded share of all windows; return how many."""
     turns = {check.name: turn for turn, check in enumerate(checks)}
     wanted = {check.name: _wanted(check, states, facts) for check in checks}
     budget = max(FEWEST_FOLLOW_UPS, int(FOLLOW_UP_SHARE * len(spans)))
     by_index = {span.index: span for span in spans}
+    # A check may name a lost window, which is not among the spans.
     numbers = sorted(_in_turn(wanted, budget) & by_index.keys())
     for done, number in enumerate(numbers):
         progress("looking again", done, len(numbers))
@@ -130,7 +132,8 @@ def follow_up(
 
 
 def merge(checks: Iterable[Accumulator], earlier: PassState, later: PassState) -> PassState:
-    """Return the states that have seen what both have."""
+    """Return the states after the windows of both."""
+    # Of two crashes of a check the earlier one stays, as a single pass over all windows would have noted it.
     merged = PassState({}, _added(earlier.missed, later.missed), {**later.crashes, **earlier.crashes},
                     _added(earlier.seconds, later.seconds))  # fmt: skip
     for check in checks:
@@ -140,7 +143,7 @@ def merge(checks: Iterable[Accumulator], earlier: PassState, later: PassState) -
 
 
 def conclude(checks: Iterable[Check[Any]], states: PassState, facts: Facts) -> dict[str, Observation]:
-    """Let each check that did not crash state what it measured."""
+    """Return the observation of each check that did not crash."""
     observations: dict[str, Observation] = {}
     for check in checks:
         state = states.states.get(check.name)
@@ -167,6 +170,7 @@ def _see(states: PassState, name: str, see: Callable[[Any, Window], None], windo
     try:
         see(states.states[name], window)
     except UnreadableRowsError:
+        # Rows that cannot be decoded cost a check this window only; ``integrity.readable`` reports them.
         states.missed[name] = states.missed.get(name, 0) + 1
 
 
@@ -176,11 +180,12 @@ def _wanted(check: Check[Any], states: PassState, facts: Facts) -> tuple[int, ..
 
 
 def _in_turn(wanted: dict[str, tuple[int, ...]], budget: int) -> set[int]:
-    """Grant each check its first wish, then its second ..., until the budget is spent."""
+    """Grant each check its first window, then its second ..., until the budget is spent."""
     granted: set[int] = set()
     longest = max((len(numbers) for numbers in wanted.values()), default=0)
     for turn in range(longest):
         for numbers in wanted.values():
+            # A window that several checks name counts once, as it is decoded once.
             if turn < len(numbers) and len(granted) < budget:
                 granted.add(numbers[turn])
     return granted

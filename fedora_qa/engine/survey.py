@@ -30,20 +30,20 @@ from fedora_qa.storage.version import Version
 
 @dataclass(frozen=True, slots=True)
 class Survey:
-    """A file whose stamps have been scanned. It holds no open file and no decoded image, so that it travels.
+    """A file whose timestamps have been scanned. It holds no open file and no image, so that it can be pickled.
 
     Attributes
     ----------
     version
-        Whoever opens the file later must find the same.
+        The file must have the same version whenever it is opened later.
     opening_facts
-        What opening it has found out.
+        Layout, declarations and origin, for later openings.
     checks
         All that were selected.
     reasons
         Why a check's question cannot be asked of this file, by check; empty where it can.
     traffic
-        What the survey has asked of a server.
+        Requests to a server, and bytes from it, for the survey.
     """
 
     path: Place
@@ -65,17 +65,16 @@ class Survey:
 
     @property
     def windows(self) -> tuple[int, ...]:
-        """The windows that are shown to some check at least: those of the plan, or all where some check sees all."""
+        """The windows that at least one check gets: those of the plan, or all where some check gets every window."""
         some_see_all = any(sees_every_window(check.needs) for check in self.asked)
         return tuple(range(self.plan.of)) if some_see_all else self.plan.chosen
 
 
 @dataclass(frozen=True, slots=True)
 class OpenSurvey:
-    """A surveyed file, open in this process, and what its windows are shown to.
+    """A surveyed file, open in this process, and the checks and collectors that get its windows.
 
-    ``windows`` are those that are shown to some check at least, ``chosen`` those of the plan, whose numbers
-    are ``planned``.
+    ``windows`` are those that at least one check gets, ``chosen`` those of the plan, whose numbers are ``planned``.
     """
 
     sequence: FileSequence
@@ -90,12 +89,12 @@ class OpenSurvey:
 
     @property
     def accumulators(self) -> tuple[Accumulator, ...]:
-        """The checks, and what gathers beside them."""
+        """The checks, and the collectors beside them."""
         beside = (self.statistics, self.keeper, self.distributions)
         return (*self.asked, *(collector for collector in beside if collector is not None))
 
     def audience(self, span: Span) -> Sequence[Accumulator]:
-        """Return what a window is shown to: everything if it is one of the plan, else the checks that see all."""
+        """Return the receivers of a window: all accumulators if it is planned, else checks that get every window."""
         if span.index in self.planned:
             return self.accumulators
         return tuple(check for check in self.asked if sees_every_window(check.needs))
@@ -108,9 +107,9 @@ def survey_file(
     progress: Progress,
     opening: AbstractContextManager[None] | None = None,
 ) -> Survey | FileRun:
-    """Scan the stamps of a file and plan its windows; the file's whole run where HDF5 refuses to open it.
+    """Scan the timestamps of a file and plan its windows; the file's whole run where HDF5 refuses to open it.
 
-    ``opening`` is entered while it is opened, for who fears that this never ends.
+    ``opening`` is entered while the file is opened, for a limit of the time that this takes.
 
     Raises
     ------
@@ -153,14 +152,15 @@ def opened(survey: Survey) -> Iterator[OpenSurvey]:
     Raises
     ------
     FedoraError
-        The file has been changed since, or one behind a URL cannot be read, or was changed meanwhile.
+        The file was changed since its survey or while it is open, or a file behind a URL cannot be read.
     """
     path, options, asked = survey.path, survey.options, survey.asked
+    # With the facts of the first opening: every process uses the same layout and origin of time.
     with open_sequence(path, options.dialect, survey.opening_facts, options.allow_external) as sequence:
         require_same(survey, sequence.version)
         ready = ready_to_measure(sequence, survey.scanned, options.memory_bytes)
         chosen = tuple(ready.spans[number] for number in survey.plan.chosen)
-        # The streams that the checks ask for: where some are selected, statistics shall cost no others.
+        # Streams of the checks: where checks are selected, no others are decoded for statistics.
         needed = frozenset(stream for check in asked for stream in check.needs) if options.select else None
         yield OpenSurvey(
             sequence=sequence,
@@ -173,6 +173,7 @@ def opened(survey: Survey) -> Iterator[OpenSurvey]:
             keeper=EvidenceCollector(ready.spans, chosen, options.evidence, needed) if options.evidence else None,
             distributions=DistributionsCollector(ready.spans, needed) if options.evidence else None,
         )
+        # Once more at the end: rows of two versions of a file must not give one record.
         sequence.require_unchanged()
 
 

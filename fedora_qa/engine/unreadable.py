@@ -15,9 +15,9 @@ _TELLING_CHECK: Final = "integrity.readable"
 
 
 def unreadable_record(path: Place, digest: Digest, checks: Iterable[Check[Any]], reason: str) -> FileRecord:
-    """Return the record of a file that HDF5 refuses to open; ``reason`` is what it says."""
+    """Return the record of a file that HDF5 refuses to open; ``reason`` is its message."""
     finding = Finding("F1", "integrity.readable.file", "critical", reason, Where())
-    # HDF5 compares the length that the file states with the one that it has; whatever else is wrong is damage.
+    # HDF5 compares the stated length of a file with its actual one, and names it truncated; other errors are damage.
     cause = "truncated" if "truncated" in reason else "corrupt_chunk"
     diagnosis = Diagnosis(
         id="D1",

@@ -1,4 +1,4 @@
-"""Check one file from beginning to end in one process, decoding what is looked at again only where it must be."""
+"""Check one file from beginning to end in one process, so that follow-ups find blocks that are still decoded."""
 
 from contextlib import AbstractContextManager
 from typing import Any

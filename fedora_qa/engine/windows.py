@@ -15,15 +15,16 @@ WINDOW_NS: Final = NS_PER_S // 5
 """0.2 s: the least time in which flow of 10, 25 and 50 Hz all complete whole intervals."""
 
 _MOST_WINDOW_BYTES: Final = 64 << 20
-"""Of images. The checks look at them one check after the other, so that all of them are best held at once."""
+"""Most bytes of images in a window. Every check reads them, one check after another, so that all should be held."""
 
+# 0.02 s, the interval of flow at 50 Hz.
 _SHORTEST_WINDOW_NS: Final = NS_PER_S // 50
 
 
 def window_length_ns(sequence: SequenceRows) -> int:
     """Return the length of the windows: 0.2 s, halved while the images of one would exceed 64 MiB.
 
-    It follows from the file alone, never from the workers, so that results do not depend on them.
+    It follows from the file alone and not from the workers, so that results do not depend on them.
     """
     length = WINDOW_NS
     while length > _SHORTEST_WINDOW_NS and _image_bytes_per_s(sequence) * length / NS_PER_S > _MOST_WINDOW_BYTES:
@@ -41,6 +42,7 @@ def cut_windows(scan: Scan) -> tuple[Span, ...]:
     for stream, runs in scan.runs.items():
         first = np.searchsorted(runs.cells, every, "left")
         bounds = np.append(runs.starts, runs.count)
+        # Beyond a stream's last cell ``searchsorted`` gives its length; the last cell in its place differs, so absent.
         present = runs.cells[np.minimum(first, len(runs.cells) - 1)] == every
         owned[stream] = [
             (int(bounds[i]), int(bounds[i + 1])) if there else (0, 0) for i, there in zip(first, present, strict=True)
@@ -57,7 +59,7 @@ def cut_windows(scan: Scan) -> tuple[Span, ...]:
 
 
 def _image_bytes_per_s(sequence: SequenceRows) -> float:
-    """Estimate decoded image bytes per second from the median step of each stream's first stamps."""
+    """Estimate decoded image bytes per second from the median step of each stream's first timestamps."""
     return sum(_stream_bytes_per_s(sequence, stream) for stream in sorted(sequence.layout.streams & set(TIMESTAMPS_OF)))
 
 
@@ -70,9 +72,11 @@ def _stream_bytes_per_s(sequence: SequenceRows, stream: str) -> float:
         timestamps = sequence.rows(TIMESTAMPS_OF[stream], 0, min(rows, 1000))
     except UnreadableRowsError:
         return 0.0
+    # Rows of flow are (start, end): the start counts. The median ignores single timestamps that are wrong.
     step_ns = float(np.median(np.diff(timestamps.reshape(len(timestamps), -1)[:, 0])))
     if step_ns <= 0:
         return 0.0
     shape = sequence.layout.bindings[images[0].key].shape
     row_bytes = int(np.prod(shape[1:], dtype=np.int64)) * np.dtype(images[0].dtype).itemsize
+    # At most all rows of the stream, however small a step wrong timestamps give.
     return row_bytes * min(NS_PER_S / step_ns, rows)

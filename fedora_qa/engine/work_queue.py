@@ -1,6 +1,6 @@
-"""Who measures which windows: each worker its own neighbourhood, and where that is done, the far end of another's.
+"""Which worker measures which windows: each its own neighbourhood, and then the far end of another's.
 
-What lies around a window is decoded once where its neighbours are measured by the same process.
+The halo of a window is decoded only once where the same process measures its neighbours.
 """
 
 from collections.abc import Sequence
@@ -10,12 +10,13 @@ from typing import Final
 _SHARE: Final = 2 / 3
 _FEWEST_WINDOWS: Final = 4
 _MOST_WINDOWS: Final = 64
-"""Of what is left, in a stretch. What windows have shown, some 40 MB at 1440x1080, is put away after each and taken up
-with the next, which takes as long as two windows there; a worker that dies takes one with it."""
+"""Bounds of a batch: share of the windows that are left, and their number. States of windows, some 40 MB at 1440x1080,
+are written after each batch and read for the next, which takes as long as two windows there; a worker that dies loses
+one batch."""
 
 
 class WorkQueue:
-    """The windows of a file that nobody measures yet, in neighbourhoods.
+    """The windows of a file that no worker has taken yet, in neighbourhoods.
 
     Parameters
     ----------
@@ -29,10 +30,10 @@ class WorkQueue:
         self._left: list[Sequence[int]] = list(equal_parts(windows, workers))
 
     def take(self, worker: int) -> Sequence[int]:
-        """Return the next stretch for a worker, none where nothing is left.
+        """Return the next batch for a worker; empty where nothing is left.
 
-        A long neighbourhood is done in stretches of at most two thirds of what is left, so that the last worker to end
-        does not keep the others waiting for long.
+        A long neighbourhood is taken in batches of at most two thirds of its rest, so that workers end at nearly the
+        same time.
         """
         if worker < len(self._left) and self._left[worker]:
             left = self._left[worker]
@@ -44,6 +45,7 @@ class WorkQueue:
             return ()
         left = self._left[longest]
         length = _length(left)
+        # From the far end: its own worker continues at the near end, beside blocks that it has decoded.
         self._left[longest] = left[:-length]
         return left[-length:]
 

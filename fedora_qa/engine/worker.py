@@ -1,6 +1,7 @@
-"""What runs in a worker process: it receives tasks, tells their progress, and answers with what they give.
+"""The loop of a worker process: it receives tasks, reports their progress, and answers with their results.
 
-It imports nothing heavy: what it was not forked with, a task brings, after the threads of the libraries have been set.
+It imports no large library: where they were not loaded before the fork, unpickling a task loads them, after the number
+of their threads has been set.
 """
 
 import os
@@ -18,8 +19,8 @@ from fedora_qa.engine.memory_budget import keep_unused_memory, return_unused_mem
 from fedora_qa.engine.open_file import OpenFile
 
 _PATIENCE_S: Final = 0.25
-"""How long a process without a task keeps its file open: the next one mostly comes within milliseconds, and what waits
-shall not hold the memory of those that work."""
+"""Seconds for which a process without a task keeps its file open: the next task mostly comes within milliseconds, and
+an idle process shall not hold memory that working ones need."""
 
 _OPENCV_THREADS: Final = "OPENCV_FOR_THREADS_NUM"
 """Read by OpenCV when it is loaded. Its images do not depend on it."""
@@ -30,7 +31,7 @@ _BLAS_THREADS: Final = "OPENBLAS_NUM_THREADS"
 
 @dataclass(frozen=True, slots=True)
 class ProgressReport:
-    """A task tells how far it has come."""
+    """Progress of a task."""
 
     what: str
     done: int
@@ -39,7 +40,7 @@ class ProgressReport:
 
 @dataclass(frozen=True, slots=True)
 class TaskResult:
-    """What a task gave, and the most memory that the process has held so far."""
+    """The result of a task, and the peak of memory of the process so far, MiB."""
 
     result: Any
     peak_memory_mib: int
@@ -47,7 +48,7 @@ class TaskResult:
 
 @dataclass(frozen=True, slots=True)
 class TaskFailure:
-    """What a task raised, with its traceback as a note."""
+    """The error that a task raised, with its traceback as a note."""
 
     error: Exception
 
@@ -57,6 +58,7 @@ def serve(pipe: "Connection[Any, Any]", threads: int) -> None:
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # the interrupt is the parent's to handle
     use_one_thread_of_blas()
     os.environ.setdefault(_OPENCV_THREADS, str(threads))
+    # OpenCV that was loaded before the fork has read the variable already.
     if opencv := sys.modules.get("cv2"):
         opencv.setNumThreads(int(os.environ[_OPENCV_THREADS]))
     keep_unused_memory()
@@ -66,6 +68,7 @@ def serve(pipe: "Connection[Any, Any]", threads: int) -> None:
             if not pipe.poll(_PATIENCE_S):
                 open_file.clear()
                 return_unused_memory()
+            # Bytes, unpickled within ``_answer``: an error of pickling then becomes an answer, and the process stays.
             pickled = pipe.recv_bytes()
             pipe.send_bytes(_answer(pickled, pipe, open_file))
         except (EOFError, ConnectionError):
@@ -73,10 +76,10 @@ def serve(pipe: "Connection[Any, Any]", threads: int) -> None:
 
 
 def use_one_thread_of_blas() -> None:
-    """Keep BLAS to the thread that calls it, where nobody has said otherwise; before NumPy is loaded.
+    """Limit BLAS to the thread that calls it, unless the environment sets another number; before NumPy is loaded.
 
-    A worker has one core, and its matrices are small: further threads would spend their time waiting for them, awake,
-    on the cores of other workers.
+    A worker has one core, and its matrices are small: further threads would mostly wait in a busy loop on the
+    cores of other workers.
     """
     os.environ.setdefault(_BLAS_THREADS, "1")
 
@@ -91,12 +94,12 @@ def _answer(pickled: bytes, pipe: "Connection[Any, Any]", open_file: OpenFile) -
         peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
         peak_mib = peak >> 20 if sys.platform == "darwin" else peak >> 10  # bytes there, KiB elsewhere
         return pickle.dumps(TaskResult(result, peak_mib), pickle.HIGHEST_PROTOCOL)
-    except Exception as error:  # noqa: BLE001 - whoever asked for the result gets it
+    except Exception as error:  # noqa: BLE001 - raised where the result is requested
         return pickle.dumps(TaskFailure(_that_travels(error)))
 
 
 def _that_travels(error: Exception) -> Exception:
-    """Return the error with its traceback as a note; one that cannot be pickled and unpickled, as what it said."""
+    """Return the error with its traceback as a note; its text alone where it cannot be pickled and unpickled."""
     error.add_note("".join(traceback.format_exception(error)))
     try:
         pickle.loads(pickle.dumps(error))
