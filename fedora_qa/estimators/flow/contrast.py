@@ -72,7 +72,7 @@ class SensorView:
     high: float = 1.0
 
     def of(self, flow_px: Float32, wanted: NDArray[np.bool_], width: int) -> "SensorFlow":
-        """Return a flow (H, W, 2), px of its grid, at the pixels of an event camera of some width, in its wanted rows (h,)."""
+        """Return a flow (H, W, 2), px of its grid, at the pixels (h, width) of an event camera, in its wanted rows."""
         view = np.array([self.across, self.left, self.down, self.top, self.wide, self.high])
         return SensorFlow(flow_as_seen(np.ascontiguousarray(flow_px, dtype=np.float32), view, wanted, width))
 
