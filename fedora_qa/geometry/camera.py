@@ -25,6 +25,7 @@ class RigidMotion:
 
     def corrected(self, twist: Float64) -> "RigidMotion":
         """Return the motion followed by a small one: rotation vector (rad) and translation (m), (6,), at X1."""
+        # X1' = dR (R X0 + t) + dt.
         dR = so3.exp(twist[:3])
         return RigidMotion(dR @ self.R, dR @ self.t_m + twist[3:])
 
@@ -44,7 +45,12 @@ def camera_motion(
     R_world_body0, position0_m, R_world_body1, position1_m
         (3, 3) and (3,) in the world, of the first and the second pose.
     T_body_camera
-        (4, 4) mounting of the camera.
+        (4, 4) mounting of the camera, optical frame to body, m.
+
+    Returns
+    -------
+    RigidMotion
+        From the first camera frame to the second.
     """
     # X_camera = R_bc^T (R_wb^T (X_world - p) - l), written for both poses and X_world eliminated.
     R_body_camera, lever_m = T_body_camera[:3, :3], T_body_camera[:3, 3]
@@ -71,6 +77,18 @@ def motion_covariance(
 
         first body:   omega =  C D d,   tau =  C (D d x (l - o))
         second body:  omega = -C d,     tau = -C (d x l)
+
+    Parameters
+    ----------
+    R_world_body0, position0_m, R_world_body1, position1_m, T_body_camera
+        As of ``camera_motion``.
+    position_sigma_m, rotation_sigma_rad
+        Standard deviation of each axis of either pose.
+
+    Returns
+    -------
+    ndarray of float64
+        (6, 6), rad^2, rad m and m^2: rotation first, in the second camera frame.
     """
     R_camera_body, lever_m = T_body_camera[:3, :3].T, T_body_camera[:3, 3]
     R_body1_body0 = R_world_body1.T @ R_world_body0
@@ -80,5 +98,6 @@ def motion_covariance(
     by_rotation1 = np.vstack((-R_camera_body, R_camera_body @ so3.cross_matrices(lever_m)))
     by_position = np.vstack((np.zeros((3, 3)), R_camera_body @ R_world_body1.T))
     rotation = by_rotation0 @ by_rotation0.T + by_rotation1 @ by_rotation1.T
+    # Isotropic noise of sigma: J sigma^2 J^T. Both positions have the same Jacobian up to its sign, hence 2.
     covariance: Float64 = rotation_sigma_rad**2 * rotation + 2 * position_sigma_m**2 * by_position @ by_position.T
     return covariance

@@ -58,6 +58,7 @@ def interpolate_poses(
     once_a_sample = len(inside_ns) > len(times_ns)
     samples = np.arange(len(times_ns)) if once_a_sample else before
     size = min(STENCIL, len(times_ns))
+    # At the ends the stencil is moved and not shortened, so that the degree stays 5.
     nodes = np.clip(samples + 1 - size // 2, 0, len(times_ns) - size)[:, None] + np.arange(size)
     unit_xyzw = so3.normalise(orientations_xyzw)
     q_k = unit_xyzw[samples]
@@ -78,6 +79,16 @@ def lagrange_weights(offsets: Float64) -> Float64:
     """Return the weights (..., m) that give a polynomial's value at 0 from its values at ``offsets`` (..., m).
 
     ``w_i = prod_{j != i} x_j / (x_j - x_i)``, Lagrange's basis at 0.
+
+    Parameters
+    ----------
+    offsets
+        (..., m) distinct positions of the values, of any unit.
+
+    Returns
+    -------
+    ndarray of float64
+        (..., m) weights of sum 1, without unit.
     """
     own = np.arange(offsets.shape[-1])
     gaps = offsets[..., None, :] - offsets[..., :, None]

@@ -24,7 +24,22 @@ _ROUNDINGS: Final = 4
 def moved_points(
     K: Float64, motion: RigidMotion, columns: Float64, rows: Float64, depths_m: Float64
 ) -> tuple[Float64, Float64, Float64]:
-    """Return X1, Y1, Z1 in metres of pixels at a depth; arguments broadcast, NaN depth gives NaN."""
+    """Move the points of pixels into the second camera frame.
+
+    Parameters
+    ----------
+    K
+        (3, 3) intrinsics, px.
+    motion
+        Of points, from the first to the second camera frame.
+    columns, rows, depths_m
+        Pixels and their z-depths in the first frame; they broadcast against each other.
+
+    Returns
+    -------
+    X1, Y1, Z1
+        Metres in the second frame (X right, Y down, Z forward); NaN where depth is NaN.
+    """
     # The ray K^-1 (column, row, 1), K with skew K01; then X1 = Z0 R ray + t.
     y = (rows - K[1, 2]) / K[1, 1]
     x = (columns - K[0, 2] - K[0, 1] * y) / K[0, 0]
@@ -45,8 +60,15 @@ def rigid_flow(K: Float64, motion: RigidMotion, columns: Float64, rows: Float64,
     ----------
     K
         (3, 3) intrinsics, px.
+    motion
+        Of points, from the first to the second camera frame.
     columns, rows, depths_m
         Pixels and their z-depths; they broadcast against each other.
+
+    Returns
+    -------
+    ndarray of float64
+        (..., 2) px.
     """
     X1, Y1, Z1 = moved_points(K, motion, columns, rows, depths_m)
     with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
@@ -62,6 +84,20 @@ def depths_by_flow(K: Float64, motion: RigidMotion, columns: Float64, rows: Floa
 
     Along the epipolar line ``x1 (Z r_z + t_z) = Z r_xy + t_xy`` with r the rotated ray: solved for 1/Z by least
     squares (Hartley and Zisserman, Multiple View Geometry, 12.2).
+
+    Parameters
+    ----------
+    K, motion
+        (3, 3) intrinsics, px; motion of points from the first to the second camera frame.
+    columns, rows
+        (n,) pixels of the first frame.
+    flow_px
+        (n, 2) u right, v down.
+
+    Returns
+    -------
+    ndarray of float64
+        (n,) m.
     """
     ones = np.ones_like(columns)
     rays = np.stack(moved_points(K, RigidMotion(motion.R, np.zeros(3)), columns, rows, ones), axis=-1)
@@ -77,7 +113,20 @@ def depths_by_flow(K: Float64, motion: RigidMotion, columns: Float64, rows: Floa
 
 
 def twist_jacobian(K: Float64, points1_m: Float64) -> Float64:
-    """Return d flow / d twist, (n, 2, 6), at points X1 (n, 3): px per rad and px per metre."""
+    """Differentiate the flow by a twist that follows the motion.
+
+    Parameters
+    ----------
+    K
+        (3, 3) intrinsics, px.
+    points1_m
+        (n, 3) points X1 in the second camera frame, before the camera.
+
+    Returns
+    -------
+    ndarray of float64
+        (n, 2, 6) px per rad, then px per metre.
+    """
     X1, Y1, Z1 = points1_m.T
     by_point = np.zeros((len(Z1), 2, 3))
     # d (u, v) / d X1 of the perspective projection; a twist moves X1 by omega x X1 + tau.
@@ -100,6 +149,18 @@ def rounding_px(
       ``2 u Z0 |d flow / d Z0| = 2 u f |t - m t_z| / Z1`` with m the point's slopes X1/Z1, Y1/Z1;
     - the maker may have computed in single precision: a coordinate of X1 then errs by some roundings of ``|X0| + |t|``
       and the pixel by ``f (1 + |m|) / Z1`` times that, and by some roundings of its own and the principal point's.
+
+    Parameters
+    ----------
+    K, motion, columns, rows, depths_m
+        As of ``rigid_flow``.
+    flow_px
+        (..., 2) as stored.
+
+    Returns
+    -------
+    ndarray of float64
+        (..., 2) px.
     """
     X1, Y1, Z1 = moved_points(K, motion, columns, rows, depths_m)
     distance0_m = depths_m * np.hypot(np.hypot((columns - K[0, 2]) / K[0, 0], (rows - K[1, 2]) / K[1, 1]), 1.0)
@@ -108,6 +169,7 @@ def rounding_px(
     for axis, coordinate1, pixel in ((0, X1, columns), (1, Y1, rows)):
         slope = coordinate1 / Z1
         f_over_Z1 = K[axis, axis] / Z1
+        # Second source of the docstring; the unit roundoff u multiplies all of them below.
         by_depth = 2 * f_over_Z1 * np.abs(motion.t_m[axis] - slope * motion.t_m[2])
         by_arithmetic = _ROUNDINGS * (f_over_Z1 * (1 + np.abs(slope)) * reach_m + pixel + K[axis, 2])
         bounds.append(SINGLE_PRECISION * (np.abs(flow_px[..., axis]) + by_depth + by_arithmetic))

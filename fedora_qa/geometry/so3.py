@@ -76,6 +76,7 @@ def matrices_from_quaternions(orientations_xyzw: Float64) -> Float64:
     """Return rotation matrices (..., 3, 3) of quaternions (..., 4) of any nonzero length."""
     x, y, z, w = np.moveaxis(normalise(orientations_xyzw), -1, 0)
     R = np.empty((*np.shape(x), 3, 3))
+    # R(q) of a unit quaternion (appendix B of the source above).
     R[..., 0, 0], R[..., 0, 1], R[..., 0, 2] = 1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)
     R[..., 1, 0], R[..., 1, 1], R[..., 1, 2] = 2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)
     R[..., 2, 0], R[..., 2, 1], R[..., 2, 2] = 2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)
@@ -91,6 +92,7 @@ def quaternions_from_matrices(R: Float64) -> Float64:
     xx, yy, zz = R[..., 0, 0], R[..., 1, 1], R[..., 2, 2]
     xy, xz, yz = R[..., 0, 1] + R[..., 1, 0], R[..., 0, 2] + R[..., 2, 0], R[..., 1, 2] + R[..., 2, 1]
     xw, yw, zw = R[..., 2, 1] - R[..., 1, 2], R[..., 0, 2] - R[..., 2, 0], R[..., 1, 0] - R[..., 0, 1]
+    # 4 q q^T, its rows and columns in the order x, y, z, w.
     products = np.array(
         [
             [1 + xx - yy - zz, xy, xz, xw],

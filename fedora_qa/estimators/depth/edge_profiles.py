@@ -20,7 +20,7 @@ Float64 = NDArray[np.float64]
 Int64 = NDArray[np.int64]
 
 RADIUS_PX: Final = 12
-"""Farthest shift along an axis that is looked for."""
+"""Farthest shift along an axis that profiles cover, px."""
 
 TILES: Final = 4
 """Tiles of the image in each direction over which profiles are kept apart, for the spread between them."""
@@ -76,7 +76,7 @@ def difference_profiles(
 ) -> Float64:  # fmt: skip
     """Return ``tile_profiles`` of the absolute differences of a picture's (h, w) neighbours along the axis.
 
-    ``mirrored`` says whether the picture is mirrored left to right, and top to bottom.
+    ``mirrored`` states whether the picture is mirrored left to right, and top to bottom.
     """
     return _tile_profiles(picture, mirrored, steps, axis, positions, 0.5, differences=True)
 
@@ -85,6 +85,7 @@ def find_peaks(profiles: Float64) -> NDArray[np.intp]:
     """Return the sample at which each profile (..., 2 R + 1) peaks, among those whose surroundings lie in it."""
     first, last = RADIUS_PX - FARTHEST_PX, profiles.shape[-1] - (RADIUS_PX - FARTHEST_PX)
     before, centre, after = (profiles[..., first + i : last + i] for i in (-1, 0, 1))
+    # Matched filter: the profile of a sharp edge, 1/8, 3/4, 1/8 (derivation in the docstring of the module).
     edges = _EDGE[0] * before + _EDGE[1] * centre + _EDGE[2] * after
     peaks: NDArray[np.intp] = first + np.argmax(edges, axis=-1)
     return peaks

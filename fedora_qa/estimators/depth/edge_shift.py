@@ -9,7 +9,7 @@ pixel on either side then moves the mean.
 
 Each side is looked for by itself: a line beside an outline (a kerb, a shadow, a row of windows) may outshine it on one
 side of things, and does not stand as far off the same way on the other. Where the two sides lie
-apart, one of them may be in place and the other not, and the lean says by how much the mean then errs.
+apart, one of them may be in place and the other not, and the lean states by how much the mean then errs.
 """
 
 import math

@@ -133,6 +133,7 @@ def _clearance_px(near_edge: Marks, block_px: int) -> Float32:
     # A pixel of the eroded image is that of the block that begins with it; what lies beyond the border counts as clear.
     blocks = cv2.erode(clear, np.ones((block_px, block_px), np.uint8), anchor=(0, 0))[::block_px, ::block_px]
     distances = np.asarray(cv2.distanceTransform(np.ascontiguousarray(blocks), cv2.DIST_L2, 3), dtype=np.float32)
+    # Offsets of two pixels within their blocks differ by at most block - 1 px along each axis.
     farther_px = np.float32(sqrt(2.0) * (block_px - 1))
     return np.asarray(np.maximum(np.float32(block_px) * distances - farther_px, np.float32(0)))
 
@@ -217,6 +218,7 @@ def _mark_edges(above: Float32, below: Float32, right: Float32, inverse: Float32
     last, least = len(inverse) - 1, np.float32(edge)
     marks[0] = marks[last] = 1
     for column in range(1, last):
+        # Each difference is a pixel less the next: two of them make a second difference along one axis.
         laplacian = above[column] - below[column] + right[column - 1] - right[column]
         marks[column] = (abs(laplacian) > least * inverse[column]) | (inverse[column] <= 0)
 

@@ -93,6 +93,7 @@ def noise_directions(covariance: Float64) -> Float64:
         return np.empty((len(covariance), 0))
     variances, directions = np.linalg.eigh(covariance)
     positive = variances > 1e-12 * max(float(variances.max(initial=0.0)), 1e-300)
+    # S = V diag(s^2) V^T: coefficients along the columns V s have unit variance.
     return np.asarray(directions[:, positive] * np.sqrt(variances[positive]))
 
 
@@ -295,6 +296,7 @@ def _weighted_step(
     # Normal equations (J^T W J + prior) step = -(J^T W r + gradient of the prior); the lower triangle only.
     for i in range(n):
         sigma, size = max(bounds[i], typical), abs(residuals[i])
+        # Huber: 1 / (sigma max(sigma, |r|)), Cauchy: 1 / (sigma^2 + r^2).
         weight = 1.0 / (sigma * max(sigma, size) if convex else sigma * sigma + size * size)
         weights[i] = weight
         row = columns[i]

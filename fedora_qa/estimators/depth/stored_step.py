@@ -123,6 +123,7 @@ def _common_step(bends: Float64, finest: float) -> _CommonStep | None:
         small_sizes = sizes[small]
         if step < finest or len(small_sizes) < _FEWEST_STEPS or not _of_both_signs(bends[small]):
             return None
+        # A difference over its whole number of steps estimates the step; the median resists outliers.
         step = float(np.median(small_sizes / np.maximum(np.rint(small_sizes / step), 1.0)))
         misfits = np.abs(small_sizes / step - np.rint(small_sizes / step))
         if np.mean(misfits < _PHASE) > 1.0 - _LEAST_SHARE:

@@ -137,7 +137,17 @@ def lattice_stride(height: int, width: int, share: float) -> int:
 
 
 def lattice_of(image: DepthImage, stride: int, most: int | None = None) -> DepthLattice:
-    """Return every so many-th pixel in both directions that lies clear of edges, thinned to at most ``most``."""
+    """Choose the pixels of a regular lattice that lie clear of edges.
+
+    Parameters
+    ----------
+    image
+        The first frame.
+    stride
+        Distance of the lattice's columns and rows, px.
+    most
+        Number of pixels that the lattice is thinned to; None: all.
+    """
     lattice = DepthLattice(*lattice_values(image, stride)).with_relative_error(image.quantisation_error)
     return lattice if most is None else lattice.thinned(most)
 
@@ -340,6 +350,7 @@ def _residuals(geometry: _Geometry, pixels: _Pixels, frame: _SecondFrame) -> Flo
         residuals[i] = np.nan
         if compared:
             shortening = _ray_length(camera, column1, row1) ** ray if ray != 0.0 else 1.0
+            # r = Z1 / Z_read - 1, a share of the depth: near and far surfaces compare alike.
             residuals[i] = _read_inverse_depth(frame.depths_m, column1, row1)[0] * shortening * Z1 - 1.0
     return residuals
 

@@ -72,20 +72,21 @@ class SensorView:
     high: float = 1.0
 
     def of(self, flow_px: Float32, wanted: NDArray[np.bool_], width: int) -> "SensorFlow":
-        """Return a flow (H, W, 2), px of its grid, as an event camera of some width sees it in its wanted rows (h,)."""
+        """Return a flow (H, W, 2), px of its grid, at the pixels (h, width) of an event camera, in its wanted rows."""
         view = np.array([self.across, self.left, self.down, self.top, self.wide, self.high])
         return SensorFlow(flow_as_seen(np.ascontiguousarray(flow_px, dtype=np.float32), view, wanted, width))
 
     def mirrored(self, flow: "SensorFlow", axis: int, shape: tuple[int, ...]) -> "SensorFlow":
         """Return a flow that ``of`` gave, its grid of a shape (H, W) turned over: 0 left to right, 1 top to bottom."""
         if axis:
+            # H - 1 - (down r + top) = down r' + top gives r' = (H - 1 - 2 top) / down - r, and so along columns.
             return replace(flow, down=-1.0, top=(shape[0] - 1 - 2 * self.top) / self.down)
         return replace(flow, across=-1.0, left=(shape[1] - 1 - 2 * self.left) / self.across)
 
 
 @dataclass(frozen=True, slots=True)
 class SensorFlow:
-    """A flow (h, w, 2) as an event camera sees it, in its px, NaN where there is none.
+    """A flow (h, w, 2) at the pixels of an event camera, in its px, NaN where there is none.
 
     The flow of a pixel stands at ``across`` times its column and ``left``, ``down`` times its row and ``top``.
     """
@@ -98,7 +99,7 @@ class SensorFlow:
 
     @property
     def folded(self) -> FoldedFlow:
-        """The flow, and the four numbers that say where the flow of a pixel stands."""
+        """The flow, and the four numbers of where the flow of a pixel stands."""
         return FoldedFlow(self.flow_px, np.array([self.across, self.left, self.down, self.top], dtype=np.float32))
 
     def at(self, events: "WarpableEvents") -> "EventFlow":
@@ -156,10 +157,23 @@ def sharpness_under(events: WarpableEvents, candidates: Sequence[tuple[EventFlow
     """Carry the same events by every candidate: a flow, and the matrices (2, 2) that it is multiplied by.
 
     An event counts for all candidates or none: it must have a flow in every field, and lie farther from the border than
-    one and a half times its way, or than ``MARGIN_PX``. Flows as seen are of one shape.
+    one and a half times its way, or than ``MARGIN_PX``. All sensor flows are of one shape.
+
+    Parameters
+    ----------
+    events
+        Pixel by pixel, those of one pixel in order of time.
+    candidates
+        At least one: the flow at these events, and the matrices by which it is multiplied.
+
+    Returns
+    -------
+    WarpedEvents
+        With the sharpness (k,) per px^2, candidate by candidate and matrix by matrix.
     """
     height, width = candidates[0][0].sensor.flow_px.shape[:2]
     flows = np.stack([flow.flows_px for flow, _ in candidates])
+    # A quarter of the shorter side at most: in small images the middle half still counts.
     margin_px = min(MARGIN_PX, min(height, width) / 4)
     usable, square_px2 = with_room(events.x, events.y, events.tau, flows, height, width, margin_px)
     events, squares = events.chosen(usable), []
@@ -168,6 +182,7 @@ def sharpness_under(events: WarpableEvents, candidates: Sequence[tuple[EventFlow
         in_flow = EventsInFlow(events.x, events.y, events.tau, usable_flow.flows_px, usable_flow.indices)
         # Events of one pixel are never of one place on a moving edge: what they contribute is taken off.
         met = meetings_with_oneself(in_flow, stacked, _SHARED, NODE_PX, _MEMORY)
+        # Mean square of the image (Gallego et al. 2019), without the pairs that the events of one pixel form.
         squares.append(squares_under(in_flow, flow.sensor.folded, stacked, _SIDE, NODE_PX) - met)
     return WarpedEvents(np.concatenate(squares) / max(len(usable), 1), usable, float(np.sqrt(square_px2)))
 
@@ -186,9 +201,11 @@ def _share_of_neighbours() -> float:
 def _shared_by_votes() -> Float64:
     """Return what two votes on a line share at distances of 0, 1, ... parts of a node, until they share nothing."""
     nodes = (np.arange(3 * PARTS) + 0.5) / PARTS - 1.5
+    # Quadratic B-spline: 3/4 - x^2 within half a node, (3/2 - |x|)^2 / 2 from there to one and a half.
     spline = np.where(np.abs(nodes) < 0.5, 0.75 - nodes**2, 0.5 * (1.5 - np.abs(nodes)) ** 2)
     spline = np.pad(spline, PARTS)
     vote = (1 - 2 * _SIDE) * spline + _SIDE * (np.roll(spline, PARTS) + np.roll(spline, -PARTS))
+    # The autocorrelation is symmetric: only distances of 0, 1/PARTS, ... nodes are returned.
     return np.asarray(np.correlate(vote, vote, "full")[len(vote) - 1 :] / PARTS)
 
 
@@ -201,11 +218,22 @@ def best_gain(sharpness: Float64) -> float:
 
     Between the gains, the parabola through the largest value and its neighbours in the logarithm of the gain decides.
     At the first and the last one the peak may lie beyond.
+
+    Parameters
+    ----------
+    sharpness
+        (k,) one value for each of ``GAINS``.
+
+    Returns
+    -------
+    float
+        Gain, 1 where the flow as given is the sharpest.
     """
     sharpest = int(np.argmax(sharpness))
     if sharpest in (0, len(GAINS) - 1):
         return GAINS[sharpest]
     logs = np.log(GAINS)[sharpest - 1 : sharpest + 2]
+    # The vertex of bend x^2 + slope x + c lies at -slope / (2 bend), x being the logarithm from the middle gain.
     bend, slope, _ = np.polyfit(logs - logs[1], sharpness[sharpest - 1 : sharpest + 2], 2)
     step = -0.5 * slope / bend if bend < 0 else 0.0
     return float(np.exp(logs[1] + np.clip(step, logs[0] - logs[1], logs[2] - logs[1])))

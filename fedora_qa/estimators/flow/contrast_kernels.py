@@ -59,13 +59,28 @@ class FoldedFlow(NamedTuple):
 def on_rows(
     x: NDArray[np.integer], y: NDArray[np.integer], span: tuple[int, int, int], width: int, rows: Bools
 ) -> Int64:
-    """Return which of every so many-th event lie within a width and in some rows (h,), by index.
+    """Return which events of a regular sample lie within the image and in the wanted rows.
 
-    ``span`` is the first event, the one after the last, and the step.
+    Parameters
+    ----------
+    x, y
+        (n,) columns and rows of events, px.
+    span
+        First event, the one after the last, and the step between the events that are read.
+    width
+        Of the image, px.
+    rows
+        (h,) which rows of the image are wanted.
+
+    Returns
+    -------
+    ndarray of int64
+        (k,) indices of these events, ascending.
     """
     first, stop, step = span
     chosen, count = np.empty((stop - first + step - 1) // step, np.int64), 0
     for i in range(first, stop, step):
+        # Written without a branch: the next index overwrites one that does not count.
         chosen[count] = i
         count += int((0 <= x[i] < width) and (0 <= y[i] < len(rows)) and rows[y[i]])
     return chosen[:count]
@@ -73,11 +88,24 @@ def on_rows(
 
 @njit(cache=True)
 def flow_as_seen(flow_px: Float32, view: Float64, wanted: Bools, width: int) -> Float32:
-    """Return a flow (H, W, 2), px of its own grid, as the event camera sees it, (height, width, 2): its nearest pixel.
+    """Resample a flow at the pixels of the event camera, from the nearest pixel of its grid.
 
-    The view (6,) says where pixels of the event camera lie on that grid, as scale and offset of columns, then of rows,
-    and how many pixels of the event camera are one of its own, along columns and rows. NaN beyond the grid, and in rows
-    that are not ``wanted`` (height,).
+    Parameters
+    ----------
+    flow_px
+        (H, W, 2) px of its own grid.
+    view
+        (6,) where pixels of the event camera lie on that grid: scale and offset of columns, then of rows; then how many
+        pixels of the event camera one of its own is, along columns and rows.
+    wanted
+        (height,) which rows of the event camera are filled.
+    width
+        Of the event camera, px.
+
+    Returns
+    -------
+    ndarray of float32
+        (height, width, 2) px of the event camera; NaN beyond the grid and in rows that are not wanted.
     """
     sensor_px = np.full((len(wanted), width, 2), np.nan, np.float32)
     first, stop, nearest = width, 0, np.empty(width, np.int64)
@@ -98,9 +126,19 @@ def flow_as_seen(flow_px: Float32, view: Float64, wanted: Bools, width: int) -> 
 
 @njit(cache=True)
 def flows_of(x: Float32, y: Float32, flow: FoldedFlow) -> tuple[Float32, Int32]:
-    """Return the flow (2, n) at pixels of the event camera, NaN where there is none, and where it is read, (n,).
+    """Read a flow at pixels of the event camera.
 
-    Indices count the pixels of the flow row by row.
+    Parameters
+    ----------
+    x, y
+        (n,) columns and rows, px.
+    flow
+        The flow, and where it holds that of a pixel.
+
+    Returns
+    -------
+    flows_px, indices
+        (2, n) flow, px, NaN where there is none; (n,) the pixel of the flow that it is read at, counted row by row.
     """
     fold, flow_px = flow.fold, flow.flow_px
     height, width = flow_px.shape[:2]
@@ -118,10 +156,24 @@ def flows_of(x: Float32, y: Float32, flow: FoldedFlow) -> tuple[Float32, Int32]:
 def with_room(
     x: Float32, y: Float32, tau: Float32, flows: Float32, height: int, width: int, margin_px: float
 ) -> tuple[Int64, float]:
-    """Return which events, by index, have a flow in every field (m, 2, n), and room for their way; and their ways.
+    """Choose the events that have a flow in every field and room for their way to the middle of the interval.
 
-    The first: farther from the border than one and a half times the way along the longest component and 2 px, or than
-    a margin. The second: the mean square, px^2, of the way along the first field of all events that have a flow in it.
+    Parameters
+    ----------
+    x, y, tau
+        (n,) columns and rows, px, and instants, in intervals of the flow after its start.
+    flows
+        (m, 2, n) flow of the m fields at the events, px, NaN where there is none.
+    height, width
+        Of the image, px.
+    margin_px
+        Events farther from the border than this have room however long their way is. Others must be farther from it
+        than one and a half times the way along the longest component and 2 px.
+
+    Returns
+    -------
+    chosen, mean_square_px2
+        (k,) indices of these events; mean square of the way along the first field, of all events with a flow in it.
     """
     chosen, count = np.empty(len(x), np.int64), 0
     total, flow_count = 0.0, 0
@@ -129,6 +181,7 @@ def with_room(
         away, longest = abs(tau[i] - np.float32(0.5)), np.float32(0)
         for k in range(len(flows)):
             u, v = abs(flows[k, 0, i]), abs(flows[k, 1, i])
+            # An infinite way excludes the event: it must have a flow in every field.
             longest = max(longest, u, v) if u + v < np.inf else np.float32(np.inf)
         u, v = flows[0, 0, i], flows[0, 1, i]
         if abs(u + v) < np.inf:
@@ -142,10 +195,25 @@ def with_room(
 
 @njit(cache=True)
 def squares_under(events: EventsInFlow, flow: FoldedFlow, matrices: Float32, side: float, node_px: float) -> Float64:
-    """Return the sum of squares (k,), per px^2, of the image of votes under a flow times each matrix (k, 2, 2).
+    """Return the sum of squares of the image of warped events under altered flows.
 
-    A vote is a quadratic B-spline on nodes ``node_px`` apart. Of all votes each node then gives a share ``side`` to
-    either neighbour, along both axes. Events that are carried beyond the image have no vote.
+    A vote is a quadratic B-spline. Events that are carried beyond the image have no vote.
+
+    Parameters
+    ----------
+    events, flow
+        Events with the flow at their own pixels, and the flow of all pixels.
+    matrices
+        (k, 2, 2) that the flow is multiplied by, one after the other.
+    side
+        Share of its votes that each node gives to either neighbour, along both axes.
+    node_px
+        Distance of nodes, px.
+
+    Returns
+    -------
+    ndarray of float64
+        (k,) per px^2.
     """
     height, width = flow.flow_px.shape[:2]
     per_px = np.float32(1.0 / node_px)
@@ -179,6 +247,7 @@ def carry(events: EventsInFlow, flow: FoldedFlow, matrix: Float32, columns: Floa
     own_u, own_v = events.flows_px[0], events.flows_px[1]
     columns[:], rows[:] = own_u, own_v
     origins = np.empty(len(x), np.int32)
+    # Fixed point of p = x - tau A flow(p): the flow lies on the pixels p of the start, the event on x at tau.
     for _ in range(_STEPS):
         for i in range(len(x)):
             u, v = columns[i], rows[i]
@@ -195,6 +264,8 @@ def carry(events: EventsInFlow, flow: FoldedFlow, matrix: Float32, columns: Floa
             columns[i], rows[i] = (columns[i] if is_finite else own_u[i]), (rows[i] if is_finite else own_v[i])
     for i in range(len(x)):
         u, v = columns[i], rows[i]
+        # x' = x + (1/2 - tau) A flow(p). To the middle, as a warp to one end rewards a flow that lets events
+        # collapse (Shiba et al. 2022).
         column, row = x[i] + (half - tau[i]) * (a * u + b * v), y[i] + (half - tau[i]) * (c * u + d * v)
         stays = (column >= zero) & (column <= right) & (row >= zero) & (row <= bottom)
         columns[i], rows[i] = (column if stays else _BEYOND), (row if stays else _BEYOND)
@@ -209,6 +280,7 @@ def _vote(image: Float32, voted: Bools, columns: Float32, rows: Float32, per_px:
         column, row = (columns[i] * per_px + _BEFORE, rows[i] * per_px + _BEFORE) if stays else (zero, zero)
         left, top = np.int32(column), np.int32(row)
         right, below = column - np.float32(left), row - np.float32(top)
+        # Quadratic B-spline at the three nodes about a position: (1 - t)^2 / 2, what remains to 1, t^2 / 2.
         first, last = half * (unity - right) * (unity - right), half * right * right
         upper, lower = half * (unity - below) * (unity - below), half * below * below
         second, shares, index = unity - first - last, (upper, unity - upper - lower, lower), np.uint64(left)
@@ -250,11 +322,25 @@ def _sum_of_squares(image: Float32, voted: Bools, side: np.float32) -> float:
 def meetings_with_oneself(
     events: EventsInFlow, matrices: Float32, shared: Float64, node_px: float, memory: int
 ) -> Float64:
-    """Return for each matrix (k,) the density that events of one pixel leave where others of it are carried to.
+    """Return the part of the sum of squares that pairs of events of one pixel contribute.
 
-    By the flow at the pixel itself, times the matrix (2, 2). ``shared`` is what two votes on a line share, by their
-    distance in parts of a node; nothing beyond. Events come by pixel, those of one in order of time; each is held
-    against the ``memory`` before it.
+    Parameters
+    ----------
+    events
+        Pixel by pixel, those of one pixel in order of time; they are carried by the flow at the pixel itself.
+    matrices
+        (k, 2, 2) that the flow is multiplied by.
+    shared
+        Autocorrelation of a vote on a line, by the distance in parts of a node; 0 beyond.
+    node_px
+        Distance of nodes, px.
+    memory
+        How many earlier events of its pixel each event is paired with.
+
+    Returns
+    -------
+    ndarray of float64
+        (k,) per px^2, to be subtracted from ``squares_under``.
     """
     x, y, tau, flows = events.x, events.y, events.tau, events.flows_px
     met = np.zeros(len(matrices))
@@ -269,5 +355,6 @@ def meetings_with_oneself(
                 du, dv = matrix[0, 0] * u + matrix[0, 1] * v, matrix[1, 0] * u + matrix[1, 1] * v
                 across, down = parts * abs(du) + 0.5, parts * abs(dv) + 0.5
                 if across < len(shared) and down < len(shared):
+                    # The square of a sum holds each pair twice; the unit is 1/px^2, as of `squares_under`.
                     met[k] += 2.0 * shared[int(across)] * shared[int(down)] / (node_px * node_px)
     return met

@@ -66,10 +66,23 @@ class FieldFit:
 
 
 def templates_of_flow(flows_px: Float64, slopes: Float64, sines: Float64, geometric: Float64 | None) -> Float64:
-    """Return all templates (n, 2, 15) of tiles, from their flow (n, 2), its slopes, sines, and what geometry gives.
+    """Assemble the templates of the residual flow of tiles.
 
-    ``slopes[:, i, j]`` is the derivative of component i along column (j = 0) or row (j = 1), ``sines`` (n, 2) the mean
-    of sin(2 pi flow), ``geometric`` (n, 2, 8) the columns of ``GEOMETRIC``.
+    Parameters
+    ----------
+    flows_px
+        (n, 2) mean flow of each tile, px.
+    slopes
+        (n, 2, 2) derivative of component i along columns (``[:, i, 0]``) and rows (``[:, i, 1]``), px/px.
+    sines
+        (n, 2) mean of sin(2 pi flow).
+    geometric
+        (n, 2, 8) the columns of ``GEOMETRIC``; None where depth or motion is not known, which gives zeros.
+
+    Returns
+    -------
+    ndarray of float64
+        (n, 2, 15).
     """
     count = len(flows_px)
     locking = sines[:, :, None] * np.eye(2)
@@ -79,12 +92,25 @@ def templates_of_flow(flows_px: Float64, slopes: Float64, sines: Float64, geomet
 
 
 def fit_field(errors_px: Float64, covariances_px2: Float64, templates: Float64) -> FieldFit:
-    """Fit tiles with residual flow (n, 2) of covariance (n, 2, 2) and templates (n, 2, m), n > 1.
+    """Fit the mean residual flow of a field's tiles, and set up the normal equations of their templates.
 
     Tiles far from the mean are weighted down after Huber.
+
+    Parameters
+    ----------
+    errors_px, covariances_px2
+        (n, 2) and (n, 2, 2) residual flow of tiles and its covariance, n > 1.
+    templates
+        (n, 2, m), of ``templates_of_flow``.
+
+    Returns
+    -------
+    FieldFit
+        With formal errors: the scatter of the tiles is stated beside them.
     """
     errors_px, covariances_px2 = np.ascontiguousarray(errors_px), np.ascontiguousarray(covariances_px2)
     mean_px, matrix, information, deviations = robust_mean(errors_px, covariances_px2, _HUBER, _ITERATIONS)
+    # Huber's weight, min(1, c / |deviation|) (P. J. Huber, Ann. Math. Stat. 35 (1964) 73).
     weights = np.minimum(1.0, _HUBER / np.maximum(deviations, 1e-12))
     freedom = errors_px.size - len(mean_px)
     evidence = normal_equations(errors_px, information, np.ascontiguousarray(templates))
@@ -106,17 +132,18 @@ def beyond_chance(freedom: float) -> float:
 def robust_errors(matrix: Float64, scatter: Float64, scores: Float64) -> Float64:
     """Return the standard errors (p,) of ``matrix^-1 sum(scores)``: as stated, or the blocks' where these differ.
 
-    ``scatter`` (p, p) is the covariance of the sum as the tiles tell it: the sum of the blocks' matrices, each times
-    how far its tiles really scatter (R. T. Birge, Phys. Rev. 40 (1932) 207). The empirical one is the sandwich over
-    independent blocks, of which ``scores`` (k, p) has one row each. Honest blocks scatter as stated, k - p times the
-    ratio of variances being chi-square; only where a ratio is larger than one in a hundred is, blocks have errors of
-    their own, and the empirical error is taken, widened for few blocks.
+    ``scatter`` (p, p) is the covariance of the sum as estimated from the tiles: the sum of the blocks' matrices, each
+    times how far its tiles scatter (R. T. Birge, Phys. Rev. 40 (1932) 207). The empirical one is the sandwich over
+    independent blocks, of which ``scores`` (k, p) has one row each. Blocks of a correct file scatter as stated: k - p
+    times the ratio of variances is chi-square. Where the ratio exceeds the value that one case in a hundred exceeds,
+    blocks have errors of their own. The empirical error is then taken, widened for few blocks.
     """
     blocks, parameters = scores.shape
     freedom = blocks - parameters
     formal = np.linalg.inv(matrix)
     variances: Float64 = np.diag(formal @ scatter @ formal)
     if freedom >= 1:
+        # Sandwich A^-1 (sum of s s^T) A^-1, times k / (k - p) as p parameters were fitted to the k blocks.
         empirical = np.diag(formal @ (scores.T @ scores) @ formal) * blocks / freedom
         largest = beyond_chance(freedom)
         variances = np.where(empirical > largest * variances, student_factor(freedom) ** 2 * empirical, variances)
@@ -129,6 +156,7 @@ def gain_of_true(share_of_stored: float) -> tuple[float, float]:
     Stored = (1 + G) true and error = G true give G = g / (1 - g).
     """
     rest = 1.0 - share_of_stored
+    # At g = 1 the true flow is zero and has no gain: the share is bounded away from it.
     rest = rest if abs(rest) > _SMALLEST_TRUE else np.copysign(_SMALLEST_TRUE, rest)
     return share_of_stored / rest, rest**-2
 
@@ -143,7 +171,9 @@ def lock_in(total: Evidence, columns: slice) -> Float64:
     Meas. Sci. Technol. 8 (1997) 1379.)
     """
     matrix = total.matrix[columns, columns]
+    # Sizes that least squares fits to a residual of sin(2 pi u), and of sin(2 pi v).
     response = np.linalg.lstsq(matrix, total.matrix[columns, LOCKING], rcond=1e-12)[0]
+    # The signs of both biases are not known: their sizes add up.
     moved: Float64 = np.abs(response).sum(axis=1)
     return moved
 
@@ -152,11 +182,22 @@ def lock_in(total: Evidence, columns: slice) -> Float64:
 def robust_mean(
     errors_px: Float64, covariances_px2: Float64, most: float, iterations: int
 ) -> tuple[Float64, Float64, Float64, Float64]:
-    """Return the mean (2,) of errors (n, 2), its information (2, 2), that of each (n, 3), and deviations (n,) from it.
+    """Return the weighted mean of errors, those far from it weighted down after Huber.
 
-    Covariances are (n, 2, 2). Errors that deviate by more than ``most`` standard errors are weighted down after Huber,
-    from the median on, so many times. The information of each, of u, of both and of v, is so weighted; deviations are
-    from the mean before the last.
+    Parameters
+    ----------
+    errors_px, covariances_px2
+        (n, 2) and (n, 2, 2).
+    most
+        Standard errors beyond which an error is weighted down.
+    iterations
+        How often weights and mean are computed in turn, from the median on.
+
+    Returns
+    -------
+    mean_px, matrix, information, deviations
+        (2,); (2, 2) information of the mean, 1/px^2; (n, 3) weighted information of each error: of u, of both, of v;
+        (n,) deviations in standard errors, from the mean before the last iteration.
     """
     count = len(errors_px)
     stated, weighted = np.empty((count, 3)), np.empty((count, 3))
@@ -170,6 +211,7 @@ def robust_mean(
         uu = uv = vv = to_u = to_v = 0.0
         for i in range(count):
             u, v = errors_px[i, 0] - mean_px[0], errors_px[i, 1] - mean_px[1]
+            # Squared Mahalanobis distance e^T C^-1 e; only rounding makes it negative.
             square = stated[i, 0] * u * u + 2 * stated[i, 1] * u * v + stated[i, 2] * v * v
             deviations[i] = np.sqrt(max(square, 0.0))
             weight = min(1.0, most / max(deviations[i], 1e-12))
@@ -182,15 +224,28 @@ def robust_mean(
             to_v += weighted[i, 1] * errors_px[i, 0] + weighted[i, 2] * errors_px[i, 1]
         matrix[0, 0], matrix[0, 1], matrix[1, 0], matrix[1, 1] = uu, uv, uv, vv
         determinant = uu * vv - uv * uv
+        # Cramer's rule for (sum of w C^-1) mean = sum of w C^-1 e.
         mean_px[0], mean_px[1] = (vv * to_u - uv * to_v) / determinant, (uu * to_v - uv * to_u) / determinant
     return mean_px, matrix, weighted, deviations
 
 
 @njit(cache=True)
 def normal_equations(errors_px: Float64, information: Float64, templates: Float64) -> tuple[Float64, Float64, float]:
-    """Return the matrix (m, m), the vector (m,) and the squares of the least squares of templates (n, 2, m).
+    """Return the normal equations of templates against errors.
 
-    Of errors (n, 2) with information (n, 3): of u, of both, and of v.
+    Parameters
+    ----------
+    errors_px
+        (n, 2).
+    information
+        (n, 3) of each error, 1/px^2: of u, of both, of v.
+    templates
+        (n, 2, m).
+
+    Returns
+    -------
+    matrix, vector, total
+        (m, m) and (m,); weighted sum of the squares of the errors.
     """
     size = templates.shape[2]
     matrix, vector, total = np.zeros((size, size)), np.zeros(size), 0.0

@@ -34,7 +34,7 @@ _CROWDED_PX: Final = 0.25
 """Spread of the flows that lead to one pixel from which on they must belong to different surfaces."""
 
 _WIDENED_PX: Final = 9
-"""Edges are widened by 4 px on either side, where a mixed pixel is seen with less than 1e-4 of its contrast.
+"""Edges are widened by 4 px on either side, where a mixed pixel contributes less than 1e-4 of its contrast.
 
 At 3 px it is 1e-3, which beside a bright edge moved tiles of little texture by up to 0.1 px. Widened alike, the border
 pixels are five deep, the reach of Gaussian and spline together: nearer to the border frames are extrapolated.
@@ -53,6 +53,13 @@ def edges(inverse_depth_per_m: Float32, focal_px: float | None = None) -> NDArra
     With a focal length, too, of pixels whose surface is seen at so flat an angle that its texture may be aliased: over
     one pixel the inverse depth w of a plane changes by |grad w|, and the pixel's footprint is longer than wide by
     f |grad w| / w.
+
+    Parameters
+    ----------
+    inverse_depth_per_m
+        (H, W) 1/m, 0 where invalid.
+    focal_px
+        Focal length, px; None: surfaces at flat angles are not marked.
     """
     steepest = np.float32(np.inf if focal_px is None else LONGEST_FOOTPRINT / focal_px)
     return widened(mark_edges(inverse_depth_per_m, np.float32(EDGE), steepest))
@@ -122,6 +129,7 @@ def is_edge(
     """Whether an inverse depth is invalid, or its Laplacian or squared slope exceeds a share of it or of its square."""
     bend = abs(left + right + above + below - np.float32(4) * value)
     across, down = np.float32(0.5) * (right - left), np.float32(0.5) * (below - above)
+    # f |grad w| / w above LONGEST_FOOTPRINT (Heckbert 1989); squared, so that no root is taken.
     is_steep = across * across + down * down > steepest * value * value
     # Without a branch, so that many pixels are marked at once.
     return (bend > largest_bend * value) | is_steep | (value <= 0)
@@ -152,5 +160,6 @@ def spread_at_targets(flow_px: Float32) -> Float32:
             n = count[row, column]
             if n > 1:
                 u, v, uu, vv = sums[row, column]
+                # E[u^2] - E[u]^2 cancels: in float64 its rounding stays far below the limit of 0.06 px^2.
                 spread[row, column] = max(uu / n - (u / n) ** 2, vv / n - (v / n) ** 2)
     return spread

@@ -91,6 +91,7 @@ def fit_motion(K: Float64, motion: RigidMotion, sample: FlowSample) -> MotionFit
     fitted = motion
     for _ in range(_ITERATIONS):
         residual, jacobian = _linearised(K, fitted, sample)
+        # Gauss-Newton: (J^T J) step = J^T r, with J the derivative of the flow by the twist.
         information = np.einsum("nki,nkj->ij", jacobian, jacobian)
         scale = np.sqrt(np.maximum(np.diag(information), np.finfo(float).tiny))
         gradient = np.einsum("nki,nk->i", jacobian, residual)
@@ -167,6 +168,7 @@ def _linearised(K: Float64, motion: RigidMotion, sample: FlowSample) -> tuple[Fl
     points1_m = np.stack(moved_points(K, motion, sample.columns, sample.rows, sample.depths_m), axis=-1)
     residual = sample.flow_px - rigid_flow(K, motion, sample.columns, sample.rows, sample.depths_m)
     in_front = np.logical_and(*np.isfinite(residual).T)
+    # Any depth before the camera keeps the Jacobian finite until it is multiplied by 0.
     points1_m[~in_front] = (0.0, 0.0, 1.0)
     jacobian = twist_jacobian(K, points1_m) * in_front[:, None, None]
     residual[~in_front] = 0.0
@@ -215,7 +217,9 @@ class Evidence:
         remaining = float(np.clip(1.0 - share, 0.0, 1.0))
         information = np.diag(self.matrix[columns, columns])
         by_rounding = float(np.max(1.0 / np.sqrt(np.maximum(information, 1e-300))))
+        # Residuals beyond the stated sigma enlarge the error; smaller ones do not reduce it.
         error = by_rounding * max(1.0, float(np.sqrt(remaining * self.total / self.count)))
+        # The rms falls with the square root of the share of the squares that remains.
         return TemplateFit(sizes, 1.0 - float(np.sqrt(remaining)), error)
 
 

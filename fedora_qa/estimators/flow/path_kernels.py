@@ -91,6 +91,7 @@ def step(
     height, width = lines.shape[0], lines.shape[1] // 2
     precomputed, values, cell_px = len(errors_px) > 0, lines.reshape(-1), _cell_px(height, width)
     for i in range(len(x)):
+        # Bilinear interpolation reads the next column and row, so that the last ones have no flow.
         stays[i] = stays[i] and 0 <= x[i] < width - 1 and 0 <= y[i] < height - 1
         if not stays[i]:
             clear[i] = False
@@ -167,9 +168,17 @@ def _interpolation_error(lines: Float32, row: int, column: int) -> float:
 
 
 def interpolation_errors(lines: Float32) -> Float32:
-    """Return how far interpolating a field (H, 2 W) may err (H, W), px, within a pixel of each.
+    """Bound the error of interpolating a field within a pixel of each of its pixels.
 
-    Infinite where that does not keep 4 px away from breaks of the flow, missing values and the border.
+    Parameters
+    ----------
+    lines
+        (H, 2 W) u and v of one pixel after another, px.
+
+    Returns
+    -------
+    ndarray of float32
+        (H, W) px; infinite within 4 px of breaks of the flow, missing values and the border.
     """
     breaks, errors = _breaks_and_errors(lines)
     largest = np.asarray(cv2.dilate(errors, np.ones((3, 3), np.uint8)), dtype=np.float32)
@@ -256,10 +265,19 @@ def _cell_px(height: int, width: int) -> int:
 
 @njit(cache=True)
 def spans_at_targets(lines: Float32) -> Float32:
-    """Return the least and the largest flow (h, w, 4) that lead to each cell and those about it: least u, -u, v, -v.
+    """Return the range of the flows that lead to each cell of the second frame and to the eight cells about it.
 
-    Of every fourth pixel of every fourth row, or in large frames every eighth; all are infinite in cells to which none
-    leads.
+    Every fourth pixel of every fourth row is entered, in large frames every eighth.
+
+    Parameters
+    ----------
+    lines
+        (H, 2 W) u and v of one pixel after another, px.
+
+    Returns
+    -------
+    ndarray of float32
+        (h, w, 4) least u, -u, v and -v, px; infinite in cells to which no flow leads.
     """
     height, width = lines.shape[0], lines.shape[1] // 2
     cell_px = _cell_px(height, width)
@@ -273,6 +291,7 @@ def spans_at_targets(lines: Float32) -> Float32:
             if 0 <= x < right and 0 <= y < bottom:  # so it is not where flow is NaN
                 span = spans[np.uint64(y * cells), np.uint64(x * cells)]
                 span[0] = u if u < span[0] else span[0]
+                # Negated: the largest flow is then a least too, and one minimum over neighbours gives both ends.
                 span[1] = -u if -u < span[1] else span[1]
                 span[2] = v if v < span[2] else span[2]
                 span[3] = -v if -v < span[3] else span[3]
@@ -304,6 +323,7 @@ def _is_crowded(spans: Float32, cell_px: int, x: float, y: float, u: float, v: f
     Points of the same surface whose targets lie within two cells come from within two cells / (1 - slope), over which
     their flow changes by at most the slope times that.
     """
+    # Bound of the docstring. 1 - slope is limited to 1/2, as it vanishes where a surface folds onto itself.
     apart = 2 * cell_px * slope / max(1.0 - slope, 0.5) + _CROWDED_PX
     span = spans[np.uint64(y) // np.uint64(cell_px), np.uint64(x) // np.uint64(cell_px)]
     return bool(span[0] < u - apart or -span[1] > u + apart or span[2] < v - apart or -span[3] > v + apart)

@@ -136,6 +136,7 @@ def fit_rate(evidences: Sequence[Evidence], scales: Sequence[float]) -> RateFit:
     )
     return RateFit(
         mean=fitted(MEAN),
+        # G = g / (1 - g): error and bias scale with dG/dg = 1 / (1 - g)^2.
         gain=TemplateSizes(np.array([gain_on_true]), slope * gain.errors, slope * gain.biases),
         geometric=geometric if total.matrix[GEOMETRIC, GEOMETRIC].any() else None,
     )
@@ -152,6 +153,7 @@ def gain_on_true_flow(total: Evidence) -> tuple[float, float, float]:
 
 def have_common_gain(evidences: Sequence[Evidence]) -> bool:
     """Whether most fields have a gain in common, which single frames cannot give them; False for fewer than two."""
+    # Least squares of one template: vector over matrix, the share g of the stored flow.
     gains = np.array([field.vector[GAIN][0] / max(field.matrix[GAIN, GAIN][0, 0], 1e-300) for field in evidences])
     if len(gains) < 2:
         return False

@@ -21,7 +21,7 @@ HALO_PX: Final = 2
 """The derivative's reach."""
 
 _CORRELATED_PIXELS: Final = 4 * np.pi
-"""Sum of the autocorrelation of white noise seen through a kernel of variance 1 px^2: so many pixels count as one."""
+"""Sum of the autocorrelation of white noise smoothed by a kernel of variance 1 px^2: so many pixels count as one."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -65,8 +65,14 @@ def tile_residuals(
     noise_variance_dn2
         Variance of white noise of a pixel of either frame before smoothing. Smoothing correlates the noise, but nowhere
         makes its spectral density larger, so ``2 variance (G^T G)^-1`` bounds the covariance.
+
+    Returns
+    -------
+    TileResiduals
+        One estimate for each tile, px; of a tile without texture its covariance is large, not infinite.
     """
     sums = sums_of_tiles(before, warped, valid, HALO_PX)
+    # W - A has the noise of both frames, hence twice the variance.
     contrast, floor = np.maximum(sums[:, 3, 3], 1e-9), 2 * noise_variance_dn2
     errors_px, inverse, left, variances_dn2 = solved(sums, floor, _CORRELATED_PIXELS)
     return TileResiduals(
@@ -131,6 +137,7 @@ def _products(
     leftmost, rightmost = mean[first - 2 : stop - 2], mean[first + 2 : stop + 2]
     for at in range(len(here)):
         c = there[at]
+        # f' = (8 (f(1) - f(-1)) - (f(2) - f(-2))) / 12, of fourth order.
         a = c * (near * (right[at] - left[at]) - far * (rightmost[at] - leftmost[at]))
         b = c * (near * (below[at] - above[at]) - far * (lowest[at] - highest[at]))
         d, e = c * (here[at] - level), c * (other[at] - before_row[at])
@@ -179,6 +186,7 @@ def solved(sums: Float64, floor: float, correlated: float) -> tuple[Float64, Flo
             if a < 2:
                 errors[i, a], inverses[i, a, 0], inverses[i, a, 1] = size, inverse[a, 0], inverse[a, 1]
         left[i] = max(sums[i, 4, 4] - explained, 0.0)
+        # s^2 = |r|^2 / (n - 4) with four coefficients fitted, times the pixels that count as one.
         variances[i] = max(correlated * left[i] / max(sums[i, 2, 2] - 4, 1.0), floor)
     return errors, inverses, left, variances
 

@@ -74,6 +74,7 @@ def parameter_templates(
         return rigid_flow(changed_K, changed_motion, sample.columns, sample.rows, sample.depths_m)
 
     def refocused(ratio: float) -> Float64:
+        # The declared focal length is ``ratio`` times the true one; skew scales with it, the centre stays.
         scaled: Float64 = K * np.array([[1 / ratio, 1 / ratio, 1.0], [1.0, 1 / ratio, 1.0], [1.0, 1.0, 1.0]])
         return scaled
 
@@ -85,6 +86,7 @@ def parameter_templates(
     # Central differences: their error is of third order in steps of a thousandth.
     step, step_s = 1e-3, 1e-3
     columns = [
+        # A gain G adds G times the flow: the template needs no difference.
         flow(K, motion) * _PERCENT,
         _slope(flow(refocused(1 + step), motion), flow(refocused(1 - step), motion), step / _PERCENT),
     ]

@@ -43,6 +43,7 @@ class TileGrid:
         wanted = min(count, max(1, round(share * count)))
         if wanted == count:
             return self.origins
+        # Seeded by the caller, so that the choice depends neither on the worker nor on the order of windows.
         chosen = np.random.default_rng(seed).permutation(count)[:wanted]
         return self.origins[np.sort(chosen)]
 
@@ -66,9 +67,23 @@ def patches_of(image: NDArray[Any], origins: NDArray[np.int64], halo_px: int = H
 
 @njit(cache=True)
 def known_patches(flow_px: Float32, origins: Int64, size: int, halo: int, largest_px: float) -> tuple[Float32, Mask]:
-    """Return tiles of a flow (H, W, 2) with a halo, (n, size + 2 halo, size + 2 halo, 2), and which pixels have one.
+    """Cut tiles out of a flow, and mark the pixels that have a value.
 
-    These (n, size, size) without the halo: neither component is as large as ``largest_px``. The others are 0.
+    Parameters
+    ----------
+    flow_px
+        (H, W, 2) px.
+    origins
+        (n, 2) columns and rows of the tiles' first pixels.
+    size, halo
+        Side of a tile, and width of the halo about it, px.
+    largest_px
+        A pixel has a value where neither component is as large as this.
+
+    Returns
+    -------
+    patches_px, is_finite
+        (n, size + 2 halo, size + 2 halo, 2), 0 where there is no value; (n, size, size) without the halo.
     """
     side = size + 2 * halo
     patches = np.zeros((len(origins), side, side, 2), np.float32)
@@ -87,7 +102,24 @@ def known_patches(flow_px: Float32, origins: Int64, size: int, halo: int, larges
 
 @njit(cache=True)
 def places_of(patches_px: Float32, origins: Int64, halo: int, less_px: Float32) -> tuple[Float32, Float32]:
-    """Return columns and rows (n, s, s) to which tiles of a flow (n, s, s, 2) lead, each less a flow (n, 2)."""
+    """Return the positions to which tiles of a flow lead.
+
+    Parameters
+    ----------
+    patches_px
+        (n, s, s, 2) flow of the tiles with their halo.
+    origins
+        (n, 2) columns and rows of the tiles' first pixels, without the halo.
+    halo
+        Width of the halo, px.
+    less_px
+        (n, 2) flow that is subtracted from that of each tile.
+
+    Returns
+    -------
+    columns, rows
+        (n, s, s) px of the second frame.
+    """
     columns, rows = np.empty(patches_px.shape[:3], np.float32), np.empty(patches_px.shape[:3], np.float32)
     for i in range(len(origins)):
         for j in range(patches_px.shape[1]):
@@ -99,10 +131,22 @@ def places_of(patches_px: Float32, origins: Int64, halo: int, less_px: Float32) 
 
 @njit(cache=True)
 def means_slopes_sines(flow_px: Float32, usable: Mask, halo: int, step: int) -> tuple[Float64, Float64, Float64]:
-    """Return each tile's mean flow (n, 2), its slopes (n, 2, 2) along columns and rows, and its mean sin(2 pi flow).
+    """Summarise the flow of tiles over their usable pixels, every ``step``-th of every ``step``-th row.
 
-    Over usable pixels (n, s, s) of tiles with a halo (n, s + 2 halo, s + 2 halo, 2): every ``step``-th of every
-    ``step``-th row.
+    Parameters
+    ----------
+    flow_px
+        (n, s + 2 halo, s + 2 halo, 2) flow of the tiles with their halo.
+    usable
+        (n, s, s) without the halo.
+    halo, step
+        Width of the halo, and distance of the pixels that are read, px.
+
+    Returns
+    -------
+    means_px, slopes, sines
+        (n, 2) mean flow; (n, 2, 2) slopes of u and v (second axis) along columns and rows (third axis), px/px; (n, 2)
+        mean of sin(2 pi flow). 0 where no pixel is usable.
     """
     count, size = usable.shape[:2]
     means, sines, slopes = np.zeros((count, 2)), np.zeros((count, 2)), np.zeros((count, 2, 2))
@@ -131,6 +175,7 @@ def means_slopes_sines(flow_px: Float32, usable: Mask, halo: int, step: int) -> 
         n = max(pixels, 1.0)
         means[i, 0], means[i, 1] = u_sum / n, v_sum / n
         sines[i, 0], sines[i, 1] = u_sine / n, v_sine / n
+        # Slope of a line, cov(x, u) / var(x), along each axis by itself.
         across, down = max(xx - x_sum * x_sum / n, 1.0), max(yy - y_sum * y_sum / n, 1.0)
         slopes[i, 0, 0], slopes[i, 1, 0] = (xu - x_sum * u_sum / n) / across, (xv - x_sum * v_sum / n) / across
         slopes[i, 0, 1], slopes[i, 1, 1] = (yu - y_sum * u_sum / n) / down, (yv - y_sum * v_sum / n) / down
@@ -141,6 +186,7 @@ def means_slopes_sines(flow_px: Float32, usable: Mask, halo: int, step: int) -> 
 def _sine_of_turns(turns: float) -> float:
     """Return the sine of an angle in turns, to 4e-6: its series, once the angle is within a quarter of a turn."""
     rest = turns - np.rint(turns)
+    # sin(pi - x) = sin(x) folds the angle into a quarter of a turn, where a short series suffices.
     rest = rest if abs(rest) <= 0.25 else (0.5 if rest > 0 else -0.5) - rest
     x = 2 * np.pi * rest
     square = x * x
@@ -190,7 +236,9 @@ def mean_derivatives(
                     of_tile[3] += g_x
                     of_tile[4] += g_y
                     of_tile[5] += g_z
+                    # d flow / d log f: the projection grows with f, the slopes (x, y) of the ray shrink with it.
                     of_tile[6] += g_x * X + g_y * Y - by_x * x - by_y * y
+                    # d flow / d centre: the projection moves by 1 px, the ray by 1 / f the other way.
                     of_tile[7] += (axis == 0) - by_x / fx
                     of_tile[8] += (axis == 1) + (by_x * skew / fx - by_y) / fy
         for axis in range(2):

@@ -122,6 +122,7 @@ def seen_in_few_tiles(
 
 
 def _transfer(K: Float64, motion: RigidMotion) -> PixelTransfer:
+    # x1 = K R K^-1 x0 + K t / Z0, homogeneously (Hartley and Zisserman, 2nd ed., eq. 9.7).
     return PixelTransfer(K @ motion.R @ np.linalg.inv(K), K @ motion.t_m)
 
 
@@ -262,6 +263,7 @@ def _agrees(
         across = abs(_interpolated(inverse_per_m, column + 1, row) - interpolated)
         down = abs(_interpolated(inverse_per_m, column, row + 1) - interpolated)
         limit += agreement.uncertainty_px * (across + down) / max(interpolated, 1e-6)
+    # 1/Z1 read there, times Z1/Z0 of the motion, must be 1/Z0 to a share of it.
     return bool(abs(interpolated * ratio - inverse) < limit * inverse)
 
 

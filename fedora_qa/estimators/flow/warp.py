@@ -1,6 +1,6 @@
 """Read images between pixels, so smoothly that interpolation adds next to no error of its own.
 
-Both frames are seen through one kernel: a Gaussian and a cubic B-spline, together of variance 1 px^2. A B-spline read
+Both frames are read through one kernel: a Gaussian and a cubic B-spline, together of variance 1 px^2. A B-spline read
 of an image that was *not* prefiltered is the exact value, between the pixels too, of the image smoothed by that spline,
 up to aliases that the spline weakens by (w / (2 pi - w))^4 at frequency w. Bilinear interpolation weakens them by the
 square only, which shifts what it reads by some hundredths of a pixel at quarter-pixel positions.
@@ -42,13 +42,14 @@ def smooth(image: Float32, sigma_px: float = 1.0) -> Float32:
 @cache
 def smoothing_taps(sigma_px: float = 1.0) -> Float32:
     """Return the weights of that Gaussian, four standard deviations to either side, of sum 1."""
+    # Variances of kernels that are applied in turn add up: that of the spline is taken off.
     sigma = float(np.sqrt(max(sigma_px**2 - SPLINE_VARIANCE_PX2, 1e-6)))
     return np.asarray(cv2.getGaussianKernel(round(8 * sigma + 1) | 1, sigma, cv2.CV_32F), dtype=np.float32)[:, 0]
 
 
 @cache
 def taps_at_pixels(sigma_px: float = 1.0) -> Float32:
-    """Return the weights of Gaussian and B-spline together, which see an image at its pixels, of sum 1."""
+    """Return the weights, of sum 1, of Gaussian and B-spline together: the kernel of a read at a pixel centre."""
     return np.convolve(smoothing_taps(sigma_px), _SPLINE_AT_PIXELS)
 
 
@@ -76,7 +77,7 @@ def read_bilinear(image: Float32, columns: Float32, rows: Float32) -> Float32:
 
 @dataclass(frozen=True, slots=True)
 class Interpolator:
-    """One way to see frames between their pixels; docs/flow-interpolation.md measures them.
+    """One way to read frames between their pixels; docs/flow-interpolation.md measures them.
 
     Attributes
     ----------
@@ -85,7 +86,7 @@ class Interpolator:
     at_pixels
         What ``between`` gives at every pixel centre of that, (H, W).
     between
-        That image and finite positions (n, m), columns and rows, to what is seen there.
+        That image and finite positions (n, m), columns and rows, px, to the values there.
     """
 
     smoothed: Callable[[Float32, float], Float32]
@@ -152,6 +153,8 @@ def within(position: np.float32, size: int) -> np.float32:
 def spline_weights(t: np.float32) -> tuple[np.float32, np.float32, np.float32, np.float32]:
     """Return the weights of the pixels before and after a fraction t."""
     rest = np.float32(1) - t
+    # Cubic B-spline at t: (1 - t)^3 / 6, (3 t^3 - 6 t^2 + 4) / 6 and their mirror images; their sum is 1
+    # (C. de Boor, A Practical Guide to Splines, 2001).
     first, last = rest * rest * rest / np.float32(6), t * t * t / np.float32(6)
     second = (t * t * (np.float32(3) * t - np.float32(6)) + np.float32(4)) / np.float32(6)
     return first, second, np.float32(1) - first - second - last, last
@@ -180,6 +183,7 @@ def parts_about(columns: Float32, rows: Float32, width: int, height: int) -> Int
                 x, y = within(columns[i, j, k], width), within(rows[i, j, k], height)
                 left, right = min(left, x), max(right, x)
                 top, bottom = min(top, y), max(bottom, y)
+        # The spline reads one pixel before a position and two after it; the ends are half-open.
         parts[i, 0], parts[i, 1] = max(int(left) - 1, 0), max(int(top) - 1, 0)
         parts[i, 2], parts[i, 3] = min(int(right) + 3, width), min(int(bottom) + 3, height)
     return parts

@@ -53,6 +53,7 @@ def towards(fit: ColourFit, order: str) -> ColourEstimate:
     line: Float64 = (along / (along @ difference)) @ _FREE
     errors = fit.weight_errors
     variance = max(float(line @ errors.formal @ line), float(line @ errors.between_blocks @ line))
+    # The signs of the biases are not known: their sizes add up.
     bound = float(np.abs(errors.biases @ line).sum()) + LEVEL_BIAS * float(np.ptp(line))
     return ColourEstimate(float(line @ (_weights(fit) - weights_in("RGB"))), float(np.sqrt(variance)), bound)
 

@@ -262,6 +262,7 @@ def _jackknife(matrices: Float64, vectors: Float64, values: Float64) -> Float64:
 def _inverse(matrix: Float64) -> Float64:
     """Return the inverse; NaN where columns are collinear."""
     scale = np.sqrt(np.maximum(np.diag(matrix), 1e-300))
+    # A unit diagonal makes the limit a share of a column, whatever the units of the columns.
     scaled = matrix / np.outer(scale, scale)
     if not np.linalg.eigvalsh(scaled)[0] > _SINGULAR:
         return np.full_like(matrix, np.nan)
@@ -281,6 +282,7 @@ def _slopes(coefficients: Float64) -> Float64:
     """Return how `_derived` changes (8, p) with each coefficient."""
     scale = coefficients[:3].sum()
     slopes = np.zeros((8, len(coefficients)))
+    # w_k = beta_k / a gives dw_k / dbeta_j = (delta_kj - w_k) / a.
     slopes[:3, :3] = np.eye(3) / scale - coefficients[:3, np.newaxis] / scale**2
     slopes[3, :3] = 1.0
     if len(coefficients) > _EXPONENT_FITTED:

@@ -74,7 +74,20 @@ def luma_of_linear(rgb: UInt8, weights: Float64) -> Float32:
 def sampled_luma(rgb: UInt8, first: int, stride: int, weights: Float64) -> Float32:
     """Return the luma of the codes of a frame (H, W, 3) at every ``stride``-th row and column from ``first`` on.
 
-    Codes are taken as they are stored, whatever their transfer curve; sums are rounded once, (h, w).
+    Codes are taken as they are stored, whatever their transfer curve; sums are rounded once.
+
+    Parameters
+    ----------
+    rgb
+        (H, W, 3) codes.
+    first, stride
+        First row and column that is read, and the distance to the next, px.
+    weights
+        (3,) of R, G, B.
+
+    Returns
+    -------
+    (h, w), in codes.
     """
     rows, columns = len(range(first, rgb.shape[0], stride)), len(range(first, rgb.shape[1], stride))
     luma = np.empty((rows, columns), np.float32)

@@ -48,6 +48,7 @@ def _mean_responses(patches: Float32) -> Float64:
         for j in range(height):
             above, here, below, of_row = patches[i, j], patches[i, j + 1], patches[i, j + 2], np.float32(0)
             for k in range(width + 2):
+                # The operator is separable: 1 -2 1 down the columns, then 1 -2 1 along the row.
                 down[k] = above[k] - np.float32(2) * here[k] + below[k]
             for k in range(width):
                 of_row += abs(down[k] - np.float32(2) * down[k + 1] + down[k + 2])

@@ -226,6 +226,7 @@ def _regress_in_box(
 def _with_levels_from_zero(sums: RegressionSums) -> RegressionSums:
     """Return the sums with levels from 0 in place of a base: of parts with other bases they can then be added."""
     count, p_sum, l_sum, c_sum, pp, pl, ll, pc, lc, cc, base = sums
+    # With l = l' + base: sum of l^2 = sum of l'^2 + 2 base sum of l' + n base^2, and so for the products.
     pl, ll, lc = pl + base * p_sum, ll + base * (2 * l_sum + base * count), lc + base * c_sum
     return RegressionSums(count, p_sum, l_sum + base * count, c_sum, pp, pl, ll, pc, lc, cc, 0.0)
 
@@ -433,6 +434,7 @@ def _regression_in_box(
     speed_px = percentile_of(lengths_px[:count], settings.speed_percentile)
     if not speed_px < settings.invalid_from_px:
         return nothing
+    # Displacement shrinks with the reduced image: speed / step is at most ``reduced_flow_px``.
     step = max(settings.least_step_px, int(np.ceil(speed_px / settings.reduced_flow_px)))
     if min(right - left, bottom - top) < step:
         return nothing

@@ -51,6 +51,7 @@ def registered_shift(autocorrelation: Float64, crosscorrelation: Float64) -> Shi
             reference, moved, upsample_factor=UPSAMPLING, normalization=None
         )
         back = np.asarray(registered, dtype=np.float64)
+        # The largest sample lies within a pixel of its peak: more than that belongs to another peak.
         fraction = np.clip(fraction - back, -1.0, 1.0)
         if np.abs(back).max() <= 1 / UPSAMPLING:
             break

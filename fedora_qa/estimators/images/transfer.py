@@ -20,6 +20,7 @@ def to_linear(codes: Float64, transfer: str) -> Float64:
     """Return linear values, in DN, of codes in 0..255: as they are, by IEC 61966-2-1 (sRGB), or code^2.2."""
     code = np.clip(np.asarray(codes, dtype=np.float64) / WHITE_DN, 0.0, 1.0)
     if transfer == "srgb":
+        # IEC 61966-2-1: a linear toe up to 0.04045, then a power of 2.4 with an offset.
         code = np.where(code <= _SRGB_TOE, code / 12.92, ((code + 0.055) / 1.055) ** 2.4)
     elif transfer == "gamma2.2":
         code = code**_GAMMA

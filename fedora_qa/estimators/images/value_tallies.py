@@ -23,7 +23,7 @@ class DatasetCounts:
     Attributes
     ----------
     values, nan, infinite
-        Values looked at (rows of samples, pixels of images); those that are NaN (of samples: not finite); infinite.
+        Values read (rows of samples, pixels of images); those that are NaN (of samples: not finite); infinite.
     outside
         Finite values that no correct file holds: depth not above zero, or out of the declared range; flow beyond a
         length.

@@ -64,7 +64,7 @@ class InertialConvention:
     rate_unit, length_unit
         Factor by which angular velocities and positions are too large.
     gravity
-        What the accelerometer says of it.
+        What part of gravity the accelerometer measures.
     residual
         Mean square residual under it, in units of what noise and the coarseness of the comparison leave.
     declared_residual
@@ -139,6 +139,7 @@ def explain_rates(samples: InertialSamples, sigma_rad: float) -> InertialConvent
     candidates = []
     for quaternions in _QUATERNION_CONVENTIONS:
         q = _under_convention(samples.orientations_xyzw[edges], quaternions)
+        # Mean angular velocity in the body between two poses: Log(q_k^-1 q_k+1) / dt.
         by_pose = so3.log_quaternion(so3.compose(so3.inverse(q[:-1]), q[1:])) / spans_s
         for axes, unit in product(signed_permutations(), (1.0, _DEGREES, 1.0 / _DEGREES)):
             residual = _normalised_residual(by_gyro / unit - by_pose @ np.array(axes).T, by_pose, noise)

@@ -83,6 +83,7 @@ def _increments(rate: CubicSpline, integral: PPoly, starts_s: Float64, stops_s: 
 
 def without_rotation_faults(samples: InertialSamples, values: Float64) -> InertialSamples:
     """Return the samples without faults (P,) of the sizes of ROTATION_PARAMETERS; the bias stays, being linear."""
+    # Inverse of the fault (1 + scale) Exp(tilt).
     mapping = so3.exp(-values[6:9]) / (1.0 + values[9])
     return samples.with_imu_earlier(*values[:2]).with_poses_earlier(values[2]).with_rates_mapped(mapping)
 
@@ -105,7 +106,7 @@ def rotation_rows(samples: InertialSamples, noise: InertialNoise) -> ComparisonR
     The residual of an interval is ``R_k+1 Log(increment^-1 q_k^-1 q_k+1)``, rad, in the world. There it is the
     difference ``R_k+1 n_k+1 - R_k n_k`` of the poses' own errors n, whatever the body turned between: neighbours share
     one with opposite sign, and over a long time all but the first and last cancel. In the body's frame they would not.
-    Its covariance holds them, the gyro's white noise, and rounded stamps.
+    Its covariance holds them, the gyro's white noise, and rounded timestamps.
     """
     compared = _compare(samples, noise)
     imu_times_s, poses = samples.imu_times_s, compared.effects.poses

@@ -119,6 +119,7 @@ class InertialSamples:
 
     def with_imu_earlier(self, offset_s: float, drift: float) -> "InertialSamples":
         """Return the samples without an offset, and one that grows by ``drift`` s/s, of the IMU's timestamps."""
+        # The fault is t' = (1 + drift) t + offset; this solves for t.
         return replace(self, imu_times_s=(self.imu_times_s - offset_s) / (1.0 + drift), R_world_imu=None)
 
     def with_poses_earlier(self, drift: float) -> "InertialSamples":

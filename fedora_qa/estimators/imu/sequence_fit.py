@@ -268,6 +268,7 @@ def _walk_covariance(segments: list[ComparisonRows], bias_walk: float) -> Float6
     disturb a fit, and together they are the time to the middle.
     """
     middles_s = np.maximum([rows.times_s.mean() for rows in segments], 0.0)
+    # Wiener process: E[b(s) b(t)] = walk^2 min(s, t).
     shared_s = np.minimum(middles_s[:, None], middles_s)
     covariance: Float64 = bias_walk**2 * (shared_s + _LEAST_WALK_S * np.eye(len(segments)))
     return covariance

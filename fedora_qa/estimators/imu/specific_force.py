@@ -120,6 +120,7 @@ def translation_effects(samples: InertialSamples, noise: InertialNoise) -> RowEf
     changes = _second_differences(times_s, integrated_twice(imu_times_s, curves, times_s), poses)
     by_force, jerk, jerk_times_t = changes[:, 0:3], changes[:, 3:6], changes[:, 6:9]
     jacobians = np.empty((len(poses), 3, columns))
+    # A delay takes offset times jerk off the force; the residual is by position less by force, hence plus.
     jacobians[..., 0], jacobians[..., 1], jacobians[..., 2] = jerk, jerk_times_t, -jerk_times_t - 2 * by_force
     jacobians[..., 3:6] = -changes[:, 9:18].reshape(-1, 3, 3)
     jacobians[..., 6:9] = _DOWN_AND_LEVEL * ((times_s[poses + 1] - times_s[poses - 1]) / 2)[:, None, None]
@@ -166,6 +167,7 @@ def _curves(samples: InertialSamples, accelerations: Float64, smoothing_s: float
     curves[3:6] = np.einsum("nij,nj->in", R, slopes[:, :3])
     curves[6:9] = times_s * curves[3:6]
     curves[9:18] = R.reshape(-1, 9).T
+    # alpha x l + w x (w x l) = ([alpha]x + [w]x [w]x) l, turned into the world.
     curves[18:] = (R @ (so3.cross_matrices(slopes[:, 3:]) + W @ W)).reshape(-1, 9).T
     return curves
 
@@ -281,10 +283,13 @@ def _spline_slopes(steps_s: Float64, values: Float64) -> Float64:
     chords = np.diff(values, axis=1) / steps_s
     before, after = steps_s[:-1], steps_s[1:]
     bands = np.empty((3, len(steps_s) + 1))
+    # h_i m_i-1 + 2 (h_i-1 + h_i) m_i + h_i-1 m_i+1 = 3 (h_i c_i-1 + h_i-1 c_i) for slopes m, chords c and
+    # steps h (de Boor 2001, chapter IV).
     bands[1, 1:-1] = 2 * (before + after)
     bands[0, 2:], bands[2, :-2] = before, after
     right = np.empty_like(values)
     right[:, 1:-1] = 3 * (after * chords[:, :-1] + before * chords[:, 1:])
+    # Not-a-knot: the third derivative is continuous at the outermost knots but one.
     first, last = steps_s[0] + steps_s[1], steps_s[-1] + steps_s[-2]
     bands[1, 0], bands[0, 1] = steps_s[1], first
     bands[1, -1], bands[2, -2] = steps_s[-2], last
