@@ -53,6 +53,7 @@ def why_not_one_view(facts: Facts, first: str, second: str) -> str:
         return reason
     camera1, camera2 = facts.declared.cameras[first], facts.declared.cameras[second]
     difference = np.abs(camera1.T_body_camera - camera2.T_body_camera)
+    # Two centres give parallax, which depends on depth: no scale then maps one image onto the other.
     if difference[:3, 3].max() > CENTRES_AGREE_M:
         return f"the cameras {first} and {second} do not share one centre"
     if difference[:3, :3].max() > AXES_AGREE or camera1.K[0, 1] or camera2.K[0, 1]:
@@ -78,6 +79,7 @@ def outlines_in_camera(source: Camera, target: Camera, steps: DepthSteps) -> tup
     if np.array_equal(source.K, target.K) and np.array_equal(source.T_body_camera, target.T_body_camera):
         return steps.columns, steps.rows
     pixels = np.stack((steps.columns, steps.rows, np.ones(len(steps))))
+    # Pinhole model: X = z K^-1 (u, v, 1)^T, in m in the source camera (Z forward, X right, Y down).
     points_m = steps.depths_m * (np.linalg.inv(source.K) @ pixels)
     T_target_source = np.linalg.inv(target.T_body_camera) @ source.T_body_camera
     x, y, z = target.K @ (T_target_source[:3, :3] @ points_m + T_target_source[:3, 3:])

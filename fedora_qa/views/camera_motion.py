@@ -35,6 +35,7 @@ def _poses_at_ends(window: Window, track: PoseTrack) -> Mapping[int, Pose]:
     """Return the poses by their instants, those that are finite."""
     intervals = [interval for stream in window.facts.flow_streams for interval in owned_intervals(window, stream)]
     ends_ns = np.array([(interval.start_ns, interval.end_ns) for interval in intervals], dtype=np.int64).ravel()
+    # ``tile_templates`` differentiates the motion by central differences, so each end is needed three times.
     instants_ns = np.unique(np.concatenate((ends_ns, ends_ns - DELAY_NS, ends_ns + DELAY_NS)))
     R, positions_m = track.poses_at(instants_ns)
     finite = np.isfinite(R).all(axis=(1, 2)) & np.isfinite(positions_m).all(axis=1)

@@ -125,6 +125,7 @@ def _measure(window: Window, interval: Interval, events: Events) -> FieldSharpne
     K_flow, K_event = (window.facts.declared.cameras[name].K for name in ("depth", "events"))
     across, down = (float(K_flow[i, i] / K_event[i, i]) for i in range(2))
     left, top = (float(K_flow[i, 2] - K_event[i, 2] * K_flow[i, i] / K_event[i, i]) for i in range(2))
+    # Both cameras look in one direction: u_flow = f_flow / f_event (u_event - c_event) + c_flow, along each axis.
     view_of_flow = SensorView(across, left, down, top, 1 / across, 1 / down)
     shape, view = sensor_shape(window.facts.declared), view_of_flow
     focal_px = float(window.facts.declared.cameras["events"].K[0, 0])
@@ -142,6 +143,7 @@ def _measure(window: Window, interval: Interval, events: Events) -> FieldSharpne
     step = 1 + int(float(np.mean(rows)) * (nearby.stop - nearby.start)) // most
     chosen = on_rows(events.x, events.y, (nearby.start, nearby.stop, step), shape[1], rows)
     x, y = events.x[chosen].astype(np.uint16), events.y[chosen].astype(np.uint16)
+    # Time in units of the interval: an event at tau lies tau times the flow from its place at the start.
     tau = (events.times_ns[chosen] - interval.start_ns) / interval.length_ns
     ordered = WarpableEvents.pixel_by_pixel(x, y, tau)
     matrices = [0.0 * _UNIT, *(gain * _UNIT for gain in GAINS), *_transform_matrices(interval.duration_s)]
@@ -156,6 +158,7 @@ def _measure(window: Window, interval: Interval, events: Events) -> FieldSharpne
     mirrored = (view.mirrored(sensor_flow, axis, stored_px.shape).at(ordered) for axis in range(2))
     pairs = [sharpness_under(ordered, [(flow, [_UNIT]), (other, [_UNIT])]).sharpness for other in mirrored]
     transformed = np.array([*((own, sharpness) for sharpness in by_matrix), *pairs])
+    # The way is the rms over event times, 1/sqrt(12) of the displacement; over the focal length (px) it is an angle.
     way_rad = as_stored.way_px / _RMS_OF_TIME / focal_px
     by_gain = as_stored.sharpness[: 1 + len(GAINS)]
     return FieldSharpness(interval, by_gain, transformed, count, as_stored.way_px, way_rad)
@@ -179,6 +182,7 @@ def _length_ns(interval: Interval, flow_px: Float32, focal_px: float, pixels: in
     speed_px = np.hypot(sampled_px[..., 0], sampled_px[..., 1])
     finite = speed_px[np.isfinite(speed_px)]
     way_px = _RMS_OF_TIME * float(np.sqrt(np.mean(np.square(finite)))) if len(finite) else 0.0
+    # w^2 = focal / sqrt(288), derived above, over the way of one whole interval.
     intervals = np.sqrt(focal_px / np.sqrt(288.0)) / max(way_px, 1e-9)
     return int(np.clip(intervals * interval.length_ns, SHORTEST_NS, max(interval.length_ns, SHORTEST_NS)))
 

@@ -86,6 +86,7 @@ def clock_reset(events: EventScan | None) -> ClockReset | None:
     if not backwards or events.decreases > len(backwards) or events.behind <= _BEHIND * events.decreases:
         return None
     back = backwards[0]
+    # The longest forward step may be the end of the part itself; the second longest bounds ordinary gaps.
     usual_ns = forwards[1].length_ns if len(forwards) > 1 else 0
     if not forwards or forwards[0].length_ns <= 2 * usual_ns:
         longest_ns = forwards[0].length_ns if forwards else 0
@@ -109,7 +110,9 @@ def _between_steps(back: EventStep, forwards: EventStep, usual_ns: int) -> Clock
         forwards,
         offset_agreement=_DISAGREES if drifts else _AGREES,
         drift_agreement=_AGREES if drifts else _DISAGREES,
+        # Half the difference of d + a and -d + b is d, with an error of (a - b) / 2, below the longest usual gap.
         offset_ms=(forwards.length_ns - back.length_ns) / 2 / NS_PER_MS * (1 if first is forwards else -1),
         offset_error_ms=max(usual_ns, 1) / NS_PER_MS,
+        # The net step is the time that the clock gained within the part: over the part's length it is the rate error.
         drift_ppm=1e6 * gained_ns / due_ns if due_ns > 0 else None,
     )

@@ -82,6 +82,7 @@ def compare(pair: DepthPair) -> PairAgreement | None:
         None where the frames share too few pixels.
     """
     model, lattice = pair.model(), pair.lattice()
+    # Declared pose noise moves all pixels alike: without this correction it would count as an error of depth.
     fit = pair.fit_as_declared()
     if fit is None:
         return None
@@ -124,6 +125,7 @@ def _worst_tile(
     typical, limits = medians_by_group(residuals, bounds, tiles, across * down, _FEWEST_IN_TILE)
     if not np.isfinite(typical).any():
         return None
+    # Tiles are ranked by the residual over its bound: bounds grow where depth is steep or coarsely rounded.
     tile = int(np.nanargmax(typical / limits))
     row, column = divmod(tile, across)
     edges = (column * width // across, row * height // down, (column + 1) * width // across, (row + 1) * height // down)

@@ -1,4 +1,4 @@
-"""Inverse transforms of depth, camera, stamps and poses, tried on a pair of depth frames that is off.
+"""Inverse transforms of depth, camera, timestamps and poses, tried on a pair of depth frames that is off.
 
 Each trial applies one transform to the pair and measures how much of the typical residual it removes.
 """
@@ -40,7 +40,7 @@ Extent = Literal["all", "part"]
 
 _NEIGHBOURS: Final = (-2, -1, 1, 2)
 _OFFSETS_MS: Final = (-80.0, -40.0, -20.0, -10.0, 0.0, 10.0, 20.0, 40.0, 80.0)
-"""Offsets of the stamps that the fit starts from: it converges from where the motion still is about the same."""
+"""Offsets of the timestamps that the fit starts from: it converges from where the motion still is about the same."""
 
 _SHIFTS_PX: Final = (-4, -3, -2, -1, 1, 2, 3, 4)
 """Shifts of one frame against the other that are tried."""
@@ -151,6 +151,7 @@ def _only(model: DepthModel) -> Family:
 
 def _with_other_values(pair: DepthPair) -> Iterator[_Candidate]:
     """Suppose another unit, or lengths of rays."""
+    # The motion between the poses is in metres, and so determines the factor of the depths. No unit has a negative one.
     yield _Candidate("depth_scale", pair.images, pair.scaled, step=1e-3, possible=lambda factor: factor >= 0)
     for factor in (1 / MM_PER_M, MM_PER_M):
         for images in _either(pair, _images(pair, _divided_by(factor))):
@@ -193,7 +194,7 @@ def _with_other_frames(pair: DepthPair) -> Iterator[_Candidate]:
 
 
 def _with_a_clock_offset(pair: DepthPair) -> Iterator[_Candidate]:
-    """Suppose that depth is stamped too late, or the pose too early."""
+    """Suppose that the timestamps of depth are too late, or those of the pose too early."""
 
     def family(offset_ms: float) -> DepthModel | None:
         offset_ns = round(offset_ms * NS_PER_S / 1e3)
@@ -224,12 +225,14 @@ def _with_other_poses(pair: DepthPair) -> Iterator[_Candidate]:
         motion = pair.track.mounted(T_body_camera).motion(pair.start_ns, pair.end_ns)
         if motion is not None:
             yield _Candidate("mounting", pair.images, _only(replace(pair.model(), motion=motion)))
+    # Unit covariance (1 m, 1 rad) leaves the motion free: what only this removes is a wrong pose.
     yield _Candidate("free_motion", pair.images, _only(pair.model()), noise=_ANY_MOTION)
 
 
 def _principal_point_family(pair: DepthPair, axis: int) -> Family:
     def family(shift_px: float) -> DepthModel:
         K = pair.model().K.copy()
+        # An image that is shifted by s px is that of a camera whose principal point lies s px further.
         K[axis, 2] += shift_px
         return replace(pair.model(), K=K)
 
@@ -280,6 +283,7 @@ def _reordered_positions(order: tuple[int, ...], signs: tuple[int, ...]) -> Call
 
 def _from_north_east_down(track: PoseTrack) -> PoseTrack:
     """Return the track of poses that were written for a world and a body with Z down."""
+    # q_enu_ned maps NED to ENU axes (x and y exchanged, z reversed); q_frd_flu is half a turn about X forward.
     q_enu_ned, q_frd_flu = np.array([np.sqrt(0.5), np.sqrt(0.5), 0.0, 0.0]), np.array([1.0, 0.0, 0.0, 0.0])
     return _reordered_positions((1, 0, 2), (1, 1, -1))(track).transformed(
         lambda poses: replace(poses, orientations_xyzw=compose(compose(q_enu_ned, poses.orientations_xyzw), q_frd_flu))

@@ -142,6 +142,7 @@ def _frame_profiles(window: Window, row: int, rgb_row: int) -> tuple[Float64, Fl
         far_m = float(finite_m.max()) if len(finite_m) and finite_m.max() > 0 else 1.0
     lines = LINES // 2 if _is_large(window) else LINES
     # The logarithm is taken in place: frames are large.
+    # Differences of the logarithm are contrasts, which do not depend on how brightly an edge is lit.
     log_luma = luma + np.float32(DARK_DN)
     np.log(log_luma, out=log_luma)
     every = max(1, min(depth_m.shape) // lines)

@@ -50,14 +50,14 @@ _FREE_MOTION_M, _FREE_MOTION_RAD = 1.0, 1.0
 
 @dataclass(frozen=True, slots=True)
 class DepthPair:
-    """A depth frame and the next one whose stamp advances.
+    """A depth frame and the next one whose timestamp advances.
 
     Attributes
     ----------
     first, second
         Rows of the depth stream.
     start_ns, end_ns
-        Their stamps, from the file's origin.
+        Their timestamps, ns from the file's origin.
     motion
         How points move in the camera from the first to the second.
     motion_error
@@ -95,6 +95,7 @@ class DepthPair:
 
     def model(self) -> DepthModel:
         """Return camera and motion as the file declares them."""
+        # Pixel u of the frame is pixel u / every_px of the sampled one: rows 1 and 2 of K scale alike.
         to_sampled = np.array([[1 / self.every_px], [1 / self.every_px], [1.0]])
         return DepthModel(to_sampled * self.track.camera.K, self.motion, motion_error=self.motion_error)
 
@@ -136,6 +137,7 @@ def owned_pairs(window: Window) -> Iterator[DepthPair | None]:
     clock = facts.clocks["depth"]
     rows, owned = np.flatnonzero(clock.advancing), window.owned("depth")
     start, stop = np.searchsorted(rows, (owned.start, owned.stop)).tolist()
+    # The pair of the first owned frame begins with the last frame of the window before.
     before = max(start - 1, 0)
     track = pose_track(window, facts.declared.cameras["depth"])
     for first, second in pairwise(rows[before:stop].tolist()):
@@ -204,6 +206,7 @@ def _every_px(window: Window) -> int:
     if window.sampling.tile_share >= 1.0:
         return 1
     camera = window.facts.declared.cameras["depth"]
+    # Both axes are thinned alike, so the step is the root of the ratio of the pixel counts.
     return max(1, round(sqrt(camera.height * camera.width / _PIXELS)))
 
 

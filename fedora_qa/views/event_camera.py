@@ -45,6 +45,7 @@ def all_events(window: Window) -> Events:
     frames = _frames(window) if "rgb" in window.facts.clocks else []
     if frames:
         last_ns = int(window.facts.clocks["rgb"].times_ns[frames[-1]])
+        # Events are counted up to the frame after the window, and levels there need the halo behind it.
         after_ns = max(HALO_NS, last_ns + HALO_NS - window.span.stop_ns)
     return window.once("all_events", lambda: _read_only(window.events(HALO_NS, after_ns)))
 
@@ -71,6 +72,7 @@ def corrected_events(window: Window, offset_ns: int) -> Events:
     """Return ``sensor_events`` as they would be without a clock offset (positive: timestamps are too late)."""
     events = events_around(window, HALO_NS + abs(offset_ns))
     times_ns = events.times_ns - offset_ns
+    # The margin was widened by the offset: cut to the same halo, so that windows compare like with like.
     near = slice(*np.searchsorted(times_ns, [window.span.start_ns - HALO_NS, window.span.stop_ns + HALO_NS]))
     return _read_only(Events(events.x[near], events.y[near], times_ns[near], events.p[near]))
 
@@ -117,6 +119,7 @@ def _on_sensor(events: Events, declared: Declared) -> Events:
     if events.x.dtype == events.y.dtype == np.uint16 and all_on_sensor(events, (height, width)):
         return events
     on_sensor = (events.x < width) & (events.y < height) & (events.p <= 1)
+    # Files may store signed coordinates; unsigned ones cannot be negative and need no test.
     if events.x.dtype != np.uint16 or events.y.dtype != np.uint16:
         on_sensor &= (events.x >= 0) & (events.y >= 0)
     x, y = events.x[on_sensor].astype(np.uint16), events.y[on_sensor].astype(np.uint16)
@@ -198,6 +201,7 @@ def events_before(resampled: ResampledFrames, window: Window) -> NDArray[np.int3
     """Return the darker and brighter events (2, h, w) before a window's first frame, as far back as to the second."""
     first_ns, second_ns = resampled.times_ns[:2].tolist()
     events, counts = sensor_events(window), np.zeros((1, *resampled.counts.shape[1:]), np.int32)
+    # The interval before the first frame, as long as the one after it.
     times_ns = np.array([2 * first_ns - second_ns, first_ns])
     count_between_frames(events.x, events.y, events.times_ns, events.p, times_ns, counts)
     darker_and_brighter: NDArray[np.int32] = counts[0]
@@ -251,7 +255,7 @@ def _is_without_skew(camera: Camera) -> bool:
 
 
 def _frames(window: Window) -> list[int]:
-    """Return the frames of a window whose stamps advance, and the next one if it is near."""
+    """Return the frames of a window whose timestamps advance, and the next one if it is near."""
     clock = window.facts.clocks["rgb"]
     if not clock.usable:
         return []

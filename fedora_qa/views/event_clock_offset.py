@@ -152,6 +152,7 @@ def fit_all(state: Sequence[InterpolationSums]) -> InterpolationFits | None:
     if not state:
         return None
     present = np.concatenate([sums.fine.counts > 0 for sums in state])
+    # Blocks are numbered window by window, GRID^2 tiles each, rows first.
     windows, tiles = np.divmod(np.flatnonzero(present), GRID**2)
     rows, columns = windows * GRID + tiles // GRID, windows * GRID + tiles % GRID
     groups = windows, tiles, rows, columns
@@ -166,6 +167,7 @@ def expected_delay_ms(declared: EventModel | None, facts: Facts) -> tuple[float,
     """Return the mean delay of events of a correct file, and the error of that expectation."""
     if declared is None:
         return 0.0, 0.0
+    # A first-order low-pass of cut-off f (Hz) delays slow changes by its time constant 1 / (2 pi f).
     low_pass_ms = 1e3 / (2 * pi * declared.bandwidth_hz) if declared.bandwidth_hz > 0 else 0.0
     tick_ms = tick_ns(facts) / 1e6
     if declared.model == "linear":
@@ -254,6 +256,7 @@ def search_window(window: Window, start_s: float | None, searched: Sequence[Offs
         What the search of other windows ended with.
     """
     trials = [search.offset_ns for search in searched if isinstance(search, OffsetTrial)]
+    # Sums can be fitted together only if the same offset is undone in all of them.
     if trials:
         return _trial(window, trials[0])
     by_ladder = search_offset(window)
@@ -276,6 +279,7 @@ def searched_offset(searched: Sequence[OffsetSearch]) -> ClockOffset | None:
     if not ladder:
         return None
     each_s = np.array([offset.offset_s for offset in ladder])
+    # Half the range covers the scatter between few windows, which each formal error leaves out.
     error_s = max(float(np.ptp(each_s)) / 2, *(offset.standard_error_s for offset in ladder))
     bound_s = max(offset.bound_s for offset in ladder)
     return ClockOffset(float(each_s.mean()), error_s, bound_s, 0.0, np.inf, np.inf, np.inf)
@@ -335,6 +339,7 @@ def _local_offset(state: Sequence[InterpolationSums], summed: int) -> LocalOffse
     # What bounds the bias of a whole file differs from part to part, and is noise to their comparison.
     by_time = values - delays(coarse.over(summed)).seconds
     by_place = LEFT_BY_SHARP * (values - delays(uniform.over(summed)).seconds)
+    # Standard error and both differences of methods add in squares, as both differences scatter from part to part.
     errors = np.sqrt(parts.errors_s**2 + by_time**2 + by_place**2)
     if np.count_nonzero(np.isfinite(values) & np.isfinite(errors)) < FEWEST_PARTS:
         return None

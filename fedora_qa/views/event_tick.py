@@ -22,4 +22,5 @@ def tick_ns(facts: Facts) -> int:
     declared = facts.declared.events
     packet_ns = declared.packet_interval_us * NS_PER_US if declared is not None else 0
     grid_ns = facts.events.grid_ns if facts.events is not None else 0
+    # Timestamps in the file are whole microseconds: no tick can be finer.
     return max(NS_PER_US, packet_ns, grid_ns)

@@ -129,8 +129,10 @@ def compose(
         lines = np.ascontiguousarray(flow_px, dtype=np.float32).reshape(len(flow_px), -1)
         stored = None if transform is not None else (chain.stream, row)
         spans, errors_px = _NOT_TESTED, _NOT_COMPUTED
+        # At the end of the last field nothing is read any more, so its targets need no test.
         if number < last:
             spans = _of_field(window, "flows to cells", stored, spans_at_targets, lines)
+        # A path reads few pixels: evaluating the whole field pays only with many paths to a pixel.
         if last > 0 and _MANY * lines.size < 2 * n:
             errors_px = _of_field(window, "errors of reading", stored, interpolation_errors, lines)
         rounding_px = _ROUNDING_PX * (lines.shape[0] + lines.shape[1] // 2)

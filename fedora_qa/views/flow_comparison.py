@@ -122,6 +122,7 @@ def compare_field(
         points1_m = np.stack(moved_points(K, motion, sample.columns, sample.rows, sample.depths_m), axis=-1)
         before_camera_m = points1_m[points1_m[:, 2] > 0]
         bound = bound + float(np.max(np.abs(twist_jacobian(K, before_camera_m)) @ twist, initial=0.0))
+    # The fit weighs by rounding: its residuals are held against the typical bound, in px.
     sample = replace(sample, sigma_px=median_of(bound[~np.isnan(bound)]))
     bound = _lengths(bound)
     fit = fit_motion(K, motion, sample) if is_noisy(noise) else None

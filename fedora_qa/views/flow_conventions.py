@@ -190,6 +190,7 @@ def _of_the_depth(
 
     K = track.camera.K
     slopes = ((sample.columns - K[0, 2]) / K[0, 0], (sample.rows - K[1, 2]) / K[1, 1])
+    # Ray length = z sqrt(1 + x^2 + y^2) with the slopes x = (u - cx) / fx, y = (v - cy) / fy.
     yield transformed("ray_lengths", sample.depths_m / np.sqrt(1 + slopes[0] ** 2 + slopes[1] ** 2))
     if not depths_plausible(window.facts, sample.depths_m):
         yield transformed("metric_unit", sample.depths_m * MM_PER_M, 1 / MM_PER_M)
@@ -252,6 +253,7 @@ def other_mountings(T_body_camera: Float64) -> list[Float64]:
     straight = np.eye(4)
     straight[:3, :3], straight[:3, 3] = R_BODY_OPTICAL, T_body_camera[:3, 3]
     inverse = np.asarray(np.linalg.inv(T_body_camera), dtype=np.float64)
+    # The norm of the rotation vector is the angle between the two mountings, rad.
     turned_far = np.linalg.norm(log(straight[:3, :3].T @ T_body_camera[:3, :3])) > _ANOTHER_CONVENTION_RAD
     return [inverse, straight] if turned_far else [inverse]
 

@@ -156,6 +156,7 @@ class PoseTrack:
             coarse = replace(self, poses=half).motion(start_ns, end_ns)
             if coarse is not None:
                 changes.append(np.abs(coarse.twist_from(motion)))
+        # An interval that either half of the samples cannot cover has no error estimate, hence infinity.
         return np.max(changes, axis=0) / 16 if changes else np.full(6, np.inf)
 
     def on_samples(self, start_ns: int, end_ns: int) -> bool:
@@ -178,6 +179,7 @@ def pose_track(window: Window, camera: Camera) -> PoseTrack:
 
     def finite_poses() -> PoseSamples:
         longest_ns = max((longest_interval_ns(window.facts, stream) for stream in window.facts.flow_streams), default=0)
+        # Neighbouring intervals are tried as well: one length for the interval itself, one for the neighbour.
         poses = window.pose(2 * min(longest_ns, NS_PER_S) + _POSE_MARGIN_NS)
         finite = np.isfinite(poses.positions_world_m).all(axis=1) & np.isfinite(poses.orientations_xyzw).all(axis=1)
         if finite.all():

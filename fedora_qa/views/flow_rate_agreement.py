@@ -91,12 +91,14 @@ def compare_rates(window: Window, segment: Segment) -> RateAgreement | None:
     usable = slow.clear & slow.stays
     if np.count_nonzero(usable | (fast.clear & fast.stays)) < FEWEST_PIXELS:
         return None
+    # A field of a wrong rate or unit carries pixels out of the image, where no endpoint error can be measured.
     lost = np.count_nonzero(slow.stays != fast.stays) / len(columns)
     compared = np.flatnonzero(usable & fast.clear & fast.stays)
     if len(compared) < FEWEST_PIXELS:
         return RateAgreement(segment, None, None, None, lost)
     apart_px = slow.displacement_px[compared] - fast.displacement_px[compared]
     error_px = np.sqrt(np.square(apart_px[:, 0]) + np.square(apart_px[:, 1]))
+    # Both compositions err, by any amount within their bounds: bounds add, not their squares.
     bound_px = slow.bound_px[compared] + fast.bound_px[compared]
     whole = MedianEndpointError(median_of(error_px), median_of(bound_px))
     # The worst tile, of those that hold enough pixels, is the one whose error exceeds its bound most.

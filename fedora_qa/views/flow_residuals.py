@@ -54,7 +54,7 @@ and 1.54 times that of the worst tile of ten fields.
 UNMATCHED: Final = 0.5
 """Unexplained share above which a tile's frames do not show the same thing: half of its contrast is left.
 
-Honest tiles leave up to 1%, of detail that the pixels do not resolve; unrelated ones leave 1 to 4."""
+Tiles of a correct file leave up to 1%, of detail that the pixels do not resolve; unrelated ones leave 1 to 4."""
 
 _SECOND_STEP_PX: Final = 0.5
 """Beyond so much of an error the linearisation is taken again about the corrected flow."""
@@ -166,6 +166,7 @@ def _tiles_at(
 def textured(residuals: TileResiduals) -> Mask:
     """Return which tiles (n,) determine their flow: enough pixels, and enough texture for the assumed noise floor."""
     of_u, of_v, both = (residuals.noise_covariances_px2[:, i, j] for i, j in ((0, 0), (1, 1), (0, 1)))
+    # Along an edge one direction is undetermined: the least determined direction decides (aperture problem).
     worst_variance = 0.5 * (of_u + of_v) + np.hypot(0.5 * (of_u - of_v), both)  # the larger eigenvalue
     return np.asarray((worst_variance < TEXTURED_PX**2) & (residuals.valid_share >= FEWEST_VALID))
 
@@ -194,6 +195,7 @@ def measure_field(frames: FramePair, interval: Interval, share: float) -> FieldR
     if far.any():
         # The linearisation holds near the true flow only: once more about the corrected flow.
         relinearised = tiles.residuals(frames, np.where(far[:, None], errors_px, 0.0))
+        # A second step from a wrong match may diverge: it counts only where the frames then match better.
         better = far & (relinearised.unexplained < residuals.unexplained)
         errors_px = errors_px + np.where(better[:, None], relinearised.flow_errors_px, 0.0)
         covariances_px2 = np.where(better[:, None, None], relinearised.covariances_px2, covariances_px2)

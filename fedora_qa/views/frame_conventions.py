@@ -80,6 +80,7 @@ def try_transforms(window: Window, optics: Optics, interval: Interval) -> list[C
     for transform in _transforms(window, optics, interval, tiles, frames):
         if transform.flow_px is None or transform.frames is None:
             continue
+        # The same tiles and pixels are compared before and after, so that the share depends on the transform alone.
         mismatch = _mismatch(replace(tiles, flow_px=transform.flow_px), transform.frames)
         removed_share = transform.factor * max(1.0 - mismatch / as_stored, 0.0) if as_stored > 0 else 0.0
         key = (transform.name, transform.stream)

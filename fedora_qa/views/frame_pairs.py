@@ -88,6 +88,7 @@ def luma_on_flow_grid(window: Window, frame: int) -> Float32:
     if not isinstance(optics, Optics) or optics.H_rgb_flow is None:
         return luma_dn(window, frame)
     H_rgb_flow, camera = optics.H_rgb_flow, window.facts.declared.cameras["depth"]
+    # H maps flow pixels to colour pixels, which is the inverse map that OpenCV reads with (WARP_INVERSE_MAP).
     size, flags = (camera.width, camera.height), cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP
 
     def warped() -> Float32:

@@ -244,6 +244,7 @@ def excused_pixels(window: Window, declared: EventModel) -> Bool:
     excused = np.zeros(sensor_shape(window.facts.declared), np.bool_)
     if declared.refractory_us > 0:
         events = sensor_events(window)
+        # Events closer than twice the refractory period may have suppressed others between them.
         mark_bursts(events.x, events.y, events.times_ns, int(2 * declared.refractory_us * NS_PER_US), excused)
     for column, row in declared.hot_pixels:
         if 0 <= row < excused.shape[0] and 0 <= column < excused.shape[1]:

@@ -105,6 +105,7 @@ def _by_flow(window: Window, frame: int) -> bool | None:
         return None
     starts_ns = window.facts.clocks[stream].times_ns
     row = int(np.searchsorted(starts_ns, times_ns[frame - 1], "right")) - 1
+    # A field that ends before the frame states nothing of the rest of the time between the frames.
     if row < 0 or interval_at(window.facts, stream, row).end_ns < times_ns[frame]:
         return None
     interval = interval_at(window.facts, stream, row)
@@ -147,7 +148,9 @@ def _least_shift_px(motion: RigidMotion, camera: Camera, facts: Facts) -> float:
     """
     focal_px, noise = float(camera.K[0, 0]), facts.declared.pose
     farthest_m = facts.declared.depth_range_m[1] if facts.declared.depth_range_m else FARTHEST_M
+    # Camera axes: X right, Y down, Z along the optical axis; at a quarter of the width the radius is W / 4 px.
     rotation_rad = log(motion.R) * [1.0, 1.0, camera.width / (4 * focal_px)]
     motion_rad = max(float(np.linalg.norm(rotation_rad)), float(np.linalg.norm(motion.t_m)) / farthest_m)
+    # Two poses make a motion, so the variance doubles: the factor sqrt(2) below.
     noise_rad = 0.0 if noise is None else hypot(noise.rotation_sigma_rad, noise.position_sigma_m / farthest_m)
     return focal_px * (motion_rad - NOISE_SIGMAS * sqrt(2.0) * noise_rad)

@@ -200,6 +200,7 @@ def convention_trial(streams: InertialStreams, kind: MotionKind, fit: InertialFi
         samples = streams.samples
         if interval_s is not None:
             step_s = _EDGE_STEPS * float(np.median(np.diff(samples.pose_times_s)))
+            # Poses next to an edge of the disturbance are interpolated from samples of both kinds.
             samples = samples.between(interval_s[0] + step_s, interval_s[1] - step_s)
         if len(samples.pose_times_s) < _FEWEST_POSES or len(samples.imu_times_s) < _FEWEST_POSES:
             continue

@@ -145,6 +145,7 @@ def most_resolved(before: Bool, after: Bool, symmetry: Symmetry = UPRIGHT) -> in
     Events that a ``symmetry`` moves to the other side of the image break the law there if they do not belong there:
     rectangles are those that it leaves in their place.
     """
+    # Signed integers: a pixel that is newly violated counts as -1.
     gain = before.astype(np.int64) - after
     rows, columns = (np.linspace(0, size, GRID + 1).round().astype(int) for size in gain.shape)
     # A summed-area table at the borders of tiles: the sum of any rectangle of tiles from its four corners.
@@ -177,6 +178,7 @@ def _transformed(window: Window, resampled: ResampledFrames, declared: EventMode
     yield _TransformedCounts("swap_axes", _every_few(swapped), _every_few(in_square), (True, False, False))
     # The shifts, right and down, at which events correlate best with the frames; without that of nothing.
     levels, lit = signal(resampled, declared)
+    # Change of the signal by the events, E = C+ n+ - C- n-, as the declared model states it.
     signed = declared.threshold_on * resampled.counts[:, 1] - declared.threshold_off * resampled.counts[:, 0]
     usable = lit[:-1] & lit[1:]
     changes = np.where(usable, np.diff(levels, axis=0), 0.0)

@@ -48,6 +48,7 @@ def bands(height: int, share: float, number: int) -> Bools:
     -------
     (height,).
     """
+    # Distance from the middle row over half the height, 0 to 1: equal for a row and its mirror image.
     from_middle = np.abs(2 * np.arange(height) - (height - 1)) / height
     return np.asarray((_BANDS * from_middle + turn_of(number)) % 1.0 < share)
 

@@ -116,7 +116,7 @@ class LadderOffset:
     Attributes
     ----------
     offset_s, standard_error_s
-        By which events are stamped late.
+        By how much the timestamps of events are too late, s.
     relative_sigma
         Residual over threshold.
     bound_s
@@ -366,6 +366,7 @@ def _quarter_sums(
     height, width = frames.uniform_dn.shape[1:]
     rows, columns = np.divmod(pairs.pixels, width)
     quarter = 2 * (2 * rows // height) + 2 * columns // width
+    # The delay may drift: a pair states it at the middle of its two frames, s from the file's origin.
     middle_ns = (frames.times_ns[pairs.earlier] + frames.times_ns[pairs.later]) / 2
     return accumulate(pairs, levels[1] - levels[0], quarter, 4, middle_ns * 1e-9, weights)
 
@@ -400,8 +401,10 @@ def _domain_preference(
     if other_fit is None:
         return 0.0, float("inf")
     enough = (declared.counts >= FEWEST_PAIRS) & (other.counts >= FEWEST_PAIRS)
+    # One block has no scatter, so the preference has no standard error.
     if np.count_nonzero(enough) < 2:
         return float(np.log(fit.relative_sigma / other_fit.relative_sigma)), float("inf")
     difference = (np.log(fit.block_sigmas(declared)) - np.log(other_fit.block_sigmas(other)))[enough]
+    # Residuals have units of their domain (nat, DN); over their threshold they are comparable.
     scale = np.log(fit.threshold / other_fit.threshold)
     return float(difference.mean() - scale), float(difference.std(ddof=1) / np.sqrt(len(difference)))

@@ -96,6 +96,7 @@ def inertial_samples(imu: ImuSamples, poses: PoseSamples, model: ImuModel) -> In
     times_s = (imu.times_ns - origin_ns) / NS_PER_S
     rates, forces = imu.angular_velocities_body_rad_s, imu.specific_forces_body_m_s2
     if model.sampling == "interval_mean" and len(times_s) > 2:
+        # A mean over (t - h, t] is the value at t - h / 2, to second order in h.
         times_s = times_s - float(np.median(np.diff(times_s))) / 2
         rates, forces = _sharpened(rates), _sharpened(forces)
     return InertialSamples(

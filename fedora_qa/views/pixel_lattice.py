@@ -89,6 +89,7 @@ def lattice_of(window: Window, interval: Interval, frame: int) -> FlowLattice | 
     if depth_m is None or depth_m.shape != flow_px.shape[:2]:
         return None
     stride = max(1, round(1 / window.sampling.tile_share))
+    # Successive fields take each of the stride^2 phases in turn, so that no pixel is left out for good.
     first_row, first_column = divmod(interval.row % stride**2, stride)
     pixels = (slice(first_row, None, stride), slice(first_column, None, stride))
     depths_m, flow = depth_m[pixels].astype(np.float64), flow_px[pixels].astype(np.float64)

@@ -142,6 +142,7 @@ def pose_defects(facts: Facts, poses: PoseSamples, model: PoseModel) -> tuple[Fe
             position_m > _EXCESS_NOISE * model.position_sigma_m
             or rotation_rad > _EXCESS_NOISE * model.rotation_sigma_rad
         )
+        # With exact poses declared any rounding would exceed the declared noise.
         if exceeds and max(model.position_sigma_m, model.rotation_sigma_rad) > 0:
             features.append(ExcessNoise("pose"))
     return tuple(features)

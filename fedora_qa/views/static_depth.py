@@ -8,7 +8,7 @@ from fedora_qa.sequence.window import Window
 
 
 def why_no_static_depth(facts: Facts) -> str:
-    """Say why what moves by itself cannot be left out; empty where it can, or where nothing does."""
+    """Return why what moves by itself cannot be left out; empty where it can, or where nothing does."""
     if facts.declared.flow_model != "scene" or masked_flows(facts):
         return ""
     return "objects move on their own (flow model 'scene'), and no mask says which"

@@ -46,6 +46,7 @@ def tile_templates(
     )
     by_twist, by_focal, by_centre = of_tiles[..., :6], of_tiles[..., 6:7], of_tiles[..., 7:]
     twists = np.concatenate((by_mounting(motion), _by_time(window, interval, geometry), _ABOUT_OPTICAL_AXIS), axis=1)
+    # Units of the columns: 1 degree about X, Y, Z of the mounting, 1% of the interval, 1 degree about the optical axis.
     twists *= np.array([_DEG, _DEG, _DEG, _PERCENT, _DEG])
     return np.concatenate((_PERCENT * by_focal, by_centre, by_twist @ twists), axis=2)
 

@@ -85,6 +85,7 @@ def optics_of(facts: Facts) -> Optics | str:
     if np.abs(rgb.T_body_camera[:3, 3] - depth.T_body_camera[:3, 3]).max() > _SAME:
         return "the colour camera sits elsewhere than the depth camera, on whose grid flow lies"
     R_rgb_depth = rgb.T_body_camera[:3, :3].T @ depth.T_body_camera[:3, :3]
+    # Homography of a pure rotation, H = K_rgb R K_depth^-1 (Hartley and Zisserman 2004, ch. 8.4): centres agree.
     H = rgb.K @ R_rgb_depth @ np.linalg.inv(depth.K)
     if (rgb.width, rgb.height) == (depth.width, depth.height) and _moves_nothing(H / H[2, 2], depth):
         return Optics(None, 1.0)
@@ -174,7 +175,7 @@ def frame_pair(window: Window, optics: Optics, interval: Interval) -> FramePair 
 
 
 def visible(window: Window, interval: Interval, origins: Int64, fewest: int = 0) -> tuple[Mask, bool]:
-    """Return which pixels of tiles (n, 32, 32) both frames show, and whether depth and motion told.
+    """Return which pixels of tiles (n, 32, 32) both frames show, and whether they follow from depth and motion.
 
     From depth and motion where both are there; otherwise from the flow itself, which is weaker. Tiles of which surely
     fewer than the ``fewest`` pixels are shown may be left empty.
@@ -202,7 +203,7 @@ def visible(window: Window, interval: Interval, origins: Int64, fewest: int = 0)
 
 @dataclass(frozen=True, slots=True)
 class Geometry:
-    """What depth and poses say of an interval.
+    """What follows from depth and poses over an interval.
 
     Attributes
     ----------
@@ -258,6 +259,7 @@ def _correction(
         chi2, dof = twist_statistic(fit, covariance)
         if chi2 <= _PLAUSIBLE * dof:
             return fit.twist, 0.0
+    # A rotation error of sigma rad moves a pixel by f sigma px; the trace adds the variances of all three axes.
     return np.zeros(6), float(track.camera.K[0, 0] * np.sqrt(np.trace(covariance[:3, :3])))
 
 
