@@ -10,16 +10,16 @@ from fedora_qa.record.types import Measurement
 from fedora_qa.sequence.facts import Facts
 
 MULTIPLES: Final = (3.0, 10.0, 30.0)
-"""How many times the least fault that the check states to see a canary is: the first that is seen suffices.
+"""Sizes of a canary, as multiples of the detection limit of the check: the first that is detected suffices.
 
 Three times leaves room for the fewer windows on which it is first tried. More is tried because the stated limit is that
-of the place where the file is worst: a canary may sit on louder pixels, or spoil what it is seen by. A check that does
-not see thirty times its limit either is deaf.
+of the place where the file is worst: a canary may sit on louder pixels, or spoil the data by which it is detected. A
+check that does not detect thirty times its limit either does not work.
 """
 
 
 class UnplantableError(Exception):
-    """No fault can be planted that the check would have to see; the message says why."""
+    """No fault can be planted that the check would have to detect; the message says why."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -31,9 +31,9 @@ class CanaryConditions:
     measurements
         What the check measured on the file as it is.
     place_ns
-        An instant with something to see around it, where faults of one place are planted.
+        An instant with motion around it, where faults of one place are planted.
     multiple
-        Size of the canary, as a multiple of what the check states to see.
+        Size of the canary, as a multiple of the detection limit of the check.
     """
 
     facts: Facts
@@ -56,6 +56,7 @@ class CanaryConditions:
         UnplantableError
             There is neither.
         """
+        # A detection limit of None or 0 states nothing.
         limits = [m.least_detectable for m in self.measurements if m.name.endswith(endings) and m.least_detectable]
         size = max(self.multiple * min(limits, default=0.0), at_least)
         if size <= 0:
@@ -69,9 +70,10 @@ class CanaryConditions:
     def row_at_place(self, stream: str) -> int:
         """Return the first row of a stream (not of events) from the place on, with rows on both of its sides."""
         times_ns = self.facts.clocks[stream].times_ns
+        # The first and the last row have one neighbour only, and the fault needs both.
         return int(np.clip(np.searchsorted(times_ns, self.place_ns), 1, max(len(times_ns) - 2, 1)))
 
     def period_ns(self, stream: str) -> int:
-        """Return the median step between the stamps of a stream (not of events)."""
+        """Return the median step between the timestamps of a stream (not of events)."""
         steps: NDArray[np.int64] = np.diff(self.facts.clocks[stream].times_ns)
         return int(np.median(steps)) if len(steps) else 0

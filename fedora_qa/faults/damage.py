@@ -13,7 +13,7 @@ from fedora_qa.layout.canonical import DATASETS, TIMESTAMPS_OF
 
 
 def undecodable(conditions: CanaryConditions) -> Fault:
-    """No row of a dataset decodes; of its stream's stamps all do, so that there are windows to look at."""
+    """No row of a dataset decodes; of its stream's timestamps all do, so that there are windows to look at."""
     keys = [key for key in conditions.facts.layout.bindings if not DATASETS[key].is_timestamps]
     images = [key for key in keys if DATASETS[key].is_image]
     if not keys:
@@ -27,7 +27,7 @@ def undecodable(conditions: CanaryConditions) -> Fault:
 
 
 def not_finite(conditions: CanaryConditions) -> Fault:
-    """The first value of every row of a float dataset is infinite; of a file without one, all stamps of a stream."""
+    """The first value of each row of a float dataset is infinite; of a file without one, all timestamps of a stream."""
     for key in conditions.facts.layout.bindings:
         if DATASETS[key].dtype.startswith("float") and DATASETS[key].stream in conditions.facts.streams:
             return Fault(f"a value of each row of {key} is infinite", {key: values(_first_infinite)})
@@ -39,6 +39,8 @@ def not_finite(conditions: CanaryConditions) -> Fault:
 
 
 def _first_infinite(stored: NDArray[Any]) -> NDArray[Any]:
+    # The array that was read may be shared, and an alteration never writes into it.
     altered = stored.copy()
+    # Index 0 of each axis but that of time: one value a row for any rank.
     altered[(slice(None), *(slice(1),) * (stored.ndim - 1))] = np.inf
     return altered

@@ -49,6 +49,7 @@ def stretched_mounting(conditions: CanaryConditions) -> Fault:
     """The first column of a camera's rotation is a tenth too long."""
     name = min(conditions.facts.declared.cameras)
     camera = conditions.facts.declared.cameras[name]
+    # R^T R then differs from I by 1.1^2 - 1 = 0.21, far above rounding.
     stretched = camera.T_body_camera @ np.diag([1.1, 1.0, 1.0, 1.0])
     return _with_cameras(conditions, f"T_body_camera of the {name} camera is stretched by 10%",
                          {name: replace(camera, T_body_camera=stretched)})  # fmt: skip
@@ -70,6 +71,7 @@ def other_event_model(conditions: CanaryConditions) -> Fault:
     if model is None:
         raise UnplantableError("the file declares no event model")
     name: Literal["log", "linear"] = "linear" if model.model == "log" else "log"
+    # dL = dY / Y: a threshold of C nat is 100 C DN at Y = 100 DN.
     factor = _LOG_TO_LINEAR_DN if name == "linear" else 1 / _LOG_TO_LINEAR_DN
     other = EventModel(name, factor * model.threshold_on, factor * model.threshold_off)
     return _with_events(conditions, f"events are declared of the {name} model", other)
@@ -81,6 +83,7 @@ def smaller_thresholds(conditions: CanaryConditions) -> Fault:
     if model is None:
         raise UnplantableError("the file declares no event model")
     percent = conditions.size("threshold_on", at_least=20.0)
+    # The check measures 100 (measured / declared - 1), in percent.
     factor = 1 / (1 + percent / 100)
     smaller = replace(model, threshold_on=factor * model.threshold_on, threshold_off=factor * model.threshold_off)
     return _with_events(conditions, f"events step by {percent:.3g}% more than declared", smaller)
@@ -101,6 +104,7 @@ def other_imu_noise(conditions: CanaryConditions) -> Fault:
     model, period_s = conditions.facts.declared.imu or ImuModel(), conditions.period_ns("imu") / NS_PER_S
     if period_s <= 0:
         raise UnplantableError("the stamps of the imu do not advance")
+    # Sigma of a sample = density * sqrt(rate).
     root_hz = period_s**-0.5
     density = _other_noise(conditions, root_hz * model.gyro_noise_density, "gyro_noise") / root_hz
     description = f"a noise density of {density:.3g} rad/s/sqrt(Hz) is declared of the gyro"
@@ -111,6 +115,7 @@ def other_imu_noise(conditions: CanaryConditions) -> Fault:
 
 def _other_noise(conditions: CanaryConditions, declared_sigma: float, name: str) -> float:
     """Return a sigma to declare: the ratio of measured to declared exceeds 1 by the canary's size, or noise is new."""
+    # Without declared noise there is no ratio, so that the limit is a sigma.
     return declared_sigma / (1 + conditions.size(f"{name}_ratio")) if declared_sigma else conditions.size(name)
 
 

@@ -1,4 +1,4 @@
-"""Faults of events: where and of which sign they are. Their stamps are in ``stamps.py``."""
+"""Faults of events: where and of which sign they are. Their timestamps are in ``timestamps.py``."""
 
 import math
 from typing import Any, Final
@@ -33,6 +33,7 @@ def repeated(conditions: CanaryConditions) -> Fault:
         and _events_in_an_instant(conditions) < _FEWEST_IN_PACKETS
     ):
         raise UnplantableError("too few events share their stamps to be told from a packet that was written twice")
+    # Row 2k + 1 takes x, y, t and p of row 2k: the same event twice.
     earlier = rows_from(lambda rows: rows - rows % 2, count)
     return Fault("every second event repeats the one before", dict.fromkeys((_X, _Y, _T, _P), earlier))
 
@@ -44,9 +45,11 @@ def hot_pixel(conditions: CanaryConditions) -> Fault:
         raise UnplantableError("the events have no duration")
     all_hz = events.count * NS_PER_S / (events.last_ns - events.first_ns)
     rate_hz = conditions.size("loudest_pixel_excess")
+    # Rounded down, so that the rate all_hz / every is at least the one that is wanted.
     every = max(1, int(all_hz / rate_hz))
 
     def alter(column: NDArray[Any], rows: NDArray[np.int64]) -> NDArray[Any]:
+        # By row number: x and y are read apart and must alter the same events.
         return np.where(rows % every == 0, column.dtype.type(0), column)
 
     return Fault(f"a pixel gives {all_hz / every:.3g} Hz too much", {key: values_by_row(alter) for key in (_X, _Y)})
@@ -54,6 +57,7 @@ def hot_pixel(conditions: CanaryConditions) -> Fault:
 
 def inverted_polarity(conditions: CanaryConditions) -> Fault:
     """Brighter is darker; what is neither stays."""
+    # Codes above 1 are invalid, and a sign change must not make them valid.
     return Fault("polarity is inverted", {_P: values(lambda p: np.where(p <= 1, 1 - p, p).astype(p.dtype))})
 
 
@@ -65,9 +69,11 @@ def mirrored(conditions: CanaryConditions) -> Fault:
 
 def shifted(conditions: CanaryConditions) -> Fault:
     """Events lie too far to the right; what would leave the sensor comes back on its left."""
+    # Whole columns, rounded up: a smaller shift could lie below the detection limit.
     columns, width = math.ceil(conditions.size("shift_right", at_least=1.0)), _sensor(conditions).width
 
     def alter(x: NDArray[Any]) -> NDArray[Any]:
+        # int64: uint16 wraps at 65536 before the remainder by the width.
         return np.where(x < width, (x.astype(np.int64) + columns) % width, x).astype(x.dtype)
 
     return Fault(f"events lie {columns} px too far to the right", {_X: values(alter)})
@@ -77,6 +83,7 @@ def _events_in_an_instant(conditions: CanaryConditions) -> float:
     events = conditions.facts.events
     if events is None or events.last_ns <= events.first_ns:
         return 0.0
+    # Mean number of events in one tick of the clock.
     return events.count * events.grid_ns / (events.last_ns - events.first_ns)
 
 

@@ -1,4 +1,4 @@
-"""A fault as data: what it says of itself, and what it alters of what is read."""
+"""A fault as data: its description, and what it alters of what is read."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
@@ -39,7 +39,8 @@ class Fault:
 
     @property
     def moves_time(self) -> bool:
-        """Whether stamps or index maps are altered, so that they must be scanned anew."""
+        """Whether timestamps or index maps are altered, so that they must be scanned anew."""
+        # Keys outside of path/ are index maps, which the scan compares with event timestamps.
         return any(DATASETS[key].is_timestamps or not key.startswith("path/") for key in self.rows)
 
 
@@ -66,6 +67,7 @@ def rows_from(source: Callable[[NDArray[np.int64]], NDArray[np.int64]], count: i
         wanted = source(rows)
         wanted = np.where((wanted >= 0) & (wanted < count), wanted, rows)
         first = int(wanted.min())
+        # One read of the range that holds all sources: datasets are read by ranges of rows.
         return read(first, int(wanted.max()) + 1)[wanted - first]
 
     return taken

@@ -1,4 +1,4 @@
-"""A sequence seen with a fault in it: rows are altered as they are read, the file is never touched."""
+"""A view of a sequence with a fault in it: rows are altered as they are read, the file is never touched."""
 
 from typing import Any
 
@@ -26,6 +26,7 @@ class FaultySequence:
         alter = self._fault.rows.get(key)
         if alter is None:
             return self._sequence.rows(key, start, stop, memory)
+        # Without ``memory``: an alteration may read other rows than those it returns, and returns an array of its own.
         return alter(lambda first, last: self._sequence.rows(key, first, last), start, stop)
 
     def chunk_rows(self, key: str) -> int:

@@ -15,6 +15,7 @@ _BLOCK_PX: Final = 8
 def larger(conditions: CanaryConditions) -> Fault:
     """Flow of every rate is too large by a factor."""
     percent = conditions.size("gain")
+    # float32 keeps the stored type of flow.
     gain = np.float32(1 + percent / 100)
     return _altered(conditions, f"flow is {percent:.3g}% too large", lambda flow: flow * gain)
 
@@ -40,6 +41,7 @@ def other_validity(conditions: CanaryConditions) -> Fault:
     """In one corner flow is 0 where it is NaN, and NaN where it is not."""
 
     def alter(flow: NDArray[Any]) -> NDArray[Any]:
+        # The field that was read may be shared with other readers.
         altered = flow.copy()
         corner = altered[:, :_BLOCK_PX, :_BLOCK_PX]
         corner[:] = np.where(np.isnan(corner), np.float32(0), np.float32(np.nan))
@@ -49,6 +51,7 @@ def other_validity(conditions: CanaryConditions) -> Fault:
 
 
 def _right(size_px: float) -> NDArray[np.float32]:
+    # (u, v) in px, u positive to the right.
     return np.array([size_px, 0], dtype=np.float32)
 
 

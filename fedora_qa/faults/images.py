@@ -34,6 +34,7 @@ def exchanged_colour(conditions: CanaryConditions) -> Fault:
     """The colour frames at both ends of some intervals, of the fastest flow or from frame to frame, are exchanged."""
     count = _count(conditions, _RGB)
     first, last = _intervals(conditions, count)
+    # The phase puts one exchange at the place, where there is motion to detect it by.
     chosen = np.arange(conditions.row_at_place("rgb") % _SPARSELY, len(first), _SPARSELY)
     inside = chosen[(last[chosen] < count) & (first[chosen] < last[chosen])]
     source = np.arange(count)
@@ -65,9 +66,10 @@ def darker_colour(conditions: CanaryConditions) -> Fault:
 
 
 def exchanged_channels(conditions: CanaryConditions) -> Fault:
-    """Two channels are exchanged: those of which the check says to see it best."""
+    """Two channels are exchanged: those with the least detection limit."""
     limits = ((m.least_detectable, m.name.removeprefix("towards_")) for m in conditions.measurements)
     orders = [(limit, order) for limit, order in limits if limit and order in _EXCHANGES]
+    # The least detection limit belongs to the exchange that is easiest to detect.
     order = min(orders, default=(0.0, "BGR"))[1]
     channels = ["RGB".index(channel) for channel in order]
     return Fault(f"rgb is {', '.join(order)}", {_RGB: values(lambda frames: frames[..., channels])})
@@ -76,6 +78,7 @@ def exchanged_channels(conditions: CanaryConditions) -> Fault:
 def other_transfer(conditions: CanaryConditions) -> Fault:
     """Grey values went through a power law that is not declared."""
     power = 1 + conditions.size("exponent", "exponent_at_declared_thresholds", at_least=_LEAST_POWER)
+    # Y' = 255 (Y / 255)^power, tabulated for all 256 codes; black and white stay.
     codes = np.rint(_WHITE_DN * (np.arange(_WHITE_DN + 1) / _WHITE_DN) ** power).astype(np.uint8)
     return Fault(f"rgb went through a power of {power:.3g}", {_RGB: values(lambda frames: codes[frames])})
 
@@ -84,6 +87,7 @@ def shifted_colour(conditions: CanaryConditions) -> Fault:
     """Colour frames lie too far to the right, by event pixels."""
     cameras = conditions.facts.declared.cameras
     scale = cameras["rgb"].width / cameras["events"].width
+    # The limit is in event pixels; one of them spans width_rgb / width_events colour columns (2.25 in the paper).
     return _shifted(_RGB, math.ceil(scale * conditions.size("shift_right", at_least=1.0)))
 
 
@@ -94,6 +98,7 @@ def shifted_depth(conditions: CanaryConditions) -> Fault:
 
 def far_depth(conditions: CanaryConditions) -> Fault:
     """Depth is a thousand times too large: micrometres."""
+    # 1 mm = 1000 um, the same factor as from metres to millimetres.
     return Fault("depth is in micrometres", {_DEPTH: values(lambda depth: depth * np.float32(MM_PER_M))})
 
 
@@ -115,10 +120,11 @@ def scaled_depth(conditions: CanaryConditions) -> Fault:
 
 
 def ray_depth(conditions: CanaryConditions) -> Fault:
-    """Depth is the length of the ray, or a higher power of it where less would not be seen."""
+    """Depth is the length of the ray, or a higher power of it where the length alone is below the detection limit."""
     camera, exponent = conditions.facts.declared.cameras["depth"], conditions.size("ray_exponent", at_least=1.0)
     x, y = np.meshgrid(np.arange(camera.width), np.arange(camera.height))
     pixels = np.stack([x, y, np.ones_like(x)], axis=-1)
+    # Ray length / z-depth = |K^-1 (x, y, 1)|, with integer coordinates at pixel centres.
     lengths = np.linalg.norm(pixels @ np.linalg.inv(camera.K).T, axis=-1)
     factors = (lengths**exponent).astype(np.float32)
     return Fault("depth is the length of the ray", {_DEPTH: values(lambda depth: depth * factors)})
@@ -126,6 +132,7 @@ def ray_depth(conditions: CanaryConditions) -> Fault:
 
 def _shifted(key: str, columns: int) -> Fault:
     stream = key.removeprefix("path/")
+    # Axes are (time, row, column), and columns increase to the right.
     return Fault(
         f"{stream} lies {columns} px too far to the right", {key: values(lambda v: np.roll(v, columns, axis=2))}
     )

@@ -1,4 +1,4 @@
-"""Faults of IMU and pose values. Stamps are in ``stamps.py``, declared noise in ``declarations.py``."""
+"""Faults of IMU and pose values. Timestamps are in ``timestamps.py``, declared noise in ``declarations.py``."""
 
 from typing import Any, Final
 
@@ -23,6 +23,7 @@ def teleport(conditions: CanaryConditions) -> Fault:
     size_m, row = conditions.size("position_jump"), conditions.row_at_place("pose")
 
     def alter(positions: NDArray[Any], rows: NDArray[np.int64]) -> NDArray[Any]:
+        # World frame (ENU): X points east.
         return np.asarray(positions + np.outer(rows >= row, _ALONG_X) * size_m)
 
     return Fault(f"positions jump by {size_m:.3g} m at row {row}", {"path/pose/position": values_by_row(alter)})
@@ -31,6 +32,7 @@ def teleport(conditions: CanaryConditions) -> Fault:
 def gyro_bias(conditions: CanaryConditions) -> Fault:
     """Angular velocities are too large, about X."""
     bias = conditions.size("bias_x")
+    # Body frame: X points forward, so that this is a roll rate.
     description = f"the gyro is biased by {bias:.3g} rad/s"
     return Fault(description, {"path/imu/angular_velocity": values(lambda rates: rates + bias * _ALONG_X)})
 

@@ -1,4 +1,4 @@
-"""Faults of stamps and index maps."""
+"""Faults of timestamps and index maps."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,22 +14,23 @@ _COARSE_TICKS = 1_000
 
 
 def shifted_ns(later_ns: float) -> Alteration:
-    """Return the alteration that makes stamps later by a constant."""
+    """Return the alteration that makes timestamps later by a constant."""
     return values(lambda timestamps: timestamps + round(later_ns))
 
 
 def later_from(row: int, later_ns: float) -> Alteration:
-    """Return the alteration that makes stamps later by a constant from a row on."""
+    """Return the alteration that makes timestamps later by a constant from a row on."""
 
     def alter(timestamps: NDArray[np.int64], rows: NDArray[np.int64]) -> NDArray[np.int64]:
         late = np.where(rows >= row, round(later_ns), 0)
+        # Timestamps of flow are (K, 2): both ends of an interval shift alike.
         return timestamps + late.reshape(-1, *(1,) * (timestamps.ndim - 1))
 
     return values_by_row(alter)
 
 
 def exchanged_timestamps(conditions: CanaryConditions) -> Fault:
-    """Two neighbouring stamps are exchanged; where only events have stamps, they run backwards."""
+    """Two neighbouring timestamps are exchanged; where only events have timestamps, they run backwards."""
     counts = {stream: len(clock.times_ns) for stream, clock in conditions.facts.clocks.items()}
     stream = next((stream for stream, count in counts.items() if count > 2), None)
     if stream is None:
@@ -39,12 +40,13 @@ def exchanged_timestamps(conditions: CanaryConditions) -> Fault:
         last_ns = events.last_ns
         return Fault("the stamps of events run backwards", {TIMESTAMPS_OF["events"]: values(lambda t: last_ns - t)})
     row = conditions.row_at_place(stream)
+    # rows ^ 1 maps 2k to 2k + 1 and back.
     exchange = rows_from(lambda rows: np.where(rows // 2 == row // 2, rows ^ 1, rows), counts[stream])
     return Fault(f"stamps {row} and {row ^ 1} of {stream} are exchanged", {TIMESTAMPS_OF[stream]: exchange})
 
 
 def in_nanoseconds(conditions: CanaryConditions) -> Fault:
-    """The stamps of a stream are in nanoseconds."""
+    """The timestamps of a stream are in nanoseconds."""
     streams = [stream for stream in ("imu", "pose", "depth", "rgb") if stream in conditions.facts.clocks]
     timed = len(streams) + len(conditions.facts.flow_streams) + (conditions.facts.events is not None)
     if not streams or (timed < 3 and not conditions.facts.flow_streams):
@@ -55,19 +57,20 @@ def in_nanoseconds(conditions: CanaryConditions) -> Fault:
 
 
 def wrong_rate(conditions: CanaryConditions) -> Fault:
-    """The clock of a stream runs slowly, so that its stamps lie too far apart."""
+    """The clock of a stream runs slowly, so that its timestamps lie too far apart."""
     stream = conditions.measured_stream("rate_error")
     if stream is None:
         raise UnplantableError("no stream has a nominal rate")
     if not conditions.facts.flow_streams and len(conditions.facts.clocks) < 2:
         raise UnplantableError("a single clock is held against nothing")
+    # The detection limit of the rate is in parts per million.
     factor = 1 + 1e-6 * conditions.size(f"{stream}.rate_error")
     description = f"the clock of {stream} is wrong by {1e6 * (factor - 1):.3g} ppm"
     return Fault(description, {TIMESTAMPS_OF[stream]: values(lambda t: np.rint(factor * t).astype(np.int64))})
 
 
 def lost_samples(conditions: CanaryConditions) -> Fault:
-    """Three samples are missing: from one on, all stamps are three periods later."""
+    """Three samples are missing: from one on, all timestamps are three periods later."""
     stream = conditions.measured_stream("missing")
     if stream is None:
         raise UnplantableError("no stream has a regular clock")
@@ -86,7 +89,7 @@ def begins_late(conditions: CanaryConditions) -> Fault:
 
 
 def coarse_grid(conditions: CanaryConditions) -> Fault:
-    """Event stamps are rounded down to a grid a thousand times as coarse as declared."""
+    """Event timestamps are rounded down to a grid a thousand times as coarse as declared."""
     grid_us = next((m.expected for m in conditions.measurements if m.name == "events.grid" and m.expected), None)
     if grid_us is None:
         raise UnplantableError("stamps of sampled streams show a coarse grid only where their clock is irregular")
@@ -101,13 +104,13 @@ def next_event(conditions: CanaryConditions, index_map: str) -> Fault:
 
 
 def late_imu(conditions: CanaryConditions) -> Fault:
-    """The stamps of the IMU are late."""
+    """The timestamps of the IMU are late."""
     late_ms = conditions.size("time_offset")
     return Fault(f"imu {late_ms:.3g} ms late", {TIMESTAMPS_OF["imu"]: shifted_ns(late_ms * NS_PER_MS)})
 
 
 def late_events(conditions: CanaryConditions) -> Fault:
-    """The stamps of events are late."""
+    """The timestamps of events are late."""
     late_ms = conditions.size("time_offset")
     return Fault(f"events {late_ms:.3g} ms late", {TIMESTAMPS_OF["events"]: shifted_ns(late_ms * NS_PER_MS)})
 
@@ -117,6 +120,7 @@ def gap_in_events(conditions: CanaryConditions) -> Fault:
     gap_ms = conditions.size("gap")
 
     def alter(times_ns: NDArray[np.int64]) -> NDArray[np.int64]:
+        # By time, not by row: an event out of order stays on its side of the gap.
         return times_ns + np.where(times_ns >= conditions.place_ns, round(gap_ms * NS_PER_MS), 0)
 
     return Fault(f"there is no event for {gap_ms:.3g} ms", {TIMESTAMPS_OF["events"]: values(alter)})

@@ -32,13 +32,13 @@ FARTHEST_TIMESTAMP_NS: Final = 2**61
 """Instants saturate at about this distance from the origin (73 years), so that the difference of two fits int64."""
 
 INVALID_TIMESTAMP_NS: Final = -FARTHEST_TIMESTAMP_NS
-"""The instant of a stamp that is NaN: earlier than every real one, so that it never advances a clock."""
+"""The instant of a timestamp that is NaN: earlier than every real one, so that it never advances a clock."""
 
 INVALID_POLARITY: Final = 255
 """Stands for a stored polarity that the dialect's code does not know."""
 
 FEWEST_ROWS: Final = 4096
-"""Samples and events are decoded in blocks of so many at least. A file may store each in a chunk of its own."""
+"""Samples and events are decoded in blocks of at least so many rows. A file may store each in a chunk of its own."""
 
 LARGEST_SAMPLE: Final = 1e30
 """Samples beyond it are infinite, as what their type cannot hold is. No unit of the layout gives them a meaning, and
@@ -65,9 +65,9 @@ class Binding:
         Which entries of the last axis make the canonical columns, in canonical order; None: all as they are. A
         dataset without that axis counts as having one entry there (a grey image as R, G and B: ``(0, 0, 0)``).
     ns_per_unit
-        Nanoseconds in a unit of a stamp; None for values.
+        Nanoseconds in a unit of a timestamp; None for values.
     offset_ns
-        What is added to every stamp.
+        What is added to every timestamp.
     scale
         Canonical value = stored value * scale.
     polarity
@@ -123,6 +123,8 @@ def stored_dataset(file: h5py.File, binding: Binding) -> h5py.Dataset:
     if binding.source is None:
         return file[binding.path]
     access = h5p.create(h5p.DATASET_ACCESS)
+    # HDF5 resolves names of external files against the working directory by default. The prefix makes it the folder of
+    # the file, where ``Elsewhere.require_sources`` has checked them.
     access.set_efile_prefix(os.fsencode(Path(file.filename).parent))
     return h5py.Dataset(h5d.open(file.id, binding.source[1].encode("utf-8", "surrogateescape"), access), readonly=True)
 
@@ -142,8 +144,10 @@ def raw_rows(file: h5py.File, binding: Binding, start: int, stop: int, opened: O
         return stored
     rank = len(DATASETS[binding.key].shape)
     if rank == 1:
+        # A canonical dataset of rank 1 is one column of a table (MVSEC: x, y, t, p), so that the axis of columns goes.
         return stored[:, binding.columns[0]]
     if stored.ndim < rank:
+        # A grey image has no axis of channels; columns (0, 0, 0) then read its one channel as R, G and B.
         stored = stored[..., np.newaxis]
     return stored[..., list(binding.columns)]
 
@@ -158,6 +162,7 @@ def _read(
         if memory is None:
             return np.asarray(dataset[start:stop])
         rows = memory((stop - start, *dataset.shape[1:]), dataset.dtype)
+        # Direct decoding covers one whole Blosc chunk. HDF5 reads all else, and names the fault of a damaged chunk.
         if not chunks.decode(start, rows):
             dataset.read_direct(rows, np.s_[start:stop])
         return rows
@@ -180,6 +185,7 @@ def _failing_chunks(file: h5py.File, binding: Binding, start: int, stop: int) ->
         return
     for place in product(range(start // chunk[0], -(-stop // chunk[0])), *map(range, grid[1:])):
         try:
+            # One chunk a read: a read of all of them fails as a whole and does not name the chunk.
             stored_dataset(file, binding)[
                 tuple(slice(at * size, (at + 1) * size) for at, size in zip(place, chunk, strict=True))
             ]
@@ -198,15 +204,16 @@ def canonical_rows(
 ) -> NDArray[Any]:
     """Return rows in canonical units; images with nothing to convert are decoded into ``memory``, if any is given.
 
-    Stamps become int64 nanoseconds from ``origin_ns``. Values are scaled, and samples beyond ``LARGEST_SAMPLE`` become
-    infinite; polarity is 1 brighter, 0 darker, and ``INVALID_POLARITY`` where the stored code is neither. Columns, rows
-    and indices that the canonical type cannot hold stay in int64, so that no fault is wrapped into range.
+    Timestamps become int64 nanoseconds from ``origin_ns``. Values are scaled, and samples beyond ``LARGEST_SAMPLE``
+    become infinite; polarity is 1 brighter, 0 darker, and ``INVALID_POLARITY`` where the stored code is neither.
+    Columns, rows and indices that the canonical type cannot hold stay in int64, so that no fault is wrapped into range.
 
     Raises
     ------
     UnreadableRowsError
         As for ``raw_rows``.
     """
+    # Only values that need no conversion can be decoded into given memory: each conversion below makes a new array.
     if memory and binding.is_image_as_it_is:
         return _read(file, binding, start, stop, memory, opened)
     raw = raw_rows(file, binding, start, stop, opened)
@@ -221,26 +228,30 @@ def canonical_rows(
         return _integers(raw, canonical)
     with np.errstate(over="ignore"):  # what the type cannot hold is infinite, and found to be
         values = raw.astype(canonical, copy=False)
+        # The factor takes the canonical type: a float64 factor would widen float32 images.
         values = values if binding.scale == 1.0 else values * canonical.type(binding.scale)
     return values if DATASETS[binding.key].is_image else _infinite_beyond(values)
 
 
 def timestamps_ns(raw: NDArray[Any], binding: Binding, origin_ns: int) -> NDArray[np.int64]:
-    """Turn stored stamps into nanoseconds from an origin.
+    """Turn stored timestamps into nanoseconds from an origin.
 
-    The origin is subtracted in the stored unit and type before anything is converted: epoch stamps lose nothing.
-    NaN becomes ``INVALID_STAMP_NS``; what lies farther than ``FARTHEST_STAMP_NS`` from the origin saturates there.
+    The origin is subtracted in the stored unit and type before anything is converted: epoch timestamps lose nothing.
+    NaN becomes ``INVALID_TIMESTAMP_NS``; values farther than ``FARTHEST_TIMESTAMP_NS`` from it saturate.
     """
     unit = _ns_per_unit(binding)
     origin = origin_ns - binding.offset_ns
     if raw.dtype.kind == "f":
+        # Subtract before the unit is applied: epoch time in ns is 1.7e18, which float64 rounds to 256 ns.
         elapsed = (raw.astype(np.float64, copy=False) - origin / unit) * unit
         farthest = float(FARTHEST_TIMESTAMP_NS)
         elapsed = np.nan_to_num(elapsed, nan=-farthest, posinf=farthest, neginf=-farthest)
         return np.rint(np.clip(elapsed, -farthest, farthest)).astype(np.int64)
+    # t_ns = (raw - units) * unit - rest_ns with origin = units * unit + rest_ns: integers only, nothing is rounded.
     units, rest_ns = divmod(origin, unit)
     units = min(max(units, _INT64.min), _INT64.max)
     reach = FARTHEST_TIMESTAMP_NS // unit
+    # Clipping before the subtraction keeps the result within 2^61 ns: no damaged timestamp wraps around int64.
     nearby = np.clip(_int64(raw), max(units - reach, _INT64.min), min(units + reach, _INT64.max))
     nearby -= units
     nearby *= unit
@@ -249,9 +260,10 @@ def timestamps_ns(raw: NDArray[Any], binding: Binding, origin_ns: int) -> NDArra
 
 
 def instant_ns(timestamp: float | int, binding: Binding) -> int | None:
-    """Return one stored stamp as nanoseconds on the file's own clock, exactly; None where it is not finite."""
+    """Return one stored timestamp as nanoseconds on the file's own clock, exactly; None where it is not finite."""
     if not np.isfinite(timestamp):
         return None
+    # Fraction holds a float64 exactly; a product in float64 would be rounded to 256 ns at epoch times.
     exact = Fraction(timestamp.item() if isinstance(timestamp, np.generic) else timestamp)
     return round(exact * _ns_per_unit(binding)) + binding.offset_ns
 
@@ -264,6 +276,7 @@ def _ns_per_unit(binding: Binding) -> int:
 
 def _told_polarity(raw: NDArray[Any], code: Polarity) -> NDArray[np.uint8]:
     brighter, darker = {"01": (1, 0), "inverted": (0, 1), "plus_minus": (1, -1)}[code]
+    # Codes that the dialect does not define stay recognisable; a default of 0 would count them as darker events.
     p = np.full(raw.shape, INVALID_POLARITY, dtype=np.uint8)
     p[raw == brighter] = POLARITY_BRIGHTER
     p[raw == darker] = POLARITY_DARKER
@@ -281,9 +294,11 @@ def _integers(raw: NDArray[Any], canonical: np.dtype[Any]) -> NDArray[Any]:
         return raw
     if raw.dtype.kind == "f":
         farthest = float(FARTHEST_TIMESTAMP_NS)
+        # -1 lies outside of all columns, rows and indices, so that NaN counts as out of bounds.
         raw = np.nan_to_num(raw.astype(np.float64), nan=-1.0, posinf=farthest, neginf=-farthest)
         raw = np.rint(np.clip(raw, -farthest, farthest))
     whole, limits = _int64(raw), np.iinfo(canonical)
+    # uint16 would wrap column 65536 to 0, where no check of bounds finds it; int64 keeps it out of range.
     fits = not whole.size or (int(whole.min()) >= limits.min and int(whole.max()) <= limits.max)
     return whole.astype(canonical) if fits else whole
 
@@ -291,5 +306,6 @@ def _integers(raw: NDArray[Any], canonical: np.dtype[Any]) -> NDArray[Any]:
 def _int64(raw: NDArray[Any]) -> NDArray[np.int64]:
     """Convert whole numbers; unsigned ones beyond int64 saturate."""
     if raw.dtype == np.uint64:
+        # A cast would wrap values of 2^63 and more to negative ones.
         raw = np.minimum(raw, np.uint64(_INT64.max))
     return raw.astype(np.int64, copy=False)

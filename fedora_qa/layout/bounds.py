@@ -19,7 +19,7 @@ LARGEST_IMAGE_PIXELS: Final = 1 << 25
 """An image of 7680 x 4320 fits. Checks hold a dozen arrays of an image's size."""
 
 MOST_SAMPLES: Final = 1 << 25
-"""Stamps of frames and samples, and index maps, are held whole: nine hours of an IMU at 1 kHz fit."""
+"""Timestamps of frames and samples, and index maps, are held whole: nine hours of an IMU at 1 kHz fit."""
 
 MOST_UNWRITTEN_BYTES: Final = 64 << 20
 """What was never written reads as fill values. More than this, and more than was written, is a claim and no data."""
@@ -47,14 +47,18 @@ def require_bounded(spec: DatasetSpec, dataset: h5py.Dataset, path: str) -> None
         claimed than written.
     """
     require_small_chunks(dataset, path)
+    # Axis 0 is time, axes 1 and 2 are rows and columns; channels do not count.
     pixels = prod(dataset.shape[1:3])
     if spec.is_image and pixels > LARGEST_IMAGE_PIXELS:
         _refuse_size(path, f"images of {LARGEST_IMAGE_PIXELS} pixels", f"{pixels} pixels")
+    # Events are read block by block, so that their number needs no bound. All other rows are held in memory whole.
     if not spec.is_image and spec.stream != "events" and dataset.shape[0] > MOST_SAMPLES:
         _refuse_size(path, f"{MOST_SAMPLES} rows", f"{dataset.shape[0]} rows")
     if dataset.is_virtual or dataset.external:
         return  # its sources have been held to the same
     decoded, stored = prod(dataset.shape) * dataset.dtype.itemsize, int(dataset.id.get_storage_size())
+    # Chunks of a correct file do not overlap, so that their sum is at most the size of the file. A hostile index points
+    # to one chunk many times.
     if stored > _file_bytes(dataset):
         message = (
             f"Expected the chunks of {path} beside each other, got {stored} bytes of them in a file of "
@@ -65,6 +69,7 @@ def require_bounded(spec: DatasetSpec, dataset: h5py.Dataset, path: str) -> None
         return
     unwritten, chunks = unwritten_chunks(dataset)
     lost = decoded * unwritten // chunks
+    # Both conditions: what a stopped writer leaves with less than half unwritten is reported, and stays readable.
     if lost > MOST_UNWRITTEN_BYTES and 2 * unwritten > chunks:
         message = f"Expected {path} to be written, got {unwritten} of {chunks} chunks ({lost} bytes) that never were"
         raise RefusedError("unwritten", "truncated", message, 100 * unwritten / chunks)
@@ -81,6 +86,7 @@ def unwritten_chunks(dataset: h5py.Dataset) -> tuple[int, int]:
         if dataset.is_virtual:
             return 0, 1  # its sources have been looked at
         return int(dataset.id.get_storage_size() == 0), 1
+    # Chunks at the far edges count whole: HDF5 stores them padded.
     chunks = prod(ceil(size / chunk) for size, chunk in zip(dataset.shape, dataset.chunks, strict=True))
     return chunks - dataset.id.get_num_chunks(), chunks
 

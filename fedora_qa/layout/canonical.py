@@ -13,6 +13,7 @@ from fedora_qa.conventions import FLOW_RATES_HZ
 
 Size = str | int
 
+# Rows in a chunk: 256 Ki timestamps of 8 bytes are 2 MiB decoded, 16 Ki are 128 KiB.
 EVENT_CHUNK_ROWS: Final = 256 * 1024
 SAMPLE_CHUNK_ROWS: Final = 16 * 1024
 
@@ -58,6 +59,7 @@ class DatasetSpec:
     @property
     def is_image(self) -> bool:
         """Whether a row is a whole image."""
+        # The layout stores one frame in a chunk for images, and for nothing else.
         return self.chunk_rows == 1
 
 
@@ -96,6 +98,7 @@ _DATASETS: Final = (
     DatasetSpec("path/events/t", "events", "int64", ("E",), "us", EVENT_CHUNK_ROWS, "instant, non-decreasing"),
     DatasetSpec("path/events/p", "events", "uint8", ("E",), "1", EVENT_CHUNK_ROWS, "1 brighter, 0 darker"),
     DatasetSpec("path/imu/angular_velocity", "imu", "float64", ("M", 3), "rad/s", SAMPLE_CHUNK_ROWS, "body frame"),
+    # f = R_body_world (a - g), world gravity g = (0, 0, -9.81) m/s^2: at rest the sensor measures +9.81 along body Z.
     DatasetSpec("path/imu/linear_acceleration", "imu", "float64", ("M", 3), "m/s^2", SAMPLE_CHUNK_ROWS,
                 "specific force, body frame (+g on Z at rest)"),
     DatasetSpec("path/imu/ts", "imu", "int64", ("M",), "us", SAMPLE_CHUNK_ROWS, "instant of the sample"),
@@ -105,10 +108,12 @@ _DATASETS: Final = (
                 "unit quaternion x, y, z, w, body to world"),
     DatasetSpec("path/pose/ts", "pose", "int64", ("P",), "us", SAMPLE_CHUNK_ROWS, "instant of the pose"),
     *(spec for rate_hz in FLOW_RATES_HZ for spec in _flow(rate_hz)),
+    # Entry i counts the events with t < t_frame[i] (``np.searchsorted``, side left).
     DatasetSpec("metadata/rgb_to_event", "rgb_to_event", "int64", ("N",), "1", SAMPLE_CHUNK_ROWS,
                 "index of the earliest event not before the colour frame; E where none is left"),
     DatasetSpec("metadata/depth_to_event", "depth_to_event", "int64", ("D",), "1", SAMPLE_CHUNK_ROWS,
                 "index of the earliest event not before the depth frame; E where none is left"),
+    # In metres, unlike depth frames, which are in millimetres.
     DatasetSpec("metadata/depth_range", "depth_range", "float64", (2,), "m", 0, "nearest and farthest valid depth"),
 )  # fmt: skip
 
@@ -179,6 +184,7 @@ ATTRIBUTES: Final[Mapping[tuple[str, str], AttributeSpec]] = MappingProxyType(
 )
 """Every attribute of the layout by owner and name. The attribute ``units`` of each dataset stands in its spec."""
 
+# ``dict.fromkeys`` removes repeats and keeps the order of the layout, in which problems are reported.
 METADATA_GROUPS: Final = tuple(dict.fromkeys(owner for owner, _ in ATTRIBUTES if owner.startswith("metadata/")))
 """The groups that declare something."""
 
@@ -189,7 +195,7 @@ STREAMS: Final = ("rgb", "depth", "events", "imu", "pose", *FLOW_STREAMS, "rgb_t
 TIMESTAMPS_OF: Final[Mapping[str, str]] = MappingProxyType(
     {spec.stream: spec.key for spec in _DATASETS if spec.is_timestamps}
 )
-"""The dataset that holds the stamps of a stream."""
+"""The dataset that holds the timestamps of a stream."""
 
 PROMISED_BY: Final[Mapping[str, str]] = MappingProxyType(
     {

@@ -6,6 +6,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+# 65535 * n (n + 1) / 2 must stay below 2^32, which holds up to n = 361; n = 256 gives 2.2e9.
 _TOGETHER: Final = 256
 """Words whose weighted sum fits 32 bits."""
 
@@ -26,12 +27,16 @@ def fletcher32(words: NDArray[np.uint16], last: int) -> int:
         block = words[start : start + _TOGETHER]
         total, by_weight = np.uint32(0), np.uint32(0)
         for i in range(len(block)):
+            # HDF5 takes the first byte of a pair as the high one (H5checksum.c), a little-endian read as the low one.
             word = np.uint32(np.uint16(block[i] << 8) | np.uint16(block[i] >> 8))
             total = np.uint32(total + word)
             by_weight = np.uint32(by_weight + np.uint32(word * np.uint32(len(block) - i)))
+        # Sums s and W before a block of n words w_i, i from 0: s' = s + sum w_i, W' = W + n s + sum (n - i) w_i, modulo
+        # 2^16 - 1 (Fletcher, IEEE Trans. Commun. 30, 1982).
         weighted = (weighted + np.uint64(len(block)) * simple + np.uint64(by_weight)) % np.uint64(65535)
         simple = (simple + np.uint64(total)) % np.uint64(65535)
     if last >= 0:
+        # An odd last byte is the high byte of a word whose low byte is 0.
         simple = (simple + np.uint64(last << 8)) % np.uint64(65535)
         weighted = (weighted + simple) % np.uint64(65535)
     return int(weighted) << 16 | int(simple)

@@ -21,6 +21,7 @@ def legal_ranks(spec: DatasetSpec, place: DatasetPlace) -> tuple[int, ...]:
 
 def require_readable_type(spec: DatasetSpec, dataset: h5py.Dataset, path: str) -> None:
     """Refuse what no safe conversion exists for: what is not numbers at all, and colours that are not 8-bit codes."""
+    # At most 8 bytes: an extended float does not fit float64 without loss.
     numeric = dataset.dtype.kind in "iufb" and dataset.dtype.subdtype is None and dataset.dtype.itemsize <= 8
     if not numeric or (spec.key == "path/rgb" and dataset.dtype != np.uint8):
         message = f"Expected {path} as {spec.dtype}, got {dataset.dtype}, which cannot be converted safely"
@@ -33,6 +34,7 @@ def require_shape(spec: DatasetSpec, place: DatasetPlace, dataset: h5py.Dataset,
     if (
         shape is None
         or len(shape) not in legal_ranks(spec, place)
+        # Length 0 along time is a legal empty stream; rows or images without entries are not.
         or 0 in shape[1:]
         or not _sizes_fit(spec, place, shape)
     ):
@@ -42,6 +44,7 @@ def require_shape(spec: DatasetSpec, place: DatasetPlace, dataset: h5py.Dataset,
 
 def _sizes_fit(spec: DatasetSpec, place: DatasetPlace, shape: tuple[int, ...]) -> bool:
     if place.columns:
+        # A table (rank 2) or an image with channels has the axis of columns; a grey image counts as one entry.
         has_columns = len(shape) == 2 or len(shape) == len(spec.shape)
         entries = shape[-1] if has_columns else 1
         return all(0 <= column < entries for column in place.columns)

@@ -32,8 +32,10 @@ def create_dataset(file: h5py.File, key: str, sizes: Mapping[str, int]) -> h5py.
     if spec.chunk_rows:
         storage = {
             "chunks": (spec.chunk_rows, *shape[1:]),
+            # Unlimited along time: rows can be appended later.
             "maxshape": (None, *shape[1:]),
             "fletcher32": True,
+            # The pipeline of layout 1.0; ``direct_chunks`` decodes it without HDF5.
             **hdf5plugin.Blosc(cname="zstd", clevel=5, shuffle=hdf5plugin.Blosc.SHUFFLE),
         }
     dataset = file.create_dataset(key, shape=shape, dtype=spec.dtype, **storage)

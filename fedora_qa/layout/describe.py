@@ -1,4 +1,4 @@
-"""Say what was found where: the rows of `fedora-qa layout`."""
+"""Describe which dataset was found at which path: the rows of `fedora-qa layout`."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -120,4 +120,5 @@ def _conversions(binding: Binding) -> Iterator[str]:
 
 
 def _codec(dataset: h5py.Dataset) -> str:
+    # A registered name may carry a remark behind a semicolon ("bitshuffle; see https://...").
     return " + ".join(name.split(";")[0].strip() for _, name in filters_of(dataset)) or "none"

@@ -14,7 +14,7 @@ _KINDS = {"int": "iu", "float": "f"}
 
 
 def declares_fedora(file: h5py.File) -> bool:
-    """Whether the file says that it follows the canonical layout."""
+    """Whether the file declares that it follows the canonical layout."""
     return text_attribute(file, "format") == FORMAT_NAME
 
 
@@ -27,6 +27,7 @@ def detect_dialect(file: h5py.File, elsewhere: Elsewhere | None = None) -> Diale
     if declares_fedora(file):
         return load_dialect(FORMAT_NAME)
     dialects = [load_dialect(name) for name in DIALECT_NAMES]
+    # ``max`` returns the first of equals, so that the order of ``DIALECT_NAMES`` decides last.
     return max(dialects, key=lambda dialect: (_found(file, dialect, elsewhere), _hinted(file, dialect, elsewhere)))
 
 
@@ -37,6 +38,7 @@ def _found(file: h5py.File, dialect: Dialect, elsewhere: Elsewhere | None) -> in
 
 def _fits(file: h5py.File, spec: DatasetSpec, place: DatasetPlace, elsewhere: Elsewhere | None) -> bool:
     dataset = _dataset(file, place.path or spec.key, elsewhere)
+    # Rank only: a dataset of a wrong size still identifies its dialect, and the size is reported later.
     return dataset is not None and len(dataset.shape) in legal_ranks(spec, place)
 
 

@@ -22,10 +22,12 @@ SCALES: Final[Mapping[tuple[str, str], float]] = {
     ("cm", "mm"): 10.0,
     ("mm", "m"): 1 / MM_PER_M,
     ("deg/s", "rad/s"): pi / 180,
+    # Standard gravity, not local gravity, is the unit of data sheets.
     ("g", "m/s^2"): STANDARD_GRAVITY_M_S2,
 }
 """Factor from a stored unit to the canonical one."""
 
+# Where the scalar is stored first, the canonical x, y, z, w are entries 1, 2, 3, 0.
 QUATERNION_COLUMNS: Final[Mapping[str, tuple[int, ...]]] = {"xyzw": (0, 1, 2, 3), "wxyz": (1, 2, 3, 0)}
 """Which stored entries are x, y, z, w."""
 
@@ -45,9 +47,9 @@ class DatasetPlace:
     columns
         Entries of the last axis that make the canonical columns, in canonical order; empty: all.
     time_unit
-        Unit of stamps.
+        Unit of timestamps.
     offset_path
-        A scalar dataset, in the unit of the stamps, that is added to each of them; empty: none.
+        A scalar dataset, in the unit of the timestamps, that is added to each of them; empty: none.
     value_unit
         Unit of values; empty: the canonical one.
     polarity
@@ -133,6 +135,7 @@ def load_dialect(name_or_path: str | Path) -> Dialect:
     except ValueError as error:
         raise MisuseError(f"Expected a dialect in {name_or_path}, got: {error}") from error
     for key, place in dialect.datasets.items():
+        # The factor is dropped: the call refuses an unknown unit now and not at the first read.
         scale_of(key, place)
     return dialect
 

@@ -57,6 +57,7 @@ class StoredChunks:
         It is not where they are stored in any other way, or their bytes are damaged: then HDF5 is to be asked, which
         also says what is wrong.
         """
+        # Exactly one chunk: a part of one needs a buffer and a copy, which is what HDF5 does anyway.
         if rows.nbytes < _LEAST_BYTES or self._shape != rows.shape or start % rows.shape[0]:
             return False
         if self._filters is None:
@@ -72,6 +73,7 @@ class StoredChunks:
                 return False
             _, bytes_ = stored.read_direct_chunk(place)
             chunk = bytes_ if self._filters == [_BLOSC] else _checked(bytes_)
+            # Blosc trusts the sizes in its header; a wrong one would make it read or write beyond the buffers.
             if not _is_whole(chunk, rows.nbytes):
                 return False
             blosc.decompress(chunk, rows)
@@ -82,6 +84,7 @@ class StoredChunks:
 
 def _filters(dataset: h5py.Dataset) -> list[int]:
     """Return the filters of a dataset, none where values are stored in another type than numpy's of that name."""
+    # The decoder only copies bytes, so that another byte order needs the conversion of HDF5.
     if dataset.id.get_type() != h5py.h5t.py_create(dataset.dtype):
         return []
     kept = dataset.id.get_create_plist()
@@ -91,6 +94,7 @@ def _filters(dataset: h5py.Dataset) -> list[int]:
 def _checked(stored: bytes) -> memoryview:
     """Return a chunk without the checksum behind it, or nothing of it where that is wrong."""
     chunk, checksum = memoryview(stored)[:-_CHECKSUM_BYTES], int.from_bytes(stored[-_CHECKSUM_BYTES:], "little")
+    # The kernel expects words in little-endian order; elsewhere HDF5 verifies the checksum.
     if sys.byteorder != "little":
         return chunk[:0]
     words = np.frombuffer(chunk, np.uint16, count=len(chunk) // 2)
@@ -104,7 +108,7 @@ def _halves(checksum: int) -> tuple[int, int]:
 
 
 def _is_whole(chunk: bytes | memoryview, decoded_bytes: int) -> bool:
-    """Whether a chunk is as long as its header says, and holds so many bytes: a decoder believes the header."""
+    """Whether a chunk is as long as its header says, and holds so many bytes: a decoder trusts the header."""
     if len(chunk) < _HEADER.itemsize:
         return False
     header = np.frombuffer(chunk, _HEADER, count=1)[0]

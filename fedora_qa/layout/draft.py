@@ -8,6 +8,7 @@ from fedora_qa.layout.canonical import DATASETS, STREAMS, datasets_of
 from fedora_qa.layout.guess import Guess, guess_places
 from fedora_qa.layout.inventory import StoredObject, take_inventory
 
+# One hint suffices to prefer a dialect; the second covers a file that lacks the first dataset.
 _MOST_HINTS = 2
 
 
@@ -40,6 +41,7 @@ def _head(name: str) -> Iterator[str]:
 
 
 def _hints(guesses: Iterable[Guess]) -> Iterator[str]:
+    # A path equal to the canonical key does not distinguish this dialect from the canonical one.
     paths = list(dict.fromkeys(str(guess.fields["path"]) for guess in guesses if guess.fields["path"] != guess.key))
     for path in paths[:_MOST_HINTS]:
         yield "[[hints]]"
@@ -48,10 +50,11 @@ def _hints(guesses: Iterable[Guess]) -> Iterator[str]:
 
 
 def _partial_streams(guesses: Mapping[str, Guess]) -> Iterator[str]:
-    """Say which streams cannot be read yet, because a part of them was not found."""
+    """List the streams that cannot be read yet, because a part of them was not found."""
     for stream in STREAMS:
         keys = [spec.key for spec in datasets_of(stream)]
         missing = [key for key in keys if key not in guesses]
+        # A stream without any guess counts as absent; only an incomplete one needs a correction by hand.
         if missing and len(missing) < len(keys):
             yield f"# {stream} cannot be read before there is a place for {', '.join(missing)}."
 
@@ -73,10 +76,12 @@ def _table(fields: Mapping[str, str | list[int]]) -> str:
 def _quoted(text: str) -> str:
     """Write a TOML basic string; names in HDF5 may hold any character."""
     escaped = text.replace("\\", "\\\\").replace('"', '\\"')
+    # TOML 1.0 basic strings must escape U+0000 to U+001F, but for the tab, and U+007F.
     return '"' + "".join(f"\\u{ord(c):04x}" if _is_control(c) else c for c in escaped) + '"'
 
 
 def _comment(text: str) -> str:
+    # A line break in a stored name would end the comment and add TOML of its own.
     return "# " + "".join(" " if _is_control(c) else c for c in text)
 
 

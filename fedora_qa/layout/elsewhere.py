@@ -40,6 +40,7 @@ class Elsewhere:
     """
 
     def __init__(self, folders: Iterable[Path]) -> None:
+        # Resolved, so that a symbolic link in an allowed folder cannot lead out of it.
         self._folders = tuple(Path(os.path.realpath(folder)) for folder in folders)
         self._files: dict[Path, h5py.File] = {}
 
@@ -69,6 +70,7 @@ class Elsewhere:
             A source is outside of the folders, missing, too short, itself of this kind, or unsafe to decode; or some
             values have none.
         """
+        # With one of these variables HDF5 reads other files than those that are checked below.
         if variables := [name for name in _PREFIXES if os.environ.get(name)]:
             raise _refused(f"Expected {variables[0]} to be unset where {path} lies in other files, got a value")
         if dataset.is_virtual:
@@ -80,6 +82,7 @@ class Elsewhere:
         wanted = prod(dataset.shape) * dataset.dtype.itemsize
         for name, offset, size in dataset.external:
             there = self._place(dataset.file, name, path).stat().st_size - offset
+            # A segment may claim more than the dataset needs (H5F_UNLIMITED); only bytes that exist count.
             wanted -= min(size, max(there, 0))
             if size <= there or wanted <= 0:
                 continue
@@ -103,6 +106,7 @@ class Elsewhere:
             if virtual_source.vspace.get_select_type() == h5s.SEL_ALL:
                 mapped.select_all()
             else:
+                # The union counts each value once, so that overlapping pieces cannot hide a gap.
                 mapped.select_hyperslab(*_regular(virtual_source.vspace, path), op=h5s.SELECT_OR)
             if taken != virtual_source.vspace.get_select_npoints():
                 raise _refused(f"Expected pieces of {path} as large as their sources, got another size")
@@ -111,17 +115,20 @@ class Elsewhere:
             message = f"Expected all {values} values of {path} to have a source, got {mapped.get_select_npoints()}"
             raise RefusedError("unwritten", "truncated", message)
         decoded = values * dataset.dtype.itemsize
+        # Each source counts once, however many pieces map it: repeats cannot raise the bound.
         if decoded > max(SMALL_BYTES, MOST_EXPANSION * sum(stored.values())):
             message = f"Expected {path} to unpack to {MOST_EXPANSION} times its sources at most, got {decoded} bytes"
             raise RefusedError("expands", "unknown", message)
 
     def _source(self, dataset: h5py.Dataset, name: str, path_there: str, path: str) -> h5py.Dataset:
+        # HDF5 replaces %b by block numbers, and so reads files that nobody has checked.
         if "%" in name or "%" in path_there:
             raise _refused(f"Expected the sources of {path} by their names, got a pattern")
         file = dataset.file if name == "." else self.named(dataset.file, name, path)
         source = find_dataset(file, path_there)  # HDF5 would follow any link out of it by itself
         if source is None:
             raise RefusedError("dangling_link", "missing_stream", f"Expected the source of {path}, got nothing there")
+        # HDF5 decodes sources by itself, so that they must meet the rules for datasets of the file.
         require_filters(source, path)
         require_small_chunks(source, path)
         require_whole_chunks(source, path)
@@ -155,6 +162,7 @@ def _taken(space: h5s.SpaceID, source: h5py.Dataset, path: str) -> int:
     """Return how many values are taken of a source; raises ``RefusedError`` where it does not have them."""
     if space.get_select_type() == h5s.SEL_ALL:
         return prod(source.shape)
+    # Bounds of a selection include both ends.
     last = space.get_select_bounds()[1]
     if len(last) != len(source.shape) or any(at >= size for at, size in zip(last, source.shape, strict=True)):
         raise RefusedError("unwritten", "truncated", f"Expected the source of {path} to reach as far as it is taken")

@@ -46,6 +46,7 @@ def require_filters(dataset: h5py.Dataset, path: str) -> None:
             )
             raise RefusedError("unsafe_filter", "unknown", message)
         if not h5py.h5z.filter_avail(number):
+            # The name stands in the file and may have any length.
             title = _KNOWN_FILTERS.get(number) or name[:60] or "without a name"
             message = (
                 f"Expected the filters of {path} to be installed, got number {number} ({title}), which is not; install "

@@ -12,10 +12,10 @@ from fedora_qa.layout.dialect import NS_PER_TIME_UNIT
 from fedora_qa.layout.inventory import StoredObject
 
 _EPOCH_S: Final = (1e9, 1e10)
-"""Seconds since 1970 of stamps between 2001 and 2286."""
+"""Seconds since 1970 of timestamps between 2001 and 2286."""
 
 _STEP_NS: Final = {"frames": (1e6, 1e9), "samples": (1e5, 1e8), "events": (0.0, 1e7)}
-"""Plausible steps between stamps: frames at 1 to 1000 Hz, samples at 10 Hz to 10 kHz, events less than 10 ms apart."""
+"""Plausible steps, ns: frames at 1 to 1000 Hz, samples at 10 Hz to 10 kHz, events less than 10 ms apart."""
 
 _METRES_BELOW: Final = 200.0
 """A median depth below this is metres, above it millimetres: 200 m is beyond, 20 cm within what a drone looks at."""
@@ -49,14 +49,16 @@ def guess_places(items: Sequence[StoredObject]) -> tuple[Guess, ...]:
 
 
 def unit_of_timestamps(timestamps: NDArray[np.float64], kind: str) -> tuple[str, str]:
-    """Return the unit in which stamps are plausible, and why: by their magnitude since 1970, else by their step."""
+    """Return the unit in which timestamps are plausible, and why: by their magnitude since 1970, else by their step."""
     for unit, ns in NS_PER_TIME_UNIT.items():
         if _EPOCH_S[0] <= abs(float(timestamps[0])) * ns / 1e9 < _EPOCH_S[1] and kind != "events":
             return unit, f"{timestamps[0]:.10g} is a date in {unit}"
     step = float(np.median(np.diff(timestamps))) if len(timestamps) > 1 else 0.0
     if kind == "events":
+        # The mean, not the median: many events share a timestamp, so that the median step can be 0.
         step = float(timestamps[-1] - timestamps[0]) / max(len(timestamps) - 1, 1)
     low, high = _STEP_NS[kind]
+    # Plausible ranges of neighbouring units overlap; the canonical unit comes first.
     for unit in ("us", "ns", "s", "ms"):
         if low <= step * NS_PER_TIME_UNIT[unit] <= high:
             return unit, f"steps of {step:.4g} {unit} are plausible for {kind}"
@@ -71,6 +73,7 @@ def _events_in_columns(items: Sequence[StoredObject]) -> Iterator[Guess]:
         codes = [set(np.unique(column)) for column in columns.T]
         polarity = [i for i, code in enumerate(codes) if code <= {0.0, 1.0} or code <= {-1.0, 1.0}]
         advancing = [i for i, column in enumerate(columns.T) if np.all(np.diff(column) >= 0) and np.ptp(column) > 0]
+        # Ambiguous columns give no guess: in few rows a constant column can pass as polarity.
         if len(polarity) != 1 or len(advancing) != 1 or polarity == advancing:
             continue
         t, p = advancing[0], polarity[0]
@@ -109,7 +112,9 @@ def _images(items: Sequence[StoredObject]) -> Iterator[Guess]:
         elif kind == np.uint8 and rank == 3:
             grey = Guess("path/rgb", {"path": item.path, "columns": [0, 0, 0]}, "8-bit grey images, read as R = G = B")
             yield from _with_timestamps(items, item, grey)
+        # Sides above 4 exclude stacks of 3 x 3 and 4 x 4 matrices, in which poses are stored (MVSEC).
         elif kind.kind == "f" and rank == 3 and min(item.shape[1:]) > 4:
+            # Writers mark invalid depth by NaN, infinity or 0.
             values = item.head[np.isfinite(item.head) & (item.head > 0)]
             median = float(np.median(values)) if values.size else 0.0
             unit = "m" if 0 < median < _METRES_BELOW else "mm"
@@ -144,9 +149,11 @@ def _samples(items: Sequence[StoredObject]) -> Iterator[Guess]:
             continue
         if item.shape[1] == 3:
             for key, names in _NAMES.items():
+                # Names of one letter must match whole: as beginnings they would match most names.
                 if any(item.name == name or (len(name) > 1 and item.name.startswith(name)) for name in names):
                     guess = Guess(key, {"path": item.path}, "three columns, and its name")
                     yield from _with_timestamps(items, item, guess)
+        # Unit norm distinguishes quaternions from other tables of four columns.
         elif item.shape[1] == 4 and np.allclose(np.linalg.norm(item.head, axis=1), 1.0, atol=1e-3):
             reason = "four columns of unit length; that the order is x, y, z, w cannot be told from the values"
             guess = Guess("path/pose/orientation", {"path": item.path, "quaternion": "xyzw"}, reason)
@@ -154,7 +161,7 @@ def _samples(items: Sequence[StoredObject]) -> Iterator[Guess]:
 
 
 def _with_timestamps(items: Sequence[StoredObject], item: StoredObject, guess: Guess) -> Iterator[Guess]:
-    """Yield the guess, and one for the stamps of equal length whose name and place are nearest."""
+    """Yield the guess, and one for the timestamps of equal length whose name and place are nearest."""
     yield guess
     candidates = [other for other in items if _may_be_timestamps(other, item.shape[0])]
     if candidates:

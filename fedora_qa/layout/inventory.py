@@ -57,6 +57,7 @@ def take_inventory(file: h5py.File) -> tuple[StoredObject, ...]:
             outside = dataset.is_virtual or dataset.external
             require_filters(dataset, path)
             numbers = dataset.shape and prod(dataset.shape) and dataset.dtype.kind in "iufb"
+            # Values of virtual and external datasets lie in other files, which a draft may not read.
             if numbers and not outside and _head_bytes(dataset) <= _MOST_HEAD_BYTES:
                 rows = _IMAGE_ROWS if dataset.ndim > 2 else HEAD_ROWS
                 items.append(StoredObject(path, dataset.shape, dataset.dtype, np.asarray(dataset[:rows])))
@@ -68,4 +69,5 @@ def _head_bytes(dataset: h5py.Dataset) -> int:
     rows = _IMAGE_ROWS if dataset.ndim > 2 else HEAD_ROWS
     chunk = prod(dataset.chunks) if dataset.chunks else 0
     row = prod(dataset.shape[1:])
+    # HDF5 decodes whole chunks even for one row.
     return int(max(rows * row, chunk) * dataset.dtype.itemsize)

@@ -40,6 +40,7 @@ class RefusedError(Exception):
     """
 
     def __init__(self, rule: str, cause: str, message: str, magnitude: float | None = None) -> None:
+        # The beginning names the path and the end the remedy, so that both are needed.
         half = LONGEST_MESSAGE // 2
         shortened = message if len(message) <= LONGEST_MESSAGE else f"{message[:half]} ... {message[-half:]}"
         super().__init__(shortened)
@@ -117,7 +118,7 @@ def _follow(
     parts = [part for part in path.split("/") if part not in {"", "."}]
     try:
         target = _directly(root, parts)
-    except READ_ERRORS:  # what is wrong, and where, is found on foot
+    except READ_ERRORS:  # ``_step_by_step`` finds what is wrong, and where
         target = None
     if target is None:
         return _step_by_step(file, root, parts, links_left, elsewhere)
@@ -132,6 +133,7 @@ def _directly(root: h5g.GroupID, parts: list[str]) -> _objects.ObjectID | None:
     way = b""
     for part in parts:
         way += part.encode("utf-8", "surrogateescape")
+        # Each prefix is tested: a link in the middle would lead HDF5 out of the file unchecked.
         if root.links.get_info(way).type != h5l.TYPE_HARD:
             return None
         way += b"/"
@@ -147,6 +149,7 @@ def _step_by_step(
             return None
         name = part.encode("utf-8", "surrogateescape")
         if not here.links.exists(name):
+            # ``exists`` searches the index of the group: where that is damaged, a stream would count as absent.
             if _lists(here, name):
                 message = f"Expected {path} where its group lists it, got nothing there: the group's index is damaged"
                 raise RefusedError("unreadable", "corrupt_chunk", message)
@@ -158,6 +161,7 @@ def _step_by_step(
                 raise RefusedError("outside_link", "missing_stream", f"Expected {path} in this file, got a link to "
                                    f"{filename}; copy the data into the file")  # fmt: skip
             rest = "/".join([target, *parts[depth + 1 :]])
+            # The count bounds the recursion: two files may link to each other.
             other = elsewhere.named(file, filename, path) if links_left else None
             located = _follow(other, rest, links_left - 1, elsewhere) if other else None
             if located is None:
@@ -167,6 +171,7 @@ def _step_by_step(
         if kind == h5l.TYPE_SOFT:
             link = here.links.get_val(name).decode("utf-8", "surrogateescape")
             above = (h5i.get_name(here) or b"").decode("utf-8", "surrogateescape")
+            # A relative soft link starts at the group that holds it.
             target = link if link.startswith("/") else "/".join([above, link])
             rest = "/".join([target, *parts[depth + 1 :]])
             located = _follow(file, rest, links_left - 1, elsewhere) if links_left else None

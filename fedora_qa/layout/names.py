@@ -24,6 +24,7 @@ def _garbled(group: h5py.Group) -> str | None:
     def look(name: bytes) -> bool | None:
         nonlocal looked_at
         looked_at += 1
+        # Bytes that are not UTF-8 decode to lone surrogates, which are not printable.
         if not name.decode("utf-8", "surrogateescape").isprintable():
             garbled.append(ascii(name)[2:-1])
         return True if garbled or looked_at == MOST_NAMES else None

@@ -35,7 +35,7 @@ _EXTRA_STREAMS: Final = ("depth_range",)
 
 @dataclass(frozen=True, slots=True)
 class LayoutProblem:
-    """Something about the layout that an honest file would not show.
+    """Something about the layout that a correct file would not show.
 
     ``code`` is ``integrity.layout.<rule>``, ``cause`` an identifier of ``causes.py``, ``magnitude`` in its unit.
     """
@@ -94,14 +94,17 @@ def resolve(file: h5py.File, dialect: Dialect | None = None, elsewhere: Elsewher
         if not declares_fedora(file):
             inferred["layout.dialect"] = dialect.name
     finder = _Finder(file, dialect, elsewhere)
+    # In the order of the layout: the first stream with a symbolic size is the reference for all later ones.
     for stream in (*STREAMS, *_EXTRA_STREAMS):
         finder.find(stream)
+    # Only metadata of the canonical layout promise streams; files of other dialects carry none.
     if dialect.canonical_elsewhere:
         finder.hold_to_promises()
         finder.hold_to_links()
     return Layout(
         dialect_name=dialect.name,
         bindings=finder.bindings,
+        # A stream is bound whole or not at all, so that its first dataset stands for all.
         streams=frozenset(stream for stream in STREAMS if datasets_of(stream)[0].key in finder.bindings),
         absent={stream: why for stream, why in finder.absent.items() if stream in STREAMS},
         problems=tuple(finder.problems),
@@ -171,12 +174,13 @@ class _Finder:
         for stream, group in PROMISED_BY.items():
             if stream in self.absent and stream not in reported and has_group(self.file, group, self.elsewhere):
                 self._report_promise(stream, group)
+        # One group declares flow of all rates, and any one rate fulfils it.
         no_flow = all(stream in self.absent and stream not in reported for stream in FLOW_STREAMS)
         if no_flow and has_group(self.file, "metadata/flow", self.elsewhere):
             self._report_promise("flow", "metadata/flow")
 
     def hold_to_links(self) -> None:
-        """Report groups of metadata that lie elsewhere, or whose link leads nowhere: what they declare is not seen."""
+        """Report groups of metadata that lie elsewhere, or whose link leads nowhere: what they declare is not read."""
         for owner in METADATA_GROUPS:
             try:
                 find_object(self.file, owner, self.elsewhere)
@@ -218,6 +222,7 @@ class _Finder:
         place, path = self._place(spec.key), self._path(spec.key)
         try:
             with reading(path):
+                # Header tests come first: no chunk is decoded before its size and filters are known to be safe.
                 require_readable_type(spec, dataset, path)
                 require_shape(spec, place, dataset, path)
                 require_filters(dataset, path)
@@ -253,6 +258,7 @@ class _Finder:
         dataset = find_dataset(self.file, place.offset_path)
         if dataset is None:
             return 0
+        # Nothing bounds a scalar by itself: its chunk passes the same tests as that of a stream before it is read.
         numeric = dataset.size == 1 and dataset.dtype.kind in "iuf"
         require_filters(dataset, place.offset_path)
         require_small_chunks(dataset, place.offset_path)
@@ -265,6 +271,7 @@ class _Finder:
 
     def _agree_on_sizes(self, specs: Iterable[DatasetSpec], bound: Mapping[str, Binding]) -> None:
         """Hold symbolic sizes to what earlier datasets had; keep the new ones only if the whole stream agrees."""
+        # A copy: a stream that fails must not fix the sizes of the streams after it.
         sizes = dict(self._sizes)
         for spec in specs:
             for symbol, size in zip(spec.shape, bound[spec.key].shape, strict=False):

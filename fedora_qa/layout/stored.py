@@ -19,6 +19,7 @@ def as_stored(spec: DatasetSpec, place: DatasetPlace, dataset: h5py.Dataset, pat
         ns_per_unit=NS_PER_TIME_UNIT[place.time_unit] if spec.is_timestamps else None,
         scale=scale_of(spec.key, place),
         polarity=place.polarity,
+        # 0 for contiguous storage: ``Sequence.chunk_rows`` then chooses blocks of about a megabyte.
         chunk_rows=rows_together(spec.key, dataset.chunks[0]) if dataset.chunks else 0,
         stored_chunk=dataset.chunks or (),
     )

@@ -35,6 +35,7 @@ def stored_attribute(holder: h5py.Group | h5py.Dataset, name: str) -> Any:
         dtype, shape = attribute.dtype, attribute.shape
         values = prod(shape or ())
         is_text = h5py.check_string_dtype(dtype) is not None
+        # Kinds O and V of NumPy: ragged arrays, references and compounds.
         if dtype.kind in "OV" and not is_text:
             raise ValueError(f"a type that is neither numbers nor text ({dtype})")
         if is_text and values > 1:
@@ -46,6 +47,7 @@ def stored_attribute(holder: h5py.Group | h5py.Dataset, name: str) -> Any:
             attribute.read(numbers)
             return numbers[()]
         value = attributes[name]
+        # The item size of text of variable length is that of a pointer, so that the bound on bytes does not apply.
         if isinstance(value, str | bytes) and len(value) > LONGEST_TEXT:
             raise ValueError(f"a text of {len(value)} characters, more than the {LONGEST_TEXT} that are read")
         return value

@@ -57,6 +57,7 @@ def walk(file: h5py.File) -> Walk:
         path, depth, parent, name = waiting.pop()
         try:
             member, place = _open(parent, name)
+            # File number and address identify an object: hard links can form cycles.
             if place in visited:
                 continue
             visited.add(place)
@@ -71,6 +72,7 @@ def walk(file: h5py.File) -> Walk:
         except READ_ERRORS:
             missed.damaged += 1
             continue
+        # Reversed because the stack is emptied from its end: paths then come in the order of names.
         for below in sorted(names, reverse=True):
             readable = below.decode("utf-8", "surrogateescape")
             if readable.isprintable():
@@ -94,9 +96,11 @@ class _Links:
 
         def note(name: bytes, about: h5py.h5l.LinkInfo) -> bool | None:
             if self.looked_at == MOST_OBJECTS:
+                # A value other than None ends the iteration of h5py.
                 self.ended = True
                 return True
             self.looked_at += 1
+            # Soft and external links may dangle or leave the file.
             if about.type == h5py.h5l.TYPE_HARD:
                 members.append(name)
             return None

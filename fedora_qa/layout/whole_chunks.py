@@ -30,10 +30,12 @@ def require_whole_chunks(dataset: h5py.Dataset, path: str) -> None:
     if not dataset.chunks:
         return
     filters = [number for number, _ in filters_of(dataset)]
+    # Shuffle and Fletcher-32 keep the length of the values; behind a codec only 1 byte is certain.
     values_bytes = prod(dataset.chunks) * dataset.id.get_type().get_size() if _OF_ONE_SIZE.issuperset(filters) else 1
     checked = [place for place, number in enumerate(filters) if number == h5py.h5z.FILTER_FLETCHER32]
 
     def too_short(chunk: h5py.h5d.StoreInfo) -> h5py.h5d.StoreInfo | None:
+        # Bit i of ``filter_mask`` is set where filter i was left out for this chunk.
         checksums = sum(not chunk.filter_mask >> place & 1 for place in checked)
         return chunk if chunk.size < values_bytes + checksums * _CHECKSUM_BYTES else None
 

@@ -1,1 +1,1 @@
-"""The file in canonical units: lazy, read-only, stamps first, seen through windows."""
+"""The file in canonical units: lazy, read-only, timestamps first, read through windows."""

@@ -64,6 +64,7 @@ def _text(stored: Any, spec: AttributeSpec) -> str:
 
 def _int(stored: Any, spec: AttributeSpec) -> int:
     value = _scalar(stored)
+    # bool is a subclass of int in Python.
     if not isinstance(value, int | np.integer) or isinstance(value, bool | np.bool_):
         raise MalformedError("wrong_dtype", f"Expected a whole number, got {_shown(stored)}")
     _require_range(int(value), spec)
@@ -90,6 +91,7 @@ def _matrix(size: int) -> Callable[[Any, AttributeSpec], NDArray[np.float64]]:
         if not np.all(np.isfinite(matrix)):
             raise MalformedError("nan_in_stream", "Expected finite entries, got NaN or infinity")
         matrix = matrix.astype(np.float64)
+        # ``not cond < limit`` also refuses a condition number that is NaN.
         if np.abs(matrix).max() > LARGEST_ENTRY or not np.linalg.cond(matrix) < WORST_CONDITION:
             cause = "intrinsics_focal" if size == 3 else "unknown"
             raise MalformedError(cause, f"Expected a matrix that can be inverted, got {_shown(matrix.tolist())}")
@@ -100,6 +102,7 @@ def _matrix(size: int) -> Callable[[Any, AttributeSpec], NDArray[np.float64]]:
 
 def _pixels(stored: Any, spec: AttributeSpec) -> tuple[tuple[int, int], ...]:
     pixels = np.asarray(stored)
+    # An empty list is stored as float64 by NumPy, and no hot pixel is a valid declaration.
     if pixels.size == 0:
         return ()
     if pixels.dtype.kind not in "iu":

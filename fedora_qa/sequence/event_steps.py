@@ -1,4 +1,4 @@
-"""The longest steps between successive event stamps, forwards and backwards: they tell a clock that was set."""
+"""The longest steps between successive event timestamps, forwards and backwards: a clock that was set shows in them."""
 
 from collections.abc import Iterable
 from typing import Final
@@ -19,14 +19,14 @@ def longest_steps(earlier: Iterable[EventStep], start: int, previous_ns: int, ti
 
     Parameters
     ----------
-    known
-        Of earlier blocks.
+    earlier
+        The longest steps of earlier blocks.
     start
         First row of the block.
     previous_ns
         Stamp before the block.
     times_ns
-        (n,) stamps of the block.
+        (n,) timestamps of the block.
     """
     before_ns = np.concatenate([[previous_ns], times_ns[:-1]])
     steps_ns = times_ns - before_ns
@@ -45,7 +45,9 @@ def _largest(values: Int64) -> NDArray[np.intp]:
     """Return where the largest values lie, those above zero only, earlier ones first among equals."""
     rows: NDArray[np.intp] = np.flatnonzero(values > 0)
     if len(rows) > KEPT:
+        # Selection in linear time: a block holds 2^20 steps, of which eight are needed.
         least = np.partition(values[rows], -KEPT)[-KEPT]
+        # Among equal steps the earliest is taken, so that the result does not depend on the borders of blocks.
         above, equal = rows[values[rows] > least], rows[values[rows] == least]
         rows = np.sort(np.concatenate([above, equal[: KEPT - len(above)]]))
     return rows

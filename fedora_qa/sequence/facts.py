@@ -1,4 +1,4 @@
-"""What is known of a file before any window is decoded: streams, stamps, declarations."""
+"""What is known of a file before any window is decoded: streams, timestamps, declarations."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -15,7 +15,7 @@ Int64 = NDArray[np.int64]
 
 @dataclass(frozen=True, slots=True)
 class Clock:
-    """The stamps of one stream (not of events: they are scanned, not kept).
+    """The timestamps of one stream (not of events: they are scanned, not kept).
 
     Attributes
     ----------
@@ -24,7 +24,7 @@ class Clock:
     ends_ns
         (N,) ends of the intervals of flow, otherwise None.
     advancing
-        (N,) True where a stamp is later than every one before it. Only these samples may be interpolated between.
+        (N,) True where a timestamp is later than every one before it. Only these samples may be interpolated between.
     """
 
     times_ns: Int64
@@ -33,14 +33,15 @@ class Clock:
 
     @property
     def usable(self) -> bool:
-        """Whether most stamps advance, so that the stream can be placed in time."""
+        """Whether most timestamps advance, so that the stream can be placed in time."""
         count = len(self.times_ns)
+        # Where half of the timestamps or more step back, their running maximum places most samples wrongly.
         return count > 0 and 2 * int(np.count_nonzero(self.advancing)) > count
 
 
 @dataclass(frozen=True, slots=True)
 class EventStep:
-    """Two successive event stamps, from the file's origin; ``row`` is that of the second."""
+    """Two successive event timestamps, from the file's origin; ``row`` is that of the second."""
 
     row: int
     before_ns: int
@@ -54,16 +55,16 @@ class EventStep:
 
 @dataclass(frozen=True, slots=True)
 class EventScan:
-    """One pass over the event stamps.
+    """One pass over the event timestamps.
 
     Attributes
     ----------
     count
         Number of events.
     first_ns, last_ns
-        Earliest and latest stamp from the file's origin (0 where there are none).
+        Earliest and latest timestamp from the file's origin (0 where there are none).
     decreases
-        How often a stamp is earlier than the one before it.
+        How often a timestamp is earlier than the one before it.
     first_decrease
         Index of the first such event, -1 where there is none.
     largest_decrease_ns
@@ -73,7 +74,7 @@ class EventScan:
     longest_steps
         Of either direction up to eight, in the order of the file.
     grid_ns
-        Greatest common divisor of all steps between stamps (0 where all are equal).
+        Greatest common divisor of all steps between timestamps (0 where all are equal).
     unreadable
         Rows (start, stop) that could not be decoded.
     """
@@ -95,7 +96,7 @@ class IndexMap:
     """A frame-to-event map as stored, and what it should be.
 
     ``expected_left[i]`` is the number of events earlier than frame i, ``expected_right[i]`` the number of events not
-    later; both on the raw stamps.
+    later; both on the raw timestamps.
     """
 
     stored: Int64
@@ -141,4 +142,5 @@ class Facts:
     def flow_streams(self) -> tuple[str, ...]:
         """The flow streams that are there, slowest first."""
         names = [name for name in self.streams if name.startswith("flow/")]
+        # By number: as text, 10hz would come before 5hz.
         return tuple(sorted(names, key=lambda name: int(name.removeprefix("flow/").removesuffix("hz"))))

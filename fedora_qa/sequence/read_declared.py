@@ -1,4 +1,4 @@
-"""Read what a file declares about itself. Nothing here raises: whatever cannot be used becomes a problem."""
+"""Read what a file declares about itself. No function here raises: whatever cannot be used becomes a problem."""
 
 from collections.abc import Mapping
 from contextlib import suppress
@@ -81,6 +81,7 @@ class _Reader:
                 continue
             if value is not None:
                 values[spec.name] = value
+            # Files of other dialects carry no ``format`` at their root.
             elif spec.required and (owner or self.layout.dialect_name == FORMAT_NAME):
                 self._problem(owner, spec.name, "missing_stream", f"Expected {spec.meaning}, got no such attribute")
         return values
@@ -90,6 +91,7 @@ class _Reader:
         cameras = {}
         for name in CAMERAS:
             given = values[f"metadata/cameras/{name}"]
+            # No defaults: a guessed camera would produce findings on correct data.
             if given is None or not {"width", "height", "K", "T_body_camera"} <= given.keys():
                 continue
             if given["width"] * given["height"] > LARGEST_IMAGE_PIXELS:
@@ -116,6 +118,7 @@ class _Reader:
         except UnreadableRowsError as error:
             self._problem("metadata", "depth_range", "unknown", str(error))
             return None
+        # The comparison is False for NaN too.
         if not NEAREST_DEPTH_M <= nearest < farthest <= FARTHEST_DEPTH_M:
             bounds = f"{NEAREST_DEPTH_M:g} <= nearest < farthest <= {FARTHEST_DEPTH_M:g}"
             message = f"Expected {bounds} in metres, got {nearest:g} and {farthest:g}"
@@ -127,6 +130,7 @@ class _Reader:
         """Return the label ``units`` of each dataset that carries one."""
         labels: dict[str, str] = {}
         for key, binding in self.layout.bindings.items():
+            # A label that cannot be read counts as absent.
             with suppress(*READ_ERRORS):
                 label = text_attribute(stored_dataset(self._holding(binding), binding), "units")
                 if label is not None:

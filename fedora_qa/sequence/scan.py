@@ -1,7 +1,7 @@
-"""Stamps first: one cheap pass over all stamps and index maps, before windows are cut.
+"""Timestamps first: one cheap pass over all timestamps and index maps, before windows are cut.
 
 Broken clocks can then not break the windows: every item is given a place on the grid by its *envelope*, the latest
-stamp up to it, which never decreases.
+timestamp up to it, which never decreases.
 """
 
 from collections.abc import Mapping
@@ -20,10 +20,10 @@ from fedora_qa.sequence.sequence import SequenceRows
 Int64 = NDArray[np.int64]
 
 BLOCK_ROWS = 1 << 20
-"""Event stamps looked at together."""
+"""Event timestamps looked at together."""
 
 MOST_CELLS: Final = 1 << 14
-"""Cells that become windows: 54 minutes of 0.2 s. Longer sequences, and stamps far apart, get longer cells."""
+"""Cells that become windows: 54 minutes of 0.2 s. Longer sequences, and timestamps far apart, get longer cells."""
 
 FARTHEST_INDEX: Final = 1 << 53
 """Stored indices saturate here, so that differences of two fit int64, and float64 holds them."""
@@ -44,7 +44,7 @@ class Runs:
 class Scan:
     """What the scan found: the facts, each stream's place on the grid, and an index of event times.
 
-    ``block_first_ns[i]`` is the latest stamp up to the first event of block i.
+    ``block_first_ns[i]`` is the latest timestamp up to the first event of block i.
     """
 
     facts: Facts
@@ -55,7 +55,7 @@ class Scan:
 
 @dataclass
 class _EventTally:
-    """Counts over the blocks of event stamps seen so far."""
+    """Counts over the blocks of event timestamps seen so far."""
 
     cell_ns: int
     frame_timestamps: Mapping[str, Int64]
@@ -77,7 +77,8 @@ class _EventTally:
     unreadable: list[tuple[int, int]] = field(default_factory=list)
 
     def add(self, start: int, times_ns: Int64) -> None:
-        """Take in the stamps of one block, whose first row is ``start``."""
+        """Take in the timestamps of one block, whose first row is ``start``."""
+        # The step between two blocks counts too. The first event of a file gets a step of 0, which alters no count.
         previous = int(times_ns[0]) if self.previous is None else self.previous
         steps = np.diff(times_ns, prepend=previous)
         backwards = np.flatnonzero(steps < 0)
@@ -86,11 +87,13 @@ class _EventTally:
         self.decreases += len(backwards)
         self.largest_decrease = max(self.largest_decrease, -int(steps.min()))
         self.longest_steps = longest_steps(self.longest_steps, start, previous, times_ns)
+        # gcd(g, 0) = g, so that repeated timestamps do not alter the grid.
         self.grid = int(np.gcd(self.grid, np.gcd.reduce(np.abs(steps))))
         low, high = int(times_ns.min()), int(times_ns.max())
         self.earliest = low if self.latest is None else min(self.earliest, low)
         floor = low if self.latest is None else self.latest
         self.block_first.append(max(floor, int(times_ns[0])))
+        # Running maximum from the first block on: the envelope of the module docstring.
         envelope = np.maximum(np.maximum.accumulate(times_ns), floor)
         self.behind += int(np.count_nonzero(times_ns < envelope))
         self._place(start, envelope)
@@ -99,12 +102,14 @@ class _EventTally:
         for name, frames in self.frame_timestamps.items():
             left = self.left.setdefault(name, np.zeros(len(frames), np.int64))
             right = self.right.setdefault(name, np.zeros(len(frames), np.int64))
+            # A frame after the block counts all its events, a frame before it none; only frames within need a search.
             after = frames > high
             left[after] += len(times_ns)
             right[after] += len(times_ns)
             within = np.flatnonzero((frames >= low) & ~after)
             if len(within):
                 if ordered is None:
+                    # Counts of blocks add up, so that sorting within a block suffices.
                     ordered = np.sort(times_ns) if np.any(np.diff(times_ns) < 0) else times_ns
                 left[within] += np.searchsorted(ordered, frames[within], "left")
                 right[within] += np.searchsorted(ordered, frames[within], "right")
@@ -120,6 +125,7 @@ class _EventTally:
     def _place(self, start: int, envelope: Int64) -> None:
         cells = envelope // self.cell_ns
         changes = np.flatnonzero(np.diff(cells, prepend=cells[0] - 1))
+        # The first run continues a cell that the previous block began.
         if self.cells and self.cells[-1][-1] == cells[0]:
             changes = changes[1:]
         if len(changes):
@@ -128,7 +134,7 @@ class _EventTally:
 
 
 def scan(sequence: SequenceRows, cell_ns: int) -> Scan:
-    """Scan a sequence's stamps and index maps.
+    """Scan a sequence's timestamps and index maps.
 
     Parameters
     ----------
@@ -173,6 +179,8 @@ def _read_clock(sequence: SequenceRows, stream: str) -> Clock:
     key = TIMESTAMPS_OF[stream]
     timestamps = sequence.rows(key, 0, sequence.layout.bindings[key].rows)
     starts, ends = (timestamps[:, 0], timestamps[:, 1]) if timestamps.ndim == 2 else (timestamps, None)
+    # Against the running maximum, not the neighbour: after a jump forwards and back, timestamps are behind until they
+    # exceed the jump.
     before = np.maximum.accumulate(starts[:-1]) if len(starts) else starts
     advancing = np.ones(len(starts), dtype=bool)
     advancing[1:] = starts[1:] > before
@@ -239,17 +247,19 @@ def _runs_of(clock: Clock, cell_ns: int) -> Runs:
 
 
 def _spread_evenly(count: int, cells: Int64) -> Runs:
-    """Give the rows of a stream whose stamps say nothing to the cells in turn, so that they are still decoded."""
+    """Give the rows of a stream whose timestamps say nothing to the cells in turn, so that they are still decoded."""
     cell_of_row = cells[np.arange(count) * len(cells) // count]
     starts = np.flatnonzero(np.diff(cell_of_row, prepend=cell_of_row[0] - 1))
     return Runs(cell_of_row[starts], starts, count)
 
 
 def _few_cells(runs: Mapping[str, Runs], cell_ns: int) -> tuple[Mapping[str, Runs], int]:
-    """Join cells by two, four and so on until there are no more than ``MOST_CELLS``: stamps may be a day apart each."""
+    """Join cells by two, four and so on until at most ``MOST_CELLS`` are left: timestamps may be a day apart each."""
+    # The sum is an upper bound of the distinct cells and needs no union.
     if sum(len(stream_runs.cells) for stream_runs in runs.values()) <= MOST_CELLS:
         return runs, cell_ns
     together = 1
+    # Whole multiples of ``cell_ns`` keep all borders on the grid that begins at the origin.
     while len(np.unique(np.concatenate([stream_runs.cells // together for stream_runs in runs.values()]))) > MOST_CELLS:
         together *= 2
     return {stream: _joined(stream_runs, together) for stream, stream_runs in runs.items()}, cell_ns * together

@@ -82,7 +82,7 @@ class Sequence:
     declared
         What the metadata declare.
     origin_ns
-        The file's origin on its own clock: the earliest first stamp of any stream.
+        The file's origin on its own clock: the earliest first timestamp of any stream.
     """
 
     def __init__(
@@ -139,7 +139,7 @@ class Sequence:
             self._remote.require_unchanged()
 
     def rows(self, key: str, start: int, stop: int, memory: Memory | None = None) -> NDArray[Any]:
-        """Return rows of a dataset in canonical units, stamps as int64 ns from the origin.
+        """Return rows of a dataset in canonical units, timestamps as int64 ns from the origin.
 
         Images with nothing to convert are decoded into ``memory``, if any is given.
 
@@ -180,7 +180,7 @@ class Sequence:
             raise UnreadableRowsError(binding.key, 0, binding.rows, str(error)) from error
 
     def _require_sound(self) -> None:
-        """Raise what ended the reading of a file behind a URL: HDF5 tells of damage instead."""
+        """Raise what ended the reading of a file behind a URL: HDF5 reports damage instead."""
         if self._remote:
             self._remote.require_sound()
 
@@ -188,6 +188,7 @@ class Sequence:
         firsts = [
             self._first_timestamp_ns(TIMESTAMPS_OF[stream]) for stream in self.layout.streams if stream in TIMESTAMPS_OF
         ]
+        # The earliest, so that times of correct streams are not negative.
         return min((first for first in firsts if first is not None), default=0)
 
     def _first_timestamp_ns(self, key: str) -> int | None:
@@ -238,6 +239,7 @@ def open_sequence(
         raise UnreadableFileError(f"Expected a complete HDF5 file, got: {_first_line(error)}") from error
     try:
         return Sequence(path, file, dialect, opening_facts=opening_facts, elsewhere=elsewhere)
+    # Also on an interrupt: an open file keeps its lock.
     except BaseException:
         file.close()
         if elsewhere:
@@ -253,15 +255,18 @@ def _open_remote(place: RemoteFile, dialect: Dialect | None, opening_facts: Open
         try:
             file = opened.enter_context(h5py.File(remote, "r", rdcc_nbytes=_NO_CHUNKS))
         except OSError as error:
+            # HDF5 reports a failed request as damage, so that the failure of the server takes precedence.
             remote.require_sound()
             raise UnreadableFileError(f"Expected a complete HDF5 file, got: {_first_line(error)}") from error
         sequence = Sequence(place, file, dialect, remote, opening_facts)
+        # From here on ``Sequence.close`` closes both.
         opened.pop_all()
         return sequence
 
 
 def _contiguous_rows(shape: tuple[int, ...]) -> int:
     """Rows to read together where storage sets none: about a megabyte."""
+    # No readable type has more than 8 bytes (``require_readable_type``).
     row_bytes = 8 * prod(shape[1:])
     return max(1, (1 << 20) // max(row_bytes, 1))
 

@@ -1,7 +1,7 @@
 """What is computed of single images, shared by all checks and by neighbouring windows, within a limit of bytes.
 
 Windows look at the image after their last one; what was computed of it serves the next window as well. Where not all
-fits, what is made in a moment goes first, and what takes little room last: each of them the longest unused first.
+fits, what is made in a moment goes first, and what takes little room last: among each, the longest unused first.
 """
 
 from collections import OrderedDict
@@ -50,6 +50,7 @@ class SharedImages:
                 self._drop_little()
         else:
             (self._passing if in_a_moment else self._large)[key] = value
+        # The new result stays: its caller holds it, so that dropping it would free nothing.
         while self._kept_bytes > self.limit_bytes and self._drop_another_than(key):
             pass
         return value
@@ -62,6 +63,7 @@ class SharedImages:
 
     def _drop_another_than(self, key: Hashable) -> bool:
         """Drop one result; return whether there was any but that of the key."""
+        # Results that are cheap to compute again are dropped first.
         for kept in (self._passing, self._large):
             oldest = next(iter(kept), key)
             if oldest != key:

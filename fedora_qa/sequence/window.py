@@ -1,6 +1,6 @@
-"""The view through which a check sees a stretch of a sequence.
+"""The view through which a check reads a window of a sequence.
 
-A window owns the items whose stamps lie in it, and may look beyond its edges for context (halos). It decodes only
+A window owns the items whose timestamps lie in it, and may look beyond its edges for context (halos). It decodes only
 what is asked for, and keeps what several checks share.
 """
 
@@ -23,7 +23,7 @@ class RowSource(Protocol):
     """Decodes rows of a dataset into canonical units. Raises ``UnreadableRowsError``."""
 
     def rows(self, key: str, start: int, stop: int) -> NDArray[Any]:
-        """Return rows ``start`` to ``stop`` of the dataset ``key``; stamps as int64 nanoseconds from the origin."""
+        """Return rows ``start`` to ``stop`` of the dataset ``key``; timestamps as int64 nanoseconds from the origin."""
         ...
 
     def event_index(self, time_ns: int) -> int:
@@ -42,7 +42,7 @@ class Span:
 
 
 USUAL_PIXELS: Final = 220_000
-"""Frames of more pixels than 540 x 405 are large: they have more than it takes to tell a fault of a whole field."""
+"""Frames of more pixels than 540 x 405 are large: they have more than are needed to detect a fault of a whole field."""
 
 _DEPTHS_AT_HAND: Final = 2
 """Depth frames in metres that a window keeps itself: both ends of an interval."""
@@ -79,7 +79,7 @@ class Events:
 
 @dataclass(frozen=True, slots=True)
 class ImuSamples:
-    """IMU samples with advancing stamps: (M,) ns, (M, 3) rad/s, (M, 3) m/s^2 specific force, body frame."""
+    """IMU samples with advancing timestamps: (M,) ns, (M, 3) rad/s, (M, 3) m/s^2 specific force, body frame."""
 
     times_ns: NDArray[np.int64]
     angular_velocities_body_rad_s: NDArray[np.float64]
@@ -88,7 +88,7 @@ class ImuSamples:
 
 @dataclass(frozen=True, slots=True)
 class PoseSamples:
-    """Poses with advancing stamps: (P,) ns, (P, 3) m in the world, (P, 4) quaternions x, y, z, w, body to world."""
+    """Poses with advancing timestamps: (P,) ns, (P, 3) m in the world, (P, 4) quaternions x, y, z, w, body to world."""
 
     times_ns: NDArray[np.int64]
     positions_world_m: NDArray[np.float64]
@@ -96,7 +96,7 @@ class PoseSamples:
 
 
 class Window:
-    """One stretch of a sequence, with lazy access to its streams.
+    """One window of a sequence, with lazy access to its streams.
 
     Types of arrays are named in quotes where it is asked often: to make one takes longer than to find an image.
     """
@@ -113,7 +113,7 @@ class Window:
         self._turn = 0
 
     def owned(self, stream: str) -> range:
-        """Return the rows of the stream whose stamps lie in this window."""
+        """Return the rows of the stream whose timestamps lie in this window."""
         return range(*self.span.owned.get(stream, (0, 0)))
 
     def rows(self, key: str, start: int, stop: int) -> NDArray[Any]:
@@ -133,7 +133,7 @@ class Window:
         return cast(T, self._shared[key])
 
     def take_turn(self, turn: int) -> None:
-        """Be told that the check of this number looks now; what only earlier ones ask for is dropped."""
+        """Begin the turn of a check, by its number; drop what only earlier checks ask for."""
         self._turn = turn
         last = self._images.last_turns
         for key in [key for key in self._shared if last[_kind(key)] < turn]:
@@ -159,6 +159,7 @@ class Window:
         at_hand: dict[int, NDArray[np.float32]] = self.once("depth at hand", dict)
         metres = at_hand.pop(frame, None)
         if metres is None:
+            # ``pop`` and insertion keep the dict in the order of use, so that its first entry is the oldest.
             if len(at_hand) == _DEPTHS_AT_HAND:
                 del at_hand[next(iter(at_hand))]
             metres = self._images.get(("depth_m", frame), lambda: self._metres(frame), in_a_moment=True)
@@ -199,11 +200,13 @@ class Window:
         )
 
     def _metres(self, frame: int) -> NDArray[np.float32]:
+        # Millimetres in the file, metres in geometry; a float32 divisor keeps float32.
         return cast(NDArray[np.float32], self.rows("path/depth", frame, frame + 1)[0] / np.float32(MM_PER_M))
 
     def _rows_within(self, stream: str, margin_ns: int) -> NDArray[np.intp]:
         clock = self.facts.clocks[stream]
         times = clock.times_ns
+        # Only advancing timestamps: interpolation divides by the step between two samples.
         within = (times >= self.span.start_ns - margin_ns) & (times <= self.span.stop_ns + margin_ns)
         return np.flatnonzero(within & clock.advancing)
 
@@ -216,6 +219,7 @@ class Window:
     def _read_events(self, before_ns: int, after_ns: int) -> Events:
         start, stop = self.span.owned.get("events", (0, 0))
         if before_ns:
+            # ``event_index`` presumes order; ``min`` and ``max`` keep owned events where the clock is broken.
             start = min(start, self._source.event_index(self.span.start_ns - before_ns))
         if after_ns:
             stop = max(stop, self._source.event_index(self.span.stop_ns + after_ns))
@@ -223,6 +227,7 @@ class Window:
         times_ns = self.rows(TIMESTAMPS_OF["events"], start, stop)
         p = self.rows("path/events/p", start, stop)
         if len(times_ns) and np.any(np.diff(times_ns) < 0):
+            # Stable: events of one timestamp keep their order in the file.
             order = np.argsort(times_ns, kind="stable")
             x, y, times_ns, p = x[order], y[order], times_ns[order], p[order]
         return Events(x, y, times_ns, p)

@@ -1,7 +1,7 @@
 """What went wrong between this machine and a server, in one sentence without any secret.
 
 What libraries say of a failed request may hold the whole URL, with its signature. So their texts are never repeated:
-the kind of failure is told from types, status codes and error numbers.
+the kind of failure is derived from types, status codes and error numbers.
 """
 
 import os
@@ -25,7 +25,7 @@ _CREDENTIALS: Final = (
 
 
 def failure_of(error: BaseException, place: RemoteFile) -> StorageError:
-    """Return what to tell of a failed request. Raise it ``from None``: what caused it may hold secrets."""
+    """Return the error for a failed request. Raise it ``from None``: what caused it may hold secrets."""
     expected, got = _words(tuple(_chain(error)), place)
     return StorageError(f"Expected {expected}, got {got}: {place}")
 
@@ -34,9 +34,11 @@ def may_pass(error: BaseException) -> bool:
     """Whether the same request may succeed a moment later."""
     errors = tuple(_chain(error))
     status = _status(errors)
+    # An HTTP status decides alone: the other errors of the chain only wrap it.
     if status is not None:
         return status in _MAY_PASS
     if (
+        # These do not change within seconds, so that a further request would only delay the message.
         _any(errors, ConnectionRefusedError)
         or _certificate(errors) is not None
         or _named(errors, "FileExpired", "NoCredentialsError")
@@ -48,7 +50,7 @@ def may_pass(error: BaseException) -> bool:
 
 
 def changed(place: RemoteFile) -> StorageError:
-    """Return what to tell of a file that has become another while it was read."""
+    """Return the error for a file that has become another while it was read."""
     return StorageError(
         f"Expected the file to stay as it is while it is checked, got a change; check it again: {place}"
     )
@@ -61,6 +63,7 @@ def _words(errors: tuple[BaseException, ...], place: RemoteFile) -> tuple[str, s
     forbidden = status in _UNAUTHORIZED or _any(errors, PermissionError)
     without_ranges = any(isinstance(failure, ValueError) and "range requests" in str(failure) for failure in errors)
     advice = _CREDENTIALS if place.scheme == "s3" else "sign in, or have the URL signed anew"
+    # From specific to general, because several can hold: 412 is a status too.
     explanations: tuple[tuple[bool, str, str], ...] = (
         (
             status == _CHANGED or _named(errors, "FileExpired"),
@@ -105,9 +108,10 @@ def _chain(error: BaseException) -> Iterator[BaseException]:
 
 
 def _status(errors: tuple[BaseException, ...]) -> int | None:
-    """Return the status of an HTTP answer, as aiohttp or botocore tell it."""
+    """Return the status of an HTTP answer, as aiohttp or botocore give it."""
     for error in errors:
         status = getattr(error, "status", None)
+        # aiohttp gives status 0 where there was no answer.
         if isinstance(status, int) and status:
             return status
         response = getattr(error, "response", None)
@@ -119,7 +123,7 @@ def _status(errors: tuple[BaseException, ...]) -> int | None:
 
 
 def _certificate(errors: tuple[BaseException, ...]) -> str | None:
-    """Return what OpenSSL says against a certificate, or of a handshake that failed."""
+    """Return what OpenSSL reports against a certificate, or of a handshake that failed."""
     for error in errors:
         if isinstance(error, ssl.SSLError):
             why = getattr(error, "verify_message", None) or getattr(
@@ -131,10 +135,11 @@ def _certificate(errors: tuple[BaseException, ...]) -> str | None:
 
 
 def _number(errors: tuple[BaseException, ...]) -> str:
-    """Return what the system says of an error number, in brackets; nothing where there is none."""
+    """Return what the system reports for an error number, in brackets; nothing where there is none."""
     numbers = (
         failure.errno
         for failure in errors
+        # Errors of name resolution (EAI_*) are negative on Linux and not numbers of errno.
         if isinstance(failure, OSError) and isinstance(failure.errno, int) and failure.errno > 0
     )
     number = next(numbers, None)

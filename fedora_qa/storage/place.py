@@ -22,6 +22,7 @@ class RemoteFile:
 
     def __str__(self) -> str:
         parts = urlsplit(self.url)
+        # The last @ ends the user information: a password may hold another one.
         return f"{parts.scheme}://{parts.netloc.rpartition('@')[2]}{parts.path}"
 
     def __repr__(self) -> str:

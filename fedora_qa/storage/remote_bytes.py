@@ -31,7 +31,7 @@ class RemoteBytes(io.RawIOBase):
     ----------
     failure
         What ended the reading; every later read raises it again. HDF5 takes a read that fails for damage, so whoever
-        is told of damage must look here first.
+        gets an error of damage must read this first.
     """
 
     def __init__(self, place: RemoteFile, block_bytes: int) -> None:
@@ -102,19 +102,23 @@ class RemoteBytes(io.RawIOBase):
     def _bytes(self, start: int, stop: int) -> bytes:
         self.require_sound()
         try:
+            # Long reads are chunks, needed once: among the blocks they would evict the structure, which is read again.
             if stop - start >= self._block_bytes:
                 return self._server.fetch(start, stop)
             return self._through_blocks(start, stop)
         except StorageError as failure:
+            # HDF5 turns the exception into an error that looks like damage; ``require_sound`` raises the reason.
             self.failure = failure
             raise
 
     def _through_blocks(self, start: int, stop: int) -> bytes:
         wanted = range(start // self._block_bytes, (stop - 1) // self._block_bytes + 1)
         missing = [number for number in wanted if number not in self._blocks]
+        # Consecutive numbers have the same difference to their position, so that a run costs one request.
         for _, run in groupby(missing, key=lambda number: number - missing.index(number)):
             self._fetch_blocks(list(run))
         for number in wanted:
+            # Most recently used last: the block unused for longest is evicted first.
             self._blocks.move_to_end(number)
         joined = b"".join(self._blocks[number] for number in wanted)
         while len(self._blocks) > _BLOCKS:

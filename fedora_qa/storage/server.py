@@ -1,4 +1,4 @@
-"""Ask a server for a file: how long it is, of which version, and for stretches of it. Through fsspec, an extra."""
+"""Ask a server for a file: how long it is, of which version, and for ranges of its bytes. Through fsspec, an extra."""
 
 import gc
 import time
@@ -47,6 +47,7 @@ class Server:
 
     def ask_version(self) -> Version:
         """Ask how long the file is now, and of which version."""
+        # s3fs caches what it knows of an object; a change shows only in a new answer.
         refresh = {"refresh": True} if self._place.scheme == "s3" else {}
         facts = self._asked(lambda: self._files.info(self._place.url, **refresh))
         size = facts.get("size")
@@ -64,6 +65,7 @@ class Server:
     def fetch(self, start: int, stop: int) -> bytes:
         """Return the bytes from ``start`` to ``stop``, both within the file, of the version that it had at first."""
         fetched: bytes = self._asked(lambda: self._stretch(start, stop))
+        # HDF5 would take missing bytes for damage of the file.
         if len(fetched) != stop - start:
             raise StorageError(f"Expected {stop - start} bytes from {start} on, got {len(fetched)}: {self._place}")
         self.traffic += Traffic(transferred_bytes=len(fetched))
@@ -76,6 +78,7 @@ class Server:
 
     def _stretch(self, start: int, stop: int) -> bytes:
         if self._open is None:
+            # Without a cache of fsspec: ``RemoteBytes`` caches, and the traffic is what was transferred.
             self._open = self._files.open(self._place.url, "rb", cache_type="none", **self._opening())
             self.traffic += Traffic(requests=int(self._place.scheme == "s3"))  # it asks for the version by itself
         self._open.seek(start)
@@ -86,6 +89,7 @@ class Server:
         if self._place.scheme == "s3":
             return {}
         tag = self.version.tag
+        # If-Match compares strongly (RFC 9110, 13.1.1).
         strong = tag.startswith('"')  # a weak one may not be compared so, and a date is none
         return {"size": self.version.size, "headers": {"If-Match": tag} if strong else {}}
 
@@ -97,6 +101,7 @@ class Server:
                     return request()
             except Exception as error:  # noqa: BLE001 - libraries raise what they like; a person gets one sentence
                 if wait_s is None or not may_pass(error):
+                    # Without its cause, whose text may hold the URL with its signature.
                     raise failure_of(error, self._place) from None
             time.sleep(wait_s)
         raise AssertionError("the last try returns or raises")
@@ -119,7 +124,7 @@ def _without_collection() -> Iterator[None]:
 
 
 def version_of(place: Place) -> Version:
-    """Return which version a file is now, wherever it lies; raises ``StorageError`` where its server does not tell."""
+    """Return the current version of a file, wherever it lies; raises ``StorageError`` if its server withholds it."""
     return Server(place).version if isinstance(place, RemoteFile) else local_version(place)
 
 
@@ -131,6 +136,7 @@ def _filesystem(place: RemoteFile) -> Any:
         if place.scheme == "s3":
             config = {"connect_timeout": _CONNECT_S, "read_timeout": _SILENCE_S}
             return fsspec.filesystem("s3", use_listings_cache=False, config_kwargs=config)
+        # Only silence is limited: a large chunk over a slow line takes as long as it takes.
         timeout = aiohttp.ClientTimeout(total=None, sock_connect=_CONNECT_S, sock_read=_SILENCE_S)
         return fsspec.filesystem(place.scheme, client_kwargs={"timeout": timeout})
     except ImportError:

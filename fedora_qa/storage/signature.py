@@ -38,5 +38,6 @@ def require_signature_in(path: Place, file: BinaryIO | RemoteBytes) -> None:
             return
         if first_bytes is None or len(first_bytes) < len(_SIGNATURE):
             break
+        # The signature lies at 0, 512 and each doubling (HDF5 File Format Specification, II.A).
         offset = 2 * offset or 512
     raise NotHdf5Error(f"Expected an HDF5 file, got something else (no HDF5 signature): {path}")

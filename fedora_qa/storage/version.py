@@ -1,4 +1,4 @@
-"""Which version of a file it is, as cheaply as can be told."""
+"""Which version of a file it is, as cheaply as it can be found."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -9,7 +9,7 @@ class Version:
     """Size in bytes, and what else changes with the content.
 
     ``tag`` is the time of the last change (ns) of a local file, the ETag of one behind a URL, or where there is none
-    the time of its last change; empty where the server tells nothing.
+    the time of its last change; empty where the server gives nothing.
     """
 
     size: int
