@@ -1,4 +1,4 @@
-"""A coarse grid that a part of the timestamps lies on, among others that do not.
+"""A coarse grid on which a part of the timestamps lie, among others that do not.
 
 A comb of g ticks meets one in g of the occupied ticks where timestamps do not depend on it. Ticks count once however
 many events they hold: an edge that lets a whole column fire at once is one observation, not many.
@@ -30,7 +30,8 @@ STEPS: Final = (*map(float, range(FINEST, COARSEST + 1)), *FLOAT32_STEPS_US)
 _WHOLE: Final = np.arange(FINEST, COARSEST + 1)
 
 _TICKS_PER_TIMESTAMP: Final = 500
-"""All combs visit a tick some eight times, 10 ns, and a timestamp 2000 times, 7 us: here both take as long, about."""
+"""Ticks for each timestamp at which both ways of counting take about as long: all combs together visit a tick some
+eight times, in 10 ns, and a timestamp 2000 times, in 7 us."""
 
 _TIMESTAMPS_PER_BLOCK: Final = 1 << 12
 
@@ -47,7 +48,7 @@ class CombCounts:
     def deviates(self) -> Float64:
         """Return how improbable so many hits are by chance (k,), as deviates of a normal distribution, 0 at least."""
         occupancy = self.occupied / max(self.ticks, 1)
-        # So many are met by chance once in two times or more: the median is not below the mean, rounded down.
+        # floor(mean) hits or more occur by chance at least every other time: the median is not below floor(mean).
         more = self.hits > np.floor(self.teeth * occupancy)
         deviates = np.zeros(len(self.hits))
         chances = log_chance_of_hits(self.hits[more], self.teeth[more], occupancy)
@@ -81,6 +82,7 @@ def comb_counts(timestamps: Int64) -> CombCounts:
 
 def _teeth(first: int, last: int) -> Int64:
     """Count the teeth of each comb from the first tick to the last."""
+    # Multiples of g from a to b: floor(b / g) - ceil(a / g) + 1, with ceil(a / g) = -floor(-a / g).
     return np.asarray(np.concatenate([last // _WHOLE + -first // _WHOLE + 1, *(
         [upto - begin + 1] for begin, upto in (_numbers(first, last, step) for step in FLOAT32_STEPS_US)
     )]))  # fmt: skip
@@ -108,6 +110,7 @@ def _hits_by_timestamp(occupied: Int64) -> Int64:
     """Count the same: of a tick that a tooth rounds to it is the nearest tooth."""
     first, last = int(occupied[0]), int(occupied[-1])
     hits = np.zeros(len(STEPS), np.int64)
+    # By blocks: the remainders of 4096 timestamps by all combs take 65 MB.
     for start in range(0, len(occupied), _TIMESTAMPS_PER_BLOCK):
         hits[: len(_WHOLE)] += np.count_nonzero(
             occupied[start : start + _TIMESTAMPS_PER_BLOCK, None] % _WHOLE == 0, axis=0
@@ -127,6 +130,7 @@ def count_hits(occupied: NDArray[np.bool_], first: int, finest: int, hits: Int64
     """
     for comb in range(len(hits)):
         step = np.uint64(finest + comb)
+        # The first tick on the comb, counted from ``first``.
         tick, hit_count = np.uint64((-first) % (finest + comb)), 0
         while tick < np.uint64(len(occupied)):
             hit_count += occupied[tick]

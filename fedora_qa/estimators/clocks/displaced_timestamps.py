@@ -9,9 +9,10 @@ from numpy.typing import NDArray
 Int64 = NDArray[np.int64]
 
 _EXACT_RATIO: Final = 0.5
-"""Ratio of the steps that must be the period itself: the clock is exact, and deviating timestamps were moved."""
+"""Share of the steps that must equal the period: then the clock is exact, and deviating timestamps were displaced."""
 
 _LEAST_OUTSIDE: Final = 0.1
+"""Share of the timestamps that must lie outside the displaced part."""
 _ROUNDINGS: Final = 2
 """Units by which rounding alone moves the difference of two timestamps: half of one each, and the period's own."""
 
@@ -48,7 +49,12 @@ def displaced_part(times_ns: Int64, *, resolution_ns: int) -> DisplacedSegment |
     times_ns
         (N,) timestamps.
     resolution_ns
-        Unit to which they are rounded.
+        Unit to which they are rounded, ns.
+
+    Returns
+    -------
+    DisplacedSegment | None
+        From the first to the last displaced row.
     """
     if len(times_ns) < 3:
         return None
@@ -63,10 +69,12 @@ def displaced_part(times_ns: Int64, *, resolution_ns: int) -> DisplacedSegment |
     if not len(rows) or len(times_ns) - (rows[-1] - rows[0] + 1) < _LEAST_OUTSIDE * len(times_ns):
         return None
     first, last = int(rows[0]), int(rows[-1])
+    # Steps of the deviation into the part and out of it; a part that lasts to the end has no second jump.
     jumps = np.abs(np.diff(deviation_ns))[[max(first - 1, 0), min(last, len(deviation_ns) - 2)]]
     if jumps.max() <= _ROUNDINGS * resolution_ns:
         return None
     inside = deviation_ns[first : last + 1]
     steady = bool(np.ptp(inside) <= _ROUNDINGS * resolution_ns)
+    # Slope of the deviation, ns, over the time by the clock's rows, ns: s/s.
     drift = 0.0 if steady else float(np.polyfit(period * np.arange(len(inside), dtype=float), inside, 1)[0])
     return DisplacedSegment(first, last, float(np.median(inside)), drift)

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from fedora_qa.conventions import US_PER_S
 
 _LEAST_SPACING_US: Final = 2.0
-"""Where single-precision seconds are as fine as a microsecond every timestamp can be one."""
+"""Below, single-precision seconds are about as fine as a microsecond, and every timestamp can be one."""
 
 
 def single_precision_spacing_us(times_us: NDArray[np.float64]) -> float:
@@ -17,6 +17,16 @@ def single_precision_spacing_us(times_us: NDArray[np.float64]) -> float:
     A float32 has 24 bits (IEEE 754): seconds above 2^k are 2^(k-23) s apart, 3.8 us from 32 s on. Timestamps must round
     to the microsecond of such a number; by chance a timestamp does so with probability one over the spacing in us. The
     result is 0 where chance alone would let all of them do so more often than once in a million files.
+
+    Parameters
+    ----------
+    times_us
+        (n,) timestamps as the file holds them, us.
+
+    Returns
+    -------
+    float
+        us.
     """
     seconds = np.asarray(times_us, dtype=np.float64) / US_PER_S
     single = seconds.astype(np.float32)
@@ -31,5 +41,6 @@ def single_precision_spacing_us(times_us: NDArray[np.float64]) -> float:
 
 
 def surely_no_chance(grids_us: NDArray[np.float64]) -> bool:
-    """Whether timestamps at random would all fall on their grids, (n,) in us, less often than once in a million."""
+    """Whether random timestamps would all lie on their grids, spacings (n,) us, less often than once in a million."""
+    # Each lies on its grid with probability 1 / g (g in us, timestamps of 1 us): the product is below 1e-6.
     return float(np.log10(grids_us).sum()) > 6.0

@@ -13,7 +13,7 @@ Int64 = NDArray[np.int64]
 Float64 = NDArray[np.float64]
 
 FEWEST_TIMESTAMPS: Final = 3
-"""Two show a step, but not whether it is kept."""
+"""Two timestamps have one step, and no residual about it."""
 
 _ROUNDED_NS: Final = 1_000.0
 """Two timestamps that were each rounded to a microsecond lie by up to this much off the whole periods between them."""
@@ -29,7 +29,7 @@ _SAME_GRID: Final = 1.25
 """Residuals of a rounded clock span one grid; the least-squares line is off the true one by a part of that."""
 
 _MOST_JUMPS: Final = 0.1
-"""A clock of which more steps than this are off jitters; it does not jump."""
+"""Share of deviating steps beyond which a clock jitters and does not jump."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -66,7 +66,7 @@ class RegularClock:
 
     @property
     def regular(self) -> bool:
-        """Whether jitter is small enough for a gap to be told from it: below half a grid, or a tenth of a period."""
+        """Whether a gap can be distinguished from jitter: below half a grid, or a tenth of a period."""
         return self.jitter_ns < max(self.period_ns / 10, self.grid_ns / 2)
 
     @property
@@ -76,11 +76,21 @@ class RegularClock:
 
 
 def fit_regular_clock(times_ns: Int64) -> RegularClock | None:
-    """Fit strictly increasing timestamps, (N,) ns; None with fewer than three.
+    """Fit a regular clock to timestamps.
 
     The number of each sample counts the periods (the median step) that have passed, so that a gap shifts nothing.
-    Double steps that are spread evenly are no gaps but a clock that was rounded to a coarse grid. Jumps of an
-    otherwise exact clock are taken out before the period is fitted.
+    Double steps that are spread evenly are no gaps but those of a clock that was rounded to a coarse grid. Jumps of an
+    otherwise exact clock are subtracted before the period is fitted.
+
+    Parameters
+    ----------
+    times_ns
+        (N,) strictly increasing.
+
+    Returns
+    -------
+    RegularClock | None
+        None with fewer than three timestamps.
     """
     if len(times_ns) < FEWEST_TIMESTAMPS:
         return None
@@ -96,10 +106,11 @@ def fit_regular_clock(times_ns: Int64) -> RegularClock | None:
     jumped_ns[jumps + 1] = off_ns[jumps]
     numbers = np.concatenate(([0.0], np.cumsum(passed)))
     period_ns, residuals, spread = _line(numbers, (times_ns - times_ns[0]) - np.cumsum(jumped_ns))
+    # N - 2 degrees of freedom: offset and period are fitted.
     sigma_ns = float(np.sqrt(residuals @ residuals / max(len(times_ns) - 2, 1)))
-    # Standard error of a slope: sigma over the root of the numbers' sum of squares.
     return RegularClock(
         period_ns=period_ns,
+        # Standard error of a slope: sigma over the root of the numbers' sum of squares.
         period_error_ns=sigma_ns / np.sqrt(spread),
         jitter_ns=float(np.median(np.abs(residuals - np.median(residuals)))) / NORMAL_QUARTILE,
         missing=int(np.sum(passed - 1)),
@@ -112,10 +123,10 @@ def fit_regular_clock(times_ns: Int64) -> RegularClock | None:
 
 
 def is_rounded(times_ns: Int64) -> bool:
-    """Whether timestamps (N,) that often repeat are those of a regular clock, rounded to a grid above its period.
+    """Whether timestamps (N,), ns, that often repeat are those of a regular clock, rounded to a grid above its period.
 
-    Samples that are written twice delay all that follow in the count of rows; rounding delays none by more than a step.
-    Few repeats tell that only where the grid itself is no period of a clock (``has_odd_grid_above_period``).
+    Samples that are written twice delay all later rows; rounding delays none by more than a step. Few repeats
+    distinguish both only where the grid itself is no period of a clock (``has_odd_grid_above_period``).
     """
     steps = np.diff(times_ns)
     often = int(np.count_nonzero(steps == 0)) >= _FEWEST_REPEATS
@@ -123,7 +134,7 @@ def is_rounded(times_ns: Int64) -> bool:
 
 
 def has_odd_grid_above_period(times_ns: Int64) -> bool:
-    """Whether timestamps (N,) are those of a clock of a whole rate, in Hz, rounded to a grid a little above its period.
+    """Whether timestamps (N,), ns, are those of a clock of a whole rate in Hz, rounded to a grid just above its period.
 
     All steps are then none or one, and timestamps stay within one grid of the clock; of a grid that is the period of a
     whole rate itself, the repeats are samples that were written twice.
@@ -135,6 +146,7 @@ def has_odd_grid_above_period(times_ns: Int64) -> bool:
     numbers = np.arange(len(times_ns), dtype=np.float64)
     elapsed_ns = (times_ns - times_ns[0]).astype(np.float64)
     rate_hz = max(round(NS_PER_S / _line(numbers, elapsed_ns)[0]), 1)
+    # Timestamps rounded to a grid stay within one grid of their clock; repeated samples accumulate.
     kept = float(np.ptp(elapsed_ns - numbers * NS_PER_S / rate_hz)) <= grid_ns
     whole_ns = NS_PER_S / max(round(NS_PER_S / grid_ns), 1)
     return kept and abs(grid_ns - whole_ns) > _ROUNDED_NS

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 Int64 = NDArray[np.int64]
 
 _SEGMENT: Final = 64
-"""Samples looked at together: a grid that holds for a part of the stream only is found there."""
+"""Samples of a segment: a grid that holds for a part of the stream only is detected there."""
 
 _FEWEST_ODD: Final = 4
 """Steps of the rarer length in a segment: fewer could be single gaps."""
@@ -29,7 +29,12 @@ def rounding_grid_ns(times_ns: Int64, *, resolution_ns: int) -> int:
     times_ns
         (N,) timestamps; segments where they decrease show no grid.
     resolution_ns
-        What timestamps are rounded to anyway: only coarser grids count.
+        Unit of all timestamps, ns: only coarser grids count.
+
+    Returns
+    -------
+    int
+        ns, the median of the segments' grids.
     """
     segments = times_ns[: len(times_ns) // _SEGMENT * _SEGMENT].reshape(-1, _SEGMENT)
     if not len(segments):
@@ -44,6 +49,7 @@ def rounding_grid_ns(times_ns: Int64, *, resolution_ns: int) -> int:
 def _grid_of(times_ns: Int64) -> int:
     steps = np.diff(times_ns)
     short, long = int(steps.min()), int(steps.max())
+    # Both steps are multiples of the grid, next to each other: their difference is the grid.
     grid = long - short
     rarer = min(np.count_nonzero(steps == short), np.count_nonzero(steps == long))
     if short % grid or rarer < _FEWEST_ODD or not np.isin(steps, (short, long)).all():

@@ -23,7 +23,7 @@ LARGE_RESIDUAL = 3.0
 """Times the usual residual over threshold beyond which events of a window or tile do not follow the frames at all."""
 
 FEWEST_CELLS = 8
-"""Below, the scatter of cells is not known to a quarter."""
+"""Below, the relative standard error of the scatter of cells exceeds a quarter."""
 
 _FITTED_BY_STEP = 4
 """Two means, and two ends of the part."""
@@ -77,8 +77,8 @@ class DelayStep:
     ----------
     chosen
         (k,) windows or tiles of the part.
-    late_s, standard_error_s
-        Its delay less that of the rest.
+    offset_s, standard_error_s
+        Its delay less that of the rest, s, and the standard error of this difference.
     tests
         Parts that were compared.
     """
@@ -116,6 +116,7 @@ def delays(sums: CellSums) -> CellDelays:
     def where_identifiable(values: Float64) -> Float64:
         return np.where(identifiable, values, np.nan)
 
+    # Cov(theta) = sigma^2 (X'WX)^-1, with sigma^2 the weighted mean of the squared residuals.
     errors = np.sqrt(np.maximum(inverses[:, 2, 2] * variances, 0.0))
     return CellDelays(
         where_identifiable(theta[:, 2]), where_identifiable(errors), where_identifiable(np.sqrt(variances) / steps)
@@ -130,6 +131,18 @@ def delays_of_parts(sums: CellSums, summed: int) -> CellDelays:
     leaving one cell of the part out in turn moves its delay (delete-one jackknife). For windows both are widened by
     what tiles of a row or column share, and the excess is that of all windows together (``_usual_excess``); for tiles
     that would hide a part of the image that is late.
+
+    Parameters
+    ----------
+    sums
+        Of windows by tiles, (w, c).
+    summed
+        The axis to sum over: 1 gives one delay for each window, 0 one for each tile.
+
+    Returns
+    -------
+    CellDelays
+        (w,) or (c,), with standard errors in s.
     """
     parts, by_cell = delays(sums.over(summed)), _jackknife(sums, summed)
     excess = _excess_scatter(sums)
@@ -143,14 +156,14 @@ def delays_of_parts(sums: CellSums, summed: int) -> CellDelays:
 def _usual_excess(sums: CellSums, windows: CellDelays, by_tile: Float64) -> float:
     """Return by how much errors by leaving out tiles exceed formal ones, over all windows; 1 at least.
 
-    A few long edges may hold most of a window's weight. Three that err alike by chance leave a jackknife error that is
-    much too small, which over the windows of a file, and over many files, happens: all windows together estimate it
-    with the sum of their degrees of freedom (Student). Those of a window are the tiles that share its weight evenly,
-    less 1.
+    A few long edges may hold most of a window's weight. If three of them err alike by chance, the jackknife error is
+    much too small. Over the windows of many files this happens. All windows together estimate the excess with the sum
+    of their degrees of freedom (Student). A window has as many as tiles that would share its weight evenly, less 1.
     """
     tiles = delays(sums)
     shares = np.where(tiles.errors_s > 0, tiles.errors_s, np.inf).reshape(sums.counts.shape) ** -2.0
     shares = np.where(np.isfinite(shares), shares, 0.0)
+    # Effective number of tiles, (sum w)^2 / sum w^2 (L. Kish, Survey Sampling, Wiley 1965), less 1.
     freedom = np.maximum(shares.sum(axis=1) ** 2 / np.maximum((shares**2).sum(axis=1), 1e-300) - 1, 0.0)
     usable = np.isfinite(by_tile) & (windows.errors_s > 0) & (freedom > 0)
     if not usable.any():
@@ -176,16 +189,17 @@ def _shared_by_lines(sums: CellSums, formal: Float64, by_tile: Float64) -> float
         if usable.any():
             by_lines, by_tiles = (np.sqrt(np.sum((each[usable] / formal[usable]) ** 2)) for each in (by_line, by_tile))
             count = np.count_nonzero(usable)
+            # ``shared_errors`` takes numbers of groups and subtracts 1: degrees of freedom of all windows, plus 1.
             shared = shared_errors(by_tiles, (tiles - 1) * count + 1, by_lines, (side - 1) * count + 1)
             widest = max(widest, float(shared / by_tiles))
     return widest
 
 
 def _excess_scatter(sums: CellSums) -> float:
-    """Return by how much delays of cells scatter more than their formal errors say, 1 at least.
+    """Return by how much delays of cells scatter beyond their formal errors, 1 at least.
 
-    About the delay of its window a cell scatters by its own error alone where a stretch of time is late, and about the
-    delay of its tile where a part of the image is: the smaller of both scatters is that of a correct file.
+    Where a segment of time is late, a cell scatters by its own error alone about the delay of its window; where a part
+    of the image is late, about the delay of its tile. The smaller of both scatters is that of a correct file.
     """
     cells, shape = delays(sums), sums.counts.shape
     seconds, errors_s = cells.seconds.reshape(shape), cells.errors_s.reshape(shape)
@@ -195,6 +209,7 @@ def _excess_scatter(sums: CellSums) -> float:
         deviations = (seconds - of_parts)[errors_s > 0] / errors_s[errors_s > 0]
         squares = deviations[np.isfinite(deviations)] ** 2
         if len(squares) >= FEWEST_CELLS:
+            # Robust: a single late cell must not widen the errors of all. z^2 of normal z has the median 0.4549.
             scatters.append(float(np.sqrt(np.median(squares) / _MEDIAN_OF_SQUARES)))
     return max(1.0, min(scatters, default=1.0))
 
@@ -219,6 +234,7 @@ def _jackknife(sums: CellSums, summed: int) -> Float64:
 def _inverses(matrices: Float64, counts: Float64) -> tuple[Float64, NDArray[np.bool_]]:
     """Return the inverses (k, 3, 3), zero where thresholds and delay are not identifiable, and whether they are."""
     sizes = np.sqrt(np.maximum(np.diagonal(matrices, axis1=1, axis2=2), 1e-300))
+    # Unit diagonal: thresholds (counts) and delay (slopes, 1/s) differ in unit, and so would their eigenvalues.
     scales = sizes[:, :, np.newaxis] * sizes[:, np.newaxis, :]
     scaled = matrices / scales
     identifiable = (counts >= FEWEST_SAMPLES) & (np.linalg.eigvalsh(scaled)[:, 0] > _SINGULAR)

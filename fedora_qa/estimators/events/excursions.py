@@ -1,4 +1,4 @@
-"""What events must conserve: the signal less what its events sum to stays within the thresholds, for ever.
+"""What events must conserve: the signal less the sum of its events stays within the thresholds at all times.
 
 An ideal pixel keeps ``-C- < L - ref < C+``, and ``ref`` moves by C+ and C- only. So over any times, however far apart,
 ``E = L - C+ P + C- M`` varies by less than C+ + C-. Each frame bounds L at its time; the pixel violates the law where
@@ -43,9 +43,9 @@ class ConservationLaw:
     threshold_on, threshold_off
         What a brighter and a darker event stand for, nat.
     dark
-        The signal is the logarithm of the light and this.
+        The signal is ln(light + dark); DN.
     uneven
-        Rules: frames bound nothing in a pixel whose error is not below the first and the second times the light.
+        Rules (a, b): a frame bounds nothing in a pixel whose error is not below a + b (light + dark), DN.
     """
 
     threshold_on: float
@@ -144,8 +144,15 @@ def bound(
         (n - 1, 2, h, w) darker and brighter events between the frames.
     drift
         (n - 1,) nat that the signal appears to gain between frames besides (leak).
+    law
+        Thresholds and rules of acceptance.
     frames
         (n,) numbers of the frames.
+
+    Returns
+    -------
+    Excursions
+        Bounds of E of each pixel (h, w) by each of the k rules.
     """
     shape, rules = light.shape[1:], len(law.uneven)
     start = np.stack([light[0], error[0]]) if frames[0] == 0 else np.empty((2, 0, 0), light.dtype)
@@ -206,11 +213,28 @@ def follow_excursions(
     begun: bool,
     extremes: ExtremeBounds,
 ) -> None:
-    """Follow signal minus events of every pixel over the frames, by each of some rules which frames to accept.
+    """Bound signal minus events of every pixel over the frames, by each of k rules of acceptance.
 
-    The signal is the logarithm of light and ``dark``, and counts ``units`` times; a darker and a brighter event is each
-    a step of ``steps``. Bounds that are not finite, or of an error not below the first of a rule's ``uneven`` (k, 2)
-    and the second times the light, bound nothing. Where it has ``begun``, the first frame has been added before.
+    The signal is ln(light + dark) in units of 1 / ``units`` nat; a darker and a brighter event change it by ``steps``.
+    A frame bounds nothing where its error is not finite, or is not below a + b (light + dark), (a, b) being a row of
+    ``uneven`` (k, 2). If ``begun``, the first frame has been added before.
+
+    Parameters
+    ----------
+    bounds
+        Frames, DN, and what happens between them.
+    dark
+        DN.
+    steps
+        C- and C+, units.
+    uneven
+        (k, 2) rules.
+    units
+        Units per nat.
+    begun
+        Whether ``extremes`` hold the first frame already.
+    extremes
+        Updated in place.
     """
     light, error, counts, drift, frames = bounds
     total, highest, lowest, highest_at, lowest_at = extremes
@@ -221,6 +245,7 @@ def follow_excursions(
     for row in range(light.shape[1]):
         for frame in range(len(light)):
             if frame > 0:
+                # Events lie in (frame - 1, frame]: they are added before the bounds of this frame are taken.
                 _add_events(counts[frame - 1, :, row], steps, drift[frame - 1], total[row])
             elif begun:
                 continue
@@ -241,6 +266,7 @@ def follow_excursions(
 def _add_events(counts: Int32, steps: tuple[int, int], drift: int, total: Int64) -> None:
     off, on = counts
     for column in range(len(total)):
+        # E = L - C+ P + C- M + drift, module docstring: ``total`` is what is subtracted from L.
         total[column] += on[column] * steps[1] - off[column] * steps[0] - drift
 
 
@@ -281,6 +307,7 @@ def _log_of_parts(mantissas: Float64, exponents: Float64, units: float, logs: In
             series = 1.0 / 9.0 + z * (1.0 / 11.0 + z * (1.0 / 13.0 + z * (1.0 / 15.0)))
             series = 1.0 + z * (1.0 / 3.0 + z * (1.0 / 5.0 + z * (1.0 / 7.0 + z * series)))
             log = (exponents[end, column] * _LN_2 + 2.0 * s * series) * units
+            # Rounded outwards: rounding to whole units must not tighten a bound.
             logs[end, column] = np.int64(np.floor(log) if end == 0 else np.ceil(log))
 
 
@@ -318,8 +345,9 @@ def _widen_and_note(
     highest_at: Int32,
     lowest_at: Int32,
 ) -> None:
-    """Take a frame's bounds of a row (w,) into the largest lower and the smallest upper one, with its number."""
+    """Update the largest lower and the smallest upper bound of a row (w,) by a frame, and note its number."""
     for column in range(len(total)):
+        # E = L - total. Only a tighter bound replaces the frame number: of equal ones the earlier, as in ``then``.
         least = ends[0, column] - total[column] if accepted[column] else -FARTHEST
         most = ends[1, column] - total[column] if accepted[column] else FARTHEST
         highest_at[column] = frame if least > highest[column] else highest_at[column]

@@ -1,7 +1,7 @@
-"""Shifts of events against frames that lie beyond what is searched pixel by pixel: the same at half the resolution.
+"""Shifts of events against frames beyond the range that is searched pixel by pixel, at half the resolution.
 
-Blocks of 2 x 2 pixels are summed, so that the same number of shifts reaches twice as far for a fourth of the time. The
-peak is that of a smoother correlation and is known to a fraction of a block.
+Blocks of 2 x 2 pixels are summed, so that the same number of shifts reaches twice as far in a quarter of the time. The
+peak of this smoother correlation is estimated to a fraction of a block.
 """
 
 from collections.abc import Sequence
@@ -40,11 +40,25 @@ class FarShift:
 
 
 def far_sums(change: Float64, events: Float64, usable: NDArray[np.bool_]) -> FarSums:
-    """Return the sums of one interval (k = 1) of ``change`` and ``events`` (h, w), over the usable pixels."""
+    """Return the sums of one interval (k = 1) over the usable pixels.
+
+    Parameters
+    ----------
+    change, events
+        (h, w) changes by frames and by events; their units may differ.
+    usable
+        (h, w) pixels where both can be compared.
+
+    Returns
+    -------
+    FarSums
+        Of k = 1 interval; shifts are counted in blocks.
+    """
     height, width = (size // BLOCK_PX for size in usable.shape)
     changed, fired = np.empty((2, height, width))
     rest = sum_blocks(change, events, usable, changed, fired)
     squares = np.array([np.sum(image * image) for image in (changed, fired)])
+    # Sums are beyond the mean of their usable pixels: a block without any holds 0, so that no block is left out.
     patch = cross_correlation(changed, fired, np.ones(changed.shape, np.bool_), rest)
     return FarSums(patch[np.newaxis], squares[np.newaxis])
 
@@ -58,9 +72,24 @@ def far_shift(sums: FarSums, beyond_px: float, least: float) -> FarShift | None:
     """Return the shift where events and frames correlate most; None where that is not farther than ``beyond_px``.
 
     Also None where they correlate by less than ``least``, or the peak hangs on single intervals (delete-one jackknife).
+
+    Parameters
+    ----------
+    sums
+        Of all intervals.
+    beyond_px
+        Largest component of the shift, px of the sensor, that the search pixel by pixel covers.
+    least
+        Correlation, 0 to 1, below which the peak is one of chance.
+
+    Returns
+    -------
+    FarShift | None
+        In px of the sensor, right and down.
     """
     total = sums.patches.sum(axis=0)
     block_shift = peak(total)
+    # Normalised correlation, at most 1 (Cauchy and Schwarz) also of the sums over all intervals.
     strength = float(total.max() / max(float(np.sqrt(sums.squares.sum(axis=0).prod())), 1e-300))
     if block_shift is None or strength < least:
         return None
@@ -71,6 +100,7 @@ def far_shift(sums: FarSums, beyond_px: float, least: float) -> FarShift | None:
     spread = peak_spread(sums.patches, total)
     if spread is None:
         return None
+    # Scatter between intervals and the width of a block are independent errors.
     return FarShift(shift, np.hypot(BLOCK_PX * spread, _BLOCK_ERROR_PX), strength)
 
 
@@ -78,13 +108,21 @@ def far_shift(sums: FarSums, beyond_px: float, least: float) -> FarShift | None:
 def sum_blocks(
     change: Float64, events: Float64, usable: NDArray[np.bool_], change_blocks: Float64, event_blocks: Float64
 ) -> float:
-    """Write sums of both images (h, w) beyond their means over blocks, (h // 2, w // 2); other pixels count nothing.
+    """Write the sums over blocks of both images less their means; pixels that are not usable add nothing.
 
-    ``change_blocks`` and ``event_blocks`` receive those of the frames and of the events.
+    Parameters
+    ----------
+    change, events
+        (h, w) images.
+    usable
+        (h, w) pixels that count.
+    change_blocks, event_blocks
+        (h // 2, w // 2) where the sums are written.
 
     Returns
     -------
-    What a block of usable pixels holds in which nothing fires.
+    float
+        The sum of events, less the mean, of a block of usable pixels in which nothing fires.
     """
     count, change_sum, event_sum = 0, 0.0, 0.0
     for row in range(usable.shape[0]):

@@ -24,8 +24,8 @@ Weighted = tuple[NDArray[np.int64], Float64]
 Weighted32 = tuple[NDArray[np.int64], Float32]
 
 LEFT_BY_SHARP = 0.7
-"""Bound on the error of what follows from the edge-aware reconstruction, as a fraction of how far the uniform one moves
-it.
+"""Bound on the error of a result of the edge-aware reconstruction, as a fraction of its distance from that of the
+uniform one.
 
 On smooth images the cubic has hardly any error. Steps are the worst that frames hold. For unit steps at random places,
 moving by s frame pixels between two frames (footprints of 9/4 frame pixels), the amplitude of the change is too small
@@ -63,7 +63,7 @@ _RECONSTRUCTIONS = "uniform", "edge_aware", "split"
 
 @dataclass(frozen=True, slots=True)
 class FootprintAxis:
-    """What the m pixels of the event camera take of the frame along one axis.
+    """Weights of the frame's pixels for the m pixels of the event camera, along one axis.
 
     Attributes
     ----------
@@ -161,7 +161,20 @@ class Footprints:
 def footprints(
     K_frame: Float64, shape_frame: tuple[int, int], K_event: Float64, shape_event: tuple[int, int]
 ) -> Footprints:
-    """Return the footprints of the event camera's pixels; shapes are (rows, columns), K (3, 3) without skew."""
+    """Return the footprints of the event camera's pixels in the frame.
+
+    Parameters
+    ----------
+    K_frame, K_event
+        (3, 3) camera matrices without skew, px; pixel centres are whole numbers.
+    shape_frame, shape_event
+        Rows and columns.
+
+    Returns
+    -------
+    Footprints
+        Of both axes.
+    """
     return Footprints(
         row_axis(K_frame, shape_frame[0], K_event, shape_event[0]),
         column_axis(K_frame, shape_frame[1], K_event, shape_event[1]),
@@ -169,40 +182,43 @@ def footprints(
 
 
 def row_axis(K_frame: Float64, height_frame: int, K_event: Float64, height_event: int) -> FootprintAxis:
-    """Return what the rows of the event camera take of the rows of the frame."""
+    """Return the weights of the frame's rows for the rows of the event camera; as ``footprints``."""
     return _axis(K_frame[1, 1:], K_event[1, 1:], height_frame, height_event)
 
 
 def column_axis(K_frame: Float64, width_frame: int, K_event: Float64, width_event: int) -> FootprintAxis:
-    """Return what the columns of the event camera take of the columns of the frame."""
+    """Return the weights of the frame's columns for the columns of the event camera; as ``footprints``."""
     return _axis(K_frame[0, [0, 2]], K_event[0, [0, 2]], width_frame, width_event)
 
 
 def _axis(frame: Float64, event: Float64, size_frame: int, size_event: int) -> FootprintAxis:
     """Return the weights along one axis; ``frame`` and ``event`` are focal length and principal point, px."""
-    edges = (np.arange(size_event + 1) - 0.5 - event[1]) * (frame[0] / event[0]) + frame[1] + 0.5
     # Edges of event pixels in frame pixels, from the left border of the first: x_to = K_to K_from^-1 x_from.
+    # Pixel centres are whole numbers: -0.5 takes a centre to its left border, +0.5 counts from that of the frame.
+    edges = (np.arange(size_event + 1) - 0.5 - event[1]) * (frame[0] / event[0]) + frame[1] + 0.5
     lengths = np.diff(edges)[:, np.newaxis]
     uniform = _means(edges, size_frame, points=2)
     edge_aware = _means(edges, size_frame, points=min(4, size_frame + 1))
-    # K as written in a file may lack one part in a million of a pixel.
+    # K as written in a file may be off by a millionth of a pixel; equal fields of view must still count as inside.
     inside = (edges[:-1] >= -1e-6) & (edges[1:] <= size_frame + 1e-6)
     return FootprintAxis(
         FootprintTaps(uniform.first, uniform.weights / lengths),
         FootprintTaps(edge_aware.first, edge_aware.weights / lengths),
+        # s^2 / length where ``uniform`` has s / length: their difference is the s (1 - s) of ``split_bound``.
         FootprintTaps(uniform.first, uniform.weights**2 / lengths),
         inside,
     )
 
 
 def _means(edges: Float64, size: int, points: int) -> FootprintTaps:
-    """Return the weights of pixels in the integral between each two edges, Lagrange of so many ``points``.
+    """Return the weights of pixels in the integral between each two edges, by Lagrange polynomials of ``points``.
 
     The primitive at border k is the sum of the pixels before it: pixel j has the weight of all borders behind it.
     """
+    # A footprint that leaves the frame is cut to it; ``inside`` excludes it, so that its weights need not add up to 1.
     positions = np.clip(edges, 0.0, size)
     first = np.clip(np.floor(positions).astype(np.int64) - points // 2 + 1, 0, size + 1 - points)
-    # Lagrange polynomials of the borders around each edge.
+    # Lagrange: l_i(x) = prod_{j != i} (x - x_j) / (x_i - x_j), of the borders x_j around each edge.
     borders, since = np.ones((points, len(edges))), positions - first
     for i in range(points):
         for j in range(points):
@@ -220,6 +236,7 @@ def _means(edges: Float64, size: int, points: int) -> FootprintTaps:
 
     # The integral over a footprint is the primitive at its end less that at its start.
     weights = before(slice(1, None)) - before(slice(None, -1))
+    # Exact zeros: a pixel of a weight of rounding size would count as touched, and exclude the footprint if clipped.
     weights[np.abs(weights) < 1e-12] = 0.0
     return FootprintTaps(start, weights)
 
@@ -232,7 +249,17 @@ def _weighted_means(rows: FootprintTaps, image: NDArray[Any], columns: Footprint
 
 @njit(cache=True)
 def average_taps(image: NDArray[Any], rows: Weighted, columns: Weighted, means: Float64) -> None:
-    """Write the weighted means (h, w) of an image (H, W)."""
+    """Write the weighted means of an image.
+
+    Parameters
+    ----------
+    image
+        (H, W).
+    rows, columns
+        First pixel (h,), (w,) and weights (h, k), (w, k) along each axis.
+    means
+        (h, w) where the means are written, in the unit of the image.
+    """
     line = np.empty(image.shape[1])
     for row in range(means.shape[0]):
         line[:] = 0.0
@@ -392,6 +419,7 @@ def _mark_clipped(clipped: Bool, clipped_rows: Bool, first: int, weights: Float3
 @njit(cache=True)
 def _exclude_columns(near_clipped: Bool, first: NDArray[np.int64], weights: Float32, error: Float32) -> None:
     """Make the error infinite of pixels whose columns that weigh, or those beside them, are marked."""
+    # Marked columns before each column: whether a range holds any is the difference of two sums.
     before = 0
     until = np.zeros(len(near_clipped) + 1, np.int64)
     for column in range(len(near_clipped)):

@@ -20,12 +20,19 @@ def change_and_events(
     Parameters
     ----------
     before, after, error_before, error_after
-        (h, w) levels at both ends of the interval, and how well they are known: not at all where that is not finite.
+        (h, w) levels at both ends of the interval, and bounds of their errors in the same unit: not finite where the
+        level is not known.
     counts
         (2, h, w) darker and brighter events in between; pixels with both are left out, and 0 in the results.
 
     Returns
     -------
+    change
+        (h, w) absolute change, in the unit of the levels; 0 where not usable.
+    events
+        (h, w) events of either polarity; 0 where not usable.
+    usable
+        (h, w) pixels that can be compared.
     sums
         (4,): change of the pixels that fire, their events, and squares of all pixels' beyond the means.
     """
@@ -35,6 +42,7 @@ def change_and_events(
     for row in range(height):
         for column in range(width):
             darker, brighter = counts[0, row, column], counts[1, row, column]
+            # Events of both signs: the level has turned, and its net change is less than its events sum to.
             if darker > 0 and brighter > 0:
                 continue
             # Where an error is not finite, the frame is clipped or the pixel lies outside.
@@ -50,6 +58,7 @@ def change_and_events(
     sums = np.array([of_firing, total_events, 0.0, 0.0])
     if count:
         mean_change, mean_events = total_change / count, total_events / count
+        # In a second pass: n times the squared mean, taken off a sum of squares, would cancel its digits.
         for row in range(height):
             for column in range(width):
                 if usable[row, column]:

@@ -9,18 +9,19 @@ with L and its slope L' interpolated from the frames at the timestamp t of each 
 events of the pixel so far, a its own constant (one event of a pixel determines no more), and delta the delay of the
 timestamps: a level reached at t - delta has moved on by delta L' at t. The last term is none of the events: the error
 of frames where an edge begins or ends (the logarithm is curved, and polynomials cut corners) has one sign, and grows
-with the slope, whichever way the light goes. Without it falling light would look late and rising light early; with it a
-delay is determined by both, and hardly by edges of one kind alone. Bracketed level samples (``levels.py``) interpolate
-events at the times of frames and need many events a frame; these samples need several frames an event.
+with the slope, whichever way the light goes. Without it the events of falling light would come out late and those of
+rising light early; with it a delay is determined by both, and hardly by edges of one kind alone. Bracketed level
+samples (``levels.py``) interpolate events at the times of frames and need many events a frame; these samples need
+several frames an event.
 
-A sensor of the linear model compares whole grey values once a rendered step. Its event steps from the last whole value
-by C + 1/2 at the crossing, by half of what the signal moves in a step more until it is compared, and by what rounding
-adds; both follow from the slope (closed form in ``_rounded_up``) and are taken from the level.
+A sensor of the linear model compares whole grey values once a rendered step. The step of an event from the last whole
+value is C + 1/2 at the crossing, plus half of the signal's motion in a rendered step until the comparison, plus
+rounding. Motion and rounding follow from the slope (closed form in ``_rounded_up``) and are subtracted from the level.
 
-Light that turns between two frames goes farther than they show. The steps of the linear model are large: many are made
-at such crests alone, always in the direction of the event, so that they look too small and too early. The last event of
-a pixel before its light turns is counted, but gives no sample; the others come on the way, where frames err upwards as
-often as downwards.
+Light that turns between two frames goes beyond the values of both. The steps of the linear model are large: many events
+occur at such crests alone, always in the direction of the crest, so that thresholds come out too small and events too
+early. The last event of a pixel before its light turns is counted, but gives no sample; the others lie on slopes, where
+frames err upwards as often as downwards.
 
 Each sample weighs 1 / (1 + (e / s)^2), e being how far four frames in place of six move it, how far the parabolas
 through the first and the last three of those four lie apart, and how far off the edge-aware reconstruction of its
@@ -55,20 +56,20 @@ negative), the level, its slope (1/s), what four frames in place of six would ad
 level of the uniform reconstruction, and how far two parabolas lie apart."""
 
 COLUMNS = 9
-"""So many columns."""
+"""Number of columns of a sample."""
 
 MOST_INTERPOLATED = 60_000
 """Beyond so many events, every second, third, ... pixel is sampled: the rest would add little precision."""
 
 ERROR_SHARE = 0.01
-"""Of the threshold: the size of an error of interpolation from which on a sample counts less.
+"""Error of interpolation, as a fraction of the threshold, from which on a sample weighs less.
 
 Rounding alone scatters a sample by some 3% of a threshold (8 bits, a threshold of 0.2, middle grey). It averages out
 over the ten samples or more that share an edge, while the error of interpolation at an edge is the same in all of them:
 in the mean over an edge, the white noise of each counts a tenth of its variance."""
 
 InterpolationMethod = Literal["fine", "coarse", "uniform"]
-"""How levels are interpolated at events: through six frames, through four, or through six of the uniform footprints."""
+"""Interpolation of levels at events: through six frames, through four, or through six of the uniform footprints."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -152,7 +153,7 @@ def interpolate_frames(
     frame_times_ns
         (n,) advancing.
     images
-        (n, h, w) frames as the event camera's pixels see them, by the edge-aware reconstruction, in DN.
+        (n, h, w) frames at the event camera's pixels, by the edge-aware reconstruction, in DN.
     uniform_images
         (n, h, w) by the uniform reconstruction; ``images`` if not given.
     usable
@@ -175,6 +176,7 @@ def interpolate_frames(
         return None
     usable = np.isfinite(images) if usable is None else usable
     inside = events.later_than(int(frame_times_ns[0]), int(frame_times_ns[-1]))
+    # Pixels are left out whole: the constant a of a pixel is determined by all of its events together.
     every = max(1, -(-inside // MOST_INTERPOLATED))
     pixels, columns = np.empty(inside, np.int64), np.empty((inside, COLUMNS))
     seconds = (frame_times_ns - frame_times_ns[0]) * 1e-9
@@ -203,7 +205,18 @@ def interpolate_frames(
 
 
 def inverse_distances(seconds: Float64) -> Float64:
-    """Return one over the distances (1/s) of each six times: (n - 5, 6, 6), [first, order, j] of j and j + order."""
+    """Return the inverse distances of each six successive times, the denominators of divided differences.
+
+    Parameters
+    ----------
+    seconds
+        (n,) times, advancing, s.
+
+    Returns
+    -------
+    Float64
+        (n - 5, 6, 6) in 1/s: [first, order, j] is 1 / (t_{j + order} - t_j), j counted from ``first``.
+    """
     inverses = np.zeros((len(seconds) - FINE + 1, FINE, FINE))
     for order in range(1, FINE):
         difference = 1 / (seconds[order:] - seconds[:-order])
@@ -213,7 +226,19 @@ def inverse_distances(seconds: Float64) -> Float64:
 
 
 def interpolation_weights(samples: InterpolatedLevels) -> Float64:
-    """Return the weights (m,) of samples by errors of interpolation, those of outliers reduced (Huber)."""
+    """Return the weights of samples by errors of interpolation, those of outliers reduced (Huber).
+
+    Parameters
+    ----------
+    samples
+        (m,) levels at events.
+
+    Returns
+    -------
+    Float64
+        (m,), 0 to 1.
+    """
+    # Rows times the root of their weight have one variance, as Huber's estimate assumes.
     root = np.sqrt(samples.weights)
     robust = huber_regression_weights(samples.regressors * root[:, np.newaxis], samples.levels * root)
     return samples.weights * robust
@@ -231,12 +256,19 @@ def interpolation_blocks(
 
     Parameters
     ----------
+    samples
+        (m,) levels at events.
     weights, block_of_sample
         (m,) of the samples.
     blocks
-        How many there are.
+        Number of blocks, b.
     method
-        Whose levels are regressed.
+        Interpolation whose levels are regressed.
+
+    Returns
+    -------
+    NormalBlocks
+        (b, 4, 4) and (b, 4): of C+, C- (unit of the levels), delay and kappa (s).
     """
     levels = {
         "fine": samples.levels,
@@ -262,8 +294,8 @@ def interpolate_at_events(
     one in ``every`` is sampled, where it fires twice or more: a single sample is its own mean. ``pixels`` (m,) receives
     row * width + column, ``samples`` (m, 9) the columns that are named above.
 
-    With ``tick_s`` > 0 events are those of a sensor that compares whole values once a tick: what their steps exceed
-    half a value beyond the threshold by is taken from the level.
+    With ``tick_s`` > 0 events are those of a sensor that compares whole values once a tick. The part of their steps
+    beyond C + 1/2 is subtracted from the level.
 
     The corner is what lies between the parabolas through the first and the last three of the four frames around. They
     share the frames t1 and t2, so that with the divided difference of third order they differ by
@@ -304,6 +336,7 @@ def interpolate_at_events(
                 while frame_times[frame + 1] < t:
                     frame += 1
                 on, off = on + max(sign, 0.0), off + min(sign, 0.0)
+                # The event lies in the middle interval of six frames, except near the first and the last frame.
                 first = min(max(frame + 1 - FINE // 2, 0), n - FINE)
                 if first != divided_from:
                     # Divided differences serve all events of a pixel between two frames.
@@ -348,6 +381,7 @@ def _gather(image: NDArray[np.floating], chosen: Int64, count: int, log_eps: flo
     for k in range(count):
         levels[k] = image[chosen[k]]
     if not np.isnan(log_eps):
+        # The floor keeps the logarithm of a black pixel finite.
         for k in range(count):
             levels[k] = np.log(max(levels[k] + log_eps, 1e-3))
 
@@ -362,9 +396,9 @@ def centre_levels(
     error: float,
     centred: Float64,
 ) -> int:
-    """Take from each sample the mean of its pixel, and weigh it; return how many samples are kept.
+    """Subtract from each sample the mean of its pixel, and weigh it; return how many samples are kept.
 
-    Of ``samples`` (m, 9) those that are ``kept`` count, at pixels with two of them or more. Each weighs
+    Only ``kept`` rows of ``samples`` (m, 9) count, at pixels with two of them or more. Each weighs
     1 / (1 + (e / error)^2), e being what four frames would add, the corner, and ``by_place`` times what the uniform
     reconstruction does, all less the pixel's mean. ``pixels`` and the first column of ``samples`` are moved to the
     front; ``centred`` (m, 8) receives P, -M, L', |L'|, the level, that of four frames, the uniform one, each less its
@@ -389,6 +423,7 @@ def centre_levels(
                 errors = samples[i, COARSER] ** 2 + samples[i, CORNER] ** 2 + place**2
                 # The inverse variance of white noise of size ``error`` and these errors, over that of the noise alone.
                 weight = 1.0 / (1.0 + errors / error**2)
+                # Leak makes brighter events without a change of light: P less the rate times the time.
                 values[0] = samples[i, ON] - leak_rate_hz * samples[i, SECONDS]
                 values[1], values[2], values[3] = samples[i, OFF], samples[i, SLOPE], abs(samples[i, SLOPE])
                 values[4], values[5] = samples[i, LEVEL], samples[i, LEVEL] + samples[i, COARSER]
@@ -400,6 +435,7 @@ def centre_levels(
                 total += weight
                 pixels[rows], samples[rows, SECONDS] = pixels[i], samples[i, SECONDS]
                 rows += 1
+            # Subtracting the pixel's weighted mean eliminates its constant a (Frisch and Waugh, Econometrica 1, 1933).
             sums /= max(total, 1e-300)
             for i in range(first, rows):
                 for j in range(7):
@@ -415,6 +451,7 @@ def divide(levels: Float64, first: int, inverses: Float64, divided: Float64) -> 
         divided[0, j] = levels[first + j]
     for order in range(1, FINE):
         for j in range(FINE - order):
+            # L[j..j+k] = (L[j+1..j+k] - L[j..j+k-1]) / (t_{j+k} - t_j) (Newton).
             divided[order, j] = (divided[order - 1, j + 1] - divided[order - 1, j]) * inverses[order, j]
 
 

@@ -32,13 +32,13 @@ class EventSilence:
     Attributes
     ----------
     start_ns, stop_ns
-        The stamps of the events on both sides.
+        The timestamps of the events on both sides.
     length_ns
-        Time that is surely empty: a tick less than the distance of the stamps.
+        Time that is surely empty: the distance of the timestamps less one tick.
     expected
-        Events that the neighbourhood would have put there.
+        Events expected there by the rate of the neighbourhood.
     z
-        How improbable it is, as the deviate of a normal distribution.
+        Deviate of a standard normal distribution of the same tail probability.
     """
 
     start_ns: int
@@ -62,7 +62,7 @@ def least_probable_silence(
     tick_ns
         Step of the timestamps.
     begins_ns
-        First event of the file, None where it is not to be regarded. All references are reached at first: a silence so
+        First event of the file; None where it has no effect. All references are reached at first: a silence so
         soon after it that fewer than ``_FEWEST_BINS`` of its lengths lie before it may be of a sensor that begins to
         fire.
 
@@ -78,7 +78,9 @@ def least_probable_silence(
     count, silences = longest_silences(times_ns[max(first - 1, 0) : stop], start_ns, stop_ns, longest_ns, ends_ns)
     from_ns, upto_ns = start_ns, stop_ns
     if len(times_ns):
+        # Between the ends the events are complete; beyond them only as far as ``times_ns`` reaches.
         from_ns, upto_ns = min(start_ns, int(times_ns[0])), max(stop_ns, int(times_ns[-1]))
+    # An event lies within the tick before its timestamp: between timestamps a tick apart no time is surely empty.
     informative = longest_ns[:count] > tick_ns
     if begins_ns is not None:
         informative &= ends_ns[:count] - longest_ns[:count] - _FEWEST_BINS * (longest_ns[:count] - tick_ns) >= begins_ns
@@ -94,7 +96,7 @@ def least_probable_silence(
 def _compared_with_neighbours(
     times_ns: Int64, interval_ns: tuple[int, int], before_ns: Int64, after_ns: Int64, tick_ns: int
 ) -> tuple[Float64, Float64]:
-    """Compare silences (k,) with both sides; return z (k,), -inf without a side inside the interval, and events due.
+    """Compare silences (k,) with both sides; return z, -inf without a side inside the interval, and expected events.
 
     The side that makes a silence more probable counts.
     """
@@ -114,6 +116,7 @@ def _compared_with_neighbours(
 
 def _log_chance_of_none(means: Float64, variances: Float64, bins: Int64) -> Float64:
     """Return the logarithms of the chance that a bin beside such bins holds nothing."""
+    # The variance is at least Poisson's, m: a smaller one, by chance, would make that of the rate negative.
     positive = means > 0
     mean, variance = np.where(positive, means, 1.0), np.where(positive, np.maximum(variances, means), 1.0)
     # 1/r: variance of the rate from bin to bin, without Poisson's, plus that of the mean of the bins.
@@ -125,10 +128,10 @@ def _log_chance_of_none(means: Float64, variances: Float64, bins: Int64) -> Floa
 
 @njit(cache=True)
 def longest_silences(t: Int64, start: int, stop: int, lengths: Int64, ends: Int64) -> tuple[int, int]:
-    """Write the longest distances of successive stamps of which the later lies in [start, stop), longest first.
+    """Write the longest distances of successive timestamps of which the later lies in [start, stop), longest first.
 
-    Of equal ones the earlier. Return how many were written to ``lengths`` and ``ends`` (m,), the later stamps, and how
-    many there are; equal stamps have no distance.
+    Of equal ones the earlier. Return how many were written to ``lengths`` and ``ends`` (m,), the later timestamps, and
+    how many there are; equal timestamps have no distance. All in ns.
     """
     count, silences = 0, 0
     for i in range(1, len(t)):

@@ -1,8 +1,8 @@
 """Bracketed level samples: where events determine exactly how far a pixel has moved.
 
 Between two events of one polarity, ``t1 <= t < t2``, the level has moved from the first reference by a fraction of the
-threshold, which the cubic through these and one event on either side interpolates. (A straight line will not do: events
-are denser before a turning point than after it, so that its error does not average out.) Between two such samples
+threshold, which the cubic through these and one event on either side interpolates. (A straight line is not enough:
+events are denser before a turning point than after it, so that its error does not average out.) Between two samples
 
     L(b) - L(a) = C+ dP - C- dM + delta d(C+ rate+ - C- rate-)
 
@@ -29,9 +29,9 @@ Int64 = NDArray[np.int64]
 Bool = NDArray[np.bool_]
 
 DISAGREEMENT_KNEE = 0.05
-"""Two estimates of a level that lie farther apart than this share of the threshold lose weight.
+"""Pairs whose two estimates of a level differ by more than this share of the threshold lose weight.
 
-A pair spans some five events, so that an error of this size is 1% of its change: what a threshold shall be known to.
+A pair spans some five events, so that an error of this size is 1% of its change: the precision wanted of a threshold.
 Where the knee lies trades bias for scatter only. Both are measured after it, on the pairs as they are weighed."""
 
 MOST_EVENTS = 400_000
@@ -42,7 +42,7 @@ MOST_PAIRS = 20_000
 
 _PARAMETERS = 4
 _FEWEST = 4
-"""Events of a pixel that has a sample."""
+"""Events of a pixel below which it has no sample: the cubic needs four."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -182,6 +182,8 @@ def precision_weights(pairs: LevelPairs, levels: Float64, other_levels: Float64,
 
     Parameters
     ----------
+    pairs
+        (m,) level pairs.
     levels, other_levels
         (2, m) at both ends by two reconstructions of the frames, in the unit of the threshold.
     threshold
@@ -195,6 +197,7 @@ def precision_weights(pairs: LevelPairs, levels: Float64, other_levels: Float64,
     difference = levels - other_levels
     of_frames = np.hypot(difference[0], difference[1]) / threshold
     of_events = np.abs(pairs.straightened).sum(axis=1)
+    # 1 / (1 + d^2)^2, with d^2 the sum of both squared distances over the squared knee (Geman and McClure 1985).
     weights: Float64 = (1.0 + (of_frames**2 + of_events**2) / DISAGREEMENT_KNEE**2) ** -2.0
     return weights
 
@@ -211,16 +214,24 @@ def accumulate(
 
     Parameters
     ----------
+    pairs
+        (m,) level pairs.
     change, block_of_pair, times_s
-        (m,) of the pairs.
+        (m,) of the pairs: change of the level from the earlier to the later sample, number of the block, time.
     blocks
-        How many there are.
+        Number of blocks, b.
     weights
         (m,) of the pairs, 1 if not given. They are multiplied by Huber's about a fit of the pairs alone, its scale from
         the median absolute residual.
+
+    Returns
+    -------
+    NormalBlocks
+        (b, 4, 4) and (b, 4), of the columns of ``LevelPairs.regressors``.
     """
     if weights is None:
         weights = np.ones(len(pairs))
+    # Rows times the root of their weight have one variance, as Huber's estimate assumes.
     root = np.sqrt(weights)
     robust = weights * huber_regression_weights(pairs.regressors * root[:, np.newaxis], change * root)
     return normal_blocks(pairs.regressors, change, robust, block_of_pair, blocks, times_s)
@@ -238,16 +249,33 @@ def sample_levels(
 ) -> int:
     """Write a row for each two successive level samples of a pixel; return how many.
 
-    A sample is a frame time t1 <= t < t2 between two events of one polarity at most the longest gap apart, at a pixel
-    whose frame is not darker than the least light in either of two images (n, h, w), to an error (n, h, w) that is
-    finite, with an event before and one after them at a third to three times their gap: a cubic through less even
-    events swings. Pixels that are hidden, sorted, have none. Events closer than the least gap break the chain of a
-    pixel: between them events may be lost. Events come by pixel, as in ``pixels.py``.
+    A sample is a frame time t1 <= t < t2 between two events of one polarity at most the longest gap apart. Its pixel is
+    not darker than the least light in either of two images, and the error of its light is finite. One event lies before
+    and one after the two, at a third to three times their gap: a cubic through less evenly spaced events oscillates.
+    Hidden pixels have no samples. Events closer than the least gap break the chain of a pixel: between them events may
+    be lost.
 
-    The ratio of the thresholds is good to first order. ``coordinates`` (m, 3) receives pixel, earlier and later frame;
-    ``regressors`` (m, 7) the brighter and darker events between the samples, fractions included (darker ones count
-    negative), the change of their rates, 1/s, the longer of the two gaps, s, and what straight lines would add to the
-    first two.
+    Parameters
+    ----------
+    starts, timestamped
+        (h * w + 1,) and (e,): events by pixel, as in ``pixels.py``.
+    frame_times
+        (n,) of the images, advancing, ns.
+    images
+        (n, h, w) light, and the hidden pixels.
+    rules
+        Which events bracket a sample. The ratio of the thresholds acts in first order only.
+    coordinates
+        (m, 3) receives pixel, earlier and later frame.
+    regressors
+        (m, 7) receives the brighter and darker events between the samples, fractions included (darker ones count
+        negative), the change of both rates, 1/s, the longer of the two gaps, s, and what straight lines would add to
+        the first two.
+
+    Returns
+    -------
+    int
+        Number of rows written.
     """
     _, height, width = images.light.shape
     rows, concealed = 0, 0
@@ -257,6 +285,7 @@ def sample_levels(
             begin, stop = starts[pixel], starts[pixel + 1]
             if stop - begin < _FEWEST or (rules.every > 1 and (column + 3 * row) % rules.every != 0):
                 continue
+            # Both lists ascend, so that one pass over the hidden pixels serves all rows.
             while concealed < len(images.hidden) and images.hidden[concealed] <= pixel:
                 concealed += 1
             if concealed > 0 and images.hidden[concealed - 1] == pixel:
@@ -276,6 +305,7 @@ def sample_levels(
                 if first & 1 != brighter or gap <= 0 or gap > rules.longest_gap_ns:
                     continue
                 t0 = timestamped[i - 3] >> 1
+                # gap / 3 <= t1 - t0, t3 - t2 <= 3 gap, in whole nanoseconds.
                 if not (gap <= 3 * (t1 - t0) <= 9 * gap and gap <= 3 * (t3 - t2) <= 9 * gap):
                     continue
                 while frame < len(frame_times) and frame_times[frame] < t2:
@@ -287,6 +317,7 @@ def sample_levels(
                 if not (bright and images.error[frame - 1, row, column] < np.inf):
                     continue
                 ratio = rules.off_over_on
+                # In thresholds of this pair: an event of the other sign moves the level back by C-/C+, or C+/C-.
                 step = 1.0 if timestamped[i] & 1 == brighter else -(ratio if brighter else 1.0 / ratio)
                 # Seconds since the first frame keep the digits that cubics need.
                 since = frame_times[0]
@@ -307,6 +338,7 @@ def sample_levels(
                 if chained:
                     coordinates[rows, 0], coordinates[rows, 1], coordinates[rows, 2] = pixel, sampled, frame - 1
                     regressors[rows, 0], regressors[rows, 1] = now_on - level_on, level_off - now_off
+                    # Each sample has the rate of one polarity: d rate+ in this column, -d rate- in the next.
                     regressors[rows, 2] = max(now_slope, 0.0) - max(slope, 0.0)
                     regressors[rows, 3] = min(now_slope, 0.0) - min(slope, 0.0)
                     regressors[rows, 4] = max(now_gap_s, gap_s)
@@ -326,6 +358,7 @@ def _cubic_between(t0: float, t1: float, t2: float, t3: float, step: float, t: f
     first, second, third = 1.0 / (t1 - t0), 1.0 / (t2 - t1), step / (t3 - t2)
     earlier, later = (second - first) / (t2 - t0), (third - second) / (t3 - t1)
     bend = (later - earlier) / (t3 - t0)
+    # L(t) = L[t1, t2] a + L[t0, t1, t2] a b + L[t0, t1, t2, t3] a b c; the rate is its derivative by t.
     a, b, c = t - t1, t - t2, t - t0
     level = a * second + a * b * (earlier + bend * c)
     rate = second + (a + b) * earlier + (a * b + (a + b) * c) * bend
@@ -334,7 +367,19 @@ def _cubic_between(t0: float, t1: float, t2: float, t3: float, step: float, t: f
 
 @njit(cache=True)
 def mark_usable(edge_aware_dn: Float32, uniform_dn: Float32, error_dn: Float32, least_dn: float, usable: Bool) -> None:
-    """Mark in ``usable`` (h, w) the pixels not darker than ``least_dn`` in either image whose error is finite."""
+    """Mark the pixels that have a level: not darker than ``least_dn`` in either image, with a finite error.
+
+    Parameters
+    ----------
+    edge_aware_dn, uniform_dn
+        (h, w) light by both reconstructions, DN.
+    error_dn
+        (h, w) bound of its error, DN; infinite where it is not known.
+    least_dn
+        Light below which rounding leaves the level open, DN.
+    usable
+        (h, w) where the result is written.
+    """
     for row in range(usable.shape[0]):
         for column in range(usable.shape[1]):
             darker = min(edge_aware_dn[row, column], uniform_dn[row, column])

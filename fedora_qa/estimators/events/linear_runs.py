@@ -92,9 +92,14 @@ def follow_runs(
     counts
         (n - 1, 2, h, w) darker and brighter events between the frames.
     threshold_on, threshold_off
-        DN.
+        C+ and C-, DN, as positive numbers.
     frames
         (n,) numbers of the frames.
+
+    Returns
+    -------
+    EventFreeRuns
+        (h, w) from the first frame to the last.
     """
     # Within [ref - C-, ref + C+] a value varies by at most C+ + C-.
     limit = threshold_on + threshold_off
@@ -111,6 +116,7 @@ def follow_runs(
         broken = silent & (step[0] - step[1] > limit)
         broken |= (on > 0) & (off == 0) & (rise < on * (threshold_on + 1) - limit)
         broken |= (off > 0) & (on == 0) & (fall < off * (threshold_off + 1) - limit)
+        # With events in between, each of both frames bounds a run of its own.
         head, tail = np.where(silent, step, bounds[i]), np.where(silent, step, bounds[i + 1])
         runs = runs.then(EventFreeRuns(numbers[i], numbers[i + 1], head, tail, silent, broken, limit, bounds[i]))
     return runs

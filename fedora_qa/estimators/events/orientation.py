@@ -1,4 +1,4 @@
-"""Whether events and frames agree in axes, direction and sign: correlation of the changes that both show.
+"""Whether events and frames agree in axes, direction and sign: correlation of their changes.
 
 The change of level between frames is compared with the sum of the events in between, averaged over blocks of pixels
 (which forgives small shifts), under the eight symmetries of the square and both signs. Blocks are squares of a side; as
@@ -23,10 +23,10 @@ BLOCK_PX: Final = 4
 """Side of the blocks whose means are compared."""
 
 LEAST_LIGHT: Final = 1e-3
-"""Of less light than this no logarithm is taken, but of this, DN."""
+"""Floor of the light whose logarithm is taken, DN."""
 
 SYMMETRIES: Final = tuple((swap, left, up) for swap in (False, True) for left in (False, True) for up in (False, True))
-"""What could have been done to the events: axes exchanged, then columns mirrored, then rows mirrored."""
+"""Possible transforms of the events: axes exchanged, then columns mirrored, then rows mirrored."""
 
 LEAST_PREDICTED: Final = 0.3
 """Below this correlation the noise model of the prediction itself is in doubt."""
@@ -38,7 +38,7 @@ FEWEST_UPRIGHT: Final = 0.25
 """Fraction of the parts that must agree as declared, by half of what is due, for the rest to be outliers."""
 
 DEPENDENT: Final = 3.0
-"""Standard error of a correlation in those of independent blocks: blocks of one moving texture are not."""
+"""Standard error of a correlation over that of independent blocks: blocks of one moving texture are not independent."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -90,13 +90,36 @@ class PartOrientation:
 
 
 def other_correlations(correlations: Float64) -> Float64:
-    """Return the correlations of the fifteen other orientations: the inverted ones first, then the upright ones."""
+    """Return the correlations of the fifteen orientations that are not declared.
+
+    Parameters
+    ----------
+    correlations
+        (8,) under the symmetries of ``SYMMETRIES``, polarity as declared.
+
+    Returns
+    -------
+    Float64
+        (15,): eight with polarity inverted, then seven as declared in polarity.
+    """
+    # Inverted polarity negates e, and so the correlation; the first symmetry is the declared orientation itself.
     upright = correlations[: len(SYMMETRIES)]
     return np.concatenate([-upright, upright[1:]])
 
 
 def transformation(orientation: int) -> tuple[bool, tuple[bool, bool, bool]]:
-    """Return whether an orientation inverts polarity, and its symmetry; numbered as by ``other_correlations``."""
+    """Return the transform of the events that an orientation stands for.
+
+    Parameters
+    ----------
+    orientation
+        Index into ``other_correlations``, 0 to 14.
+
+    Returns
+    -------
+    tuple[bool, tuple[bool, bool, bool]]
+        Whether polarity is inverted, and the symmetry as in ``SYMMETRIES``.
+    """
     count = len(SYMMETRIES)
     return orientation < count, SYMMETRIES[orientation if orientation < count else orientation - count + 1]
 
@@ -109,7 +132,12 @@ def most_reoriented(parts: Sequence[ChangeMoments], noise: float) -> PartOrienta
     parts
         Moments (8, 6) of each part under the eight symmetries.
     noise
-        Variance that events leave open in the change of a block.
+        Variance that events leave open in the change of a block, in squared units of the level.
+
+    Returns
+    -------
+    PartOrientation | None
+        The part with the largest gain, and the parts that share its orientation.
     """
     sums = np.array([part.sums for part in parts])
     counts = sums[:, 0, 0]
@@ -134,6 +162,7 @@ def most_reoriented(parts: Sequence[ChangeMoments], noise: float) -> PartOrienta
         orientation,
         float(declared[worst]),
         float(alternatives[worst, orientation]),
+        # 1 / sqrt(n) bounds (1 - rho^2) / sqrt(n), the standard error of a correlation (Pearson and Filon 1898).
         float(DEPENDENT / np.sqrt(counts[worst])),
         int(np.count_nonzero(informative)),
     )
@@ -143,7 +172,19 @@ def level_blocks(light: Float32, error: Float32, dark: float | None) -> Float64:
     """Return the means of a frame's signal over blocks (r, c); NaN where it is not known of all pixels of a block.
 
     The signal is the logarithm of ``light`` (h, w) and ``dark``, or the light itself without one. It is known where the
-    light is above twice its error (h, w). The mean of logarithms is that of the product: a logarithm a block.
+    light is above twice its error (h, w). The mean of logarithms is the logarithm of the product: one for each block.
+
+    Parameters
+    ----------
+    light, error
+        (h, w) light and its error, DN.
+    dark
+        DN; None for a sensor of the linear model.
+
+    Returns
+    -------
+    Float64
+        (r, c) in nat, or in DN without ``dark``.
     """
     side, grid = _grid(light.shape)
     blocks = np.empty(grid)
@@ -158,14 +199,27 @@ def level_blocks(light: Float32, error: Float32, dark: float | None) -> Float64:
 
 @dataclass(frozen=True, slots=True)
 class EventBlocks:
-    """Means over blocks (n - 1, r, c) of what events sum to between frames: as they lie, and with axes exchanged."""
+    """Block means (n - 1, r, c) of the events' sums between frames: as they lie, and with axes exchanged."""
 
     upright: Float64
     swapped: Float64
 
 
 def event_blocks(counts: NDArray[np.int32], threshold_on: float, threshold_off: float) -> EventBlocks:
-    """Return the block means of darker and brighter events (n - 1, 2, h, w) on a sensor."""
+    """Return the block means of the events' sums between frames.
+
+    Parameters
+    ----------
+    counts
+        (n - 1, 2, h, w) darker and brighter events.
+    threshold_on, threshold_off
+        Change of the level by one event, as positive numbers.
+
+    Returns
+    -------
+    EventBlocks
+        In the unit of the thresholds.
+    """
     side, grid = _grid(counts.shape[2:])
     upright, swapped = np.zeros((2, len(counts), *grid))
     for i in range(len(counts)):
@@ -193,7 +247,21 @@ def add_events_beyond(
     threshold_on: float,
     threshold_off: float,
 ) -> None:
-    """Add events that lie beyond the sensor (h, w) to blocks where they would lie on it with axes exchanged."""
+    """Add events beyond the sensor to the blocks on which they lie with axes exchanged, in place.
+
+    Parameters
+    ----------
+    blocks
+        Whose ``swapped`` is added to.
+    x, y, times_ns, p
+        (m,) events as stored, in the order of time; px, ns, 1 brighter and 0 darker.
+    frame_times_ns
+        (n,) of the frames.
+    shape
+        Rows and columns of the sensor.
+    threshold_on, threshold_off
+        Change of the level by one event, as positive numbers.
+    """
     steps, side = (-threshold_off, threshold_on), _grid(shape)[0]
     events = EventColumns(*(column.astype(np.int64) for column in (x, y, times_ns, p)))
     mean_blocks_beyond(events, frame_times_ns, shape, steps, side, blocks.swapped)
@@ -202,7 +270,19 @@ def add_events_beyond(
 def step_moments(levels: Float64, events: EventBlocks, tiles: int) -> Float64:
     """Return moments (n - 1, tiles^2, 8, 6) of changes between successive frames and events under all symmetries.
 
-    ``levels`` (n, r, c) are the ``level_blocks`` of the frames.
+    Parameters
+    ----------
+    levels
+        (n, r, c) ``level_blocks`` of the frames.
+    events
+        Of the n - 1 intervals.
+    tiles
+        Tiles along each axis.
+
+    Returns
+    -------
+    Float64
+        (n - 1, tiles^2, 8, 6) sums of ``ChangeMoments``, tiles by rows.
     """
     sums = np.zeros((len(events.upright), tiles**2, len(SYMMETRIES), 6))
     for i, (upright, swapped) in enumerate(zip(events.upright, events.swapped, strict=True)):
@@ -211,7 +291,20 @@ def step_moments(levels: Float64, events: EventBlocks, tiles: int) -> Float64:
 
 
 def span_moments(levels: Float64, events: EventBlocks) -> ChangeMoments:
-    """Return moments (8, 6) of the change from the first frame to the last and of all events in between."""
+    """Return moments of the change from the first frame to the last and of all events in between.
+
+    Parameters
+    ----------
+    levels
+        (n, r, c) ``level_blocks`` of the frames.
+    events
+        Of the n - 1 intervals.
+
+    Returns
+    -------
+    ChangeMoments
+        (8, 6), of the whole image.
+    """
     sums = np.zeros((1, len(SYMMETRIES), 6))
     add_moments(levels[-1] - levels[0], events.upright.sum(axis=0), events.swapped.sum(axis=0), 1, sums)
     return ChangeMoments(sums[0])
@@ -287,6 +380,7 @@ def mean_event_blocks(
             if 0 <= y - top < rows * side:
                 _add_line(band, left, side, upright[(y - top) // side])
             band[:] = 0.0
+        # Exchanged, rows y are columns: the last band may be cut by the sensor's last row, and is added as it is.
         if (y + 1 - left) % side == 0 or y + 1 == height:
             if 0 <= y - left < columns * side:
                 _add_column(other_band, top, side, swapped[:, (y - left) // side])
@@ -363,6 +457,7 @@ def add_moments(change: Float64, upright: Float64, swapped: Float64, tiles: int,
             of_tile = sums[tiles * (row * tiles // rows) + tile]
             _sum_changes(is_finite[0, first:stop], changes[0, first:stop], of_changes)
             for symmetry in range(8):
+                # Bits of a number, in the order of SYMMETRIES: 4 axes exchanged, 2 columns mirrored, 1 rows mirrored.
                 line = (swapped if symmetry & 4 else upright)[rows - 1 - row if symmetry & 1 else row]
                 mirrored = (symmetry >> 1) & 1
                 begin, end = (columns - stop, columns - first) if mirrored else (first, stop)

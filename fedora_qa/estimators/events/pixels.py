@@ -1,4 +1,4 @@
-"""Events in the order of their pixels, and of time within each: what is asked of one pixel then lies together.
+"""Events in the order of their pixels, and of time within each: all events of a pixel lie together in memory.
 
 An event becomes one number, twice its instant plus its polarity.
 """
@@ -23,7 +23,7 @@ class PixelEvents:
     ----------
     starts
         (h * w + 1,) where the events of each pixel begin, row * width + column, and the number of all.
-    stamped
+    timestamped
         (m,) twice the instant of an event, ns, plus its polarity (1 brighter, 0 darker).
     """
 
@@ -41,7 +41,24 @@ class PixelEvents:
 def by_pixel(
     x: NDArray[np.uint16], y: NDArray[np.uint16], times_ns: Int64, p: NDArray[np.uint8], shape: tuple[int, int]
 ) -> PixelEvents:
-    """Return the events, sorted by time and all on a sensor (rows, columns), by pixel."""
+    """Return events by pixel.
+
+    Parameters
+    ----------
+    x, y
+        (m,) columns and rows, px, all of them on the sensor.
+    times_ns
+        (m,) sorted.
+    p
+        (m,) 1 brighter, 0 darker.
+    shape
+        Rows and columns of the sensor.
+
+    Returns
+    -------
+    PixelEvents
+        Of each pixel in the order of time.
+    """
     starts, timestamped = np.empty(shape[0] * shape[1] + 1, np.int32), np.empty(len(times_ns), np.int64)
     _sort_by_pixel(x, y, times_ns, p, shape, starts, timestamped)
     return PixelEvents(starts, timestamped)
@@ -51,12 +68,14 @@ def by_pixel(
 def _sort_by_pixel(
     x: Columns, y: Columns, t: Int64, p: Polarities, shape: tuple[int, int], starts: Int32, timestamped: Int64
 ) -> None:
-    """Write 2 t + p of each event to ``stamped`` (m,), by pixel, and to ``starts`` (h * w + 1,) where each begins.
+    """Write 2 t + p of each event to ``timestamped`` (m,), by pixel, and to ``starts`` (h * w + 1,) where each begins.
 
-    Events are counted, then dealt out, in the order of time. Indices are unsigned: a negative one would be asked for.
+    Events are counted, then dealt out, in the order of time. Indices are unsigned, since numba tests signed ones for
+    negative values at each access.
     """
     height, width = shape
     row_px = np.uint64(width)
+    # Distribution counting (D. E. Knuth, TAOCP vol. 3, algorithm 5.2D): stable, so that time order is kept.
     starts[:] = 0
     for i in range(len(t)):
         starts[np.uint64(y[i]) * row_px + np.uint64(x[i])] += 1
@@ -78,6 +97,7 @@ def _sort_by_pixel(
 @njit(cache=True)
 def _count_within(timestamped: Int64, after: int, until: int) -> int:
     """Return how many of sorted events are later than ``after`` and not later than ``until``."""
+    # 2 t + p > 2 after + 1 exactly if t > after, whatever the polarity p; likewise for ``until``.
     count, least, most = 0, 2 * after + 1, 2 * until + 1
     for i in range(len(timestamped)):
         count += (timestamped[i] > least) & (timestamped[i] <= most)

@@ -17,14 +17,14 @@ _RING: Final = 2
 """Neighbours lie up to so many pixels away along each axis: 24 of them."""
 
 _MIDDLE, _THIRD = 12, 3
-"""The largest neighbours down to the 12th of 24, which is the 13th from below, and to the third."""
+"""Ranks from the largest of 24 neighbours: the 12th (13th from below), taken as their median, and the third."""
 
 
 @dataclass(frozen=True, slots=True)
 class PixelCounts:
-    """What is counted of every pixel; whole numbers, so that joining is exact.
+    """Events and runs of every pixel; whole numbers, so that joining is exact.
 
-    ``packed`` (h, w) is as ``tally_events`` has it.
+    ``packed`` (h, w) has the layout of ``tally_events``.
     """
 
     packed: Int64
@@ -61,6 +61,7 @@ class PixelCounts:
     def then(self, later: "PixelCounts") -> "PixelCounts":
         """Join with what comes later: a run that goes on over the border is one."""
         goes_on = (self.last == later.first) & (self.packed > 0)
+        # First polarity of the earlier part, last of the later one; a run that spans the border counts once.
         both = self.packed - (self.packed & LAST) + later.packed - (later.packed & FIRST) - goes_on * RUN
         return PixelCounts(np.where(self.packed == 0, later.packed, np.where(later.packed == 0, self.packed, both)))
 
@@ -74,7 +75,7 @@ class NeighbourExcess:
     events
         Events above the third largest of the 24 neighbours, so that two bad pixels side by side do not hide each other.
     swings
-        Events by which a correct pixel may exceed its neighbours however they are: one a swing of the scene.
+        Events by which a correct pixel may exceed its neighbours: one for each swing of the scene.
     error
         Standard deviation of the excess: Poisson, of the swings as well, and the spread of the neighbours.
     median
@@ -102,8 +103,8 @@ def neighbour_excess(counts: PixelCounts) -> NeighbourExcess:
     Where a scene swings to and fro, neighbours differ alike in every swing, and that does not average out. Let a swing
     change the signal by A thresholds, and the signal be r thresholds beyond its reference where it turns, 0 <= r < 1:
     floor(A - r) events follow. Of two pixels with the same A, one gives at most one event a swing more than the other,
-    and if A is just above 1, one fires in every swing and the other never does. So of a pixel's events one a run of
-    equal polarity is no excess, of as many runs as the scene has swings. These are counted where neighbours bear each
+    and if A is just above 1, one fires in every swing and the other never does. So one event of each run of
+    equal polarity is no excess, for as many runs as the scene has swings. These are counted where neighbours bear each
     other out: the largest number of runs that a pixel and three of its neighbours have all reached. A hot pixel alone
     adds nothing to it, however often its polarity alternates, and one of a single polarity has one run. Which swings
     pass the threshold, and which pass it twice, is chance: so many events vary by Poisson's error at most.

@@ -1,8 +1,8 @@
 """By how many pixels events are shifted against frames: the peak of their cross-correlation, and its errors.
 
-An event camera's pixel leaves its level open by a threshold C: what its events sum to differs from the change of the
-level by e, of variance 2/3 C^2 between two frames. Where the picture has slope g, the peak of a correlation moves by
-the regression of e on g.
+The events of a pixel leave its level open by a threshold C on each side: their sum differs from the change of the level
+by e, of variance 2/3 C^2 between two frames. Where the picture has slope g, the peak of a correlation moves by the
+regression of e on g.
 """
 
 from collections.abc import Callable, Iterator, Sequence
@@ -33,14 +33,14 @@ RADIUS_PX: Final = RADIUS
 """Farthest shift that is tried in each direction."""
 
 CLEAR: Final = 0.5
-"""Correlation from which on the peak of a tile is that of its own scene: tiles hold few edges, which agree by chance
-where they are parallel."""
+"""Correlation above which the peak of a tile is that of its own scene. Tiles hold few edges, and parallel edges
+correlate by chance."""
 
 FEWEST_PARTS: Final = 4
 """Parts with a shift of their own below which none stands out."""
 
 _FREEDOM: Final = 8
-"""Parts beyond two from which on their scatter is a better scale than their errors are."""
+"""Parts, less two, from which on their scatter is a better scale than their errors."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -55,8 +55,21 @@ def cross_correlation(change: Float64, events: Float64, usable: Bool, rest: floa
     """Return the sum over pixels x of change(x) events(x + s) for all shifts s, rows down and columns right.
 
     ``change`` and ``events`` (h, w) are taken less their means over the usable pixels, 0 elsewhere. The result is
-    (2 R + 1, 2 R + 1), R the radius; the middle is no shift. Products are in single precision. ``rest`` is what events
-    hold where nothing fires; where that is most pixels, it costs less to know it.
+    (2 R + 1, 2 R + 1), R the radius; the middle is no shift. Products are in single precision.
+
+    Parameters
+    ----------
+    change, events
+        (h, w) changes of the level, by frames and by events.
+    usable
+        (h, w) pixels that count.
+    rest
+        Value of ``events`` where nothing fires. It saves time where most pixels do not fire, and changes no result.
+
+    Returns
+    -------
+    Float64
+        (2 R + 1, 2 R + 1), s = (down, right) px, from -R to R.
     """
     patch = np.empty((2 * RADIUS_PX + 1, 2 * RADIUS_PX + 1))
     change, events = (np.ascontiguousarray(image, np.float64) for image in (change, events))
@@ -66,7 +79,7 @@ def cross_correlation(change: Float64, events: Float64, usable: Bool, rest: floa
 
 
 def auto_correlation(change: Float64, usable: Bool) -> Float64:
-    """Return what ``cross_correlation`` gives of an image (h, w) and itself, for half the time."""
+    """Return the ``cross_correlation`` (2 R + 1, 2 R + 1) of an image (h, w) with itself, in half the time."""
     patch = np.empty((2 * RADIUS_PX + 1, 2 * RADIUS_PX + 1))
     flags = np.ascontiguousarray(usable).view(np.uint8)
     correlate_with_itself(np.ascontiguousarray(change, np.float64), flags, USABLE, patch)
@@ -147,7 +160,7 @@ def intervals(
     """Yield the chosen ones of successive intervals, in order; each is overwritten by the next.
 
     A pixel whose signal changes against its last events is on its way back through both thresholds and has not fired
-    yet.
+    yet: its flags exclude it.
 
     Parameters
     ----------
@@ -155,11 +168,18 @@ def intervals(
         Gives the signal (h, w) of a frame, and where it is known.
     counts
         (n - 1, 2, h, w) darker and brighter events.
+    threshold_on, threshold_off
+        Change of the signal by one event, as positive numbers.
     chosen
         Numbers of intervals, ascending.
     before
-        (2, h, w) the events before the first interval; those of pixels of which nothing is known before count as
-        changed.
+        (2, h, w) events before the first interval. The first events of a pixel of which nothing is known before count
+        as a change of sign.
+
+    Yields
+    ------
+    IntervalChanges
+        Whose arrays are used again for the next: copy what is needed longer.
     """
     shape, steps = counts.shape[2:], (-threshold_off, threshold_on)
     change, events = np.empty(shape), np.empty(shape)
@@ -178,8 +198,20 @@ def intervals(
 
 
 def peak(correlation: Float64) -> Shift | None:
-    """Return the shift of the peak to a fraction of a pixel (parabola along each axis); None where it has none."""
+    """Return the shift of the peak to a fraction of a pixel (parabola along each axis).
+
+    Parameters
+    ----------
+    correlation
+        (2 R + 1, 2 R + 1), rows down and columns right, no shift in the middle.
+
+    Returns
+    -------
+    Shift | None
+        None where the largest value is not positive, or lies at the border.
+    """
     row, column = (int(i) for i in np.unravel_index(int(np.argmax(correlation)), correlation.shape))
+    # A largest value at the border may be the flank of a peak farther out.
     last = 2 * RADIUS_PX
     if correlation[row, column] <= 0 or not (0 < row < last and 0 < column < last):
         return None
@@ -190,9 +222,19 @@ def peak(correlation: Float64) -> Shift | None:
 
 
 def peak_spread(patches: Float64, total: Float64) -> Float64 | None:
-    """Return the spread (2,) of the peak, right and down, by the delete-one jackknife; None where a peak is lost.
+    """Return the standard error of the peak by the delete-one jackknife.
 
-    ``patches`` (k, s, s) are correlations of single intervals and ``total`` (s, s) is their sum.
+    Parameters
+    ----------
+    patches
+        (k, s, s) correlations of single intervals.
+    total
+        (s, s) their sum.
+
+    Returns
+    -------
+    Float64 | None
+        (2,) right and down, px; None where the sum without one of the intervals has no peak.
     """
     peaks = [peak(total - patch) for patch in patches]
     shifts = [(shift.right_px, shift.down_px) for shift in peaks if shift is not None]
@@ -204,9 +246,20 @@ def peak_spread(patches: Float64, total: Float64) -> Float64 | None:
 
 
 def slope_sums(level: NDArray[np.floating], change: Float64, usable: Bool) -> Float64:
-    """Return sums over usable pixels (3, 2), to the right and down.
+    """Return sums of slopes over neighbouring usable pixels.
 
-    They are of the slopes of the level and of their squares, and of the squares of the slopes of its change.
+    Parameters
+    ----------
+    level, change
+        (h, w) level of the earlier frame, and its change.
+    usable
+        (h, w) pixels that count.
+
+    Returns
+    -------
+    Float64
+        (3, 2), to the right and down: absolute slopes of the level, their squares, and squares of the slopes of its
+        change; in units of the level a pixel.
     """
     sums = np.zeros((3, 2))
     add_slopes(level, change, usable.view(np.uint8), USABLE, (0, usable.shape[0], 0, usable.shape[1]), sums)
@@ -219,9 +272,22 @@ def open_level_errors(sums: Float64, threshold: float) -> tuple[Float64, Float64
     Standard error: C sqrt(2/3 / sum g^2), g the slope of the change. Where little moves e hardly changes from interval
     to interval, so this is not divided by their number. Lag: a level that has risen lies above its reference, by C/2 on
     average, so that events follow the motion by at most C/2 mean|g| / mean g^2, g the slope of the level.
+
+    Parameters
+    ----------
+    sums
+        (3, 2) of ``slope_sums``.
+    threshold
+        C, in the unit of the level.
+
+    Returns
+    -------
+    tuple[Float64, Float64]
+        (2,) standard errors and (2,) bounds of the lag, px.
     """
     level, level_squares, change_squares = sums
-    # Regression of e, of variance 2/3 C^2, on g: C sqrt(2/3 / sum g^2).
+    # At each of two frames the level is uniform over 2 C, of variance (2 C)^2 / 12; so Var(e) = 2/3 C^2.
+    # Regression of e on g: C sqrt(2/3 / sum g^2).
     errors = threshold * np.sqrt(2 / 3 / np.maximum(change_squares, 1e-300))
     # Half a threshold of level over the slope is the distance by which events trail.
     lags = threshold / 2 * level / np.maximum(level_squares, 1e-300)
@@ -235,7 +301,7 @@ class PartShift:
     Attributes
     ----------
     part, axis
-        Its number, and 0 (right) or 1 (down).
+        Number of the part; 0 (right) or 1 (down).
     alike
         (k,) parts that are shifted by more than half as much.
     shift_px, standard_error_px
@@ -266,9 +332,14 @@ def most_shifted(
     threshold
         C, in the unit of the level.
     least
-        Parts that correlate by less have no peak of their own.
+        Correlation, 0 to 1, below which a part has no peak of its own.
     with_turned
-        (k, s, s) correlations with pixels that have turned: by how much these drag a peak is an error of its part.
+        (k, s, s) correlations including pixels that have turned: by how much these move a peak is an error of its part.
+
+    Returns
+    -------
+    PartShift | None
+        In px, to the right or down.
     """
     count = len(sums.patches)
     shifts, errors = np.full((count, 2), np.nan), np.full((count, 2), np.inf)
@@ -304,5 +375,6 @@ def most_shifted(
 
 def _vertex(three: Float64) -> float:
     """Return where the parabola through three values at -1, 0, 1 has its top; the middle one is the largest."""
+    # (y_- - y_+) / (2 (y_- - 2 y_0 + y_+)), the zero of the derivative of the parabola.
     bend = float(three[0] - 2 * three[1] + three[2])
     return 0.5 * float(three[0] - three[2]) / bend if bend < 0 else 0.0

@@ -1,9 +1,9 @@
 """Compiled loops that correlate frame changes with events over a few pixels of shift.
 
-So few shifts cost less as sums of products than by transforms, and single precision is enough for these: a row adds up
-in a few partial sums, which leaves errors of a millionth, and rows are added in double precision. Most pixels do not
-fire between two frames: what they hold beyond the mean is the same everywhere, and its products with a row are known
-from the row's sums. Rows in which few pixels fire cost these pixels only.
+For so few shifts sums of products cost less than Fourier transforms, and single precision is enough for them: a row is
+summed in a few partial sums, which leaves errors of a millionth, and rows are added in double precision. Most pixels do
+not fire between two frames: their value less the mean is the same everywhere, and its products with a row follow from
+the row's sums. Rows in which few pixels fire cost these pixels only.
 """
 
 import numpy as np
@@ -24,21 +24,30 @@ _WIDE = 32
 """Products of a row that are added together: whole vectors of a processor, of which ``_SIDE`` are used."""
 
 _FEW = 6
-"""A row of which one pixel in so many fires costs as much pixel by pixel as as a whole."""
+"""If one pixel of a row in so many fires, the row costs as much pixel by pixel as multiplied as a whole."""
 
 USABLE, KEPT, SETTLED = 1, 2, 4
-"""Pixels that are lit in both frames; of these, those whose events have not turned; of these, those whose frames have
-not turned against them."""
+"""Flags of pixels: signal known in both frames; of these, events of unchanged sign; of these, frames that do not change
+against the last events."""
 
 
 @njit(cache=True)
 def follow_turns(counts: Int32, change: Float64, signs: Signs, flags: Flags) -> None:
-    """Take from ``flags`` (h, w) the pixels that have turned in an interval, and update ``signs`` (h, w).
+    """Clear the flags of pixels that have turned in an interval, and update the signs of the last events.
 
-    ``counts`` (2, h, w) are darker and brighter events, ``change`` (h, w) is what the signal changes by, ``signs`` the
-    sign of each pixel's last events before, 0 where nothing is known or both signs came. ``KEPT`` and ``SETTLED`` are
-    taken where events changed sign within the interval or since those before it, ``SETTLED`` also where the change is
-    against the last events.
+    ``KEPT`` and ``SETTLED`` are cleared where events changed sign within the interval or since those before it,
+    ``SETTLED`` also where the change is against the last events.
+
+    Parameters
+    ----------
+    counts
+        (2, h, w) darker and brighter events of the interval.
+    change
+        (h, w) change of the signal.
+    signs
+        (h, w) sign of each pixel's last events, 0 where there was none before or both signs came; updated in place.
+    flags
+        (h, w) updated in place.
     """
     for row in range(signs.shape[0]):
         for column in range(signs.shape[1]):
@@ -54,7 +63,7 @@ def follow_turns(counts: Int32, change: Float64, signs: Signs, flags: Flags) -> 
 
 @njit(cache=True)
 def follow_signs(counts: Int32, signs: Signs) -> None:
-    """Update ``signs`` (h, w) as ``follow_turns`` does, of an interval that is not correlated."""
+    """Update ``signs`` (h, w) by ``counts`` (2, h, w) as ``follow_turns`` does, where nothing is correlated."""
     for row in range(signs.shape[0]):
         off, on, sign = counts[0, row], counts[1, row], signs[row]
         for column in range(len(sign)):
@@ -66,10 +75,28 @@ def follow_signs(counts: Int32, signs: Signs) -> None:
 def correlate(
     change: Float64, events: Float64, flags: Flags, flag: int, box: Box, rest: float, patch: Float64
 ) -> tuple[float, float]:
-    """Write the cross-correlation of change and events of a part of the image, (2 R + 1, 2 R + 1), and return squares.
+    """Write the cross-correlation of change and events of a part of the image, and return their sums of squares.
 
-    Both are taken less their means over the pixels with the ``flag``, and are 0 elsewhere; the squares (change, events)
-    are summed over these pixels as they are. ``rest`` is what ``events`` holds where nothing fires: it saves time only.
+    Both are taken less their means over the pixels with the ``flag``, and are 0 elsewhere. The squares are summed over
+    these pixels without subtracting the means.
+
+    Parameters
+    ----------
+    change, events
+        (h, w) changes of the level, by frames and by events.
+    flags, flag
+        (h, w) flags of pixels, and the one that counts.
+    box
+        Top, bottom, left and right of the part.
+    rest
+        Value of ``events`` where nothing fires: it saves time and changes no result.
+    patch
+        (2 R + 1, 2 R + 1) where the correlation is written, no shift in the middle.
+
+    Returns
+    -------
+    tuple[float, float]
+        Sums of squares of change and of events.
     """
     top, bottom, left, right = box
     width = right - left
@@ -84,6 +111,7 @@ def correlate(
     if count == 0:
         return change_squares, event_squares
     mean = event_sum / count
+    # Rounded to single precision as ``fired`` is: otherwise silent pixels would not compare equal to it.
     beside = np.float64(np.float32(rest - mean))
     around = np.zeros((bottom - top + 2 * RADIUS, width + _WIDE - 1), np.float32)
     sums = np.zeros((bottom - top + 2 * RADIUS, _SIDE))
@@ -99,7 +127,8 @@ def correlate(
         _centre(events[row, left:right], mean, flags[row, left:right], flag, fired)
         firing = _find_firing(fired, beside, columns)
         lines = around[row - top : row - top + _SIDE]
-        # Rows in which many pixels fire are multiplied as a whole; in others the silent rest is added from the sums.
+        # Rows in which many pixels fire are multiplied as a whole; in others the silent rest is added from the sums:
+        # sum e(x) c(x - s) = sum over firing x of (e(x) - beside) c(x - s) + beside sum c(x - s).
         if firing > width // _FEW:
             for down in range(_SIDE):
                 _add_products(fired, lines[_SIDE - 1 - down], patch[down])
@@ -116,7 +145,17 @@ def correlate(
 
 @njit(cache=True)
 def correlate_with_itself(change: Float64, flags: Flags, flag: int, patch: Float64) -> None:
-    """Write the correlation of an image with itself, (2 R + 1, 2 R + 1): less its mean over flagged pixels, 0 else."""
+    """Write the autocorrelation of an image less its mean over flagged pixels, 0 elsewhere.
+
+    Parameters
+    ----------
+    change
+        (h, w) image.
+    flags, flag
+        (h, w) flags of pixels, and the one that counts.
+    patch
+        (2 R + 1, 2 R + 1) where the correlation is written, no shift in the middle.
+    """
     height, width = change.shape
     count, total = 0, 0.0
     for row in range(height):
@@ -133,6 +172,7 @@ def correlate_with_itself(change: Float64, flags: Flags, flag: int, patch: Float
         for down in range(RADIUS, _SIDE):
             line = around[row + 2 * RADIUS - down]
             _add_products(around[row + RADIUS, RADIUS : RADIUS + width], line, patch[down])
+    # An autocorrelation is even, R(-s) = R(s).
     for down in range(RADIUS):
         patch[down] = patch[_SIDE - 1 - down, ::-1]
 
@@ -221,7 +261,19 @@ def _add_products(fired: Float32, line: Float32, sums: Float64) -> None:
 
 @njit(cache=True)
 def add_slopes(level: NDArray[np.floating], change: Float64, flags: Flags, flag: int, box: Box, sums: Float64) -> None:
-    """Add to ``sums`` (3, 2) what ``shift.slope_sums`` adds up, of a part of the image."""
+    """Add to ``sums`` those of ``shift.slope_sums`` over the flagged pixels of a part of the image.
+
+    Parameters
+    ----------
+    level, change
+        (h, w) level of the earlier frame, and its change.
+    flags, flag
+        (h, w) flags of pixels, and the one that both neighbours must have.
+    box
+        Top, bottom, left and right of the part.
+    sums
+        (3, 2) added to in place.
+    """
     top, bottom, left, right = box
     for row in range(top, bottom):
         line = level[row, left:right], change[row, left:right], flags[row, left:right]
@@ -267,9 +319,20 @@ def step_between(
     events: Float64,
     flags: Flags,
 ) -> None:
-    """Write by how much frames and events of an interval change, (h, w), and flag the pixels lit in both frames.
+    """Write the changes of an interval by frames and by events, and flag the pixels known in both frames.
 
-    ``counts`` (2, h, w) are darker and brighter events, each a step of ``steps``.
+    Parameters
+    ----------
+    earlier, later
+        (h, w) signal of both frames.
+    lit_before, lit_after
+        (h, w) pixels whose signal is known.
+    counts
+        (2, h, w) darker and brighter events.
+    steps
+        Change of the signal by a darker event (negative) and by a brighter one.
+    change, events, flags
+        (h, w) where the changes, in the unit of the signal, and the flags are written.
     """
     for row in range(flags.shape[0]):
         for column in range(flags.shape[1]):

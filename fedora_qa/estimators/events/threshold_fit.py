@@ -17,7 +17,7 @@ Float64 = NDArray[np.float64]
 Int64 = NDArray[np.int64]
 
 FEWEST_PAIRS = 100
-"""Below, a scale of residuals is not known to 10%."""
+"""Below, the relative standard error of a scale of residuals exceeds 10%."""
 FEWEST_BLOCKS = 4
 """Below, the spread between blocks estimates no error."""
 FEWEST_TIMES = 4
@@ -70,9 +70,9 @@ class ResponseFit:
     threshold_on, threshold_off
         Change of the level by one event, in the unit of the levels.
     delay_s
-        Time by which events are stamped late (negative: early), at ``middle_s``.
+        Time by which event timestamps are late (negative: early), at ``middle_s``.
     delay_rate
-        How that grows, s/s; 0 where the blocks are of fewer than four times.
+        Growth of the delay, s/s; 0 where the blocks are of fewer than four times.
     kappa_s
         Part of the levels that goes with the size of their slope (``frame_interpolation``), s; 0 where not fitted.
     middle_s
@@ -82,7 +82,7 @@ class ResponseFit:
     attenuation
         Bounds on the bias that errors of the regressors cause.
     coherent_delay_s
-        The delay that errors of the levels make which are as large as the residuals, and all act as one.
+        Bound on the delay, s, by errors of the levels that are as large as the residuals and fully correlated.
     sigma
         Standard deviation of a pair's residual, in the unit of the levels.
     """
@@ -112,7 +112,9 @@ class ResponseFit:
         """Return the residual of each block (b,) under this fit."""
         delays_s = self.delay_s + self.delay_rate * (blocks.times_s - self.middle_s)
         steps = np.array([self.threshold_on, self.threshold_off])
+        # Level pairs: C+, C-, and the delay times C+ and C- as coefficients of both rates (``levels.py``).
         theta = np.concatenate([np.tile(steps, (len(blocks), 1)), delays_s[:, np.newaxis] * steps], axis=1)
+        # |y - X theta|^2 = y'Wy - 2 theta'X'Wy + theta'X'WX theta.
         squares = blocks.squares - 2 * np.einsum("bi,bi->b", blocks.vectors, theta)
         squares += np.einsum("bi,bij,bj->b", theta, blocks.matrices, theta)
         sigmas: Float64 = np.sqrt(np.maximum(squares / blocks.weights, 1e-300))
@@ -129,9 +131,14 @@ def normal_blocks(
     X, y, weights
         (m, k), (m,), (m,).
     block_of_row, times_s
-        (m,) of the rows.
+        (m,) of the rows: number of the block, 0 to b - 1, and time.
     blocks
-        How many there are.
+        Number of blocks, b.
+
+    Returns
+    -------
+    NormalBlocks
+        (b, k, k) and (b, k); blocks without rows hold zeros.
     """
     parameters = X.shape[1]
     sums = BlockSums(np.zeros((blocks, parameters, parameters)), np.zeros((blocks, parameters)), np.zeros((blocks, 4)))
@@ -141,7 +148,7 @@ def normal_blocks(
 
 
 def concatenate(sums: list[NormalBlocks]) -> NormalBlocks:
-    """Return all blocks, in order, those without samples left out."""
+    """Return all blocks of some sums, in order, without those that hold no samples."""
     fields = [np.concatenate([getattr(blocks, name) for blocks in sums]) for name in NormalBlocks.__slots__]
     present = fields[NormalBlocks.__slots__.index("counts")] > 0
     return NormalBlocks(*(values[present] for values in fields))
@@ -149,6 +156,11 @@ def concatenate(sums: list[NormalBlocks]) -> NormalBlocks:
 
 def fit_response(blocks: NormalBlocks) -> ResponseFit | None:
     """Fit level pairs: thresholds, delay and rate.
+
+    Parameters
+    ----------
+    blocks
+        Of four parameters: C+, C- and both rates (``levels.accumulate``).
 
     Returns
     -------
@@ -173,6 +185,8 @@ def fit_interpolation(blocks: NormalBlocks, groups: Sequence[NDArray[np.intp]] =
 
     Parameters
     ----------
+    blocks
+        Of four parameters: C+, C-, delay and kappa.
     groups
         (b,) each: numbers of groups of blocks that may share an error; those of one number are left out together.
 
@@ -195,13 +209,14 @@ def _fit(
     uncertain_counts: bool,
     groups: Sequence[NDArray[np.intp]] = (),
 ) -> ResponseFit | None:
-    """Fit C+, C-, delay and its rate, and kappa if asked for, to which ``reduction`` takes the columns of the blocks.
+    """Fit C+, C-, delay and its rate, and kappa if it has a column, in the columns that ``reduction`` combines.
 
     Of the reduction (4, 3 or 4) the columns are those of C+, C-, delay and kappa.
 
-    ``uncertain_counts`` says that counts of events may be in error themselves, as interpolated ones are. Blocks that
-    have ``groups`` are cells, few of which may hold all edges: errors are judged by how many they are.
+    ``uncertain_counts``: counts of events have errors themselves, as interpolated ones do. Blocks that have ``groups``
+    are cells, few of which may hold all edges: errors are widened by how many cells hold the weight.
     """
+    # Times count from their weighted mean, so that the delay and its rate are nearly uncorrelated.
     middle_s = float(np.average(blocks.times_s, weights=blocks.weights))
     normals, sides = _with_rate(blocks, reduction, blocks.times_s - middle_s)
     normal, side = normals.sum(axis=0), sides.sum(axis=0)
@@ -210,6 +225,7 @@ def _fit(
     theta = np.asarray(np.linalg.solve(normal, side), dtype=np.float64)
     weight = float(blocks.weights.sum())
     variance = max(float(blocks.squares.sum() - theta @ side), 0.0) / weight
+    # Cov(theta) = sigma^2 N^-1, with sigma^2 the weighted mean of the squared residuals.
     formal = np.sqrt(np.diag(np.linalg.inv(normal)) * variance)
     by_block = np.maximum(formal, _jackknife(normal - normals, side - sides))
     errors = by_block
@@ -249,6 +265,7 @@ def _effective_parts(normal: Float64, normals: Float64) -> Float64:
 
     A block weighs what it moves a parameter by when its own estimate is moved by 1; these weights add up to 1.
     """
+    # (sum w)^2 / sum w^2 (L. Kish, Survey Sampling, Wiley 1965), with w = diag(N^-1 N_b).
     shares = np.einsum("ij,bji->bi", np.linalg.inv(normal), normals)
     return np.asarray(np.abs(shares).sum(axis=0) ** 2 / np.sum(shares**2, axis=0))
 
@@ -281,6 +298,7 @@ def _jackknife(normals: Float64, sides: Float64) -> Float64:
     inverses = np.linalg.pinv(normals, hermitian=True)  # a single block may hold all weight of a parameter
     left_out = (inverses @ sides[..., np.newaxis])[..., 0]
     n = len(left_out)
+    # (n - 1) / n times the sum of squares about the mean, which is (n - 1) times the variance.
     spread: Float64 = np.sqrt((n - 1) * left_out.var(axis=0))
     return spread
 
@@ -292,6 +310,7 @@ def _named(values: Float64, fitted: int) -> ResponseErrors:
 
 
 def _scaled(matrix: Float64) -> Float64:
+    # Unit diagonal: otherwise the condition would be one of units (counts against slopes in 1/s).
     size = np.sqrt(np.maximum(np.diag(matrix), 1e-300))
     scaled: Float64 = matrix / np.outer(size, size)
     return scaled
@@ -309,7 +328,7 @@ class BlockSums(NamedTuple):
 def sum_blocks(
     X: Float64, y: Float64, weights: Float64, block_of_row: Int64, times_s: Float64, sums: BlockSums
 ) -> None:
-    """Add normal equations of y (m,) on X (m, k) to those of their block."""
+    """Add X'WX and X'Wy of each row of X (m, k) and y (m,) to ``sums`` of its block."""
     matrices, vectors, scalars = sums
     for i in range(len(y)):
         block, weight = block_of_row[i], weights[i]

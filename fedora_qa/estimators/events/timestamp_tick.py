@@ -22,6 +22,11 @@ def crowded_step_ns(times_ns: Int64) -> int:
     ----------
     times_ns
         (n,) timestamps of a window, sorted.
+
+    Returns
+    -------
+    int
+        ns.
     """
     if not are_crowded(times_ns, _CROWD, _MOST_CROWDED):
         return 0
@@ -30,12 +35,13 @@ def crowded_step_ns(times_ns: Int64) -> int:
     crowded = counts >= max(_CROWD, 0.1 * float(counts.max(initial=0)))
     if np.count_nonzero(crowded) < _CROWD or counts[crowded].sum() < _MOST_CROWDED * len(times_ns):
         return 0
+    # Between crowded timestamps only: a stray event between two of them would shorten a step.
     return int(np.median(np.diff(times_ns[first[crowded]])))
 
 
 @njit(cache=True)
 def are_crowded(t: Int64, crowd: int, ratio: float) -> bool:
-    """Whether a ratio of the events lie at timestamps with ``crowd`` of them or more, of which there are as many."""
+    """Whether ``ratio`` of the events or more lie at ``crowd`` or more timestamps of ``crowd`` or more events each."""
     crowds, alone, begin = 0, 0, 0
     for i in range(len(t)):
         if i + 1 == len(t) or t[i + 1] != t[i]:

@@ -1,7 +1,7 @@
-"""Standard errors estimated from few groups: how uncertain they are themselves.
+"""Standard errors estimated from few groups, and their own uncertainty.
 
-An error estimated from the scatter of nu + 1 groups is itself known to a share of 1 / sqrt(2 nu). Far out in the tail,
-where alarms are raised, that matters: of values over such errors Student's distribution holds, not the normal one.
+An error estimated from the scatter of nu + 1 groups has itself the relative standard error 1 / sqrt(2 nu). This matters
+far out in the tail, where alarms are raised: values over such errors follow Student's distribution, not the normal one.
 """
 
 from typing import Final
@@ -14,7 +14,7 @@ from fedora_qa.estimators.fitting.tails import fisher_beyond, normal_beyond, stu
 Float64 = NDArray[np.float64]
 
 TAIL: Final = 1e-6
-"""Where Student's distribution is compared with the normal one: a file's 1e-4 over a hundred comparisons."""
+"""Tail at which Student's distribution is compared with the normal one: 1e-4 of a file over a hundred comparisons."""
 
 BEYOND_CHANCE: Final = 0.05
 """Probability at which groups scatter by chance as much more than their parts imply that they are taken to share
@@ -28,6 +28,11 @@ def student_factor(freedom: float) -> float:
     ----------
     freedom
         Degrees of freedom of the error; below 1 it counts as 1.
+
+    Returns
+    -------
+    float
+        1 at least: the ratio of both distributions' deviates at the probability ``TAIL``.
     """
     return student_beyond(TAIL, max(freedom, 1.0)) / normal_beyond(TAIL)
 
@@ -43,9 +48,14 @@ def shared_errors(by_part: Float64 | float, parts: float, by_group: Float64 | fl
     by_part, by_group
         Standard errors, of any shape, by the scatter of the parts and of the groups.
     parts, groups
-        How many there are of each.
+        Numbers of parts and of groups; degrees of freedom are one less.
+
+    Returns
+    -------
+    Float64
+        Of the shape of ``by_part``, in its unit.
     """
-    # Fisher's F of the two variance estimates.
+    # Fisher's F, the ratio of two independent variance estimates; independence is approximate: groups hold the parts.
     ratio = (by_group / np.maximum(by_part, 1e-300)) ** 2
     shared = ratio > fisher_beyond(BEYOND_CHANCE, max(groups - 1, 1), max(parts - 1, 1))
     errors: Float64 = np.maximum(by_part, np.where(shared, student_factor(groups - 1), 1.0) * by_group)

@@ -18,14 +18,14 @@ from fedora_qa.estimators.fitting.tails import chi_squared_beyond
 Float64 = NDArray[np.float64]
 
 SELECTION_TAIL: Final = 1e-9
-"""Probability that chance alone frees a group: that of six standard errors, below a file's false-alarm rate."""
+"""Probability that chance alone frees a group: beyond six standard errors, below the false-alarm rate of a file."""
 
 FEWEST_SEGMENTS: Final = 4
 """Fewer segments do not determine their spread."""
 
 SPREAD_TAIL: Final = 0.01
-"""Probability that chance alone widens an error. Of few segments the spread is itself uncertain: to count all of it
-that exceeds the formal error would make correct errors a quarter too large with four segments, a tenth with eight."""
+"""Probability that chance alone widens an error. The spread of few segments is itself uncertain: to add all of it that
+exceeds the formal error would make correct errors a quarter too large with four segments, a tenth with eight."""
 
 _SCATTER_IN_SCORE: Final = 3.0
 """Variance of a score beyond the information, in units of the information N that noise in the regressors feigns. The
@@ -59,8 +59,8 @@ class ParameterEstimate:
     free
         Whether its group was freed: it explains the residuals far beyond chance.
     explained
-        For groups that rival this one, which share (0 to 1) of what can be explained each explains on its own: of
-        everything those that were freed before it, of what these do not explain all others, where it is free itself.
+        Share (0 to 1) that each rival group explains on its own. For rivals freed before this group it is the share of
+        all that can be explained; for the others, where this group is free, the share of what those leave unexplained.
     """
 
     value: float
@@ -98,10 +98,10 @@ class GroupedFit:
     blocks
         The segments.
     linearised_at
-        (P,) what has already been taken out of the samples; values count from 0 nevertheless.
+        (P,) values already subtracted from the samples; fitted values count from 0 nevertheless.
     nuisance_covariance
-        (B, B) prior covariance of a nuisance between the B segments, the Q nuisances alike and independent. Without
-        it there are none.
+        (B, B) prior covariance of a nuisance between the B segments, the Q nuisances alike and independent. None: no
+        nuisances.
     scatters
         The same segments with residuals and jacobians as noise alone makes them (``sequence_fit.with_scatter``). Their
         scores are subtracted, and their information is not counted.
@@ -117,6 +117,7 @@ class GroupedFit:
     ) -> None:
         self.parameters = parameters
         count = len(parameters.names)
+        # Weak prior N(0, largest^2): its inverse variance keeps the normal matrix regular and bounds every error.
         self._prior = np.diag(1.0 / np.square(parameters.largest))
         shifted = [block.linearised_at(linearised_at) for block in blocks]
         self._linearised_at = linearised_at
@@ -143,6 +144,7 @@ class GroupedFit:
             # The variance of each by noise in the regressors, over that of all: the share of information of noise.
             noise = np.diag(inverse @ self._scatter_normal[np.ix_(columns, columns)] @ inverse) / np.diag(inverse)
             attenuation = _attenuation(noise, errors / np.array(self.parameters.largest)[columns])
+            # Only the part beyond the linearisation is attenuated: the rest was subtracted from the samples exactly.
             values = self._linearised_at[columns] + (values - self._linearised_at[columns]) / attenuation
             model_errors = np.abs(inverse @ self._sums.model_right[columns]) / attenuation
             errors = errors / attenuation
@@ -174,6 +176,7 @@ class GroupedFit:
         scores = self._scores(values)[:, column]
         information = self._sums.normals[:, column, column] + self._prior[column, column]
         noise = np.zeros(len(scores)) if self._scatter_sums is None else self._scatter_sums.normals[:, column, column]
+        # Deviation = score / information; its error follows from the variance of the score, noise included.
         errors = max(1.0, self.misfit) * np.sqrt(information + _SCATTER_IN_SCORE * noise) / information
         attenuation = _attenuation(noise / information, errors / self.parameters.largest[column])
         return SegmentDeviations(
@@ -200,6 +203,7 @@ class GroupedFit:
         if not columns:
             return 0.0
         right = self._right[columns]
+        # Score statistic s^T V^-1 s with V the covariance of the score (C. R. Rao, Proc. Camb. Phil. Soc. 44, 1948).
         return float(right @ inverse_of(self._score_covariance[np.ix_(columns, columns)]) @ right)
 
     def _select(self) -> tuple[tuple[str, ...], dict[str, dict[str, float]]]:
@@ -218,6 +222,7 @@ class GroupedFit:
         while len(free) < len(self.parameters.groups):
             base = self._explains(free)
             gains = {g: (self._explains((*free, g)) - base) / unit for g in self.parameters.groups if g not in free}
+            # Under chance alone a gain follows chi squared with the group's parameter count (S. S. Wilks 1938).
             excess = {
                 g: gain / chi_squared_beyond(SELECTION_TAIL, len(self.parameters.groups[g]))
                 for g, gain in gains.items()
@@ -250,13 +255,14 @@ class GroupedFit:
         # Sandwich estimate N^-1 (sum_b s_b s_b^T) N^-1 of the covariance, with the correction B / (B - 1).
         spread = np.sum((own @ scores.T) ** 2, axis=1) * segments / (segments - 1)
         expected = np.sum((own @ _root(own_normal + noise)) ** 2, axis=1) * max(1.0, self.misfit) ** 2
+        # The scatter of B segments over its expectation is chi squared / (B - 1) with B - 1 degrees of freedom.
         by_chance = chi_squared_beyond(SPREAD_TAIL, segments - 1) / (segments - 1)
         errors: Float64 = np.sqrt(formal + np.where(spread > by_chance * expected, spread - expected, 0.0))
         return errors
 
 
 def _attenuation(noise_shares: Float64, relative_errors: Float64) -> Float64:
-    """Return the share of information that is of motion, no less than keeps the error at the largest conceivable value.
+    """Return the share of information due to motion, bounded so that no error exceeds the largest conceivable value.
 
     Noise in a regressor draws a fitted value towards 0 by that share, and its error with it (W. Fuller, Measurement
     Error Models, Wiley 1987, section 1.1).
@@ -266,8 +272,9 @@ def _attenuation(noise_shares: Float64, relative_errors: Float64) -> Float64:
 
 
 def _root(covariance: Float64) -> Float64:
-    """Return R (n, n) with R R^T the covariance (n, n): no sum over it is negative, if parameters are collinear."""
+    """Return R (n, n) with R R^T the covariance (n, n): no sum of squares is negative, even of collinear parameters."""
     scales = np.sqrt(np.maximum(np.diag(covariance), np.finfo(np.float64).tiny))
+    # Eigenvalues, not Cholesky's factors: rounding may leave some slightly below 0.
     values, vectors = np.linalg.eigh(covariance / np.outer(scales, scales))
     root: Float64 = scales[:, None] * vectors * np.sqrt(np.maximum(values, 0.0))
     return root

@@ -10,14 +10,15 @@ from fedora_qa.estimators.fitting.robust import MAD_TO_SIGMA
 Float64 = NDArray[np.float64]
 
 HUBER_K = 1.345
-"""Residuals beyond this many standard deviations weigh less: 95% efficient on normal errors (Huber 1964)."""
+"""Residuals beyond this many standard deviations weigh less: 95% efficient on normal errors (P. W. Holland and R. E.
+Welsch, Commun. Stat. A 6 (1977) 813)."""
 
 _ITERATIONS = 8
 _FEW_ROWS = 4096
 """Beyond so many rows NumPy partitions them at their median faster than a compiled loop does."""
 
 _SINGULAR = 1e-13
-"""Share of its diagonal to which elimination must not bring a pivot: what is left then is rounding."""
+"""Ratio of a pivot to its diagonal element below which the pivot is rounding, and the equations are singular."""
 
 
 def huber_regression_weights(X: Float64, y: Float64) -> Float64:
@@ -49,9 +50,12 @@ def huber_regression_weights(X: Float64, y: Float64) -> Float64:
         # NumPy's median partitions at both middle values, which takes eight times as long.
         parted = np.partition(residual, middle)
         below = parted[middle] if len(y) % 2 else parted[:middle].max()
+        # sigma = MAD_TO_SIGMA MAD about 0 (Hampel 1974); the median of |r| is the mean of both middle values if m is even.
         scale = MAD_TO_SIGMA * 0.5 * float(below + parted[middle])
+        # Half of the rows or more fit exactly: residuals have no scale, and the weights stay as they are.
         if scale == 0.0:
             break
+        # w = min(1, k sigma / |r|) (Huber 1964).
         np.minimum(1.0, HUBER_K * scale / np.maximum(residual, 1e-300), out=weights)
         if iteration + 1 < _ITERATIONS:
             weigh(X, y, weights, matrix, vector)
@@ -62,8 +66,21 @@ def huber_regression_weights(X: Float64, y: Float64) -> Float64:
 def huber(X: Float64, y: Float64, tuning: float, iterations: int, weights: Float64) -> bool:
     """Write the weights (m,) of Huber's M-estimate of y (m,) on X (m, k), by iterated least squares.
 
-    Beyond ``tuning`` standard deviations residuals weigh less; the scale is from their median absolute value. Return
-    False where equations are singular: weights are then worth nothing.
+    Beyond ``tuning`` standard deviations residuals weigh less; the scale is from their median absolute value.
+
+    Parameters
+    ----------
+    X, y
+        (m, k), (m,).
+    tuning, iterations
+        Standard deviations of full weight, and number of weighted fits.
+    weights
+        (m,) where the weights are written.
+
+    Returns
+    -------
+    bool
+        False where the equations are singular: the weights are then undefined.
     """
     parameters = X.shape[1]
     matrix, vector, theta = np.empty((parameters, parameters)), np.empty(parameters), np.empty(parameters)
@@ -78,6 +95,7 @@ def huber(X: Float64, y: Float64, tuning: float, iterations: int, weights: Float
         if scale == 0.0:
             return True
         for i in range(len(y)):
+            # w = min(1, k sigma / |r|) (Huber 1964).
             weights[i] = min(1.0, tuning * scale / max(residual[i], 1e-300))
     return True
 
@@ -114,6 +132,7 @@ def solve(matrix: Float64, vector: Float64, theta: Float64) -> bool:
     k = len(vector)
     reduced = matrix.copy()
     theta[:] = vector
+    # Without pivoting, which positive definite matrices do not need (N. J. Higham, Accuracy and Stability, ch. 10).
     for i in range(k):
         if not reduced[i, i] > _SINGULAR * matrix[i, i]:
             return False

@@ -11,7 +11,7 @@ from scipy.linalg import solveh_banded
 Float64 = NDArray[np.float64]
 
 _LEAST_INFORMATION: Final = 1e-12
-"""Of a direction, in units of the best determined one, after scaling to unit diagonal."""
+"""Least information of a direction over that of the best determined one, after scaling to unit diagonal."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -35,11 +35,12 @@ class BlockEquations:
     count: int
 
     def linearised_at(self, parameters: Float64) -> "BlockEquations":
-        """Return the equations for unknowns that count from 0, where residuals had ``parameters`` (P,) taken out.
+        """Return the equations for unknowns that count from 0; ``parameters`` (P,) were subtracted from the residuals.
 
         With r' = r - J p: ``J^T r = J^T r' + N p`` and ``r^T r = r'^T r' + p^T (2 J^T r' + N p)``.
         """
         shift = self.normal[:, : len(parameters)] @ parameters
+        # p^T (2 J^T r' + N p), docstring above: ``right`` is J^T r', ``shift`` is N p.
         squares = self.squares + parameters @ (2 * self.right + shift)[: len(parameters)]
         return replace(self, right=self.right + shift, squares=float(squares))
 
@@ -58,6 +59,11 @@ def block_equations(
     covariance_bands
         (3, u + 1, n) covariance of the noise over rows on each axis, in the upper form of
         ``scipy.linalg.solveh_banded``.
+
+    Returns
+    -------
+    BlockEquations
+        Of P + Q unknowns.
 
     Raises
     ------
@@ -81,7 +87,7 @@ def block_equations(
 def inverse_of(normal: Float64) -> Float64:
     """Invert normal equations (P, P), whose diagonal is positive.
 
-    Directions that rounding cannot distinguish from undetermined ones get the least information it can.
+    Directions whose information is below the rounding error get the least information that exceeds it.
     """
     scale = np.sqrt(np.diag(normal))
     information, directions = np.linalg.eigh(normal / np.outer(scale, scale))
@@ -129,7 +135,7 @@ class SummedEquations:
             self.squares -= self._nuisances.squares
 
     def scores(self, values: Float64) -> Float64:
-        """Return (B, P) what remains on the right side of single segments beside ``values`` (P,)."""
+        """Return (B, P) the right sides of single segments less the part that ``values`` (P,) explain."""
         scores: Float64 = self._rights - self.normals @ values
         return scores if self._nuisances is None else scores - self._nuisances.scores(values)
 
@@ -147,11 +153,12 @@ class SegmentNuisances:
     Attributes
     ----------
     normal, right, model_right, squares
-        What their elimination takes from the parameters' equations (Schur complement).
+        Terms that their elimination subtracts from the parameters' equations (Schur complement).
     """
 
     def __init__(self, blocks: Sequence[BlockEquations], count: int, covariance: Float64) -> None:
         segments, nuisances = len(blocks), len(blocks[0].right) - count
+        # Prior information of the nuisances: C^-1 between segments, the Q nuisances of a segment independent.
         own = np.kron(np.linalg.inv(covariance), np.eye(nuisances))
         for segment, block in enumerate(blocks):
             columns = slice(segment * nuisances, (segment + 1) * nuisances)
@@ -169,7 +176,8 @@ class SegmentNuisances:
         self.squares = float(self._right @ self._inverse @ self._right)
 
     def scores(self, parameters: Float64) -> Float64:
-        """Return (B, P) what the nuisances, fitted beside ``parameters``, take from each segment's right sides."""
+        """Return (B, P) the part of each segment's right sides that the nuisances explain beside ``parameters``."""
+        # Back-substitution: q = Q^-1 (c - M^T p), which takes M q from the right sides.
         fitted = (self._inverse @ (self._right - self._joined.T @ parameters)).reshape(self._shape)
         explained: Float64 = np.einsum("bpq,bq->bp", self._mixed, fitted)
         return explained

@@ -27,7 +27,7 @@ def robust_sigma(values: ArrayLike, middle: ArrayLike | None = None) -> Float64:
     values
         (n,) or (n, k).
     middle
-        About which deviations are taken, broadcast against ``values``; by default the median of each column.
+        Centre of the deviations, broadcast against ``values``; by default the median of each column.
 
     Returns
     -------
@@ -64,7 +64,7 @@ def huber_weights(deviations: Float64, tuning: float | Float64) -> Float64:
 
 
 def jackknife_errors(left_out: ArrayLike) -> Float64:
-    """Return the standard errors of estimates of which one part of the data after another was left out.
+    """Return the standard errors of estimates by the delete-one jackknife.
 
     Parameters
     ----------
