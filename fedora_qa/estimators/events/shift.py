@@ -192,7 +192,7 @@ def intervals(
             follow_signs(counts[i], signs)
             continue
         (earlier, lit_before), (later, lit_after) = signal_of(i), signal_of(i + 1)
-        step_between(earlier, later, lit_before, lit_after, counts[i], steps, change, events, flags)
+        step_between(earlier, later, lit_before & lit_after, counts[i], steps, change, events, flags)
         follow_turns(counts[i], change, signs, flags)
         yield IntervalChanges(earlier, change, events, flags)
 

@@ -311,8 +311,7 @@ def _add_slopes_of_row(
 def step_between(
     earlier: Float32,
     later: Float32,
-    lit_before: NDArray[np.bool_],
-    lit_after: NDArray[np.bool_],
+    lit: NDArray[np.bool_],
     counts: Int32,
     steps: tuple[float, float],
     change: Float64,
@@ -325,8 +324,8 @@ def step_between(
     ----------
     earlier, later
         (h, w) signal of both frames.
-    lit_before, lit_after
-        (h, w) pixels whose signal is known.
+    lit
+        (h, w) pixels whose signal is known in both frames.
     counts
         (2, h, w) darker and brighter events.
     steps
@@ -338,5 +337,4 @@ def step_between(
         for column in range(flags.shape[1]):
             change[row, column] = later[row, column] - earlier[row, column]
             events[row, column] = steps[0] * counts[0, row, column] + steps[1] * counts[1, row, column]
-            lit = lit_before[row, column] & lit_after[row, column]
-            flags[row, column] = USABLE | KEPT | SETTLED if lit else 0
+            flags[row, column] = USABLE | KEPT | SETTLED if lit[row, column] else 0

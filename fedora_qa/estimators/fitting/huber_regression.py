@@ -50,7 +50,7 @@ def huber_regression_weights(X: Float64, y: Float64) -> Float64:
         # NumPy's median partitions at both middle values, which takes eight times as long.
         parted = np.partition(residual, middle)
         below = parted[middle] if len(y) % 2 else parted[:middle].max()
-        # sigma = MAD_TO_SIGMA MAD about 0 (Hampel 1974); the median of |r| is the mean of both middle values if m is even.
+        # sigma = MAD_TO_SIGMA times the median of |r| (Hampel 1974): the mean of both middle values if m is even.
         scale = MAD_TO_SIGMA * 0.5 * float(below + parted[middle])
         # Half of the rows or more fit exactly: residuals have no scale, and the weights stay as they are.
         if scale == 0.0:
