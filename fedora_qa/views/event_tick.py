@@ -1,7 +1,7 @@
 """The step of event timestamps."""
 
 from fedora_qa.conventions import NS_PER_US
-from fedora_qa.estimators.events.timestamp_tick import crowded_step_ns
+from fedora_qa.estimators.clocks.grid import crowded_step_ns
 from fedora_qa.sequence.facts import Facts
 from fedora_qa.sequence.window import Window
 from fedora_qa.views.event_camera import all_events

@@ -7,8 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fedora_qa.conventions import NS_PER_S, NS_PER_US
-from fedora_qa.estimators.clocks.displaced_timestamps import displaced_part
-from fedora_qa.estimators.clocks.rounded_timestamps import rounding_grid_ns
+from fedora_qa.estimators.clocks.regular_clock import displaced_part, rounding_grid_ns
 from fedora_qa.estimators.imu.local_motion import CurvatureEvenness, VectorSamples, find_interpolation, repeated_samples
 from fedora_qa.features import Feature
 from fedora_qa.sequence.declared import PoseModel

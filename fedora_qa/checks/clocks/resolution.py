@@ -9,8 +9,7 @@ import numpy as np
 from fedora_qa.checks.clocks.streams import event_scan, fits_of
 from fedora_qa.checks.protocol import Observation, Statistic, WindowCheck
 from fedora_qa.conventions import NS_PER_US
-from fedora_qa.estimators.clocks.combs import STEPS, comb_counts
-from fedora_qa.estimators.clocks.grid import single_precision_spacing_us, surely_no_chance
+from fedora_qa.estimators.clocks.grid import STEPS, comb_counts, single_precision_spacing_us, surely_no_chance
 from fedora_qa.estimators.clocks.regular_clock import RegularClock
 from fedora_qa.features import Feature
 from fedora_qa.record.types import Coverage, Where
@@ -82,8 +81,7 @@ class ClocksResolution(WindowCheck[Comb]):
 
     Sources
     -------
-    IEEE 754-2019, 3.6 (24 bits of binary32); first principles, ``fedora_qa/estimators/clocks/grid.py`` and
-    ``combs.py``.
+    IEEE 754-2019, 3.6 (24 bits of binary32); first principles, ``fedora_qa/estimators/clocks/grid.py``.
     """
 
     name = "clocks.resolution"

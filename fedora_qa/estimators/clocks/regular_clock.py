@@ -1,4 +1,4 @@
-"""Fit a regular clock to timestamps: its period, its jitter, its grid, its jumps, and its missing samples."""
+"""Regular clocks: period, jitter, grid, jumps and missing samples; a displaced part; rounding to a coarse grid."""
 
 from dataclasses import dataclass
 from typing import Final
@@ -30,6 +30,25 @@ _SAME_GRID: Final = 1.25
 
 _MOST_JUMPS: Final = 0.1
 """Share of deviating steps beyond which a clock jitters and does not jump."""
+
+
+_EXACT_RATIO: Final = 0.5
+"""Share of the steps that must equal the period: then the clock is exact, and deviating timestamps were displaced."""
+
+_LEAST_OUTSIDE: Final = 0.1
+"""Share of the timestamps that must lie outside the displaced part."""
+
+_ROUNDINGS: Final = 2
+"""Units by which rounding alone moves the difference of two timestamps: half of one each, and the period's own."""
+
+_SEGMENT: Final = 64
+"""Samples of a segment: a grid that holds for a part of the stream only is detected there."""
+
+_FEWEST_ODD: Final = 4
+"""Steps of the rarer length in a segment: fewer could be single gaps."""
+
+_OF_A_GRID: Final = 1.1
+"""Extent of correct rounding about the fitted line, in grids: one about the true line, a little off the fitted."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -164,3 +183,109 @@ def _line(numbers: Float64, elapsed_ns: Float64) -> tuple[float, Float64, float]
     spread = float(centred @ centred)
     slope = float(centred @ elapsed_ns) / spread
     return slope, elapsed_ns - elapsed_ns.mean() - slope * centred, spread
+
+
+@dataclass(frozen=True, slots=True)
+class DisplacedSegment:
+    """Rows of a clock that lie beside its line.
+
+    Attributes
+    ----------
+    first, last
+        Rows, both of them displaced.
+    offset_ns
+        Median by which they are late.
+    drift
+        By how much their clock runs fast, seconds a second; 0 where all are late alike.
+    """
+
+    first: int
+    last: int
+    offset_ns: float
+    drift: float
+
+
+def displaced_part(times_ns: Int64, *, resolution_ns: int) -> DisplacedSegment | None:
+    """Return the part of a clock that was moved; None where there is none, or where the clock is not exact.
+
+    Timestamps are compared with the line through the first, with the median step as its period; whole periods, which
+    lost samples leave, do not count. The part must begin or end with a jump: a clock that is off its rate throughout
+    has none.
+
+    Parameters
+    ----------
+    times_ns
+        (N,) timestamps.
+    resolution_ns
+        Unit to which they are rounded, ns.
+
+    Returns
+    -------
+    DisplacedSegment | None
+        From the first to the last displaced row.
+    """
+    if len(times_ns) < 3:
+        return None
+    steps = np.diff(times_ns)
+    period = int(np.median(steps))
+    if period <= 0 or np.mean(steps == period) < _EXACT_RATIO:
+        return None
+    # Deviation from the line through the first timestamp, modulo the period: lost samples leave whole periods.
+    deviation_ns = (times_ns - times_ns[0] + period // 2) % period - period // 2
+    beside = np.abs(deviation_ns) > resolution_ns
+    rows = np.flatnonzero(beside)
+    if not len(rows) or len(times_ns) - (rows[-1] - rows[0] + 1) < _LEAST_OUTSIDE * len(times_ns):
+        return None
+    first, last = int(rows[0]), int(rows[-1])
+    # Steps of the deviation into the part and out of it; a part that lasts to the end has no second jump.
+    jumps = np.abs(np.diff(deviation_ns))[[max(first - 1, 0), min(last, len(deviation_ns) - 2)]]
+    if jumps.max() <= _ROUNDINGS * resolution_ns:
+        return None
+    inside = deviation_ns[first : last + 1]
+    steady = bool(np.ptp(inside) <= _ROUNDINGS * resolution_ns)
+    # Slope of the deviation, ns, over the time by the clock's rows, ns: s/s.
+    drift = 0.0 if steady else float(np.polyfit(period * np.arange(len(inside), dtype=float), inside, 1)[0])
+    return DisplacedSegment(first, last, float(np.median(inside)), drift)
+
+
+def rounding_grid_ns(times_ns: Int64, *, resolution_ns: int) -> int:
+    """Return the grid to which the timestamps of a regular clock were rounded, ns; 0 where there is none.
+
+    A period rounded to a grid that does not divide it gives steps of just two lengths, the multiples of the grid next
+    to it, in even turns: they never stray from a straight line by more than half a grid. Jitter gives steps of
+    many lengths, lost samples stray from the line.
+
+    Parameters
+    ----------
+    times_ns
+        (N,) timestamps; segments where they decrease show no grid.
+    resolution_ns
+        Unit of all timestamps, ns: only coarser grids count.
+
+    Returns
+    -------
+    int
+        ns, the median of the segments' grids.
+    """
+    segments = times_ns[: len(times_ns) // _SEGMENT * _SEGMENT].reshape(-1, _SEGMENT)
+    if not len(segments):
+        return 0
+    steps = np.diff(segments, axis=1)
+    short, long = steps.min(axis=1), steps.max(axis=1)
+    coarse = (short >= 0) & (long - short > resolution_ns)
+    grids = []
+    for times in segments[coarse]:
+        steps = np.diff(times)
+        shortest, longest = int(steps.min()), int(steps.max())
+        # Both steps are multiples of the grid, next to each other: their difference is the grid.
+        grid = longest - shortest
+        rarer = min(np.count_nonzero(steps == shortest), np.count_nonzero(steps == longest))
+        if shortest % grid or rarer < _FEWEST_ODD or not np.isin(steps, (shortest, longest)).all():
+            continue
+        # Extent of the timestamps about the line of least squares.
+        numbers = np.arange(len(times)) - (len(times) - 1) / 2
+        elapsed = (times - times[0]).astype(np.float64)
+        slope = float(numbers @ elapsed) / float(numbers @ numbers)
+        if float(np.ptp(elapsed - slope * numbers)) <= _OF_A_GRID * grid:
+            grids.append(grid)
+    return int(np.median(grids)) if grids else 0

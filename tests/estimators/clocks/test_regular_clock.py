@@ -4,8 +4,9 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from numpy.typing import NDArray
 
-from fedora_qa.estimators.clocks.regular_clock import fit_regular_clock
+from fedora_qa.estimators.clocks.regular_clock import displaced_part, fit_regular_clock, rounding_grid_ns
 
 
 @given(st.integers(3, 400), st.integers(1, 10**9), st.integers(-(10**15), 10**15))
@@ -42,3 +43,101 @@ def test_period_error_is_honest() -> None:
 def test_too_few_timestamps_say_nothing() -> None:
     """Two stamps fit every clock."""
     assert fit_regular_clock(np.array([0, 5])) is None
+
+
+US = 1000
+PERIOD_US = 5000
+
+
+def timestamps_us(count: int = 400) -> NDArray[np.int64]:
+    return PERIOD_US * np.arange(count, dtype=np.int64)
+
+
+@given(st.integers(-2400, 2400).filter(lambda us: abs(us) > 3), st.integers(1, 180), st.integers(20, 180))
+def test_a_late_part_is_found_with_its_rows_and_size(late_us: int, first: int, count: int) -> None:
+    """Any offset of more than rounding and less than half a period, anywhere."""
+    times_us = timestamps_us()
+    times_us[first : first + count] += late_us
+    found = displaced_part(times_us * US, resolution_ns=US)
+    assert found is not None
+    assert (found.first, found.last) == (first, first + count - 1)
+    assert (found.offset_ns, found.drift) == (late_us * US, 0.0)
+
+
+@pytest.mark.parametrize("rate", [60e-6, -120e-6])
+def test_a_fast_part_is_found_with_its_rate(rate: float) -> None:
+    """A clock that runs fast for a while and is set right again."""
+    times_us = timestamps_us()
+    times_us[100:300] += np.rint(PERIOD_US * rate * np.arange(200)).astype(np.int64)
+    found = displaced_part(times_us * US, resolution_ns=US)
+    assert found is not None
+    assert found.drift == pytest.approx(rate, rel=0.03)
+    assert found.last == 299
+
+
+LOST = np.delete(timestamps_us(), [50, 51, 200])
+JITTER = timestamps_us() + np.random.default_rng(0).integers(-40, 40, 400)
+UNTOUCHED = {
+    "exact": timestamps_us(),
+    "late throughout": timestamps_us() + 7,
+    "fast throughout": np.rint(timestamps_us() * 1.0002).astype(np.int64),
+    "samples lost": LOST,
+    "jitter": JITTER,
+    "period of no whole microseconds": np.rint(np.arange(400) * 1e6 / 30).astype(np.int64),
+    "two stamps": timestamps_us(2),
+    "one stamp again and again": np.zeros(50, np.int64),
+}
+
+
+@pytest.mark.parametrize("times_us", UNTOUCHED.values(), ids=UNTOUCHED)
+def test_what_was_not_moved_in_part_is_not_found(times_us: NDArray[np.int64]) -> None:
+    """Clocks that are sound, or wrong as a whole, or lack samples."""
+    assert displaced_part(times_us * US, resolution_ns=US) is None
+
+
+def timestamps_ns(period_us: float, count: int = 400) -> NDArray[np.int64]:
+    return np.rint(period_us * np.arange(count)).astype(np.int64) * US
+
+
+def rounded(times_ns: NDArray[np.int64], grid_us: int) -> NDArray[np.int64]:
+    return (times_ns + grid_us * US // 2) // (grid_us * US) * (grid_us * US)
+
+
+@given(st.integers(2, 4000), st.sampled_from([1000, 5000, 20000, 33333]))
+def test_grid_is_found_or_does_no_harm(grid_us: int, period_us: int) -> None:
+    """A found grid is the true one; none is missed whose rounding shows in a tenth of the steps or more."""
+    found = rounding_grid_ns(rounded(timestamps_ns(period_us), grid_us), resolution_ns=US)
+    assert found in (0, grid_us * US)
+    odd = (period_us / grid_us) % 1.0
+    if 0.1 < odd < 0.9:
+        assert found == grid_us * US
+
+
+@pytest.mark.parametrize("period_us", [1000.0, 5000.0, 33333.0, 1e6 / 30, 1e6 / 29.97])
+def test_whole_microseconds_are_no_grid(period_us: float) -> None:
+    """Stamps in the format's own unit are not rounded beyond it, whether the period is whole or not."""
+    assert rounding_grid_ns(timestamps_ns(period_us), resolution_ns=US) == 0
+
+
+def test_part_of_a_stream() -> None:
+    """A clock that is rounded from the middle on shows there."""
+    times_ns = timestamps_ns(5000.0)
+    times_ns[200:] = rounded(times_ns[200:], 700)
+    assert rounding_grid_ns(times_ns, resolution_ns=US) == 700 * US
+
+
+@pytest.mark.parametrize("lost", [[100], [90, 91, 92], [70, 90, 101, 125]])
+def test_lost_samples_are_no_grid(lost: list[int]) -> None:
+    """Gaps are whole periods, yet lie off the line of a rounded clock."""
+    assert rounding_grid_ns(np.delete(timestamps_ns(5000.0), lost), resolution_ns=US) == 0
+
+
+def test_jitter_is_no_grid() -> None:
+    """Steps of many lengths are noise, not rounding."""
+    jitter_us = np.random.default_rng(0).integers(-300, 300, 400)
+    assert rounding_grid_ns(timestamps_ns(5000.0) + jitter_us * US, resolution_ns=US) == 0
+
+
+def test_too_few() -> None:
+    """A short stream shows no grid."""
+    assert rounding_grid_ns(timestamps_ns(5000.0, 10), resolution_ns=US) == 0

@@ -8,6 +8,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from fedora_qa.estimators.clocks.grid import are_crowded
 from fedora_qa.estimators.events.gaps import longest_silences
 from fedora_qa.estimators.events.pixels import by_pixel
 from fedora_qa.estimators.events.rates import PixelCounts
@@ -18,7 +19,6 @@ from fedora_qa.estimators.events.row_kernels import (
     mark_bursts,
     survey_columns,
 )
-from fedora_qa.estimators.events.timestamp_tick import are_crowded
 from tests.estimators.event_world import Stream
 
 SHAPE = (3, 4)
