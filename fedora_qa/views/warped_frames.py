@@ -22,7 +22,7 @@ from fedora_qa.estimators.flow.warp import (
     taps_at_pixels,
 )
 from fedora_qa.estimators.images.luma import LUMA_ROUNDING_VARIANCE_DN2, luma_table
-from fedora_qa.estimators.images.noise import noise_variances
+from fedora_qa.estimators.images.samples import noise_variances
 from fedora_qa.estimators.images.transfer import to_linear
 from fedora_qa.geometry.camera import RigidMotion
 from fedora_qa.sequence.declared import Camera

@@ -47,8 +47,8 @@ class AlignmentDepth(WindowCheck[DepthEdges]):
     outline, which draws left and right outlines apart: half their distance is measured, and bounds the error of the
     mean where both sides lean alike. Where they lean the same way in the image, peaks are skewed: by how much the mean
     moves when peaks are taken a pixel wider is measured too. Both together are the allowance
-    (``fedora_qa/estimators/depth/edge_shift.py``), which grows where a line beside the outlines outshines them on one
-    side.
+    (``fedora_qa/estimators/depth/edge_profiles.py``), which grows where a line beside the outlines outshines them on
+    one side.
 
     Cannot see
     ----------

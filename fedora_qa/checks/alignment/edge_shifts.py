@@ -6,7 +6,7 @@ from typing import Final
 
 import numpy as np
 
-from fedora_qa.estimators.depth.edge_shift import EdgeShift, edge_shift
+from fedora_qa.estimators.depth.edge_profiles import EdgeShift, edge_shift
 from fedora_qa.features import Feature
 from fedora_qa.views.depth_edges import DepthEdges
 

@@ -10,7 +10,6 @@ from numpy.typing import NDArray
 from fedora_qa.checks.alignment.edge_shifts import CameraPairShift, colour_edges, event_edges
 from fedora_qa.checks.protocol import Observation, Statistic, WindowCheck
 from fedora_qa.estimators.events.far_shift import FarSums, far_shift, far_sums, joined
-from fedora_qa.estimators.events.frame_changes import change_and_events
 from fedora_qa.estimators.events.shift import (
     RADIUS_PX,
     auto_correlation,
@@ -18,6 +17,7 @@ from fedora_qa.estimators.events.shift import (
     open_level_errors,
     slope_sums,
 )
+from fedora_qa.estimators.events.shift_kernels import change_and_events
 from fedora_qa.estimators.images.registration import PEAK_RADIUS_PX, registered_shift
 from fedora_qa.record.types import Coverage, Where
 from fedora_qa.sequence.facts import Facts

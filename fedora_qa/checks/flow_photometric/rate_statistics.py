@@ -7,7 +7,7 @@ from typing import Final
 import numpy as np
 
 from fedora_qa.checks.protocol import Statistic
-from fedora_qa.estimators.fitting.largest_deviate import chance_of_largest
+from fedora_qa.estimators.fitting.tails import chance_of_largest
 from fedora_qa.estimators.flow.field_fit import CENTRE, FOCAL, GAIN, MEAN, MOUNTING, SHIFT, TIME
 from fedora_qa.estimators.flow.motion_fit import sum_of
 from fedora_qa.estimators.flow.rate_fit import (

@@ -11,8 +11,7 @@ from numpy.typing import NDArray
 from fedora_qa.checks.exact import count_of_faults, no_faults
 from fedora_qa.checks.protocol import Notice, Observation, Statistic, WindowCheck
 from fedora_qa.estimators.fitting.robust import MAD_TO_SIGMA
-from fedora_qa.estimators.images.code_gain import CODES, gain_after_rounding, is_informative
-from fedora_qa.estimators.images.gain import brightness_gain
+from fedora_qa.estimators.images.gain import CODES, brightness_gain, gain_after_rounding, is_informative
 from fedora_qa.estimators.images.values import count_codes, is_of_one_code
 from fedora_qa.features import Feature
 from fedora_qa.record.types import Coverage, Where
@@ -105,7 +104,7 @@ class ImagesExposure(WindowCheck[WindowExposure]):
     over tiles. What the brightness does by itself, slowly, is the median of the pairs around; the pair that departs
     from it most is judged. A frame that differs alone gives a jump up and one down. A gain of rounded values leaves
     just those codes out (or puts two on one) that lie between its multiples: histograms of the frames tell it, to a
-    hundredth of a percent (``fedora_qa/estimators/images/code_gain.py``).
+    hundredth of a percent (``fedora_qa/estimators/images/gain.py``).
 
     Noise model
     -----------

@@ -13,7 +13,7 @@ from fedora_qa.checks.flow_rate_deviations import with_flow_rate_deviations
 from fedora_qa.checks.protocol import Notice, Observation, Statistic, WindowCheck
 from fedora_qa.conventions import MM_PER_M
 from fedora_qa.errors import UnreadableRowsError
-from fedora_qa.estimators.images.value_tallies import DatasetCounts, add_up, tally_depth, tally_flow, tally_samples
+from fedora_qa.estimators.images.values import DatasetCounts, add_up, tally_depth, tally_flow, tally_samples
 from fedora_qa.features import Feature
 from fedora_qa.layout.binding import INVALID_TIMESTAMP_NS
 from fedora_qa.layout.canonical import DATASETS, STREAMS

@@ -15,16 +15,13 @@ from scipy.special import ndtri_exp
 from fedora_qa.conventions import US_PER_S
 from fedora_qa.estimators.fitting.tails import log_chance_of_hits
 
+Int64 = NDArray[np.int64]
+Float64 = NDArray[np.float64]
+
 _LEAST_SPACING_US: Final = 2.0
 """Below, single-precision seconds are about as fine as a microsecond, and every timestamp can be one."""
 
-
-Int64 = NDArray[np.int64]
-
-Float64 = NDArray[np.float64]
-
 FINEST: Final = 2
-
 COARSEST: Final = 2000
 """Grids that are tried, in ticks: every whole number."""
 

@@ -31,7 +31,6 @@ _SAME_GRID: Final = 1.25
 _MOST_JUMPS: Final = 0.1
 """Share of deviating steps beyond which a clock jitters and does not jump."""
 
-
 _EXACT_RATIO: Final = 0.5
 """Share of the steps that must equal the period: then the clock is exact, and deviating timestamps were displaced."""
 

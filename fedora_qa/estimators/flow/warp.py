@@ -11,18 +11,17 @@ A compiled loop sums the spline's 16 coefficients. docs/flow-interpolation.md me
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cache
-from typing import Final
+from typing import Any, Final, TypeVar, cast
 
 import cv2
 import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from fedora_qa.estimators.images.remapping import read_at
-
 Float32 = NDArray[np.float32]
 Int64 = NDArray[np.int64]
 Colours = NDArray[np.uint8]
+Image = TypeVar("Image", bound=NDArray[Any])
 
 REMAP_ROUNDING_PX: Final = 0.0 if int(cv2.__version__.split(".", maxsplit=1)[0]) >= 5 else 1 / 64
 """OpenCV 4 rounds the coordinates of bilinear reads to 1/32 px; OpenCV 5 does not (a test holds it to that)."""
@@ -31,6 +30,9 @@ SPLINE_VARIANCE_PX2: Final = 1.0 / 3.0
 """Variance of the cubic B-spline."""
 
 _SPLINE_AT_PIXELS: Final = np.array([1 / 6, 4 / 6, 1 / 6], dtype=np.float32)
+
+_MOST_ROWS: Final = 32_766
+"""Below SHRT_MAX, which ``cv2.remap`` refuses. All tiles of a frame of 1440x1080 have 48,960 rows of pixels."""
 
 
 def smooth(image: Float32, sigma_px: float = 1.0) -> Float32:
@@ -305,3 +307,28 @@ def _smooth(luma: Float32, taps: Float32, smoothed: Float32) -> None:
             tap, above, below = taps[m], across[j + m], across[j + 2 * reach - m]
             for k in range(wide):
                 into[k] += tap * (above[k] + below[k])
+
+
+def read_at(
+    image: Image, columns: Float32, rows: Float32, interpolation: int, border: int = cv2.BORDER_CONSTANT
+) -> Image:
+    """Return an image at positions between its pixels.
+
+    Parameters
+    ----------
+    image
+        (H, W).
+    columns, rows
+        (n, m) positions, of any n, and m below 32767.
+    interpolation, border
+        Flags of OpenCV: how values between pixels, and beyond the image, are made.
+
+    Returns
+    -------
+    (n, m).
+    """
+    if not columns.size:
+        return cast(Image, np.empty(columns.shape, image.dtype))
+    parts = (slice(first, first + _MOST_ROWS) for first in range(0, len(columns), _MOST_ROWS))
+    values = [cv2.remap(image, columns[part], rows[part], interpolation, borderMode=border) for part in parts]
+    return cast(Image, values[0] if len(values) == 1 else np.concatenate(values))

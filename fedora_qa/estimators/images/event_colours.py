@@ -223,7 +223,11 @@ def fit_colours(blocks: ColourBlocks, *, with_exponent: bool, frame_variance: fl
     residual = max(total - float(vector @ coefficients), 0.0)
     variance = residual / max(count - len(columns), 1.0)
     # Formal covariance J s^2 (X'X)^-1 J' of what is derived from the coefficients.
-    formal, between = variance * slopes @ inverse @ slopes.T, _jackknife(matrices, vectors, values)
+    formal = variance * slopes @ inverse @ slopes.T
+    # Covariance of the estimates that leave one block out each (Efron and Stein 1981), about the estimate of all.
+    left_out = np.array([_derived(_inverse(matrix - m) @ (vector - v)) for m, v in zip(matrices, vectors, strict=True)])
+    deviations = left_out - values
+    between: Float64 = (len(matrices) - 1) / len(matrices) * deviations.T @ deviations
     errors = np.sqrt(np.fmax(np.maximum(np.diag(formal), 0.0), np.diag(between)))
     # u: by how much each column moves with an error of 1 in all channels; dH as it does with true changes.
     luma_weights, common = np.array(LUMA_WEIGHTS_RGB), np.zeros(len(matrix))
@@ -248,15 +252,6 @@ def fit_colours(blocks: ColourBlocks, *, with_exponent: bool, frame_variance: fl
         variance=variance,
         unexplained=residual / total if total > 0 else 1.0,
     )
-
-
-def _jackknife(matrices: Float64, vectors: Float64, values: Float64) -> Float64:
-    """Return the covariance (8, 8) of the estimates that leave one block out each (Efron and Stein 1981)."""
-    matrix, vector, count = matrices.sum(axis=0), vectors.sum(axis=0), len(matrices)
-    left_out = np.array([_derived(_inverse(matrix - m) @ (vector - v)) for m, v in zip(matrices, vectors, strict=True)])
-    deviations = left_out - values
-    covariance: Float64 = (count - 1) / count * deviations.T @ deviations
-    return covariance
 
 
 def _inverse(matrix: Float64) -> Float64:

@@ -1,7 +1,19 @@
-"""By how much one frame is brighter than another where both show the same points.
+"""Gains of brightness: of one frame over another, and of values that were multiplied after they had been rounded.
 
-The logarithm of the ratio of sums, tile by tile, and the median over tiles: what moved, appeared or shines spoils some
-tiles, exposure changes all. Sums, and not means of logarithms, since rounding averages out of them.
+Two frames that show the same points: the logarithm of the ratio of sums, tile by tile, and the median over tiles: what
+moved, appeared or shines spoils some tiles, exposure changes all. Sums, and not means of logarithms, since rounding
+averages out of them.
+
+One histogram of values of 8 bits: a gain after rounding leaves codes that then cannot occur. Codes k times a gain g,
+rounded again, leave out every code between rint(g k) and rint(g (k + 1)) where g > 1, and put two on one where g < 1.
+In a histogram of many values neighbouring codes are about as frequent, so that a code without any value among frequent
+ones, or one twice as frequent, is no accident; that all of them, and no others, are those of one gain, still less: m of
+n codes are one given set with probability one over n choose m.
+
+With g > 1 the j-th code c that is left out lies between those of k = c - j and k + 1; with g < 1 the j-th code that has
+two has those of k = c + j - 1 and k + 1. Rounding then bounds the gain, from each such code::
+
+    (c + 1/2) / (c - j + 1) <= g <= (c - 1/2) / (c - j),        (c - 1/2) / (c + j - 1) <= g <= (c + 1/2) / (c + j)
 """
 
 from dataclasses import dataclass
@@ -13,6 +25,7 @@ from numpy.typing import NDArray
 
 from fedora_qa.estimators.fitting.robust import MAD_TO_SIGMA
 
+Bools = NDArray[np.bool_]
 Float64 = NDArray[np.float64]
 
 TILES: Final = (9, 12)
@@ -30,6 +43,31 @@ The mean of both and not one of them, so that the choice favours neither directi
 
 _MEDIAN_EFFICIENCY: Final = float(np.sqrt(np.pi / 2))
 """Standard error of a median over that of a mean, normal values."""
+
+CODES: Final = 256
+
+_FREQUENT: Final = 50
+"""Values with which both neighbours of a code occur: the code itself then lacks by chance once in e^50 (Poisson)."""
+
+_FREQUENT_TWICE: Final = 400
+"""As many for a code to be doubled: counts scatter by 5%, once and twice lie some eight standard deviations apart."""
+
+_FEWEST_CODES: Final = 40
+_FEWEST_MARKS: Final = 3
+"""Frequent codes, and those among them that must be marked: 40 choose 3 is 9880, a hundred gains are tried, and each
+code without any value among frequent ones is itself a rarity."""
+
+_FIRST: Final = 2
+"""The first code that is used: at 0 and 255 values are clipped."""
+
+_TWICE: Final = 1.5
+"""Times as frequent as both neighbours: half-way, in squares about, between once and twice."""
+
+_LARGEST_RANK: Final = 100
+"""Codes left out, or doubled, up to the first frequent one: a gain of a factor 1.6 in a bright scene."""
+
+_TIES: Final = 1 + 1e-12
+"""Gains of whole percents put codes exactly half-way, where the bounds meet but for the last bits."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -88,3 +126,81 @@ def _sums_of_tiles(
                 before_sums[tile] += earlier
                 after_sums[tile] += later
     return pixels, before_sums, after_sums
+
+
+@dataclass(frozen=True, slots=True)
+class CodeGain:
+    """A gain, and half the range of gains that leave the same codes out."""
+
+    gain: float
+    half_range: float
+
+
+def is_informative(counts: NDArray[np.integer]) -> bool:
+    """Return whether enough codes of a histogram (256,) are frequent for a gain to be estimated."""
+    values = np.asarray(counts, dtype=np.int64)
+    return bool(np.count_nonzero(np.minimum(values[1:-3], values[3:-1]) >= _FREQUENT) >= _FEWEST_CODES)
+
+
+def gain_after_rounding(counts: NDArray[np.integer]) -> CodeGain | None:
+    """Estimate the gain that values had after they were rounded.
+
+    Parameters
+    ----------
+    counts
+        (256,) values of each code. The ends, 0 and 255, where values are clipped, are left out.
+
+    Returns
+    -------
+    The gain; None where the codes are those of no gain.
+    """
+    if not is_informative(counts):
+        return None
+    values = np.asarray(counts, dtype=np.int64)
+    before, middle, after = values[1:-3], values[2:-2], values[3:-1]
+    fewest, most = np.minimum(before, after), np.maximum(before, after)
+    # A gain above 1 leaves codes out; one below 1 puts two codes on one.
+    return _gain_of_pattern(middle == 0, fewest >= _FREQUENT, 1) or _gain_of_pattern(
+        middle > _TWICE * most, fewest >= _FREQUENT_TWICE, -1
+    )
+
+
+def _gain_of_pattern(marked: Bools, frequent: Bools, sign: int) -> CodeGain | None:
+    """Return the gain, above 1 for sign 1 and below for -1, whose marks are those of the frequent codes (2 to 253)."""
+    codes = np.flatnonzero(marked & frequent) + _FIRST
+    if len(codes) < _FEWEST_MARKS:
+        return None
+    # The first marked code is the j-th of all: j is not known, as codes before it may be rare.
+    for rank in range(1, _LARGEST_RANK):
+        low, high = _gain_bounds(codes, rank, sign)
+        if low > high * _TIES:
+            continue
+        gain = 0.5 * (low + high)
+        reached = np.rint(gain * np.arange(CODES)).astype(np.int64)
+        hits = np.bincount(reached[(reached >= 0) & (reached < CODES)], minlength=CODES)
+        pattern = (hits == 0 if sign > 0 else hits > 1)[_FIRST : _FIRST + len(frequent)]
+        if np.array_equal(pattern[frequent], marked[frequent]):
+            return CodeGain(gain, 0.5 * abs(high - low))
+    return None
+
+
+def _gain_bounds(codes: NDArray[np.intp], rank: int, sign: int) -> tuple[float, float]:
+    """Return the gains between which all of the codes can be marked, the first of them as the ``rank``-th of all.
+
+    The ranks of the rest follow, one by one, from the bounds so far: marks between them may be on rare codes.
+    """
+    low, high = 0.0, np.inf
+    for code in codes.tolist():
+        if high < np.inf:
+            gain = 0.5 * (low + high)
+            rank = round(sign * (code - 0.5 * (sign > 0)) * (gain - 1) / gain + 0.5)
+        source = code - sign * rank
+        if source <= 0:
+            return 1.0, 0.0
+        # The bounds of the module's docstring, c being ``code`` and j ``rank``.
+        if sign > 0:
+            edges = (code + 0.5) / (source + 1), (code - 0.5) / source
+        else:
+            edges = (code - 0.5) / (source - 1), (code + 0.5) / source
+        low, high = max(low, edges[0]), min(high, edges[1])
+    return low, high

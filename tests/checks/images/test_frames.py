@@ -15,7 +15,7 @@ from fedora_qa.checks.protocol import Check
 from fedora_qa.diagnosis.diagnose import conclude
 from fedora_qa.diagnosis.hypotheses import hypotheses_of
 from fedora_qa.diagnosis.hypothesis import Hypothesis
-from fedora_qa.estimators.images.code_gain import CODES
+from fedora_qa.estimators.images.gain import CODES
 from fedora_qa.judgement.judge import Judged, judge
 from fedora_qa.record.types import Finding, Where
 from fedora_qa.sequence.declared import PoseModel

@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from fedora_qa.checks.integrity.finite import FALSE_ALARMS, empty_between_full, longest_displacement_px
-from fedora_qa.estimators.images.value_tallies import add_up, tally_depth, tally_flow, tally_samples
+from fedora_qa.estimators.images.values import add_up, tally_depth, tally_flow, tally_samples
 from tests.support.checked import diagnoses_of, rules, run_check
 from tests.support.handmade import write_handmade
 

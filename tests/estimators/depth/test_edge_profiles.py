@@ -2,12 +2,21 @@
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.interpolate import BSpline
 
-from fedora_qa.estimators.depth.edge_profiles import FARTHEST_PX, RADIUS_PX, find_peaks, peaks_near, tile_profiles
+from fedora_qa.estimators.depth.edge_profiles import (
+    FARTHEST_PX,
+    RADIUS_PX,
+    EdgeShift,
+    edge_shift,
+    find_peaks,
+    peaks_near,
+    tile_profiles,
+)
 from fedora_qa.estimators.depth.edge_steps import DepthSteps, depth_steps
+from tests.support.outline_world import FRAMES, OutlineWorld
 
 OFFSETS = np.arange(-RADIUS_PX, RADIUS_PX + 1)
 
@@ -60,3 +69,94 @@ def test_steps_near_the_border_are_left_out() -> None:
     steps = DepthSteps(np.array([5.0, 20.0]), np.array([3.0, 3.0]), np.ones(2), np.array([True, True]))
     sums = tile_profiles(np.ones((10, 40)), steps, 0, (steps.columns, steps.rows), first_px=0.0)
     assert sums.sum() == pytest.approx(1.0)
+
+
+FLAT = OutlineWorld()
+LINE = np.array([1 / 8, 3 / 4, 1 / 8])
+
+
+def measured(world: OutlineWorld, axis: int, frames: int = FRAMES) -> EdgeShift:
+    sums = []
+    for depth_m, luma in (world.frame(i) for i in range(frames)):
+        steps = depth_steps(depth_m, axis, farthest_m=30.0)
+        strength = np.abs(np.diff(np.log(luma), axis=1 - axis))
+        sums.append(tile_profiles(strength, steps, axis, (steps.columns, steps.rows), first_px=0.5))
+    found = edge_shift(np.array(sums))
+    assert found is not None
+    return found
+
+
+@pytest.mark.parametrize(("right_px", "down_px"), [(0.0, 0.0), (0.5, -0.5), (-0.2, 0.1), (3.0, 0.5), (-6.5, 2.0)])
+def test_shift_is_measured(right_px: float, down_px: float) -> None:
+    """Shifts of fractions of a pixel and of several are found within a few of their standard errors."""
+    for axis, true_px in enumerate((right_px, down_px)):
+        found = measured(FLAT.altered(shift_px=(right_px, down_px)), axis)
+        assert found.shift_px == pytest.approx(true_px, abs=4 * found.standard_error_px + abs(found.lean_px))
+        assert found.standard_error_px < 0.1
+
+
+def test_errors_are_those_of_chance() -> None:
+    """Over many worlds without texture, deviations in standard errors spread by about one."""
+    worlds = (FLAT.altered(seed=seed, boxes=16) for seed in range(24))
+    found = [measured(world, axis, frames=5) for world in worlds for axis in (0, 1)]
+    scores = [one.shift_px / one.standard_error_px for one in found]
+    assert 0.5 < np.sqrt(np.mean(np.square(scores))) < 1.6
+
+
+def test_texture_of_the_nearer_surface_leans_and_cancels() -> None:
+    """Texture on one side draws left and right outlines apart by a tenth of a pixel; their mean stays in place."""
+    found = measured(FLAT.altered(lean_dn=25.0), 0)
+    assert abs(found.lean_px) > 0.05
+    assert abs(found.shift_px) < 3 * found.standard_error_px
+
+
+def test_too_few_tiles_tell_nothing() -> None:
+    """A scene without steps, or with all of them in one place, has no shift."""
+    assert edge_shift(np.zeros((3, 2, 16, 25))) is None
+    one_tile = np.zeros((3, 2, 16, 25))
+    one_tile[:, :, 0] = 1.0
+    assert edge_shift(one_tile) is None
+
+
+def sides(far: np.ndarray, near: np.ndarray) -> EdgeShift:
+    """The shift from one profile a side, the same in all tiles."""
+    found = edge_shift(np.array([far, near])[np.newaxis, :, np.newaxis].repeat(8, axis=2))
+    assert found is not None
+    return found
+
+
+def lines(*places_and_strengths: tuple[int, float]) -> np.ndarray:
+    """An even background with lines."""
+    profile = np.full(2 * RADIUS_PX + 1, 0.02)
+    for place, strength in places_and_strengths:
+        profile[RADIUS_PX + place - 1 : RADIUS_PX + place + 2] += strength * LINE
+    return profile
+
+
+@settings(deadline=None, max_examples=40)
+@given(
+    st.integers(-FARTHEST_PX, FARTHEST_PX), st.floats(0.0, 3.0), st.integers(-FARTHEST_PX, FARTHEST_PX), st.floats(0, 1)
+)
+def test_line_beside_one_side_is_no_shift(place: int, strength: float, other: int, faint: float) -> None:
+    """A line of any strength beside the outline of one side of things is allowed for, wherever it lies."""
+    outlined = lines((0, 1.0))
+    outshone = lines((0, faint), (place, strength), (other, strength))
+    for far, near in ((outlined, outshone), (outshone, outlined)):
+        found = sides(far, near)
+        assert abs(found.shift_px) <= found.model_error_bound_px + 1e-9
+
+
+@settings(deadline=None, max_examples=30)
+@given(st.floats(0.0, 0.6), st.sampled_from([-1, 1]))
+def test_light_from_one_side_is_no_shift(strength: float, direction: int) -> None:
+    """Texture that widens all outlines to the same side shows as skew, which is allowed for."""
+    skewed = lines((0, 1.0), (2 * direction, strength))
+    found = sides(skewed, skewed)
+    assert abs(found.shift_px) <= found.model_error_bound_px + 1e-9
+
+
+def test_what_both_sides_show_is_a_shift() -> None:
+    """Both sides as far off the same way leave nothing to allow for."""
+    shifted = lines((-5, 1.0))
+    found = sides(shifted, shifted)
+    assert (found.shift_px, found.model_error_bound_px) == pytest.approx((-5.0, 0.0), abs=1e-9)

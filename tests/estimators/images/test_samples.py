@@ -12,7 +12,7 @@ from fedora_qa.estimators.events.footprint import footprints
 from fedora_qa.estimators.images.event_colours import edge_aware_colours
 from fedora_qa.estimators.images.luma import cut_off, luma_of, luma_of_linear
 from fedora_qa.estimators.images.order import is_constant, reduced, reduced_flow
-from fedora_qa.estimators.images.samples import along_the_flow, steepness
+from fedora_qa.estimators.images.samples import along_the_flow, noise_variances, steepness
 from fedora_qa.estimators.images.values import count_not_finite, count_outside, positive_extremes
 
 Float32 = NDArray[np.float32]
@@ -144,3 +144,28 @@ def test_values_near_two_ends_are_picked_out(seed: int, count: int) -> None:
     within = values[((values >= 0.5) & (values <= 0.75)) | ((values >= 9) & (values <= 12))]
     np.testing.assert_array_equal(found, within)
     assert (least, most) == (min(values[values > 0], default=np.inf), max(values[values > 0], default=0.0))
+
+
+RNG = np.random.default_rng(4)
+
+
+@pytest.mark.parametrize("sigma_dn", [0.3, 1.0, 5.0])
+def test_white_noise_is_measured(sigma_dn: float) -> None:
+    """Over 200 patches of 32 px the mean variance is right to 3%."""
+    noise = RNG.normal(0.0, sigma_dn, (200, 32, 32)).astype(np.float32)
+    assert noise_variances(noise).mean() == pytest.approx(sigma_dn**2, rel=0.03)
+
+
+def test_what_bends_along_one_axis_is_no_noise() -> None:
+    """A slope, and an edge along the columns, however high."""
+    columns, rows = np.meshgrid(np.arange(32.0), np.arange(32.0))
+    patches = np.stack([3 * columns - rows + 7, 200.0 * (columns > 15)]).astype(np.float32)
+    np.testing.assert_allclose(noise_variances(patches), 0.0, atol=1e-9)
+
+
+def test_texture_only_adds() -> None:
+    """Fine texture under noise reads as more noise, never as less."""
+    columns, rows = np.meshgrid(np.arange(32.0), np.arange(32.0))
+    texture = 20 * np.sin(1.2 * columns) * np.sin(0.9 * rows)
+    noise = RNG.normal(0.0, 1.0, (50, 32, 32))
+    assert (noise_variances((texture + noise).astype(np.float32)) > 1.0).all()

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from fedora_qa.estimators.events.frame_changes import change_and_events
+from fedora_qa.estimators.events.shift_kernels import change_and_events
 
 SHAPE = (12, 17)
 
