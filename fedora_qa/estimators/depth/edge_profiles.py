@@ -26,6 +26,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 from fedora_qa.estimators.depth.edge_steps import DepthSteps
+from fedora_qa.estimators.fitting.robust import jackknife_errors
 
 Float32 = NDArray[np.float32]
 Float64 = NDArray[np.float64]
@@ -333,9 +334,6 @@ def _jackknife(left_out: Float64) -> Float64:
     They are 0 where nothing could be left out.
     """
     usable = left_out[np.all(left_out.sum(axis=2) > 0, axis=1)]
-    n = len(usable)
-    if n <= 1:
+    if len(usable) <= 1:
         return np.zeros(2)
-    # (n - 1) / n times the sum of squares (B. Efron, C. Stein, Annals of Statistics 9 (1981)).
-    estimates = [_shifts_and_leans(usable, REACH)[0], _peak_fractions(usable)]
-    return np.asarray(np.sqrt((n - 1) * np.var(estimates, axis=1)))
+    return jackknife_errors(np.array([_shifts_and_leans(usable, REACH)[0], _peak_fractions(usable)]).T)

@@ -72,22 +72,19 @@ def depth_steps(depth_m: NDArray[Any], axis: int, *, farthest_m: float, every: i
     if depth.shape[1 - axis] < 4:
         return DepthSteps(np.empty(0), np.empty(0), np.empty(0), np.empty(0, dtype=np.bool_))
     rows, columns = _find_steps(depth, axis == 1, every, farthest_m, SINGLE_PRECISION, LEAST_STEP)
-    first_per_m, second_per_m = (
-        _inverse_depths(depth[rows + i * axis, columns + i * (1 - axis)], farthest_m) for i in (0, 1)
-    )
+    inverse_per_m = []
+    for i in (0, 1):
+        beside_m = depth[rows + i * axis, columns + i * (1 - axis)].astype(np.float64)
+        valid = (beside_m > 0) & (beside_m < farthest_m * (1 - SINGLE_PRECISION))
+        # Where no depth is valid, that of the farthest.
+        inverse_per_m.append(np.divide(1.0, beside_m, out=np.full(beside_m.shape, 1.0 / farthest_m), where=valid))
+    first_per_m, second_per_m = inverse_per_m
     return DepthSteps(
         columns + 0.5 * (1 - axis),
         rows + 0.5 * axis,
         1.0 / np.maximum(first_per_m, second_per_m),
         np.asarray(first_per_m > second_per_m),
     )
-
-
-def _inverse_depths(depth_m: NDArray[Any], farthest_m: float) -> Float64:
-    """Return inverse depths (n,); that of the farthest where none is valid."""
-    depth = depth_m.astype(np.float64)
-    valid = (depth > 0) & (depth < farthest_m * (1 - SINGLE_PRECISION))
-    return np.asarray(np.divide(1.0, depth, out=np.full(depth.shape, 1.0 / farthest_m), where=valid))
 
 
 @njit(cache=True)

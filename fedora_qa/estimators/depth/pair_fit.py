@@ -189,10 +189,30 @@ class _FitProblem:
         Residuals far beyond the typical one weigh less (Cauchy's weights), so that single places do not lead. Far from
         the solution these may hold on to a part of the image; Huber's (``convex``) have one minimum only.
         """
-        linear = self._linearised(value, self.noise @ z)
-        if linear is None:
+        twist = self.noise @ z
+        if not np.all(np.isfinite(twist)):
             return None
-        warped, value_derivatives = linear
+        correct = _correction(twist)
+        model = self.family(value)
+        if model is None or not model.conceivable:
+            return None
+        number = self.step if isinstance(self.step, str) else None
+        warped = warp(correct(model), self.lattice, self.image1, number)
+        if warped.compared < FEWEST_PIXELS:
+            return None
+        # The residual's derivative by the parameter (n,): 0 where none is fitted.
+        value_derivatives = warped.number_derivatives
+        if self.step is not None and not isinstance(self.step, str):
+            # Central differences.
+            ahead, behind = (
+                residuals_after(correct(side), self.lattice, self.image1)
+                if side is not None and side.conceivable
+                else None
+                for side in (self.family(value + sign * self.step) for sign in (1, -1))
+            )
+            if ahead is None or behind is None:
+                return None
+            value_derivatives = (ahead - behind) / (2 * self.step)
         residuals, bounds, columns = _compared_rows(
             warped.residuals, warped.bounds, value_derivatives, warped.twist_derivatives, self.noise
         )
@@ -204,29 +224,6 @@ class _FitProblem:
         prior_gradient = np.concatenate(([0.0], z))
         step = _weighted_step(residuals, bounds, columns, prior, prior_gradient, MAD_TO_SIGMA, convex)
         return _FitStep(warped, *step[1:]) if step[0] else None
-
-    def _linearised(self, value: float, twist: Float64) -> tuple[WarpedLattice, Float64] | None:
-        """Return the warped lattice, and the residual's derivative by the parameter (n,): 0 where none is fitted."""
-        if not np.all(np.isfinite(twist)):
-            return None
-        correct = _correction(twist)
-        model = self.family(value)
-        if model is None or not model.conceivable:
-            return None
-        number = self.step if isinstance(self.step, str) else None
-        warped = warp(correct(model), self.lattice, self.image1, number)
-        if warped.compared < FEWEST_PIXELS:
-            return None
-        if self.step is None or isinstance(self.step, str):
-            return warped, warped.number_derivatives
-        # Central differences.
-        ahead, behind = (
-            residuals_after(correct(side), self.lattice, self.image1) if side is not None and side.conceivable else None
-            for side in (self.family(value + sign * self.step) for sign in (1, -1))
-        )
-        if ahead is None or behind is None:
-            return None
-        return warped, (ahead - behind) / (2 * self.step)
 
 
 def _fit_from(last: _FitStep, value: float, z: Float64, noise: Float64, step: float | ModelNumber | None) -> DepthFit:

@@ -129,8 +129,8 @@ def delays_of_parts(sums: CellSums, summed: int) -> CellDelays:
     Errors of the frames are shared by samples of one pixel and of its neighbours, so that cells scatter by more than
     their formal errors. An error is the larger of two: the formal one times the usual excess of the file, and how far
     leaving one cell of the part out in turn moves its delay (delete-one jackknife). For windows both are widened by
-    what tiles of a row or column share, and the excess is that of all windows together (``_usual_excess``); for tiles
-    that would hide a part of the image that is late.
+    what tiles of a row or column share, and the excess is that of all windows together; for tiles that would hide a
+    part of the image that is late.
 
     Parameters
     ----------
@@ -144,32 +144,37 @@ def delays_of_parts(sums: CellSums, summed: int) -> CellDelays:
     CellDelays
         (w,) or (c,), with standard errors in s.
     """
-    parts, by_cell = delays(sums.over(summed)), _jackknife(sums, summed)
-    excess = _excess_scatter(sums)
+    parts, by_cell, cells = delays(sums.over(summed)), _jackknife(sums, summed), delays(sums)
+    windows, tiles = sums.counts.shape
+    # By how much delays of cells scatter beyond their formal errors. Where a segment of time is late, a cell scatters
+    # by its own error alone about the delay of its window; where a part of the image is late, about the delay of its
+    # tile. The smaller of both scatters is that of a correct file.
+    seconds, cell_errors_s = cells.seconds.reshape(windows, tiles), cells.errors_s.reshape(windows, tiles)
+    scatters = []
+    for axis in (0, 1):
+        of_parts = np.expand_dims(delays(sums.over(axis)).seconds, axis)
+        deviations = (seconds - of_parts)[cell_errors_s > 0] / cell_errors_s[cell_errors_s > 0]
+        deviation_squares = deviations[np.isfinite(deviations)] ** 2
+        if len(deviation_squares) >= FEWEST_CELLS:
+            # Robust: a single late cell must not widen the errors of all. z^2 of normal z has the median 0.4549.
+            scatters.append(float(np.sqrt(np.median(deviation_squares) / _MEDIAN_OF_SQUARES)))
+    excess = max(1.0, min(scatters, default=1.0))
     if summed == 1:
-        excess = max(excess, _usual_excess(sums, parts, by_cell))
+        # By how much errors by leaving out tiles exceed formal ones. A few long edges may hold most of a window's
+        # weight; if three of them err alike by chance, which happens over the windows of many files, the jackknife
+        # error is much too small. All windows together estimate the excess with the sum of their degrees of freedom
+        # (Student). A window has as many as tiles that would share its weight evenly, less 1: (sum w)^2 / sum w^2 - 1
+        # (L. Kish, Survey Sampling, Wiley 1965).
+        weights = np.where(cell_errors_s > 0, cell_errors_s, np.inf) ** -2.0
+        weights = np.where(np.isfinite(weights), weights, 0.0)
+        freedom = np.maximum(weights.sum(axis=1) ** 2 / np.maximum((weights**2).sum(axis=1), 1e-300) - 1, 0.0)
+        usable = np.isfinite(by_cell) & (parts.errors_s > 0) & (freedom > 0)
+        if usable.any():
+            squares = np.average((by_cell[usable] / parts.errors_s[usable]) ** 2, weights=freedom[usable])
+            excess = max(excess, float(np.sqrt(squares)) * student_factor(float(freedom[usable].sum())))
     errors_s = np.maximum(parts.errors_s * excess, by_cell)
     shared = _shared_by_lines(sums, parts.errors_s, errors_s) if summed == 1 else 1.0
     return CellDelays(parts.seconds, errors_s * shared, parts.relative_sigmas)
-
-
-def _usual_excess(sums: CellSums, windows: CellDelays, by_tile: Float64) -> float:
-    """Return by how much errors by leaving out tiles exceed formal ones, over all windows; 1 at least.
-
-    A few long edges may hold most of a window's weight. If three of them err alike by chance, the jackknife error is
-    much too small. Over the windows of many files this happens. All windows together estimate the excess with the sum
-    of their degrees of freedom (Student). A window has as many as tiles that would share its weight evenly, less 1.
-    """
-    tiles = delays(sums)
-    shares = np.where(tiles.errors_s > 0, tiles.errors_s, np.inf).reshape(sums.counts.shape) ** -2.0
-    shares = np.where(np.isfinite(shares), shares, 0.0)
-    # Effective number of tiles, (sum w)^2 / sum w^2 (L. Kish, Survey Sampling, Wiley 1965), less 1.
-    freedom = np.maximum(shares.sum(axis=1) ** 2 / np.maximum((shares**2).sum(axis=1), 1e-300) - 1, 0.0)
-    usable = np.isfinite(by_tile) & (windows.errors_s > 0) & (freedom > 0)
-    if not usable.any():
-        return 1.0
-    squares = np.average((by_tile[usable] / windows.errors_s[usable]) ** 2, weights=freedom[usable])
-    return max(1.0, float(np.sqrt(squares)) * student_factor(float(freedom[usable].sum())))
 
 
 def _shared_by_lines(sums: CellSums, formal: Float64, by_tile: Float64) -> float:
@@ -193,25 +198,6 @@ def _shared_by_lines(sums: CellSums, formal: Float64, by_tile: Float64) -> float
             shared = shared_errors(by_tiles, (tiles - 1) * count + 1, by_lines, (side - 1) * count + 1)
             widest = max(widest, float(shared / by_tiles))
     return widest
-
-
-def _excess_scatter(sums: CellSums) -> float:
-    """Return by how much delays of cells scatter beyond their formal errors, 1 at least.
-
-    Where a segment of time is late, a cell scatters by its own error alone about the delay of its window; where a part
-    of the image is late, about the delay of its tile. The smaller of both scatters is that of a correct file.
-    """
-    cells, shape = delays(sums), sums.counts.shape
-    seconds, errors_s = cells.seconds.reshape(shape), cells.errors_s.reshape(shape)
-    scatters = []
-    for axis in (0, 1):
-        of_parts = np.expand_dims(delays(sums.over(axis)).seconds, axis)
-        deviations = (seconds - of_parts)[errors_s > 0] / errors_s[errors_s > 0]
-        squares = deviations[np.isfinite(deviations)] ** 2
-        if len(squares) >= FEWEST_CELLS:
-            # Robust: a single late cell must not widen the errors of all. z^2 of normal z has the median 0.4549.
-            scatters.append(float(np.sqrt(np.median(squares) / _MEDIAN_OF_SQUARES)))
-    return max(1.0, min(scatters, default=1.0))
 
 
 def _jackknife(sums: CellSums, summed: int) -> Float64:

@@ -85,45 +85,31 @@ def least_probable_silence(
     if begins_ns is not None:
         informative &= ends_ns[:count] - longest_ns[:count] - _FEWEST_BINS * (longest_ns[:count] - tick_ns) >= begins_ns
     after_ns, before_ns = ends_ns[:count][informative], (ends_ns - longest_ns)[:count][informative]
-    z, expected = _compared_with_neighbours(times_ns, (from_ns, upto_ns), before_ns, after_ns, tick_ns)
-    if not np.isfinite(z).any():
-        return None, silences
-    worst = int(np.argmax(z))
-    start, stop = int(before_ns[worst]), int(after_ns[worst])
-    return EventSilence(start, stop, stop - start - tick_ns, float(expected[worst]), float(z[worst])), silences
-
-
-def _compared_with_neighbours(
-    times_ns: Int64, interval_ns: tuple[int, int], before_ns: Int64, after_ns: Int64, tick_ns: int
-) -> tuple[Float64, Float64]:
-    """Compare silences (k,) with both sides; return z, -inf without a side inside the interval, and expected events.
-
-    The side that makes a silence more probable counts.
-    """
-    # Bins of the length of each silence, on its left and on its right, (k, bins).
+    # Bins of the length of each silence, on its left and on its right, (2, k, bins).
     steps_ns = np.arange(_BINS + 1) * (after_ns - before_ns - tick_ns)[:, np.newaxis]
     left_ns, right_ns = before_ns[:, np.newaxis] - steps_ns[:, ::-1], after_ns[:, np.newaxis] - tick_ns + steps_ns
     counts = np.diff(np.searchsorted(times_ns, np.stack([left_ns, right_ns]), side="right"))
-    inside = np.stack([left_ns[:, :-1] >= interval_ns[0], right_ns[:, 1:] <= interval_ns[1]])
+    inside = np.stack([left_ns[:, :-1] >= from_ns, right_ns[:, 1:] <= upto_ns])
     bins = inside.sum(axis=2)
     means = (counts * inside).sum(axis=2) / np.maximum(bins, 1)
     variances = ((counts - means[..., np.newaxis]) ** 2 * inside).sum(axis=2) / np.maximum(bins - 1, 1)
-    chances = np.where(bins >= _FEWEST_BINS, _log_chance_of_none(means, variances, bins), -np.inf)
-    likeliest, sides = np.argmax(chances, axis=0), np.arange(len(before_ns))
-    chance, expected = chances[likeliest, sides], means[likeliest, sides]
-    return np.where(np.isfinite(chance), np.maximum(-ndtri_exp(chance), 0.0), -np.inf), expected
-
-
-def _log_chance_of_none(means: Float64, variances: Float64, bins: Int64) -> Float64:
-    """Return the logarithms of the chance that a bin beside such bins holds nothing."""
     # The variance is at least Poisson's, m: a smaller one, by chance, would make that of the rate negative.
     positive = means > 0
     mean, variance = np.where(positive, means, 1.0), np.where(positive, np.maximum(variances, means), 1.0)
     # 1/r: variance of the rate from bin to bin, without Poisson's, plus that of the mean of the bins.
     uncertainty = (variance - mean + variance / np.maximum(bins, 1)) / mean**2
-    # (1 + m / r)^-r, Greenwood and Yule 1920.
-    chances: Float64 = np.where(positive, -np.log1p(mean * uncertainty) / uncertainty, 0.0)
-    return chances
+    # Chance that a bin beside such bins holds nothing: (1 + m / r)^-r, Greenwood and Yule 1920.
+    log_chances = np.where(positive, -np.log1p(mean * uncertainty) / uncertainty, 0.0)
+    log_chances = np.where(bins >= _FEWEST_BINS, log_chances, -np.inf)
+    # The side that makes a silence more probable counts; none where no side lies inside the interval.
+    likeliest, sides = np.argmax(log_chances, axis=0), np.arange(len(before_ns))
+    chance, expected = log_chances[likeliest, sides], means[likeliest, sides]
+    z = np.where(np.isfinite(chance), np.maximum(-ndtri_exp(chance), 0.0), -np.inf)
+    if not np.isfinite(z).any():
+        return None, silences
+    worst = int(np.argmax(z))
+    start, stop = int(before_ns[worst]), int(after_ns[worst])
+    return EventSilence(start, stop, stop - start - tick_ns, float(expected[worst]), float(z[worst])), silences
 
 
 @njit(cache=True)

@@ -23,7 +23,7 @@ from fedora_qa.estimators.events.shift_kernels import (
     follow_turns,
     step_between,
 )
-from fedora_qa.estimators.fitting.robust import MAD_TO_SIGMA
+from fedora_qa.estimators.fitting.robust import MAD_TO_SIGMA, jackknife_errors
 
 Bool = NDArray[np.bool_]
 Float32 = NDArray[np.float32]
@@ -240,9 +240,7 @@ def peak_spread(patches: Float64, total: Float64) -> Float64 | None:
     shifts = [(shift.right_px, shift.down_px) for shift in peaks if shift is not None]
     if len(shifts) < len(peaks):
         return None
-    # Efron and Stein 1981: the variance of n leave-one-out values times n - 1.
-    spread: Float64 = np.sqrt((len(shifts) - 1) * np.var(shifts, axis=0))
-    return spread
+    return jackknife_errors(shifts)
 
 
 def slope_sums(level: NDArray[np.floating], change: Float64, usable: Bool) -> Float64:

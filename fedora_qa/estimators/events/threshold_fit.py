@@ -12,6 +12,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 from fedora_qa.estimators.fitting.few_groups import shared_errors
+from fedora_qa.estimators.fitting.robust import jackknife_errors
 
 Float64 = NDArray[np.float64]
 Int64 = NDArray[np.int64]
@@ -218,7 +219,16 @@ def _fit(
     """
     # Times count from their weighted mean, so that the delay and its rate are nearly uncorrelated.
     middle_s = float(np.average(blocks.times_s, weights=blocks.weights))
-    normals, sides = _with_rate(blocks, reduction, blocks.times_s - middle_s)
+    times_s = blocks.times_s - middle_s
+    # Where there are times enough, the slope times the time of the block, the last column, fits the delay's growth.
+    fitted = reduction.shape[1]
+    columns = fitted + 1 if len(np.unique(times_s.round(3))) >= FEWEST_TIMES else fitted
+    reductions = np.zeros((len(blocks), len(reduction), columns))
+    reductions[:, :, :fitted] = reduction
+    if columns > fitted:
+        reductions[:, :, fitted] = times_s[:, np.newaxis] * reduction[:, 2]
+    normals: Float64 = np.einsum("bij,bik,bkl->bjl", reductions, blocks.matrices, reductions)
+    sides: Float64 = np.einsum("bij,bi->bj", reductions, blocks.vectors)
     normal, side = normals.sum(axis=0), sides.sum(axis=0)
     if np.linalg.cond(_scaled(normal)) > _SINGULAR:
         return None
@@ -230,8 +240,12 @@ def _fit(
     by_block = np.maximum(formal, _jackknife(normal - normals, side - sides))
     errors = by_block
     if groups:
+        # A block weighs what it moves a parameter by when its own estimate is moved by 1: w = diag(N^-1 N_b), of sum 1.
+        # As many blocks of equal weight would determine it: (sum w)^2 / sum w^2 (L. Kish, Survey Sampling, Wiley 1965).
+        shares = np.einsum("ij,bji->bi", np.linalg.inv(normal), normals)
+        parts = np.abs(shares).sum(axis=0) ** 2 / np.sum(shares**2, axis=0)
         # Where cells scatter beyond formal errors, theirs count, widened for how few hold a parameter's weight.
-        samples, parts = float(blocks.counts.sum()), _effective_parts(normal, normals)
+        samples = float(blocks.counts.sum())
         widened = [shared_errors(of, samples, by, n) for of, by, n in zip(formal, by_block, parts, strict=True)]
         errors = np.asarray(widened, dtype=np.float64)
     for group in groups:
@@ -249,41 +263,15 @@ def _fit(
         threshold_on=float(theta[0]),
         threshold_off=float(theta[1]),
         delay_s=float(theta[2]),
-        delay_rate=float(theta[reduction.shape[1]]) if len(theta) > reduction.shape[1] else 0.0,
-        kappa_s=float(theta[3]) if reduction.shape[1] > 3 else 0.0,
+        delay_rate=float(theta[fitted]) if len(theta) > fitted else 0.0,
+        kappa_s=float(theta[3]) if fitted > 3 else 0.0,
         middle_s=middle_s,
-        standard_errors=_named(errors, reduction.shape[1]),
-        attenuation=_named(attenuation, reduction.shape[1]),
+        standard_errors=_named(errors, fitted),
+        attenuation=_named(attenuation, fitted),
         # |r'e| <= |r| |e| (Cauchy and Schwarz), with r what other regressors leave of the slope: 1/|r|^2 = (N^-1)_33.
         coherent_delay_s=float(formal[2] * np.sqrt(weight)),
         sigma=float(np.sqrt(variance)),
     )
-
-
-def _effective_parts(normal: Float64, normals: Float64) -> Float64:
-    """Return how many blocks (m,) of equal weight would determine each parameter as these (b, m, m) of the sum do.
-
-    A block weighs what it moves a parameter by when its own estimate is moved by 1; these weights add up to 1.
-    """
-    # (sum w)^2 / sum w^2 (L. Kish, Survey Sampling, Wiley 1965), with w = diag(N^-1 N_b).
-    shares = np.einsum("ij,bji->bi", np.linalg.inv(normal), normals)
-    return np.asarray(np.abs(shares).sum(axis=0) ** 2 / np.sum(shares**2, axis=0))
-
-
-def _with_rate(blocks: NormalBlocks, reduction: Float64, times_s: Float64) -> tuple[Float64, Float64]:
-    """Return normal equations (b, m, m), (b, m) of the reduced columns.
-
-    Where there are times enough, the slope times the time of the block, the last column, fits the growth of the delay.
-    """
-    fitted = reduction.shape[1]
-    count = fitted + 1 if len(np.unique(times_s.round(3))) >= FEWEST_TIMES else fitted
-    reductions = np.zeros((len(blocks), len(reduction), count))
-    reductions[:, :, :fitted] = reduction
-    if count > fitted:
-        reductions[:, :, fitted] = times_s[:, np.newaxis] * reduction[:, 2]
-    normals: Float64 = np.einsum("bij,bik,bkl->bjl", reductions, blocks.matrices, reductions)
-    sides: Float64 = np.einsum("bij,bi->bj", reductions, blocks.vectors)
-    return normals, sides
 
 
 def _summed(parts: Float64, group: NDArray[np.intp]) -> Float64:
@@ -294,13 +282,9 @@ def _summed(parts: Float64, group: NDArray[np.intp]) -> Float64:
 
 
 def _jackknife(normals: Float64, sides: Float64) -> Float64:
-    """Return the spread (k,) of the estimates that leave out one block each (Efron and Stein 1981)."""
+    """Return the spread (k,) of the estimates that leave out one block each."""
     inverses = np.linalg.pinv(normals, hermitian=True)  # a single block may hold all weight of a parameter
-    left_out = (inverses @ sides[..., np.newaxis])[..., 0]
-    n = len(left_out)
-    # (n - 1) / n times the sum of squares about the mean, which is (n - 1) times the variance.
-    spread: Float64 = np.sqrt((n - 1) * left_out.var(axis=0))
-    return spread
+    return jackknife_errors((inverses @ sides[..., np.newaxis])[..., 0])
 
 
 def _named(values: Float64, fitted: int) -> ResponseErrors:

@@ -55,6 +55,23 @@ MARGIN_PX: Final = 12.0
 _MEMORY: Final = 16
 """Events of a pixel that later ones are compared with; only pixels without cause fire more often."""
 
+_SQUARE_LEFT: Final = 11 / 20 - NODE_PX / (2 * np.sqrt(np.pi) * SIGMA_PX)
+_SIDE: Final = float((80 / 60 - np.sqrt(80 / 60 * (80 / 60) - 4 * (95 / 60) * _SQUARE_LEFT)) / (2 * (95 / 60)))
+"""What a node gives to either neighbour so that a vote's square is that of the Gaussian.
+
+The square of a vote is, on the average over places, the sum of the autocorrelations of the quadratic B-spline, 11/20,
+13/60, 1/120 at distances of 0, 1, 2 nodes, times those of the shares (s, 1 - 2 s, s): 95/60 s^2 - 80/60 s + 11/20.
+"""
+
+_NODES: Final = (np.arange(3 * PARTS) + 0.5) / PARTS - 1.5
+_SPLINE: Final = np.pad(np.where(np.abs(_NODES) < 0.5, 0.75 - _NODES**2, 0.5 * (1.5 - np.abs(_NODES)) ** 2), PARTS)
+"""Quadratic B-spline: 3/4 - x^2 within half a node, (3/2 - |x|)^2 / 2 from there to one and a half."""
+
+_VOTE: Final = (1 - 2 * _SIDE) * _SPLINE + _SIDE * (np.roll(_SPLINE, PARTS) + np.roll(_SPLINE, -PARTS))
+_SHARED: Final[Float64] = np.asarray(np.correlate(_VOTE, _VOTE, "full")[len(_VOTE) - 1 :] / PARTS)
+"""What two votes on a line share at distances of 0, 1, ... parts of a node, until they share nothing: as the
+autocorrelation is symmetric, only one side of it."""
+
 
 @dataclass(frozen=True, slots=True)
 class SensorView:
@@ -185,32 +202,6 @@ def sharpness_under(events: WarpableEvents, candidates: Sequence[tuple[EventFlow
         # Mean square of the image (Gallego et al. 2019), without the pairs that the events of one pixel form.
         squares.append(squares_under(in_flow, flow.sensor.folded, stacked, _SIDE, NODE_PX) - met)
     return WarpedEvents(np.concatenate(squares) / max(len(usable), 1), usable, float(np.sqrt(square_px2)))
-
-
-def _share_of_neighbours() -> float:
-    """Return what a node gives to either neighbour so that a vote's square is that of the Gaussian.
-
-    The square of a vote is, on the average over places, the sum of the autocorrelations of the quadratic B-spline,
-    11/20, 13/60, 1/120 at distances of 0, 1, 2 nodes, times those of the shares (side, 1 - 2 side, side).
-    """
-    # The sum over distances is 95/60 s^2 - 80/60 s + 11/20, s being the share.
-    a, b, c = 95 / 60, -80 / 60, 11 / 20 - NODE_PX / (2 * np.sqrt(np.pi) * SIGMA_PX)
-    return float((-b - np.sqrt(b * b - 4 * a * c)) / (2 * a))
-
-
-def _shared_by_votes() -> Float64:
-    """Return what two votes on a line share at distances of 0, 1, ... parts of a node, until they share nothing."""
-    nodes = (np.arange(3 * PARTS) + 0.5) / PARTS - 1.5
-    # Quadratic B-spline: 3/4 - x^2 within half a node, (3/2 - |x|)^2 / 2 from there to one and a half.
-    spline = np.where(np.abs(nodes) < 0.5, 0.75 - nodes**2, 0.5 * (1.5 - np.abs(nodes)) ** 2)
-    spline = np.pad(spline, PARTS)
-    vote = (1 - 2 * _SIDE) * spline + _SIDE * (np.roll(spline, PARTS) + np.roll(spline, -PARTS))
-    # The autocorrelation is symmetric: only distances of 0, 1/PARTS, ... nodes are returned.
-    return np.asarray(np.correlate(vote, vote, "full")[len(vote) - 1 :] / PARTS)
-
-
-_SIDE: Final = _share_of_neighbours()
-_SHARED: Final = _shared_by_votes()
 
 
 def best_gain(sharpness: Float64) -> float:

@@ -171,8 +171,24 @@ def _gain_of_pattern(marked: Bools, frequent: Bools, sign: int) -> CodeGain | No
     if len(codes) < _FEWEST_MARKS:
         return None
     # The first marked code is the j-th of all: j is not known, as codes before it may be rare.
-    for rank in range(1, _LARGEST_RANK):
-        low, high = _gain_bounds(codes, rank, sign)
+    for first_rank in range(1, _LARGEST_RANK):
+        # Bounds of the gains at which all of the codes can be marked. The ranks of the rest follow, one by one, from
+        # the bounds so far: marks between them may be on rare codes.
+        low, high, rank = 0.0, np.inf, first_rank
+        for code in codes.tolist():
+            if high < np.inf:
+                gain = 0.5 * (low + high)
+                rank = round(sign * (code - 0.5 * (sign > 0)) * (gain - 1) / gain + 0.5)
+            source = code - sign * rank
+            if source <= 0:
+                low, high = 1.0, 0.0
+                break
+            # The bounds of the module's docstring, c being ``code`` and j ``rank``.
+            if sign > 0:
+                edges = (code + 0.5) / (source + 1), (code - 0.5) / source
+            else:
+                edges = (code - 0.5) / (source - 1), (code + 0.5) / source
+            low, high = max(low, edges[0]), min(high, edges[1])
         if low > high * _TIES:
             continue
         gain = 0.5 * (low + high)
@@ -182,25 +198,3 @@ def _gain_of_pattern(marked: Bools, frequent: Bools, sign: int) -> CodeGain | No
         if np.array_equal(pattern[frequent], marked[frequent]):
             return CodeGain(gain, 0.5 * abs(high - low))
     return None
-
-
-def _gain_bounds(codes: NDArray[np.intp], rank: int, sign: int) -> tuple[float, float]:
-    """Return the gains between which all of the codes can be marked, the first of them as the ``rank``-th of all.
-
-    The ranks of the rest follow, one by one, from the bounds so far: marks between them may be on rare codes.
-    """
-    low, high = 0.0, np.inf
-    for code in codes.tolist():
-        if high < np.inf:
-            gain = 0.5 * (low + high)
-            rank = round(sign * (code - 0.5 * (sign > 0)) * (gain - 1) / gain + 0.5)
-        source = code - sign * rank
-        if source <= 0:
-            return 1.0, 0.0
-        # The bounds of the module's docstring, c being ``code`` and j ``rank``.
-        if sign > 0:
-            edges = (code + 0.5) / (source + 1), (code - 0.5) / source
-        else:
-            edges = (code - 0.5) / (source - 1), (code + 0.5) / source
-        low, high = max(low, edges[0]), min(high, edges[1])
-    return low, high

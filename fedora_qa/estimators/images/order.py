@@ -32,12 +32,9 @@ SMOOTHING_PX: Final = 1.0
 CORRELATED_PIXELS: Final = 4 * pi * SMOOTHING_PX**2
 """Sum of the autocorrelation of white noise behind that smoothing: so many pixels count as one."""
 
-
-def _gaussian_taps() -> Float32:
-    """Return the weights (5,) of a Gaussian of ``SMOOTHING_PX``, cut at four of it: of its middle and of one side."""
-    weights = np.exp(-0.5 * (np.arange(5) / SMOOTHING_PX) ** 2)
-    return np.asarray(weights / (2 * weights.sum() - weights[0]), dtype=np.float32)
-
+_GAUSSIAN = np.exp(-0.5 * (np.arange(5) / SMOOTHING_PX) ** 2)
+_TAPS: Final = np.asarray(_GAUSSIAN / (2 * _GAUSSIAN.sum() - _GAUSSIAN[0]), dtype=np.float32)
+"""Weights (5,) of a Gaussian of ``SMOOTHING_PX``, cut at four of it: of its middle and of one side."""
 
 LARGEST_PX: Final = 1.5
 """Frames are reduced until most of the flow is no longer than this: what the smoothing keeps is then nearly linear."""
@@ -94,7 +91,7 @@ class ReductionSettings(NamedTuple):
 
 
 _WHOLE_FRAME: Final = ReductionSettings(
-    _SPEED_SAMPLES, 90.0, 1e4, LARGEST_PX, 1, _MOST_ROWS, _MOST_ROWS, _gaussian_taps(), FEWEST_PIXELS, 1e10
+    _SPEED_SAMPLES, 90.0, 1e4, LARGEST_PX, 1, _MOST_ROWS, _MOST_ROWS, _TAPS, FEWEST_PIXELS, 1e10
 )
 # A quarter of the speeds and one row of the flow, which is smooth, give as much in a part of a large frame.
 _PART_OF_LARGE_FRAME: Final = _WHOLE_FRAME._replace(
@@ -206,7 +203,11 @@ def flow_ratios_of_parts(
         fit, pixels, sums = _regress_in_box(before, after, flow_px, box, _PART_OF_LARGE_FRAME)
         ratios.append(_with_errors(fit, pixels) if fit.is_determined else None)
         if sums.pixels:
-            sums_of_parts.append(_with_levels_from_zero(sums))
+            # Levels from 0 in place of a base, so that sums of parts with other bases can be added: with l = l' + base,
+            # sum of l^2 = sum of l'^2 + 2 base sum of l' + n base^2, and so for the products.
+            count, p_sum, l_sum, c_sum, pp, pl, ll, pc, lc, cc, base = sums
+            pl, ll, lc = pl + base * p_sum, ll + base * (2 * l_sum + base * count), lc + base * c_sum
+            sums_of_parts.append(RegressionSums(count, p_sum, l_sum + base * count, c_sum, pp, pl, ll, pc, lc, cc, 0.0))
             pixels_per_mean += sums.pixels / pixels
     total = RegressionSums(*(sum(column) for column in zip(*sums_of_parts, strict=True)))
     fit = FlowRegression(*_regression_of(tuple(total), FEWEST_PIXELS, _WHOLE_FRAME.largest_condition))
@@ -221,14 +222,6 @@ def _regress_in_box(
         raise ValueError(f"Expected frames on the flow's grid {flow_px.shape[:2]}, got {before.shape}, {after.shape}")
     fit, pixels, sums = _regression_in_box(before, after, np.ascontiguousarray(flow_px), box, settings)
     return FlowRegression(*fit), pixels, RegressionSums(*sums)
-
-
-def _with_levels_from_zero(sums: RegressionSums) -> RegressionSums:
-    """Return the sums with levels from 0 in place of a base: of parts with other bases they can then be added."""
-    count, p_sum, l_sum, c_sum, pp, pl, ll, pc, lc, cc, base = sums
-    # With l = l' + base: sum of l^2 = sum of l'^2 + 2 base sum of l' + n base^2, and so for the products.
-    pl, ll, lc = pl + base * p_sum, ll + base * (2 * l_sum + base * count), lc + base * c_sum
-    return RegressionSums(count, p_sum, l_sum + base * count, c_sum, pp, pl, ll, pc, lc, cc, 0.0)
 
 
 def _with_errors(fit: FlowRegression, pixels: float) -> FlowRatio:

@@ -20,10 +20,8 @@ _DENSER: Final = 4
 Rows are smoothed as a whole, which costs more than their points; at two pixels and more points differ.
 """
 
-
 _WHITE_NOISE_GAIN: Final = 36.0
 """Sum of the squares of the operator's weights, 1 -2 1 by 1 -2 1."""
-
 
 _GAUSSIAN = np.exp(-0.5 * np.arange(-_REACH + 1, _REACH) ** 2)
 _GAUSSIAN = np.pad(_GAUSSIAN / _GAUSSIAN.sum(), 2)

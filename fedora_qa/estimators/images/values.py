@@ -264,7 +264,11 @@ def tally_flow(key: str, row: int, flow_px: NDArray[np.float32], longest_px: flo
 
 def tally_depth(key: str, row: int, depth_mm: NDArray[Any], range_m: tuple[float, float] | None) -> DatasetCounts:
     """Count pixels of a frame, (H, W) in mm, that are neither NaN nor within a range in metres (above 0 if None)."""
-    nearest_mm, farthest_mm = _bounds_mm(range_m)
+    limits = np.finfo(np.float32)
+    nearest_mm, farthest_mm = limits.smallest_subnormal, limits.max
+    if range_m is not None:
+        nearest_mm = np.float32(range_m[0] * MM_PER_M * (1 - _FLOAT32_ROUNDING))
+        farthest_mm = np.float32(range_m[1] * MM_PER_M * (1 + _FLOAT32_ROUNDING))
     invalid, outside = count_outside(depth_mm, float(nearest_mm), float(farthest_mm))
     filled = ((row, 1.0 - invalid / depth_mm.size),)
     if not outside:
@@ -285,17 +289,6 @@ def tally_depth(key: str, row: int, depth_mm: NDArray[Any], range_m: tuple[float
         high=float(finite.max(initial=-inf)),
         first=_first(row, bad),
         filled=filled,
-    )
-
-
-def _bounds_mm(range_m: tuple[float, float] | None) -> tuple[np.float32, np.float32]:
-    if range_m is None:
-        limits = np.finfo(np.float32)
-        return limits.smallest_subnormal, limits.max
-    nearest_m, farthest_m = range_m
-    return (
-        np.float32(nearest_m * MM_PER_M * (1 - _FLOAT32_ROUNDING)),
-        np.float32(farthest_m * MM_PER_M * (1 + _FLOAT32_ROUNDING)),
     )
 
 

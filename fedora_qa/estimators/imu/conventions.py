@@ -183,7 +183,20 @@ def explain_forces(samples: InertialSamples, gravity_m_s2: float, sigma_m: float
     exchanges += [(identity, axes) for axes in signed_permutations()]
     candidates = []
     for quaternions in _QUATERNION_CONVENTIONS:
-        turned = _turned_forces(samples, quaternions, edges_s)
+        R, _ = interpolate_poses(
+            np.rint(samples.pose_times_s * NS_PER_S).astype(np.int64),
+            samples.positions_world_m,
+            _under_convention(samples.orientations_xyzw, quaternions),
+            at_ns=np.rint(samples.imu_times_s * NS_PER_S).astype(np.int64),
+        )
+        # All exchanges of axes are sums of the products R[i, j] f[k], so that these are integrated once. Their means
+        # (n, 3, 3, 3) are those by which the second difference between the edges weighs them.
+        products = R[..., None] * samples.specific_forces_body_m_s2[:, None, None, :]
+        finite = np.isfinite(products).all(axis=(1, 2, 3))
+        if np.count_nonzero(finite) < 4:
+            continue
+        curve = CubicSpline(samples.imu_times_s[finite], products[finite], extrapolate=False).antiderivative(2)
+        turned = _accelerations(edges_s, curve(edges_s))
         finite = np.isfinite(turned).all(axis=(1, 2, 3))
         if np.count_nonzero(finite) < 2:
             continue
@@ -233,25 +246,6 @@ def _edges(samples: InertialSamples, span_s: float) -> NDArray[np.intp]:
     edges = np.arange(0, len(times_s), max(1, round(span_s / float(np.median(np.diff(times_s))))))
     within: NDArray[np.intp] = edges[(times_s[edges] >= imu_times_s[0]) & (times_s[edges] <= imu_times_s[-1])]
     return within
-
-
-def _turned_forces(samples: InertialSamples, quaternions: QuaternionConvention, edges_s: Float64) -> Float64:
-    """Return (n, 3, 3, 3): means of ``R[i, j] f[k]`` as the second difference between the edges weighs them.
-
-    All exchanges of axes are sums of these products, so that they are integrated once.
-    """
-    R, _ = interpolate_poses(
-        np.rint(samples.pose_times_s * NS_PER_S).astype(np.int64),
-        samples.positions_world_m,
-        _under_convention(samples.orientations_xyzw, quaternions),
-        at_ns=np.rint(samples.imu_times_s * NS_PER_S).astype(np.int64),
-    )
-    products = R[..., None] * samples.specific_forces_body_m_s2[:, None, None, :]
-    finite = np.isfinite(products).all(axis=(1, 2, 3))
-    if np.count_nonzero(finite) < 4:
-        return np.full((len(edges_s) - 2, 3, 3, 3), np.nan)
-    curve = CubicSpline(samples.imu_times_s[finite], products[finite], extrapolate=False).antiderivative(2)
-    return _accelerations(edges_s, curve(edges_s))
 
 
 def _accelerations(times_s: Float64, values: Float64) -> Float64:

@@ -173,17 +173,9 @@ def _compare(samples: InertialSamples, noise: InertialNoise) -> _GyroComparison:
     if noise.smoothing_s > 0:
         rate = CubicSpline(imu_times_s, smoothed(imu_times_s, gyro, noise.smoothing_s))
         integral = rate.antiderivative()
-    jacobians = R_world_end @ _jacobians(rate, integral, starts_s, stops_s)
-    effects = RowEffects(poses, np.einsum("nij,nj->ni", R_world_end, residuals), jacobians)
-    return _GyroComparison(effects, increments, by_pose, R_world_end)
-
-
-def _jacobians(rate: CubicSpline, integral: PPoly, starts_s: Float64, stops_s: Float64) -> Float64:
-    """Differentiate the residuals (n, 3) by ROTATION_PARAMETERS: (n, 3, P), in the body at the end of the interval.
-
-    A measured rate ``(1 + scale) Exp(tilt) w(t - offset - drift t) + bias`` changes an increment by the integral of
-    its change; the residual moves against it.
-    """
+    # Jacobians (n, 3, P) of the residuals by ROTATION_PARAMETERS. A measured rate
+    # (1 + scale) Exp(tilt) w(t - offset - drift t) + bias changes an increment by the integral of its change; the
+    # residual moves against it.
     w0, w1 = rate(starts_s), rate(stops_s)
     turn = integral(stops_s) - integral(starts_s)
     # The integral of t w'(t), by parts.
@@ -202,8 +194,9 @@ def _jacobians(rate: CubicSpline, integral: PPoly, starts_s: Float64, stops_s: F
     )
     # Changes lie along the interval; the mean rotation from there to its end is half a turn, to first order.
     R_end_mean = unit - 0.5 * so3.cross_matrices(turn)
-    derivatives: Float64 = -R_end_mean @ changes
-    return derivatives
+    jacobians = R_world_end @ (-R_end_mean @ changes)
+    effects = RowEffects(poses, np.einsum("nij,nj->ni", R_world_end, residuals), jacobians)
+    return _GyroComparison(effects, increments, by_pose, R_world_end)
 
 
 def _substeps(imu_times_s: Float64, steps_s: Float64) -> int:

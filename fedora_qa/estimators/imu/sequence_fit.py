@@ -246,11 +246,21 @@ def _fit(
     used = [rows.select(keep) for rows, keep in zip(segments, kept, strict=True) if np.any(keep)]
     walks = bias_walk > 0
     scatters = [rows.scatter for rows in used if rows.scatter is not None]
+    walk_covariance: Float64 | None = None
+    if walks:
+        # Covariance (B, B) of what a random walk from zero adds to segments. Between them that is the walk's own, the
+        # time to the middle of the earlier one. The mean over a segment of length L varies by L/6 less than its middle
+        # does; the walk strays from that mean by L/6 in the mean square. Both disturb a fit, and together they are the
+        # time to the middle.
+        middles_s = np.maximum([rows.times_s.mean() for rows in used], 0.0)
+        # Wiener process: E[b(s) b(t)] = walk^2 min(s, t).
+        shared_s = np.minimum(middles_s[:, None], middles_s)
+        walk_covariance = bias_walk**2 * (shared_s + _LEAST_WALK_S * np.eye(len(used)))
     return GroupedFit(
         [_equations(rows, walks) for rows in used],
         parameters,
         linearised_at,
-        _walk_covariance(used, bias_walk) if walks else None,
+        walk_covariance,
         [_equations(rows, walks) for rows in scatters] if len(scatters) == len(used) else None,
     )
 
@@ -258,17 +268,3 @@ def _fit(
 def _equations(rows: ComparisonRows, walks: bool) -> BlockEquations:
     jacobians = np.concatenate((rows.jacobians, rows.bias_jacobians), axis=-1) if walks else rows.jacobians
     return block_equations(rows.residuals, jacobians, rows.covariance_bands, rows.model_errors)
-
-
-def _walk_covariance(segments: list[ComparisonRows], bias_walk: float) -> Float64:
-    """Return the covariance (B, B) of what a random walk from zero adds to segments.
-
-    Between segments that is the walk's own, the time to the middle of the earlier one. The mean over a segment of
-    length L varies by L/6 less than its middle does; the walk strays from that mean by L/6 in the mean square. Both
-    disturb a fit, and together they are the time to the middle.
-    """
-    middles_s = np.maximum([rows.times_s.mean() for rows in segments], 0.0)
-    # Wiener process: E[b(s) b(t)] = walk^2 min(s, t).
-    shared_s = np.minimum(middles_s[:, None], middles_s)
-    covariance: Float64 = bias_walk**2 * (shared_s + _LEAST_WALK_S * np.eye(len(segments)))
-    return covariance

@@ -92,13 +92,28 @@ def translation_rows(samples: InertialSamples, noise: InertialNoise) -> Comparis
             np.empty((0, 3, columns)), np.empty((0, 3, 3)), np.empty((3, 3, 0)),
         )  # fmt: skip
     accelerations, finite = _in_world(samples, noise.gravity_m_s2)
-    by_position = _second_differences(times_s, samples.positions_world_m.T, poses)
+    by_force = _second_differences(times_s, samples.positions_world_m.T, poses) - effects.residuals
+    # The error of interpolation and integration, from every second sample and pose (Richardson).
+    imu, pose = every_second(len(samples.imu_times_s)), every_second(len(times_s))
+    sparse = InertialSamples(
+        samples.imu_times_s[imu],
+        samples.angular_velocities_body_rad_s[imu],
+        samples.specific_forces_body_m_s2[imu],
+        times_s[pose],
+        samples.positions_world_m[pose],
+        samples.orientations_xyzw[pose],
+    )
+    coarse_accelerations, coarse_finite = _in_world(sparse, noise.gravity_m_s2)
+    model_errors = np.zeros_like(by_force)
+    if np.count_nonzero(coarse_finite) >= 2:
+        coarse = integrated_twice(sparse.imu_times_s[coarse_finite], coarse_accelerations[coarse_finite].T, times_s)
+        model_errors = (_second_differences(times_s, coarse, poses) - by_force) / RICHARDSON
     return ComparisonRows(
         poses=poses,
         times_s=times_s[poses],
         spans_s=(times_s[poses + 1] - times_s[poses - 1]) / 2,
         residuals=effects.residuals,
-        model_errors=_model_errors(samples, noise.gravity_m_s2, by_position - effects.residuals, poses),
+        model_errors=model_errors,
         jacobians=effects.jacobians,
         bias_jacobians=effects.jacobians[..., 3:6],
         covariance_bands=_covariance(samples, noise, poses, accelerations[finite]),
@@ -116,8 +131,24 @@ def translation_effects(samples: InertialSamples, noise: InertialNoise) -> RowEf
         poses = 1 + np.flatnonzero(covered(imu_times_s, times_s[:-2], times_s[2:]))
     if not len(poses):
         return RowEffects(poses, np.empty((0, 3)), np.empty((0, 3, columns)))
-    curves = _curves(samples, accelerations, noise.smoothing_s)[:, finite]
-    changes = _second_differences(times_s, integrated_twice(imu_times_s, curves, times_s), poses)
+    # Curves (27, M) that are integrated twice: acceleration, and its derivatives by TRANSLATION_PARAMETERS or their
+    # parts. With measured force f(t - offset - drift t) + bias and true gravity g + gravity the curve of the positions
+    # differs from that of the force by the double integral of the jerk, of the jerk times t, of -R, and of a constant.
+    # A sensor at lever l measures alpha x l + w x (w x l) besides. Poses whose clock runs fast by d are slower: p'' by
+    # 2 d.
+    R = _orientations(samples)
+    both = np.concatenate((samples.specific_forces_body_m_s2, samples.angular_velocities_body_rad_s), axis=1)
+    both = smoothed(samples.imu_times_s, both, noise.smoothing_s)
+    slopes = CubicSpline(samples.imu_times_s, both)(samples.imu_times_s, 1)
+    W = so3.cross_matrices(both[:, 3:])
+    curves = np.empty((27, len(samples.imu_times_s)))
+    curves[:3] = accelerations.T
+    curves[3:6] = np.einsum("nij,nj->in", R, slopes[:, :3])
+    curves[6:9] = samples.imu_times_s * curves[3:6]
+    curves[9:18] = R.reshape(-1, 9).T
+    # alpha x l + w x (w x l) = ([alpha]x + [w]x [w]x) l, turned into the world.
+    curves[18:] = (R @ (so3.cross_matrices(slopes[:, 3:]) + W @ W)).reshape(-1, 9).T
+    changes = _second_differences(times_s, integrated_twice(imu_times_s, curves[:, finite], times_s), poses)
     by_force, jerk, jerk_times_t = changes[:, 0:3], changes[:, 3:6], changes[:, 6:9]
     jacobians = np.empty((len(poses), 3, columns))
     # A delay takes offset times jerk off the force; the residual is by position less by force, hence plus.
@@ -149,52 +180,11 @@ def _orientations(samples: InertialSamples) -> Float64:
     return R
 
 
-def _curves(samples: InertialSamples, accelerations: Float64, smoothing_s: float) -> Float64:
-    """Return (27, M) what is integrated twice: acceleration, its derivatives by TRANSLATION_PARAMETERS or their parts.
-
-    With measured force ``f(t - offset - drift t) + bias`` and true gravity ``g + gravity`` the curve of the positions
-    differs from that of the force by the double integral of the jerk, of the jerk times t, of -R, and of a constant. A
-    sensor at ``lever`` measures ``alpha x lever + w x (w x lever)`` besides. Poses whose clock runs fast by d are
-    slower: p'' by 2 d.
-    """
-    times_s, R = samples.imu_times_s, _orientations(samples)
-    both = np.concatenate((samples.specific_forces_body_m_s2, samples.angular_velocities_body_rad_s), axis=1)
-    both = smoothed(times_s, both, smoothing_s)
-    slopes = CubicSpline(times_s, both)(times_s, 1)
-    W = so3.cross_matrices(both[:, 3:])
-    curves = np.empty((27, len(times_s)))
-    curves[:3] = accelerations.T
-    curves[3:6] = np.einsum("nij,nj->in", R, slopes[:, :3])
-    curves[6:9] = times_s * curves[3:6]
-    curves[9:18] = R.reshape(-1, 9).T
-    # alpha x l + w x (w x l) = ([alpha]x + [w]x [w]x) l, turned into the world.
-    curves[18:] = (R @ (so3.cross_matrices(slopes[:, 3:]) + W @ W)).reshape(-1, 9).T
-    return curves
-
-
 def _second_differences(times_s: Float64, values: Float64, poses: NDArray[np.intp]) -> Float64:
     """Return (n, k) of k curves (k, P): by how much their slopes change at the poses."""
     slopes = np.diff(values, axis=1) / np.diff(times_s)
     differences: Float64 = (slopes[:, poses] - slopes[:, poses - 1]).T
     return differences
-
-
-def _model_errors(samples: InertialSamples, gravity_m_s2: float, fine: Float64, poses: NDArray[np.intp]) -> Float64:
-    """Estimate the error of interpolation and integration from every second sample and pose (Richardson)."""
-    imu, pose = every_second(len(samples.imu_times_s)), every_second(len(samples.pose_times_s))
-    sparse = InertialSamples(
-        samples.imu_times_s[imu],
-        samples.angular_velocities_body_rad_s[imu],
-        samples.specific_forces_body_m_s2[imu],
-        samples.pose_times_s[pose],
-        samples.positions_world_m[pose],
-        samples.orientations_xyzw[pose],
-    )
-    accelerations, finite = _in_world(sparse, gravity_m_s2)
-    if np.count_nonzero(finite) < 2:
-        return np.zeros_like(fine)
-    coarse = integrated_twice(sparse.imu_times_s[finite], accelerations[finite].T, samples.pose_times_s)
-    return (_second_differences(samples.pose_times_s, coarse, poses) - fine) / RICHARDSON
 
 
 def _covariance(

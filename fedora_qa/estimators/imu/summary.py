@@ -130,7 +130,8 @@ def summarise(
     disturbed, settled
         As of ``InertialFit``.
     """
-    values = fit.values_of_free() - linearised_at
+    free = fit.values_of_free()
+    values = free - linearised_at
     residuals = [rows.residuals - rows.jacobians @ values for rows in segments]
     sigmas = np.concatenate([rows.sigmas[keep] for rows, keep in zip(segments, kept, strict=True)])
     squares = np.concatenate([np.square(r[keep]) for r, keep in zip(residuals, kept, strict=True)])
@@ -156,6 +157,33 @@ def summarise(
                 model_error=float(np.abs(rows.model_errors[row]).max()),
             )
         )
+    # Where each parameter differs most; of segments that differ by about as much, where it is largest.
+    used = [rows for rows, keep in zip(segments, kept, strict=True) if np.any(keep)]
+    local_deviations: dict[str, LocalDeviation] = {}
+    for column, name in enumerate(fit.parameters.names if len(used) >= _FEWEST_SEGMENTS else ()):
+        local = fit.local(name)
+        scores = np.abs(local.deviations) / local.standard_errors
+        similar = scores >= _SIMILAR_SCORE * scores.max()
+        worst = int(np.argmax(np.where(similar, np.abs(free[column] + local.deviations), -1.0)))
+        local_deviations[name] = LocalDeviation(
+            start_s=float(used[worst].times_s[0]),
+            stop_s=float(used[worst].times_s[-1]),
+            value=float(free[column] + local.deviations[worst]),
+            deviation=float(local.deviations[worst]),
+            standard_error=float(local.standard_errors[worst]),
+            model_error=float(local.model_errors[worst]),
+            tests=len(used),
+        )
+    # The course holds the longest residual of each run of rows. Runs are as long as one another, or longer by one row,
+    # those first.
+    times_s = np.concatenate([rows.times_s for rows in segments])
+    lengths = np.linalg.norm(np.concatenate(residuals), axis=1)
+    count = min(len(lengths), _COURSE_POINTS)
+    numbers = np.arange(count)
+    starts = numbers * (len(lengths) // count) + np.minimum(numbers, len(lengths) % count)
+    numbers = np.arange(len(lengths))
+    is_longest = lengths == np.repeat(np.maximum.reduceat(lengths, starts), np.diff(starts, append=len(lengths)))
+    longest = np.minimum.reduceat(np.where(is_longest, numbers, len(numbers)), starts)
     return InertialFit(
         parameters=fit.fitted(),
         settled=settled,
@@ -168,9 +196,9 @@ def summarise(
         rows=sum(map(len, segments)),
         outliers=sum(int(np.count_nonzero(~keep)) for keep in kept),
         worst=max(worst_rows, key=lambda row: abs(row.value) / row.sigma),
-        local_deviations=_local_deviations(fit, segments, kept),
+        local_deviations=local_deviations,
         disturbed=disturbed,
-        course=_course(segments, residuals),
+        course=np.stack([times_s[longest], lengths[longest]], axis=1),
     )
 
 
@@ -185,43 +213,3 @@ def disturbed_interval(segments: list[ComparisonRows]) -> tuple[float, float] | 
     start_s, stop_s = float(times_s[outlying][0]), float(times_s[outlying][-1])
     outside = np.count_nonzero((times_s < start_s) | (times_s > stop_s))
     return (start_s, stop_s) if outside >= max(FEWEST_ROWS, _LEAST_OUTSIDE * len(times_s)) else None
-
-
-def _local_deviations(
-    fit: GroupedFit, segments: list[ComparisonRows], kept: list[NDArray[np.bool_]]
-) -> dict[str, LocalDeviation]:
-    """Return where each parameter differs most; of segments that differ by about as much, where it is largest."""
-    used = [rows for rows, keep in zip(segments, kept, strict=True) if np.any(keep)]
-    deviations: dict[str, LocalDeviation] = {}
-    if len(used) < _FEWEST_SEGMENTS:
-        return deviations
-    values = fit.values_of_free()
-    for column, name in enumerate(fit.parameters.names):
-        local = fit.local(name)
-        scores = np.abs(local.deviations) / local.standard_errors
-        similar = scores >= _SIMILAR_SCORE * scores.max()
-        worst = int(np.argmax(np.where(similar, np.abs(values[column] + local.deviations), -1.0)))
-        deviations[name] = LocalDeviation(
-            start_s=float(used[worst].times_s[0]),
-            stop_s=float(used[worst].times_s[-1]),
-            value=float(values[column] + local.deviations[worst]),
-            deviation=float(local.deviations[worst]),
-            standard_error=float(local.standard_errors[worst]),
-            model_error=float(local.model_errors[worst]),
-            tests=len(used),
-        )
-    return deviations
-
-
-def _course(segments: list[ComparisonRows], residuals: list[Float64]) -> Float64:
-    """Return instant and length (n, 2) of the longest residual of each of at most 1000 runs of rows."""
-    times_s = np.concatenate([rows.times_s for rows in segments])
-    lengths = np.linalg.norm(np.concatenate(residuals), axis=1)
-    # Runs are as long as one another, or longer by one row, those first.
-    count = min(len(lengths), _COURSE_POINTS)
-    numbers = np.arange(count)
-    starts = numbers * (len(lengths) // count) + np.minimum(numbers, len(lengths) % count)
-    rows = np.arange(len(lengths))
-    is_longest = lengths == np.repeat(np.maximum.reduceat(lengths, starts), np.diff(starts, append=len(lengths)))
-    longest = np.minimum.reduceat(np.where(is_longest, rows, len(rows)), starts)
-    return np.stack([times_s[longest], lengths[longest]], axis=1)
