@@ -246,7 +246,10 @@ def follow_excursions(
         for frame in range(len(light)):
             if frame > 0:
                 # Events lie in (frame - 1, frame]: they are added before the bounds of this frame are taken.
-                _add_events(counts[frame - 1, :, row], steps, drift[frame - 1], total[row])
+                off, on, subtracted = counts[frame - 1, 0, row], counts[frame - 1, 1, row], total[row]
+                for column in range(width):
+                    # E = L - C+ P + C- M + drift, module docstring: ``total`` is what is subtracted from L.
+                    subtracted[column] += on[column] * steps[1] - off[column] * steps[0] - drift[frame - 1]
             elif begun:
                 continue
             row_light, row_error = light[frame, row], error[frame, row]
@@ -254,20 +257,15 @@ def follow_excursions(
             _log_of_parts(mantissas, exponents, units, ends)
             number = frames[frame]
             for rule in range(len(uneven)):
-                _accept(row_light, row_error, dark, uneven[rule, 0], uneven[rule, 1], accepted)
+                constant, by_light = uneven[rule, 0], uneven[rule, 1]
+                for column in range(width):
+                    bright, error_dn = row_light[column] + dark, float(row_error[column])
+                    accepted[column] = (bright > error_dn) & (error_dn < constant + by_light * bright)
                 higher, deeper = highest[rule, row], lowest[rule, row]
                 if rule == 0:
                     _widen_and_note(ends, accepted, total[row], number, higher, deeper, highest_at[row], lowest_at[row])
                 else:
                     _widen(ends, accepted, total[row], higher, deeper)
-
-
-@njit(cache=True)
-def _add_events(counts: Int32, steps: tuple[int, int], drift: int, total: Int64) -> None:
-    off, on = counts
-    for column in range(len(total)):
-        # E = L - C+ P + C- M + drift, module docstring: ``total`` is what is subtracted from L.
-        total[column] += on[column] * steps[1] - off[column] * steps[0] - drift
 
 
 @njit(cache=True)
@@ -309,20 +307,6 @@ def _log_of_parts(mantissas: Float64, exponents: Float64, units: float, logs: In
             log = (exponents[end, column] * _LN_2 + 2.0 * s * series) * units
             # Rounded outwards: rounding to whole units must not tighten a bound.
             logs[end, column] = np.int64(np.floor(log) if end == 0 else np.ceil(log))
-
-
-@njit(cache=True)
-def _accept(
-    light: Images,
-    error: Images,
-    dark: float,
-    uneven: float,
-    by_light: float,
-    accepted: Bool,
-) -> None:
-    for column in range(len(light)):
-        bright, off = light[column] + dark, float(error[column])
-        accepted[column] = (bright > off) & (off < uneven + by_light * bright)
 
 
 @njit(cache=True)

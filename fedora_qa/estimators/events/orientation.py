@@ -383,17 +383,12 @@ def mean_event_blocks(
         # Exchanged, rows y are columns: the last band may be cut by the sensor's last row, and is added as it is.
         if (y + 1 - left) % side == 0 or y + 1 == height:
             if 0 <= y - left < columns * side:
-                _add_column(other_band, top, side, swapped[:, (y - left) // side])
+                blocks = swapped[:, (y - left) // side]
+                whole = min((len(other_band) - top) // side, len(blocks))
+                _add_line(other_band, top, side, blocks[:whole])
+                for x in range(top + whole * side, min(len(other_band), top + len(blocks) * side)):
+                    blocks[whole] += other_band[x]
             other_band[:] = 0.0
-
-
-@njit(cache=True)
-def _add_column(steps: Float64, first: int, side: int, blocks: Float64) -> None:
-    """Add the steps of a line of pixels to successive blocks as far as it reaches: the last may be cut."""
-    whole = min((len(steps) - first) // side, len(blocks))
-    _add_line(steps, first, side, blocks[:whole])
-    for x in range(first + whole * side, min(len(steps), first + len(blocks) * side)):
-        blocks[whole] += steps[x]
 
 
 @njit(cache=True)

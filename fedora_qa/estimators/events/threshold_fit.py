@@ -240,12 +240,8 @@ def _fit(
     by_block = np.maximum(formal, _jackknife(normal - normals, side - sides))
     errors = by_block
     if groups:
-        # A block weighs what it moves a parameter by when its own estimate is moved by 1: w = diag(N^-1 N_b), of sum 1.
-        # As many blocks of equal weight would determine it: (sum w)^2 / sum w^2 (L. Kish, Survey Sampling, Wiley 1965).
-        shares = np.einsum("ij,bji->bi", np.linalg.inv(normal), normals)
-        parts = np.abs(shares).sum(axis=0) ** 2 / np.sum(shares**2, axis=0)
         # Where cells scatter beyond formal errors, theirs count, widened for how few hold a parameter's weight.
-        samples = float(blocks.counts.sum())
+        samples, parts = float(blocks.counts.sum()), _effective_parts(normal, normals)
         widened = [shared_errors(of, samples, by, n) for of, by, n in zip(formal, by_block, parts, strict=True)]
         errors = np.asarray(widened, dtype=np.float64)
     for group in groups:
@@ -272,6 +268,16 @@ def _fit(
         coherent_delay_s=float(formal[2] * np.sqrt(weight)),
         sigma=float(np.sqrt(variance)),
     )
+
+
+def _effective_parts(normal: Float64, normals: Float64) -> Float64:
+    """Return how many blocks (m,) of equal weight would determine each parameter as these (b, m, m) of the sum do.
+
+    A block weighs what it moves a parameter by when its own estimate is moved by 1; these weights add up to 1.
+    """
+    # (sum w)^2 / sum w^2 (L. Kish, Survey Sampling, Wiley 1965), with w = diag(N^-1 N_b).
+    shares = np.einsum("ij,bji->bi", np.linalg.inv(normal), normals)
+    return np.asarray(np.abs(shares).sum(axis=0) ** 2 / np.sum(shares**2, axis=0))
 
 
 def _summed(parts: Float64, group: NDArray[np.intp]) -> Float64:
