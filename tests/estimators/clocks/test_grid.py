@@ -1,4 +1,4 @@
-"""Stamps that went through another number format are told from those that did not."""
+"""Grids of timestamps: of single precision, combs that a part of them meets, ticks that many share."""
 
 import numpy as np
 import pytest

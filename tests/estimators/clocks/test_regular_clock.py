@@ -1,4 +1,4 @@
-"""The fit of a regular clock against clocks that are known."""
+"""Regular clocks against clocks in closed form: the fit, a displaced part, rounding to a grid."""
 
 import numpy as np
 import pytest

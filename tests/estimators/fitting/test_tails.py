@@ -1,4 +1,4 @@
-"""Tails of distributions are those of scipy.stats, far out as well."""
+"""Tails of distributions against scipy.stats, far out as well, and of the largest of many values."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""The gain between two images of the same points."""
+"""Gains: between two images of the same points, and after rounding, by the codes that are left out."""
 
 import numpy as np
 import pytest

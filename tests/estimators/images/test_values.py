@@ -1,4 +1,4 @@
-"""Counts over the bits of images say what NumPy says of their values."""
+"""Counts over the bits of images against those of NumPy, and of values that no correct file holds."""
 
 import numpy as np
 import pytest
