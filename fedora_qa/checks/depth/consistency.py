@@ -378,7 +378,24 @@ def compare(pair: DepthPair) -> PairAgreement | None:
 def medians_by_group(
     first: Float64, second: Float64, groups: NDArray[np.uint8], count: int, fewest: int
 ) -> tuple[Float64, Float64]:
-    """Return the medians (count,) of two columns (n,) by group; NaN in groups of fewer than ``fewest``."""
+    """Return the medians of two columns by group.
+
+    Parameters
+    ----------
+    first, second
+        (n,) the columns.
+    groups
+        (n,) group of each row, less than ``count``.
+    count
+        How many groups there are.
+    fewest
+        Groups of fewer rows have no medians.
+
+    Returns
+    -------
+    tuple[NDArray[np.float64], NDArray[np.float64]]
+        (count,) of either column; NaN in groups of fewer than ``fewest``.
+    """
     ends = np.zeros(count + 1, np.int64)
     for group in groups:
         ends[group + 1] += 1

@@ -122,8 +122,13 @@ class ImagesRepeats(WindowCheck[tuple[FrameDigest, ...]]):
             rgb = window.rgb(frame)
             digest = _digest(window, frame)
             repeats = frame > 0 and _digest(window, frame - 1) == digest
-            # Only a repeat needs proof that the image must have changed; other frames need the motion of the pose.
-            moved = (must_have_changed if repeats else moved_by_pose)(window, frame) if frame > 0 else None
+            # Only a repeat needs proof that the image must have changed; of other frames a motion of a pixel counts.
+            moved = None
+            if repeats:
+                moved = must_have_changed(window, frame)
+            elif frame > 0:
+                moved_px = _least_motion_px(window, frame)
+                moved = None if moved_px is None else moved_px > 1.0
             blank = is_of_one_code(rgb)
             digests.append(FrameDigest(frame, digest, blank, repeats, moved, viewpoint_of(window, frame)))
         return tuple(digests)
@@ -143,10 +148,16 @@ class ImagesRepeats(WindowCheck[tuple[FrameDigest, ...]]):
         for frame, first in repeats:
             if not any(moved.get(i) for i in range(first + 1, frame + 1)):
                 continue
-            # A camera that was away and came back by its pose may see what it saw.
+            # A camera that moved away and came back by its pose takes the same image again: no fault, unless both
+            # viewpoints differ by so much that their images must.
             later, earlier = viewpoints.get(frame), viewpoints.get(first)
-            if frame - first <= 1 or later is None or earlier is None or is_elsewhere(later, earlier, facts):
-                frozen.append((frame, first))
+            if frame - first > 1 and later is not None and earlier is not None:
+                camera = facts.declared.cameras["rgb"]
+                poses = earlier.R_world_body, earlier.position_world_m, later.R_world_body, later.position_world_m
+                motion = camera_motion(*poses, camera.T_body_camera)
+                if not _least_shift_px(motion, camera, facts) > later.visible_motion_px:
+                    continue
+            frozen.append((frame, first))
         if frozen:
             (first, original), last = frozen[0], frozen[-1][0]
             times_ns = facts.clocks["rgb"].times_ns
@@ -184,7 +195,18 @@ class ImagesRepeats(WindowCheck[tuple[FrameDigest, ...]]):
 
 
 def repeated(frames: Sequence[FrameDigest]) -> list[tuple[int, int]]:
-    """Return (frame, latest earlier frame that it equals) for each frame that is not blank and repeats one."""
+    """Return each frame that is not blank and repeats an earlier one.
+
+    Parameters
+    ----------
+    frames
+        Digests in the order of time.
+
+    Returns
+    -------
+    list[tuple[int, int]]
+        The frame, and the latest earlier frame that it equals.
+    """
     latest: dict[bytes, int] = {}
     repeats = []
     for digest in frames:
@@ -203,9 +225,19 @@ def _digest(window: Window, frame: int) -> bytes:
 
 
 def must_have_changed(window: Window, frame: int) -> bool | None:
-    """Whether flow or pose move the image since the frame before so far that it must have changed.
+    """Return whether flow or pose move the image since the frame before so far that it must have changed.
 
-    None where the file has neither.
+    Parameters
+    ----------
+    window
+        The window that owns the frame.
+    frame
+        Row of the colour stream, 1 at least.
+
+    Returns
+    -------
+    bool | None
+        None where the file has neither flow nor pose of the time between both frames.
     """
     moved_px = _least_motion_px(window, frame)
     # What the pose moves the image by, along steep gradients, against what rounding hides.
@@ -232,14 +264,21 @@ def must_have_changed(window: Window, frame: int) -> bool | None:
     return any(changes) if changes else None
 
 
-def moved_by_pose(window: Window, frame: int) -> bool | None:
-    """Whether the pose moves the image by a pixel or more since the frame before; None where there is no pose."""
-    moved_px = _least_motion_px(window, frame)
-    return None if moved_px is None else moved_px > 1.0
-
-
 def viewpoint_of(window: Window, frame: int) -> Viewpoint | None:
-    """Return from where a frame was taken; None where there is no pose."""
+    """Return from where a frame was taken.
+
+    Parameters
+    ----------
+    window
+        The window that owns the frame.
+    frame
+        Row of the colour stream.
+
+    Returns
+    -------
+    Viewpoint | None
+        None where there is no pose.
+    """
     camera = window.facts.declared.cameras.get("rgb")
     if camera is None or "pose" not in window.facts.streams:
         return None
@@ -249,16 +288,21 @@ def viewpoint_of(window: Window, frame: int) -> Viewpoint | None:
     return Viewpoint(R_world_body, position_world_m, 2 * HIDDEN_DN / max(_steepness(window, frame), 1e-9))
 
 
-def is_elsewhere(viewpoint: Viewpoint, earlier: Viewpoint, facts: Facts) -> bool:
-    """Whether two viewpoints differ by so much that their images must; a camera that returns may take the same one."""
-    camera = facts.declared.cameras["rgb"]
-    poses = earlier.R_world_body, earlier.position_world_m, viewpoint.R_world_body, viewpoint.position_world_m
-    motion = camera_motion(*poses, camera.T_body_camera)
-    return _least_shift_px(motion, camera, facts) > viewpoint.visible_motion_px
-
-
 def moved_by_events(facts: Facts, repeats: set[int]) -> NDArray[np.bool_]:
-    """Return for each frame (n,) whether events since the frame before it are as many as while frames change."""
+    """Return for each frame whether events since the frame before it are as many as while frames change.
+
+    Parameters
+    ----------
+    facts
+        Of the file.
+    repeats
+        Rows of the colour stream that repeat an earlier frame.
+
+    Returns
+    -------
+    NDArray[np.bool_]
+        (n,) all False where the file has no index map from frames to events.
+    """
     count = len(facts.clocks["rgb"].times_ns)
     index_map = facts.index_maps.get("rgb_to_event")
     if index_map is None or not count:
