@@ -75,9 +75,27 @@ class Description:
 def describe(file: h5py.File, layout: Layout) -> Description:
     """Describe what ``resolve`` found in a file."""
     used, walked = {binding.path for binding in layout.bindings.values()}, walk(file)
+    rows: list[DatasetRow] = []
+    for binding in (layout.bindings[key] for key in DATASETS if key in layout.bindings):
+        dataset = file[binding.path]
+        # A registered name may carry a remark behind a semicolon ("bitshuffle; see https://...").
+        filters = [name.split(";")[0].strip() for _, name in filters_of(dataset)]
+        rows.append(
+            DatasetRow(
+                key=binding.key,
+                stream=DATASETS[binding.key].stream,
+                path=binding.path,
+                shape=binding.shape,
+                dtype=str(binding.dtype),
+                chunks=dataset.chunks,
+                codec=" + ".join(filters) or "none",
+                units=text_attribute(dataset, "units") or "",
+                conversion=", ".join(_conversions(binding)),
+            )
+        )
     return Description(
         dialect=layout.dialect_name,
-        datasets=tuple(_row(file[layout.bindings[key].path], layout.bindings[key]) for key in _found(layout)),
+        datasets=tuple(rows),
         absent=tuple((stream, layout.absent[stream]) for stream in STREAMS if stream in layout.absent),
         unused=tuple(path for path in walked.paths if path not in used),
         unseen=walked.unseen,
@@ -86,25 +104,8 @@ def describe(file: h5py.File, layout: Layout) -> Description:
     )
 
 
-def _found(layout: Layout) -> Iterator[str]:
-    return (key for key in DATASETS if key in layout.bindings)
-
-
-def _row(dataset: h5py.Dataset, binding: Binding) -> DatasetRow:
-    return DatasetRow(
-        key=binding.key,
-        stream=DATASETS[binding.key].stream,
-        path=binding.path,
-        shape=binding.shape,
-        dtype=str(binding.dtype),
-        chunks=dataset.chunks,
-        codec=_codec(dataset),
-        units=text_attribute(dataset, "units") or "",
-        conversion=", ".join(_conversions(binding)),
-    )
-
-
 def _conversions(binding: Binding) -> Iterator[str]:
+    """Yield what is done to reach canonical values, in words."""
     spec = DATASETS[binding.key]
     if binding.columns is not None:
         yield f"columns {', '.join(map(str, binding.columns))} of the last axis"
@@ -117,8 +118,3 @@ def _conversions(binding: Binding) -> Iterator[str]:
         yield f"values times {binding.scale:.6g} to {spec.units}"
     if binding.polarity != "01":
         yield "polarity 1, -1 to 1, 0" if binding.polarity == "plus_minus" else "polarity inverted"
-
-
-def _codec(dataset: h5py.Dataset) -> str:
-    # A registered name may carry a remark behind a semicolon ("bitshuffle; see https://...").
-    return " + ".join(name.split(";")[0].strip() for _, name in filters_of(dataset)) or "none"
