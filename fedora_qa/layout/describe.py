@@ -1,11 +1,9 @@
 """Describe which dataset was found at which path: the rows of `fedora-qa layout`."""
 
-from collections.abc import Iterator
 from dataclasses import dataclass
 
 import h5py
 
-from fedora_qa.layout.binding import Binding
 from fedora_qa.layout.canonical import DATASETS, STREAMS
 from fedora_qa.layout.dialect import NS_PER_TIME_UNIT
 from fedora_qa.layout.filters import filters_of
@@ -80,6 +78,18 @@ def describe(file: h5py.File, layout: Layout) -> Description:
         dataset = file[binding.path]
         # A registered name may carry a remark behind a semicolon ("bitshuffle; see https://...").
         filters = [name.split(";")[0].strip() for _, name in filters_of(dataset)]
+        steps: list[str] = []
+        if binding.columns is not None:
+            steps.append(f"columns {', '.join(map(str, binding.columns))} of the last axis")
+        if binding.ns_per_unit is not None and binding.ns_per_unit != NS_PER_TIME_UNIT["us"]:
+            unit = next(name for name, ns in NS_PER_TIME_UNIT.items() if ns == binding.ns_per_unit)
+            steps.append(f"stamps in {unit}")
+        if binding.offset_ns:
+            steps.append(f"stamps {binding.offset_ns / NS_PER_TIME_UNIT['us']:+.16g} us")
+        if binding.scale != 1.0:
+            steps.append(f"values times {binding.scale:.6g} to {DATASETS[binding.key].units}")
+        if binding.polarity != "01":
+            steps.append("polarity 1, -1 to 1, 0" if binding.polarity == "plus_minus" else "polarity inverted")
         rows.append(
             DatasetRow(
                 key=binding.key,
@@ -90,7 +100,7 @@ def describe(file: h5py.File, layout: Layout) -> Description:
                 chunks=dataset.chunks,
                 codec=" + ".join(filters) or "none",
                 units=text_attribute(dataset, "units") or "",
-                conversion=", ".join(_conversions(binding)),
+                conversion=", ".join(steps),
             )
         )
     return Description(
@@ -102,19 +112,3 @@ def describe(file: h5py.File, layout: Layout) -> Description:
         problems=tuple(problem.message for problem in layout.problems),
         inferred=tuple(layout.inferred.items()),
     )
-
-
-def _conversions(binding: Binding) -> Iterator[str]:
-    """Yield what is done to reach canonical values, in words."""
-    spec = DATASETS[binding.key]
-    if binding.columns is not None:
-        yield f"columns {', '.join(map(str, binding.columns))} of the last axis"
-    if binding.ns_per_unit is not None and binding.ns_per_unit != NS_PER_TIME_UNIT["us"]:
-        unit = next(name for name, ns in NS_PER_TIME_UNIT.items() if ns == binding.ns_per_unit)
-        yield f"stamps in {unit}"
-    if binding.offset_ns:
-        yield f"stamps {binding.offset_ns / NS_PER_TIME_UNIT['us']:+.16g} us"
-    if binding.scale != 1.0:
-        yield f"values times {binding.scale:.6g} to {spec.units}"
-    if binding.polarity != "01":
-        yield "polarity 1, -1 to 1, 0" if binding.polarity == "plus_minus" else "polarity inverted"

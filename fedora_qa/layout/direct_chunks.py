@@ -75,7 +75,14 @@ class StoredChunks:
             if kept.filter_mask or not 0 < kept.size <= longest:  # none is kept of what is blank
                 return False
             _, bytes_ = stored.read_direct_chunk(place)
-            chunk = bytes_ if self._filters == [_BLOSC] else _verified(bytes_)
+            chunk = memoryview(bytes_)
+            if self._filters != [_BLOSC]:
+                chunk, checksum = chunk[:-_CHECKSUM_BYTES], int.from_bytes(chunk[-_CHECKSUM_BYTES:], "little")
+                words = np.frombuffer(chunk, np.uint16, count=len(chunk) // 2)
+                computed = fletcher32(words, chunk[-1] if len(chunk) % 2 else -1)
+                # The kernel expects words in little-endian order; elsewhere HDF5 verifies the checksum.
+                if sys.byteorder != "little" or _halves(computed) != _halves(checksum):
+                    return False
             if len(chunk) < _HEADER.itemsize:
                 return False
             # Blosc trusts the sizes in its header; a wrong one would make it read or write beyond the buffers.
@@ -95,17 +102,6 @@ def _filters(dataset: h5py.Dataset) -> list[int]:
         return []
     kept = dataset.id.get_create_plist()
     return [kept.get_filter(place)[0] for place in range(kept.get_nfilters())]
-
-
-def _verified(stored: bytes) -> memoryview:
-    """Return a chunk without the checksum behind it, or nothing of it where that is wrong."""
-    chunk, checksum = memoryview(stored)[:-_CHECKSUM_BYTES], int.from_bytes(stored[-_CHECKSUM_BYTES:], "little")
-    # The kernel expects words in little-endian order; elsewhere HDF5 verifies the checksum.
-    if sys.byteorder != "little":
-        return chunk[:0]
-    words = np.frombuffer(chunk, np.uint16, count=len(chunk) // 2)
-    computed = fletcher32(words, chunk[-1] if len(chunk) % 2 else -1)
-    return chunk if _halves(computed) == _halves(checksum) else chunk[:0]
 
 
 def _halves(checksum: int) -> tuple[int, int]:
