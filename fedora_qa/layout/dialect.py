@@ -121,8 +121,8 @@ def load_dialect(name_or_path: str | Path) -> Dialect:
     MisuseError
         No such dialect, not TOML, a key that is not known, or a value that does not fit. The message names the key.
     """
-    shipped = str(name_or_path) in DIALECT_NAMES
-    if shipped:
+    is_shipped = str(name_or_path) in DIALECT_NAMES
+    if is_shipped:
         text = (resources.files("fedora_qa.layout") / "dialects" / f"{name_or_path}.toml").read_text("utf-8")
     else:
         try:
@@ -135,7 +135,7 @@ def load_dialect(name_or_path: str | Path) -> Dialect:
         document = tomllib.loads(text)
     except (tomllib.TOMLDecodeError, RecursionError) as error:
         raise MisuseError(f"Expected the dialect {name_or_path} to be TOML, got: {error}") from error
-    if shipped:
+    if is_shipped:
         return shipped_dialect(document)
     from pydantic import TypeAdapter, ValidationError  # noqa: PLC0415 - slow to load, and dialects of the package need none
 
