@@ -263,8 +263,8 @@ class FlowGeometryEndpoint(WindowCheck[WindowErrors]):
             return Observation(coverage, unobservable=none_why)
         by_stream = {s: [f for f in fields if f.interval.stream == s] for s in facts.flow_streams}
         by_stream = {stream: group for stream, group in by_stream.items() if group}
-        # A rate is off, or would not show it: what is wrong with all rates grows with their intervals, by the excess for
-        # each second of an interval of the rate that deviates most.
+        # A rate is off, or would not show it: what is wrong with all rates grows with their intervals, for each second
+        # of an interval by the excess of the rate that deviates most.
         suspicions = {stream: _suspicion(group) for stream, group in by_stream.items()}
         lengths_s = {stream: group[0].interval.duration_s for stream, group in by_stream.items()}
         growth = max(
