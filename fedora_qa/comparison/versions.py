@@ -50,21 +50,21 @@ def record_changes(file: str, before: FileRecord, after: FileRecord) -> RecordCh
     sides = _findings(before), _findings(after)
     keys = {**sides[0], **sides[1]}
     for key in keys:
-        gone, new = (side.get(key) for side in sides)
+        former, latter = (side.get(key) for side in sides)
         # A finding is the same in both unless its severity changed, or what its check measured moved.
-        if gone and new and gone.severity == new.severity and key[0] not in checks_of_moved:
+        if former and latter and former.severity == latter.severity and key[0] not in checks_of_moved:
             continue
         findings.append(
             FindingChange(
                 file=file,
-                change="changed" if gone and new else "new" if new else "gone",
+                change="changed" if former and latter else "new" if latter else "gone",
                 check=key[0],
                 code=key[1],
                 stream=key[2],
-                severity_before=gone.severity if gone else None,
-                severity_after=new.severity if new else None,
-                message_before=gone.message if gone else "",
-                message_after=new.message if new else "",
+                severity_before=former.severity if former else None,
+                severity_after=latter.severity if latter else None,
+                message_before=former.message if former else "",
+                message_after=latter.message if latter else "",
             )
         )
     return RecordChanges(tuple(findings), len(keys) - len(findings), tuple(outcomes), tuple(moved))
