@@ -32,15 +32,12 @@ class Explanation:
 def explanation(check: Check[Any]) -> Explanation:
     """Return the explanation in the check's docstring."""
     lines = inspect.cleandoc(type(check).__doc__ or "").splitlines()
-    starts = [i for i in range(len(lines) - 1) if _is_heading(lines[i], lines[i + 1])]
+    # A heading has as many dashes below it as it has characters.
+    starts = [i for i, (line, below) in enumerate(pairwise(lines)) if line.strip() and below == "-" * len(line)]
     bounds = [*starts, len(lines)]
     sections = {lines[start]: _text(lines[start + 2 : stop]) for start, stop in pairwise(bounds)}
     head = lines[: bounds[0]]
     return Explanation(head[0] if head else "", _text(head[1:]), sections)
-
-
-def _is_heading(line: str, below: str) -> bool:
-    return bool(line.strip()) and below == "-" * len(line)
 
 
 def _text(lines: list[str]) -> str:

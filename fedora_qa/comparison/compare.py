@@ -9,12 +9,11 @@ import numpy as np
 from fedora_qa import __version__
 from fedora_qa.comparison.distances import PairedCounts, difference_of, held_together
 from fedora_qa.comparison.histograms import Int64, shares_of
-from fedora_qa.comparison.published import PUBLISHED
+from fedora_qa.comparison.paper_tables import PUBLISHED
 from fedora_qa.comparison.sampled import meaning_of, unit_of
-from fedora_qa.comparison.statistics import statistic_changes, with_errors
 from fedora_qa.comparison.subjects import Given, Match, design_of, matches
 from fedora_qa.comparison.types import COMPARISON_VERSION, Comparison, Design, Overlay, Pair, Versions
-from fedora_qa.comparison.versions import record_changes
+from fedora_qa.comparison.versions import record_changes, statistic_changes, with_errors
 from fedora_qa.errors import MisuseError
 from fedora_qa.evidence.value_counts import octave_edges
 from fedora_qa.record.types import Tool
@@ -66,10 +65,44 @@ def compare(given: Sequence[Given], design: Design | None, false_alarm_rate: flo
     if len(given) < 2:
         raise MisuseError(f"Expected two or more things to compare, got {len(given)}")
     # All tests are counted before the first is judged: they share one false-alarm rate.
-    planned = [_plan(given[0], other, place, design) for place, other in enumerate(given[1:], start=1)]
+    before, planned = given[0], list[_PairPlan]()
+    for place, after in enumerate(given[1:], start=1):
+        pair_design = design or design_of(before, after)
+        matched = matches(before, after) if pair_design == "versions" else ()
+        if pair_design == "versions" and not matched:
+            raise MisuseError(
+                f"Expected versions of the same files, got none in {after.name} named as one in {before.name}; "
+                "compare them as sequences or datasets"
+            )
+        held = held_together(before, after, pair_design)
+        planned.append(_PairPlan(before, after, place, pair_design, held, matched))
     tests = sum(item.tests for item in planned)
     # Bonferroni: valid whatever the dependence of the tests.
     level = false_alarm_rate / max(tests, 1)
+    pairs = tuple(
+        Pair(
+            before=0,
+            after=item.place,
+            design=item.design,
+            differences=tuple(difference_of(counts, level) for counts in item.held),
+            versions=_versions(item, level) if item.design == "versions" else None,
+        )
+        for item in planned
+    )
+
+    # What could not be compared.
+    notes: list[str] = []
+    for subject in given:
+        lacking = [name for name, file in subject.by_name.items() if file.sampled is None]
+        if lacking:
+            notes.append(
+                f"{subject.name}: nothing is known of the distributions of {', '.join(lacking[:3])}"
+                f"{f' and {len(lacking) - 3} more' if len(lacking) > 3 else ''}; its record is of an earlier version, "
+                "or its arrays do not lie beside it."
+            )
+    checked = [subject.name for subject in given if any(file.record for file in subject.files)]
+    if checked and len(checked) < len(given):
+        notes.append("Findings are compared only where both sides are records of `fedora-qa check`.")
     return Comparison(
         comparison_version=COMPARISON_VERSION,
         tool=Tool("fedora-qa", __version__),
@@ -78,30 +111,9 @@ def compare(given: Sequence[Given], design: Design | None, false_alarm_rate: flo
         level=level,
         subjects=tuple(item.subject for item in given),
         overlays=tuple(_overlays(given)),
-        pairs=tuple(_pair(item, level) for item in planned),
+        pairs=pairs,
         published=PUBLISHED,
-        notes=tuple(_notes(given)),
-    )
-
-
-def _plan(before: Given, after: Given, place: int, design: Design | None) -> _PairPlan:
-    design = design or design_of(before, after)
-    matched = matches(before, after) if design == "versions" else ()
-    if design == "versions" and not matched:
-        raise MisuseError(
-            f"Expected versions of the same files, got none in {after.name} named as one in {before.name}; "
-            "compare them as sequences or datasets"
-        )
-    return _PairPlan(before, after, place, design, held_together(before, after, design), matched)
-
-
-def _pair(planned: _PairPlan, level: float) -> Pair:
-    return Pair(
-        before=0,
-        after=planned.place,
-        design=planned.design,
-        differences=tuple(difference_of(held, level) for held in planned.held),
-        versions=_versions(planned, level) if planned.design == "versions" else None,
+        notes=tuple(notes),
     )
 
 
@@ -137,7 +149,14 @@ def _overlays(given: Sequence[Given]) -> Iterator[Overlay]:
         q for subject in given for file in subject.files if file.sampled for q in file.sampled.counts
     )
     for quantity in quantities:
-        totals = [_total(subject, quantity) for subject in given]
+        totals: list[Int64 | None] = []
+        for subject in given:
+            counts = [
+                file.sampled.total(quantity)
+                for file in subject.files
+                if file.sampled and quantity in file.sampled.counts
+            ]
+            totals.append(np.asarray(np.sum(counts, axis=0)) if counts else None)
         # One range of bins for all subjects, so that their shares can be drawn over each other.
         filled_bins = np.flatnonzero(np.any([total > 0 for total in totals if total is not None], axis=0))
         first, last = int(filled_bins[0]), int(filled_bins[-1]) + 1
@@ -146,22 +165,3 @@ def _overlays(given: Sequence[Given]) -> Iterator[Overlay]:
         )
         edges = tuple(float(edge) for edge in octave_edges()[first : last + 1])
         yield Overlay(quantity, meaning_of(quantity), unit_of(quantity), edges, shares)
-
-
-def _total(given: Given, quantity: str) -> Int64 | None:
-    totals = [file.sampled.total(quantity) for file in given.files if file.sampled and quantity in file.sampled.counts]
-    return np.asarray(np.sum(totals, axis=0)) if totals else None
-
-
-def _notes(given: Sequence[Given]) -> Iterator[str]:
-    for subject in given:
-        lacking = [name for name, file in subject.by_name.items() if file.sampled is None]
-        if lacking:
-            yield (
-                f"{subject.name}: nothing is known of the distributions of {', '.join(lacking[:3])}"
-                f"{f' and {len(lacking) - 3} more' if len(lacking) > 3 else ''}; its record is of an earlier version, "
-                "or its arrays do not lie beside it."
-            )
-    checked = [subject.name for subject in given if any(file.record for file in subject.files)]
-    if checked and len(checked) < len(given):
-        yield "Findings are compared only where both sides are records of `fedora-qa check`."

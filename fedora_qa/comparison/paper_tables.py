@@ -1,10 +1,10 @@
-"""The paper's tables with a row for each thing compared, and the published rows below them."""
+"""The paper's tables with a row for each subject or file compared, and the published rows below them."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Final, Literal
 
 from fedora_qa.comparison.text_table import ABSENT, SOURCE, TextTable
-from fedora_qa.comparison.types import ComparedFile, Comparison, Subject
+from fedora_qa.comparison.types import ComparedFile, Comparison, Published, Subject
 from fedora_qa.record.types import Scalar
 from fedora_qa.record.wording import number, with_error
 
@@ -15,37 +15,134 @@ _PUBLISHED_NOTE: Final = (
     "paper says 20 and 10 Hz."
 )
 
+_FEDORA: Final = "FEDORA paper"
+_BY_FEDORA: Final = "FEDORA paper, of others"
+
+PUBLISHED: Final[tuple[Published, ...]] = (
+    Published("datasets", "DDD-17", {"events_mp": 0.1, "depth": "none", "flow": "none"}, _BY_FEDORA),
+    Published("datasets", "DDD-20", {"events_mp": 0.1, "depth": "none", "flow": "none"}, _BY_FEDORA),
+    Published(
+        "datasets",
+        "MVSEC",
+        {"rgb_mp": 0.4, "rgb_hz": 20, "events_mp": 0.1, "depth": "lidar", "flow": "10 Hz"},
+        _BY_FEDORA,
+    ),
+    Published(
+        "datasets",
+        "DSEC",
+        {"rgb_mp": 1.6, "rgb_hz": 20, "events_mp": 0.3, "depth": "lidar 10 Hz", "flow": "20 Hz"},
+        _BY_FEDORA,
+    ),
+    Published(
+        "datasets",
+        "FEDORA",
+        {"rgb_mp": 1.6, "rgb_hz": 50, "events_mp": 0.3, "depth": "1.6 MP 50 Hz", "flow": "10, 25, 50 Hz"},
+        _FEDORA,
+    ),
+    *(
+        Published(
+            "sequences",
+            name,
+            {"duration_s": duration, "distance_m": distance, "speed_max_m_s": speed, "angular_speed_max_rad_s": turn,
+             "event_rate_mean_per_s": rate},
+            _FEDORA,
+        )
+        # T (s), D (m), v max (m/s), w max (rad/s), and mean event rate (events/s) of the paper's sequence table.
+        for name, duration, distance, speed, turn, rate in (
+            ("FEDORA Baylands Day1", 165, 594.87, 5.032, 1.233, 1.12e6),
+            ("FEDORA Baylands Day2", 220, 386.31, 2.531, 2.845, 1.44e6),
+            ("FEDORA Baylands Ngt1", 159, 268.47, 2.416, 10.718, 1.69e6),
+            ("FEDORA Racetrack Day", 112, 188.86, 2.218, 2.374, 2.01e6),
+            ("FEDORA Racetrack Ngt", 112, 188.36, 2.058, 2.098, 1.79e6),
+        )
+    ),
+    *(
+        # Mean in px over the interval of the rate; the paper prints the variance in pix/s.
+        Published("flow", "FEDORA Baylands, three sequences", {"rate": rate, "mean_px": mean, "variance": variance},
+                  _FEDORA)
+        for rate, mean, variance in (("10 Hz", 18.841, 18.67), ("25 Hz", 10.392, 12.163), ("50 Hz", 6.15, 9.13))
+    ),
+    Published("flow", "DSEC, test set", {"rate": "", "mean_px": 7.751, "variance": 7.0},
+              _BY_FEDORA),
+    Published("disparity", "FEDORA, test set", {"disparity_mean": 0.2566},
+              _FEDORA),
+    # Px of a stereo pair; FEDORA's disparity is the reciprocal of depth, 1/m.
+    Published("disparity", "DSEC, test set", {"disparity_mean": 20.21}, _BY_FEDORA),
+)  # fmt: skip
+"""Figures that others published, as they printed them, to be read beside our own."""
+
 
 def paper_tables(comparison: Comparison) -> tuple[TextTable, ...]:
     """Return the tables of datasets, sequences, flow, and disparity."""
     subjects = comparison.subjects
+    datasets = [_dataset(subject) for subject in subjects]
+    for name, values, source in _published(comparison, "datasets"):
+        cells = (_text(values, key) for key in ("rgb_mp", "rgb_hz", "events_mp", "depth", "flow"))
+        datasets.append((name, *[ABSENT] * 4, *cells, source))
+
+    sequences: list[tuple[str, ...]] = []
+    for name, file in _named(subjects):
+        sequence, motion = (file.statistics.get(group, {}) for group in ("sequence", "motion"))
+        sequences.append(
+            (
+                name,
+                _value(sequence, "duration_s"),
+                _measured(motion, "distance", "m"),
+                _measured(motion, "speed_max", "m_s"),
+                _measured(motion, "angular_speed_max", "rad_s"),
+                _value(sequence, "event_rate_mean_per_s", 1e-6),
+                "",
+            )
+        )
+    for name, values, source in _published(comparison, "sequences"):
+        keys = ("duration_s", "distance_m", "speed_max_m_s", "angular_speed_max_rad_s")
+        event_rate = _value(values, "event_rate_mean_per_s", 1e-6)
+        sequences.append((name, *(_text(values, key) for key in keys), event_rate, source))
+
+    flow: list[tuple[str, ...]] = []
+    for subject in subjects:
+        groups = (name for file in subject.files for name in file.statistics if name.startswith("flow/"))
+        for group in dict.fromkeys(groups):
+            mean, variance = _pooled([file.statistics[group] for file in subject.files if group in file.statistics])
+            rate = f"{group.removeprefix('flow/').removesuffix('hz')} Hz"
+            flow.append((subject.name, rate, _shown(mean), _shown(variance), ""))
+    for name, values, source in _published(comparison, "flow"):
+        flow.append((name, *(_text(values, key) for key in ("rate", "mean_px", "variance")), source))
+
+    disparity: list[tuple[str, ...]] = []
+    for name, file in _named(subjects):
+        depth = file.statistics.get("depth")
+        if depth:
+            means = (_value(depth, key) for key in ("disparity_mean_per_m", "mean_m"))
+            disparity.append((name, *means, _value(depth, "valid_share", 100.0), ""))
+    for name, values, source in _published(comparison, "disparity"):
+        disparity.append((name, _text(values, "disparity_mean"), ABSENT, ABSENT, source))
     return (
         TextTable(
             "Datasets",
             ("dataset", "files", "T (s)", "D (m)", "million events", "colour (MP)", "(Hz)", "events (MP)", "depth",
              "flow", SOURCE),
-            (*(_dataset(subject) for subject in subjects), *_published_datasets(comparison)),
+            tuple(datasets),
             _PUBLISHED_NOTE,
             words=1,
         ),
         TextTable(
             "Sequences",
             ("sequence", "T (s)", "D (m)", "v max (m/s)", "ω max (rad/s)", "MER (million events/s)", SOURCE),
-            (*(_sequence(name, file) for name, file in _named(subjects)), *_published_sequences(comparison)),
+            tuple(sequences),
             "Length, distance flown, greatest speed and angular speed with standard errors, mean event rate.",
             words=1,
         ),
         TextTable(
             "Optical flow",
             ("sequences", "rate", "mean (px)", "variance (px²)", SOURCE),
-            (*(row for subject in subjects for row in _flow(subject)), *_published_flow(comparison)),
+            tuple(flow),
             "Length of flow over the interval of its rate, all files together. The paper prints its variance in pix/s.",
         ),
         TextTable(
             "Disparity and depth",
             ("sequence", "mean disparity (1/m)", "mean depth (m)", "valid (%)", SOURCE),
-            (*(_depth(name, file) for name, file in _named(subjects) if file.statistics.get("depth")),
-             *_published_disparity(comparison)),
+            tuple(disparity),
             "Disparity is the reciprocal of depth here and in FEDORA; DSEC's is of a stereo pair, in px.",
             words=1,
         ),
@@ -81,32 +178,6 @@ def _dataset(subject: Subject) -> tuple[str, ...]:
     )
 
 
-def _sequence(name: str, file: ComparedFile) -> tuple[str, ...]:
-    sequence, motion = (file.statistics.get(group, {}) for group in ("sequence", "motion"))
-    return (
-        name,
-        _value(sequence, "duration_s"),
-        _measured(motion, "distance", "m"),
-        _measured(motion, "speed_max", "m_s"),
-        _measured(motion, "angular_speed_max", "rad_s"),
-        _value(sequence, "event_rate_mean_per_s", 1e-6),
-        "",
-    )
-
-
-def _flow(subject: Subject) -> Iterator[tuple[str, ...]]:
-    for group in dict.fromkeys(name for file in subject.files for name in file.statistics if name.startswith("flow/")):
-        mean, variance = _pooled([file.statistics[group] for file in subject.files if group in file.statistics])
-        rate = f"{group.removeprefix('flow/').removesuffix('hz')} Hz"
-        yield subject.name, rate, _shown(mean), _shown(variance), ""
-
-
-def _depth(name: str, file: ComparedFile) -> tuple[str, ...]:
-    depth = file.statistics["depth"]
-    cells = (_value(depth, key) for key in ("disparity_mean_per_m", "mean_m"))
-    return name, *cells, _value(depth, "valid_share", 100.0), ""
-
-
 def _pooled(parts: Sequence[Group]) -> tuple[float | None, float | None]:
     """Return mean and variance of all pixels together, from those of each file."""
     pairs = [
@@ -120,28 +191,6 @@ def _pooled(parts: Sequence[Group]) -> tuple[float | None, float | None]:
     mean = sum(n * m for n, m, _ in pairs) / pixels
     # Law of total variance: the mean of the variances plus the variance of the means, both weighted by pixels.
     return mean, sum(n * (v + (m - mean) * (m - mean)) for n, m, v in pairs) / pixels
-
-
-def _published_datasets(comparison: Comparison) -> Iterator[tuple[str, ...]]:
-    for name, values, source in _published(comparison, "datasets"):
-        cells = (_text(values, key) for key in ("rgb_mp", "rgb_hz", "events_mp", "depth", "flow"))
-        yield name, *[ABSENT] * 4, *cells, source
-
-
-def _published_sequences(comparison: Comparison) -> Iterator[tuple[str, ...]]:
-    keys = ("duration_s", "distance_m", "speed_max_m_s", "angular_speed_max_rad_s")
-    for name, values, source in _published(comparison, "sequences"):
-        yield name, *(_text(values, key) for key in keys), _value(values, "event_rate_mean_per_s", 1e-6), source
-
-
-def _published_flow(comparison: Comparison) -> Iterator[tuple[str, ...]]:
-    for name, values, source in _published(comparison, "flow"):
-        yield name, *(_text(values, key) for key in ("rate", "mean_px", "variance")), source
-
-
-def _published_disparity(comparison: Comparison) -> Iterator[tuple[str, ...]]:
-    for name, values, source in _published(comparison, "disparity"):
-        yield name, _text(values, "disparity_mean"), ABSENT, ABSENT, source
 
 
 def _published(

@@ -50,12 +50,19 @@ def paired_blocks(before: SampledCounts, after: SampledCounts, quantity: str) ->
     """Return the counts (b, n) of both sides in the blocks of time in which both have some."""
     # A block is a power of two times a window: shorter blocks merge into the longer ones.
     block_ns = max(before.block_ns, after.block_ns)
-    sides = [_by_block(side, quantity, block_ns) for side in (before, after)]
+    # The counts of each block that has any, by number.
+    sides: list[dict[int, Int64]] = []
+    for side in (before, after):
+        merged: dict[int, Int64] = {}
+        for place, counts in zip(side.places * side.block_ns // block_ns, side.counts[quantity], strict=True):
+            if counts.any():
+                merged[int(place)] = merged.get(int(place), np.zeros_like(counts)) + counts
+        sides.append(merged)
     common = [place for place in sides[0] if place in sides[1]]
     if not common:
         empty = np.empty((0, len(octave_edges()) - 1), np.int64)
         return empty, empty
-    stacked = [np.stack([side[place] for place in common]) for side in sides]
+    stacked = [np.stack([counts_of[number] for number in common]) for counts_of in sides]
     return stacked[0], stacked[1]
 
 
@@ -91,15 +98,6 @@ def _placed(arrays: Mapping[str, NDArray[Any]], name: str, blocks: int) -> Int64
     whole = np.zeros((blocks, len(every) - 1), np.int64)
     whole[:, first : first + counts.shape[1]] = counts
     return whole if whole.any() else None
-
-
-def _by_block(side: SampledCounts, quantity: str, block_ns: int) -> dict[int, Int64]:
-    """Return the counts of each block that has any, in blocks of the length asked for, by number."""
-    merged: dict[int, Int64] = {}
-    for place, counts in zip(side.places * side.block_ns // block_ns, side.counts[quantity], strict=True):
-        if counts.any():
-            merged[int(place)] = merged.get(int(place), np.zeros_like(counts)) + counts
-    return merged
 
 
 def _order(quantity: str) -> tuple[int, int, str]:

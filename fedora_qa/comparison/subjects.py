@@ -72,9 +72,10 @@ def matches(before: Given, after: Given) -> tuple[Match, ...]:
 def labels(paths: Sequence[str]) -> tuple[str, ...]:
     """Return a short name for each path: its end, with as many folders before it as distinguish it."""
     parts = [PurePath(path).parts or (path,) for path in paths]
-    return tuple("/".join(part[-_needed(part, parts) :]).replace("//", "/") for part in parts)
-
-
-def _needed(part: tuple[str, ...], every: Sequence[tuple[str, ...]]) -> int:
-    sizes = range(1, len(part) + 1)
-    return next((n for n in sizes if sum(other[-n:] == part[-n:] for other in every) == 1), len(part))
+    names: list[str] = []
+    for part in parts:
+        # The fewest parts from the end that no other path ends in.
+        lengths = range(1, len(part) + 1)
+        length = next((n for n in lengths if sum(other[-n:] == part[-n:] for other in parts) == 1), len(part))
+        names.append("/".join(part[-length:]).replace("//", "/"))
+    return tuple(names)

@@ -9,10 +9,8 @@ from fedora_qa.comparison.text_table import ABSENT, TextTable
 from fedora_qa.comparison.types import (
     Comparison,
     Design,
-    Difference,
     Moved,
     Pair,
-    StatisticChange,
     Told,
     Versions,
 )
@@ -69,7 +67,28 @@ def how_it_is_told(comparison: Comparison) -> str:
 
 def pair_tables(comparison: Comparison) -> tuple[PairTables, ...]:
     """Return the tables of each subject against the reference."""
-    return tuple(_pair(comparison, pair) for pair in comparison.pairs)
+    pairs: list[PairTables] = []
+    for pair in comparison.pairs:
+        before, after = (comparison.subjects[place].name for place in (pair.before, pair.after))
+        tables, parts = [_distances(pair)], [f"Compared as {DESIGN_WORDS[pair.design]}."]
+        versions = pair.versions
+        if versions:
+            tables += _version_tables(versions)
+            parts.append(f"{_files(versions.matched)} in both.")
+            changes = [finding.change for finding in versions.findings]
+            counts = ", ".join(f"{changes.count(kind)} {kind}" for kind in ("new", "gone", "changed"))
+            parts.append(
+                f"Findings in {_files(versions.checked)} checked in both: {counts}, {versions.unchanged_findings} "
+                "unchanged."
+                if versions.checked
+                else "Findings are not compared: both sides must be records of a check."
+            )
+            for label, names in (("Files gone", versions.gone), ("New files", versions.new)):
+                if names:
+                    parts.append(f"{label}: {', '.join(names)}.")
+        shown_tables = tuple(source for source in tables if source.rows)
+        pairs.append(PairTables(f"{after} against {before}", " ".join(parts), shown_tables))
+    return tuple(pairs)
 
 
 def comparison_to_markdown(comparison: Comparison) -> str:
@@ -86,13 +105,6 @@ def _section(source: TextTable) -> str:
     return f"### {escape(source.title)}\n\n{table(source.head, source.rows)}\n\n{escape(source.note)}".rstrip()
 
 
-def _pair(comparison: Comparison, pair: Pair) -> PairTables:
-    before, after = (comparison.subjects[place].name for place in (pair.before, pair.after))
-    tables = [_distances(pair), *(_version_tables(pair.versions) if pair.versions else ())]
-    summary = f"Compared as {DESIGN_WORDS[pair.design]}. {_version_words(pair.versions) if pair.versions else ''}"
-    return PairTables(f"{after} against {before}", summary.rstrip(), tuple(source for source in tables if source.rows))
-
-
 def _distances(pair: Pair) -> TextTable:
     head = (
         "quantity",
@@ -107,7 +119,19 @@ def _distances(pair: Pair) -> TextTable:
     )
     by_file = any(difference.file for difference in pair.differences)
     rows = tuple(
-        (*((difference.file,) if by_file else ()), *_distance_cells(difference)) for difference in pair.differences
+        (
+            *((difference.file,) if by_file else ()),
+            difference.quantity,
+            difference.unit,
+            number(difference.mean_before),
+            number(difference.mean_after),
+            with_error(difference.mean_after - difference.mean_before, difference.shift_standard_error, ""),
+            with_error(difference.distance, difference.distance_standard_error, ""),
+            ABSENT if difference.distance_by_chance is None else number(difference.distance_by_chance),
+            ABSENT if difference.chance is None else f"{difference.chance:.2g}",
+            TOLD_WORDS[difference.told],
+        )
+        for difference in pair.differences
     )
     reasons = dict.fromkeys(difference.reason for difference in pair.differences if difference.reason)
     note = " ".join(
@@ -120,36 +144,6 @@ def _distances(pair: Pair) -> TextTable:
     return TextTable("Distributions", (*(("file",) if by_file else ()), *head), rows, note)
 
 
-def _distance_cells(difference: Difference) -> tuple[str, ...]:
-    return (
-        difference.quantity,
-        difference.unit,
-        number(difference.mean_before),
-        number(difference.mean_after),
-        with_error(difference.mean_after - difference.mean_before, difference.shift_standard_error, ""),
-        with_error(difference.distance, difference.distance_standard_error, ""),
-        ABSENT if difference.distance_by_chance is None else number(difference.distance_by_chance),
-        ABSENT if difference.chance is None else f"{difference.chance:.2g}",
-        TOLD_WORDS[difference.told],
-    )
-
-
-def _version_words(versions: Versions) -> str:
-    changes = [finding.change for finding in versions.findings]
-    counts = ", ".join(f"{changes.count(kind)} {kind}" for kind in ("new", "gone", "changed"))
-    findings = (
-        f"Findings in {_files(versions.checked)} checked in both: {counts}, {versions.unchanged_findings} unchanged. "
-        if versions.checked
-        else "Findings are not compared: both sides must be records of a check. "
-    )
-    others = [
-        f"{label}: {', '.join(names)}."
-        for label, names in (("Files gone", versions.gone), ("New files", versions.new))
-        if names
-    ]
-    return f"{_files(versions.matched)} in both. {findings}{' '.join(others)}".rstrip()
-
-
 def _files(number: int) -> str:
     return f"{number} file{'' if number == 1 else 's'}"
 
@@ -157,7 +151,8 @@ def _files(number: int) -> str:
 def _version_tables(versions: Versions) -> Iterator[TextTable]:
     findings = [
         (change.file, change.change, change.code or change.check, change.stream or ABSENT,
-         _became(change.severity_before, change.severity_after), change.message_after or change.message_before)
+         " → ".join(dict.fromkeys(word for word in (change.severity_before, change.severity_after) if word)),
+         change.message_after or change.message_before)
         for change in versions.findings
     ]  # fmt: skip
     yield _shown("Findings", ("file", "change", "rule", "stream", "severity", "finding"), findings, words=6)
@@ -186,28 +181,25 @@ def _version_tables(versions: Versions) -> Iterator[TextTable]:
         "Measured values that moved", ("file", "measured", "unit", "before", "after", "allowed"), moved, 3, note
     )
     # What moved beyond its error comes first, because only the first rows are shown.
-    statistics = sorted(
-        versions.statistics, key=lambda change: ("moved", "within_error", "changed").index(change.moved)
-    )
+    statistics = []
+    for changed in sorted(versions.statistics, key=lambda item: ("moved", "within_error", "changed").index(item.moved)):
+        before, after = changed.before, changed.after
+        difference = ABSENT
+        if before is not None and after is not None:
+            difference = with_error(after - before, changed.standard_error, "")
+        statistics.append(
+            (
+                changed.file,
+                changed.statistic,
+                MOVED_WORDS[changed.moved],
+                ABSENT if before is None else number(before),
+                ABSENT if after is None else number(after),
+                difference,
+                ABSENT if changed.chance is None else f"{changed.chance:.2g}",
+            )
+        )
     head = ("file", "statistic", "moved", "before", "after", "difference", "chance")
-    yield _shown("Statistics that are not the same", head, [_statistic_cells(change) for change in statistics], words=3)
-
-
-def _statistic_cells(change: StatisticChange) -> tuple[str, ...]:
-    has_both = change.before is not None and change.after is not None
-    return (
-        change.file,
-        change.statistic,
-        MOVED_WORDS[change.moved],
-        ABSENT if change.before is None else number(change.before),
-        ABSENT if change.after is None else number(change.after),
-        with_error((change.after or 0.0) - (change.before or 0.0), change.standard_error, "") if has_both else ABSENT,
-        ABSENT if change.chance is None else f"{change.chance:.2g}",
-    )
-
-
-def _became(before: str | None, after: str | None) -> str:
-    return " → ".join(dict.fromkeys(word for word in (before, after) if word))
+    yield _shown("Statistics that are not the same", head, statistics, words=3)
 
 
 def _shown(title: str, head: tuple[str, ...], rows: Sequence[tuple[str, ...]], words: int, note: str = "") -> TextTable:

@@ -1,14 +1,19 @@
-"""What was found in two versions of a file: new, gone and changed findings, and values that moved."""
+"""Two versions of a file: new, gone and changed findings, and measured values and statistics that moved."""
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
-from math import hypot
+from math import erfc, hypot, isfinite, sqrt
+from typing import Final
 
-from fedora_qa.comparison.types import Change, FindingChange, MeasurementChange, OutcomeChange
-from fedora_qa.record.types import FileRecord, Finding, Measurement, Result
+from fedora_qa.comparison.types import FindingChange, MeasurementChange, OutcomeChange, StatisticChange
+from fedora_qa.record.types import FileRecord, Finding, Measurement, Scalar
 
 Key = tuple[str, str, str, int]
 """Check, rule, stream, and how many-th of the same: what makes a finding the same in two versions."""
+
+Statistics = Mapping[str, Mapping[str, Scalar]]
+
+_ERROR: Final = "_standard_error"
 
 
 @dataclass(frozen=True, slots=True)
@@ -23,14 +28,46 @@ class RecordChanges:
 
 def record_changes(file: str, before: FileRecord, after: FileRecord) -> RecordChanges:
     """Compare two records of one file."""
-    moved = tuple(_measurement_changes(file, before, after))
-    restless = {change.check for change in moved}
-    first, other = _findings(before), _findings(after)
-    changes = [_finding_change(file, key, first.get(key), other.get(key), restless) for key in {**first, **other}]
-    finding_changes = tuple(change for change in changes if change is not None)
-    return RecordChanges(
-        finding_changes, len(changes) - len(finding_changes), tuple(_outcome_changes(file, before, after)), moved
-    )
+    moved: list[MeasurementChange] = []
+    measurements, later_measurements = _measurements(before), _measurements(after)
+    for (check, name), measured in later_measurements.items():
+        earlier = measurements.get((check, name))
+        allowed = allowed_shift(earlier, measured) if earlier and earlier.unit == measured.unit else None
+        if earlier is None or allowed is None or earlier.value is None or measured.value is None:
+            continue
+        # A value that moves on the side without a limit has not changed.
+        if abs(_counting(measured) - _counting(earlier)) > allowed:
+            moved.append(MeasurementChange(file, check, name, measured.unit, earlier.value, measured.value, allowed))
+
+    outcomes: list[OutcomeChange] = []
+    first, other = ({result.check: result.outcome for result in side.results} for side in (before, after))
+    for check in {**first, **other}:
+        if first.get(check) != other.get(check):
+            outcomes.append(OutcomeChange(file, check, first.get(check), other.get(check)))
+
+    findings: list[FindingChange] = []
+    checks_of_moved = {change.check for change in moved}
+    sides = _findings(before), _findings(after)
+    keys = {**sides[0], **sides[1]}
+    for key in keys:
+        former, latter = (side.get(key) for side in sides)
+        # A finding is the same in both unless its severity changed, or what its check measured moved.
+        if former and latter and former.severity == latter.severity and key[0] not in checks_of_moved:
+            continue
+        findings.append(
+            FindingChange(
+                file=file,
+                change="changed" if former and latter else "new" if latter else "gone",
+                check=key[0],
+                code=key[1],
+                stream=key[2],
+                severity_before=former.severity if former else None,
+                severity_after=latter.severity if latter else None,
+                message_before=former.message if former else "",
+                message_after=latter.message if latter else "",
+            )
+        )
+    return RecordChanges(tuple(findings), len(keys) - len(findings), tuple(outcomes), tuple(moved))
 
 
 def allowed_shift(before: Measurement, after: Measurement) -> float | None:
@@ -43,58 +80,14 @@ def allowed_shift(before: Measurement, after: Measurement) -> float | None:
     return hypot(before.limit, after.limit)
 
 
-def _findings(record: FileRecord) -> dict[Key, tuple[Result, Finding]]:
-    numbered: dict[Key, tuple[Result, Finding]] = {}
+def _findings(record: FileRecord) -> dict[Key, Finding]:
+    numbered: dict[Key, Finding] = {}
     for result in record.results:
         for finding in result.findings:
             # Paired by order within a rule and stream: messages hold measured values and identify nothing.
             same = sum(key[:3] == (result.check, finding.code, finding.where.stream or "") for key in numbered)
-            numbered[result.check, finding.code, finding.where.stream or "", same] = result, finding
+            numbered[result.check, finding.code, finding.where.stream or "", same] = finding
     return numbered
-
-
-def _finding_change(
-    file: str,
-    key: Key,
-    before: tuple[Result, Finding] | None,
-    after: tuple[Result, Finding] | None,
-    restless: set[str],
-) -> FindingChange | None:
-    """Return what became of a finding; None where nothing did."""
-    first, other = (side[1] if side else None for side in (before, after))
-    change: Change = "changed" if first and other else "new" if other else "gone"
-    if first and other and first.severity == other.severity and key[0] not in restless:
-        return None
-    return FindingChange(
-        file=file,
-        change=change,
-        check=key[0],
-        code=key[1],
-        stream=key[2],
-        severity_before=first.severity if first else None,
-        severity_after=other.severity if other else None,
-        message_before=first.message if first else "",
-        message_after=other.message if other else "",
-    )
-
-
-def _outcome_changes(file: str, before: FileRecord, after: FileRecord) -> Iterator[OutcomeChange]:
-    first, other = ({result.check: result.outcome for result in side.results} for side in (before, after))
-    for check in {**first, **other}:
-        if first.get(check) != other.get(check):
-            yield OutcomeChange(file, check, first.get(check), other.get(check))
-
-
-def _measurement_changes(file: str, before: FileRecord, after: FileRecord) -> Iterator[MeasurementChange]:
-    first, other = _measurements(before), _measurements(after)
-    for (check, name), measured in other.items():
-        earlier = first.get((check, name))
-        allowed = allowed_shift(earlier, measured) if earlier and earlier.unit == measured.unit else None
-        if earlier is None or allowed is None or earlier.value is None or measured.value is None:
-            continue
-        # A value that moves on the side without a limit has not changed.
-        if abs(_counting(measured) - _counting(earlier)) > allowed:
-            yield MeasurementChange(file, check, name, measured.unit, earlier.value, measured.value, allowed)
 
 
 def _counting(measured: Measurement) -> float:
@@ -113,3 +106,52 @@ def _measurements(record: FileRecord) -> Mapping[tuple[str, str], Measurement]:
         if result.outcome in {"passed", "failed", "warned"}
         for measured in result.measurements
     }
+
+
+def statistic_changes(file: str, before: Statistics, after: Statistics, level: float) -> Iterator[StatisticChange]:
+    """Yield every number that is not the same in both; see ``with_errors`` for those that are tests."""
+    for name, (first, other) in _numbers(before, after).items():
+        if first == other:
+            continue
+        error = _error(name, before, after)
+        if error is None or first is None or other is None:
+            yield StatisticChange(file, name, first, other, None, None, "changed")
+            continue
+        # P(|z| > x) = erfc(x / sqrt 2) of a normal difference; without an error any difference is certain.
+        chance = erfc(abs(other - first) / (error * sqrt(2))) if error else 0.0
+        yield StatisticChange(file, name, first, other, error, chance, "moved" if chance <= level else "within_error")
+
+
+def with_errors(before: Statistics, after: Statistics) -> int:
+    """Return how many statistics have a standard error on both sides: each is a test of whether it moved."""
+    return sum(_error(name, before, after) is not None for name in _numbers(before, after))
+
+
+def _numbers(before: Statistics, after: Statistics) -> dict[str, tuple[float | None, float | None]]:
+    """Return the numbers of both by ``group.name``, without the errors; None where one side has none."""
+    named: dict[str, tuple[float | None, float | None]] = {}
+    for group in dict.fromkeys([*before, *after]):
+        first, other = before.get(group, {}), after.get(group, {})
+        for key in dict.fromkeys([*first, *other]):
+            values = _number(first.get(key)), _number(other.get(key))
+            if _ERROR not in key and values != (None, None):
+                named[f"{group}.{key}"] = values
+    return named
+
+
+def _error(name: str, before: Statistics, after: Statistics) -> float | None:
+    """Return the standard error of the difference; None where either side has none."""
+    group, _, key = name.rpartition(".")
+    # The error of a statistic: of speed_max_m_s it is speed_max_standard_error_m_s.
+    errors = [
+        next((_number(v) for n, v in side.get(group, {}).items() if _ERROR in n and n.replace(_ERROR, "") == key), None)
+        for side in (before, after)
+    ]
+    finite_errors = [error for error in errors if error is not None]
+    # The errors of two versions are independent: variances add.
+    error = hypot(*finite_errors)
+    return error if len(finite_errors) == len(errors) and isfinite(error) else None
+
+
+def _number(value: Scalar) -> float | None:
+    return None if isinstance(value, bool | str) or value is None else float(value)

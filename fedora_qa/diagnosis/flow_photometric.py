@@ -50,7 +50,7 @@ _CAUSE_OF_TRANSFORM: Final = MappingProxyType({
     "exchanged_frames": "swapped_frames",
     "repeated_frame": "frozen_frames",
 })  # fmt: skip
-"""The cause that each transform of ``views.frame_conventions`` would undo."""
+"""The cause that each transform of ``checks.flow_photometric.residual`` would undo."""
 
 _DISPLACEMENTS: Final = tuple(
     (cause, stream)

@@ -4,8 +4,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Final
 
-from fedora_qa.checks.flow_rates.composition import RatePair, RatePairsOff
-from fedora_qa.checks.flow_rates.inverse_trials import COPIES
+from fedora_qa.checks.flow_rates.composition import COPIES, RatePair, RatePairsOff
 from fedora_qa.diagnosis.flow import convention_hypotheses, most_probable
 from fedora_qa.diagnosis.hypothesis import Hypothesis
 from fedora_qa.diagnosis.support import support

@@ -3,8 +3,7 @@
 from math import sqrt
 
 from fedora_qa.checks.declared_noise import MeasuredNoise
-from fedora_qa.checks.pose.continuity import PairedSteps, PoseJump
-from fedora_qa.checks.pose.conventions import PoseTransform
+from fedora_qa.checks.pose.continuity import PairedSteps, PoseJump, PoseTransform
 from fedora_qa.conventions import MM_PER_M
 from fedora_qa.diagnosis.hypothesis import Hypothesis
 from fedora_qa.diagnosis.motion import axes_cause, defect_hypotheses, noise_hypotheses

@@ -157,7 +157,10 @@ def _read(
 ) -> NDArray[Any]:
     """Return rows as they are stored, decoded into ``memory`` where there is some; raises ``UnreadableRowsError``."""
     try:
-        chunks = _chunks(file, binding, {} if opened is None else opened)
+        opened = {} if opened is None else opened
+        if binding.key not in opened:
+            opened[binding.key] = StoredChunks(stored_dataset(file, binding))
+        chunks = opened[binding.key]
         dataset = chunks.dataset
         if memory is None:
             return np.asarray(dataset[start:stop])
@@ -170,12 +173,6 @@ def _read(
         failing = tuple(_failing_chunks(file, binding, start, stop))
         cause = error.with_traceback(None)  # its frames would hold what was to be written into
         raise UnreadableRowsError(binding.key, start, stop, str(error), failing) from cause
-
-
-def _chunks(file: h5py.File, binding: Binding, opened: Opened) -> StoredChunks:
-    if binding.key not in opened:
-        opened[binding.key] = StoredChunks(stored_dataset(file, binding))
-    return opened[binding.key]
 
 
 def _failing_chunks(file: h5py.File, binding: Binding, start: int, stop: int) -> Iterator[int]:
@@ -220,17 +217,31 @@ def canonical_rows(
     if binding.ns_per_unit is not None:
         return timestamps_ns(raw, binding, origin_ns)
     if binding.key == "path/events/p":
-        if raw.dtype.kind in "iu" and raw.itemsize == 1:  # looked up: to go through a million four times takes longer
-            return _told_polarity(np.arange(256, dtype=np.uint8).view(raw.dtype), binding.polarity)[raw.view(np.uint8)]
-        return _told_polarity(raw, binding.polarity)
+        if raw.dtype.kind in "iu" and raw.itemsize == 1:  # a table of 256 codes: four passes over a million take longer
+            codes = np.arange(256, dtype=np.uint8).view(raw.dtype)
+            return _canonical_polarity(codes, binding.polarity)[raw.view(np.uint8)]
+        return _canonical_polarity(raw, binding.polarity)
     canonical = np.dtype(DATASETS[binding.key].dtype)
     if canonical.kind in "iu":
-        return _integers(raw, canonical)
-    with np.errstate(over="ignore"):  # what the type cannot hold is infinite, and found to be
+        if raw.dtype == canonical:
+            return raw
+        if raw.dtype.kind == "f":
+            farthest = float(FARTHEST_TIMESTAMP_NS)
+            # -1 lies outside of all columns, rows and indices, so that NaN counts as out of bounds.
+            raw = np.nan_to_num(raw.astype(np.float64), nan=-1.0, posinf=farthest, neginf=-farthest)
+            raw = np.rint(np.clip(raw, -farthest, farthest))
+        whole, limits = _int64(raw), np.iinfo(canonical)
+        # uint16 would wrap column 65536 to 0, where no check of bounds finds it; int64 keeps it out of range.
+        fits = not whole.size or (int(whole.min()) >= limits.min and int(whole.max()) <= limits.max)
+        return whole.astype(canonical) if fits else whole
+    with np.errstate(over="ignore"):  # what the type cannot hold becomes infinite, and is reported as such
         values = raw.astype(canonical, copy=False)
         # The factor takes the canonical type: a float64 factor would widen float32 images.
         values = values if binding.scale == 1.0 else values * canonical.type(binding.scale)
-    return values if DATASETS[binding.key].is_image else _infinite_beyond(values)
+    if not DATASETS[binding.key].is_image:
+        far = np.abs(values) > LARGEST_SAMPLE  # False for NaN
+        values = np.where(far, np.copysign(np.inf, values), values) if np.any(far) else values
+    return values
 
 
 def timestamps_ns(raw: NDArray[Any], binding: Binding, origin_ns: int) -> NDArray[np.int64]:
@@ -274,33 +285,13 @@ def _ns_per_unit(binding: Binding) -> int:
     return binding.ns_per_unit
 
 
-def _told_polarity(raw: NDArray[Any], code: Polarity) -> NDArray[np.uint8]:
+def _canonical_polarity(raw: NDArray[Any], code: Polarity) -> NDArray[np.uint8]:
     brighter, darker = {"01": (1, 0), "inverted": (0, 1), "plus_minus": (1, -1)}[code]
     # Codes that the dialect does not define stay recognisable; a default of 0 would count them as darker events.
     p = np.full(raw.shape, INVALID_POLARITY, dtype=np.uint8)
     p[raw == brighter] = POLARITY_BRIGHTER
     p[raw == darker] = POLARITY_DARKER
     return p
-
-
-def _infinite_beyond(samples: NDArray[Any]) -> NDArray[Any]:
-    far = np.abs(samples) > LARGEST_SAMPLE  # False for NaN
-    return np.where(far, np.copysign(np.inf, samples), samples) if np.any(far) else samples
-
-
-def _integers(raw: NDArray[Any], canonical: np.dtype[Any]) -> NDArray[Any]:
-    """Convert where every value fits, and widen to int64 where one does not; NaN becomes -1."""
-    if raw.dtype == canonical:
-        return raw
-    if raw.dtype.kind == "f":
-        farthest = float(FARTHEST_TIMESTAMP_NS)
-        # -1 lies outside of all columns, rows and indices, so that NaN counts as out of bounds.
-        raw = np.nan_to_num(raw.astype(np.float64), nan=-1.0, posinf=farthest, neginf=-farthest)
-        raw = np.rint(np.clip(raw, -farthest, farthest))
-    whole, limits = _int64(raw), np.iinfo(canonical)
-    # uint16 would wrap column 65536 to 0, where no check of bounds finds it; int64 keeps it out of range.
-    fits = not whole.size or (int(whole.min()) >= limits.min and int(whole.max()) <= limits.max)
-    return whole.astype(canonical) if fits else whole
 
 
 def _int64(raw: NDArray[Any]) -> NDArray[np.int64]:

@@ -76,18 +76,6 @@ class AttributeSpec:
     choices: tuple[str, ...] = ()
 
 
-def _flow(rate_hz: int) -> tuple[DatasetSpec, ...]:
-    stream, count = f"flow/{rate_hz}hz", f"K{rate_hz}"
-    return (
-        DatasetSpec(f"path/{stream}", stream, "float32", (count, "H", "W", 2), "px", 1,
-                    "displacement over the interval (u right, v down), NaN where depth is invalid"),
-        DatasetSpec(f"path/{stream}_ts", stream, "int64", (count, 2), "us", SAMPLE_CHUNK_ROWS,
-                    "start and end of the interval"),
-        DatasetSpec(f"path/{stream}_moving", stream, "uint8", (count, "H", "W"), "1", 1,
-                    "1 where the pixel shows an object that moves by itself", optional=True),
-    )  # fmt: skip
-
-
 _DATASETS: Final = (
     DatasetSpec("path/rgb", "rgb", "uint8", ("N", "H_rgb", "W_rgb", 3), "DN", 1, "colour frames, R, G, B"),
     DatasetSpec("path/rgb_ts", "rgb", "int64", ("N",), "us", SAMPLE_CHUNK_ROWS, "middle of the exposure"),
@@ -107,7 +95,14 @@ _DATASETS: Final = (
     DatasetSpec("path/pose/orientation", "pose", "float64", ("P", 4), "1", SAMPLE_CHUNK_ROWS,
                 "unit quaternion x, y, z, w, body to world"),
     DatasetSpec("path/pose/ts", "pose", "int64", ("P",), "us", SAMPLE_CHUNK_ROWS, "instant of the pose"),
-    *(spec for rate_hz in FLOW_RATES_HZ for spec in _flow(rate_hz)),
+    *(spec for rate in FLOW_RATES_HZ for spec in (
+        DatasetSpec(f"path/flow/{rate}hz", f"flow/{rate}hz", "float32", (f"K{rate}", "H", "W", 2), "px", 1,
+                    "displacement over the interval (u right, v down), NaN where depth is invalid"),
+        DatasetSpec(f"path/flow/{rate}hz_ts", f"flow/{rate}hz", "int64", (f"K{rate}", 2), "us", SAMPLE_CHUNK_ROWS,
+                    "start and end of the interval"),
+        DatasetSpec(f"path/flow/{rate}hz_moving", f"flow/{rate}hz", "uint8", (f"K{rate}", "H", "W"), "1", 1,
+                    "1 where the pixel shows an object that moves by itself", optional=True),
+    )),
     # Entry i counts the events with t < t_frame[i] (``np.searchsorted``, side left).
     DatasetSpec("metadata/rgb_to_event", "rgb_to_event", "int64", ("N",), "1", SAMPLE_CHUNK_ROWS,
                 "index of the earliest event not before the colour frame; E where none is left"),

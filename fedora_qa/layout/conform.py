@@ -31,21 +31,16 @@ def require_readable_type(spec: DatasetSpec, dataset: h5py.Dataset, path: str) -
 def require_shape(spec: DatasetSpec, place: DatasetPlace, dataset: h5py.Dataset, path: str) -> None:
     """Refuse a rank, a fixed size or an empty image that the layout does not have."""
     shape: tuple[int, ...] | None = dataset.shape
-    if (
-        shape is None
-        or len(shape) not in legal_ranks(spec, place)
-        # Length 0 along time is a legal empty stream; rows or images without entries are not.
-        or 0 in shape[1:]
-        or not _sizes_fit(spec, place, shape)
-    ):
-        expected = " x ".join(str(size) for size in spec.shape)
-        raise RefusedError("wrong_shape", "wrong_shape", f"Expected {path} of shape {expected}, got {shape}")
-
-
-def _sizes_fit(spec: DatasetSpec, place: DatasetPlace, shape: tuple[int, ...]) -> bool:
-    if place.columns:
+    # Length 0 along time is a legal empty stream; rows or images without entries are not.
+    if shape is None or len(shape) not in legal_ranks(spec, place) or 0 in shape[1:]:
+        fits = False
+    elif place.columns:
         # A table (rank 2) or an image with channels has the axis of columns; a grey image counts as one entry.
         has_columns = len(shape) == 2 or len(shape) == len(spec.shape)
         entries = shape[-1] if has_columns else 1
-        return all(0 <= column < entries for column in place.columns)
-    return all(isinstance(size, str) or size == stored for size, stored in zip(spec.shape, shape, strict=True))
+        fits = all(0 <= column < entries for column in place.columns)
+    else:
+        fits = all(isinstance(size, str) or size == stored for size, stored in zip(spec.shape, shape, strict=True))
+    if not fits:
+        expected = " x ".join(str(size) for size in spec.shape)
+        raise RefusedError("wrong_shape", "wrong_shape", f"Expected {path} of shape {expected}, got {shape}")

@@ -1,11 +1,9 @@
 """Describe which dataset was found at which path: the rows of `fedora-qa layout`."""
 
-from collections.abc import Iterator
 from dataclasses import dataclass
 
 import h5py
 
-from fedora_qa.layout.binding import Binding
 from fedora_qa.layout.canonical import DATASETS, STREAMS
 from fedora_qa.layout.dialect import NS_PER_TIME_UNIT
 from fedora_qa.layout.filters import filters_of
@@ -75,50 +73,42 @@ class Description:
 def describe(file: h5py.File, layout: Layout) -> Description:
     """Describe what ``resolve`` found in a file."""
     used, walked = {binding.path for binding in layout.bindings.values()}, walk(file)
+    rows: list[DatasetRow] = []
+    for binding in (layout.bindings[key] for key in DATASETS if key in layout.bindings):
+        dataset = file[binding.path]
+        # A registered name may carry a remark behind a semicolon ("bitshuffle; see https://...").
+        filters = [name.split(";")[0].strip() for _, name in filters_of(dataset)]
+        steps: list[str] = []
+        if binding.columns is not None:
+            steps.append(f"columns {', '.join(map(str, binding.columns))} of the last axis")
+        if binding.ns_per_unit is not None and binding.ns_per_unit != NS_PER_TIME_UNIT["us"]:
+            unit = next(name for name, ns in NS_PER_TIME_UNIT.items() if ns == binding.ns_per_unit)
+            steps.append(f"stamps in {unit}")
+        if binding.offset_ns:
+            steps.append(f"stamps {binding.offset_ns / NS_PER_TIME_UNIT['us']:+.16g} us")
+        if binding.scale != 1.0:
+            steps.append(f"values times {binding.scale:.6g} to {DATASETS[binding.key].units}")
+        if binding.polarity != "01":
+            steps.append("polarity 1, -1 to 1, 0" if binding.polarity == "plus_minus" else "polarity inverted")
+        rows.append(
+            DatasetRow(
+                key=binding.key,
+                stream=DATASETS[binding.key].stream,
+                path=binding.path,
+                shape=binding.shape,
+                dtype=str(binding.dtype),
+                chunks=dataset.chunks,
+                codec=" + ".join(filters) or "none",
+                units=text_attribute(dataset, "units") or "",
+                conversion=", ".join(steps),
+            )
+        )
     return Description(
         dialect=layout.dialect_name,
-        datasets=tuple(_row(file[layout.bindings[key].path], layout.bindings[key]) for key in _found(layout)),
+        datasets=tuple(rows),
         absent=tuple((stream, layout.absent[stream]) for stream in STREAMS if stream in layout.absent),
         unused=tuple(path for path in walked.paths if path not in used),
         unseen=walked.unseen,
         problems=tuple(problem.message for problem in layout.problems),
         inferred=tuple(layout.inferred.items()),
     )
-
-
-def _found(layout: Layout) -> Iterator[str]:
-    return (key for key in DATASETS if key in layout.bindings)
-
-
-def _row(dataset: h5py.Dataset, binding: Binding) -> DatasetRow:
-    return DatasetRow(
-        key=binding.key,
-        stream=DATASETS[binding.key].stream,
-        path=binding.path,
-        shape=binding.shape,
-        dtype=str(binding.dtype),
-        chunks=dataset.chunks,
-        codec=_codec(dataset),
-        units=text_attribute(dataset, "units") or "",
-        conversion=", ".join(_conversions(binding)),
-    )
-
-
-def _conversions(binding: Binding) -> Iterator[str]:
-    spec = DATASETS[binding.key]
-    if binding.columns is not None:
-        yield f"columns {', '.join(map(str, binding.columns))} of the last axis"
-    if binding.ns_per_unit is not None and binding.ns_per_unit != NS_PER_TIME_UNIT["us"]:
-        unit = next(name for name, ns in NS_PER_TIME_UNIT.items() if ns == binding.ns_per_unit)
-        yield f"stamps in {unit}"
-    if binding.offset_ns:
-        yield f"stamps {binding.offset_ns / NS_PER_TIME_UNIT['us']:+.16g} us"
-    if binding.scale != 1.0:
-        yield f"values times {binding.scale:.6g} to {spec.units}"
-    if binding.polarity != "01":
-        yield "polarity 1, -1 to 1, 0" if binding.polarity == "plus_minus" else "polarity inverted"
-
-
-def _codec(dataset: h5py.Dataset) -> str:
-    # A registered name may carry a remark behind a semicolon ("bitshuffle; see https://...").
-    return " + ".join(name.split(";")[0].strip() for _, name in filters_of(dataset)) or "none"

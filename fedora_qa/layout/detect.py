@@ -3,9 +3,9 @@
 import h5py
 
 from fedora_qa.conventions import FORMAT_NAME
-from fedora_qa.layout.canonical import DATASETS, DatasetSpec
+from fedora_qa.layout.canonical import DATASETS
 from fedora_qa.layout.conform import legal_ranks
-from fedora_qa.layout.dialect import DIALECT_NAMES, DatasetPlace, Dialect, Hint, load_dialect
+from fedora_qa.layout.dialect import DIALECT_NAMES, Dialect, load_dialect
 from fedora_qa.layout.elsewhere import Elsewhere
 from fedora_qa.layout.links import READ_ERRORS, RefusedError, find_dataset
 from fedora_qa.layout.stored_attribute import text_attribute
@@ -27,29 +27,25 @@ def detect_dialect(file: h5py.File, elsewhere: Elsewhere | None = None) -> Diale
     if declares_fedora(file):
         return load_dialect(FORMAT_NAME)
     dialects = [load_dialect(name) for name in DIALECT_NAMES]
-    # ``max`` returns the first of equals, so that the order of ``DIALECT_NAMES`` decides last.
-    return max(dialects, key=lambda dialect: (_found(file, dialect, elsewhere), _hinted(file, dialect, elsewhere)))
-
-
-def _found(file: h5py.File, dialect: Dialect, elsewhere: Elsewhere | None) -> int:
-    places = ((spec, dialect.place_of(spec.key)) for spec in DATASETS.values())
-    return sum(place is not None and _fits(file, spec, place, elsewhere) for spec, place in places)
-
-
-def _fits(file: h5py.File, spec: DatasetSpec, place: DatasetPlace, elsewhere: Elsewhere | None) -> bool:
-    dataset = _dataset(file, place.path or spec.key, elsewhere)
-    # Rank only: a dataset of a wrong size still identifies its dialect, and the size is reported later.
-    return dataset is not None and len(dataset.shape) in legal_ranks(spec, place)
-
-
-def _hinted(file: h5py.File, dialect: Dialect, elsewhere: Elsewhere | None) -> bool:
-    return any(_agrees(_dataset(file, hint.path, elsewhere), hint) for hint in dialect.hints)
-
-
-def _agrees(dataset: h5py.Dataset | None, hint: Hint) -> bool:
-    if dataset is None or hint.rank not in {None, len(dataset.shape)}:
-        return False
-    return hint.kind is None or dataset.dtype.kind in _KINDS[hint.kind]
+    scores: list[tuple[int, bool]] = []
+    for dialect in dialects:
+        count, hinted = 0, False
+        for spec in DATASETS.values():
+            place = dialect.place_of(spec.key)
+            dataset = None if place is None else _dataset(file, place.path or spec.key, elsewhere)
+            # Rank only: a dataset of a wrong size still identifies its dialect, and the size is reported later.
+            if place is not None and dataset is not None and len(dataset.shape) in legal_ranks(spec, place):
+                count += 1
+        for hint in dialect.hints:
+            dataset = _dataset(file, hint.path, elsewhere)
+            if dataset is None or hint.rank not in {None, len(dataset.shape)}:
+                continue
+            hinted = hint.kind is None or dataset.dtype.kind in _KINDS[hint.kind]
+            if hinted:
+                break
+        scores.append((count, hinted))
+    # ``index`` returns the first of equals, so that the order of ``DIALECT_NAMES`` decides last.
+    return dialects[scores.index(max(scores))]
 
 
 def _dataset(file: h5py.File, path: str, elsewhere: Elsewhere | None) -> h5py.Dataset | None:

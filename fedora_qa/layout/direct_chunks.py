@@ -9,10 +9,9 @@ from typing import Any, Final
 
 import h5py
 import numpy as np
+from numba import njit
 from numcodecs import blosc
 from numpy.typing import NDArray
-
-from fedora_qa.layout.checksum_kernels import fletcher32
 
 blosc.use_threads = False  # how many cores are used is decided by --jobs
 
@@ -23,6 +22,10 @@ _PIPELINES: Final = ([_BLOSC], [_BLOSC, h5py.h5z.FILTER_FLETCHER32])
 """Filters that can be done here."""
 
 _CHECKSUM_BYTES: Final = 4
+
+# 65535 * n (n + 1) / 2 must stay below 2^32, which holds up to n = 361; n = 256 gives 2.2e9.
+_WORDS_TOGETHER: Final = 256
+"""Words whose weighted sum fits 32 bits."""
 
 _MOST_BESIDE_BYTES: Final = 20
 """Header and checksum: Blosc makes nothing longer by more."""
@@ -72,9 +75,19 @@ class StoredChunks:
             if kept.filter_mask or not 0 < kept.size <= longest:  # none is kept of what is blank
                 return False
             _, bytes_ = stored.read_direct_chunk(place)
-            chunk = bytes_ if self._filters == [_BLOSC] else _checked(bytes_)
+            chunk = memoryview(bytes_)
+            if self._filters != [_BLOSC]:
+                chunk, checksum = chunk[:-_CHECKSUM_BYTES], int.from_bytes(chunk[-_CHECKSUM_BYTES:], "little")
+                words = np.frombuffer(chunk, np.uint16, count=len(chunk) // 2)
+                computed = fletcher32(words, chunk[-1] if len(chunk) % 2 else -1)
+                # The kernel expects words in little-endian order; elsewhere HDF5 verifies the checksum.
+                if sys.byteorder != "little" or _halves(computed) != _halves(checksum):
+                    return False
+            if len(chunk) < _HEADER.itemsize:
+                return False
             # Blosc trusts the sizes in its header; a wrong one would make it read or write beyond the buffers.
-            if not _is_whole(chunk, rows.nbytes):
+            header = np.frombuffer(chunk, _HEADER, count=1)[0]
+            if int(header["decoded_bytes"]) != rows.nbytes or int(header["stored_bytes"]) != len(chunk):
                 return False
             blosc.decompress(chunk, rows)
         except (OSError, RuntimeError, ValueError):
@@ -91,25 +104,37 @@ def _filters(dataset: h5py.Dataset) -> list[int]:
     return [kept.get_filter(place)[0] for place in range(kept.get_nfilters())]
 
 
-def _checked(stored: bytes) -> memoryview:
-    """Return a chunk without the checksum behind it, or nothing of it where that is wrong."""
-    chunk, checksum = memoryview(stored)[:-_CHECKSUM_BYTES], int.from_bytes(stored[-_CHECKSUM_BYTES:], "little")
-    # The kernel expects words in little-endian order; elsewhere HDF5 verifies the checksum.
-    if sys.byteorder != "little":
-        return chunk[:0]
-    words = np.frombuffer(chunk, np.uint16, count=len(chunk) // 2)
-    computed = fletcher32(words, chunk[-1] if len(chunk) % 2 else -1)
-    return chunk if _halves(computed) == _halves(checksum) else chunk[:0]
-
-
 def _halves(checksum: int) -> tuple[int, int]:
     """Return the two sums of a checksum modulo 65535, of which HDF5 writes 65535 for 0."""
     return (checksum >> 16) % 65535, (checksum & 0xFFFF) % 65535
 
 
-def _is_whole(chunk: bytes | memoryview, decoded_bytes: int) -> bool:
-    """Whether a chunk is as long as its header says, and holds so many bytes: a decoder trusts the header."""
-    if len(chunk) < _HEADER.itemsize:
-        return False
-    header = np.frombuffer(chunk, _HEADER, count=1)[0]
-    return int(header["decoded_bytes"]) == decoded_bytes and int(header["stored_bytes"]) == len(chunk)
+@njit(cache=True)
+def fletcher32(words: NDArray[np.uint16], last: int) -> int:
+    """Return the Fletcher-32 checksum of bytes as HDF5 computes it (H5_checksum_fletcher32).
+
+    Parameters
+    ----------
+    words
+        The bytes by twos, (n,), as a little-endian machine reads them; HDF5 takes the first of two for the higher one.
+    last
+        The last byte where their number is odd; -1 where it is not.
+    """
+    simple, weighted = np.uint64(0), np.uint64(0)
+    for start in range(0, len(words), _WORDS_TOGETHER):
+        block = words[start : start + _WORDS_TOGETHER]
+        total, by_weight = np.uint32(0), np.uint32(0)
+        for i in range(len(block)):
+            # HDF5 takes the first byte of a pair as the high one (H5checksum.c), a little-endian read as the low one.
+            word = np.uint32(np.uint16(block[i] << 8) | np.uint16(block[i] >> 8))
+            total = np.uint32(total + word)
+            by_weight = np.uint32(by_weight + np.uint32(word * np.uint32(len(block) - i)))
+        # Sums s and W before a block of n words w_i, i from 0: s' = s + sum w_i, W' = W + n s + sum (n - i) w_i, modulo
+        # 2^16 - 1 (Fletcher, IEEE Trans. Commun. 30, 1982).
+        weighted = (weighted + np.uint64(len(block)) * simple + np.uint64(by_weight)) % np.uint64(65535)
+        simple = (simple + np.uint64(total)) % np.uint64(65535)
+    if last >= 0:
+        # An odd last byte is the high byte of a word whose low byte is 0.
+        simple = (simple + np.uint64(last << 8)) % np.uint64(65535)
+        weighted = (weighted + simple) % np.uint64(65535)
+    return int(weighted) << 16 | int(simple)

@@ -1,15 +1,84 @@
-"""Draft a dialect for an unknown file: a TOML text to be read, corrected and then used."""
+"""Draft a dialect for an unknown file: a TOML text to be read, corrected and then used.
 
-from collections.abc import Iterable, Iterator, Mapping
+What each dataset is, is guessed from its name, shape, type and first values. Each guess has a reason.
+"""
+
+from collections.abc import Iterator, Sequence
+from contextlib import suppress
+from dataclasses import dataclass
+from math import prod
+from typing import Any, Final
 
 import h5py
+import hdf5plugin  # noqa: F401  importing it is how HDF5 learns the Blosc codec
+import numpy as np
+from numpy.typing import NDArray
 
+from fedora_qa.conventions import FLOW_RATES_HZ, NS_PER_S
 from fedora_qa.layout.canonical import DATASETS, STREAMS, datasets_of
-from fedora_qa.layout.guess import Guess, guess_places
-from fedora_qa.layout.inventory import StoredObject, take_inventory
+from fedora_qa.layout.dialect import NS_PER_TIME_UNIT
+from fedora_qa.layout.filters import require_filters
+from fedora_qa.layout.links import READ_ERRORS, RefusedError
+from fedora_qa.layout.walk import walk
+
+HEAD_ROWS: Final = 256
+"""Rows that are read to guess what a dataset holds."""
+
+_IMAGE_ROWS: Final = 1
+
+_MOST_HEAD_BYTES: Final = 512 << 20
+"""Decoded for the first rows. What takes more is no dataset that could be checked, and is left out."""
+
+_EPOCH_S: Final = (1e9, 1e10)
+"""Seconds since 1970 of timestamps between 2001 and 2286."""
+
+_STEP_NS: Final = {"frames": (1e6, 1e9), "samples": (1e5, 1e8), "events": (0.0, 1e7)}
+"""Plausible steps, ns: frames at 1 to 1000 Hz, samples at 10 Hz to 10 kHz, events less than 10 ms apart."""
+
+_METRES_BELOW: Final = 200.0
+"""A median depth below this is metres, above it millimetres: 200 m is beyond, 20 cm within what a drone looks at."""
+
+_SAME_RATE: Final = 0.05
+"""Intervals nearer than this to those of a rate that the layout names are meant to be of that rate."""
+
+_NAMES: Final = {
+    "path/imu/angular_velocity": ("angular", "gyr", "omega", "w"),
+    "path/imu/linear_acceleration": ("accel", "acc", "a", "linear_acc"),
+    "path/pose/position": ("pos", "trans", "p"),
+}
+"""Beginnings of the names that three columns go by."""
 
 # One hint suffices to prefer a dialect; the second covers a file that lacks the first dataset.
 _MOST_HINTS = 2
+
+
+@dataclass(frozen=True, slots=True)
+class StoredObject:
+    """A dataset of numbers, with its first rows (of images: its first)."""
+
+    path: str
+    shape: tuple[int, ...]
+    dtype: np.dtype[Any]
+    head: NDArray[Any]
+
+    @property
+    def name(self) -> str:
+        """Last part of the path, in lower case."""
+        return self.path.rsplit("/", 1)[-1].lower()
+
+    @property
+    def group(self) -> str:
+        """The path without its last part."""
+        return self.path.rpartition("/")[0]
+
+
+@dataclass(frozen=True, slots=True)
+class Guess:
+    """A place for a canonical dataset, as the fields of ``dialect.DatasetPlace`` that differ from their defaults."""
+
+    key: str
+    fields: dict[str, str | list[int]]
+    reason: str
 
 
 def draft_dialect(file: h5py.File, name: str) -> str:
@@ -21,56 +90,218 @@ def draft_dialect(file: h5py.File, name: str) -> str:
         Open for reading. Only the first rows of each dataset are looked at.
     name
         Name of the dialect.
+
+    Returns
+    -------
+    str
+        TOML.
     """
     items = take_inventory(file)
     guesses = {guess.key: guess for guess in guess_places(items)}
     ordered = [guesses[key] for key in DATASETS if key in guesses]
-    lines = [*_head(name), *_hints(ordered), "[datasets]"]
-    for guess in ordered:
-        lines += [_comment(guess.reason), f"{_quoted(guess.key)} = {_table(guess.fields)}"]
-    lines += ["", *_partial_streams(guesses), *_unused(items, ordered)]
-    return "\n".join(lines).rstrip() + "\n"
-
-
-def _head(name: str) -> Iterator[str]:
-    yield "# A draft, guessed from names, shapes, types and first values. Every line wants a look before it is used:"
-    yield "# a wrong unit here is a finding about the draft, not about the file."
-    yield f"name = {_quoted(name)}"
-    yield 'description = "drafted"'
-    yield ""
-
-
-def _hints(guesses: Iterable[Guess]) -> Iterator[str]:
+    lines = [
+        "# A draft, guessed from names, shapes, types and first values. Every line wants a look before it is used:",
+        "# a wrong unit here is a finding about the draft, not about the file.",
+        f"name = {_quoted(name)}",
+        'description = "drafted"',
+        "",
+    ]
     # A path equal to the canonical key does not distinguish this dialect from the canonical one.
-    paths = list(dict.fromkeys(str(guess.fields["path"]) for guess in guesses if guess.fields["path"] != guess.key))
+    paths = list(dict.fromkeys(str(guess.fields["path"]) for guess in ordered if guess.fields["path"] != guess.key))
     for path in paths[:_MOST_HINTS]:
-        yield "[[hints]]"
-        yield f"path = {_quoted(path)}"
-        yield ""
-
-
-def _partial_streams(guesses: Mapping[str, Guess]) -> Iterator[str]:
-    """List the streams that cannot be read yet, because a part of them was not found."""
+        lines += ["[[hints]]", f"path = {_quoted(path)}", ""]
+    lines.append("[datasets]")
+    for guess in ordered:
+        fields = (f"{field} = {_quoted(v) if isinstance(v, str) else v}" for field, v in guess.fields.items())
+        lines += [_comment(guess.reason), f"{_quoted(guess.key)} = {{ {', '.join(fields)} }}"]
+    lines.append("")
+    # Streams that cannot be read yet: a stream without any guess counts as absent, and needs no correction by hand.
     for stream in STREAMS:
         keys = [spec.key for spec in datasets_of(stream)]
         missing = [key for key in keys if key not in guesses]
-        # A stream without any guess counts as absent; only an incomplete one needs a correction by hand.
         if missing and len(missing) < len(keys):
-            yield f"# {stream} cannot be read before there is a place for {', '.join(missing)}."
+            lines.append(f"# {stream} cannot be read before there is a place for {', '.join(missing)}.")
+    used = {guess.fields["path"] for guess in ordered}
+    unused = [item for item in items if item.path not in used]
+    if unused:
+        lines.append("# Nothing was guessed for:")
+    lines += [_comment(f"  {item.path}  {' x '.join(map(str, item.shape))}  {item.dtype}") for item in unused]
+    return "\n".join(lines).rstrip() + "\n"
 
 
-def _unused(items: Iterable[StoredObject], guesses: Iterable[Guess]) -> Iterator[str]:
-    used = {guess.fields["path"] for guess in guesses}
-    rest = [item for item in items if item.path not in used]
-    if rest:
-        yield "# Nothing was guessed for:"
-    for item in rest:
-        yield _comment(f"  {item.path}  {' x '.join(map(str, item.shape))}  {item.dtype}")
+def take_inventory(file: h5py.File) -> tuple[StoredObject, ...]:
+    """Return every dataset of numbers of rank 1 or more whose first rows can be read."""
+    items: list[StoredObject] = []
+    for path in walk(file).paths:
+        with suppress(RefusedError, *READ_ERRORS):
+            dataset = file[path]
+            outside = dataset.is_virtual or dataset.external
+            require_filters(dataset, path)
+            numbers = dataset.shape and prod(dataset.shape) and dataset.dtype.kind in "iufb"
+            # Values of virtual and external datasets lie in other files, which a draft may not read.
+            if not numbers or outside:
+                continue
+            rows = _IMAGE_ROWS if dataset.ndim > 2 else HEAD_ROWS
+            # HDF5 decodes whole chunks even for one row.
+            values = max(rows * prod(dataset.shape[1:]), prod(dataset.chunks) if dataset.chunks else 0)
+            if values * dataset.dtype.itemsize <= _MOST_HEAD_BYTES:
+                items.append(StoredObject(path, dataset.shape, dataset.dtype, np.asarray(dataset[:rows])))
+    return tuple(items)
 
 
-def _table(fields: Mapping[str, str | list[int]]) -> str:
-    parts = (f"{name} = {_quoted(value) if isinstance(value, str) else value}" for name, value in fields.items())
-    return f"{{ {', '.join(parts)} }}"
+def guess_places(items: Sequence[StoredObject]) -> tuple[Guess, ...]:
+    """Return one guess for each canonical dataset for which there is a candidate, the first found."""
+    guesses: dict[str, Guess] = {}
+    for guess in (*_events_in_columns(items), *_events_apart(items), *_images(items), *_flow(items), *_samples(items)):
+        guesses.setdefault(guess.key, guess)
+    return tuple(guesses.values())
+
+
+def unit_of_timestamps(timestamps: NDArray[np.float64], kind: str) -> tuple[str, str]:
+    """Return the unit in which timestamps are plausible, and why: by their magnitude since 1970, else by their step."""
+    for unit, ns in NS_PER_TIME_UNIT.items():
+        if _EPOCH_S[0] <= abs(float(timestamps[0])) * ns / 1e9 < _EPOCH_S[1] and kind != "events":
+            return unit, f"{timestamps[0]:.10g} is a date in {unit}"
+    step = float(np.median(np.diff(timestamps))) if len(timestamps) > 1 else 0.0
+    if kind == "events":
+        # The mean, not the median: many events share a timestamp, so that the median step can be 0.
+        step = float(timestamps[-1] - timestamps[0]) / max(len(timestamps) - 1, 1)
+    low, high = _STEP_NS[kind]
+    # Plausible ranges of neighbouring units overlap; the canonical unit comes first.
+    for unit in ("us", "ns", "s", "ms"):
+        if low <= step * NS_PER_TIME_UNIT[unit] <= high:
+            return unit, f"steps of {step:.4g} {unit} are plausible for {kind}"
+    return "us", "no unit makes the steps plausible; microseconds assumed"
+
+
+def _events_in_columns(items: Sequence[StoredObject]) -> Iterator[Guess]:
+    for item in items:
+        if len(item.shape) != 2 or item.shape[1] != 4:
+            continue
+        columns = item.head.astype(np.float64)
+        codes = [set(np.unique(column)) for column in columns.T]
+        polarity = [i for i, code in enumerate(codes) if code <= {0.0, 1.0} or code <= {-1.0, 1.0}]
+        advancing = [i for i, column in enumerate(columns.T) if np.all(np.diff(column) >= 0) and np.ptp(column) > 0]
+        # Ambiguous columns give no guess: in few rows a constant column can pass as polarity.
+        if len(polarity) != 1 or len(advancing) != 1 or polarity == advancing:
+            continue
+        t, p = advancing[0], polarity[0]
+        x, y = (i for i in range(4) if i not in {t, p})
+        unit, why = unit_of_timestamps(columns[:, t], "events")
+        yield Guess("path/events/x", {"path": item.path, "columns": [x]}, "the first column that is neither t nor p")
+        yield Guess("path/events/y", {"path": item.path, "columns": [y]}, "the second such column")
+        yield Guess("path/events/t", {"path": item.path, "columns": [t], "time_unit": unit}, f"it never falls; {why}")
+        yield Guess("path/events/p", {"path": item.path, "columns": [p], **_polarity(codes[p])}, _code_reason(codes[p]))
+
+
+def _events_apart(items: Sequence[StoredObject]) -> Iterator[Guess]:
+    flat = {item.path: item for item in items if len(item.shape) == 1}
+    for x in flat.values():
+        if x.name != "x":
+            continue
+        siblings = {name: flat.get("/".join(filter(None, (x.group, name)))) for name in "ytp"}
+        y, t, p = siblings["y"], siblings["t"], siblings["p"]
+        if y is None or t is None or p is None or len({item.shape for item in (x, y, t, p)}) > 1:
+            continue
+        unit, why = unit_of_timestamps(t.head.astype(np.float64), "events")
+        codes = set(np.unique(p.head.astype(np.float64)))
+        yield Guess("path/events/x", {"path": x.path}, "its name, beside y, t and p of equal length")
+        yield Guess("path/events/y", {"path": y.path}, "its name")
+        yield Guess("path/events/t", {"path": t.path, "time_unit": unit}, why)
+        yield Guess("path/events/p", {"path": p.path, **_polarity(codes)}, _code_reason(codes))
+
+
+def _images(items: Sequence[StoredObject]) -> Iterator[Guess]:
+    for item in items:
+        rank, kind = len(item.shape), item.dtype
+        if kind == np.uint8 and rank == 4 and item.shape[3] == 3:
+            yield from _with_timestamps(
+                items, item, Guess("path/rgb", {"path": item.path}, "8-bit images, three channels")
+            )
+        elif kind == np.uint8 and rank == 3:
+            grey = Guess("path/rgb", {"path": item.path, "columns": [0, 0, 0]}, "8-bit grey images, read as R = G = B")
+            yield from _with_timestamps(items, item, grey)
+        # Sides above 4 exclude stacks of 3 x 3 and 4 x 4 matrices, in which poses are stored (MVSEC).
+        elif kind.kind == "f" and rank == 3 and min(item.shape[1:]) > 4:
+            # Writers mark invalid depth by NaN, infinity or 0.
+            values = item.head[np.isfinite(item.head) & (item.head > 0)]
+            median = float(np.median(values)) if values.size else 0.0
+            unit = "m" if 0 < median < _METRES_BELOW else "mm"
+            depth = Guess(
+                "path/depth", {"path": item.path, "value_unit": unit}, f"float images; median {median:.4g} is {unit}"
+            )
+            yield from _with_timestamps(items, item, depth)
+
+
+def _flow(items: Sequence[StoredObject]) -> Iterator[Guess]:
+    """Fields of two components beside intervals of equal number; the interval's length names the rate."""
+    for item in items:
+        if len(item.shape) != 4 or item.shape[3] != 2 or item.dtype.kind != "f":
+            continue
+        candidates = [other for other in items if other.shape == (item.shape[0], 2) and other.dtype.kind in "iuf"]
+        if not candidates:
+            continue
+        timestamps = max(candidates, key=lambda other: _nearness(other, item))
+        lengths = np.diff(timestamps.head.astype(np.float64), axis=1)
+        for unit, rate_hz in ((unit, rate_hz) for unit in ("us", "ns", "s", "ms") for rate_hz in FLOW_RATES_HZ):
+            length_s = float(np.median(lengths)) * NS_PER_TIME_UNIT[unit] / NS_PER_S
+            if np.isclose(length_s * rate_hz, 1.0, rtol=_SAME_RATE):
+                reason = f"two float components; intervals of {timestamps.path} are 1/{rate_hz} s in {unit}"
+                yield Guess(f"path/flow/{rate_hz}hz", {"path": item.path}, reason)
+                fields: dict[str, str | list[int]] = {"path": timestamps.path, "time_unit": unit}
+                yield Guess(f"path/flow/{rate_hz}hz_ts", fields, f"two columns, as long as {item.path}")
+
+
+def _samples(items: Sequence[StoredObject]) -> Iterator[Guess]:
+    for item in items:
+        if len(item.shape) != 2 or item.dtype.kind != "f":
+            continue
+        if item.shape[1] == 3:
+            for key, names in _NAMES.items():
+                # Names of one letter must match whole: as beginnings they would match most names.
+                if any(item.name == name or (len(name) > 1 and item.name.startswith(name)) for name in names):
+                    guess = Guess(key, {"path": item.path}, "three columns, and its name")
+                    yield from _with_timestamps(items, item, guess)
+        # Unit norm distinguishes quaternions from other tables of four columns.
+        elif item.shape[1] == 4 and np.allclose(np.linalg.norm(item.head, axis=1), 1.0, atol=1e-3):
+            reason = "four columns of unit length; that the order is x, y, z, w cannot be told from the values"
+            guess = Guess("path/pose/orientation", {"path": item.path, "quaternion": "xyzw"}, reason)
+            yield from _with_timestamps(items, item, guess)
+
+
+def _with_timestamps(items: Sequence[StoredObject], item: StoredObject, guess: Guess) -> Iterator[Guess]:
+    """Yield the guess, and one for the timestamps of equal length whose name and place are nearest."""
+    yield guess
+    candidates: list[StoredObject] = []
+    for other in items:
+        if other.shape != (item.shape[0],) or other.dtype.kind not in "iuf":
+            continue
+        head = other.head.astype(np.float64)
+        if np.all(np.isfinite(head)) and np.all(np.diff(head) >= 0):
+            candidates.append(other)
+    if candidates:
+        best = max(candidates, key=lambda other: _nearness(other, item))
+        frames = guess.key in {"path/rgb", "path/depth"}
+        unit, why = unit_of_timestamps(best.head.astype(np.float64), "frames" if frames else "samples")
+        key = f"{guess.key}_ts" if frames else f"{guess.key.rpartition('/')[0]}/ts"
+        yield Guess(key, {"path": best.path, "time_unit": unit}, f"as long as {item.path}, never falls; {why}")
+
+
+def _nearness(timestamps: StoredObject, item: StoredObject) -> tuple[int, int, int]:
+    """Order candidates: a name that says time, the common beginning of the paths, the shorter path."""
+    says_time = any(word in timestamps.name for word in ("ts", "time", "stamp")) or timestamps.name == "t"
+    common = next(
+        (i for i, (a, b) in enumerate(zip(timestamps.path, item.path, strict=False)) if a != b), len(item.path)
+    )
+    return int(says_time), common, -len(timestamps.path)
+
+
+def _polarity(codes: set[float]) -> dict[str, str | list[int]]:
+    return {"polarity": "plus_minus"} if -1.0 in codes else {}
+
+
+def _code_reason(codes: set[float]) -> str:
+    return f"its values are {', '.join(f'{code:g}' for code in sorted(codes)[:4])}; that 1 is brighter is assumed"
 
 
 def _quoted(text: str) -> str:

@@ -75,10 +75,7 @@ class Elsewhere:
             raise _refused(f"Expected {variables[0]} to be unset where {path} lies in other files, got a value")
         if dataset.is_virtual:
             self._require_virtual(dataset, path)
-        else:
-            self._require_external(dataset, path)
-
-    def _require_external(self, dataset: h5py.Dataset, path: str) -> None:
+            return
         wanted = prod(dataset.shape) * dataset.dtype.itemsize
         for name, offset, size in dataset.external:
             there = self._place(dataset.file, name, path).stat().st_size - offset
@@ -102,13 +99,24 @@ class Elsewhere:
         for virtual_source in sources:
             source = self._source(dataset, virtual_source.file_name, virtual_source.dset_name, path)
             stored[source.file.filename, source.name] = int(source.id.get_storage_size())
-            taken = _taken(virtual_source.src_space, source, path)
-            if virtual_source.vspace.get_select_type() == h5s.SEL_ALL:
-                mapped.select_all()
+            taken_space, piece = virtual_source.src_space, virtual_source.vspace
+            if taken_space.get_select_type() == h5s.SEL_ALL:
+                taken = prod(source.shape)
             else:
+                last = taken_space.get_select_bounds()[1]  # bounds of a selection include both ends
+                if len(last) != len(source.shape) or any(at >= n for at, n in zip(last, source.shape, strict=True)):
+                    message = f"Expected the source of {path} to reach as far as it is taken"
+                    raise RefusedError("unwritten", "truncated", message)
+                taken = int(taken_space.get_select_npoints())
+            if piece.get_select_type() == h5s.SEL_ALL:
+                mapped.select_all()
+            elif piece.get_select_type() != h5s.SEL_HYPERSLABS or not piece.is_regular_hyperslab():
+                raise _refused(f"Expected the pieces of {path} to be boxes, got another selection")
+            else:
+                start, stride, count, block = piece.get_regular_hyperslab()
                 # The union counts each value once, so that overlapping pieces cannot hide a gap.
-                mapped.select_hyperslab(*_regular(virtual_source.vspace, path), op=h5s.SELECT_OR)
-            if taken != virtual_source.vspace.get_select_npoints():
+                mapped.select_hyperslab(start, count, stride, block, op=h5s.SELECT_OR)
+            if taken != piece.get_select_npoints():
                 raise _refused(f"Expected pieces of {path} as large as their sources, got another size")
         values = prod(dataset.shape)
         if mapped.get_select_npoints() != values:
@@ -156,22 +164,3 @@ class Elsewhere:
 
 def _refused(message: str) -> RefusedError:
     return RefusedError("outside_link", "missing_stream", message)
-
-
-def _taken(space: h5s.SpaceID, source: h5py.Dataset, path: str) -> int:
-    """Return how many values are taken of a source; raises ``RefusedError`` where it does not have them."""
-    if space.get_select_type() == h5s.SEL_ALL:
-        return prod(source.shape)
-    # Bounds of a selection include both ends.
-    last = space.get_select_bounds()[1]
-    if len(last) != len(source.shape) or any(at >= size for at, size in zip(last, source.shape, strict=True)):
-        raise RefusedError("unwritten", "truncated", f"Expected the source of {path} to reach as far as it is taken")
-    return int(space.get_select_npoints())
-
-
-def _regular(space: h5s.SpaceID, path: str) -> tuple[tuple[int, ...], ...]:
-    """Return start, count, stride and block of a selection."""
-    if space.get_select_type() != h5s.SEL_HYPERSLABS or not space.is_regular_hyperslab():
-        raise _refused(f"Expected the pieces of {path} to be boxes, got another selection")
-    start, stride, count, block = space.get_regular_hyperslab()
-    return start, count, stride, block

@@ -5,7 +5,7 @@ external storage. A file from somewhere else must not decide which other files a
 """
 
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from typing import TYPE_CHECKING, Final
 
 import h5py
@@ -116,28 +116,21 @@ def _follow(
 ) -> h5py.Group | h5py.Dataset | h5py.Datatype | None:
     root = h5g.open(file.id, b"/")
     parts = [part for part in path.split("/") if part not in {"", "."}]
-    try:
-        target = _directly(root, parts)
-    except READ_ERRORS:  # ``_step_by_step`` finds what is wrong, and where
-        target = None
+    # HDF5 follows a path of hard links by itself, in one call: most paths are such, and opening a file takes a hundred.
+    target: _objects.ObjectID | None = None
+    with suppress(*READ_ERRORS):  # ``_step_by_step`` finds what is wrong, and where
+        way = b""
+        for part in parts:
+            way += part.encode("utf-8", "surrogateescape")
+            # Each prefix is tested: a link in the middle would lead HDF5 out of the file unchecked.
+            if root.links.get_info(way).type != h5l.TYPE_HARD:
+                break
+            way += b"/"
+        else:
+            target = h5o.open(root, way) if way else root
     if target is None:
         return _step_by_step(file, root, parts, links_left, elsewhere)
     return _object(file, target)
-
-
-def _directly(root: h5g.GroupID, parts: list[str]) -> _objects.ObjectID | None:
-    """Open what lies at the end of hard links only, which HDF5 walks by itself; None where another link is met.
-
-    Most paths are such, and opening a file takes a hundred.
-    """
-    way = b""
-    for part in parts:
-        way += part.encode("utf-8", "surrogateescape")
-        # Each prefix is tested: a link in the middle would lead HDF5 out of the file unchecked.
-        if root.links.get_info(way).type != h5l.TYPE_HARD:
-            return None
-        way += b"/"
-    return h5o.open(root, way) if way else root
 
 
 def _step_by_step(

@@ -8,7 +8,7 @@ import h5py
 import numpy as np
 
 from fedora_qa.causes import INDEX_MAPS, allowed
-from fedora_qa.layout.binding import Binding, instant_ns
+from fedora_qa.layout.binding import Binding, instant_ns, rows_together
 from fedora_qa.layout.bounds import require_bounded, require_small_chunks, unwritten_chunks
 from fedora_qa.layout.canonical import (
     FLOW_STREAMS,
@@ -21,12 +21,18 @@ from fedora_qa.layout.canonical import (
 )
 from fedora_qa.layout.conform import require_readable_type, require_shape
 from fedora_qa.layout.detect import declares_fedora, detect_dialect
-from fedora_qa.layout.dialect import DatasetPlace, Dialect
+from fedora_qa.layout.dialect import NS_PER_TIME_UNIT, QUATERNION_COLUMNS, DatasetPlace, Dialect, scale_of
 from fedora_qa.layout.elsewhere import Elsewhere
 from fedora_qa.layout.filters import require_filters
-from fedora_qa.layout.links import RefusedError, find_dataset, find_object, has_group, reading
-from fedora_qa.layout.names import garbled_name
-from fedora_qa.layout.stored import as_stored
+from fedora_qa.layout.links import (
+    MOST_NAMES,
+    READ_ERRORS,
+    RefusedError,
+    find_dataset,
+    find_object,
+    has_group,
+    reading,
+)
 from fedora_qa.layout.whole_chunks import require_whole_chunks
 
 _EXTRA_STREAMS: Final = ("depth_range",)
@@ -150,23 +156,20 @@ class _Finder:
             self._report(stream, broken.key, broken.reason)
             return
         self.bindings.update(bound)
+        # What may lie beside a stream is bound by itself: the stream is whole without it.
         for spec in companions_of(stream):
-            self._find_beside(spec)
-
-    def _find_beside(self, spec: DatasetSpec) -> None:
-        """Bind what may lie beside a stream, which is whole without it."""
-        if self.dialect.place_of(spec.key) is None:
-            return
-        try:
-            dataset = self._dataset(spec)
-            if dataset is None:
-                return
-            bound = {spec.key: self._bind(spec, dataset)}
-            self._agree_on_sizes((spec,), bound)
-        except _BrokenError as broken:
-            self._report(spec.stream, broken.key, broken.reason)
-            return
-        self.bindings.update(bound)
+            if self.dialect.place_of(spec.key) is None:
+                continue
+            try:
+                dataset = self._dataset(spec)
+                if dataset is None:
+                    continue
+                bound = {spec.key: self._bind(spec, dataset)}
+                self._agree_on_sizes((spec,), bound)
+            except _BrokenError as broken:
+                self._report(spec.stream, broken.key, broken.reason)
+                continue
+            self.bindings.update(bound)
 
     def hold_to_promises(self) -> None:
         """Report streams that the metadata declare and that are not there at all."""
@@ -188,12 +191,32 @@ class _Finder:
                 self._report("metadata", "", refused)
 
     def _hold_to_names(self, stream: str, path: str) -> None:
-        """Report a damaged name, once a group, where a stream is missing: it may be that stream's."""
+        """Report a damaged name, once a group, where a stream is missing: it may be that stream's.
+
+        Names carry no checksum, so that a damaged one only looks odd. ``MOST_NAMES`` of a group are looked at.
+        """
         group = path.rpartition("/")[0]
-        garbled = None if group in self._looked_into else garbled_name(self.file, group, self.elsewhere)
+        if group in self._looked_into:
+            return
         self._looked_into.add(group)
-        if garbled is not None:
-            message = f"Expected {path}, or names of text in {group or '/'}, got a damaged one: {garbled}"
+        names, garbled = 0, list[str]()
+
+        def look(name: bytes) -> bool | None:
+            nonlocal names
+            names += 1
+            # Bytes that are not UTF-8 decode to lone surrogates, which are not printable.
+            if not name.decode("utf-8", "surrogateescape").isprintable():
+                garbled.append(ascii(name)[2:-1])
+            return True if garbled or names == MOST_NAMES else None
+
+        try:
+            stored = find_object(self.file, group, self.elsewhere)
+            if isinstance(stored, h5py.Group):
+                stored.id.links.iterate(look)
+        except (RefusedError, *READ_ERRORS):
+            return  # a group that is not there, or cannot be listed, is for others to report
+        if garbled:
+            message = f"Expected {path}, or names of text in {group or '/'}, got a damaged one: {garbled[0]}"
             self._report(stream, "", RefusedError("unreadable", "corrupt_chunk", message))
 
     def _report_promise(self, stream: str, group: str) -> None:
@@ -228,31 +251,46 @@ class _Finder:
                 require_filters(dataset, path)
                 require_bounded(spec, dataset, path)
                 require_whole_chunks(dataset, path)
-                binding = as_stored(spec, place, dataset, path)
-                self._note_oddities(spec, dataset, path)
-                return replace(binding, offset_ns=self._offset_ns(place, binding), source=self._source(dataset))
+                columns: tuple[int, ...] | None = place.columns or None
+                if columns is None and spec.key == "path/pose/orientation" and place.quaternion != "xyzw":
+                    columns = QUATERNION_COLUMNS[place.quaternion]
+                binding = Binding(
+                    key=spec.key,
+                    path=path,
+                    rows=dataset.shape[0],
+                    shape=dataset.shape,
+                    dtype=dataset.dtype,
+                    columns=columns,
+                    ns_per_unit=NS_PER_TIME_UNIT[place.time_unit] if spec.is_timestamps else None,
+                    scale=scale_of(spec.key, place),
+                    polarity=place.polarity,
+                    # 0 for contiguous storage: ``Sequence.chunk_rows`` then chooses blocks of about a megabyte.
+                    chunk_rows=rows_together(spec.key, dataset.chunks[0]) if dataset.chunks else 0,
+                    stored_chunk=dataset.chunks or (),
+                )
+                # Reported although the dataset can be read: another type than the layout's, and chunks never written.
+                if self.dialect.is_canonical(spec.key) and dataset.dtype.newbyteorder("=") != np.dtype(spec.dtype):
+                    message = (
+                        f"Expected {path} as {spec.dtype}, got {dataset.dtype}; write it in the type of the layout"
+                    )
+                    self._report(spec.stream, spec.key, RefusedError("wrong_dtype", "wrong_dtype", message))
+                unwritten, chunks = unwritten_chunks(dataset)
+                if unwritten:
+                    message = f"Expected all {chunks} chunks of {path} to be written, got {unwritten} that never were"
+                    share = 100 * unwritten / chunks
+                    self._report(spec.stream, spec.key, RefusedError("unwritten", "truncated", message, share))
+                offset_ns = self._offset_ns(place, binding)
+                source: tuple[str, str] | None = None
+                if self.elsewhere is not None:
+                    there = dataset.file.filename
+                    outside = there != self.file.filename or dataset.is_virtual or dataset.external
+                    source = (there, dataset.name) if outside else None
+                return replace(binding, offset_ns=offset_ns, source=source)
         except RefusedError as refused:
             raise _BrokenError(spec.key, refused) from refused
 
-    def _source(self, dataset: h5py.Dataset) -> tuple[str, str] | None:
-        if self.elsewhere is None:
-            return None
-        there = dataset.file.filename
-        outside = there != self.file.filename or dataset.is_virtual or dataset.external
-        return (there, dataset.name) if outside else None
-
-    def _note_oddities(self, spec: DatasetSpec, dataset: h5py.Dataset, path: str) -> None:
-        """Report what is wrong although the dataset can be read."""
-        if self.dialect.is_canonical(spec.key) and dataset.dtype.newbyteorder("=") != np.dtype(spec.dtype):
-            message = f"Expected {path} as {spec.dtype}, got {dataset.dtype}; write it in the type of the layout"
-            self._report(spec.stream, spec.key, RefusedError("wrong_dtype", "wrong_dtype", message))
-        unwritten, chunks = unwritten_chunks(dataset)
-        if unwritten:
-            message = f"Expected all {chunks} chunks of {path} to be written, got {unwritten} that never were"
-            share = 100 * unwritten / chunks
-            self._report(spec.stream, spec.key, RefusedError("unwritten", "truncated", message, share))
-
     def _offset_ns(self, place: DatasetPlace, binding: Binding) -> int:
+        """Return what is added to timestamps, ns; 0 where the dialect names no such scalar or the file has none."""
         if not place.offset_path:
             return 0
         dataset = find_dataset(self.file, place.offset_path)
@@ -281,7 +319,11 @@ class _Finder:
                 agreed, agreed_path = sizes.setdefault(symbol, (size, path))
                 if size != agreed:
                     message = f"Expected {path} with {symbol} = {agreed} as {agreed_path}, got {size}"
-                    raise _BrokenError(spec.key, _wrong_size(spec, size, agreed, message))
+                    reason = RefusedError("wrong_shape", "wrong_shape", message)
+                    # An index map that is too short was cut off.
+                    if spec.stream in INDEX_MAPS and size < agreed:
+                        reason = RefusedError("wrong_shape", "truncated", message, 100 * (agreed - size) / agreed)
+                    raise _BrokenError(spec.key, reason)
         self._sizes = sizes
 
 
@@ -292,10 +334,3 @@ class _BrokenError(Exception):
         super().__init__(str(reason))
         self.key = key
         self.reason = reason
-
-
-def _wrong_size(spec: DatasetSpec, size: int, agreed: int, message: str) -> RefusedError:
-    """Call an index map that is too short cut off; any other disagreement is a wrong shape."""
-    if spec.stream in INDEX_MAPS and size < agreed:
-        return RefusedError("wrong_shape", "truncated", message, 100 * (agreed - size) / agreed)
-    return RefusedError("wrong_shape", "wrong_shape", message)

@@ -56,8 +56,10 @@ def walk(file: h5py.File) -> Walk:
     while waiting:
         path, depth, parent, name = waiting.pop()
         try:
-            member, place = _open(parent, name)
+            member = h5py.h5o.open(parent, name)
+            about = h5py.h5o.get_info(member)
             # File number and address identify an object: hard links can form cycles.
+            place = about.fileno, about.addr
             if place in visited:
                 continue
             visited.add(place)
@@ -107,12 +109,3 @@ class _Links:
 
         group.links.iterate(note, info=True)
         return members
-
-
-def _open(
-    parent: h5py.h5g.GroupID, name: bytes
-) -> tuple[h5py.h5g.GroupID | h5py.h5d.DatasetID | h5py.h5t.TypeID, tuple[int, int]]:
-    """Return an object, and where it lies: hard links can lead to it many times."""
-    member = h5py.h5o.open(parent, name)
-    about = h5py.h5o.get_info(member)
-    return member, (about.fileno, about.addr)

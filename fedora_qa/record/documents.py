@@ -74,7 +74,20 @@ class DocumentKind(Generic[T]):
         MisuseError
             The text is not JSON, is of another version, or does not fit the schema; the message names the place.
         """
-        self._require_version(text)
+        try:
+            document = json.loads(text)
+        # The JSON parser descends once for each level; a hostile document of nested lists exhausts the stack.
+        except RecursionError:
+            raise MisuseError(f"Expected {self.noun} as JSON, got lists within lists without end") from None
+        except ValueError as problem:
+            raise MisuseError(
+                f"Expected {self.noun} as JSON, got: {problem}; give what `{self.written_by}` wrote"
+            ) from None
+        key = f"{self.name}_version"
+        version = document.get(key) if isinstance(document, dict) else None
+        # Before the fields: of another version, some field that does not fit would be reported instead.
+        if version != self.version:
+            raise MisuseError(f"Expected {self.noun} with {key} {self.version!r}, got {version!r}; {self.again}")
         try:
             return self.adapter.validate_json(text)
         except ValidationError as problem:
@@ -104,22 +117,6 @@ class DocumentKind(Generic[T]):
     def schema(self) -> dict[str, Any]:
         """Return the JSON schema (draft 2020-12) of a document as it is written."""
         return schema_of(f"{self.name}:{self.version}", self.adapter, "serialization")
-
-    def _require_version(self, text: str | bytes) -> None:
-        try:
-            document = json.loads(text)
-        # The JSON parser descends once for each level; a hostile document of nested lists exhausts the stack.
-        except RecursionError:
-            raise MisuseError(f"Expected {self.noun} as JSON, got lists within lists without end") from None
-        except ValueError as problem:
-            raise MisuseError(
-                f"Expected {self.noun} as JSON, got: {problem}; give what `{self.written_by}` wrote"
-            ) from None
-        key = f"{self.name}_version"
-        version = document.get(key) if isinstance(document, dict) else None
-        # Before the fields: of another version, some field that does not fit would be reported instead.
-        if version != self.version:
-            raise MisuseError(f"Expected {self.noun} with {key} {self.version!r}, got {version!r}; {self.again}")
 
 
 def _plain(value: Any) -> Any:

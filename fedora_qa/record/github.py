@@ -6,7 +6,7 @@ Escapes are those of GitHub's own toolkit (actions/toolkit, command.ts).
 import secrets
 from typing import Final
 
-from fedora_qa.record.problems import Level, Problem, problems_of
+from fedora_qa.record.problems import Level, problems_of
 from fedora_qa.record.types import Record
 from fedora_qa.record.wording import place, printable
 
@@ -15,7 +15,13 @@ _COMMANDS: Final[dict[Level, str]] = {"error": "error", "warning": "warning", "n
 
 def record_to_github(record: Record) -> str:
     """Return one annotation a line; empty where there is nothing to say."""
-    return "".join(f"{_annotation(problem)}\n" for file in record.files for problem in problems_of(file))
+    lines: list[str] = []
+    for problem in (problem for file in record.files for problem in problems_of(file)):
+        where = place(problem.where)
+        message = problem.message + (f" ({where})" if where else "")
+        properties = f"file={_property(problem.path)},title={_property(problem.code)}"
+        lines.append(f"::{_COMMANDS[problem.level]} {properties}::{_data(message)}\n")
+    return "".join(lines)
 
 
 def silenced(text: str, token: str | None = None) -> str:
@@ -25,13 +31,6 @@ def silenced(text: str, token: str | None = None) -> str:
     """
     token = token or secrets.token_hex(16)
     return f"::stop-commands::{token}\n{text}\n::{token}::\n"
-
-
-def _annotation(problem: Problem) -> str:
-    where = place(problem.where)
-    message = problem.message + (f" ({where})" if where else "")
-    properties = f"file={_property(problem.path)},title={_property(problem.code)}"
-    return f"::{_COMMANDS[problem.level]} {properties}::{_data(message)}"
 
 
 def _data(text: str) -> str:

@@ -8,7 +8,7 @@ import xml.etree.ElementTree as ET
 from collections.abc import Sequence
 
 from fedora_qa.record.problems import INCOMPLETE, Problem, problems_of
-from fedora_qa.record.types import FileRecord, Record, Result
+from fedora_qa.record.types import Record, Result
 from fedora_qa.record.wording import OUTCOME_WORDS, check_cells, place, printable
 
 _ENDS = {"failures": "failure", "errors": "error", "skipped": "skipped"}
@@ -18,37 +18,32 @@ def record_to_junit(record: Record) -> str:
     """Return the record as a JUnit XML document."""
     suites = ET.Element("testsuites", name=printable(record.tool.name))
     for file in record.files:
-        suites.append(_suite(file, record))
+        # All text passes through `printable`: XML 1.0 forbids most control characters, and a parser refuses the file.
+        suite = ET.SubElement(suites, "testsuite", name=printable(file.path))
+        properties = ET.SubElement(suite, "properties")
+        facts = {
+            "verdict": file.verdict,
+            "sha256": file.sha256,
+            "digest_kind": file.digest_kind,
+            "version": record.tool.version,
+            "ruleset_version": record.ruleset_version,
+            "effort": record.effort,
+        }
+        for name, value in facts.items():
+            ET.SubElement(properties, "property", name=name, value=printable(value))
+        problems = problems_of(file)
+        for result in file.results:
+            own = [problem for problem in problems if problem.check == result.check]
+            suite.append(_case(result, own, file.path))
+        for problem in problems:
+            if problem.code == INCOMPLETE:
+                # A case of its own, because CI systems count the outcomes of cases only.
+                ended = ET.SubElement(suite, "testcase", name="complete", classname=printable(file.path))
+                ET.SubElement(ended, "error", message=printable(problem.message), type=INCOMPLETE)
+        _count(suite)
     _count(suites)
     ET.indent(suites)
     return ET.tostring(suites, encoding="unicode", xml_declaration=True) + "\n"
-
-
-def _suite(file: FileRecord, record: Record) -> ET.Element:
-    # All text passes through `printable`: XML 1.0 forbids most control characters, and a parser refuses the file.
-    suite = ET.Element("testsuite", name=printable(file.path))
-    properties = ET.SubElement(suite, "properties")
-    facts = {
-        "verdict": file.verdict,
-        "sha256": file.sha256,
-        "digest_kind": file.digest_kind,
-        "version": record.tool.version,
-        "ruleset_version": record.ruleset_version,
-        "effort": record.effort,
-    }
-    for name, value in facts.items():
-        ET.SubElement(properties, "property", name=name, value=printable(value))
-    problems = problems_of(file)
-    for result in file.results:
-        own = [problem for problem in problems if problem.check == result.check]
-        suite.append(_case(result, own, file.path))
-    for problem in problems:
-        if problem.code == INCOMPLETE:
-            # A case of its own, because CI systems count the outcomes of cases only.
-            ended = ET.SubElement(suite, "testcase", name="complete", classname=printable(file.path))
-            ET.SubElement(ended, "error", message=printable(problem.message), type=INCOMPLETE)
-    _count(suite)
-    return suite
 
 
 def _case(result: Result, problems: Sequence[Problem], path: str) -> ET.Element:
@@ -66,21 +61,18 @@ def _case(result: Result, problems: Sequence[Problem], path: str) -> ET.Element:
         words = f"{OUTCOME_WORDS[result.outcome]}: {result.reason}"
         ET.SubElement(case, "skipped", message=printable(words), type=result.outcome)
     # Warnings and measurements do not fail a build; `system-out` shows them without an effect on the counts.
-    said = [*(_line(problem) for problem in problems if problem.level != "error"), _measured(result)]
-    if any(said):
-        ET.SubElement(case, "system-out").text = "\n".join(line for line in said if line)
+    measured, expected, least, coverage = check_cells(result)
+    parts = (measured, expected and f"expected {expected}", least and f"sees from {least}", coverage)
+    lines = [_line(problem) for problem in problems if problem.level != "error"]
+    lines.append(printable("; ".join(part for part in parts if part)))
+    if any(lines):
+        ET.SubElement(case, "system-out").text = "\n".join(line for line in lines if line)
     return case
 
 
 def _line(problem: Problem) -> str:
     where = place(problem.where)
     return printable(f"{problem.code}: {problem.message}" + (f" ({where})" if where else ""))
-
-
-def _measured(result: Result) -> str:
-    measured, expected, least, coverage = check_cells(result)
-    parts = (measured, expected and f"expected {expected}", least and f"sees from {least}", coverage)
-    return printable("; ".join(part for part in parts if part))
 
 
 def _count(element: ET.Element) -> None:

@@ -3,7 +3,7 @@
 import re
 from collections.abc import Iterable
 
-from fedora_qa.record.types import Diagnosis, FileRecord, Record
+from fedora_qa.record.types import FileRecord, Record
 from fedora_qa.record.wording import (
     OUTCOME_WORDS,
     canaries_seen,
@@ -31,7 +31,14 @@ def record_to_markdown(record: Record) -> str:
     effort = f", effort {record.effort}" if record.effort else ""
     foot = f"{record.tool.name} {record.tool.version}, ruleset {record.ruleset_version}{effort}"
     sections = [_file_section(file) for file in record.files]
-    overview = [_overview(record.files)] if len(record.files) > 1 else []
+    overview: list[str] = []
+    if len(record.files) > 1:
+        columns = ("file", "verdict", "checks", "most probable cause")
+        rows = [
+            (file.path, file.verdict, tally(file.results), *map(cause_sentence, file.diagnoses[:1]))
+            for file in record.files
+        ]
+        overview = [table(columns, (row + ("",) * (len(columns) - len(row)) for row in rows))]
     return "\n\n".join([*overview, *sections, f"<sub>{escape(foot)}</sub>"]) + "\n"
 
 
@@ -54,13 +61,6 @@ def _row(cells: Iterable[str]) -> str:
     return "| " + " | ".join(cells) + " |"
 
 
-def _overview(files: Iterable[FileRecord]) -> str:
-    """Return a table with the verdict of each of several files."""
-    head = ("file", "verdict", "checks", "most probable cause")
-    rows = ((file.path, file.verdict, tally(file.results), *map(cause_sentence, file.diagnoses[:1])) for file in files)
-    return table(head, (row + ("",) * (len(head) - len(row)) for row in rows))
-
-
 def _file_section(file: FileRecord) -> str:
     head = [
         f"**{escape(headline(file))}**",
@@ -69,8 +69,20 @@ def _file_section(file: FileRecord) -> str:
         escape(identity(file)),
     ]
     parts = [f"## {escape(file.path)}", "  \n".join(line for line in head if line)]
-    if file.diagnoses:
-        parts += ["### Probable causes", "\n".join(_diagnosis(diagnosis, file) for diagnosis in file.diagnoses)]
+    causes: list[str] = []
+    for diagnosis in file.diagnoses:
+        confidence = f" (confidence {diagnosis.confidence:.0%})" if diagnosis.confidence else ""
+        explains = ", ".join((*explained_checks(diagnosis, file), *diagnosis.explains))
+        where = place(diagnosis.where)
+        causes += [
+            f"- **{escape(cause_sentence(diagnosis))}**{confidence}",
+            f"  - cause: {escape(f'{diagnosis.stream}:{diagnosis.cause}')}",
+            *([f"  - where: {escape(where)}"] if where else []),
+            f"  - remedy: {escape(diagnosis.remedy)}",
+            f"  - explains: {escape(explains)}",
+        ]
+    if causes:
+        parts += ["### Probable causes", "\n".join(causes)]
     findings = findings_of(file)
     if findings:
         lines = [(f.id, f.severity, f.code, f.message, place(f.where)) for _, f in findings]
@@ -81,16 +93,3 @@ def _file_section(file: FileRecord) -> str:
     if reasons(file.results):
         parts.append("\n".join(f"- {escape(reason)}" for reason in reasons(file.results)))
     return "\n\n".join(parts)
-
-
-def _diagnosis(diagnosis: Diagnosis, file: FileRecord) -> str:
-    confidence = f" (confidence {diagnosis.confidence:.0%})" if diagnosis.confidence else ""
-    explains = ", ".join((*explained_checks(diagnosis, file), *diagnosis.explains))
-    lines = [
-        f"- **{escape(cause_sentence(diagnosis))}**{confidence}",
-        f"  - cause: {escape(f'{diagnosis.stream}:{diagnosis.cause}')}",
-        f"  - where: {escape(place(diagnosis.where))}" if place(diagnosis.where) else "",
-        f"  - remedy: {escape(diagnosis.remedy)}",
-        f"  - explains: {escape(explains)}",
-    ]
-    return "\n".join(line for line in lines if line)

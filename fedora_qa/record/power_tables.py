@@ -52,6 +52,17 @@ class PowerTable:
 
 def tables_of(power: Power) -> tuple[PowerTable, ...]:
     """Return the tables of a study that have rows."""
+    false = power.false_alarms
+    note = (
+        f"One-sided 95% bound of the rate {false.upper:.2%}, stated {false.stated:.2g}: so many or more would come "
+        f"with probability {false.chance:.2g}."
+    )
+    if power.set_aside:
+        note += f" {power.set_aside} faulty copies of files that failed are set aside, and count nowhere below."
+    rows: list[tuple[str, ...]] = [(ANY_CHECK, share_words(false.files), interval_words(false.files))]
+    rows += [(check, share_words(share), interval_words(share)) for check, share in false.by_check.items()]
+    alarms = PowerTable("False alarms on clean files", ("check", "failed", "95% interval"), tuple(rows), note=note)
+
     head = ("faults", "found", "of those expected to be", "named first, of those found", "95% interval", "all named")
     rows = [
         (naming.kind, share_words(naming.found), share_words(naming.observable), share_words(naming.named_first),
@@ -59,7 +70,33 @@ def tables_of(power: Power) -> tuple[PowerTable, ...]:
         for naming in power.naming
     ]  # fmt: skip
     kinds = PowerTable("Faults found and named", head, tuple(rows))
-    tables = (_alarms(power), kinds, _found(power), _wrong(power), _sizes(power), _limits(power))
+
+    # Of several planted causes any is right in the first place; what was not found is a miss, not a wrong name.
+    wrong = [
+        confusion for confusion in power.confusions if confusion.named not in {NOT_FOUND, *confusion.planted.split("+")}
+    ]
+    wrong = sorted(wrong, key=lambda confusion: -confusion.count)
+    rows = [
+        (confusion.planted, confusion.named, confusion.kind, str(confusion.count)) for confusion in wrong[:_WRONG_SHOWN]
+    ]
+    more = len(wrong) - len(rows)
+    note = f"And {more} more, in the JSON." if more else ""
+    confusions = PowerTable("Named otherwise", ("planted", "named first", "kind", "files"), tuple(rows), 3, note)
+
+    head_of_sizes = (
+        "cause", "told", "median relative error", "with error", "median pull", "spread of pulls", "within 2",
+    )  # fmt: skip
+    rows = [
+        (error.cause, str(error.count), f"{error.median_relative_error:.1%}", str(error.with_error),
+         "-" if error.pull_median is None else f"{error.pull_median:+.2f}",
+         "-" if error.pull_spread is None else f"{error.pull_spread:.2f}",
+         share_words(error.within_two) if error.with_error else "-")
+        for error in power.magnitudes
+    ]  # fmt: skip
+    title = "Fitted sizes against planted ones, where the cause is named first"
+    sizes = PowerTable(title, head_of_sizes, tuple(rows))
+
+    tables = (alarms, kinds, _detections(power), confusions, sizes, _limits(power))
     return tuple(candidate for candidate in tables if candidate.rows)
 
 
@@ -114,20 +151,7 @@ def _rounded(value: float) -> float:
     return float(f"{value:.3g}")
 
 
-def _alarms(power: Power) -> PowerTable:
-    alarms = power.false_alarms
-    rows = [(ANY_CHECK, share_words(alarms.files), interval_words(alarms.files))]
-    rows += [(check, share_words(share), interval_words(share)) for check, share in alarms.by_check.items()]
-    note = (
-        f"One-sided 95% bound of the rate {alarms.upper:.2%}, stated {alarms.stated:.2g}: so many or more would come "
-        f"with probability {alarms.chance:.2g}."
-    )
-    if power.set_aside:
-        note += f" {power.set_aside} faulty copies of files that failed are set aside, and count nowhere below."
-    return PowerTable("False alarms on clean files", ("check", "failed", "95% interval"), tuple(rows), note=note)
-
-
-def _found(power: Power) -> PowerTable:
+def _detections(power: Power) -> PowerTable:
     rows: list[tuple[str, ...]] = []
     for _, group in groupby(power.detections, key=lambda detection: (detection.cause, detection.unit)):
         # First how often any check finds the cause, then the checks that find it most often.
@@ -144,35 +168,6 @@ def _found(power: Power) -> PowerTable:
     head = ("cause", "check", "found", "found 95% of the time")
     note = "Faults of whole files; sizes with 95% intervals. Of each cause the checks that find it most often."
     return PowerTable("Detection", head, tuple(rows), words=2, note=note)
-
-
-def _wrong(power: Power) -> PowerTable:
-    # Of several planted causes any is right in the first place; what was not found is a miss, not a wrong name.
-    wrong = [
-        confusion for confusion in power.confusions if confusion.named not in {NOT_FOUND, *confusion.planted.split("+")}
-    ]
-    wrong = sorted(wrong, key=lambda confusion: -confusion.count)
-    rows = [
-        (confusion.planted, confusion.named, confusion.kind, str(confusion.count)) for confusion in wrong[:_WRONG_SHOWN]
-    ]
-    more = len(wrong) - len(rows)
-    note = f"And {more} more, in the JSON." if more else ""
-    return PowerTable("Named otherwise", ("planted", "named first", "kind", "files"), tuple(rows), 3, note)
-
-
-def _sizes(power: Power) -> PowerTable:
-    head = ("cause", "told", "median relative error", "with error", "median pull", "spread of pulls", "within 2")
-    rows = [
-        (error.cause, str(error.count), f"{error.median_relative_error:.1%}", str(error.with_error),
-         _signed(error.pull_median), "-" if error.pull_spread is None else f"{error.pull_spread:.2f}",
-         share_words(error.within_two) if error.with_error else "-")
-        for error in power.magnitudes
-    ]  # fmt: skip
-    return PowerTable("Fitted sizes against planted ones, where the cause is named first", head, tuple(rows))
-
-
-def _signed(value: float | None) -> str:
-    return "-" if value is None else f"{value:+.2f}"
 
 
 def _limits(power: Power) -> PowerTable:

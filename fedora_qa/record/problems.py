@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 from typing import Final, Literal
 
-from fedora_qa.record.types import FileRecord, Finding, Result, Severity, Waived, Where
+from fedora_qa.record.types import FileRecord, Severity, Waived, Where
 from fedora_qa.record.wording import cause_sentence, why_incomplete
 
 Level = Literal["error", "warning", "note"]
@@ -34,51 +34,36 @@ class Problem:
 
 def problems_of(file: FileRecord) -> tuple[Problem, ...]:
     """Return the problems of a file, in the order of its checks, and last whether it is incomplete."""
-    problems = [problem for result in file.results for problem in _problems_of(result, file)]
-    why = _why_incomplete(file)
+    problems: list[Problem] = []
+    for result in file.results:
+        failed, has_error = result.outcome == "failed", False
+        for finding in result.findings:
+            level = _LEVELS[finding.severity]
+            # `critical` and `error` of a check that did not fail would contradict the verdict of the file.
+            level = "warning" if level == "error" and not failed else level
+            has_error |= level == "error"
+            causes = [
+                f"Probable cause: {cause_sentence(diagnosis)}. {diagnosis.remedy}"
+                for diagnosis in file.diagnoses
+                if finding.id in diagnosis.explains
+            ]
+            problems.append(
+                Problem(
+                    path=file.path,
+                    check=result.check,
+                    code=finding.code or result.check,
+                    level=level,
+                    message=" ".join((finding.message, *causes)),
+                    where=finding.where,
+                    waived=finding.waived,
+                )
+            )
+        # A failed check without a finding of that level must still fail the build.
+        if failed and not has_error:
+            message = f"The check failed: {result.reason or result.question}"
+            problems.append(Problem(file.path, result.check, result.check, "error", message, Where()))
+    crashed = [result.check for result in file.results if result.outcome == "crashed"]
+    why = why_incomplete(file) or (f"crashed: {', '.join(crashed)}" if crashed else "")
     if why:
         problems.append(Problem(file.path, "", INCOMPLETE, "error", f"The check is incomplete: {why}.", Where()))
     return tuple(problems)
-
-
-def _problems_of(result: Result, file: FileRecord) -> list[Problem]:
-    failed = result.outcome == "failed"
-    problems = [
-        Problem(
-            path=file.path,
-            check=result.check,
-            code=finding.code or result.check,
-            level=_level(finding, failed),
-            message=_explained(finding, file),
-            where=finding.where,
-            waived=finding.waived,
-        )
-        for finding in result.findings
-    ]
-    # A failed check without a finding of that level must still fail the build.
-    if failed and not any(problem.level == "error" for problem in problems):
-        message = f"The check failed: {result.reason or result.question}"
-        problems.append(Problem(file.path, result.check, result.check, "error", message, Where()))
-    return problems
-
-
-def _level(finding: Finding, failed: bool) -> Level:
-    """Return the level of a finding; only a failed check has errors."""
-    level = _LEVELS[finding.severity]
-    # `critical` and `error` of a check that did not fail would contradict the verdict of the file.
-    return "warning" if level == "error" and not failed else level
-
-
-def _explained(finding: Finding, file: FileRecord) -> str:
-    """Return the message with the probable cause and its remedy."""
-    causes = [
-        f"Probable cause: {cause_sentence(diagnosis)}. {diagnosis.remedy}"
-        for diagnosis in file.diagnoses
-        if finding.id in diagnosis.explains
-    ]
-    return " ".join((finding.message, *causes))
-
-
-def _why_incomplete(file: FileRecord) -> str:
-    crashed = [result.check for result in file.results if result.outcome == "crashed"]
-    return why_incomplete(file) or (f"crashed: {', '.join(crashed)}" if crashed else "")

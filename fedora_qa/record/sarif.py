@@ -7,12 +7,12 @@ waived finding is a suppressed result; where there is one, every result of the r
 import hashlib
 import json
 from collections import Counter
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from typing import Any, Final
 from urllib.parse import quote
 
 from fedora_qa.record.problems import INCOMPLETE, Problem, problems_of
-from fedora_qa.record.types import FileRecord, Record
+from fedora_qa.record.types import Record
 from fedora_qa.record.wording import place, printable
 
 SCHEMA: Final = "https://docs.oasis-open.org/sarif/sarif/v2.1.0/errata01/os/schemas/sarif-schema-2.1.0.json"
@@ -24,17 +24,46 @@ def record_to_sarif(record: Record) -> str:
     findings = [problem for problem in problems if problem.code != INCOMPLETE]
     missing = [problem for problem in problems if problem.code == INCOMPLETE]
     rules = sorted({problem.code for problem in findings})
+    questions = {result.check: result.question for file in record.files for result in file.results}
+    asked = {problem.code: questions.get(problem.check, "") for problem in findings}
+    artifacts: list[dict[str, Any]] = []
+    for file in record.files:
+        artifact: dict[str, Any] = {
+            "location": {"uri": artifact_uri(file.path)},
+            "length": file.size,
+            "properties": {"verdict": file.verdict},
+        }
+        # A partial digest is not the SHA-256 of the file, with which readers would compare it.
+        if file.digest_kind == "full":
+            artifact["hashes"] = {"sha-256": printable(file.sha256)}
+        artifacts.append(artifact)
     run = {
-        "tool": {"driver": _driver(record, rules, findings)},
+        "tool": {
+            "driver": {
+                "name": printable(record.tool.name),
+                "version": printable(record.tool.version),
+                "rules": [
+                    {"id": printable(rule), "shortDescription": {"text": printable(asked[rule])}} for rule in rules
+                ],
+            }
+        },
         "columnKind": "unicodeCodePoints",
         "invocations": [
             {
                 # False where a file is incomplete; findings alone are the result of a successful execution.
                 "executionSuccessful": not missing,
-                "toolExecutionNotifications": [_notification(problem) for problem in missing],
+                "toolExecutionNotifications": [
+                    {
+                        "level": "error",
+                        "message": {"text": printable(problem.message)},
+                        "locations": [_location(problem)],
+                        "descriptor": {"id": INCOMPLETE},
+                    }
+                    for problem in missing
+                ],
             }
         ],
-        "artifacts": [_artifact(file) for file in record.files],
+        "artifacts": artifacts,
         "results": _results(findings, rules),
         "properties": {"ruleset_version": printable(record.ruleset_version), "effort": printable(record.effort)},
     }
@@ -49,61 +78,33 @@ def artifact_uri(path: str) -> str:
     return f"file://{quoted}" if path.startswith("/") else quoted
 
 
-def _driver(record: Record, rules: Sequence[str], findings: Iterable[Problem]) -> dict[str, Any]:
-    questions = {result.check: result.question for file in record.files for result in file.results}
-    asked = {problem.code: questions.get(problem.check, "") for problem in findings}
-    return {
-        "name": printable(record.tool.name),
-        "version": printable(record.tool.version),
-        "rules": [{"id": printable(rule), "shortDescription": {"text": printable(asked[rule])}} for rule in rules],
-    }
-
-
-def _artifact(file: FileRecord) -> dict[str, Any]:
-    artifact: dict[str, Any] = {
-        "location": {"uri": artifact_uri(file.path)},
-        "length": file.size,
-        "properties": {"verdict": file.verdict},
-    }
-    # A partial digest is not the SHA-256 of the file, with which readers would compare it.
-    if file.digest_kind == "full":
-        artifact["hashes"] = {"sha-256": printable(file.sha256)}
-    return artifact
-
-
-def _results(findings: Iterable[Problem], rules: Sequence[str]) -> list[dict[str, Any]]:
+def _results(findings: Sequence[Problem], rules: Sequence[str]) -> list[dict[str, Any]]:
     """Return a result for each finding; a fingerprint distinguishes it from others of its rule, stream and file."""
-    findings = tuple(findings)
-    tells_suppressions = any(problem.waived for problem in findings)
+    states_suppressions = any(problem.waived for problem in findings)
     counts: Counter[tuple[str, str, str]] = Counter()
-    results = []
+    results: list[dict[str, Any]] = []
     for problem in findings:
         # Without message, time and row, which change with every measured number: the alert must stay the same one.
         kin = (problem.path, problem.code, problem.where.stream or "")
-        result = _result(problem, rules.index(problem.code), _fingerprint(*kin, str(counts[kin])))
-        results.append(result | ({"suppressions": _suppressions(problem)} if tells_suppressions else {}))
+        digest = hashlib.sha256(json.dumps((*kin, str(counts[kin]))).encode()).hexdigest()
         counts[kin] += 1
+        result: dict[str, Any] = {
+            "ruleId": printable(problem.code),
+            "ruleIndex": rules.index(problem.code),
+            "level": problem.level,
+            "message": {"text": printable(problem.message)},
+            "locations": [_location(problem)],
+            "partialFingerprints": {"streamOfRule/v1": digest},
+            "properties": {"check": printable(problem.check)},
+        }
+        if states_suppressions:
+            result["suppressions"] = []
+        if problem.waived is not None:
+            waived = problem.waived
+            justification = printable(f"{waived.reason} ({waived.owner}, until {waived.until})")
+            result["suppressions"] = [{"kind": "external", "status": "accepted", "justification": justification}]
+        results.append(result)
     return results
-
-
-def _result(problem: Problem, rule_index: int, fingerprint: str) -> dict[str, Any]:
-    return {
-        "ruleId": printable(problem.code),
-        "ruleIndex": rule_index,
-        "level": problem.level,
-        "message": {"text": printable(problem.message)},
-        "locations": [_location(problem)],
-        "partialFingerprints": {"streamOfRule/v1": fingerprint},
-        "properties": {"check": printable(problem.check)},
-    }
-
-
-def _suppressions(problem: Problem) -> list[dict[str, Any]]:
-    if problem.waived is None:
-        return []
-    waived = problem.waived
-    justification = printable(f"{waived.reason} ({waived.owner}, until {waived.until})")
-    return [{"kind": "external", "status": "accepted", "justification": justification}]
 
 
 def _location(problem: Problem) -> dict[str, Any]:
@@ -120,16 +121,3 @@ def _location(problem: Problem) -> dict[str, Any]:
     if place(problem.where):
         location["logicalLocations"] = [{"fullyQualifiedName": printable(place(problem.where))}]
     return location
-
-
-def _notification(problem: Problem) -> dict[str, Any]:
-    return {
-        "level": "error",
-        "message": {"text": printable(problem.message)},
-        "locations": [_location(problem)],
-        "descriptor": {"id": INCOMPLETE},
-    }
-
-
-def _fingerprint(*parts: str) -> str:
-    return hashlib.sha256(json.dumps(parts).encode()).hexdigest()

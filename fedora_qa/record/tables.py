@@ -1,10 +1,9 @@
 """The record as tables of typed columns: what CSV, Parquet and data frames are made from."""
 
-from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from typing import Final, Literal
 
-from fedora_qa.record.types import FileRecord, Record, Scalar, Where
+from fedora_qa.record.types import Record, Scalar
 
 Kind = Literal["text", "texts", "integer", "integers", "number", "scalar"]
 """What a column holds: ``texts`` and ``integers`` hold several values in a cell, ``scalar`` one of any type."""
@@ -30,12 +29,6 @@ class Table:
     rows: tuple[Row, ...]
 
 
-@dataclass(frozen=True, slots=True)
-class _Shape:
-    columns: tuple[Column, ...]
-    rows: Callable[[FileRecord], Iterator[Row]]
-
-
 def tables_of(record: Record) -> tuple[Table, ...]:
     """Return every table of a record."""
     return tuple(table_of(record, name) for name in TABLE_NAMES)
@@ -43,52 +36,40 @@ def tables_of(record: Record) -> tuple[Table, ...]:
 
 def table_of(record: Record, name: str) -> Table:
     """Return one table of a record; raises ``KeyError`` where there is none of the name."""
-    shape = _SHAPES[name]
-    # The path is in each row, so that tables of one record can be joined.
-    rows = tuple((file.path, *row) for file in record.files for row in shape.rows(file))
-    return Table(name, (Column("file", "text"), *shape.columns), rows)
-
-
-def _files(file: FileRecord) -> Iterator[Row]:
-    yield file.verdict, file.dialect, file.size, file.sha256, file.digest_kind
-
-
-def _results(file: FileRecord) -> Iterator[Row]:
-    for result in file.results:
-        coverage = result.coverage
-        coverage_cells = (coverage.seen, coverage.of, coverage.unit) if coverage else (None, None, None)
-        yield result.check, result.outcome, *coverage_cells, result.reason
-
-
-def _measurements(file: FileRecord) -> Iterator[Row]:
-    for result in file.results:
-        for m in result.measurements:
-            yield (
-                result.check, m.name, m.value, m.unit, m.standard_error, m.expected, m.limit, m.least_detectable,
-                m.side, m.tests,
-            )  # fmt: skip
-
-
-def _findings(file: FileRecord) -> Iterator[Row]:
-    for result in file.results:
-        for finding in result.findings:
-            yield result.check, finding.id, finding.code, finding.severity, finding.message, *_place(finding.where)
-
-
-def _diagnoses(file: FileRecord) -> Iterator[Row]:
-    for d in file.diagnoses:
-        yield d.id, d.cause, d.stream, d.magnitude, d.unit, d.standard_error, d.confidence, d.remedy, d.explains
-
-
-def _statistics(file: FileRecord) -> Iterator[Row]:
-    for group, values in file.statistics.items():
-        for name, value in values.items():
-            yield group, name, value
-
-
-def _place(where: Where) -> Iterator[Cell]:
-    for column in _PLACE:
-        yield getattr(where, column.name)
+    columns = (Column("file", "text"), *_COLUMNS[name])
+    rows: list[Row] = []
+    for file in record.files:
+        # The path is in each row, so that tables of one record can be joined.
+        path = file.path
+        match name:
+            case "files":
+                rows.append((path, file.verdict, file.dialect, file.size, file.sha256, file.digest_kind))
+            case "results":
+                for r in file.results:
+                    coverage = (r.coverage.seen, r.coverage.of, r.coverage.unit) if r.coverage else (None, None, None)
+                    rows.append((path, r.check, r.outcome, *coverage, r.reason))
+            case "measurements":
+                rows += [
+                    (path, r.check, m.name, m.value, m.unit, m.standard_error, m.expected, m.limit, m.least_detectable,
+                     m.side, m.tests)
+                    for r in file.results for m in r.measurements
+                ]  # fmt: skip
+            case "findings":
+                for r in file.results:
+                    for f in r.findings:
+                        place = (getattr(f.where, column.name) for column in _PLACE)
+                        rows.append((path, r.check, f.id, f.code, f.severity, f.message, *place))
+            case "diagnoses":
+                rows += [
+                    (path, d.id, d.cause, d.stream, d.magnitude, d.unit, d.standard_error, d.confidence, d.remedy,
+                     d.explains)
+                    for d in file.diagnoses
+                ]  # fmt: skip
+            case "statistics":
+                rows += [
+                    (path, group, key, v) for group, values in file.statistics.items() for key, v in values.items()
+                ]
+    return Table(name, columns, tuple(rows))
 
 
 def _columns(**kinds: Kind) -> tuple[Column, ...]:
@@ -100,33 +81,23 @@ _PLACE: Final = _columns(
     pixel="integers", tile="integers",
 )  # fmt: skip
 
-_SHAPES: Final = {
-    "files": _Shape(
-        _columns(verdict="text", dialect="text", size_bytes="integer", sha256="text", digest_kind="text"), _files
+_COLUMNS: Final = {
+    "files": _columns(verdict="text", dialect="text", size_bytes="integer", sha256="text", digest_kind="text"),
+    "results": _columns(
+        check="text", outcome="text", seen="integer", of="integer", coverage_unit="text", reason="text",
     ),
-    "results": _Shape(
-        _columns(check="text", outcome="text", seen="integer", of="integer", coverage_unit="text", reason="text"),
-        _results,
+    "measurements": _columns(
+        check="text", name="text", value="number", unit="text", standard_error="number", expected="number",
+        limit="number", least_detectable="number", side="text", tests="integer",
     ),
-    "measurements": _Shape(
-        _columns(
-            check="text", name="text", value="number", unit="text", standard_error="number", expected="number",
-            limit="number", least_detectable="number", side="text", tests="integer",
-        ),
-        _measurements,
+    "findings": (*_columns(check="text", id="text", code="text", severity="text", message="text"), *_PLACE),
+    "diagnoses": _columns(
+        id="text", cause="text", stream="text", magnitude="number", unit="text", standard_error="number",
+        confidence="number", remedy="text", explains="texts",
     ),
-    "findings": _Shape(
-        (*_columns(check="text", id="text", code="text", severity="text", message="text"), *_PLACE), _findings
-    ),
-    "diagnoses": _Shape(
-        _columns(
-            id="text", cause="text", stream="text", magnitude="number", unit="text", standard_error="number",
-            confidence="number", remedy="text", explains="texts",
-        ),
-        _diagnoses,
-    ),
-    "statistics": _Shape(_columns(group="text", name="text", value="scalar"), _statistics),
+    "statistics": _columns(group="text", name="text", value="scalar"),
 }  # fmt: skip
+"""Columns of each table besides ``file``; ``table_of`` gives its rows."""
 
-TABLE_NAMES: Final = tuple(_SHAPES)
+TABLE_NAMES: Final = tuple(_COLUMNS)
 """The tables, in the order in which they are written."""

@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from typing import Final
 
 from fedora_qa.causes import CAUSES
-from fedora_qa.record.types import Coverage, Diagnosis, FileRecord, Finding, Measurement, Outcome, Result, Side, Where
+from fedora_qa.record.types import Coverage, Diagnosis, FileRecord, Finding, Measurement, Outcome, Result, Where
 
 OUTCOME_WORDS: Final[dict[Outcome, str]] = {
     "failed": "failed",
@@ -97,10 +97,19 @@ def with_error(value: float | None, standard_error: float | None, unit: str) -> 
 
 def place(where: Where) -> str:
     """Return where something is, in words; empty where nothing is known."""
+    start_us, stop_us, row, stop = where.start_us, where.stop_us, where.index_start, where.index_stop
+    times = rows = None
+    if start_us is not None:
+        times = f"at {_seconds(start_us)}"
+        if stop_us is not None and stop_us != start_us:
+            times = f"{_seconds(start_us)} to {_seconds(stop_us)}"
+    if row is not None:
+        # Half-open in the record; in a sentence the last row is included.
+        rows = f"row {row}" if stop is None or stop - row == 1 else f"rows {row} to {stop - 1}"
     parts = [
         where.stream,
-        _times(where),
-        _range("row", where.index_start, where.index_stop),
+        times,
+        rows,
         f"frame {where.frame}" if where.frame is not None else None,
         f"pixel ({where.pixel[0]}, {where.pixel[1]})" if where.pixel else None,
         "tile ({}, {}) to ({}, {})".format(*where.tile) if where.tile else None,
@@ -205,19 +214,14 @@ def reasons(results: Sequence[Result]) -> tuple[str, ...]:
     """Return why checks have no answer, or did not cover everything; checks with the same reason together."""
     together: dict[tuple[str, str], list[str]] = {}
     for result in results:
-        reason = _beyond_warnings(result)
+        reason = result.reason
+        # The warnings of a check are among its findings.
+        if result.outcome == "warned":
+            for finding in result.findings:
+                reason = reason.removeprefix(finding.message).removeprefix("; ")
         if reason:
             together.setdefault((OUTCOME_WORDS[result.outcome], reason), []).append(result.check)
     return tuple(f"{', '.join(checks)} ({outcome}): {reason}" for (outcome, reason), checks in together.items())
-
-
-def _beyond_warnings(result: Result) -> str:
-    """Return the reason without the warnings of a check, which are among its findings."""
-    reason = result.reason
-    if result.outcome == "warned":
-        for finding in result.findings:
-            reason = reason.removeprefix(finding.message).removeprefix("; ")
-    return reason
 
 
 def coverage_words(coverage: Coverage | None) -> str:
@@ -230,41 +234,22 @@ def coverage_words(coverage: Coverage | None) -> str:
 
 
 def _excess(measurement: Measurement) -> float:
+    """Return how far a value lies out, in units of its limit; 0 on a side that does not count."""
     if measurement.value is None or measurement.expected is None:
         # A value that could not be computed lies farthest out; without an expectation there is no deviation.
         return math.inf if measurement.value is None else 0.0
-    deviation = _deviation(measurement.value - measurement.expected, measurement.side)
+    difference = measurement.value - measurement.expected
+    if measurement.side == "both":
+        deviation = abs(difference)
+    else:
+        deviation = max(difference if measurement.side == "upper" else -difference, 0.0)
     if not measurement.limit:
         # A limit of 0 or none belongs to an exact rule: any deviation breaks it.
         return math.inf if deviation else 0.0
     return deviation / measurement.limit
 
 
-def _deviation(difference: float, side: Side) -> float:
-    """Return how far a value lies out on the side that counts; 0 on the other."""
-    if side == "both":
-        return abs(difference)
-    return max(difference if side == "upper" else -difference, 0.0)
-
-
-def _times(where: Where) -> str | None:
-    if where.start_us is None:
-        return None
-    if where.stop_us is None or where.stop_us == where.start_us:
-        return f"at {_seconds(where.start_us)}"
-    return f"{_seconds(where.start_us)} to {_seconds(where.stop_us)}"
-
-
 def _seconds(time_us: float) -> str:
     """Return microseconds of the file's clock as seconds, without losing a microsecond."""
     # Six decimals of a second are the resolution of timestamps; `number` would round to four significant digits.
     return f"{time_us / 1e6:.6f}".rstrip("0").rstrip(".") + " s"
-
-
-def _range(noun: str, start: int | None, stop: int | None) -> str | None:
-    if start is None:
-        return None
-    if stop is None or stop - start == 1:
-        return f"{noun} {start}"
-    # Half-open in the record; in a sentence the last row is included.
-    return f"{noun}s {start} to {stop - 1}"

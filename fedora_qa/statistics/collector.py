@@ -1,7 +1,9 @@
 """Collect statistics window by window, beside the checks, in the same pass."""
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
+from functools import partial
 from typing import TypeVar
 
 import numpy as np
@@ -11,7 +13,7 @@ from fedora_qa.causes import in_families
 from fedora_qa.conventions import NS_PER_S
 from fedora_qa.errors import UnreadableRowsError
 from fedora_qa.record.types import Scalar
-from fedora_qa.sequence.facts import Clock, Facts
+from fedora_qa.sequence.facts import Facts
 from fedora_qa.sequence.window import Window
 from fedora_qa.statistics.moments import ValueMoments, added, sampled_depth_m, sampled_luma_dn, sampled_speeds_px
 from fedora_qa.statistics.trajectory import CurveMotion, rotation, translation
@@ -63,17 +65,31 @@ class StatisticsCollector:
     def update(self, state: list[WindowStatistics], window: Window) -> None:
         """Add what a window shows. Windows come in order."""
         streams = self._streams(window.facts)
-        depths_m = list(_readable(window, "depth", lambda frame: sampled_depth_m(window, frame), streams))
-        events, brighter = _count_events(window, streams)
+        depths_m = list(_readable(window, "depth", partial(sampled_depth_m, window), streams))
+        rows = window.owned("events") if "events" in streams else range(0)
+        events = brighter = 0
+        if rows:
+            with suppress(UnreadableRowsError):
+                brighter = int(np.count_nonzero(window.rows("path/events/p", rows.start, rows.stop)))
+                events = len(rows)
+        speeds_px = {}
+        for stream in window.facts.flow_streams:
+            speeds = _readable(window, stream, partial(sampled_speeds_px, window, stream), streams)
+            speeds_px[stream] = added(ValueMoments.of(speed) for speed in speeds)
+        depth_moments = added(ValueMoments.of(depth, positive=True) for depth in depths_m)
+        with np.errstate(divide="ignore"):
+            # 1 / depth, 1/m, as the paper has it; a depth of 0 gives infinity, which does not count.
+            disparities = added(ValueMoments.of(np.float32(1) / depth, positive=True) for depth in depths_m)
+        lumas_dn = _readable(window, "rgb", partial(sampled_luma_dn, window), streams)
         state.append(
             replace(
                 _poses(window) if "pose" in streams else WindowStatistics(),
                 events=events,
                 brighter_events=brighter,
-                speeds_px={stream: _flow_speeds(window, stream, streams) for stream in window.facts.flow_streams},
-                depth_m=added(ValueMoments.of(depth, positive=True) for depth in depths_m),
-                disparity_per_m=added(_disparities(depth) for depth in depths_m),
-                luma_dn=added(_readable(window, "rgb", lambda frame: _luma(window, frame), streams)),
+                speeds_px=speeds_px,
+                depth_m=depth_moments,
+                disparity_per_m=disparities,
+                luma_dn=added(ValueMoments.of(luma_dn) for luma_dn in lumas_dn),
             )
         )
 
@@ -93,11 +109,32 @@ class StatisticsCollector:
         groups: dict[str, Mapping[str, Scalar]] = {"sequence": _sequence(state, facts), "motion": _motion(state, facts)}
         streams = self._streams(facts)
         if "events" in streams:
-            groups["events"] = _events(state, facts)
+            events = sum(window.events for window in state)
+            brighter = sum(window.brighter_events for window in state)
+            groups["events"] = {
+                "count": facts.events.count if facts.events else None,
+                "seen": events,
+                "brighter_share": brighter / events if events else None,
+                "darker_share": (events - brighter) / events if events else None,
+            }
         for stream in (stream for stream in facts.flow_streams if stream in streams):
-            groups[stream] = _flow(added(window.speeds_px[stream] for window in state))
+            speed_px = added(window.speeds_px[stream] for window in state)
+            groups[stream] = {
+                "mean_px": speed_px.mean,
+                "variance_px2": speed_px.variance,
+                "max_px": speed_px.greatest if speed_px.count else None,
+                "valid_share": speed_px.valid_share,
+                "pixels": speed_px.count,
+            }
         if "depth" in streams:
-            groups["depth"] = _depth(added(s.depth_m for s in state), added(s.disparity_per_m for s in state))
+            depth_m = added(window.depth_m for window in state)
+            groups["depth"] = {
+                "min_m": depth_m.least if depth_m.count else None,
+                "max_m": depth_m.greatest if depth_m.count else None,
+                "mean_m": depth_m.mean,
+                "disparity_mean_per_m": added(window.disparity_per_m for window in state).mean,
+                "valid_share": depth_m.valid_share,
+            }
         if "rgb" in streams:
             groups["rgb"] = {"brightness_mean_dn": added(window.luma_dn for window in state).mean}
         if facts.declared.cameras:
@@ -106,7 +143,12 @@ class StatisticsCollector:
             groups["cameras"] = {
                 f"{name}_{side}_px": getattr(camera, side) for name, camera in cameras for side in ("width", "height")
             }
-        groups["rates"] = {f"{stream}_hz": _rate_hz(clock) for stream, clock in sorted(facts.clocks.items())}
+        rates_hz: dict[str, Scalar] = {}
+        for stream, clock in sorted(facts.clocks.items()):
+            span_ns = int(clock.times_ns.max() - clock.times_ns.min()) if len(clock.times_ns) > 1 else 0
+            # n samples span n - 1 periods.
+            rates_hz[f"{stream}_hz"] = (len(clock.times_ns) - 1) * NS_PER_S / span_ns if span_ns > 0 else None
+        groups["rates"] = rates_hz
         return groups
 
 
@@ -142,33 +184,17 @@ def _readable(window: Window, stream: str, read: Callable[[int], Image], streams
             continue
 
 
-def _count_events(window: Window, streams: frozenset[str]) -> tuple[int, int]:
-    rows = window.owned("events")
-    if "events" not in streams or not rows:
-        return 0, 0
-    try:
-        return len(rows), int(np.count_nonzero(window.rows("path/events/p", rows.start, rows.stop)))
-    except UnreadableRowsError:
-        return 0, 0
-
-
-def _flow_speeds(window: Window, stream: str, streams: frozenset[str]) -> ValueMoments:
-    speeds = _readable(window, stream, lambda row: sampled_speeds_px(window, stream, row), streams)
-    return added(ValueMoments.of(speed) for speed in speeds)
-
-
-def _disparities(depth_m: NDArray[np.float32]) -> ValueMoments:
-    with np.errstate(divide="ignore"):
-        # 1 / depth, 1/m, as the paper has it; a depth of 0 gives infinity, which does not count.
-        return ValueMoments.of(np.float32(1) / depth_m, positive=True)
-
-
-def _luma(window: Window, frame: int) -> ValueMoments:
-    return ValueMoments.of(sampled_luma_dn(window, frame))
-
-
 def _sequence(state: Sequence[WindowStatistics], facts: Facts) -> dict[str, Scalar]:
-    stream, duration_s = _duration(facts)
+    stream: str | None = None
+    duration_s: float | None = None
+    for candidate in _DURATION_FROM:
+        clock = facts.clocks.get(candidate)
+        if clock is not None and clock.usable and len(clock.times_ns) > 1:
+            stream, duration_s = candidate, int(clock.times_ns.max() - clock.times_ns.min()) / NS_PER_S
+            break
+    else:
+        if facts.events is not None and facts.events.last_ns > facts.events.first_ns:
+            stream, duration_s = "events", (facts.events.last_ns - facts.events.first_ns) / NS_PER_S
     count = facts.events.count if facts.events else None
     # All events of the file by its scan, over its whole duration, whichever windows were decoded.
     rate = count / duration_s if count is not None and duration_s else None
@@ -178,16 +204,6 @@ def _sequence(state: Sequence[WindowStatistics], facts: Facts) -> dict[str, Scal
         "event_rate_mean_per_s": rate,
         "windows": len(state),
     }
-
-
-def _duration(facts: Facts) -> tuple[str | None, float | None]:
-    for stream in _DURATION_FROM:
-        clock = facts.clocks.get(stream)
-        if clock is not None and clock.usable and len(clock.times_ns) > 1:
-            return stream, int(clock.times_ns.max() - clock.times_ns.min()) / NS_PER_S
-    if facts.events is not None and facts.events.last_ns > facts.events.first_ns:
-        return "events", (facts.events.last_ns - facts.events.first_ns) / NS_PER_S
-    return None, None
 
 
 def _motion(state: Sequence[WindowStatistics], facts: Facts) -> dict[str, Scalar]:
@@ -220,40 +236,3 @@ def _moved(length: str, unit: str, speed: str, speed_unit: str, motion: CurveMot
         values["_".join(name)] = estimate.value if estimate else None
         values[f"{name[0]}_standard_error_{name[1]}"] = estimate.standard_error if estimate else None
     return values
-
-
-def _events(state: Sequence[WindowStatistics], facts: Facts) -> dict[str, Scalar]:
-    events = sum(window.events for window in state)
-    brighter = sum(window.brighter_events for window in state)
-    return {
-        "count": facts.events.count if facts.events else None,
-        "seen": events,
-        "brighter_share": brighter / events if events else None,
-        "darker_share": (events - brighter) / events if events else None,
-    }
-
-
-def _flow(speed_px: ValueMoments) -> dict[str, Scalar]:
-    return {
-        "mean_px": speed_px.mean,
-        "variance_px2": speed_px.variance,
-        "max_px": speed_px.greatest if speed_px.count else None,
-        "valid_share": speed_px.valid_share,
-        "pixels": speed_px.count,
-    }
-
-
-def _depth(depth_m: ValueMoments, disparity_per_m: ValueMoments) -> dict[str, Scalar]:
-    return {
-        "min_m": depth_m.least if depth_m.count else None,
-        "max_m": depth_m.greatest if depth_m.count else None,
-        "mean_m": depth_m.mean,
-        "disparity_mean_per_m": disparity_per_m.mean,
-        "valid_share": depth_m.valid_share,
-    }
-
-
-def _rate_hz(clock: Clock) -> float | None:
-    span_ns = int(clock.times_ns.max() - clock.times_ns.min()) if len(clock.times_ns) > 1 else 0
-    # n samples span n - 1 periods.
-    return (len(clock.times_ns) - 1) * NS_PER_S / span_ns if span_ns > 0 else None

@@ -108,7 +108,12 @@ def rotation(times_s: Float64, orientations_xyzw: Float64) -> CurveMotion | None
     CurveMotion | None
         Length in rad, speed in rad/s, noise in rad on each axis; None where there are too few samples.
     """
-    motion = _measure(times_s, _of_one_sign(orientations_xyzw), speeds=_angular_speeds, noise=_tangential)
+    q = orientations_xyzw / np.linalg.norm(orientations_xyzw, axis=1, keepdims=True)
+    # q and -q are the same rotation. A negative dot product is a jump from q to -q; after an odd number of such jumps
+    # the sign is turned back.
+    turns = np.sum(q[1:] * q[:-1], axis=1) < 0
+    signs = np.concatenate([[1.0], np.where(np.cumsum(turns) % 2, -1.0, 1.0)]) if len(q) else np.empty(0)
+    motion = _measure(times_s, q * signs[:, None], speeds=_angular_speeds, noise=_tangential)
     if motion is None:
         return None
     return CurveMotion(motion.length, motion.speed_max, 2.0 * motion.noise, motion.knot_spacing_s)  # half angles in q
@@ -254,15 +259,6 @@ def _angular_speeds(q: Float64, rates: Float64) -> Float64:
     # The part of dq/dt across q is what turns the curve on the sphere: omega = 2 |across| / |q|.
     across = rates - q * (np.sum(q * rates, axis=-1) / squared)[..., None]
     return cast(Float64, 2.0 * np.linalg.norm(across, axis=-1) / np.sqrt(squared))
-
-
-def _of_one_sign(orientations_xyzw: Float64) -> Float64:
-    """Return unit quaternions whose sign does not jump; q and -q are the same rotation."""
-    q = orientations_xyzw / np.linalg.norm(orientations_xyzw, axis=1, keepdims=True)
-    # A negative dot product is a jump from q to -q; after an odd number of such jumps the sign is turned back.
-    turns = np.sum(q[1:] * q[:-1], axis=1) < 0
-    signs = np.concatenate([[1.0], np.where(np.cumsum(turns) % 2, -1.0, 1.0)]) if len(q) else np.empty(0)
-    return cast(Float64, q * signs[:, None])
 
 
 def _isotropic(fitted: Float64, random: np.random.Generator) -> Float64:

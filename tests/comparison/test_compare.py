@@ -77,7 +77,7 @@ def test_what_is_the_same_to_the_last_count_is_identical() -> None:
 
 
 def test_two_sequences_of_the_same_counts_are_identical() -> None:
-    """Too few stretches to tell anything from chance are no reason to doubt that nothing differs."""
+    """Too few segments to tell anything from chance are no reason to doubt that nothing differs."""
     found = compare(
         [given("one", given_file("a.h5", STILL[:2])), given("two", given_file("b.h5", STILL[:2]))], None, 0.01
     )

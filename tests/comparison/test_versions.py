@@ -5,8 +5,7 @@ from dataclasses import replace
 import pytest
 from scipy.stats import norm
 
-from fedora_qa.comparison.statistics import statistic_changes, with_errors
-from fedora_qa.comparison.versions import allowed_shift, record_changes
+from fedora_qa.comparison.versions import allowed_shift, record_changes, statistic_changes, with_errors
 from fedora_qa.record.types import Finding, Measurement, Result, Where
 from tests.support.records import failed, file_record, not_observable, passed
 

@@ -13,8 +13,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from fedora_qa.layout.checksum_kernels import fletcher32
-from fedora_qa.layout.direct_chunks import StoredChunks
+from fedora_qa.layout.direct_chunks import StoredChunks, fletcher32
 
 SHAPE = (3, 300, 500, 2)
 CODECS: dict[str, dict[str, Any]] = {

@@ -24,7 +24,7 @@ from fedora_qa.sequence.facts import Facts
 from fedora_qa.sequence.window import Window
 from fedora_qa.views.camera_mapping import why_not_one_view
 from fedora_qa.views.depth_edges import DARK_DN, DepthEdges, depth_edges
-from fedora_qa.views.event_camera import ResampledFrames, intervals_due, resampled_frames
+from fedora_qa.views.event_camera import intervals_due, resampled_frames
 from fedora_qa.views.large_frames import is_large, turn_of
 
 Float64 = NDArray[np.float64]
@@ -133,9 +133,38 @@ class AlignmentEvents(WindowCheck[IntervalCorrelations]):
         chosen = np.unique(np.linspace(0, len(frames) - 2, intervals).round().astype(int))
         rgb = window.facts.declared.cameras["rgb"]
         by_quarters = is_large(rgb.width * rgb.height, window)
-        *near, far = zip(*(_correlated(frames, int(i), by_quarters=by_quarters) for i in chosen), strict=True)
-        auto, cross, sums, slopes = (np.array(of_intervals) for of_intervals in near)
-        return IntervalCorrelations(auto, cross, sums, slopes, joined(far), depth_edges(window))
+        height = frames.uniform_dn.shape[1]
+        auto, cross, sums, slopes, far = [], [], [], [], []
+        for interval in chosen.tolist():
+            # In large frames each quarter of the image has its turn. What events leave open differs from place to place
+            # more than over time, so that all quarters together err as the whole image does: of 1 s of 1440x1080
+            # standard errors are 0.014 and 0.030 px, for 0.011 and 0.018, and limits, which are those of the lag for
+            # the most part, 9% and 23% larger.
+            rows = slice(None)
+            if by_quarters:
+                quarter = int(4 * turn_of(int(frames.frames[interval])))
+                rows = slice(quarter * height // 4, (quarter + 1) * height // 4)
+            # The mean over a footprint is of linear intensity, the logarithm comes after it: averaged logarithms err by
+            # more at sharp edges. DARK_DN limits what rounding of dark pixels contributes.
+            before, after = (np.log(frames.uniform_dn[frame, rows] + DARK_DN) for frame in (interval, interval + 1))
+            error_before_dn, error_after_dn = frames.error_dn[interval, rows], frames.error_dn[interval + 1, rows]
+            counts = np.ascontiguousarray(frames.counts[interval, :, rows])
+            change, events, usable, sums_of_interval = change_and_events(
+                before, after, error_before_dn, error_after_dn, counts
+            )
+            slopes_of_interval = slope_sums(before, change, usable)
+            # Only pixels that fire lag behind the level; what events leave open concerns every usable pixel.
+            slopes_of_interval[:2] = slope_sums(before, change, events > 0)[:2]
+            # Slopes are sums over pixels: a quarter counts as if all rows were like its own.
+            slopes_of_interval *= height / len(before)
+            auto.append(auto_correlation(change, usable))
+            cross.append(cross_correlation(change, events, usable))
+            sums.append(sums_of_interval)
+            slopes.append(slopes_of_interval)
+            far.append(far_sums(change, events, usable))
+        return IntervalCorrelations(
+            np.array(auto), np.array(cross), np.array(sums), np.array(slopes), joined(far), depth_edges(window)
+        )
 
     def conclude(self, state: Sequence[IntervalCorrelations], facts: Facts) -> Observation:
         """Register the sums of all intervals."""
@@ -152,14 +181,23 @@ class AlignmentEvents(WindowCheck[IntervalCorrelations]):
         if far is None:
             # Correlation coefficient: covariance over the root of both sums of squares; 1e-300 keeps it finite where
             # nothing changes.
-            strength = float(cross.sum(axis=0).max() / max(np.sqrt(change_squares * event_squares), 1e-300))
-            shift = registered_shift(auto.sum(axis=0), cross.sum(axis=0))
+            all_auto, all_cross = auto.sum(axis=0), cross.sum(axis=0)
+            strength = float(all_cross.max() / max(np.sqrt(change_squares * event_squares), 1e-300))
+            shift = registered_shift(all_auto, all_cross)
             if strength < LEAST_CORRELATION or shift is None or events == 0:
                 why = f"events and frames correlate by no more than {strength:.2g} within {REACH_PX} px"
                 return Observation(coverage, unobservable=why)
-            spread_px = _jackknife_px(auto, cross)
-            if spread_px is None:
+            # Delete-one jackknife over groups of intervals: n - 1 times the variance of the n leave-one-out values
+            # (Efron and Stein 1981).
+            groups = np.array_split(np.arange(len(auto)), min(len(auto), _MOST_GROUPS))
+            partial = [
+                registered_shift(all_auto - auto[g].sum(axis=0), all_cross - cross[g].sum(axis=0)) for g in groups
+            ]
+            fitted_px = [(each.right_px, each.down_px) for each in partial if each is not None]
+            # A peak that vanishes without one group rests on that group alone.
+            if len(fitted_px) < len(partial):
                 return Observation(coverage, unobservable="the peak depends on single stretches of time")
+            spread_px = np.sqrt((len(fitted_px) - 1) * np.var(fitted_px, axis=0))
         else:
             shift, spread_px = far.shift, far.errors_px
         # Size of a step, C, from the data: absolute change of the pixels that fire over their events (class docstring).
@@ -200,46 +238,3 @@ class AlignmentEvents(WindowCheck[IntervalCorrelations]):
                 )
             ),
         )
-
-
-def _correlated(
-    frames: ResampledFrames, interval: int, *, by_quarters: bool
-) -> tuple[Float64, Float64, Float64, Float64, FarSums]:
-    """Return the sums of one frame interval, as in ``IntervalCorrelations``; of large frames, over a quarter of it.
-
-    In large frames each quarter of the image has its turn. What events leave open differs from place to place more
-    than over time, so that all quarters together err as the whole image does: of 1 s of 1440x1080 standard errors are
-    0.014 and 0.030 px, for 0.011 and 0.018, and limits, which are those of the lag for the most part, 9% and 23%
-    larger.
-    """
-    height, rows = frames.uniform_dn.shape[1], slice(None)
-    if by_quarters:
-        quarter = int(4 * turn_of(int(frames.frames[interval])))
-        rows = slice(quarter * height // 4, (quarter + 1) * height // 4)
-    # The mean over a footprint is of linear intensity, the logarithm comes after it: averaged logarithms err by more at
-    # sharp edges. DARK_DN limits what rounding of dark pixels contributes.
-    before, after = (np.log(frames.uniform_dn[frame, rows] + DARK_DN) for frame in (interval, interval + 1))
-    error_before_dn, error_after_dn = frames.error_dn[interval, rows], frames.error_dn[interval + 1, rows]
-    counts = np.ascontiguousarray(frames.counts[interval, :, rows])
-    change, events, usable, sums = change_and_events(before, after, error_before_dn, error_after_dn, counts)
-    slopes = slope_sums(before, change, usable)
-    # Only pixels that fire lag behind the level; what events leave open concerns every usable pixel.
-    slopes[:2] = slope_sums(before, change, events > 0)[:2]
-    # Slopes are sums over pixels: a quarter counts as if all rows were like its own.
-    slopes *= height / len(before)
-    auto, cross = auto_correlation(change, usable), cross_correlation(change, events, usable)
-    return auto, cross, sums, slopes, far_sums(change, events, usable)
-
-
-def _jackknife_px(auto: Float64, cross: Float64) -> Float64 | None:
-    """Return the spread (2,) of the shift when groups of intervals are left out in turn; None where a fit fails."""
-    groups = np.array_split(np.arange(len(auto)), min(len(auto), _MOST_GROUPS))
-    all_auto, all_cross = auto.sum(axis=0), cross.sum(axis=0)
-    shifts = [registered_shift(all_auto - auto[g].sum(axis=0), all_cross - cross[g].sum(axis=0)) for g in groups]
-    fitted_px = [(shift.right_px, shift.down_px) for shift in shifts if shift is not None]
-    # A peak that vanishes without one group rests on that group alone.
-    if len(fitted_px) < len(shifts):
-        return None
-    # Delete-one jackknife: n - 1 times the variance of the n leave-one-out values (Efron and Stein 1981).
-    spread_px: Float64 = np.sqrt((len(fitted_px) - 1) * np.var(fitted_px, axis=0))
-    return spread_px

@@ -9,10 +9,9 @@ from fedora_qa.checks.clocks.streams import all_timestamps, clock_set_back, file
 from fedora_qa.checks.exact import count_of_faults
 from fedora_qa.checks.protocol import FactsCheck, Notice, Observation, Statistic
 from fedora_qa.conventions import NS_PER_MS, NS_PER_US
-from fedora_qa.estimators.clocks.regular_clock import RegularClock
 from fedora_qa.features import Feature
 from fedora_qa.record.types import Where
-from fedora_qa.sequence.facts import Clock, Facts
+from fedora_qa.sequence.facts import Facts
 
 
 @dataclass(frozen=True, slots=True)
@@ -78,6 +77,15 @@ class ClocksGaps(FactsCheck):
                 message = f"{stream} is irregular ({jitter}): gaps cannot be told"
                 notices.append(Notice("clocks.gaps.irregular", message, Where(stream)))
                 continue
+            # Samples that stand elsewhere leave a gap where they belong, as missing ones do. Rows that were written
+            # twice share one timestamp and fill one gap at most.
+            clock = facts.clocks[stream]
+            distinct = len(np.unique(clock.times_ns[~clock.advancing]))
+            features: tuple[Feature, ...] = ()
+            # Fewer displaced samples than missing ones do not explain all gaps: some are lost.
+            if fit.missing and distinct >= fit.missing:
+                set_back = clock_set_back(clock, np.flatnonzero(np.diff(clock.times_ns) < 0))
+                features = (DisorderedTimestamps(distinct), *((set_back,) if set_back is not None else ()))
             first, where = _behind(facts, stream, fit.gap_after)
             statistics.append(
                 count_of_faults(
@@ -88,7 +96,7 @@ class ClocksGaps(FactsCheck):
                     f"the first behind row {first}.",
                     code="clocks.gaps.missing",
                     where=where,
-                    features=_of_gaps(facts.clocks[stream], fit),
+                    features=features,
                 )
             )
             first, where = _behind(facts, stream, fit.jump_after)
@@ -110,17 +118,6 @@ class ClocksGaps(FactsCheck):
             )
         empty = "" if statistics or notices else "no stream has three stamps in order"
         return Observation(all_timestamps(facts), tuple(statistics), tuple(notices), unobservable=empty)
-
-
-def _of_gaps(clock: Clock, fit: RegularClock) -> tuple[Feature, ...]:
-    """Distinguish samples that stand elsewhere, and leave a gap where they belong, from those that are missing."""
-    # Rows that were written twice share one timestamp and fill one gap at most.
-    distinct = len(np.unique(clock.times_ns[~clock.advancing]))
-    # Fewer displaced samples than missing ones do not explain all gaps: some are lost.
-    if not fit.missing or distinct < fit.missing:
-        return ()
-    set_back = clock_set_back(clock, np.flatnonzero(np.diff(clock.times_ns) < 0))
-    return DisorderedTimestamps(distinct), *((set_back,) if set_back is not None else ())
 
 
 def _behind(facts: Facts, stream: str, steps: NDArray[np.intp]) -> tuple[int | None, Where]:

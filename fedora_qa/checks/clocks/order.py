@@ -1,6 +1,5 @@
 """Are timestamps in order?"""
 
-from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -10,7 +9,6 @@ from fedora_qa.checks.clocks.streams import (
     all_timestamps,
     clock_set_back,
     clocks_of,
-    event_scan,
     file_us,
     part_in_other_unit,
 )
@@ -85,13 +83,36 @@ class ClocksOrder(FactsCheck):
                 # A clock that was rounded to a grid above its period steps by 0 or by the grid: the longest step is the
                 # grid.
                 rounded = (RoundedRepeats(float(np.max(np.diff(clock.times_ns))) / NS_PER_MS),)
+            # A part in another unit, a counter that wrapped and a clock that was set back step back as well.
+            disorders: list[Feature] = []
+            if len(backward):
+                part, set_back = part_in_other_unit(facts, stream), clock_set_back(clock, backward)
+                wraps = _is_wrap(int(clock.times_ns[backward[0] + 1] - clock.times_ns[backward[0]]))
+                disorders += [part] if part is not None else []
+                disorders += [CounterWrap()] if wraps else []
+                disorders += [set_back] if set_back is not None else []
             statistics += [
-                self._count(facts, stream, "backward_steps", backward, tuple(_of_order(facts, stream, backward))),
+                self._count(facts, stream, "backward_steps", backward, tuple(disorders)),
                 self._count(facts, stream, "repeated_stamps", repeated, rounded),
             ]
         # Events may share a timestamp, so that only their steps back are counted.
         if facts.events is not None:
-            statistics.append(self._of_events(facts))
+            events, reset = facts.events, clock_reset(facts.events)
+            wrap = (CounterWrap(),) if _is_wrap(-events.largest_decrease_ns) else ()
+            statistics.append(
+                count_of_faults(
+                    name="events.backward_steps",
+                    value=events.decreases,
+                    unit="events",
+                    statement=f"{events.decreases} events are earlier than the one before, first at row "
+                    f"{events.first_decrease}, by up to {events.largest_decrease_ns / NS_PER_US:.6g} us; they must be "
+                    "in the order of time.",
+                    code="clocks.order.backward_steps",
+                    where=Where(stream="events", index_start=events.first_decrease if events.decreases else None),
+                    severity="critical",
+                    features=(*wrap, *((reset,) if reset is not None else ())),
+                )
+            )
         return Observation(all_timestamps(facts), tuple(statistics))
 
     def _count(
@@ -111,38 +132,6 @@ class ClocksOrder(FactsCheck):
             severity="critical",
             features=features,
         )
-
-    def _of_events(self, facts: Facts) -> Statistic:
-        events = event_scan(facts)
-        wrap = (CounterWrap(),) if _is_wrap(-events.largest_decrease_ns) else ()
-        reset = clock_reset(events)
-        return count_of_faults(
-            name="events.backward_steps",
-            value=events.decreases,
-            unit="events",
-            statement=f"{events.decreases} events are earlier than the one before, first at row "
-            f"{events.first_decrease}, by up to {events.largest_decrease_ns / NS_PER_US:.6g} us; they must be in the "
-            "order of time.",
-            code="clocks.order.backward_steps",
-            where=Where(stream="events", index_start=events.first_decrease if events.decreases else None),
-            severity="critical",
-            features=(*wrap, *((reset,) if reset is not None else ())),
-        )
-
-
-def _of_order(facts: Facts, stream: str, backward: NDArray[np.intp]) -> Iterator[Feature]:
-    """Distinguish a part in another unit, a counter that wrapped and a clock that was set back from other orders."""
-    if not len(backward):
-        return
-    clock = facts.clocks[stream]
-    part = part_in_other_unit(facts, stream)
-    if part is not None:
-        yield part
-    if _is_wrap(int(clock.times_ns[backward[0] + 1] - clock.times_ns[backward[0]])):
-        yield CounterWrap()
-    set_back = clock_set_back(clock, backward)
-    if set_back is not None:
-        yield set_back
 
 
 def _is_wrap(step_ns: int) -> bool:

@@ -5,7 +5,6 @@ from itertools import pairwise
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from fedora_qa.checks.clocks.streams import all_timestamps, file_us, fits_of
 from fedora_qa.checks.protocol import FactsCheck, Notice, Observation, Statistic
@@ -111,12 +110,46 @@ class ClocksRate(FactsCheck):
         fits = dict(fits_of(facts))
         if not fits:
             return Observation(all_timestamps(facts), unobservable="no stream has three stamps in order")
-        errors = {stream: self._error(facts, stream, fit) for stream, fit in fits.items()}
+        errors: dict[str, Statistic] = {}
+        for stream, fit in fits.items():
+            nominal_ns = _nominal_period_ns(stream, fit.period_ns)
+            deviation = fit.period_ns / nominal_ns - 1
+            # More than 1% from every nominal rate is another rate, not an error of a nominal one.
+            if abs(deviation) > _NOMINAL_WITHIN and not stream.startswith("flow/"):
+                continue
+            ppm = 1e6 * deviation
+            times_ns = facts.clocks[stream].times_ns
+            span_ns = float(np.ptp(times_ns[facts.clocks[stream].advancing]))
+            least_grid_ns = max(NS_PER_US, fit.grid_ns)
+
+            # A grid that nearly divides the period leaves all steps alike but a few, as of another rate with jumps; one
+            # a little above the period leaves all alike but a few that are none.
+            steps_ns = np.diff(times_ns)
+            grid_ns = int(np.gcd.reduce(steps_ns)) if len(steps_ns) else 0
+            is_rounded = has_odd_grid_above_period(times_ns)
+            if not is_rounded:
+                # Distance of each timestamp from n nominal periods; rounding keeps their range within one grid.
+                strays_ns = float(np.ptp(times_ns - np.arange(len(times_ns)) * nominal_ns)) if len(times_ns) else 0.0
+                is_rounded = _LEAST_GRID_NS <= grid_ns < steps_ns.min() and strays_ns <= grid_ns
+
+            errors[stream] = Statistic(
+                name=f"{stream}.rate_error",
+                value=ppm,
+                unit="ppm",
+                # Jitter within the grid is rounding, which the bound covers; jitter above it is white over samples.
+                standard_error=0.0 if fit.jitter_ns <= least_grid_ns else 1e6 * fit.period_error_ns / nominal_ns,
+                # |error of the slope| <= 3/2 g/T for a grid g over a span T (derivation at _WORST_ROUNDING).
+                model_error_bound=1e6 * _WORST_ROUNDING * least_grid_ns / span_ns,
+                statement=f"The period of {stream} is {fit.period_ns / NS_PER_US:.6g} us, {ppm:+.4g} ppm off the "
+                f"nominal {nominal_ns / NS_PER_US:.6g} us.",
+                code="clocks.rate.error",
+                where=Where(stream=stream),
+                material=_MATERIAL_PPM,
+                features=(RoundedClock(grid_ns / NS_PER_MS),) if is_rounded else (),
+            )
         # Streams that keep a nominal rate show that the clock of the file is right: all timestamps are of one clock,
         # and the other streams can be judged by it.
-        exact = [
-            m for m in errors.values() if m is not None and abs(m.value) <= m.model_error_bound + 3 * m.standard_error
-        ]
+        exact = [m for m in errors.values() if abs(m.value) <= m.model_error_bound + 3 * m.standard_error]
         changes = (
             _change(facts, stream, fit, _nominal_period_ns(stream, fit.period_ns))
             for stream, fit in fits.items()
@@ -126,8 +159,7 @@ class ClocksRate(FactsCheck):
         judged = {stream for stream in fits if exact or stream.startswith("flow/")}
         return Observation(
             all_timestamps(facts),
-            tuple(m for m in changes if m is not None)
-            + tuple(m for stream, m in errors.items() if m is not None and stream in judged),
+            tuple(m for m in changes if m is not None) + tuple(m for stream, m in errors.items() if stream in judged),
             tuple(
                 Notice(
                     "clocks.rate.odd",
@@ -138,48 +170,6 @@ class ClocksRate(FactsCheck):
                 if stream not in judged
             ),
         )
-
-    def _error(self, facts: Facts, stream: str, fit: RegularClock) -> Statistic | None:
-        nominal_ns = _nominal_period_ns(stream, fit.period_ns)
-        deviation = fit.period_ns / nominal_ns - 1
-        # More than 1% from every nominal rate is another rate, not an error of a nominal one.
-        if abs(deviation) > _NOMINAL_WITHIN and not stream.startswith("flow/"):
-            return None
-        ppm = 1e6 * deviation
-        span_ns = float(np.ptp(facts.clocks[stream].times_ns[facts.clocks[stream].advancing]))
-        grid_ns = max(NS_PER_US, fit.grid_ns)
-        return Statistic(
-            name=f"{stream}.rate_error",
-            value=ppm,
-            unit="ppm",
-            # Jitter within the grid is rounding, which the bound covers; jitter above it is white over samples.
-            standard_error=0.0 if fit.jitter_ns <= grid_ns else 1e6 * fit.period_error_ns / nominal_ns,
-            # |error of the slope| <= 3/2 g/T for a grid g over a span T (derivation at _WORST_ROUNDING).
-            model_error_bound=1e6 * _WORST_ROUNDING * grid_ns / span_ns,
-            statement=f"The period of {stream} is {fit.period_ns / NS_PER_US:.6g} us, {ppm:+.4g} ppm off the nominal "
-            f"{nominal_ns / NS_PER_US:.6g} us.",
-            code="clocks.rate.error",
-            where=Where(stream=stream),
-            material=_MATERIAL_PPM,
-            features=_rounded(facts.clocks[stream].times_ns, nominal_ns),
-        )
-
-
-def _rounded(times_ns: NDArray[np.int64], nominal_ns: float) -> tuple[RoundedClock, ...]:
-    """Return the grid where timestamps never stray by more than it from the nominal rate, and all steps are multiples.
-
-    A grid that nearly divides the period leaves all steps alike but a few, as of another rate with jumps; one a little
-    above the period leaves all alike but a few that are none.
-    """
-    steps_ns = np.diff(times_ns)
-    grid_ns = int(np.gcd.reduce(steps_ns)) if len(steps_ns) else 0
-    if has_odd_grid_above_period(times_ns):
-        return (RoundedClock(grid_ns / NS_PER_MS),)
-    # Distance of each timestamp from n nominal periods; rounding keeps their range within one grid.
-    strays_ns = float(np.ptp(times_ns - np.arange(len(times_ns)) * nominal_ns)) if len(times_ns) else 0.0
-    if not (_LEAST_GRID_NS <= grid_ns < steps_ns.min() and strays_ns <= grid_ns):
-        return ()
-    return (RoundedClock(grid_ns / NS_PER_MS),)
 
 
 def _nominal_period_ns(stream: str, period_ns: float) -> float:
@@ -202,7 +192,33 @@ def _change(facts: Facts, stream: str, fit: RegularClock, nominal_ns: float) -> 
     """State how much the rate of a stream changes from one quarter to another; None where it is too short."""
     clock = facts.clocks[stream]
     rows = np.flatnonzero(clock.advancing)
-    segments = _segments(clock.times_ns[rows], fit, nominal_ns)
+    times_ns = clock.times_ns[rows]
+    # Least squares in each quarter that is long enough and without a jump of the clock.
+    quarters = pairwise(np.linspace(0, len(times_ns), _SEGMENTS + 1).astype(int).tolist())
+    segments: list[_RateSegment] = []
+    for first, end in quarters if len(times_ns) >= _SEGMENTS * _FEWEST_TIMESTAMPS else ():
+        # A jump of the clock within a segment would be fitted as a change of its rate.
+        if np.any((fit.jump_after >= first) & (fit.jump_after < end - 1)):
+            continue
+        elapsed_ns = (times_ns[first:end] - times_ns[first]).astype(np.float64)
+        # Numbers count elapsed periods, so that missing samples do not displace those behind them.
+        numbers = np.rint(elapsed_ns / fit.period_ns)
+        # Slope of t over n: sum (n - m) t / sum (n - m)^2.
+        centred = numbers - numbers.mean()
+        square = float(centred @ centred)
+        period_ns = float(centred @ elapsed_ns) / square
+        residuals_ns = elapsed_ns - elapsed_ns.mean() - period_ns * centred
+        segments.append(
+            _RateSegment(
+                first,
+                end - 1,
+                rate=period_ns / nominal_ns - 1,
+                rounding=_WORST_ROUNDING * max(NS_PER_US, fit.grid_ns) / max(float(elapsed_ns[-1]), 1.0),
+                # Slope and mean take two degrees of freedom.
+                sigma_ns=float(np.sqrt(residuals_ns @ residuals_ns / (len(numbers) - 2))),
+                lever=float(np.sqrt(square)),
+            )
+        )
     if len(segments) < 2:
         return None
     slowest, fastest = (choose(segments, key=lambda segment: segment.rate) for choose in (min, max))
@@ -235,35 +251,3 @@ def _change(facts: Facts, stream: str, fit: RegularClock, nominal_ns: float) -> 
         ),
         features=(SegmentRate(1e6 * farthest.rate, 1e6 * farthest.rounding),),
     )
-
-
-def _segments(times_ns: NDArray[np.int64], fit: RegularClock, nominal_ns: float) -> list[_RateSegment]:
-    """Fit each quarter that is long enough and without a jump of the clock, by least squares."""
-    edges = np.linspace(0, len(times_ns), _SEGMENTS + 1).astype(int).tolist()
-    if len(times_ns) < _SEGMENTS * _FEWEST_TIMESTAMPS:
-        return []
-    segments: list[_RateSegment] = []
-    for first, stop in pairwise(edges):
-        # A jump of the clock within a segment would be fitted as a change of its rate.
-        if np.any((fit.jump_after >= first) & (fit.jump_after < stop - 1)):
-            continue
-        elapsed_ns = (times_ns[first:stop] - times_ns[first]).astype(np.float64)
-        # Numbers count elapsed periods, so that missing samples do not displace those behind them.
-        numbers = np.rint(elapsed_ns / fit.period_ns)
-        # Slope of t over n: sum (n - m) t / sum (n - m)^2.
-        centred = numbers - numbers.mean()
-        square = float(centred @ centred)
-        period_ns = float(centred @ elapsed_ns) / square
-        residuals_ns = elapsed_ns - elapsed_ns.mean() - period_ns * centred
-        segments.append(
-            _RateSegment(
-                first,
-                stop - 1,
-                rate=period_ns / nominal_ns - 1,
-                rounding=_WORST_ROUNDING * max(NS_PER_US, fit.grid_ns) / max(float(elapsed_ns[-1]), 1.0),
-                # Slope and mean take two degrees of freedom.
-                sigma_ns=float(np.sqrt(residuals_ns @ residuals_ns / (len(numbers) - 2))),
-                lever=float(np.sqrt(square)),
-            )
-        )
-    return segments

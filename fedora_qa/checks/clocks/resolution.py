@@ -10,7 +10,6 @@ from fedora_qa.checks.clocks.streams import event_scan, fits_of
 from fedora_qa.checks.protocol import Observation, Statistic, WindowCheck
 from fedora_qa.conventions import NS_PER_US
 from fedora_qa.estimators.clocks.grid import STEPS, comb_counts, single_precision_spacing_us, surely_no_chance
-from fedora_qa.estimators.clocks.regular_clock import RegularClock
 from fedora_qa.features import Feature
 from fedora_qa.record.types import Coverage, Where
 from fedora_qa.sequence.facts import Facts
@@ -92,8 +91,32 @@ class ClocksResolution(WindowCheck[Comb]):
 
     def measure(self, window: Window) -> Comb | None:
         """Return the comb that a part of the events keeps to, where a clean file shows none."""
-        facts = window.facts
-        return None if facts.events is None or _why_events_show_none(facts) else _comb_of(window)
+        facts, span = window.facts, window.span
+        if facts.events is None or _why_events_show_none(facts):
+            return None
+        tick_us = _declared_tick_us(facts)
+        times_ns = window.events(0, 0).times_ns
+        within = times_ns[slice(*np.searchsorted(times_ns, [span.start_ns, span.stop_ns]))]
+        # Combs pass through the zero of the file's own clock, not through the file's origin.
+        timestamps = within // NS_PER_US + round(facts.origin_us)
+        counts = comb_counts(timestamps if tick_us == 1 else timestamps // tick_us)
+        deviates = counts.deviates()
+        # No comb is hit more than chance would.
+        if not deviates.max() > 0:
+            return None
+        hit_ratios = counts.hits / np.maximum(counts.teeth, 1)
+        # Of a grid many combs are hit: it is the finest of those that are hit most.
+        significant = deviates >= min(float(deviates.max()), _SIGNIFICANT)
+        best = int(np.flatnonzero(significant & (hit_ratios >= _AS_MUCH * hit_ratios[significant].max()))[0])
+        return Comb(
+            span.start_ns,
+            span.stop_ns,
+            STEPS[best] * tick_us,
+            float(hit_ratios[best]),
+            # Probability that a tooth hits by chance: the share of ticks that hold an event (class docstring).
+            by_chance=counts.occupied / counts.ticks,
+            deviate=float(deviates[best]),
+        )
 
     def conclude(self, state: Sequence[Comb], facts: Facts) -> Observation:
         """Measure the grid of each stream; where that of all events is as declared, also that of a part."""
@@ -102,7 +125,30 @@ class ClocksResolution(WindowCheck[Comb]):
         # Where the grid of all events is not the declared one, combs only repeat that finding.
         if not state or not any(grid.where.stream == "events" and grid.value == grid.expected for grid in grids):
             return observation
-        return replace(observation, measurements=(*grids, _partial_grid(state, facts)))
+        # The comb of all windows that is least by chance.
+        worst = max(state, key=lambda comb: comb.deviate)
+        start_us, stop_us = facts.to_file_us(worst.start_ns), facts.to_file_us(worst.stop_ns)
+        reset = clock_reset(facts.events)
+        partial_grid = Statistic(
+            name="events.partial_grid",
+            value=worst.hit_ratio,
+            unit="1",
+            expected=worst.by_chance,
+            # Chosen so that the excess is ``deviate`` standard errors; the bounds keep it finite and above 0.
+            standard_error=(worst.hit_ratio - worst.by_chance) / max(min(worst.deviate, 1e6), 1e-6),
+            side="upper",
+            # Every comb was tried in every window.
+            tests=len(state) * len(STEPS),
+            statement=f"Events keep to a grid of {worst.step_us:g} us around {start_us / 1e6:.3f} s: "
+            f"{worst.hit_ratio:.0%} of its ticks are met, {worst.by_chance:.1%} by chance.",
+            code="clocks.resolution.partial_grid",
+            where=Where(stream="events", start_us=start_us, stop_us=stop_us),
+            features=(
+                PartialGrid(worst.step_us, _declared_tick_us(facts)),
+                *((reset,) if reset is not None else ()),
+            ),
+        )
+        return replace(observation, measurements=(*grids, partial_grid))
 
     def examine(self, facts: Facts) -> Observation:
         """Measure the grid of each stream whose timestamps show one."""
@@ -111,7 +157,18 @@ class ClocksResolution(WindowCheck[Comb]):
             # Equal steps are multiples of every divisor of the period; only unequal ones identify a grid.
             if fit.irregular_steps:
                 # Whole microseconds are 1, and what is finer counts as 1.
-                grid_us, clause = _grid_of(facts, stream, fit)
+                grid_us = fit.grid_ns / NS_PER_US
+                steps_us = np.full(fit.irregular_steps, grid_us)
+                if grid_us > 1 and fit.jitter_ns < fit.period_ns and surely_no_chance(steps_us):
+                    clause = f"lie on a grid of {grid_us:g} us"
+                else:
+                    # The spacing of float32 numbers grows with their size, so that it is that of the absolute time.
+                    times_us = facts.origin_us + facts.clocks[stream].times_ns / NS_PER_US
+                    spacing_us = single_precision_spacing_us(times_us)
+                    # Whole seconds, say, are single-precision seconds too.
+                    is_single = grid_us < spacing_us
+                    grid_us = spacing_us if is_single else 1.0
+                    clause = f"are single-precision seconds, {spacing_us:.3g} us apart" if is_single else ""
                 period_us = fit.period_ns / NS_PER_US
                 text = f"All stamps of {stream} {clause}, and so do not keep their period of {period_us:.6g} us."
                 grids.append(_grid(stream, grid_us, 1.0, text))
@@ -136,18 +193,6 @@ def _why_events_show_none(facts: Facts) -> str:
     return ""
 
 
-def _grid_of(facts: Facts, stream: str, fit: RegularClock) -> tuple[float, str]:
-    grid_us = fit.grid_ns / NS_PER_US
-    if grid_us > 1 and fit.jitter_ns < fit.period_ns and surely_no_chance(np.full(fit.irregular_steps, grid_us)):
-        return grid_us, f"lie on a grid of {grid_us:g} us"
-    # The spacing of float32 numbers grows with their size, so that it is that of the absolute time.
-    times_us = facts.origin_us + facts.clocks[stream].times_ns / NS_PER_US
-    spacing_us = single_precision_spacing_us(times_us)
-    if grid_us >= spacing_us:  # whole seconds, say, are single-precision seconds too
-        return 1.0, ""
-    return spacing_us, f"are single-precision seconds, {spacing_us:.3g} us apart"
-
-
 def _grid(stream: str, grid_us: float, expected_us: float, statement: str) -> Statistic:
     return Statistic(
         name=f"{stream}.grid",
@@ -167,52 +212,3 @@ def _declared_tick_us(facts: Facts) -> int:
     """Return the tick of event timestamps: the interval of declared packets, else one microsecond."""
     declared = facts.declared.events
     return max(1, declared.packet_interval_us if declared is not None else 0)
-
-
-def _comb_of(window: Window) -> Comb | None:
-    """Return the comb of one window's events; None where no comb is hit more than chance would."""
-    facts, span = window.facts, window.span
-    tick_us = _declared_tick_us(facts)
-    times_ns = window.events(0, 0).times_ns
-    within = times_ns[slice(*np.searchsorted(times_ns, [span.start_ns, span.stop_ns]))]
-    # Combs pass through the zero of the file's own clock, not through the file's origin.
-    timestamps = within // NS_PER_US + round(facts.origin_us)
-    counts = comb_counts(timestamps if tick_us == 1 else timestamps // tick_us)
-    deviates = counts.deviates()
-    if not deviates.max() > 0:
-        return None
-    hit_ratios = counts.hits / np.maximum(counts.teeth, 1)
-    # Of a grid many combs are hit: it is the finest of those that are hit most.
-    significant = deviates >= min(float(deviates.max()), _SIGNIFICANT)
-    best = int(np.flatnonzero(significant & (hit_ratios >= _AS_MUCH * hit_ratios[significant].max()))[0])
-    # Probability that a tooth hits by chance: the share of ticks that hold an event (class docstring).
-    by_chance = counts.occupied / counts.ticks
-    return Comb(
-        span.start_ns, span.stop_ns, STEPS[best] * tick_us, float(hit_ratios[best]), by_chance, float(deviates[best])
-    )
-
-
-def _partial_grid(combs: Sequence[Comb], facts: Facts) -> Statistic:
-    """State the comb of all windows that is least by chance."""
-    worst = max(combs, key=lambda comb: comb.deviate)
-    start_us, stop_us = facts.to_file_us(worst.start_ns), facts.to_file_us(worst.stop_ns)
-    reset = clock_reset(facts.events)
-    return Statistic(
-        name="events.partial_grid",
-        value=worst.hit_ratio,
-        unit="1",
-        expected=worst.by_chance,
-        # Chosen so that the excess is ``deviate`` standard errors; the bounds keep it finite and above 0.
-        standard_error=(worst.hit_ratio - worst.by_chance) / max(min(worst.deviate, 1e6), 1e-6),
-        side="upper",
-        # Every comb was tried in every window.
-        tests=len(combs) * len(STEPS),
-        statement=f"Events keep to a grid of {worst.step_us:g} us around {start_us / 1e6:.3f} s: "
-        f"{worst.hit_ratio:.0%} of its ticks are met, {worst.by_chance:.1%} by chance.",
-        code="clocks.resolution.partial_grid",
-        where=Where(stream="events", start_us=start_us, stop_us=stop_us),
-        features=(
-            PartialGrid(worst.step_us, _declared_tick_us(facts)),
-            *((reset,) if reset is not None else ()),
-        ),
-    )

@@ -1,6 +1,6 @@
 """Where the streams begin and end."""
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -8,7 +8,6 @@ import numpy as np
 from fedora_qa.checks.clocks.streams import all_timestamps, extent_ns, fits_of, part_in_other_unit, placed_streams
 from fedora_qa.checks.protocol import FactsCheck, Notice, Observation, Statistic
 from fedora_qa.conventions import NS_PER_MS
-from fedora_qa.estimators.clocks.regular_clock import RegularClock
 from fedora_qa.features import Feature
 from fedora_qa.record.types import Where
 from fedora_qa.sequence.facts import Facts
@@ -86,36 +85,46 @@ class ClocksSpan(FactsCheck):
             features: list[Feature] = [StreamEnds(start - begin, finish - stop, finish - begin)]
             if part is not None:
                 features.append(part)
-            for rule, value in (("begins_late", start - begin), ("ends_early", finish - stop)):
-                statistics.append(_end(facts, stream, rule, value, model_error_bound_ns, tuple(features)))
+            where = Where(stream=stream, start_us=facts.to_file_us(start), stop_us=facts.to_file_us(stop))
+            for rule, value_ns, clause in (
+                ("begins_late", start - begin, "begins {:.6g} ms after"),
+                ("ends_early", finish - stop, "ends {:.6g} ms before"),
+            ):
+                value_ms = value_ns / NS_PER_MS
+                # Extents count from the origin in ns: minus the origin is zero on the file's own clock.
+                zero = rule == "begins_late" and value_ms < 0 and start == -round(facts.origin_us * 1000)
+                statistics.append(
+                    Statistic(
+                        name=f"{stream}.{rule}",
+                        value=value_ms,
+                        unit="ms",
+                        standard_error=0.0,
+                        model_error_bound=model_error_bound_ns / NS_PER_MS,
+                        # Timestamps are whole microseconds; the value is in ms.
+                        resolution=1e-3,
+                        statement=f"{stream} {clause.format(value_ms)} the other streams"
+                        f"{': its stamps begin at zero, theirs do not' if zero else ''}.",
+                        code=f"clocks.span.{rule}",
+                        where=where,
+                        features=tuple(features),
+                    )
+                )
         statistics = _over_several_rates(statistics, facts.flow_streams)
         failed = {m.where.stream for m in statistics if abs(m.value) > m.model_error_bound}
-        notices = [notice for stream, notice in _incomplete(fits, ends, begin, finish) if stream not in failed]
+        # Streams whose next sample would have been due before, or at, the instant where half of the streams end.
+        notices: list[Notice] = []
+        for stream, (start, stop) in ends.items():
+            if stream in failed:
+                continue
+            period_ns = fits[stream].period_ns
+            counts = ((start - begin) / period_ns, (finish - stop) / period_ns)
+            for count, rule, end in zip(counts, ("first", "last"), ("begin", "end"), strict=True):
+                # A sample is due within the jitter of its time; 1e-6 covers the rounding of the division.
+                if count >= 1 - fits[stream].jitter_ns / period_ns - 1e-6:
+                    missing = f"{stream} lacks {int(count + 0.5)} of its samples at its {end}"
+                    message = f"{missing}: most other streams go on to where the {rule} one is due"
+                    notices.append(Notice(f"clocks.span.{rule}_missing", message, Where(stream=stream)))
         return Observation(all_timestamps(facts), tuple(statistics), tuple(notices))
-
-
-def _end(
-    facts: Facts, stream: str, rule: str, value_ns: float, model_error_bound_ns: float, features: tuple[Feature, ...]
-) -> Statistic:
-    value_ms = value_ns / NS_PER_MS
-    clause = "begins {:.6g} ms after" if rule == "begins_late" else "ends {:.6g} ms before"
-    start, stop = extent_ns(facts.clocks[stream])
-    # Extents count from the origin in ns: minus the origin is zero on the file's own clock.
-    zero = rule == "begins_late" and value_ms < 0 and start == -round(facts.origin_us * 1000)
-    return Statistic(
-        name=f"{stream}.{rule}",
-        value=value_ms,
-        unit="ms",
-        standard_error=0.0,
-        model_error_bound=model_error_bound_ns / NS_PER_MS,
-        # Timestamps are whole microseconds; the value is in ms.
-        resolution=1e-3,
-        statement=f"{stream} {clause.format(value_ms)} the other streams"
-        f"{': its stamps begin at zero, theirs do not' if zero else ''}.",
-        code=f"clocks.span.{rule}",
-        where=Where(stream=stream, start_us=facts.to_file_us(start), stop_us=facts.to_file_us(stop)),
-        features=features,
-    )
 
 
 def _over_several_rates(statistics: Sequence[Statistic], rates: Sequence[str]) -> list[Statistic]:
@@ -132,18 +141,3 @@ def _over_several_rates(statistics: Sequence[Statistic], rates: Sequence[str]) -
             for i in cut:
                 completed[i] = replace(statistics[i], features=(*statistics[i].features, feature))
     return completed
-
-
-def _incomplete(
-    fits: Mapping[str, RegularClock], ends: Mapping[str, tuple[int, int]], begin_ns: float, finish_ns: float
-) -> Iterator[tuple[str, Notice]]:
-    """Note streams whose next sample would have been due before, or at, the instant where half of the streams end."""
-    for stream, (start, stop) in ends.items():
-        period_ns = fits[stream].period_ns
-        counts = ((start - begin_ns) / period_ns, (finish_ns - stop) / period_ns)
-        for count, rule, end in zip(counts, ("first", "last"), ("begin", "end"), strict=True):
-            # A sample is due within the jitter of its time; 1e-6 covers the rounding of the division.
-            if count >= 1 - fits[stream].jitter_ns / period_ns - 1e-6:
-                missing = f"{stream} lacks {int(count + 0.5)} of its samples at its {end}"
-                message = f"{missing}: most other streams go on to where the {rule} one is due"
-                yield stream, Notice(f"clocks.span.{rule}_missing", message, Where(stream=stream))

@@ -5,18 +5,29 @@ from dataclasses import dataclass, replace
 from typing import Final, Literal
 
 import numpy as np
+from numba import njit
+from numpy.typing import NDArray
 
 from fedora_qa.checks.protocol import Notice, Observation, Statistic, WindowCheck
+from fedora_qa.estimators.depth.warp import warp
+from fedora_qa.estimators.fitting.quantile_kernels import median_of
 from fedora_qa.features import Feature
 from fedora_qa.record.types import Coverage, Where
 from fedora_qa.sequence.facts import Facts
 from fedora_qa.sequence.window import Window
-from fedora_qa.views.depth_agreement import DepthDeviation, PairAgreement, compare
 from fedora_qa.views.depth_conventions import PairTrials, try_conventions
-from fedora_qa.views.depth_pairs import owned_pairs, where_of_frames, why_no_geometry
+from fedora_qa.views.depth_pairs import DepthPair, owned_pairs, where_of_frames, why_no_geometry
 from fedora_qa.views.flow_comparison import is_noisy
 
+Float64 = NDArray[np.float64]
+
 _MOST_FOLLOW_UPS: Final = 4
+
+_TILES: Final = (8, 6)
+"""Tiles across and down: large enough that each holds a surface, small enough that a lost corner shows."""
+
+_FEWEST_IN_TILE: Final = 20
+"""Pixels of which the median of noise exceeds twice its own bound in no file."""
 
 _PERCENT: Final = 100.0
 _MATERIAL_PERCENT: Final = 1.0
@@ -37,6 +48,54 @@ class MotionCorrections(Feature):
     """Mean square of the corrections of the motion, in units of their declared variance."""
 
     variance_ratio: float
+
+
+@dataclass(frozen=True, slots=True)
+class DepthDeviation:
+    """A median absolute residual, relative to the depth, and the median of its bounds."""
+
+    typical: float
+    bound: float
+
+    @property
+    def excess(self) -> float:
+        """The residual over its bound: above 1 most pixels deviate by more than they may."""
+        return self.typical / self.bound
+
+
+@dataclass(frozen=True, slots=True)
+class PairAgreement:
+    """One pair of frames.
+
+    Attributes
+    ----------
+    first, second
+        Rows of the depth stream.
+    whole, worst_tile, tile
+        Over all compared pixels; in the tile that is off most; and that tile: left, top, right, bottom, in pixels.
+    pixels
+        How many pixels were compared.
+    noise_square, noise_dof
+        The correction of the motion against its declared noise (chi-square); 0 where none is declared.
+    repeats
+        Whether a pair that is off holds the same frame twice, bit for bit.
+    """
+
+    first: int
+    second: int
+    whole: DepthDeviation
+    worst_tile: DepthDeviation
+    tile: tuple[int, int, int, int] | None
+    pixels: int
+    noise_square: float
+    noise_dof: float
+    repeats: bool
+
+    @property
+    def excess(self) -> float:
+        """Above 1 where the pair, or a tile of it, is off, or the motion by ten times the variance of its noise."""
+        by_noise = self.noise_square / (10 * self.noise_dof) if self.noise_dof > 0 else 0.0
+        return max(self.whole.excess, self.worst_tile.excess, by_noise)
 
 
 @dataclass(frozen=True, slots=True)
@@ -152,7 +211,41 @@ class DepthConsistency(WindowCheck[WindowAgreement]):
             PairsOff(len(off), len(pairs), sum(pair.repeats for pair in off)),
             *(trials for window in state for trials in window.trials),
         )
-        statistics = [_whole(pairs, facts, features), _tile(pairs, facts, features)]
+        worst = max(pairs, key=lambda pair: pair.whole.excess)
+        off_whole = [pair for pair in pairs if pair.whole.excess > 1]
+        worst_by_tile = max(pairs, key=lambda pair: pair.worst_tile.excess)
+        off_in_tile = [pair for pair in pairs if pair.worst_tile.excess > 1]
+        statistics = [
+            Statistic(
+                name="deviation",
+                value=_PERCENT * worst.whole.typical,
+                unit="percent",
+                # The bound covers the whole error of each pixel; no random part is left to the median.
+                standard_error=0.0,
+                model_error_bound=_PERCENT * worst.whole.bound,
+                side="upper",
+                material=_MATERIAL_PERCENT,
+                statement=f"Depth frame {worst.first} differs from frame {worst.second} by "
+                f"{_deviation_text(worst.whole)}; {len(off_whole)} of {len(pairs)} pairs are off.",
+                code="depth.consistency.frame",
+                where=_where(off_whole or [worst], facts),
+                features=features,
+            ),
+            Statistic(
+                name="worst_tile",
+                value=_PERCENT * worst_by_tile.worst_tile.typical,
+                unit="percent",
+                standard_error=0.0,
+                model_error_bound=_PERCENT * worst_by_tile.worst_tile.bound,
+                side="upper",
+                material=_MATERIAL_PERCENT,
+                statement=f"A tile of depth frame {worst_by_tile.first} differs from frame {worst_by_tile.second} by "
+                f"{_deviation_text(worst_by_tile.worst_tile)}; so it is in {len(off_in_tile)} of {len(pairs)} pairs.",
+                code="depth.consistency.tile",
+                where=replace(_where(off_in_tile or [worst_by_tile], facts), tile=worst_by_tile.tile),
+                features=features,
+            ),
+        ]
         # Corrections have a known distribution only where the declared noise is not zero.
         if facts.declared.pose is not None and is_noisy(facts.declared.pose):
             statistics += _corrections(pairs, facts, features)
@@ -163,45 +256,6 @@ class DepthConsistency(WindowCheck[WindowAgreement]):
         )
         notices = () if facts.declared.pose else (undeclared,)
         return Observation(coverage, tuple(statistics), notices)
-
-
-def _whole(pairs: Sequence[PairAgreement], facts: Facts, features: tuple[Feature, ...]) -> Statistic:
-    worst = max(pairs, key=lambda pair: pair.whole.excess)
-    off = [pair for pair in pairs if pair.whole.excess > 1]
-    return Statistic(
-        name="deviation",
-        value=_PERCENT * worst.whole.typical,
-        unit="percent",
-        # The bound covers the whole error of each pixel; no random part is left to the median.
-        standard_error=0.0,
-        model_error_bound=_PERCENT * worst.whole.bound,
-        side="upper",
-        material=_MATERIAL_PERCENT,
-        statement=f"Depth frame {worst.first} differs from frame {worst.second} by {_deviation_text(worst.whole)}; "
-        f"{len(off)} of {len(pairs)} pairs are off.",
-        code="depth.consistency.frame",
-        where=_where(off or [worst], facts),
-        features=features,
-    )
-
-
-def _tile(pairs: Sequence[PairAgreement], facts: Facts, features: tuple[Feature, ...]) -> Statistic:
-    worst = max(pairs, key=lambda pair: pair.worst_tile.excess)
-    off = [pair for pair in pairs if pair.worst_tile.excess > 1]
-    return Statistic(
-        name="worst_tile",
-        value=_PERCENT * worst.worst_tile.typical,
-        unit="percent",
-        standard_error=0.0,
-        model_error_bound=_PERCENT * worst.worst_tile.bound,
-        side="upper",
-        material=_MATERIAL_PERCENT,
-        statement=f"A tile of depth frame {worst.first} differs from frame {worst.second} by "
-        f"{_deviation_text(worst.worst_tile)}; so it is in {len(off)} of {len(pairs)} pairs.",
-        code="depth.consistency.tile",
-        where=replace(_where(off or [worst], facts), tile=worst.tile),
-        features=features,
-    )
 
 
 def _corrections(pairs: Sequence[PairAgreement], facts: Facts, features: tuple[Feature, ...]) -> list[Statistic]:
@@ -260,3 +314,102 @@ def _where(pairs: Sequence[PairAgreement], facts: Facts) -> Where:
 def _deviation_text(deviation: DepthDeviation) -> str:
     typical, bound = (_PERCENT * share for share in (deviation.typical, deviation.bound))
     return f"{typical:.3g}% at the median pixel, where rounding explains {bound:.1g}%"
+
+
+def compare(pair: DepthPair) -> PairAgreement | None:
+    """Compare the frames of a pair.
+
+    Parameters
+    ----------
+    pair
+        Two depth frames and the motion between them, which is corrected within its noise first.
+
+    Returns
+    -------
+    PairAgreement | None
+        None where the frames share too few pixels.
+    """
+    model, lattice = pair.model(), pair.lattice()
+    # Declared pose noise moves all pixels alike: without this correction it would count as an error of depth.
+    fit = pair.fit_as_declared()
+    if fit is None:
+        return None
+    warped = warp(replace(model, motion=model.motion.corrected(fit.twist)), lattice, pair.image1)
+    compared = np.isfinite(warped.residuals)
+    residuals, bounds = np.abs(warped.residuals[compared]), warped.bounds[compared]
+    whole = DepthDeviation(median_of(residuals), median_of(bounds))
+
+    # Tiles of the first frame, numbered row by row.
+    across, down = _TILES
+    height, width = pair.image1.depths_m.shape
+    tile_columns = (lattice.columns * across / width).astype(np.uint8)
+    tile_rows = (lattice.rows * down / height).astype(np.uint8)
+    tiles = (tile_rows * np.uint8(across) + tile_columns)[compared]
+    typical, limits = medians_by_group(residuals, bounds, tiles, across * down, _FEWEST_IN_TILE)
+    worst_tile, tile_px = whole, None
+    if np.isfinite(typical).any():
+        # Tiles are ranked by the residual over its bound: bounds grow where depth is steep or coarsely rounded.
+        tile = int(np.nanargmax(typical / limits))
+        worst_tile = DepthDeviation(float(typical[tile]), float(limits[tile]))
+        row, column = divmod(tile, across)
+        left, right = column * width // across, (column + 1) * width // across
+        top, bottom = row * height // down, (row + 1) * height // down
+        # The lattice has every ``every_px``-th pixel of the frame.
+        tile_px = (pair.every_px * left, pair.every_px * top, pair.every_px * right, pair.every_px * bottom)
+
+    # Only pairs that are off are compared value by value.
+    repeats = max(whole.excess, worst_tile.excess) > 1 and np.array_equal(
+        pair.window.depth_m(pair.first), pair.window.depth_m(pair.second), equal_nan=True
+    )
+    return PairAgreement(
+        pair.first,
+        pair.second,
+        whole,
+        worst_tile,
+        tile_px,
+        pixels=warped.compared,
+        noise_square=fit.noise_square,
+        noise_dof=fit.noise_dof,
+        repeats=repeats,
+    )
+
+
+@njit(cache=True)
+def medians_by_group(
+    first: Float64, second: Float64, groups: NDArray[np.uint8], count: int, fewest: int
+) -> tuple[Float64, Float64]:
+    """Return the medians of two columns by group.
+
+    Parameters
+    ----------
+    first, second
+        (n,) the columns.
+    groups
+        (n,) group of each row, less than ``count``.
+    count
+        How many groups there are.
+    fewest
+        Groups of fewer rows have no medians.
+
+    Returns
+    -------
+    tuple[NDArray[np.float64], NDArray[np.float64]]
+        (count,) of either column; NaN in groups of fewer than ``fewest``.
+    """
+    ends = np.zeros(count + 1, np.int64)
+    for group in groups:
+        ends[group + 1] += 1
+    ends = np.cumsum(ends)
+    # Counting sort: values of one group lie together.
+    next_index, first_sorted, second_sorted = ends[:-1].copy(), np.empty(len(first)), np.empty(len(first))
+    for i in range(len(groups)):
+        index = next_index[groups[i]]
+        first_sorted[index], second_sorted[index] = first[i], second[i]
+        next_index[groups[i]] = index + 1
+    first_medians, second_medians = np.full(count, np.nan), np.full(count, np.nan)
+    for group in range(count):
+        start, stop = ends[group], ends[group + 1]
+        if stop - start >= max(fewest, 1):
+            first_medians[group] = median_of(first_sorted[start:stop])
+            second_medians[group] = median_of(second_sorted[start:stop])
+    return first_medians, second_medians

@@ -105,8 +105,36 @@ class FittedParameter(WindowCheck[tuple[PairParameter, ...]]):
 
     def measure(self, window: Window) -> tuple[PairParameter, ...] | None:
         """Fit every pair that the window owns."""
-        fits = (self._fit(pair) for pair in owned_pairs(window) if pair is not None)
-        return tuple(fit for fit in fits if fit is not None)
+        fits = []
+        for pair in owned_pairs(window):
+            if pair is None:
+                continue
+            lattice, image1 = pair.lattice_to_fit(), pair.image1
+            as_declared = pair.fit_as_declared()
+            # Frames that agree as declared start from the declared value and the motion fitted with it.
+            start, coefficients = self.from_value, None
+            if as_declared is not None and as_declared.agrees:
+                start, coefficients = self.declared_value, as_declared.coefficients
+            fit = fit_depth(
+                self.family(pair), lattice, image1, pair.noise, start=start, step=self.number, coefficients=coefficients
+            )
+            # A pair of frames that does not constrain the parameter has no finite standard error.
+            if fit is None or not np.isfinite(fit.standard_error):
+                continue
+            fits.append(
+                PairParameter(
+                    pair.first,
+                    pair.second,
+                    fit.value,
+                    fit.standard_error,
+                    fit.bound,
+                    as_declared.typical if as_declared else np.inf,
+                    fit.typical,
+                    depths_plausible(pair.window.facts, lattice.depths_m),
+                    self.path_factor(pair, fit),
+                )
+            )
+        return tuple(fits)
 
     def conclude(self, state: Sequence[tuple[PairParameter, ...]], facts: Facts) -> Observation:
         """Pool the pairs."""
@@ -120,31 +148,6 @@ class FittedParameter(WindowCheck[tuple[PairParameter, ...]]):
             return Observation(coverage, unobservable=why)
         where = where_of_frames(facts, fits[0].first, fits[-1].second)
         return Observation(coverage, (replace(self.statistic(pooled, fits), where=where),))
-
-    def _fit(self, pair: DepthPair) -> PairParameter | None:
-        lattice, image1 = pair.lattice_to_fit(), pair.image1
-        as_declared = pair.fit_as_declared()
-        # Frames that agree as declared start from the declared value and the motion fitted with it.
-        start, coefficients = self.from_value, None
-        if as_declared is not None and as_declared.agrees:
-            start, coefficients = self.declared_value, as_declared.coefficients
-        fit = fit_depth(
-            self.family(pair), lattice, image1, pair.noise, start=start, step=self.number, coefficients=coefficients
-        )
-        # A pair of frames that does not constrain the parameter has no finite standard error.
-        if fit is None or not np.isfinite(fit.standard_error):
-            return None
-        return PairParameter(
-            pair.first,
-            pair.second,
-            fit.value,
-            fit.standard_error,
-            fit.bound,
-            as_declared.typical if as_declared else np.inf,
-            fit.typical,
-            depths_plausible(pair.window.facts, lattice.depths_m),
-            self.path_factor(pair, fit),
-        )
 
 
 def pool(fits: Sequence[PairParameter]) -> PooledParameter | None:

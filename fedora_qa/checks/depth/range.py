@@ -1,12 +1,10 @@
 """The values of depth: between which ends they lie, whether they pile up there, and in which steps they come."""
 
 from collections.abc import Sequence
-from contextlib import suppress
 from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from fedora_qa.checks.protocol import Notice, Observation, Statistic, WindowCheck
 from fedora_qa.conventions import MM_PER_M
@@ -103,11 +101,31 @@ class DepthRange(WindowCheck[WindowExtents]):
     def measure(self, window: Window) -> WindowExtents | None:
         """Count pixels at the ends of the range in every frame that the window owns."""
         range_m = window.facts.declared.depth_range_m
+        # Neighbourhoods are relative to the end: one at 0 m has none.
+        ends_m = [(i, end_m) for i, end_m in enumerate(range_m or ()) if end_m > 0]
+        # A little more than the neighbourhood: its ends are rounded to single precision.
+        width = 2 * _NEIGHBOURHOOD
+        near_ends = [(end_m * (1 - width), end_m * (1 + width)) for _, end_m in ends_m]
         frames = []
         for frame in window.owned("depth"):
-            with suppress(UnreadableRowsError):  # a finding of integrity.readable
-                extent = _extent(frame, window.depth_m(frame), range_m)
-                frames += [] if extent is None else [extent]
+            try:
+                depth_m = window.depth_m(frame)
+            except UnreadableRowsError:  # a finding of integrity.readable
+                continue
+            extremes = positive_extremes(depth_m, near_ends)
+            # The frame has no valid pixel.
+            if extremes is None:
+                continue
+            nearest_m, farthest_m, near_ends_m = extremes
+            on_end, near_end = [0, 0], [0, 0]
+            for i, end_m in ends_m:
+                # In float64: float32 would round the relative distance by as much as the end is wide.
+                distances = np.abs(near_ends_m.astype(np.float64) / end_m - 1.0)
+                on_end[i] = int(np.count_nonzero(distances <= RANGE_ROUNDING))
+                # The neighbourhood without the end itself, as its definition has it: 63 times as wide as the end.
+                near_end[i] = int(np.count_nonzero(distances <= _NEIGHBOURHOOD)) - on_end[i]
+            on, near = (on_end[0], on_end[1]), (near_end[0], near_end[1])
+            frames.append(FrameExtent(frame, nearest_m, farthest_m, sum(depth_m.shape), on, near))
         return WindowExtents(tuple(frames), step_of(window)) if frames else None
 
     def conclude(self, state: Sequence[WindowExtents], facts: Facts) -> Observation:
@@ -131,29 +149,31 @@ class DepthRange(WindowCheck[WindowExtents]):
             why = "the file declares no depth range"
             ends = _ends(frames, facts, (0.0, np.inf))
             return Observation(coverage, ends, notices, unobservable=why, inferred=inferred)
-        clipped = [_pixels_on_end(frames, facts, end, range_m[end]) for end in (0, 1)]
+        clipped = []
+        for end, (name, end_m) in enumerate(zip(("near", "far"), range_m, strict=True)):
+            on_end = sum(frame.on_end[end] for frame in frames)
+            # A uniform density of the neighbourhood, over the width of the end itself.
+            expected = sum(frame.near_end[end] for frame in frames) * RANGE_ROUNDING / (_NEIGHBOURHOOD - RANGE_ROUNDING)
+            worst = frames[int(np.argmax([frame.on_end[end] for frame in frames]))]
+            clipped.append(
+                Statistic(
+                    name=f"on_{name}_end",
+                    value=float(on_end),
+                    unit="pixels",
+                    # A Poisson count; plus one, for an expected number of zero.
+                    standard_error=float(np.sqrt(expected + 1.0)),
+                    expected=expected,
+                    # A surface may have a line of just this depth in one frame.
+                    model_error_bound=float(max(frame.contour for frame in frames)),
+                    side="upper",
+                    resolution=1.0,
+                    statement=f"{on_end} pixels lie exactly on the {name} end of the range, {end_m:g} m: depth was cut "
+                    "off there instead of being NaN.",
+                    code=f"depth.range.{name}_end",
+                    where=where_of_frames(facts, worst.frame, worst.frame),
+                )
+            )
         return Observation(coverage, (*_ends(frames, facts, range_m), *clipped), notices, inferred=inferred)
-
-
-def _extent(frame: int, depth_m: NDArray[np.float32], range_m: tuple[float, float] | None) -> FrameExtent | None:
-    """Count a frame's pixels at the ends of the range; None where it has no valid pixel."""
-    # Neighbourhoods are relative to the end: one at 0 m has none.
-    ends_m = [(i, end_m) for i, end_m in enumerate(range_m or ()) if end_m > 0]
-    # A little more than the neighbourhood: its ends are rounded to single precision.
-    width = 2 * _NEIGHBOURHOOD
-    extremes = positive_extremes(depth_m, [(end_m * (1 - width), end_m * (1 + width)) for _, end_m in ends_m])
-    if extremes is None:
-        return None
-    nearest_m, farthest_m, near_ends_m = extremes
-    on_end, near_end = [0, 0], [0, 0]
-    for i, end_m in ends_m:
-        # In float64: float32 would round the relative distance by as much as the end is wide.
-        distances = np.abs(near_ends_m.astype(np.float64) / end_m - 1.0)
-        on_end[i] = int(np.count_nonzero(distances <= RANGE_ROUNDING))
-        # The neighbourhood without the end itself, as its definition has it: 63 times as wide as the end.
-        near_end[i] = int(np.count_nonzero(distances <= _NEIGHBOURHOOD)) - on_end[i]
-    on, near = (on_end[0], on_end[1]), (near_end[0], near_end[1])
-    return FrameExtent(frame, nearest_m, farthest_m, sum(depth_m.shape), on, near)
 
 
 def _ends(frames: Sequence[FrameExtent], facts: Facts, range_m: tuple[float, float]) -> tuple[Statistic, ...]:
@@ -188,29 +208,4 @@ def _ends(frames: Sequence[FrameExtent], facts: Facts, range_m: tuple[float, flo
             where=where_of_frames(facts, farthest.frame, farthest.frame),
             features=(extent,),
         ),
-    )
-
-
-def _pixels_on_end(frames: Sequence[FrameExtent], facts: Facts, end: int, end_m: float) -> Statistic:
-    """State the excess of pixels on one end of the range over what the neighbourhood's density would put there."""
-    name = ("near", "far")[end]
-    on_end = sum(frame.on_end[end] for frame in frames)
-    # A uniform density of the neighbourhood, over the width of the end itself.
-    expected = sum(frame.near_end[end] for frame in frames) * RANGE_ROUNDING / (_NEIGHBOURHOOD - RANGE_ROUNDING)
-    worst = max(frames, key=lambda frame: frame.on_end[end])
-    return Statistic(
-        name=f"on_{name}_end",
-        value=float(on_end),
-        unit="pixels",
-        # A Poisson count; plus one, for an expected number of zero.
-        standard_error=float(np.sqrt(expected + 1.0)),
-        expected=expected,
-        # A surface may have a line of just this depth in one frame.
-        model_error_bound=float(max(frame.contour for frame in frames)),
-        side="upper",
-        resolution=1.0,
-        statement=f"{on_end} pixels lie exactly on the {name} end of the range, {end_m:g} m: depth was cut off there "
-        "instead of being NaN.",
-        code=f"depth.range.{name}_end",
-        where=where_of_frames(facts, worst.frame, worst.frame),
     )

@@ -15,7 +15,6 @@ from fedora_qa.estimators.events.shift import (
     CLEAR,
     RADIUS_PX,
     PartShift,
-    Shift,
     ShiftSums,
     intervals,
     most_shifted,
@@ -201,10 +200,22 @@ class EventResponseAlignment(WindowCheck[ShiftCorrelations]):
         patches = np.concatenate([window.patches for window in state])
         squares = np.sum([window.squares.sum(axis=0) for window in state], axis=0)
         far = far_shift(joined([window.far for window in state]), REACH_PX, LEAST_CORRELATION)
-        estimate = _near_shift(patches, squares) if far is None else (far.shift, far.errors_px)
-        if isinstance(estimate, str) or facts.declared.events is None:
-            return Observation(coverage, unobservable=str(estimate))
-        shift, spread = estimate
+        if far is None:
+            total = patches.sum(axis=0)
+            # Correlation coefficient of frames and events; 1e-300 keeps it finite where nothing changes.
+            strength = float(total.max()) / max(float(np.sqrt(squares.prod())), 1e-300)
+            near = peak(total)
+            if near is None or strength < LEAST_CORRELATION:
+                why = f"events and frames correlate by no more than {strength:.2g} within {RADIUS_PX} px"
+                return Observation(coverage, unobservable=why)
+            near_spread = peak_spread(patches, total)
+            if near_spread is None:
+                return Observation(coverage, unobservable="the peak depends on single frame intervals")
+            shift, spread = near, near_spread
+        else:
+            shift, spread = far.shift, far.errors_px
+        if facts.declared.events is None:
+            return Observation(coverage, unobservable="the event sensor is not declared")
         # The larger threshold leaves the level open by more.
         threshold = max(facts.declared.events.threshold_on, facts.declared.events.threshold_off)
         slopes = np.concatenate([window.slopes for window in state])
@@ -212,8 +223,18 @@ class EventResponseAlignment(WindowCheck[ShiftCorrelations]):
         # ``shift``).
         open_errors, lags = open_level_errors(slopes.mean(axis=0), threshold)
         errors = np.maximum(spread, open_errors)
-        # Leaving out pixels that have turned bounds the drag by the data; the lag of the noise model bounds it as well.
-        lags = np.minimum(lags, _drag(shift, state)) if far is None else lags
+        if far is None:
+            # How far pixels that have turned move the peak: those whose events turned, plus those yet to fire. Leaving
+            # them out bounds the drag by the data; the lag of the noise model bounds it as well.
+            drag_px = np.zeros(2)
+            for by_window in ([window.with_turned for window in state], [window.settled for window in state]):
+                dragged = peak(np.sum([of_intervals.sum(axis=0) for of_intervals in by_window], axis=0))
+                # Without a peak the data give no bound, and the lag of the noise model remains.
+                if dragged is None:
+                    drag_px = np.full(2, np.inf)
+                    break
+                drag_px += abs(np.array([dragged.right_px - shift.right_px, dragged.down_px - shift.down_px]))
+            lags = np.minimum(lags, drag_px)
         whole = (
             self._whole("shift_right", shift.right_px, "right", float(errors[0]), float(lags[0])),
             self._whole("shift_down", shift.down_px, "down", float(errors[1]), float(lags[1])),
@@ -277,27 +298,3 @@ class EventResponseAlignment(WindowCheck[ShiftCorrelations]):
 
 
 _AXES: Final[tuple[Literal["right", "down"], ...]] = ("right", "down")
-
-
-def _near_shift(patches: Float64, squares: Float64) -> tuple[Shift, Float64] | str:
-    """Return the shift within reach and its spread (right, down), or why there is none."""
-    total = patches.sum(axis=0)
-    # Correlation coefficient of frames and events; 1e-300 keeps it finite where nothing changes.
-    strength = float(total.max()) / max(float(np.sqrt(squares.prod())), 1e-300)
-    shift = peak(total)
-    if shift is None or strength < LEAST_CORRELATION:
-        return f"events and frames correlate by no more than {strength:.2g} within {RADIUS_PX} px"
-    spread = peak_spread(patches, total)
-    return "the peak depends on single frame intervals" if spread is None else (shift, spread)
-
-
-def _drag(shift: Shift, state: Sequence[ShiftCorrelations]) -> Float64:
-    """Return (2,) how far pixels that have turned move the peak: those whose events turned, plus those yet to fire."""
-    drag_px = np.zeros(2)
-    for by_window in ([window.with_turned for window in state], [window.settled for window in state]):
-        dragged = peak(np.sum([patches.sum(axis=0) for patches in by_window], axis=0))
-        if dragged is None:
-            # Without a peak the data give no bound, and the lag of the noise model remains.
-            return np.full(2, np.inf)
-        drag_px += abs(np.array([dragged.right_px - shift.right_px, dragged.down_px - shift.down_px]))
-    return drag_px

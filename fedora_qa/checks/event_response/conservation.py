@@ -154,10 +154,29 @@ class EventResponseConservation(Check[ConservationState]):
             return Observation(
                 coverage, unobservable="nowhere do frames show so much change that an event could be missed"
             )
-        count, (tile_fraction, row, column, tiles) = int(np.count_nonzero(pixels)), _worst_tile(pixels)
-        cluster = _cluster(pixels, row, column, groups)
+        # Tiles overlap by half, so that a region of five pixels a side lies wholly in one of them, wherever it is.
         side = min(TILE_PX, *pixels.shape)
-        everywhere = cluster.fraction_of_image
+        step = max(side // 2, 1)
+        fractions = _square_counts(pixels, side)[::step, ::step] / side**2
+        worst = tuple(int(i) for i in np.unravel_index(int(np.argmax(fractions)), fractions.shape))
+        tile_fraction, row, column = float(fractions[worst]), worst[0] * step, worst[1] * step
+
+        # How close together the violating pixels lie: around the worst tile, and in one square of twice their number.
+        count, everywhere = int(np.count_nonzero(pixels)), float(pixels.mean())
+        side_px = sqrt(float(count))
+        reach = int(side_px) + TILE_PX
+        near = pixels[max(row - reach, 0) : row + TILE_PX + reach, max(column - reach, 0) : column + TILE_PX + reach]
+        densest = 0.0
+        if count >= TILE_PX:
+            densest = float(_square_counts(pixels, min(ceil(sqrt(2 * count)), *pixels.shape)).max()) / count
+        cluster = ViolationCluster(
+            side_px,
+            fraction_of_image=everywhere,
+            fraction_nearby=float(np.count_nonzero(near)) / max(count, 1),
+            fraction_without_events=sum(group.without_events for group in groups)
+            / max(sum(group.violations for group in groups), 1),
+            fraction_in_densest_square=densest,
+        )
         tile = Statistic(
             name="worst_tile",
             value=tile_fraction,
@@ -171,7 +190,7 @@ class EventResponseConservation(Check[ConservationState]):
             side="upper",
             # No more pixels of a tile can violate the law than are informative.
             material=min(1.0, max(group.informative for group in groups) / side**2),
-            tests=tiles,
+            tests=fractions.size,
             statement=f"In {tile_fraction:.0%} of the pixels of the tile at ({column}, {row}) events do not add up; "
             f"{everywhere:.2%} of all.",
             code="event_response.conservation.region",
@@ -196,14 +215,26 @@ class EventResponseConservation(Check[ConservationState]):
         size = height * width
         times_ns = facts.clocks["rgb"].times_ns
         counts = [group.violations for group in groups]
-        excused = [_excused_fraction(group, declared, times_ns) for group in groups]
-        # As many violations are allowed as uneven frames alone make, with the Poisson error of so many and one.
-        bounds = [group.flawed / size + fraction for group, fraction in zip(groups, excused, strict=True)]
-        # Shares of the image: (k + 1) / size^2 of k flawed pixels (Poisson), p / size of an excused share p (binomial).
-        errors = [
-            sqrt((group.flawed + 1) / size**2 + fraction / size)
-            for group, fraction in zip(groups, excused, strict=True)
-        ]
+        bounds, errors = [], []
+        for group in groups:
+            # Declared effects may drive pixels beyond the law. A spurious event moves a pixel by a threshold: a Poisson
+            # process of the declared rate gives at least one event in so many pixels.
+            seconds = float(times_ns[group.last_frame] - times_ns[group.first_frame]) / NS_PER_S
+            spurious = -expm1(-declared.shot_rate_hz * seconds)
+            # A low-pass holds back events: pixels that fire within five time constants, 1 / (2 pi f) each, of a frame
+            # time may lag by more than their bound.
+            lagging = 0.0
+            if declared.bandwidth_hz > 0:
+                around_s = 10 / (2 * pi * declared.bandwidth_hz)
+                # Events a pixel within that time around all frames: an upper bound of the share of pixels that fire in
+                # it.
+                lagging = group.events_per_pixel / max(seconds, 1e-9) * around_s * group.frames
+            excused = min(spurious + lagging, 1.0)
+            # As many violations are allowed as uneven frames alone make, with the Poisson error of so many and one.
+            bounds.append(group.flawed / size + excused)
+            # Shares of the image: (k + 1) / size^2 of k flawed pixels (Poisson), p / size of an excused share p
+            # (binomial).
+            errors.append(sqrt((group.flawed + 1) / size**2 + excused / size))
         deviations = [
             (count / size - model_error_bound) / error
             for count, model_error_bound, error in zip(counts, bounds, errors, strict=True)
@@ -232,54 +263,6 @@ class EventResponseConservation(Check[ConservationState]):
             ),
             features=(Violations(counts[worst], counts[worst] / size), *features),
         )
-
-
-def _excused_fraction(group: FrameRunSummary, declared: EventModel, times_ns: NDArray[np.int64]) -> float:
-    """Return the fraction of pixels that declared effects may drive beyond the law.
-
-    A spurious event moves a pixel by a threshold. A low-pass holds back the events of the last five time constants
-    before a frame: pixels that fire that close to a frame time may lag by more than their bound.
-    """
-    seconds = float(times_ns[group.last_frame] - times_ns[group.first_frame]) / NS_PER_S
-    # A Poisson process of the declared rate gives at least one event in so many pixels.
-    spurious = -expm1(-declared.shot_rate_hz * seconds)
-    lagging = 0.0
-    # Five time constants, 1 / (2 pi f) each, on either side of a frame time.
-    if declared.bandwidth_hz > 0:
-        around_s = 10 / (2 * pi * declared.bandwidth_hz)
-        # Events a pixel within that time around all frames: an upper bound of the share of pixels that fire in it.
-        lagging = group.events_per_pixel / max(seconds, 1e-9) * around_s * group.frames
-    return min(spurious + lagging, 1.0)
-
-
-def _worst_tile(pixels: Bool) -> tuple[float, int, int, int]:
-    """Return the largest fraction in a tile, its first row and column, and the number of tiles; they overlap by half.
-
-    So a region of five pixels a side lies wholly in one of them, wherever it is.
-    """
-    side = min(TILE_PX, *pixels.shape)
-    step = max(side // 2, 1)
-    fractions = _square_counts(pixels, side)[::step, ::step] / side**2
-    row, column = (int(i) for i in np.unravel_index(int(np.argmax(fractions)), fractions.shape))
-    return float(fractions[row, column]), row * step, column * step, fractions.size
-
-
-def _cluster(pixels: Bool, row: int, column: int, groups: list[FrameRunSummary]) -> ViolationCluster:
-    """Return how close the violating pixels (h, w) lie together; the worst tile begins at a row and a column."""
-    count = int(np.count_nonzero(pixels))
-    side_px = sqrt(float(count))
-    reach = int(side_px) + TILE_PX
-    near = pixels[max(row - reach, 0) : row + TILE_PX + reach, max(column - reach, 0) : column + TILE_PX + reach]
-    densest = 0.0
-    if count >= TILE_PX:
-        densest = float(_square_counts(pixels, min(ceil(sqrt(2 * count)), *pixels.shape)).max()) / count
-    return ViolationCluster(
-        side_px,
-        float(pixels.mean()),
-        float(np.count_nonzero(near)) / max(count, 1),
-        sum(group.without_events for group in groups) / max(sum(group.violations for group in groups), 1),
-        densest,
-    )
 
 
 def _square_counts(pixels: Bool, side: int) -> NDArray[np.int64]:

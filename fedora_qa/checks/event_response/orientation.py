@@ -168,7 +168,23 @@ class EventResponseOrientation(WindowCheck[OrientationMoments]):
                 coverage,
                 unobservable=f"too little changes between frames: a correlation of only {predicted[best]:.2g} is due",
             )
-        return Observation(coverage, (*_whole(by_change[best], predicted[best]), *_parts(state, noise, facts)))
+        statistics = [*_whole(by_change[best], predicted[best])]
+        # The segment of time and the region that gain most by another orientation.
+        segment = most_reoriented([window.steps for window in state], noise)
+        if segment is not None:
+            chosen = [window for window, inside in zip(state, segment.parts, strict=True) if inside]
+            start_us, stop_us = facts.to_file_us(chosen[0].start_ns), facts.to_file_us(chosen[-1].stop_ns)
+            where = Where(stream="events", start_us=start_us, stop_us=stop_us)
+            place = f"From {start_us / US_PER_S:.2f} s to {stop_us / US_PER_S:.2f} s"
+            statistics.append(_part("advantage_in_a_stretch", "stretch", segment, where, place))
+        tiles = np.sum([window.tiles for window in state], axis=0)
+        region = most_reoriented([ChangeMoments(sums) for sums in tiles], noise)
+        if region is not None:
+            tile = tile_around(region.parts, sensor_shape(facts.declared))
+            where = Where(stream="events", tile=tile)
+            place = f"In columns {tile[0]} to {tile[2] - 1}, rows {tile[1]} to {tile[3] - 1}"
+            statistics.append(_part("advantage_in_a_region", "region", region, where, place))
+        return Observation(coverage, tuple(statistics))
 
 
 def _whole(sums: Float64, predicted: float) -> tuple[Statistic, Statistic]:
@@ -183,7 +199,17 @@ def _whole(sums: Float64, predicted: float) -> tuple[Statistic, Statistic]:
     # Another orientation counts only if it reaches half of the predicted correlation, and more than the declared one.
     is_clear = alternatives[orientation] > max(predicted / 2, correlations[0])
     features = (symmetry,) if is_clear else ()
-    errors = _errors(sums, orientation)
+    # Blocks of one moving texture are not independent: three times the error of independent blocks, 1 / sqrt(n).
+    floor = 3 / float(np.sqrt(max(sums[:, 0, 0].sum(), 1.0)))
+    errors = floor, floor
+    n = len(sums)
+    if n >= FEWEST_WINDOWS:
+        left_out = [ChangeMoments(sums.sum(axis=0) - window).correlations() for window in sums]
+        values = np.array([(each[0], other_correlations(each)[orientation] - each[0]) for each in left_out])
+        # Efron and Stein 1981: the variance of n leave-one-out values times n - 1.
+        spread = np.sqrt((n - 1) * values.var(axis=0))
+        # With enough windows the jackknife counts, but never less than the error of independent blocks.
+        errors = max(float(spread[0]), floor / 3), max(float(spread[1]), floor / 3)
     agreement = Statistic(
         name="correlation",
         value=float(correlations[0]),
@@ -215,44 +241,6 @@ def _whole(sums: Float64, predicted: float) -> tuple[Statistic, Statistic]:
         features=features,
     )
     return agreement, alternative
-
-
-def _errors(sums: Float64, orientation: int) -> tuple[float, float]:
-    """Return standard errors of the correlation and of an orientation's advantage, by leaving windows out in turn.
-
-    Blocks of one moving texture are not independent: with too few windows three times the error of independent
-    blocks is taken.
-    """
-    # Independent blocks give 1 / sqrt(n).
-    floor = 3 / float(np.sqrt(max(sums[:, 0, 0].sum(), 1.0)))
-    n = len(sums)
-    if n < FEWEST_WINDOWS:
-        return floor, floor
-    left_out = [ChangeMoments(sums.sum(axis=0) - window).correlations() for window in sums]
-    values = np.array([(each[0], other_correlations(each)[orientation] - each[0]) for each in left_out])
-    # Efron and Stein 1981: the variance of n leave-one-out values times n - 1.
-    spread = np.sqrt((n - 1) * values.var(axis=0))
-    # With enough windows the jackknife counts, but never less than the error of independent blocks.
-    return max(float(spread[0]), floor / 3), max(float(spread[1]), floor / 3)
-
-
-def _parts(state: Sequence[OrientationMoments], noise: float, facts: Facts) -> list[Statistic]:
-    """Return the segment of time and the region that gain most by another orientation."""
-    statistics = []
-    segment = most_reoriented([window.steps for window in state], noise)
-    if segment is not None:
-        chosen = [window for window, inside in zip(state, segment.parts, strict=True) if inside]
-        start_us, stop_us = facts.to_file_us(chosen[0].start_ns), facts.to_file_us(chosen[-1].stop_ns)
-        where = Where(stream="events", start_us=start_us, stop_us=stop_us)
-        place = f"From {start_us / US_PER_S:.2f} s to {stop_us / US_PER_S:.2f} s"
-        statistics.append(_part("advantage_in_a_stretch", "stretch", segment, where, place))
-    tiles = np.sum([window.tiles for window in state], axis=0)
-    region = most_reoriented([ChangeMoments(sums) for sums in tiles], noise)
-    if region is not None:
-        tile = tile_around(region.parts, sensor_shape(facts.declared))
-        place = f"In columns {tile[0]} to {tile[2] - 1}, rows {tile[1]} to {tile[3] - 1}"
-        statistics.append(_part("advantage_in_a_region", "region", region, Where(stream="events", tile=tile), place))
-    return statistics
 
 
 def _part(name: str, rule: str, part: PartOrientation, where: Where, place: str) -> Statistic:

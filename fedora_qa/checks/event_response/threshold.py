@@ -8,12 +8,10 @@ from typing import Final
 from fedora_qa.checks.protocol import Observation, Statistic, WindowCheck
 from fedora_qa.features import Feature
 from fedora_qa.record.types import Where
-from fedora_qa.sequence.declared import EventModel
 from fedora_qa.sequence.facts import Facts
 from fedora_qa.sequence.window import Window
 from fedora_qa.views.event_camera import why_frames_and_events_do_not_meet
 from fedora_qa.views.level_samples import (
-    ThresholdFit,
     WeightedLevelSums,
     fit_thresholds,
     level_coverage,
@@ -113,54 +111,48 @@ class EventResponseThreshold(WindowCheck[WeightedLevelSums]):
         )
         if isinstance(fitted, str) or declared is None:
             return Observation(coverage, unobservable=str(fitted))
-        return Observation(coverage, tuple(self._of_polarity(fitted, declared, facts, side) for side in (0, 1)))
-
-    def _of_polarity(self, thresholds: ThresholdFit, declared: EventModel, facts: Facts, side: int) -> Statistic:
-        """State the threshold of brighter (0) or darker (1) events."""
-        name, word = (("threshold_on", "Brighter"), ("threshold_off", "Darker"))[side]
-        nominal = (declared.threshold_on, declared.threshold_off)[side]
-        fitted = (thresholds.fit.threshold_on, thresholds.fit.threshold_off)[side]
-        expected, model_error = _expected_step(declared, nominal, thresholds.overshoot)
+        fit, errors, bounds = fitted.fit, fitted.fit.standard_errors, fitted.model_errors
         unit = "DN" if declared.model == "linear" else "nat"
-        errors, bounds = thresholds.fit.standard_errors, thresholds.model_errors
-        error = (errors.threshold_on, errors.threshold_off)[side]
-        # The fit and the expected step may err in the same direction.
-        bound = (bounds.threshold_on, bounds.threshold_off)[side] + model_error
         # Pixels of low threshold fire more: by up to six times the squared relative spread of thresholds.
         spread = declared.threshold_sigma / min(declared.threshold_on, declared.threshold_off)
         exposure_us = facts.declared.cameras["rgb"].exposure_us
-        # Exposure takes contrast off with the square of its time (EXPOSURE_BIAS).
-        bound += (6 * spread**2 + EXPOSURE_BIAS * (exposure_us / EXPOSURE_OF_BIAS_US) ** 2) * expected
-        percent = 100 / expected
-        return Statistic(
-            name=name,
-            value=percent * (fitted - expected),
-            unit="%",
-            standard_error=percent * error,
-            model_error_bound=percent * bound,
-            material=self._MATERIAL_PERCENT,
-            statement=f"{word} events step by {fitted:.4g} +/- {error:.2g} {unit}; {expected:.4g} {unit} is due with "
-            f"the declared threshold of {nominal:.4g} {unit}.",
-            code="event_response.threshold.size",
-            where=Where(stream="events"),
-            features=(
-                EventStepSize(expected, fitted, hypot(error, bound), thresholds.fit.delay_s),
-                DomainPreference(*thresholds.preference),
-            ),
-        )
-
-
-def _expected_step(declared: EventModel, nominal: float, overshoot: float) -> tuple[float, float]:
-    """Return the mean step of an event, and the error of that expectation.
-
-    Linear model: whole values exceed the threshold strictly, so a slow signal steps by C + 1. A signal that moves r
-    in a rendered step goes beyond the crossing at C + 1/2 by r / 2 on average. With r = overshoot times the step,
-    ``step = (C + 1/2) (1 + overshoot / 2)``, at most half a value less than what rounding makes of it. The mean of
-    tick over gap stands for the overshoot of all events to half its size.
-    """
-    if declared.model == "log":
-        return nominal, 0.0
-    # r / 2 beyond the crossing at C + 1/2, with r the overshoot times the step (derivation above).
-    beyond = 0.5 * overshoot * (nominal + 0.5)
-    # Half a value by rounding, and half of the overshoot, which is a mean over events.
-    return nominal + 0.5 + beyond, 0.5 + 0.5 * beyond
+        statistics = []
+        for name, word, nominal, step, error, model_error in (
+            ("threshold_on", "Brighter", declared.threshold_on, fit.threshold_on, errors.threshold_on,
+             bounds.threshold_on),
+            ("threshold_off", "Darker", declared.threshold_off, fit.threshold_off, errors.threshold_off,
+             bounds.threshold_off),
+        ):  # fmt: skip
+            expected, expectation_error = nominal, 0.0
+            if declared.model != "log":
+                # Linear model: whole values exceed the threshold strictly, so a slow signal steps by C + 1. A signal
+                # that moves r in a rendered step goes beyond the crossing at C + 1/2 by r / 2 on average. With r =
+                # overshoot times the step, step = (C + 1/2) (1 + overshoot / 2), at most half a value less than what
+                # rounding makes of it. The mean of tick over gap stands for the overshoot of all events to half its
+                # size.
+                beyond = 0.5 * fitted.overshoot * (nominal + 0.5)
+                expected, expectation_error = nominal + 0.5 + beyond, 0.5 + 0.5 * beyond
+            # The fit and the expected step may err in the same direction.
+            bound = model_error + expectation_error
+            # Exposure takes contrast off with the square of its time (EXPOSURE_BIAS).
+            bound += (6 * spread**2 + EXPOSURE_BIAS * (exposure_us / EXPOSURE_OF_BIAS_US) ** 2) * expected
+            percent = 100 / expected
+            statistics.append(
+                Statistic(
+                    name=name,
+                    value=percent * (step - expected),
+                    unit="%",
+                    standard_error=percent * error,
+                    model_error_bound=percent * bound,
+                    material=self._MATERIAL_PERCENT,
+                    statement=f"{word} events step by {step:.4g} +/- {error:.2g} {unit}; {expected:.4g} {unit} is due "
+                    f"with the declared threshold of {nominal:.4g} {unit}.",
+                    code="event_response.threshold.size",
+                    where=Where(stream="events"),
+                    features=(
+                        EventStepSize(expected, step, hypot(error, bound), fit.delay_s),
+                        DomainPreference(*fitted.preference),
+                    ),
+                )
+            )
+        return Observation(coverage, tuple(statistics))

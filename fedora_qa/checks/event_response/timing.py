@@ -194,15 +194,33 @@ class EventResponseTiming(WindowCheck[TimingSummary]):
             # Middles of the windows, s from the origin of the file.
             times_s = np.array([0.5 * (each.start_ns + each.stop_ns) / NS_PER_S for each in interpolation])
             courses = delay_courses(segment, times_s, 1e-3 * expected_delay_ms(declared, facts)[0])
-        return Observation(
-            coverage,
-            (
-                self._offset(fitted, facts, courses, of_all_pixels=not _differs_clearly(region)),
-                self._rate(fitted, courses),
-                *([self._segment(segment, interpolation, facts, courses)] if segment is not None else []),
-                *([self._region(region, facts)] if region is not None else []),
-            ),
+        ppm, error_ppm = 1e6 * fitted.rate, 1e6 * fitted.rate_error
+        rate = Statistic(
+            name="clock_rate",
+            value=ppm,
+            unit="ppm",
+            standard_error=error_ppm,
+            model_error_bound=1e6 * fitted.rate_bound,
+            material=self._MATERIAL_PPM,
+            statement=f"The clock of the events runs {abs(ppm):.3g} +/- {error_ppm:.2g} ppm too "
+            f"{'fast' if ppm > 0 else 'slow'} against that of the colour frames.",
+            code="event_response.timing.rate",
+            where=Where(stream="events"),
+            features=(fitted, *_present(courses)),
         )
+        statistics = [self._offset(fitted, facts, courses, of_all_pixels=not _differs_clearly(region)), rate]
+        if segment is not None:
+            chosen = [each for each, inside in zip(interpolation, segment.step.chosen, strict=True) if inside]
+            start_us, stop_us = facts.to_file_us(chosen[0].start_ns), facts.to_file_us(chosen[-1].stop_ns)
+            where = Where(stream="events", start_us=start_us, stop_us=stop_us)
+            place = f"From {start_us / 1e6:.2f} s to {stop_us / 1e6:.2f} s"
+            part_and_rest = (place, "in the rest of the sequence")
+            statistics.append(self._part("stretch", segment, where, part_and_rest, _present(courses)))
+        if region is not None:
+            tile = tile_around(region.step.chosen, sensor_shape(facts.declared))
+            place = f"In columns {tile[0]} to {tile[2] - 1}, rows {tile[1]} to {tile[3] - 1}"
+            statistics.append(self._part("region", region, Where(stream="events", tile=tile), (place, "elsewhere"), ()))
+        return Observation(coverage, tuple(statistics))
 
     def _offset(
         self, estimate: ClockOffset, facts: Facts, courses: DelayCourses | None, *, of_all_pixels: bool
@@ -226,40 +244,6 @@ class EventResponseTiming(WindowCheck[TimingSummary]):
             where=Where(stream="events"),
             features=(estimate, size, *_present(courses)),
         )
-
-    def _rate(self, estimate: ClockOffset, courses: DelayCourses | None) -> Statistic:
-        ppm, error, bound = 1e6 * estimate.rate, 1e6 * estimate.rate_error, 1e6 * estimate.rate_bound
-        return Statistic(
-            name="clock_rate",
-            value=ppm,
-            unit="ppm",
-            standard_error=error,
-            model_error_bound=bound,
-            material=self._MATERIAL_PPM,
-            statement=f"The clock of the events runs {abs(ppm):.3g} +/- {error:.2g} ppm too "
-            f"{'fast' if ppm > 0 else 'slow'} against that of the colour frames.",
-            code="event_response.timing.rate",
-            where=Where(stream="events"),
-            features=(estimate, *_present(courses)),
-        )
-
-    def _segment(
-        self,
-        local: LocalOffset,
-        interpolation: Sequence[InterpolationSums],
-        facts: Facts,
-        courses: DelayCourses | None,
-    ) -> Statistic:
-        chosen = [of_window for of_window, inside in zip(interpolation, local.step.chosen, strict=True) if inside]
-        start_us, stop_us = facts.to_file_us(chosen[0].start_ns), facts.to_file_us(chosen[-1].stop_ns)
-        where = Where(stream="events", start_us=start_us, stop_us=stop_us)
-        place = f"From {start_us / 1e6:.2f} s to {stop_us / 1e6:.2f} s"
-        return self._part("stretch", local, where, (place, "in the rest of the sequence"), _present(courses))
-
-    def _region(self, local: LocalOffset, facts: Facts) -> Statistic:
-        tile = tile_around(local.step.chosen, sensor_shape(facts.declared))
-        place = f"In columns {tile[0]} to {tile[2] - 1}, rows {tile[1]} to {tile[3] - 1}"
-        return self._part("region", local, Where(stream="events", tile=tile), (place, "elsewhere"), ())
 
     def _part(
         self, rule: str, local: LocalOffset, where: Where, part_and_rest: tuple[str, str], features: tuple[Feature, ...]

@@ -10,7 +10,7 @@ from fedora_qa.checks.event_stream.event_rows import event_coverage
 from fedora_qa.checks.protocol import Observation, Statistic, WindowCheck
 from fedora_qa.estimators.events.gaps import EventSilence, least_probable_silence
 from fedora_qa.features import Feature
-from fedora_qa.record.types import Coverage, Where
+from fedora_qa.record.types import Where
 from fedora_qa.sequence.facts import Facts
 from fedora_qa.sequence.window import Window
 from fedora_qa.views.clock_resets import clock_reset
@@ -96,7 +96,26 @@ class EventStreamGaps(WindowCheck[SilenceCount]):
         coverage = event_coverage(facts, sum(count.events for count in state))
         silences = [count.least_probable for count in state if count.least_probable is not None]
         if not silences:
-            return self._no_silence(state, facts, coverage)
+            if not any(count.silences for count in state):
+                reason = "too few events to tell a gap from a quiet scene"
+                return Observation(coverage, unobservable=reason)
+            # Every tick holds events.
+            events = facts.events
+            mean_interval_ms = (
+                (events.last_ns - events.first_ns) / 1e6 / max(events.count, 1) if events is not None else 0.0
+            )
+            none = Statistic(
+                name="gap",
+                value=0.0,
+                unit="ms",
+                standard_error=_SIGMA_INTERVALS * mean_interval_ms,
+                side="upper",
+                resolution=tick_ns(facts) / 1e6,
+                material=self._MATERIAL_MS,
+                statement="",
+                code="event_stream.gaps.silence",
+            )
+            return Observation(coverage, (none,))
         worst = max(silences, key=lambda silence: silence.z)
         length_ms = worst.length_ns / 1e6
         start_us, stop_us = (facts.to_file_us(time) for time in (worst.start_ns, worst.stop_ns))
@@ -119,25 +138,3 @@ class EventStreamGaps(WindowCheck[SilenceCount]):
             features=(ExpectedEvents(expected), *((reset,) if reset is not None and of_reset else ())),
         )
         return Observation(coverage, (statistic,))
-
-    def _no_silence(self, state: Sequence[SilenceCount], facts: Facts, coverage: Coverage) -> Observation:
-        """State that every tick holds events, or that there are too few of them."""
-        if not any(count.silences for count in state):
-            reason = "too few events to tell a gap from a quiet scene"
-            return Observation(coverage, unobservable=reason)
-        events = facts.events
-        mean_interval_ms = (
-            (events.last_ns - events.first_ns) / 1e6 / max(events.count, 1) if events is not None else 0.0
-        )
-        none = Statistic(
-            name="gap",
-            value=0.0,
-            unit="ms",
-            standard_error=_SIGMA_INTERVALS * mean_interval_ms,
-            side="upper",
-            resolution=tick_ns(facts) / 1e6,
-            material=self._MATERIAL_MS,
-            statement="",
-            code="event_stream.gaps.silence",
-        )
-        return Observation(coverage, (none,))

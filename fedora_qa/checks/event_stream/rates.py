@@ -1,7 +1,8 @@
 """The event stream by itself: pixels that fire without cause."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import chain
 from typing import Final, Literal
 
 import numpy as np
@@ -10,7 +11,7 @@ from numpy.typing import NDArray
 from fedora_qa.checks.event_stream.event_rows import event_coverage, why_no_sensor
 from fedora_qa.checks.protocol import Check, Observation, Statistic
 from fedora_qa.conventions import NS_PER_S
-from fedora_qa.estimators.events.rates import NeighbourExcess, PixelCounts, neighbour_excess
+from fedora_qa.estimators.events.rates import PixelCounts, neighbour_excess
 from fedora_qa.features import Feature
 from fedora_qa.record.types import Where
 from fedora_qa.sequence.declared import EventModel
@@ -133,8 +134,30 @@ class EventStreamRates(Check[PixelCounts]):
         hot_pixels = [(int(column), int(row)) for column, row in zip(columns, rows, strict=True)]
         move = moved_hot_pixels(hot_pixels, declared_pixels, (z.shape[1], z.shape[0]))
         features = (move,) if move is not None else ()
+        row, column = (int(i) for i in np.unravel_index(int(np.argmax(z)), z.shape))
+        rate_hz, excess_hz = (float(of_all[row, column]) / seconds for of_all in (counts, excess.events))
+        threshold_spread = 0.0
+        if declared is not None and declared.threshold_sigma > 0:
+            # Relative to the lower threshold, where a spread changes the number of events most.
+            spread = declared.threshold_sigma / max(min(declared.threshold_on, declared.threshold_off), 1e-12)
+            threshold_spread = min(5 * spread, 1.0)
+        hot_count = max(len(hot_pixels), 1)
         statistics = [
-            self._loudest(counts, excess, z, seconds, facts, (*features, HotPixelCount(max(len(hot_pixels), 1))))
+            Statistic(
+                name="loudest_pixel_excess",
+                value=excess_hz,
+                unit="Hz",
+                standard_error=float(excess.error[row, column]) / seconds,
+                # One event a swing; and a pixel whose threshold is low by five declared sigma fires so much more often.
+                model_error_bound=float(excess.swings[row, column]) / seconds + rate_hz * threshold_spread,
+                side="upper",
+                tests=counts.size,
+                statement=f"{hot_count} pixels fire without cause: ({column}, {row}) at {rate_hz:.4g} Hz, "
+                f"{excess_hz:.4g} Hz more than its neighbours.",
+                code="event_stream.rates.hot_pixel",
+                where=Where(stream="events", pixel=(column, row)),
+                features=(*features, HotPixelCount(hot_count)),
+            )
         ]
         if declared_hot.any() and declared is not None and declared.hot_pixel_rate_hz > 0:
             # Less the neighbours' median: the scene adds events to a hot pixel as it does to them.
@@ -145,35 +168,6 @@ class EventStreamRates(Check[PixelCounts]):
             tuple(statistics),
             evidence={"event_counts": np.minimum(counts, np.iinfo(np.uint16).max).astype(np.uint16)},
             titles={"event_counts": "Events of each pixel [events]"},
-        )
-
-    def _loudest(
-        self,
-        counts: NDArray[np.int64],
-        excess: NeighbourExcess,
-        z: NDArray[np.float64],
-        seconds: float,
-        facts: Facts,
-        features: tuple[Feature, ...],
-    ) -> Statistic:
-        row, column = (int(i) for i in np.unravel_index(int(np.argmax(z)), z.shape))
-        many = int(np.count_nonzero(z > _SIGNIFICANT))
-        rate_hz, excess_hz = (float(of_all[row, column]) / seconds for of_all in (counts, excess.events))
-        return Statistic(
-            name="loudest_pixel_excess",
-            value=excess_hz,
-            unit="Hz",
-            standard_error=float(excess.error[row, column]) / seconds,
-            # One event a swing; and a pixel whose threshold is low by five declared sigma fires so much more often.
-            model_error_bound=float(excess.swings[row, column]) / seconds
-            + rate_hz * _threshold_spread(facts.declared.events),
-            side="upper",
-            tests=counts.size,
-            statement=f"{max(many, 1)} pixels fire without cause: ({column}, {row}) at {rate_hz:.4g} Hz, "
-            f"{excess_hz:.4g} Hz more than its neighbours.",
-            code="event_stream.rates.hot_pixel",
-            where=Where(stream="events", pixel=(column, row)),
-            features=features,
         )
 
     def _declared_rate(
@@ -224,31 +218,28 @@ def moved_hot_pixels(
     if not hot_pixels or not declared:
         return None
     hot = set(hot_pixels)
-    scores = [(len(hot & moved), move) for moved, move, fewest in _moves(hot_pixels, declared, size)
-              if len(hot & moved) >= max(fewest, _MOST * len(hot))]  # fmt: skip
-    return max(scores, key=lambda score: score[0])[1] if scores else None
-
-
-def _moves(
-    hot_pixels: Sequence[Pixel], declared: Sequence[Pixel], size: tuple[int, int]
-) -> Iterator[tuple[set[Pixel], MovedHotPixels, int]]:
-    """Yield where each move takes the declared pixels, the move, and how many pixels identify it."""
     right, bottom = size[0] - 1, size[1] - 1
     mirrored, transposed = MovedHotPixels("mirrored"), MovedHotPixels("transposed")
-    # One pixel identifies a mirror or an exchange, of which there are four; any pair of pixels fits some shift.
-    yield {(right - column, row) for column, row in declared}, mirrored, 1
-    yield {(column, bottom - row) for column, row in declared}, mirrored, 1
-    yield {(right - column, bottom - row) for column, row in declared}, mirrored, 1
-    yield {(row, column) for column, row in declared}, transposed, 1
-    for right_px, down_px in sorted({(x - column, y - row) for x, y in hot_pixels for column, row in declared}):
-        moved = {(column + right_px, row + down_px) for column, row in declared}
-        yield moved, MovedHotPixels("shifted", float(right_px) if down_px == 0 else None), _FEWEST_SHIFTED
-
-
-def _threshold_spread(declared: EventModel | None) -> float:
-    """Return five sigma of the declared thresholds over the lower one, 1 at most."""
-    if declared is None or declared.threshold_sigma <= 0:
-        return 0.0
-    # Relative to the lower threshold, where a spread changes the number of events most.
-    spread = declared.threshold_sigma / max(min(declared.threshold_on, declared.threshold_off), 1e-12)
-    return min(5 * spread, 1.0)
+    # Where each move takes the declared pixels, the move, and how many pixels identify it: one a mirror or an exchange,
+    # of which there are four; any pair of pixels fits some shift.
+    symmetries = (
+        ({(right - column, row) for column, row in declared}, mirrored, 1),
+        ({(column, bottom - row) for column, row in declared}, mirrored, 1),
+        ({(right - column, bottom - row) for column, row in declared}, mirrored, 1),
+        ({(row, column) for column, row in declared}, transposed, 1),
+    )
+    # Made one at a time: there may be as many shifts as pairs of a hot and a declared pixel.
+    shifts = (
+        (
+            {(column + right_px, row + down_px) for column, row in declared},
+            MovedHotPixels("shifted", float(right_px) if down_px == 0 else None),
+            _FEWEST_SHIFTED,
+        )
+        for right_px, down_px in sorted({(x - column, y - row) for x, y in hot_pixels for column, row in declared})
+    )
+    most, likeliest = 0, None
+    for moved, move, fewest in chain(symmetries, shifts):
+        common = len(hot & moved)
+        if common > most and common >= max(fewest, _MOST * len(hot)):
+            most, likeliest = common, move
+    return likeliest

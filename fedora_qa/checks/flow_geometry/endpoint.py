@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from fedora_qa.checks.protocol import Notice, Observation, Statistic, WindowCheck
 from fedora_qa.conventions import NS_PER_S
-from fedora_qa.estimators.flow.motion_fit import Evidence, sum_of
+from fedora_qa.estimators.flow.motion_fit import sum_of
 from fedora_qa.estimators.flow.templates import FLOW_GAIN, PARAMETER_TEMPLATES, TIME_OFFSET
 from fedora_qa.features import Feature
 from fedora_qa.record.types import Coverage, Where
@@ -263,8 +263,19 @@ class FlowGeometryEndpoint(WindowCheck[WindowErrors]):
             return Observation(coverage, unobservable=none_why)
         by_stream = {s: [f for f in fields if f.interval.stream == s] for s in facts.flow_streams}
         by_stream = {stream: group for stream, group in by_stream.items() if group}
+        # A rate is off, or would not show it: what is wrong with all rates grows with their intervals, for each second
+        # of an interval by the excess of the rate that deviates most.
+        suspicions = {stream: _suspicion(group) for stream, group in by_stream.items()}
+        lengths_s = {stream: group[0].interval.duration_s for stream, group in by_stream.items()}
+        growth = max(
+            (suspicion / max(lengths_s[stream], 1e-9) for stream, suspicion in suspicions.items() if suspicion > 1),
+            default=0.0,
+        )
+        rates_off = {
+            stream: suspicions[stream] > 1 or 0 < growth * lengths_s[stream] <= _DETECTABLE for stream in by_stream
+        }
         of_all_rates = (
-            FlowRatesOff(_rates_off(by_stream)),
+            FlowRatesOff(rates_off),
             PoseCorrectionRatios({stream: _squares_ratio(group) for stream, group in by_stream.items()}),
         )
         statistics: list[Statistic] = []
@@ -377,7 +388,18 @@ def _parameter_fits(fields: Sequence[FieldError], facts: Facts) -> list[Feature]
             # The gain's template is 1% of the flow.
             gain = 0.01 * float(sizes[0])
             if not (is_noisy(facts.declared.pose) and abs(gain) > _LINEAR_GAIN):
-                correlation, interval_s = _correlation(total, gain), fields[0].interval.duration_s
+                # 100^2 times the square of the template is the sum of squares of the recomputed flow.
+                recomputed = float(total.matrix[template.columns.start, template.columns.start]) * 100.0**2
+                correlation = 1.0
+                # Where it is 0, poses of unknown noise do all that a gain does. Where the recomputed flow is far too
+                # large, any other is nearly none of it: a gain of -100% then removes nearly all of the deviation and
+                # explains nothing. Where only rounding remains, no flow at all is a gain.
+                if not recomputed <= 0:
+                    common = (1 + gain) ** 2 * recomputed
+                    remaining = max(total.total - gain**2 * recomputed, 0.0)
+                    # r^2 = common / (common + remaining).
+                    correlation = float(np.sqrt(min((common + total.count) / max(remaining + common, 1.0), 1.0)))
+                interval_s = fields[0].interval.duration_s
                 fits.append(FlowGainFit(gain, 0.01 * error, removed_share, correlation, interval_s))
         else:
             size = template.size(sizes)
@@ -396,23 +418,6 @@ def _parameter_fits(fields: Sequence[FieldError], facts: Facts) -> list[Feature]
         ppm, error_ppm = _PPM_PER_MS_PER_S * float(ms_per_s[0]), _PPM_PER_MS_PER_S * error
         fits.append(FlowParameterFit("clock_rate", ppm, "ppm", error_ppm, removed_share))
     return fits
-
-
-def _correlation(total: Evidence, gain: float) -> float:
-    """Return the correlation of the stored flow with the recomputed one, which a gain leaves at 1.
-
-    Where the recomputed flow is far too large, any other is nearly none of it: a gain of -100% then removes nearly all
-    of the deviation and explains nothing. Where only rounding remains, no flow at all is a gain.
-    """
-    column = FLOW_GAIN.columns.start
-    # The template is 1% of the recomputed flow: 100^2 times its square is the sum of squares of that flow.
-    recomputed = float(total.matrix[column, column]) * 100.0**2
-    if recomputed <= 0:  # all that a gain does, poses of unknown noise do as well
-        return 1.0
-    common = (1 + gain) ** 2 * recomputed
-    remaining = max(total.total - gain**2 * recomputed, 0.0)
-    # r^2 = common / (common + remaining).
-    return float(np.sqrt(min((common + total.count) / max(remaining + common, 1.0), 1.0)))
 
 
 def correction_growth(fields: Sequence[FieldError]) -> float:
@@ -445,18 +450,6 @@ def _squares_ratio(fields: Sequence[FieldError]) -> float:
 def _where(fields: Sequence[FieldError], facts: Facts) -> Where:
     worst = max(fields, key=lambda field: field.suspicion)
     return place(facts, (fields[0].interval, fields[-1].interval), frame=worst.frame, pixel=worst.worst_pixel)
-
-
-def _rates_off(by_stream: Mapping[str, Sequence[FieldError]]) -> Mapping[str, bool]:
-    """Return which rates are off, or would not show it: what is wrong with all rates grows with their intervals."""
-    suspicions = {stream: _suspicion(fields) for stream, fields in by_stream.items()}
-    lengths_s = {stream: fields[0].interval.duration_s for stream, fields in by_stream.items()}
-    # Excess for each second of an interval, by the rate that deviates most.
-    growth = max(
-        (suspicion / max(lengths_s[stream], 1e-9) for stream, suspicion in suspicions.items() if suspicion > 1),
-        default=0.0,
-    )
-    return {stream: suspicions[stream] > 1 or 0 < growth * lengths_s[stream] <= _DETECTABLE for stream in by_stream}
 
 
 def _suspicion(fields: Sequence[FieldError]) -> float:

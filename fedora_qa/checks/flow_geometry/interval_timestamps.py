@@ -101,49 +101,48 @@ class IntervalLengths(Feature):
 
 def timestamp_statistics(facts: Facts) -> list[Statistic]:
     """Count, for each rate, interval ends that lie on no depth frame, gaps, and lengths that are not the rate's."""
-    statistics = [statistic for stream in facts.flow_streams for statistic in _of_one_rate(facts, stream)]
+    statistics: list[Statistic] = []
+    for stream in facts.flow_streams:
+        clock, frames = facts.clocks[stream], facts.clocks["depth"]
+        if clock.ends_ns is None or not len(clock.times_ns):
+            continue
+        off_frames = np.flatnonzero(~(_on(frames, clock.times_ns) & _on(frames, clock.ends_ns)))
+        # Intervals of one rate abut (format.md, Instants): compared as integers, without a tolerance.
+        gaps = np.flatnonzero(clock.times_ns[1:] != clock.ends_ns[:-1]) + 1
+        lengths_ns = clock.ends_ns - clock.times_ns
+        nominal_ns = NS_PER_S / int(stream.removeprefix("flow/").removesuffix("hz"))
+        # Intervals end on frames: a wrong length is wrong by a whole frame step.
+        wrong_length = np.flatnonzero(np.abs(lengths_ns - nominal_ns) > _frame_step_ns(frames) / 2)
+
+        of_frames = _features_off_frames(facts, stream, clock, clock.ends_ns, off_frames)
+        of_gaps = of_frames
+        # Steps of less than half an interval are timestamps that left their frames; larger ones are missing intervals,
+        # doubled ones, or another order, which sorting separates.
+        if len(gaps) and 2 * np.abs(clock.times_ns[gaps] - clock.ends_ns[gaps - 1]).max() >= np.median(lengths_ns):
+            order = np.argsort(clock.times_ns, kind="stable")
+            steps_ns = clock.times_ns[order][1:] - clock.ends_ns[order][:-1]
+            of_gaps = (
+                IntervalOrder(
+                    gaps=int(np.count_nonzero(steps_ns > 0)),
+                    overlaps=int(np.count_nonzero(steps_ns < 0)),
+                    moved=int(np.count_nonzero(order != np.arange(len(order)))),
+                ),
+                *of_frames,
+            )
+        of_lengths = of_frames
+        if len(wrong_length):
+            of_lengths = (IntervalLengths(float(np.median(lengths_ns[wrong_length]))), *of_frames)
+        duration = f"do not last {nominal_ns / NS_PER_MS:g} ms"
+        statistics += [
+            _count(facts, stream, "off_frames", off_frames, "start or end on no depth frame", of_frames),
+            _count(facts, stream, "not_abutting", gaps, "do not begin where the one before them ends", of_gaps),
+            _count(facts, stream, "wrong_length", wrong_length, duration, of_lengths),
+        ]
     counted = {
         code: FlowRatesCounted({str(s.where.stream): s.value > 0 for s in statistics if s.code == code})
         for code in {statistic.code for statistic in statistics}
     }
     return [replace(s, features=(counted[s.code], *s.features)) if s.features else s for s in statistics]
-
-
-def _of_one_rate(facts: Facts, stream: str) -> list[Statistic]:
-    clock, frames = facts.clocks[stream], facts.clocks["depth"]
-    if clock.ends_ns is None or not len(clock.times_ns):
-        return []
-    off_frames = np.flatnonzero(~(_on(frames, clock.times_ns) & _on(frames, clock.ends_ns)))
-    # Intervals of one rate abut (format.md, Instants): compared as integers, without a tolerance.
-    gaps = np.flatnonzero(clock.times_ns[1:] != clock.ends_ns[:-1]) + 1
-    lengths_ns = clock.ends_ns - clock.times_ns
-    nominal_ns = NS_PER_S / int(stream.removeprefix("flow/").removesuffix("hz"))
-    # Intervals end on frames: a wrong length is wrong by a whole frame step.
-    wrong_length = np.flatnonzero(np.abs(lengths_ns - nominal_ns) > _frame_step_ns(frames) / 2)
-
-    of_frames = _features_off_frames(facts, stream, clock, clock.ends_ns, off_frames)
-    of_gaps = of_frames
-    # Steps of less than half an interval are timestamps that left their frames; larger ones are missing intervals,
-    # doubled ones, or another order, which sorting separates.
-    if len(gaps) and 2 * np.abs(clock.times_ns[gaps] - clock.ends_ns[gaps - 1]).max() >= np.median(lengths_ns):
-        order = np.argsort(clock.times_ns, kind="stable")
-        steps_ns = clock.times_ns[order][1:] - clock.ends_ns[order][:-1]
-        of_gaps = (
-            IntervalOrder(
-                gaps=int(np.count_nonzero(steps_ns > 0)),
-                overlaps=int(np.count_nonzero(steps_ns < 0)),
-                moved=int(np.count_nonzero(order != np.arange(len(order)))),
-            ),
-            *of_frames,
-        )
-    of_lengths = of_frames
-    if len(wrong_length):
-        of_lengths = (IntervalLengths(float(np.median(lengths_ns[wrong_length]))), *of_frames)
-    return [
-        _count(facts, stream, "off_frames", off_frames, "start or end on no depth frame", of_frames),
-        _count(facts, stream, "not_abutting", gaps, "do not begin where the one before them ends", of_gaps),
-        _count(facts, stream, "wrong_length", wrong_length, f"do not last {nominal_ns / NS_PER_MS:g} ms", of_lengths),
-    ]
 
 
 def _count(facts: Facts, stream: str, rule: str, rows: Rows, text: str, features: Sequence[Feature]) -> Statistic:

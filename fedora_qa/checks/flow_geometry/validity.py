@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import partial
 from typing import Final
 
 import numpy as np
@@ -132,11 +133,31 @@ class FlowGeometryValidity(WindowCheck[tuple[FieldPattern, ...]]):
         camera = window.facts.declared.cameras.get("depth")
         track = pose_track(window, camera) if camera and "pose" in window.facts.streams else None
         patterns = []
-        for stream in window.facts.flow_streams:
-            for interval in owned_intervals(window, stream):
-                frame = frame_at(window.facts.clocks["depth"], interval.start_ns)
-                pattern = None if frame is None else _compare(window, track, interval, frame)
-                patterns += [pattern] if pattern else []
+        for interval in (i for stream in window.facts.flow_streams for i in owned_intervals(window, stream)):
+            frame = frame_at(window.facts.clocks["depth"], interval.start_ns)
+            if frame is None:
+                continue
+            depth_m, flow_px = window.depth_m(frame), window.flow_px(interval.stream, interval.row)
+            if depth_m.shape != flow_px.shape[:2]:
+                continue
+            static_m = static_depth_m(window, frame)
+            may_pass = False
+            if track is not None and static_m is not None:
+                # Whether any static point may end behind the camera's plane, or too near to it to be sure.
+                motion = motion_over(window, track, interval)
+                range_m = window.once(("range of depth", frame), partial(depth_range_m, depth_m, static_m))
+                may_pass = motion is None or (
+                    range_m is not None and not _all_before(track, motion, depth_m.shape, range_m, window)
+                )
+            # Rows of interleaved u and v, contiguous float32: the layout that the kernel reads.
+            lines = np.ascontiguousarray(flow_px, dtype=np.float32).reshape(len(flow_px), -1)
+            unfounded, missing, infinite = compare_patterns(lines, depth_m, depth_m if static_m is None else static_m)
+            are_missing = missing and track is not None and static_m is not None
+            if may_pass or unfounded or infinite or are_missing:
+                patterns.append(_count_wrong_pixels(window, track, interval, frame, static_m))
+            else:
+                # A field without any wrong pixel needs no count by kind.
+                patterns.append(FieldPattern(interval, frame, 0, 0, 0, 0, deep=True, infinite=0, missing=0, pixel=None))
         return tuple(patterns)
 
     def conclude(self, state: Sequence[tuple[FieldPattern, ...]], facts: Facts) -> Observation:
@@ -146,30 +167,48 @@ class FlowGeometryValidity(WindowCheck[tuple[FieldPattern, ...]]):
         coverage = Coverage(len(patterns), total, "flow fields")
         if not facts.clocks["depth"].usable:
             return Observation(coverage, unobservable="the stamps of depth do not advance")
-        return Observation(coverage, (*_pixel_statistics(patterns, facts), *timestamp_statistics(facts)))
-
-
-def _compare(window: Window, track: PoseTrack | None, interval: Interval, frame: int) -> FieldPattern | None:
-    depth_m, flow_px = window.depth_m(frame), window.flow_px(interval.stream, interval.row)
-    if depth_m.shape != flow_px.shape[:2]:
-        return None
-    static_m = static_depth_m(window, frame)
-    may_pass = False
-    if track is not None and static_m is not None:
-        # Whether any static point may end behind the camera's plane, or too near to it to be sure.
-        motion = motion_over(window, track, interval)
-        range_m = window.once(("range of depth", frame), lambda: depth_range_m(depth_m, static_m))
-        may_pass = motion is None or (
-            range_m is not None and not _all_before(track, motion, depth_m.shape, range_m, window)
-        )
-    # Rows of interleaved u and v, contiguous float32: the layout that the kernel reads.
-    lines = np.ascontiguousarray(flow_px, dtype=np.float32).reshape(len(flow_px), -1)
-    unfounded, missing, infinite = compare_patterns(lines, depth_m, depth_m if static_m is None else static_m)
-    are_missing = missing and track is not None and static_m is not None
-    # A field without any wrong pixel needs no count by kind.
-    if not may_pass and not unfounded and not infinite and not are_missing:
-        return FieldPattern(interval, frame, 0, 0, 0, 0, deep=True, infinite=0, missing=0, pixel=None)
-    return _count_wrong_pixels(window, track, interval, frame, static_m)
+        unfounded = [pattern for pattern in patterns if pattern.unfounded]
+        missing = [pattern for pattern in patterns if pattern.missing]
+        infinite = [pattern for pattern in patterns if pattern.infinite]
+        count = max(sum(p.unfounded for p in unfounded), 1)
+        mostly_zero = 2 * sum(p.unfounded_zero for p in unfounded) > count
+        mostly_behind = 2 * sum(p.behind for p in unfounded) > count
+        text = "stand where the point falls behind the camera" if mostly_behind else "stand where depth is invalid"
+        statistics = []
+        for name, rule, number, wrong, where_text in (
+            ("values_without_depth", "unfounded", sum(p.unfounded for p in patterns), unfounded,
+             text + (", most of them 0" if mostly_zero else "")),
+            ("missing_values", "missing", sum(p.missing for p in patterns), missing, "are absent where depth is valid"),
+            ("infinite_values", "infinite", sum(p.infinite for p in patterns), infinite, "are infinite"),
+        ):  # fmt: skip
+            where, features = Where(), tuple[Feature, ...]()
+            if wrong:
+                first, last = wrong[0], wrong[-1]
+                where = place(facts, (first.interval, last.interval), frame=first.frame, pixel=first.pixel)
+                values = WrongFlowValues(
+                    streams=frozenset(pattern.interval.stream for pattern in wrong),
+                    unfounded=sum(p.unfounded for p in unfounded),
+                    missing=sum(p.missing for p in missing),
+                    alike=sum(p.unfounded_alike for p in unfounded),
+                    behind=sum(p.behind for p in unfounded),
+                    deep=all(pattern.deep for pattern in unfounded),
+                )
+                features = (values,)
+            statistics.append(
+                Statistic(
+                    name=name,
+                    value=float(number),
+                    unit="pixels",
+                    standard_error=0.0,
+                    resolution=1.0,
+                    side="upper",
+                    statement=f"{number} values of flow, in {len(wrong)} fields, {where_text}.",
+                    code=f"flow_geometry.validity.{rule}",
+                    where=where,
+                    features=features,
+                )
+            )
+        return Observation(coverage, (*statistics, *timestamp_statistics(facts)))
 
 
 def _count_wrong_pixels(
@@ -182,13 +221,23 @@ def _count_wrong_pixels(
     valid = np.isfinite(depth_m) & (depth_m > 0)
     unfounded, missing = present & ~valid, valid & ~present
     behind = np.zeros_like(valid)
-    if track is not None and static_m is not None:
-        still = valid & np.isfinite(static_m)
-        before, behind = _before_and_behind(window, track, interval, depth_m, still)
-        unfounded |= present & behind
-        missing &= before
-    else:
-        missing[:] = False
+    # Pixels whose points end surely before the camera's plane.
+    before = np.zeros_like(valid)
+    still = valid & np.isfinite(static_m) if track is not None and static_m is not None else before
+    if track is not None and still.any():
+        motion = motion_over(window, track, interval)
+        range_m = float(depth_m[still].min()), float(depth_m[still].max())
+        if motion is not None and _all_before(track, motion, depth_m.shape, range_m, window):
+            before = still
+        elif motion is not None:
+            margin_m = _margin_m(window.facts.declared.pose, range_m[1])
+            # (1, W) and (H, 1) broadcast, without a full grid of coordinates.
+            columns = np.arange(depth_m.shape[1], dtype=np.float64)[None, :]
+            rows = np.arange(depth_m.shape[0], dtype=np.float64)[:, None]
+            Z1_m = moved_points(track.camera.K, motion, columns, rows, depth_m.astype(np.float64))[2]
+            before, behind = still & (Z1_m > margin_m), still & (Z1_m < -margin_m)
+    unfounded |= present & behind
+    missing &= before
     # Of a fill value most values equal their median, of a flow hardly any.
     values_px = flow_px[unfounded]
     alike = int(np.count_nonzero(np.all(values_px == np.median(values_px, axis=0), axis=1))) if len(values_px) else 0
@@ -207,24 +256,6 @@ def _count_wrong_pixels(
         missing=int(np.count_nonzero(missing)),
         pixel=None if first is None else (first % width, first // width),
     )
-
-
-def _before_and_behind(
-    window: Window, track: PoseTrack, interval: Interval, depth_m: NDArray[np.float32], valid: Mask
-) -> tuple[Mask, Mask]:
-    """Return which pixels' points end surely before the camera's plane, and which surely behind it."""
-    motion = motion_over(window, track, interval)
-    if motion is None or not valid.any():
-        return np.zeros_like(valid), np.zeros_like(valid)
-    height, width = depth_m.shape
-    range_m = float(depth_m[valid].min()), float(depth_m[valid].max())
-    if _all_before(track, motion, depth_m.shape, range_m, window):
-        return valid, np.zeros_like(valid)
-    margin_m = _margin_m(window.facts.declared.pose, range_m[1])
-    # (1, W) and (H, 1) broadcast, without a full grid of coordinates.
-    columns, rows = np.arange(width, dtype=np.float64)[None, :], np.arange(height, dtype=np.float64)[:, None]
-    Z1_m = moved_points(track.camera.K, motion, columns, rows, depth_m.astype(np.float64))[2]
-    return valid & (Z1_m > margin_m), valid & (Z1_m < -margin_m)
 
 
 def _all_before(
@@ -247,48 +278,3 @@ def _margin_m(noise: PoseModel | None, distance_m: float) -> float:
         return distance_m
     # Noise of the position, and of the rotation at this distance, are independent.
     return _SIGMAS * float(np.hypot(noise.position_sigma_m, noise.rotation_sigma_rad * distance_m)) + rounding_m
-
-
-def _pixel_statistics(patterns: Sequence[FieldPattern], facts: Facts) -> list[Statistic]:
-    unfounded = [pattern for pattern in patterns if pattern.unfounded]
-    missing = [pattern for pattern in patterns if pattern.missing]
-    infinite = [pattern for pattern in patterns if pattern.infinite]
-    count = max(sum(p.unfounded for p in unfounded), 1)
-    mostly_zero = 2 * sum(p.unfounded_zero for p in unfounded) > count
-    mostly_behind = 2 * sum(p.behind for p in unfounded) > count
-    text = "stand where the point falls behind the camera" if mostly_behind else "stand where depth is invalid"
-    statistics = []
-    for name, rule, number, wrong, where_text in (
-        ("values_without_depth", "unfounded", sum(p.unfounded for p in patterns), unfounded,
-         text + (", most of them 0" if mostly_zero else "")),
-        ("missing_values", "missing", sum(p.missing for p in patterns), missing, "are absent where depth is valid"),
-        ("infinite_values", "infinite", sum(p.infinite for p in patterns), infinite, "are infinite"),
-    ):  # fmt: skip
-        where, features = Where(), tuple[Feature, ...]()
-        if wrong:
-            first, last = wrong[0], wrong[-1]
-            where = place(facts, (first.interval, last.interval), frame=first.frame, pixel=first.pixel)
-            values = WrongFlowValues(
-                streams=frozenset(pattern.interval.stream for pattern in wrong),
-                unfounded=sum(p.unfounded for p in unfounded),
-                missing=sum(p.missing for p in missing),
-                alike=sum(p.unfounded_alike for p in unfounded),
-                behind=sum(p.behind for p in unfounded),
-                deep=all(pattern.deep for pattern in unfounded),
-            )
-            features = (values,)
-        statistics.append(
-            Statistic(
-                name=name,
-                value=float(number),
-                unit="pixels",
-                standard_error=0.0,
-                resolution=1.0,
-                side="upper",
-                statement=f"{number} values of flow, in {len(wrong)} fields, {where_text}.",
-                code=f"flow_geometry.validity.{rule}",
-                where=where,
-                features=features,
-            )
-        )
-    return statistics

@@ -1,7 +1,7 @@
 """Flow against the frames: the next frame is warped back, and its remaining displacement is estimated."""
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from typing import Any, Final
 
 import numpy as np
@@ -18,21 +18,44 @@ from fedora_qa.checks.flow_photometric.rate_statistics import (
     worst_statistics,
 )
 from fedora_qa.checks.protocol import Observation, Statistic, WindowCheck
-from fedora_qa.estimators.flow.rate_fit import RateFit
-from fedora_qa.estimators.flow.tiles import TileGrid
+from fedora_qa.conventions import NS_PER_S
+from fedora_qa.estimators.flow.tiles import TileGrid, patches_of
 from fedora_qa.record.types import Coverage
 from fedora_qa.sequence.facts import Facts
 from fedora_qa.sequence.window import Window
 from fedora_qa.views.flow_conventions import ConventionTrial
-from fedora_qa.views.flow_intervals import Interval, owned_intervals
-from fedora_qa.views.flow_residuals import FEWEST_TILES, FieldResidual, measure_field, sample_tiles, textured
-from fedora_qa.views.frame_conventions import try_transforms
-from fedora_qa.views.warped_frames import Optics, frame_pair, optics_of
+from fedora_qa.views.flow_intervals import Interval, interval_at, owned_intervals
+from fedora_qa.views.flow_residuals import (
+    FEWEST_TILES,
+    LARGEST_FLOW_PX,
+    UNMATCHED,
+    FieldResidual,
+    FieldTiles,
+    measure_field,
+    sample_tiles,
+    textured,
+)
+from fedora_qa.views.warped_frames import FramePair, Optics, frame_pair, optics_of
+
+Float32 = NDArray[np.float32]
 
 _MOST_FOLLOW_UPS: Final = 8
 
 _ANOTHER_UNIT: Final = 0.5
 """Gains of less than half are no other unit."""
+
+_TILE_STEP: Final = 4
+"""Of tiles that deviate all over the image every fourth is enough, as long as some are left."""
+
+_FEWEST_UNMATCHED: Final = 2
+_TWO_CHANGES: Final = 0.95
+"""Factor on what a mirrored grid with mirrored vectors removes: mirrored frames, one change, leave the same mismatch.
+
+Of two transforms that remove as much, the one with fewer changes comes first.
+"""
+
+_GAINS: Final = (2.0, 1.5, 0.67, 0.5)
+_FRAME_SHIFTS: Final = (-2, -1, 1, 2)
 
 
 @dataclass(frozen=True, slots=True)
@@ -44,6 +67,18 @@ class WindowResiduals:
     without_frames: int = 0
     trials: tuple[ConventionTrial, ...] = ()
     maps: Mapping[str, tuple[NDArray[Any], str]] = field(default_factory=dict)
+
+
+@dataclass(frozen=True, slots=True)
+class _FrameTransform:
+    """Flow and frames after an inverse transform of one stream; None where the file does not hold what it needs."""
+
+    name: str
+    stream: str
+    flow_px: Float32 | None
+    frames: FramePair | None
+    magnitude: float | None = None
+    factor: float = 1.0
 
 
 class FlowPhotometricResidual(WindowCheck[WindowResiduals]):
@@ -152,7 +187,17 @@ class FlowPhotometricResidual(WindowCheck[WindowResiduals]):
         }
         by_rate = {stream: of_rate for stream, of_rate in by_rate.items() if of_rate}
         if not by_rate:
-            return Observation(coverage, unobservable=_why_none(state, fields))
+            without_frames = sum(w.without_frames for w in state)
+            reason = "there is no field of flow whose image holds a tile of 32 px"
+            if fields:
+                tiles = sum(residual.tiles for residual in fields)
+                reason = (
+                    f"too few of {tiles} tiles in {len(fields)} fields have texture enough to tell its flow to 0.1 px "
+                    "where depth and pose let both frames show the same"
+                )
+            elif without_frames:
+                reason = f"of {without_frames} fields none starts and ends on the stamp of a colour frame"
+            return Observation(coverage, unobservable=reason)
         trials = [trial for w in state for trial in w.trials]
         rates = {stream: fit_fields(of_rate) for stream, of_rate in by_rate.items()}
         deviates_by_rate = {stream: deviates(rates[stream], of_rate) for stream, of_rate in by_rate.items()}
@@ -163,31 +208,32 @@ class FlowPhotometricResidual(WindowCheck[WindowResiduals]):
             statistics += mean_statistics(stream, of_rate, rates[stream], facts, features)
             statistics += worst_statistics(stream, of_rate, facts, features)
         maps = next((w.maps for w in state if w.maps), {})
-        # The unit is known where all rates that determine one agree.
-        units = {_inferred_unit(stream, rates[stream], of_rate, trials) for stream, of_rate in by_rate.items()} - {None}
+        # The unit that the frames give each rate whose gain is certain enough; it is known where all of them agree.
+        units: set[str] = set()
+        for stream, of_rate in by_rate.items():
+            rate = rates[stream]
+            best = max(
+                (trial for trial in trials if trial.rate == stream),
+                key=lambda trial: trial.removed_share,
+                default=None,
+            )
+            unmatched_share = sum(residual.unmatched for residual in of_rate) / sum(
+                residual.textured for residual in of_rate
+            )
+            if best is not None and best.transform == "rescaled_by_interval" and best.magnitude is not None:
+                units.add("px/s" if best.magnitude > 1 else "px s")
+            elif rate is None or unmatched_share > UNMATCHED_SHARE:
+                units.add("unknown")
+            # A gain that is uncertain by half does not exclude another unit.
+            elif not SIGNIFICANT_SIGMAS * rate.gain.errors[0] > _ANOTHER_UNIT:
+                units.add("px" if abs(rate.gain.sizes[0]) < _ANOTHER_UNIT else "unknown")
         return Observation(
             coverage,
             tuple(statistics),
             evidence={name: values for name, (values, _) in maps.items()},
             titles={name: title for name, (_, title) in maps.items()},
-            inferred={"flow_unit": units.pop() or "unknown" if len(units) == 1 else "unknown"},
+            inferred={"flow_unit": units.pop() if len(units) == 1 else "unknown"},
         )
-
-
-def _inferred_unit(
-    stream: str, rate: RateFit | None, fields: Sequence[FieldResidual], trials: Sequence[ConventionTrial]
-) -> str | None:
-    """Return the unit that the frames give one rate: px, px/s, px s, unknown; None where its gain is too uncertain."""
-    best = max((trial for trial in trials if trial.rate == stream), key=lambda trial: trial.removed_share, default=None)
-    if best is not None and best.transform == "rescaled_by_interval" and best.magnitude is not None:
-        return "px/s" if best.magnitude > 1 else "px s"
-    unmatched_share = sum(residual.unmatched for residual in fields) / sum(residual.textured for residual in fields)
-    if rate is None or unmatched_share > UNMATCHED_SHARE:
-        return "unknown"
-    # A gain that is uncertain by half does not exclude another unit.
-    if SIGNIFICANT_SIGMAS * rate.gain.errors[0] > _ANOTHER_UNIT:
-        return None
-    return "px" if abs(rate.gain.sizes[0]) < _ANOTHER_UNIT else "unknown"
 
 
 def _residual_maps(window: Window, optics: Optics, interval: Interval) -> Mapping[str, tuple[NDArray[Any], str]]:
@@ -217,14 +263,114 @@ def _residual_maps(window: Window, optics: Optics, interval: Interval) -> Mappin
     }
 
 
-def _why_none(state: Sequence[WindowResiduals], fields: Sequence[FieldResidual]) -> str:
-    without_frames = sum(w.without_frames for w in state)
-    if fields:
-        tiles = sum(residual.tiles for residual in fields)
-        return (
-            f"too few of {tiles} tiles in {len(fields)} fields have texture enough to tell its flow to 0.1 px "
-            "where depth and pose let both frames show the same"
-        )
-    if without_frames:
-        return f"of {without_frames} fields none starts and ends on the stamp of a colour frame"
-    return "there is no field of flow whose image holds a tile of 32 px"
+def try_transforms(window: Window, optics: Optics, interval: Interval) -> list[ConventionTrial]:
+    """Try every inverse transform on one field.
+
+    Returns
+    -------
+    list
+        For each transform and stream the variant that removes the largest share of the frames' mismatch; empty where
+        the field has too few textured tiles.
+    """
+    frames = frame_pair(window, optics, interval)
+    tiles = sample_tiles(frames, interval, 1.0) if frames else None
+    if frames is None or tiles is None:
+        return []
+    residuals = tiles.residuals(frames)
+    is_textured = textured(residuals)
+    if np.count_nonzero(is_textured) < FEWEST_TILES:
+        return []
+    # The tiles (n,) that do not match, where they are few: a fault of a part of the image. Else some of all.
+    count = int(np.count_nonzero(is_textured))
+    deviating = is_textured & (residuals.unexplained > UNMATCHED)
+    if not _FEWEST_UNMATCHED <= np.count_nonzero(deviating) < 0.5 * count:
+        step = min(_TILE_STEP, count // FEWEST_TILES)
+        thinned = is_textured & (np.arange(len(is_textured)) % step == 0)
+        deviating = thinned if np.any(thinned) else is_textured
+    tiles = tiles.chosen(deviating)
+    as_stored = _mismatch(tiles, frames)
+    best: dict[tuple[str, str], ConventionTrial] = {}
+    # Frames that equal the one before them bit for bit need no trial.
+    rows = [row for row in {frames.before, frames.after} if row > 0]
+    repeated = sum(np.array_equal(window.rgb(row), window.rgb(row - 1)) for row in rows)
+    if repeated:
+        best["repeated_frame", "rgb"] = ConventionTrial(interval.stream, "repeated_frame", "rgb", 1.0, float(repeated))
+    for transform in _transforms(window, optics, interval, tiles, frames):
+        if transform.flow_px is None or transform.frames is None:
+            continue
+        # The same tiles and pixels are compared before and after, so that the share depends on the transform alone.
+        mismatch = _mismatch(replace(tiles, flow_px=transform.flow_px), transform.frames)
+        removed_share = transform.factor * max(1.0 - mismatch / as_stored, 0.0) if as_stored > 0 else 0.0
+        key = (transform.name, transform.stream)
+        if key not in best or best[key].removed_share < removed_share:
+            best[key] = ConventionTrial(interval.stream, *key, removed_share, transform.magnitude)
+    return list(best.values())
+
+
+def _mismatch(tiles: FieldTiles, frames: FramePair) -> float:
+    """Return the median over tiles of the difference of the frames, relative to the image's own contrast."""
+    return float(np.median(np.sqrt(tiles.residuals(frames).mismatch)))
+
+
+def _transforms(
+    window: Window, optics: Optics, interval: Interval, tiles: FieldTiles, frames: FramePair
+) -> Iterator[_FrameTransform]:
+    """Yield transforms of the stored numbers, of their grid, of the interval, and of the colour frames."""
+    flow_px, interval_s = tiles.flow_px, np.float32(interval.duration_s)
+    yield _FrameTransform("negated", "flow", -flow_px, frames)
+    yield _FrameTransform("transposed_axes", "flow", flow_px[..., ::-1], frames)
+    yield _FrameTransform("flipped_v", "flow", flow_px * np.array([1, -1], dtype=np.float32), frames)
+    if interval_s > 0:
+        yield _FrameTransform("rescaled_by_interval", "flow", flow_px * interval_s, frames, 1 / float(interval_s))
+        yield _FrameTransform("rescaled_by_interval", "flow", flow_px / interval_s, frames, float(interval_s))
+    for gain in _GAINS:
+        yield _FrameTransform("scaled", "flow", flow_px / np.float32(gain), frames, 100 * (gain - 1))
+
+    # The image that the numbers lie in is turned over, with or without the numbers themselves.
+    stored_px = window.flow_px(interval.stream, interval.row)
+    for mirrored_px in (stored_px[:, ::-1], stored_px[::-1]):
+        patches_px = patches_of(mirrored_px, tiles.origins)
+        with np.errstate(invalid="ignore"):  # values may be NaN
+            patches_px = np.where(np.abs(patches_px) < LARGEST_FLOW_PX, patches_px, np.float32(0))
+        for signs in ((1, 1), (-1, 1), (1, -1)):
+            turned_px = patches_px * np.array(signs, dtype=np.float32)
+            factor = 1.0 if signs == (1, 1) else _TWO_CHANGES
+            yield _FrameTransform("mirrored", "flow", turned_px, frames, factor=factor)
+
+    # The frames of a neighbouring interval, or of a field of another rate.
+    for intervals in (-1, 1):
+        neighbours = frame_pair(window, optics, interval.shifted(intervals))
+        yield _FrameTransform("shifted_interval", "flow", flow_px, neighbours, float(-intervals))
+    for stream in window.facts.flow_streams:
+        starts_ns = window.facts.clocks[stream].times_ns
+        if stream == interval.stream or not len(starts_ns):
+            continue
+        # The other rate's field of the same time, and the one of the same row.
+        latest = max(int(np.searchsorted(starts_ns, interval.start_ns, "right")) - 1, 0)
+        for row in {latest, min(interval.row, len(starts_ns) - 1)}:
+            others = frame_pair(window, optics, interval_at(window.facts, stream, row))
+            yield _FrameTransform("field_of_another_rate", "flow", flow_px, others)
+
+    # Other colour frames, no motion between them, or mirrored ones.
+    times_ns = window.facts.clocks["rgb"].times_ns
+    for shift in _FRAME_SHIFTS:
+        before, after = frames.before + shift, frames.after + shift
+        if min(before, after) >= 0 and max(before, after) < len(times_ns):
+            delay_ms = float(times_ns[before] - times_ns[frames.before]) * 1e3 / NS_PER_S
+            shifted = replace(frames, before=before, after=after)
+            yield _FrameTransform("delayed", "rgb", flow_px, shifted, delay_ms)
+            yield _FrameTransform("delayed", "flow", flow_px, shifted, -delay_ms)
+    for before, after in ((frames.after, frames.before), (frames.before, frames.after + 1),
+                          (frames.before, frames.after - 1), (frames.before + 1, frames.after),
+                          (frames.before - 1, frames.after)):  # fmt: skip
+        if min(before, after) >= 0 and max(before, after) < len(times_ns):
+            exchanged = replace(frames, before=before, after=after)
+            yield _FrameTransform("exchanged_frames", "rgb", flow_px, exchanged, 1.0)
+    yield _FrameTransform("repeated_frame", "rgb", np.zeros_like(flow_px), frames)
+    camera = frames.window.facts.declared.cameras.get("rgb")
+    if camera is not None:
+        H = np.eye(3) if frames.optics.H_rgb_flow is None else frames.optics.H_rgb_flow
+        for mirror in ([[-1, 0, camera.width - 1], [0, 1, 0], [0, 0, 1]],
+                       [[1, 0, 0], [0, -1, camera.height - 1], [0, 0, 1]]):  # fmt: skip
+            mirrored = replace(frames.optics, H_rgb_flow=np.array(mirror, dtype=np.float64) @ H)
+            yield _FrameTransform("mirrored", "rgb", flow_px, replace(frames, optics=mirrored))

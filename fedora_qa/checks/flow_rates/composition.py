@@ -1,19 +1,35 @@
 """The rates of flow against each other: short fields compose to long ones."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from itertools import combinations
 from typing import Final
 
-from fedora_qa.checks.flow_rates.inverse_trials import try_inverse_transforms
+import numpy as np
+from numpy.typing import NDArray
+
 from fedora_qa.checks.protocol import Observation, Statistic, WindowCheck
+from fedora_qa.conventions import NS_PER_S
 from fedora_qa.features import Feature
 from fedora_qa.record.types import Coverage, Where
 from fedora_qa.sequence.facts import Facts
 from fedora_qa.sequence.window import Window
-from fedora_qa.views.flow_chains import segments
+from fedora_qa.views.flow_chains import Chain, ComposedPaths, FieldTransform, Segment, compose, exists, segments
+from fedora_qa.views.flow_comparison import equal_bits
 from fedora_qa.views.flow_conventions import ConventionTrial
-from fedora_qa.views.flow_rate_agreement import MOST_LOST, MedianEndpointError, RateAgreement, compare_rates
+from fedora_qa.views.flow_rate_agreement import (
+    FEWEST_PIXELS,
+    MOST_LOST,
+    MedianEndpointError,
+    RateAgreement,
+    compare_rates,
+    compared_pixels,
+    median_error_px,
+    path_starts,
+)
+
+Float64 = NDArray[np.float64]
 
 RatePair = tuple[str, str]
 """Two rates, the slower one first."""
@@ -22,6 +38,27 @@ _MOST_FOLLOW_UPS: Final = 4
 
 _MATERIAL_PX: Final = 0.1
 """An endpoint error that no use of the flow would notice."""
+
+_FEWEST_OFF: Final = 4 * FEWEST_PIXELS
+"""Pixels from which on those that are off are tried alone: a quarter of them may leave the image."""
+
+_EVERY: Final = 4
+"""Of pixels that are off all over the image every fourth is tried."""
+
+_SAME_GAIN: Final = 0.02
+"""Relative distance to a change of unit below which a gain is that change of unit."""
+
+COPIES: Final = ("field_of_another_rate", "repeated_field")
+"""Transforms that compare fields bit for bit: they remove all of the error or none, since no chance makes copies."""
+
+_TRANSFORMS: Final[tuple[tuple[str, FieldTransform], ...]] = (
+    ("negated", lambda flow_px: -flow_px),
+    ("transposed_axes", lambda flow_px: flow_px[..., ::-1]),
+    ("flipped_v", lambda flow_px: flow_px * np.array([1, -1], dtype=flow_px.dtype)),
+    ("mirrored", lambda flow_px: flow_px[:, ::-1]),
+    ("mirrored", lambda flow_px: flow_px[::-1]),
+)
+"""Transforms of a whole field (H, W, 2): of its values, or of the grid that they lie on."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -40,6 +77,16 @@ class RatePairsOff(Feature):
 
     pair: RatePair
     shares_off: Mapping[RatePair, float]
+
+
+@dataclass(frozen=True, slots=True)
+class _TransformResidual:
+    """A transform of one rate, or of ``flow``, and the median error in px that remains after it."""
+
+    stream: str
+    transform: str
+    residual_px: float
+    magnitude: float | None = None
 
 
 class FlowRatesComposition(WindowCheck[WindowComposition]):
@@ -138,8 +185,42 @@ class FlowRatesComposition(WindowCheck[WindowComposition]):
         }
         statistics: list[Statistic] = []
         for pair, group in pairs.items():
+            name = f"{pair[0]} by {pair[1].removeprefix('flow/')}"
+            most_lost = max(group, key=lambda agreement: agreement.lost)
+            of_pair = [
+                Statistic(
+                    name=f"{name} leaving",
+                    value=most_lost.lost,
+                    unit="share",
+                    standard_error=0.0,
+                    model_error_bound=MOST_LOST,
+                    side="upper",
+                    statement=f"{most_lost.lost:.0%} of the pixels leave the image by {pair[0]} or by {pair[1]}, "
+                    "but not by both.",
+                    code="flow_rates.composition.leaving",
+                    where=_where(
+                        [agreement for agreement in group if agreement.lost > MOST_LOST] or [most_lost], facts
+                    ),
+                )
+            ]
+            compared = [
+                (agreement, agreement.whole, agreement.worst_tile)
+                for agreement in group
+                if agreement.whole and agreement.worst_tile
+            ]
+            if compared:
+                whole = max(compared, key=lambda errors: errors[1].suspicion)
+                tile = max(compared, key=lambda errors: errors[2].suspicion)
+                off = [agreement for agreement, error, _ in compared if error.suspicion > 1]
+                off_tile = [agreement for agreement, _, error in compared if error.suspicion > 1]
+                extent = f"{len(off)} of {len(compared)} intervals are off"
+                of_pair += [
+                    _error(f"{name} error", pair, whole[1], extent, "error", _where(off or [whole[0]], facts)),
+                    _error(f"{name} worst_tile", pair, tile[2], "in the worst tile", "tile",
+                           replace(_where(off_tile or [tile[0]], facts), tile=tile[0].tile)),
+                ]  # fmt: skip
             features = (RatePairsOff(pair, shares_off), *trials)
-            statistics += [replace(statistic, features=features) for statistic in _statistics(pair, group, facts)]
+            statistics += [replace(statistic, features=features) for statistic in of_pair]
         return Observation(coverage, tuple(statistics))
 
 
@@ -148,42 +229,6 @@ def _by_pair(agreements: Sequence[RateAgreement]) -> Mapping[RatePair, list[Rate
     for agreement in sorted(agreements, key=lambda agreement: agreement.segment.start_ns):
         pairs.setdefault((agreement.segment.slow.stream, agreement.segment.fast.stream), []).append(agreement)
     return pairs
-
-
-def _statistics(pair: RatePair, group: Sequence[RateAgreement], facts: Facts) -> list[Statistic]:
-    name = f"{pair[0]} by {pair[1].removeprefix('flow/')}"
-    most_lost = max(group, key=lambda agreement: agreement.lost)
-    statistics = [
-        Statistic(
-            name=f"{name} leaving",
-            value=most_lost.lost,
-            unit="share",
-            standard_error=0.0,
-            model_error_bound=MOST_LOST,
-            side="upper",
-            statement=f"{most_lost.lost:.0%} of the pixels leave the image by {pair[0]} or by {pair[1]}, "
-            "but not by both.",
-            code="flow_rates.composition.leaving",
-            where=_where([agreement for agreement in group if agreement.lost > MOST_LOST] or [most_lost], facts),
-        )
-    ]
-    compared = [
-        (agreement, agreement.whole, agreement.worst_tile)
-        for agreement in group
-        if agreement.whole and agreement.worst_tile
-    ]
-    if compared:
-        whole = max(compared, key=lambda errors: errors[1].suspicion)
-        tile = max(compared, key=lambda errors: errors[2].suspicion)
-        off = [agreement for agreement, error, _ in compared if error.suspicion > 1]
-        off_tile = [agreement for agreement, _, error in compared if error.suspicion > 1]
-        extent = f"{len(off)} of {len(compared)} intervals are off"
-        statistics += [
-            _error(f"{name} error", pair, whole[1], extent, "error", _where(off or [whole[0]], facts)),
-            _error(f"{name} worst_tile", pair, tile[2], "in the worst tile", "tile",
-                   replace(_where(off_tile or [tile[0]], facts), tile=tile[0].tile)),
-        ]  # fmt: skip
-    return statistics
 
 
 def _error(name: str, pair: RatePair, error: MedianEndpointError, extent: str, rule: str, where: Where) -> Statistic:
@@ -211,3 +256,113 @@ def _where(group: Sequence[RateAgreement], facts: Facts) -> Where:
         index_start=first.slow.rows[0],
         index_stop=last.slow.rows[-1] + 1,
     )
+
+
+def try_inverse_transforms(window: Window, segment: Segment) -> list[ConventionTrial]:
+    """Try transforms of either rate, and of both, on one segment: the share of the error that each removes.
+
+    Parameters
+    ----------
+    segment
+        A common interval of two rates that are off.
+
+    Returns
+    -------
+    The best trial of each transform and stream; ``rate`` and ``stream`` are both the rate that was transformed.
+    """
+    columns, rows = path_starts(window, segment)
+    slow, fast = (compose(window, chain, columns, rows) for chain in (segment.slow, segment.fast))
+    compared = compared_pixels(slow, fast)
+    # Pixels that were not compared get 0 on both sides, and so do not count as off.
+    apart_px = np.where(compared[:, None], slow.displacement_px - fast.displacement_px, 0.0)
+    off = np.linalg.norm(apart_px, axis=-1) > np.where(compared, slow.bound_px + fast.bound_px, 0.0)
+    # Pixels that are off are tried alone where they are few: a fault of a part of the image.
+    if _FEWEST_OFF <= np.count_nonzero(off) < 0.5 * np.count_nonzero(compared):
+        columns, rows = columns[off], rows[off]
+    else:
+        columns, rows = columns[::_EVERY], rows[::_EVERY]
+    slow, fast = (compose(window, chain, columns, rows) for chain in (segment.slow, segment.fast))
+    # The flow itself bounds the error that a transform can remove, so that dividing arbitrary values explains nothing.
+    moved_px = np.linalg.norm(slow.displacement_px[slow.clear], axis=-1)
+    reference_px = min(median_error_px(slow, fast), float(np.median(moved_px)) if len(moved_px) else np.inf)
+    best: dict[tuple[str, str], ConventionTrial] = {}
+    for residual in _transform_residuals(window, segment, slow, fast, (columns, rows)):
+        removed_share = max(1.0 - residual.residual_px / reference_px, 0.0) if reference_px > 0 else 0.0
+        stream, transform = residual.stream, residual.transform
+        if (stream, transform) not in best or best[stream, transform].removed_share < removed_share:
+            best[stream, transform] = ConventionTrial(stream, transform, stream, removed_share, residual.magnitude)
+    return list(best.values())
+
+
+def _transform_residuals(
+    window: Window, segment: Segment, slow: ComposedPaths, fast: ComposedPaths, pixels: tuple[Float64, Float64]
+) -> Iterator[_TransformResidual]:
+    """Yield what remains after transforms of one rate, the other left as it is, and then of both rates alike."""
+    for chain, own, other in ((segment.slow, slow, fast), (segment.fast, fast, slow)):
+        stream = chain.stream
+        interval_s = (segment.end_ns - segment.start_ns) / len(chain.rows) / NS_PER_S
+        residual_of = partial(_TransformResidual, stream)
+        for transform, change in _TRANSFORMS:
+            yield residual_of(transform, median_error_px(compose(window, chain, *pixels, change), other))
+        for shift in (-1, 1):
+            neighbour = chain.shifted(shift)
+            if exists(window.facts, neighbour):
+                residual_px = median_error_px(compose(window, neighbour, *pixels), other)
+                yield residual_of("neighbouring_interval", residual_px, float(shift))
+        # A rate may be too large by a change of unit, or by the factor that fits: least squares of own = factor * other
+        # over all components.
+        compared = compared_pixels(own, other)
+        own_px, other_px = own.displacement_px[compared], other.displacement_px[compared]
+        square = float(np.sum(other_px**2))
+        fitted = float(np.sum(own_px * other_px)) / square if square > 0 else 0.0
+        units = (interval_s, 1 / interval_s) if interval_s > 0 else ()
+        for factor in (*units, fitted) if fitted > 0 else units:
+            gain = factor - 1
+            # Flow in px/s or px s is off by the interval or its reciprocal: near these a factor is a unit, not a gain.
+            unit = next((unit for unit in units if abs((1 + gain) / unit - 1) < _SAME_GAIN), None)
+            residual_px = median_error_px(compose(window, chain, *pixels, _division_by(factor)), other)
+            if unit is None:
+                yield residual_of("scaled", residual_px, 100 * gain)
+            else:
+                yield residual_of("another_unit", residual_px, unit)
+        # The fields of other rates that the chain's first may be a copy of: at its start, and of its row.
+        first, clocks = chain.rows[0], window.facts.clocks
+        candidates: list[tuple[str, int]] = []
+        for rate in window.facts.flow_streams:
+            starts_ns = clocks[rate].times_ns
+            if rate != stream and len(starts_ns):
+                latest = max(int(np.searchsorted(starts_ns, clocks[stream].times_ns[first], "right")) - 1, 0)
+                candidates += [(rate, row) for row in {latest, min(first, len(starts_ns) - 1)}]
+        field_px = window.flow_px(stream, first)
+        is_copy = any(equal_bits(field_px, window.flow_px(rate, row)) for rate, row in candidates)
+        # A copy is exact: it explains all of the error or none (COPIES).
+        yield residual_of("field_of_another_rate", 0.0 if is_copy else np.inf)
+        repetitions = _count_repetitions(window, chain)
+        yield residual_of("repeated_field", 0.0 if repetitions else np.inf, float(repetitions))
+    for transform, change in _TRANSFORMS:
+        changed = (compose(window, chain, *pixels, change) for chain in (segment.slow, segment.fast))
+        yield _TransformResidual("flow", transform, median_error_px(*changed))
+
+
+def _division_by(factor: float) -> Callable[[NDArray[np.float32]], NDArray[np.floating]]:
+    return lambda flow_px: flow_px / np.float32(factor)
+
+
+def _count_repetitions(window: Window, chain: Chain) -> int:
+    """Count the repetitions in the longest run of equal fields that touches the chain, up to a window beyond it."""
+    reach = len(window.owned(chain.stream))
+    first = max(chain.rows[0] - reach, 0)
+    last = min(chain.rows[-1] + reach, len(window.facts.clocks[chain.stream].times_ns) - 1)
+
+    def repeats(row: int) -> bool:
+        if not first < row <= last:
+            return False
+        return equal_bits(window.flow_px(chain.stream, row), window.flow_px(chain.stream, row - 1))
+
+    longest = 0
+    for row in chain.rows:
+        if repeats(row):
+            after = next(later for later in range(row + 1, last + 2) if not repeats(later))
+            before = next(earlier for earlier in range(row - 1, first - 1, -1) if not repeats(earlier))
+            longest = max(longest, after - before - 1)
+    return longest

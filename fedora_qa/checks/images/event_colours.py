@@ -25,7 +25,6 @@ from fedora_qa.sequence.declared import EventModel
 from fedora_qa.sequence.facts import Facts
 from fedora_qa.sequence.window import Window
 from fedora_qa.views.event_camera import (
-    ResampledFrames,
     event_footprints,
     pixel_events,
     resampled_frames,
@@ -102,7 +101,19 @@ def _colour_sums(window: Window) -> ColourSums | None:
     rows, columns = np.divmod(pairs.pixels, width)
     # Blocks of the jackknife: 2 x 2 quarters of the image, numbered row by row.
     quarter: NDArray[np.intp] = (2 * (2 * rows // height) + 2 * columns // width).astype(np.intp)
-    transfer, colours = window.facts.declared.transfer, _colours_at_ends(window, frames, pairs)
+    # Linear R, G, B (m, 3) of each pair's pixel at its earlier and its later frame, in DN. Frames are 8-bit: a table of
+    # 256 codes covers all values.
+    transfer = window.facts.declared.transfer
+    linear_dn = to_linear(np.arange(256.0), transfer)
+    colours = np.empty((len(pairs), 3)), np.empty((len(pairs), 3))
+    for i, frame in enumerate(frames.frames):
+        at_start, at_end = pairs.earlier == i, pairs.later == i
+        if not (at_start.any() or at_end.any()):
+            continue
+        rgb = window.rgb(int(frame))
+        prints = event_footprints(window, (rgb.shape[0], rgb.shape[1]))
+        for at_frame, rgb_dn in zip((at_start, at_end), colours, strict=True):
+            rgb_dn[at_frame] = edge_aware_colours(prints, rgb, linear_dn, pairs.pixels[at_frame])
 
     def sums(curve: str, pairs: LevelPairs) -> ColourBlocks:
         steps = np.array([declared.threshold_on, declared.threshold_off])
@@ -119,22 +130,6 @@ def _colour_sums(window: Window) -> ColourSums | None:
 def _curves(declared: str) -> tuple[str, ...]:
     """Return the transfer curves to try, the declared one first."""
     return (declared, *(curve for curve in TRANSFERS if curve != declared))
-
-
-def _colours_at_ends(window: Window, frames: ResampledFrames, pairs: LevelPairs) -> tuple[Float64, Float64]:
-    """Return linear R, G, B (m, 3) of each pair's pixel at its earlier and its later frame, in DN."""
-    # Frames are 8-bit: a table of 256 codes covers all values.
-    linear_dn = to_linear(np.arange(256.0), window.facts.declared.transfer)
-    earlier, later = np.empty((len(pairs), 3)), np.empty((len(pairs), 3))
-    for i, frame in enumerate(frames.frames):
-        at_start, at_end = pairs.earlier == i, pairs.later == i
-        if not (at_start.any() or at_end.any()):
-            continue
-        rgb = window.rgb(int(frame))
-        prints = event_footprints(window, (rgb.shape[0], rgb.shape[1]))
-        earlier[at_start] = edge_aware_colours(prints, rgb, linear_dn, pairs.pixels[at_start])
-        later[at_end] = edge_aware_colours(prints, rgb, linear_dn, pairs.pixels[at_end])
-    return earlier, later
 
 
 _TOO_FEW: Final = "too few pairs of frames at which events tell a pixel's level (slow motion, little texture, or dark)"
@@ -157,10 +152,27 @@ class ColourCheck(WindowCheck[ColourSums]):
         """Fit the whole file and state the result."""
         samples = sum(sums.samples for sums in state)
         coverage = Coverage(samples, samples, "level samples")
-        response = _fit_colours(state, facts)
-        if isinstance(response, str) or facts.declared.events is None:
-            return Observation(coverage, unobservable=str(response))
-        measured = self.state(response, facts.declared.events, facts)
+        declared, curves = facts.declared.events, _curves(facts.declared.transfer)
+        by_curve = (
+            [concatenate_colours([sums.by_curve[i] for sums in state]) for i in range(len(curves))] if state else []
+        )
+        if not by_curve or len(by_curve[0]) < FEWEST_BLOCKS or declared is None:
+            return Observation(coverage, unobservable=_TOO_FEW)
+        linear = declared.model == "linear"
+        fits = [fit_colours(blocks, with_exponent=False) for blocks in by_curve]
+        best = int(np.argmin([fit.variance for fit in fits]))
+        if not fits[best].unexplained < UNRELATED:
+            why = (
+                f"frames leave {fits[best].unexplained:.0%} of what the events say unexplained: they do not belong "
+                "together (see event_response.orientation)"
+            )
+            return Observation(coverage, unobservable=why)
+        # Only the linear model separates an exponent from the thresholds (class docstring of images.transfer).
+        fit = fit_colours(by_curve[0], with_exponent=linear, frame_variance=fits[best].variance)
+        # Straight lines in place of cubics bound the error of the level between events.
+        straight = fit_colours(concatenate_colours([sums.straight for sums in state]), with_exponent=linear)
+        response = ColourResponse(fit.widened(straight), curves[best])
+        measured = self.state(response, declared, facts)
         return Observation(coverage, measured, unobservable=self.why_blind(response))
 
     def why_blind(self, response: ColourResponse) -> str:
@@ -170,25 +182,3 @@ class ColourCheck(WindowCheck[ColourSums]):
     def state(self, response: ColourResponse, declared: EventModel, facts: Facts) -> tuple[Statistic, ...]:
         """Turn the fit into measurements."""
         raise NotImplementedError
-
-
-def _fit_colours(state: Sequence[ColourSums], facts: Facts) -> ColourResponse | str:
-    """Fit a file under the declared curve, or return why it cannot be fitted."""
-    declared = facts.declared.events
-    curves = _curves(facts.declared.transfer)
-    by_curve = [concatenate_colours([sums.by_curve[i] for sums in state]) for i in range(len(curves))] if state else []
-    if not by_curve or len(by_curve[0]) < FEWEST_BLOCKS or declared is None:
-        return _TOO_FEW
-    linear = declared.model == "linear"
-    fits = [fit_colours(blocks, with_exponent=False) for blocks in by_curve]
-    best = int(np.argmin([fit.variance for fit in fits]))
-    if not fits[best].unexplained < UNRELATED:
-        return (
-            f"frames leave {fits[best].unexplained:.0%} of what the events say unexplained: they do not belong "
-            "together (see event_response.orientation)"
-        )
-    # Only the linear model separates an exponent from the thresholds (class docstring of images.transfer).
-    fit = fit_colours(by_curve[0], with_exponent=linear, frame_variance=fits[best].variance)
-    # Straight lines in place of cubics bound the error of the level between events.
-    straight = fit_colours(concatenate_colours([sums.straight for sums in state]), with_exponent=linear)
-    return ColourResponse(fit.widened(straight), curves[best])

@@ -154,9 +154,47 @@ class ImagesExposure(WindowCheck[WindowExposure]):
         coverage = Coverage(len(gains), max(facts.sizes.get("path/rgb", 0) - 1, 0), "frame intervals")
         if frames and len(blank) == frames:
             return Observation(coverage, unobservable="every frame is of one value throughout")
-        measurements = [_blank_frames(blank, facts)]
+        measurements = [
+            count_of_faults(
+                "blank_frames",
+                len(blank),
+                "frames",
+                statement=f"{len(blank)} frames are of one value throughout, the first of them frame {blank[0]}.",
+                code="images.exposure.blank",
+                where=_where(blank[0], blank[-1] + 1, facts),
+            )
+            if blank
+            else no_faults("blank_frames", "frames", "images.exposure.blank")
+        ]
         if len(gains) >= FEWEST_PAIRS:
-            measurements.append(_largest_jump(gains, facts))
+            jumps = departures(np.array([gain.log_gain for gain in gains]))
+            scatter = MAD_TO_SIGMA * float(np.median(np.abs(jumps)))
+            errors = np.hypot(scatter, [gain.standard_error for gain in gains])
+            model_error_bound = MISREGISTRATION_PERCENT / 100
+            # The most significant jump beyond misregistration, not the largest.
+            worst = int(np.argmax((np.abs(jumps) - model_error_bound) / errors))
+            # One frame, or several, that are brighter give a jump up and one down of like size: the first is named.
+            size, tolerance = abs(jumps[worst]), max(5 * float(errors[worst]), 0.2 * abs(jumps[worst]))
+            first = int(np.flatnonzero(np.abs(np.abs(jumps) - size) < tolerance)[0])
+            frame, percent = gains[first].after, 100 * expm1(float(jumps[first]))
+            error = 100 * float(errors[worst])
+            measurements.append(
+                Statistic(
+                    name="largest_jump",
+                    value=100 * float(abs(jumps[worst])),
+                    unit="percent",
+                    standard_error=error,
+                    model_error_bound=100 * model_error_bound,
+                    side="upper",
+                    tests=len(gains),
+                    material=MATERIAL_PERCENT,
+                    statement=f"Frame {frame} is {abs(percent):.3g} +/- {error:.2g}% "
+                    f"{'brighter' if percent > 0 else 'darker'} than frame {gains[first].before} at the same points.",
+                    code="images.exposure.jump",
+                    where=_where(frame, frame + 1, facts),
+                    features=(BrightnessJump(percent, error),),
+                )
+            )
         # Without enough frequent codes a gain after rounding leaves no trace: the count is then not stated at all.
         codes = np.sum([w.codes for w in state], axis=0) if state else np.zeros(CODES, dtype=np.int64)
         if is_informative(codes):
@@ -173,35 +211,6 @@ class ImagesExposure(WindowCheck[WindowExposure]):
             else "too few frames at the ends of the flow, or too little lit and not clipped"
         )
         return Observation(coverage, tuple(measurements), notices, why)
-
-
-def _largest_jump(gains: Sequence[FramePairGain], facts: Facts) -> Statistic:
-    jumps = departures(np.array([gain.log_gain for gain in gains]))
-    scatter = MAD_TO_SIGMA * float(np.median(np.abs(jumps)))
-    errors = np.hypot(scatter, [gain.standard_error for gain in gains])
-    model_error_bound = MISREGISTRATION_PERCENT / 100
-    # The most significant jump beyond misregistration, not the largest.
-    worst = int(np.argmax((np.abs(jumps) - model_error_bound) / errors))
-    # One frame, or several, that are brighter give a jump up and one down of like size: the first of these is named.
-    size, tolerance = abs(jumps[worst]), max(5 * float(errors[worst]), 0.2 * abs(jumps[worst]))
-    first = int(np.flatnonzero(np.abs(np.abs(jumps) - size) < tolerance)[0])
-    frame, percent = gains[first].after, 100 * expm1(float(jumps[first]))
-    error = 100 * float(errors[worst])
-    return Statistic(
-        name="largest_jump",
-        value=100 * float(abs(jumps[worst])),
-        unit="percent",
-        standard_error=error,
-        model_error_bound=100 * model_error_bound,
-        side="upper",
-        tests=len(gains),
-        material=MATERIAL_PERCENT,
-        statement=f"Frame {frame} is {abs(percent):.3g} +/- {error:.2g}% {'brighter' if percent > 0 else 'darker'} "
-        f"than frame {gains[first].before} at the same points.",
-        code="images.exposure.jump",
-        where=_where(frame, frame + 1, facts),
-        features=(BrightnessJump(percent, error),),
-    )
 
 
 def departures(log_gains: Float64) -> Float64:
@@ -222,19 +231,6 @@ def departures(log_gains: Float64) -> Float64:
     ]
     residuals: Float64 = log_gains - np.array([np.median(values) for values in around])
     return residuals
-
-
-def _blank_frames(blank: Sequence[int], facts: Facts) -> Statistic:
-    if not blank:
-        return no_faults("blank_frames", "frames", "images.exposure.blank")
-    return count_of_faults(
-        "blank_frames",
-        len(blank),
-        "frames",
-        statement=f"{len(blank)} frames are of one value throughout, the first of them frame {blank[0]}.",
-        code="images.exposure.blank",
-        where=_where(blank[0], blank[-1] + 1, facts),
-    )
 
 
 def _where(first: int, stop: int, facts: Facts) -> Where:

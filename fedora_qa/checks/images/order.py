@@ -3,7 +3,7 @@
 A part may be frozen, or taken from another frame, while the rest moves on.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
 from math import nan
@@ -23,7 +23,6 @@ from fedora_qa.views.frame_pairs import luma_on_flow_grid, pairs_with_flow
 from fedora_qa.views.large_frames import is_large
 from fedora_qa.views.warped_frames import optics_of
 
-Float32 = NDArray[np.float32]
 Float64 = NDArray[np.float64]
 Box = tuple[int, int, int, int]
 """Left, top, right, bottom."""
@@ -157,16 +156,34 @@ class ImagesOrder(WindowCheck[tuple[FramePairRatio, ...]]):
                 continue
             flow_px, size = pair.flow_px, (before.shape[1], before.shape[0])
             if is_large(before.size, window):
-                whole, parts = _ratios_of_large_frames(before, after, flow_px)
+                # As many pixels are used as lie in the middle, by logarithms, between the frame's and those of a usual
+                # one: at 1440x1080 38% of each part. The standard error of a part's ratio is then 0.012 as a rule, not
+                # 0.008, and the least fault of a part 25% larger; that of a whole frame, half of which is allowed for,
+                # is the same. Fourth root: the area is the geometric mean of both frames' areas, and the side is its
+                # root.
+                side_ratio = min(1.0, (USUAL_PIXELS / before.size) ** 0.25)
+                boxes, middles = part_boxes(*size), []
+                for left, top, right, bottom in boxes:
+                    across, down = (round((1 - side_ratio) / 2 * side) for side in (right - left, bottom - top))
+                    middles.append((left + across, top + down, right - across, bottom - down))
+                whole, of_middles = flow_ratios_of_parts(before, after, flow_px, middles)
+                # A part whose middle is not informative is used as a whole.
+                of_parts = [
+                    ratio if _is_informative(ratio) else flow_ratios_of_parts(before, after, flow_px, [box])[1][0]
+                    for ratio, box in zip(of_middles, boxes, strict=True)
+                ]
                 # Middles of the parts are a sample of the frame: the whole frame is used where they constrain too
                 # little.
                 if whole is None or whole.rounding_error >= LARGEST_ERROR:
                     whole = flow_ratio(before, after, flow_px)
             else:
                 whole = flow_ratio(before, after, flow_px)
-                parts = _informative([flow_ratio(before, after, flow_px, box) for box in part_boxes(*size)])
+                of_parts = [flow_ratio(before, after, flow_px, box) for box in part_boxes(*size)]
             if whole is not None:
                 errors = whole.standard_error, whole.rounding_error
+                parts = tuple(
+                    (ratio.ratio, ratio.standard_error) if _is_informative(ratio) else (nan, nan) for ratio in of_parts
+                )
                 ratios.append(FramePairRatio(pair.before, pair.after, whole.ratio, *errors, size, parts))
         return tuple(ratios)
 
@@ -186,7 +203,24 @@ class ImagesOrder(WindowCheck[tuple[FramePairRatio, ...]]):
         scatter = MAD_TO_SIGMA * float(np.median(np.abs(ratios - usual)))
         errors = np.hypot(scatter, [pair.standard_error for pair in clear])
         worst = int(np.argmax((np.abs(ratios - usual) - ALLOWED * usual) / errors))
-        whole = _worst_pair(clear[worst], usual, float(errors[worst]), clear, facts)
+        farthest, error = clear[worst], float(errors[worst])
+        off = [pair for pair in clear if abs(pair.ratio / usual - 1) > ALLOWED]
+        first, last = (off[0].after, off[-1].before) if off else (farthest.after, farthest.after)
+        whole = Statistic(
+            name="share_of_the_flow",
+            value=farthest.ratio / usual,
+            unit="1",
+            standard_error=error / usual,
+            expected=1.0,
+            model_error_bound=ALLOWED,
+            tests=max(facts.sizes.get("path/rgb", 0) - 1, 1),
+            material=MATERIAL + ALLOWED,
+            statement=f"Frame {farthest.after} lies {farthest.ratio:.2f} of the flow from frame {farthest.before}; "
+            f"{usual:.2f} is usual. {len(off)} frame intervals are out of order.",
+            code="images.order.share",
+            where=_where(first, last, facts),
+            features=(intervals_out_of_order([FrameInterval(p.before, p.after, p.ratio / usual) for p in clear]),),
+        )
         part = _worst_part(pairs, facts)
         return Observation(coverage, (whole,) if part is None else (whole, part))
 
@@ -197,57 +231,8 @@ def part_boxes(width: int, height: int) -> tuple[Box, ...]:
     return tuple((left, top, right, bottom) for top, bottom in pairwise(rows) for left, right in pairwise(columns))
 
 
-def _ratios_of_large_frames(before: Float32, after: Float32, flow_px: Float32) -> tuple[FlowRatio | None, PartRatios]:
-    """Return the ratio of two large frames, and those of their parts, from the middle of each part.
-
-    As many pixels are used as lie in the middle, by logarithms, between the frame's and those of a usual one: at
-    1440x1080 38% of each part. A part whose middle is not informative is used as a whole. The standard error of a
-    part's ratio is then 0.012 as a rule, not 0.008, and the least fault of a part 25% larger; that of a whole frame,
-    half of which is allowed for, is the same.
-    """
-    height, width = before.shape
-    # Fourth root: the area is the geometric mean of both frames' areas, and the side is its root.
-    side_ratio = min(1.0, (USUAL_PIXELS / before.size) ** 0.25)
-    boxes, middles = part_boxes(width, height), []
-    for left, top, right, bottom in boxes:
-        across, down = (round((1 - side_ratio) / 2 * size) for size in (right - left, bottom - top))
-        middles.append((left + across, top + down, right - across, bottom - down))
-    whole, of_middles = flow_ratios_of_parts(before, after, flow_px, middles)
-    parts = [
-        ratio if _is_informative(ratio) else flow_ratios_of_parts(before, after, flow_px, [box])[1][0]
-        for ratio, box in zip(of_middles, boxes, strict=True)
-    ]
-    return whole, _informative(parts)
-
-
 def _is_informative(ratio: FlowRatio | None) -> TypeGuard[FlowRatio]:
     return ratio is not None and max(ratio.rounding_error, ratio.standard_error) < LARGEST_ERROR
-
-
-def _informative(ratios: Sequence[FlowRatio | None]) -> PartRatios:
-    return tuple((ratio.ratio, ratio.standard_error) if _is_informative(ratio) else (nan, nan) for ratio in ratios)
-
-
-def _worst_pair(
-    worst: FramePairRatio, usual: float, error: float, clear: Sequence[FramePairRatio], facts: Facts
-) -> Statistic:
-    off = [pair for pair in clear if abs(pair.ratio / usual - 1) > ALLOWED]
-    first, last = (off[0].after, off[-1].before) if off else (worst.after, worst.after)
-    return Statistic(
-        name="share_of_the_flow",
-        value=worst.ratio / usual,
-        unit="1",
-        standard_error=error / usual,
-        expected=1.0,
-        model_error_bound=ALLOWED,
-        tests=max(facts.sizes.get("path/rgb", 0) - 1, 1),
-        material=MATERIAL + ALLOWED,
-        statement=f"Frame {worst.after} lies {worst.ratio:.2f} of the flow from frame {worst.before}; {usual:.2f} is "
-        f"usual. {len(off)} frame intervals are out of order.",
-        code="images.order.share",
-        where=_where(first, last, facts),
-        features=(intervals_out_of_order([FrameInterval(p.before, p.after, p.ratio / usual) for p in clear]),),
-    )
 
 
 def _worst_part(pairs: Sequence[FramePairRatio], facts: Facts) -> Statistic | None:
@@ -294,22 +279,6 @@ def _where(first: int, last: int, facts: Facts) -> Where:
     return Where(stream="rgb", start_us=start_us, stop_us=stop_us, frame=first)
 
 
-def intervals_out_of_order(intervals: Sequence[FrameInterval]) -> OutOfOrderIntervals:
-    """Find the intervals that are out of order, and whether frames that leave their places also return to them.
-
-    A frame out of its place falls short in one interval and catches up in another beside it.
-    """
-    ordered = sorted(intervals)
-    runs = list(_runs(ordered))
-    returns = any(min(run.ratios) < 1 - _IN_PLACE and max(run.ratios) > 1 + _IN_PLACE for run in runs)
-    complete = all(run.complete for run in runs)
-    return OutOfOrderIntervals(
-        tuple(interval.relative_ratio for interval in ordered if abs(interval.relative_ratio - 1) > ALLOWED),
-        True if returns else False if complete else None,
-        bool(runs) and complete and all(run.length == 1 for run in runs),
-    )
-
-
 class _IntervalRun(NamedTuple):
     """Ratios of a run out of order and of its neighbours, whether both of these are measured, and the run's length."""
 
@@ -318,11 +287,17 @@ class _IntervalRun(NamedTuple):
     length: int
 
 
-def _runs(ordered: Sequence[FrameInterval]) -> Iterator[_IntervalRun]:
-    """Yield each run of intervals out of order, in which each begins with the frame at which that before it ends."""
+def intervals_out_of_order(intervals: Sequence[FrameInterval]) -> OutOfOrderIntervals:
+    """Find the intervals that are out of order, and whether frames that leave their places also return to them.
+
+    A frame out of its place falls short in one interval and catches up in another beside it.
+    """
+    ordered = sorted(intervals)
     off = [abs(interval.relative_ratio - 1) > ALLOWED for interval in ordered]
     # No interval before the first and none behind the last.
     follows = [False, *(earlier.after == later.before for earlier, later in pairwise(ordered)), False]
+    # Runs of intervals out of order, in which each begins with the frame at which that before it ends.
+    runs: list[_IntervalRun] = []
     start = 0
     while start < len(ordered):
         stop = start + 1
@@ -331,5 +306,12 @@ def _runs(ordered: Sequence[FrameInterval]) -> Iterator[_IntervalRun]:
                 stop += 1
             first, last = start - follows[start], stop + follows[stop]
             ratios = [interval.relative_ratio for interval in ordered[first:last]]
-            yield _IntervalRun(ratios, follows[start] and follows[stop], stop - start)
+            runs.append(_IntervalRun(ratios, follows[start] and follows[stop], stop - start))
         start = stop
+    returns = any(min(run.ratios) < 1 - _IN_PLACE and max(run.ratios) > 1 + _IN_PLACE for run in runs)
+    complete = all(run.complete for run in runs)
+    return OutOfOrderIntervals(
+        tuple(interval.relative_ratio for interval in ordered if abs(interval.relative_ratio - 1) > ALLOWED),
+        True if returns else False if complete else None,
+        bool(runs) and complete and all(run.length == 1 for run in runs),
+    )

@@ -1,26 +1,56 @@
 """Frames against each other: repeats."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
+from math import hypot, sqrt
 from typing import Final
 
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
 from fedora_qa.checks.exact import count_of_faults, no_faults
-from fedora_qa.checks.protocol import Notice, Observation, Statistic, WindowCheck
+from fedora_qa.checks.protocol import Notice, Observation, WindowCheck
 from fedora_qa.estimators.images.digest import digest_of
+from fedora_qa.estimators.images.samples import steepness
 from fedora_qa.estimators.images.values import is_of_one_code
+from fedora_qa.geometry.camera import RigidMotion, camera_motion
+from fedora_qa.geometry.so3 import log
 from fedora_qa.record.types import Coverage, Where
+from fedora_qa.sequence.declared import Camera
 from fedora_qa.sequence.facts import Facts
 from fedora_qa.sequence.window import Window
-from fedora_qa.views.image_motion import (
-    Viewpoint,
-    is_elsewhere,
-    moved_by_events,
-    moved_by_pose,
-    must_have_changed,
-    viewpoint_of,
-)
+from fedora_qa.views.flow_intervals import Pose, interval_at, motion_between, pose_track
+from fedora_qa.views.frame_pairs import flow_rate_of, luma_on_flow_grid
+from fedora_qa.views.frame_poses import pose_of_frame
+from fedora_qa.views.luma import luma_dn
+
+Float64 = NDArray[np.float64]
 
 FEWEST_FRAMES: Final = 2
+
+HIDDEN_DN: Final = 2.0
+"""Rounding hides changes of up to 1 DN; twice that must show."""
+
+STEEP_PERCENTILE: Final = 99.0
+"""One pixel in a hundred is as steep as the places at which a change is looked for."""
+
+NOISE_SIGMAS: Final = 6.0
+FARTHEST_M: Final = 30.0
+"""Where no range of depth is declared: that of the paper."""
+
+FEWEST_EVENTS: Final = 50
+AS_MANY_AS_USUAL: Final = 0.5
+"""Events since the frame before are as many as while frames change if they are half of the median there."""
+
+
+@dataclass(frozen=True, slots=True)
+class Viewpoint:
+    """From where a frame was taken, and by how much the image must move for that to be visible."""
+
+    R_world_body: Float64
+    position_world_m: Float64
+    visible_motion_px: float
 
 
 @dataclass(frozen=True, slots=True)
@@ -92,8 +122,13 @@ class ImagesRepeats(WindowCheck[tuple[FrameDigest, ...]]):
             rgb = window.rgb(frame)
             digest = _digest(window, frame)
             repeats = frame > 0 and _digest(window, frame - 1) == digest
-            # Only a repeat needs proof that the image must have changed; other frames need the motion of the pose.
-            moved = (must_have_changed if repeats else moved_by_pose)(window, frame) if frame > 0 else None
+            # Only a repeat needs proof that the image must have changed; of other frames a motion of a pixel counts.
+            moved = None
+            if repeats:
+                moved = must_have_changed(window, frame)
+            elif frame > 0:
+                moved_px = _least_motion_px(window, frame)
+                moved = None if moved_px is None else moved_px > 1.0
             blank = is_of_one_code(rgb)
             digests.append(FrameDigest(frame, digest, blank, repeats, moved, viewpoint_of(window, frame)))
         return tuple(digests)
@@ -109,25 +144,69 @@ class ImagesRepeats(WindowCheck[tuple[FrameDigest, ...]]):
         moved = {digest.frame: digest.moved or bool(by_events[digest.frame]) for digest in frames}
         viewpoints = {digest.frame: digest.viewpoint for digest in frames}
         motion_measured = "rgb_to_event" in facts.index_maps or any(digest.moved is not None for digest in frames)
-        frozen = [
-            (frame, first)
-            for frame, first in repeats
-            if any(moved.get(i) for i in range(first + 1, frame + 1))
-            and not _came_back(frame, first, viewpoints, facts)
-        ]
+        frozen = []
+        for frame, first in repeats:
+            if not any(moved.get(i) for i in range(first + 1, frame + 1)):
+                continue
+            # A camera that moved away and came back by its pose takes the same image again: no fault, unless both
+            # viewpoints differ by so much that their images must.
+            later, earlier = viewpoints.get(frame), viewpoints.get(first)
+            if frame - first > 1 and later is not None and earlier is not None:
+                camera = facts.declared.cameras["rgb"]
+                poses = earlier.R_world_body, earlier.position_world_m, later.R_world_body, later.position_world_m
+                motion = camera_motion(*poses, camera.T_body_camera)
+                if not _least_shift_px(motion, camera, facts) > later.visible_motion_px:
+                    continue
+            frozen.append((frame, first))
         if frozen:
-            return Observation(coverage, (_repeated_frames(frozen, facts),))
+            (first, original), last = frozen[0], frozen[-1][0]
+            times_ns = facts.clocks["rgb"].times_ns
+            repeated_frames = count_of_faults(
+                "repeated_frames",
+                len(frozen),
+                "frames",
+                statement=f"{len(frozen)} frames repeat an earlier one bit for bit while the camera moves; the first "
+                f"is frame {first}, which repeats frame {original}.",
+                code="images.repeats.frames",
+                where=Where(
+                    stream="rgb",
+                    start_us=facts.to_file_us(int(times_ns[first])),
+                    stop_us=facts.to_file_us(int(times_ns[last])),
+                    index_start=first,
+                    index_stop=last + 1,
+                    frame=first,
+                ),
+            )
+            return Observation(coverage, (repeated_frames,))
         if repeats and motion_measured and not any(moved.values()):
             at_rest = (
                 f"{len(repeats)} frames repeat an earlier one, and the camera rests: no frame must differ from others"
             )
             return Observation(coverage, unobservable=at_rest)
-        notices = () if motion_measured or not repeats else (_unexplained(repeats),)
+        notices: tuple[Notice, ...] = ()
+        if repeats and not motion_measured:
+            message = (
+                f"{len(repeats)} frames repeat an earlier one bit for bit, the first is frame {repeats[0][0]}; no "
+                "pose, flow or events tell whether the camera moved."
+            )
+            where = Where(stream="rgb", frame=repeats[0][0])
+            notices = (Notice("images.repeats.unexplained", message, where),)
         return Observation(coverage, (no_faults("repeated_frames", "frames", "images.repeats.frames"),), notices)
 
 
 def repeated(frames: Sequence[FrameDigest]) -> list[tuple[int, int]]:
-    """Return (frame, latest earlier frame that it equals) for each frame that is not blank and repeats one."""
+    """Return each frame that is not blank and repeats an earlier one.
+
+    Parameters
+    ----------
+    frames
+        Digests in the order of time.
+
+    Returns
+    -------
+    list[tuple[int, int]]
+        The frame, and the latest earlier frame that it equals.
+    """
     latest: dict[bytes, int] = {}
     repeats = []
     for digest in frames:
@@ -140,43 +219,132 @@ def repeated(frames: Sequence[FrameDigest]) -> list[tuple[int, int]]:
     return repeats
 
 
-def _came_back(frame: int, first: int, viewpoints: Mapping[int, Viewpoint | None], facts: Facts) -> bool:
-    """Whether by its pose a camera that was away saw the later frame from where it saw the first."""
-    later, earlier = viewpoints.get(frame), viewpoints.get(first)
-    return frame - first > 1 and later is not None and earlier is not None and not is_elsewhere(later, earlier, facts)
-
-
 def _digest(window: Window, frame: int) -> bytes:
     """Return the digest of a frame, taken once for neighbouring windows."""
     return window.of_image("digest", frame, lambda: digest_of(window.rgb(frame))).tobytes()
 
 
-def _repeated_frames(frozen: Sequence[tuple[int, int]], facts: Facts) -> Statistic:
-    first, original = frozen[0]
-    last = frozen[-1][0]
-    times_ns = facts.clocks["rgb"].times_ns
-    return count_of_faults(
-        "repeated_frames",
-        len(frozen),
-        "frames",
-        statement=f"{len(frozen)} frames repeat an earlier one bit for bit while the camera moves; the first is frame "
-        f"{first}, which repeats frame {original}.",
-        code="images.repeats.frames",
-        where=Where(
-            stream="rgb",
-            start_us=facts.to_file_us(int(times_ns[first])),
-            stop_us=facts.to_file_us(int(times_ns[last])),
-            index_start=first,
-            index_stop=last + 1,
-            frame=first,
-        ),
-    )
+def must_have_changed(window: Window, frame: int) -> bool | None:
+    """Return whether flow or pose move the image since the frame before so far that it must have changed.
+
+    Parameters
+    ----------
+    window
+        The window that owns the frame.
+    frame
+        Row of the colour stream, 1 at least.
+
+    Returns
+    -------
+    bool | None
+        None where the file has neither flow nor pose of the time between both frames.
+    """
+    moved_px = _least_motion_px(window, frame)
+    # What the pose moves the image by, along steep gradients, against what rounding hides.
+    changes = [] if moved_px is None else [moved_px * _steepness(window, frame) > 2 * HIDDEN_DN]
+    # What flow along the gradient changes, against the same.
+    stream, times_ns = flow_rate_of(window), window.facts.clocks["rgb"].times_ns
+    interval = None
+    if stream is not None:
+        row = int(np.searchsorted(window.facts.clocks[stream].times_ns, times_ns[frame - 1], "right")) - 1
+        interval = interval_at(window.facts, stream, row) if row >= 0 else None
+    # A field that ends before the frame states nothing of the rest of the time between the frames.
+    if stream is not None and interval is not None and interval.end_ns >= times_ns[frame]:
+        interval_ratio = float(times_ns[frame] - times_ns[frame - 1]) / max(interval.length_ns, 1)
+        # Slopes to the right and down, DN per px, of the smoothed image; none along an axis of one pixel.
+        smoothed = np.asarray(cv2.GaussianBlur(luma_on_flow_grid(window, frame), (0, 0), 1.0), dtype=np.float32)
+        right, down = (
+            np.gradient(smoothed, axis=axis) if smoothed.shape[axis] > 1 else np.zeros_like(smoothed) for axis in (1, 0)
+        )
+        flow_px = window.flow_px(stream, row)
+        with np.errstate(invalid="ignore"):
+            change_dn = np.abs(right * flow_px[..., 0] + down * flow_px[..., 1]) * np.float32(interval_ratio)
+        finite_dn = change_dn[np.isfinite(change_dn)]
+        changes.append(bool(len(finite_dn) and np.percentile(finite_dn, STEEP_PERCENTILE) > HIDDEN_DN))
+    return any(changes) if changes else None
 
 
-def _unexplained(repeats: Sequence[tuple[int, int]]) -> Notice:
-    return Notice(
-        "images.repeats.unexplained",
-        f"{len(repeats)} frames repeat an earlier one bit for bit, the first is frame {repeats[0][0]}; no pose, flow "
-        "or events tell whether the camera moved.",
-        Where(stream="rgb", frame=repeats[0][0]),
-    )
+def viewpoint_of(window: Window, frame: int) -> Viewpoint | None:
+    """Return from where a frame was taken.
+
+    Parameters
+    ----------
+    window
+        The window that owns the frame.
+    frame
+        Row of the colour stream.
+
+    Returns
+    -------
+    Viewpoint | None
+        None where there is no pose.
+    """
+    camera = window.facts.declared.cameras.get("rgb")
+    if camera is None or "pose" not in window.facts.streams:
+        return None
+    R_world_body, position_world_m = _pose_of(window, frame, camera)
+    if not (np.isfinite(R_world_body).all() and np.isfinite(position_world_m).all()):
+        return None
+    return Viewpoint(R_world_body, position_world_m, 2 * HIDDEN_DN / max(_steepness(window, frame), 1e-9))
+
+
+def moved_by_events(facts: Facts, repeats: set[int]) -> NDArray[np.bool_]:
+    """Return for each frame whether events since the frame before it are as many as while frames change.
+
+    Parameters
+    ----------
+    facts
+        Of the file.
+    repeats
+        Rows of the colour stream that repeat an earlier frame.
+
+    Returns
+    -------
+    NDArray[np.bool_]
+        (n,) all False where the file has no index map from frames to events.
+    """
+    count = len(facts.clocks["rgb"].times_ns)
+    index_map = facts.index_maps.get("rgb_to_event")
+    if index_map is None or not count:
+        return np.zeros(count, np.bool_)
+    events = np.diff(index_map.expected_left, prepend=index_map.expected_left[:1])
+    changing = np.setdiff1d(np.arange(1, count), np.array(sorted(repeats), dtype=np.int64))
+    if not len(changing):
+        return np.zeros(count, np.bool_)
+    usual = float(np.median(events[changing]))
+    is_moved: NDArray[np.bool_] = (events >= FEWEST_EVENTS) & (events >= AS_MANY_AS_USUAL * usual)
+    return is_moved
+
+
+def _steepness(window: Window, frame: int) -> float:
+    """Return the slope of the image at its steep places, DN per px."""
+    return steepness(luma_dn(window, frame), STEEP_PERCENTILE)
+
+
+def _least_motion_px(window: Window, frame: int) -> float | None:
+    """Return by how much the image moves at least since the frame before; None where there is no pose."""
+    facts, camera = window.facts, window.facts.declared.cameras.get("rgb")
+    if camera is None or "pose" not in facts.streams:
+        return None
+    motion = motion_between(_pose_of(window, frame - 1, camera), _pose_of(window, frame, camera), camera)
+    return None if motion is None else _least_shift_px(motion, camera, facts)
+
+
+def _pose_of(window: Window, frame: int, camera: Camera) -> Pose:
+    """Return the pose of the body at a frame; NaN where none covers it."""
+    return pose_of_frame(window, pose_track(window, camera), "rgb", frame)
+
+
+def _least_shift_px(motion: RigidMotion, camera: Camera, facts: Facts) -> float:
+    """Return by how much a motion shifts the image at least, by its rotation or by the parallax of the farthest points.
+
+    Rotation about the optical axis leaves the middle of the image; half of it moves by a quarter of its width or more.
+    """
+    focal_px, noise = float(camera.K[0, 0]), facts.declared.pose
+    farthest_m = facts.declared.depth_range_m[1] if facts.declared.depth_range_m else FARTHEST_M
+    # Camera axes: X right, Y down, Z along the optical axis; at a quarter of the width the radius is W / 4 px.
+    rotation_rad = log(motion.R) * [1.0, 1.0, camera.width / (4 * focal_px)]
+    motion_rad = max(float(np.linalg.norm(rotation_rad)), float(np.linalg.norm(motion.t_m)) / farthest_m)
+    # Two poses make a motion, so the variance doubles: the factor sqrt(2) below.
+    noise_rad = 0.0 if noise is None else hypot(noise.rotation_sigma_rad, noise.position_sigma_m / farthest_m)
+    return focal_px * (motion_rad - NOISE_SIGMAS * sqrt(2.0) * noise_rad)

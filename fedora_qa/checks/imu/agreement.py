@@ -234,6 +234,20 @@ def _disagreement(
     if trial.interval_s is not None:
         where = location_of(facts, "imu", *(streams.time_ns(time_s) for time_s in trial.interval_s))
         when = f" from {where.start_us:.0f} to {where.stop_us:.0f} us"
+    # What departs from the declared convention, in words.
+    convention, declared, parts = trial.convention, InertialConvention(), []
+    if convention.quaternions != declared.quaternions:
+        parts.append(f"quaternions are read as {convention.quaternions}")
+    if convention.sensor_axes != declared.sensor_axes:
+        parts.append(f"the sensor's axes are {_axes_text(convention.sensor_axes)} of the body")
+    if convention.world_axes != declared.world_axes:
+        parts.append(f"positions are {_axes_text(convention.world_axes)} of the world")
+    if convention.rate_unit != 1.0:
+        parts.append(f"angular velocity is divided by {convention.rate_unit:.4g}")
+    if convention.length_unit != 1.0:
+        parts.append(f"positions are divided by {convention.length_unit:g}")
+    if convention.gravity != "declared":
+        parts.append(f"gravity is {convention.gravity} in the specific force")
     return Statistic(
         name="disagreement",
         value=value,
@@ -242,7 +256,7 @@ def _disagreement(
         expected=1.0,
         side="upper",
         statement=f"Pose and IMU disagree in {kind}{when} {value:.3g} times as much as "
-        f"noise allows; they agree if {_convention_text(trial.convention)}.",
+        f"noise allows; they agree if {' and '.join(parts)}.",
         code=f"imu.{kind}.disagreement",
         where=where,
         severity="critical",
@@ -250,26 +264,10 @@ def _disagreement(
     )
 
 
-def _convention_text(convention: InertialConvention) -> str:
-    def axes_text(axes: tuple[tuple[int, ...], ...]) -> str:
-        columns = [int(np.argmax(np.abs(row))) for row in axes]
-        names = [("-" if row[i] < 0 else "") + "xyz"[i] for row, i in zip(axes, columns, strict=True)]
-        return "(" + ", ".join(names) + ")"
-
-    declared, parts = InertialConvention(), []
-    if convention.quaternions != declared.quaternions:
-        parts.append(f"quaternions are read as {convention.quaternions}")
-    if convention.sensor_axes != declared.sensor_axes:
-        parts.append(f"the sensor's axes are {axes_text(convention.sensor_axes)} of the body")
-    if convention.world_axes != declared.world_axes:
-        parts.append(f"positions are {axes_text(convention.world_axes)} of the world")
-    if convention.rate_unit != 1.0:
-        parts.append(f"angular velocity is divided by {convention.rate_unit:.4g}")
-    if convention.length_unit != 1.0:
-        parts.append(f"positions are divided by {convention.length_unit:g}")
-    if convention.gravity != "declared":
-        parts.append(f"gravity is {convention.gravity} in the specific force")
-    return " and ".join(parts)
+def _axes_text(axes: tuple[tuple[int, ...], ...]) -> str:
+    columns = [int(np.argmax(np.abs(row))) for row in axes]
+    names = [("-" if row[i] < 0 else "") + "xyz"[i] for row, i in zip(axes, columns, strict=True)]
+    return "(" + ", ".join(names) + ")"
 
 
 def parameter_statistics(

@@ -10,12 +10,10 @@ from fedora_qa.checks.imu.agreement import TIMING_TEXTS, local_statistics, param
 from fedora_qa.checks.protocol import Notice, Observation, Statistic, WindowCheck
 from fedora_qa.conventions import NS_PER_S
 from fedora_qa.estimators.imu.summary import InertialFit
-from fedora_qa.features import Feature
 from fedora_qa.sequence.declared import ImuModel
 from fedora_qa.sequence.facts import Facts
 from fedora_qa.sequence.window import Window
 from fedora_qa.views.inertial_agreement import (
-    InertialStreams,
     MotionKind,
     WindowMotion,
     convention_trial,
@@ -96,8 +94,34 @@ class ImuTiming(WindowCheck[WindowMotion]):
             reason = "IMU and pose cannot be compared: see imu.rotation, imu.translation"
             return Observation(coverage, unobservable=reason)
         of_timestamps = timestamp_defects(facts, "imu", "pose")
-        offset, *rates = (_averaged(fits, name, of_timestamps) for name in TIMING_TEXTS)
-        offset, notices = (offset, ()) if of_timestamps else _without_averaging(offset, streams, facts)
+        statistics: list[Statistic] = []
+        for name in TIMING_TEXTS:
+            fitted = {kind: fit.parameters[name] for kind, fit in fits.items()}
+            information = np.array([parameter.standard_error**-2 for parameter in fitted.values()])
+            # Inverse-variance weights: both fits rest on independent data. Features are those of the most precise.
+            weights = information / information.sum()
+            stated = max(fitted, key=lambda kind: (fitted[kind].free, -fitted[kind].standard_error))
+            average = replace(
+                fitted[stated],
+                value=float(weights @ [parameter.value for parameter in fitted.values()]),
+                standard_error=float(information.sum() ** -0.5),
+                model_error=float(weights @ [parameter.model_error for parameter in fitted.values()]),
+            )
+            statistics.append(parameter_statistics(stated, self.name, {name: average}, TIMING_TEXTS, of_timestamps)[0])
+        notices: tuple[Notice, ...] = ()
+        if not of_timestamps and (facts.declared.imu or ImuModel()).sampling == "instant":
+            offset = statistics[0]
+            # A mean over the interval before its timestamp states the motion half an interval earlier.
+            half_ms = _MS_PER_S * float(np.median(np.diff(streams.imu.times_ns))) / NS_PER_S / 2
+            limit = _EQUAL_SIGMAS * offset.standard_error + offset.model_error_bound
+            resolved = half_ms > _RESOLVED_SIGMAS * offset.standard_error + offset.model_error_bound
+            if resolved and not abs(offset.value - half_ms) > limit:
+                message = (
+                    f"IMU samples are {offset.value:.3g} ms late, half their interval: they read like means over it; "
+                    "declare sampling='interval_mean' if they are."
+                )
+                statistics[0] = replace(offset, expected=half_ms)
+                notices = (Notice("imu.timing.interval_mean", message),)
         most_precise = min(fits, key=lambda kind: fits[kind].parameters["time_offset"].standard_error)
         local = local_statistics(
             facts,
@@ -109,38 +133,4 @@ class ImuTiming(WindowCheck[WindowMotion]):
             TIMING_TEXTS["time_offset"],
             of_timestamps,
         )
-        return Observation(coverage, (offset, *rates, *local), notices)
-
-
-def _averaged(fits: dict[MotionKind, InertialFit], name: str, defects: tuple[Feature, ...]) -> Statistic:
-    """Average a parameter over the comparisons, weighted by information; features are those of the most precise."""
-    fitted = {kind: fit.parameters[name] for kind, fit in fits.items()}
-    information = np.array([parameter.standard_error**-2 for parameter in fitted.values()])
-    # Inverse-variance weights: both fits rest on independent data.
-    weights = information / information.sum()
-    most_precise = max(fitted, key=lambda kind: (fitted[kind].free, -fitted[kind].standard_error))
-    average = replace(
-        fitted[most_precise],
-        value=float(weights @ [parameter.value for parameter in fitted.values()]),
-        standard_error=float(information.sum() ** -0.5),
-        model_error=float(weights @ [parameter.model_error for parameter in fitted.values()]),
-    )
-    return parameter_statistics(most_precise, "imu.timing", {name: average}, TIMING_TEXTS, defects)[0]
-
-
-def _without_averaging(
-    offset: Statistic, streams: InertialStreams, facts: Facts
-) -> tuple[Statistic, tuple[Notice, ...]]:
-    """Expect half an interval where instants are declared and the offset is just that: samples are means over it."""
-    # A mean over the interval before its timestamp states the motion half an interval earlier.
-    half_ms = _MS_PER_S * float(np.median(np.diff(streams.imu.times_ns))) / NS_PER_S / 2
-    limit = _EQUAL_SIGMAS * offset.standard_error + offset.model_error_bound
-    declared = (facts.declared.imu or ImuModel()).sampling
-    resolved = half_ms > _RESOLVED_SIGMAS * offset.standard_error + offset.model_error_bound
-    if declared != "instant" or not resolved or abs(offset.value - half_ms) > limit:
-        return offset, ()
-    message = (
-        f"IMU samples are {offset.value:.3g} ms late, half their interval: they read like means over it; declare "
-        "sampling='interval_mean' if they are."
-    )
-    return replace(offset, expected=half_ms), (Notice("imu.timing.interval_mean", message),)
+        return Observation(coverage, (*statistics, *local), notices)

@@ -1,6 +1,5 @@
 """The maps from frames to events, compared exactly with the timestamps, and the rule that gives their wrong entries."""
 
-from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Final, Literal
 
@@ -8,12 +7,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fedora_qa.checks.exact import count_of_faults
-from fedora_qa.checks.protocol import FactsCheck, Observation, Statistic
+from fedora_qa.checks.protocol import FactsCheck, Observation
 from fedora_qa.conventions import NS_PER_S
 from fedora_qa.estimators.fitting.robust import NORMAL_QUARTILE
 from fedora_qa.features import Feature
 from fedora_qa.record.types import Coverage, Where
-from fedora_qa.sequence.facts import EventScan, Facts, IndexMap
+from fedora_qa.sequence.facts import Facts, IndexMap
 from fedora_qa.views.clock_resets import clock_reset
 
 Int64 = NDArray[np.int64]
@@ -134,10 +133,7 @@ class _FrameToEvent(FactsCheck):
         if not length:
             return Observation(coverage, unobservable="the map, or the stream of its frames, is empty")
         wrong = np.flatnonzero(index_map.stored[:length] != index_map.expected_left[:length])
-        return Observation(coverage, (self._wrong_entries(facts, events, length, wrong),))
-
-    def _wrong_entries(self, facts: Facts, events: EventScan, length: int, wrong: NDArray[np.intp]) -> Statistic:
-        index_map, times_ns = facts.index_maps[self.stream], facts.clocks[self.frames].times_ns
+        times_ns = facts.clocks[self.frames].times_ns
         first = int(wrong[0]) if len(wrong) else None
         features: list[Feature] = []
         place = ""
@@ -166,7 +162,7 @@ class _FrameToEvent(FactsCheck):
                 f": {text}. Frame {first} points to event {index_map.stored[first]}, "
                 f"the first not before it is {index_map.expected_left[first]}"
             )
-        return count_of_faults(
+        wrong_entries = count_of_faults(
             name="wrong_entries",
             value=len(wrong),
             unit="frames",
@@ -180,14 +176,31 @@ class _FrameToEvent(FactsCheck):
             ),
             features=tuple(features),
         )
+        return Observation(coverage, (wrong_entries,))
 
 
 def _rule_of(stored_map: _StoredMap) -> tuple[str, MapRule]:
     """Return the rule that gives the wrong entries, in words and as a feature."""
     stored, wrong = stored_map.index_map.stored, stored_map.wrong
+    left, right = stored_map.index_map.expected_left, stored_map.index_map.expected_right
+    shift = int(np.median(stored_map.deviations))
+    # Each rule in words, the entries that it gives (n,), and the rule as a feature.
+    candidates = [
+        ("they point behind equal stamps", right, MapRule("behind_equal_timestamps")),
+        ("they are zero", np.zeros_like(left), MapRule("zero")),
+        ("they stop at the last event", np.minimum(left, stored_map.event_count - 1), MapRule("last_event")),
+        (f"they are off by {shift:+d}", left + shift, MapRule("shifted", float(shift), 0.0)),
+    ]
+    if stored_map.other_expected is not None and not np.array_equal(stored_map.other_expected, left):
+        candidates.append(("they are those of the other camera", stored_map.other_expected, MapRule("other_camera")))
+    period_ms = 1e3 * float(np.median(np.diff(stored_map.frame_times_ns))) / NS_PER_S if len(left) > 1 else 0.0
+    for frames in _NEIGHBOURS:
+        rows = np.clip(np.arange(len(left)) + frames, 0, len(left) - 1)
+        text = f"they belong to the frame {abs(frames)} {'later' if frames > 0 else 'earlier'}"
+        candidates.append((text, left[rows], MapRule("neighbouring_frame", -frames * period_ms)))
     fits = [
         (float(np.mean(stored == entries)), text, rule)
-        for text, entries, rule in _candidates(stored_map)
+        for text, entries, rule in candidates
         if np.mean(stored[wrong] == entries[wrong]) >= _MOST
     ]
     if fits:
@@ -197,23 +210,6 @@ def _rule_of(stored_map: _StoredMap) -> tuple[str, MapRule]:
     if set(np.unique(stored_map.deviations)) <= {-1, 0}:
         return "they point to the nearest event, before or behind", MapRule("nearest_event")
     return _rule_in_time(stored_map) or ("no known deviation", MapRule("none"))
-
-
-def _candidates(stored_map: _StoredMap) -> Iterator[tuple[str, Int64, MapRule]]:
-    """Yield each rule in words, the entries that it gives (n,), and the rule as a feature."""
-    left, right = stored_map.index_map.expected_left, stored_map.index_map.expected_right
-    shift = int(np.median(stored_map.deviations))
-    yield "they point behind equal stamps", right, MapRule("behind_equal_timestamps")
-    yield "they are zero", np.zeros_like(left), MapRule("zero")
-    yield "they stop at the last event", np.minimum(left, stored_map.event_count - 1), MapRule("last_event")
-    yield f"they are off by {shift:+d}", left + shift, MapRule("shifted", float(shift), 0.0)
-    if stored_map.other_expected is not None and not np.array_equal(stored_map.other_expected, left):
-        yield "they are those of the other camera", stored_map.other_expected, MapRule("other_camera")
-    for frames in _NEIGHBOURS:
-        rows = np.clip(np.arange(len(left)) + frames, 0, len(left) - 1)
-        period_ms = 1e3 * float(np.median(np.diff(stored_map.frame_times_ns))) / NS_PER_S if len(left) > 1 else 0.0
-        text = f"they belong to the frame {abs(frames)} {'later' if frames > 0 else 'earlier'}"
-        yield text, left[rows], MapRule("neighbouring_frame", -frames * period_ms)
 
 
 def _rule_in_time(stored_map: _StoredMap) -> tuple[str, MapRule] | None:

@@ -2,7 +2,7 @@
 
 from collections.abc import Iterator, Sequence
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import hypot
 from typing import Final
 
@@ -97,15 +97,40 @@ class IntegrityFinite(WindowCheck[tuple[DatasetCounts, ...]]):
 
     def measure(self, window: Window) -> tuple[DatasetCounts, ...]:
         """Count the values of every float dataset of the window."""
-        streams = ((key, DATASETS[key].stream) for key in _FLOAT_KEYS)
-        present = [(key, stream) for key, stream in streams if stream in window.facts.streams]
-        return add_up(tally for key, stream in present for tally in _tallies(window, key, window.owned(stream)))
+        facts = window.facts
+        tallies: list[DatasetCounts] = []
+        for key in _FLOAT_KEYS:
+            spec = DATASETS[key]
+            if spec.stream not in facts.streams:
+                continue
+            owned = window.owned(spec.stream)
+            # Image by image, so that a damaged chunk costs one image.
+            blocks = [(row, row + 1) for row in owned] if spec.is_image else [(owned.start, owned.stop)]
+            for start, stop in blocks:
+                # What does not decode is a finding of integrity.readable.
+                with suppress(UnreadableRowsError):
+                    rows = window.rows(key, start, stop)
+                    if not spec.is_image:
+                        tallies.append(tally_samples(key, start, rows))
+                    elif key == "path/depth":
+                        tallies.append(tally_depth(key, start, rows[0], facts.declared.depth_range_m))
+                    else:
+                        tallies.append(tally_flow(key, start, rows[0], _longest_px(facts, key)))
+        return add_up(tallies)
 
     def conclude(self, state: Sequence[tuple[DatasetCounts, ...]], facts: Facts) -> Observation:
         """Add up, in the order of time."""
         totals = add_up(tally for window in state for tally in window)
         statistics = [m for total in totals for m in _statistics(total, facts)]
-        statistics += [_timestamps(facts, stream) for stream in sorted(facts.clocks)]
+        for stream in sorted(facts.clocks):
+            clock = facts.clocks[stream]
+            bad = clock.times_ns == INVALID_TIMESTAMP_NS
+            if clock.ends_ns is not None:
+                bad = bad | (clock.ends_ns == INVALID_TIMESTAMP_NS)
+            count = int(np.count_nonzero(bad))
+            text = f"{count} stamps of {stream} are NaN; these samples have no place in time"
+            where = Where(stream=stream, index_start=int(np.argmax(bad)) if count else None)
+            statistics.append(_count(f"{stream}.stamps_not_finite", count, "samples", text, where))
         looked_at = sum(total.values for total in totals)
         # The values of all streams that are there, decoded or not.
         stored = 0
@@ -188,30 +213,22 @@ def empty_between_full(filled: Sequence[tuple[int, float]]) -> list[int]:
     return empty
 
 
-def _tallies(window: Window, key: str, owned: range) -> Iterator[DatasetCounts]:
-    """Count what decodes; the rest is a finding of ``integrity.readable``."""
-    facts, image = window.facts, DATASETS[key].is_image
-    # Image by image, so that a damaged chunk costs one image.
-    blocks = [(row, row + 1) for row in owned] if image else [(owned.start, owned.stop)]
-    for start, stop in blocks:
-        with suppress(UnreadableRowsError):
-            rows = window.rows(key, start, stop)
-            if not image:
-                yield tally_samples(key, start, rows)
-            elif key == "path/depth":
-                yield tally_depth(key, start, rows[0], facts.declared.depth_range_m)
-            else:
-                yield tally_flow(key, start, rows[0], _longest_px(facts, key))
-
-
 def _longest_px(facts: Facts, key: str) -> float:
     intervals, height, width, *_ = facts.layout.bindings[key].shape
     return longest_displacement_px(intervals, height, width)
 
 
 def _statistics(total: DatasetCounts, facts: Facts) -> Iterator[Statistic]:
-    stream, where = DATASETS[total.key].stream, _where(facts, total)
-    if not DATASETS[total.key].is_image:
+    spec = DATASETS[total.key]
+    stream, where = spec.stream, Where(stream=spec.stream)
+    # The first value that is counted; row -1 where there is none.
+    row, flat = total.first
+    if row >= 0:
+        where = Where(stream, _file_us(facts, stream, row), index_start=row)
+        if spec.is_image:
+            width = facts.layout.bindings[total.key].shape[2]
+            where = replace(where, frame=row, pixel=(flat % width, flat // width))
+    if not spec.is_image:
         name = total.key.removeprefix("path/")
         text = f"{total.nan} of {total.values} samples of {name} are not finite; integration would end there"
         yield _count(f"{name}.not_finite", total.nan, "samples", text, where)
@@ -244,17 +261,6 @@ def _statistics(total: DatasetCounts, facts: Facts) -> Iterator[Statistic]:
     yield _count(f"{stream}.empty_images", len(rows), "samples", text, where)
 
 
-def _timestamps(facts: Facts, stream: str) -> Statistic:
-    clock = facts.clocks[stream]
-    bad = clock.times_ns == INVALID_TIMESTAMP_NS
-    if clock.ends_ns is not None:
-        bad = bad | (clock.ends_ns == INVALID_TIMESTAMP_NS)
-    count = int(np.count_nonzero(bad))
-    text = f"{count} stamps of {stream} are NaN; these samples have no place in time"
-    where = Where(stream=stream, index_start=int(np.argmax(bad)) if count else None)
-    return _count(f"{stream}.stamps_not_finite", count, "samples", text, where)
-
-
 def _count(name: str, value: int, unit: str, statement: str, where: Where, *features: Feature) -> Statistic:
     return count_of_faults(
         name,
@@ -266,18 +272,6 @@ def _count(name: str, value: int, unit: str, statement: str, where: Where, *feat
         severity="critical",
         features=features,
     )
-
-
-def _where(facts: Facts, total: DatasetCounts) -> Where:
-    spec = DATASETS[total.key]
-    row, flat = total.first
-    if row < 0:
-        return Where(stream=spec.stream)
-    start_us = _file_us(facts, spec.stream, row)
-    if not spec.is_image:
-        return Where(stream=spec.stream, start_us=start_us, index_start=row)
-    width = facts.layout.bindings[total.key].shape[2]
-    return Where(spec.stream, start_us, index_start=row, frame=row, pixel=(flat % width, flat // width))
 
 
 def _file_us(facts: Facts, stream: str, row: int) -> float | None:

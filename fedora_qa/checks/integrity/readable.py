@@ -1,7 +1,7 @@
 """Does every stored byte decode?"""
 
 from collections import Counter
-from collections.abc import Collection, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from math import ceil, prod
 
@@ -75,7 +75,13 @@ class IntegrityReadable(WindowCheck[ReadSummary]):
         touched: list[tuple[str, int, int]] = []
         damaged: list[DamagedChunk] = []
         for key, binding in window.facts.layout.bindings.items():
-            start, stop = _rows_to_read(window, key, binding)
+            spec = DATASETS[key]
+            if spec.is_image or spec.stream == "events":
+                owned = window.owned(spec.stream)
+                start, stop = owned.start, min(owned.stop, binding.rows)
+            else:
+                # Everything smaller is read as a whole, with the first window.
+                start, stop = (0, binding.rows) if window.span.index == 0 else (0, 0)
             if start < stop:
                 rows = _rows_in_chunk(binding)
                 touched.append((key, start // rows, ceil(stop / rows)))
@@ -103,57 +109,50 @@ class IntegrityReadable(WindowCheck[ReadSummary]):
         stored = sum(ceil(b.rows / _rows_in_chunk(b)) * _chunks_beside(b) for b in bindings.values())
         streams = sorted({DATASETS[key].stream for key in bindings})
         unusable = facts.layout.streams - facts.streams - {DATASETS[key].stream for key, _ in damaged}
+        statistics: list[Statistic] = []
+        for stream in streams:
+            name = f"{stream}.unreadable_chunks"
+            if stream in unusable:
+                statistics.append(
+                    count_of_faults(
+                        name,
+                        value=1,
+                        unit="chunks",
+                        statement=f"{stream} cannot be used: {facts.absent.get(stream, 'it cannot be read')}",
+                        code="integrity.readable.stamps",
+                        where=Where(stream=stream),
+                        severity="critical",
+                    )
+                )
+                continue
+            chunks = sorted(
+                (chunk for chunk in damaged.values() if DATASETS[chunk.key].stream == stream),
+                key=lambda chunk: (chunk.start, chunk.key, chunk.chunk),
+            )
+            if not chunks:
+                statistics.append(no_faults(name, "chunks", "integrity.readable.chunk"))
+                continue
+            first_chunk, blocks = chunks[0], {(chunk.key, chunk.start, chunk.stop) for chunk in chunks}
+            # Columns that are stored apart hold the same rows: each range of rows counts once.
+            rows = sum(stop - start for _, start, stop in blocks)
+            statistics.append(
+                count_of_faults(
+                    name,
+                    value=len(chunks),
+                    unit="chunks",
+                    statement=f"{len(chunks)} chunks of {stream} ({rows} rows) cannot be decoded, first rows "
+                    f"{first_chunk.start} to {first_chunk.stop} of {first_chunk.key}: {first_chunk.reason}",
+                    code="integrity.readable.chunk",
+                    where=Where(
+                        stream=stream, index_start=first_chunk.start, index_stop=max(chunk.stop for chunk in chunks)
+                    ),
+                    severity="critical",
+                )
+            )
         return Observation(
             Coverage(read, max(stored, read), "chunks"),
-            with_flow_rate_deviations(
-                (
-                    self._unusable(facts, stream) if stream in unusable else self._of_stream(stream, damaged.values())
-                    for stream in streams
-                ),
-                set(streams) & set(FLOW_STREAMS),
-            ),
+            with_flow_rate_deviations(statistics, set(streams) & set(FLOW_STREAMS)),
         )
-
-    def _of_stream(self, stream: str, damaged: Collection[DamagedChunk]) -> Statistic:
-        chunks = sorted(
-            (chunk for chunk in damaged if DATASETS[chunk.key].stream == stream),
-            key=lambda chunk: (chunk.start, chunk.key, chunk.chunk),
-        )
-        if not chunks:
-            return no_faults(f"{stream}.unreadable_chunks", "chunks", "integrity.readable.chunk")
-        first, blocks = chunks[0], {(chunk.key, chunk.start, chunk.stop) for chunk in chunks}
-        # Columns that are stored apart hold the same rows: each range of rows counts once.
-        rows = sum(stop - start for _, start, stop in blocks)
-        return count_of_faults(
-            name=f"{stream}.unreadable_chunks",
-            value=len(chunks),
-            unit="chunks",
-            statement=f"{len(chunks)} chunks of {stream} ({rows} rows) cannot be decoded, first rows {first.start} to "
-            f"{first.stop} of {first.key}: {first.reason}",
-            code="integrity.readable.chunk",
-            where=Where(stream=stream, index_start=first.start, index_stop=max(chunk.stop for chunk in chunks)),
-            severity="critical",
-        )
-
-    def _unusable(self, facts: Facts, stream: str) -> Statistic:
-        return count_of_faults(
-            name=f"{stream}.unreadable_chunks",
-            value=1,
-            unit="chunks",
-            statement=f"{stream} cannot be used: {facts.absent.get(stream, 'it cannot be read')}",
-            code="integrity.readable.stamps",
-            where=Where(stream=stream),
-            severity="critical",
-        )
-
-
-def _rows_to_read(window: Window, key: str, binding: Binding) -> tuple[int, int]:
-    """Images and events: what the window owns. Everything smaller: all of it, with the first window."""
-    spec = DATASETS[key]
-    if spec.is_image or spec.stream == "events":
-        owned = window.owned(spec.stream)
-        return owned.start, min(owned.stop, binding.rows)
-    return (0, binding.rows) if window.span.index == 0 else (0, 0)
 
 
 def _rows_in_chunk(binding: Binding) -> int:

@@ -86,9 +86,41 @@ class MetadataCameras(FactsCheck):
         cameras = facts.declared.cameras
         statistics = [m for name, camera in cameras.items() for m in _of_camera(name, camera, facts)]
         if "depth" in cameras and "events" in cameras:
-            statistics.append(_shared_centre(cameras["depth"], cameras["events"]))
-        notices = tuple(notice for name, camera in cameras.items() for notice in _notices(name, camera))
-        return Observation(Coverage(len(cameras), len(cameras), "cameras"), tuple(statistics), notices)
+            depth, events = cameras["depth"].T_body_camera, cameras["events"].T_body_camera
+            apart_m = float(np.linalg.norm(depth[:3, 3] - events[:3, 3]))
+            statistics.append(
+                _statistic("depth_to_events_centre", apart_m, "m", model_error_bound=_ROUNDING,
+                           text=f"the centres of the depth and event cameras are {apart_m:.6g} m apart; they must be "
+                           "one point, or depth says nothing about events")
+            )  # fmt: skip
+
+        # What is legal but unusual.
+        notices: list[Notice] = []
+        for name, camera in cameras.items():
+            where = Where(stream=name)
+            offsets = [c - (size - 1) / 2 for c, size in _centre_and_size(camera)]
+            for offset, convention in _PRINCIPAL_POINTS.items():
+                if np.allclose(offsets, offset, rtol=0.0, atol=1e-3):
+                    message = (
+                        f"the principal point of the {name} camera is {convention}: another convention than (W-1)/2"
+                    )
+                    notices.append(Notice("metadata.cameras.principal_point", message, where))
+            fx, fy = camera.K[0, 0], camera.K[1, 1]
+            if fx > 0 and not np.isclose(fx, fy, rtol=1e-3):
+                message = f"pixels of the {name} camera are not square: {fx:.6g}, {fy:.6g}"
+                notices.append(Notice("metadata.cameras.aspect", message, where))
+            # The optical axis is Z; unrotated it is the body's Z, which points up.
+            if np.array_equal(camera.T_body_camera[:3, :3], np.eye(3)):
+                message = (
+                    f"the {name} camera is not rotated: it looks up, unless optical axes were taken for those of the "
+                    "body"
+                )
+                notices.append(Notice("metadata.cameras.unrotated", message, where))
+            distance_m = float(np.linalg.norm(camera.T_body_camera[:3, 3]))
+            if distance_m > _FARTHEST_MOUNT_M:
+                message = f"the {name} camera lies {distance_m:.4g} m from the body; is T_body_camera in millimetres?"
+                notices.append(Notice("metadata.cameras.far", message, where))
+        return Observation(Coverage(len(cameras), len(cameras), "cameras"), tuple(statistics), tuple(notices))
 
 
 def _of_camera(name: str, camera: Camera, facts: Facts) -> Iterator[Statistic]:
@@ -133,35 +165,6 @@ def _of_camera(name: str, camera: Camera, facts: Facts) -> Iterator[Statistic]:
     # A determinant's sign changes by 2.
     yield _statistic(f"{name}.T_body_camera_handedness", handedness, "1", expected=1.0, resolution=2.0,
                      text=f"T_body_camera of the {name} camera mirrors: its determinant is not +1")  # fmt: skip
-
-
-def _shared_centre(depth: Camera, events: Camera) -> Statistic:
-    apart_m = float(np.linalg.norm(depth.T_body_camera[:3, 3] - events.T_body_camera[:3, 3]))
-    return _statistic("depth_to_events_centre", apart_m, "m", model_error_bound=_ROUNDING,
-                      text=f"the centres of the depth and event cameras are {apart_m:.6g} m apart; they must be one "
-                      "point, or depth says nothing about events")  # fmt: skip
-
-
-def _notices(name: str, camera: Camera) -> Iterator[Notice]:
-    where = Where(stream=name)
-    offsets = [c - (size - 1) / 2 for c, size in _centre_and_size(camera)]
-    for offset, convention in _PRINCIPAL_POINTS.items():
-        if np.allclose(offsets, offset, rtol=0.0, atol=1e-3):
-            message = f"the principal point of the {name} camera is {convention}: another convention than (W-1)/2"
-            yield Notice("metadata.cameras.principal_point", message, where)
-    fx, fy = camera.K[0, 0], camera.K[1, 1]
-    if fx > 0 and not np.isclose(fx, fy, rtol=1e-3):
-        yield Notice(
-            "metadata.cameras.aspect", f"pixels of the {name} camera are not square: {fx:.6g}, {fy:.6g}", where
-        )
-    # The optical axis is Z; unrotated it is the body's Z, which points up.
-    if np.array_equal(camera.T_body_camera[:3, :3], np.eye(3)):
-        message = f"the {name} camera is not rotated: it looks up, unless optical axes were taken for those of the body"
-        yield Notice("metadata.cameras.unrotated", message, where)
-    distance_m = float(np.linalg.norm(camera.T_body_camera[:3, 3]))
-    if distance_m > _FARTHEST_MOUNT_M:
-        message = f"the {name} camera lies {distance_m:.4g} m from the body; is T_body_camera in millimetres?"
-        yield Notice("metadata.cameras.far", message, where)
 
 
 def _centre_and_size(camera: Camera) -> tuple[tuple[float, int], tuple[float, int]]:

@@ -1,6 +1,5 @@
 """The numbers of the paper, for files that promise them."""
 
-from collections.abc import Iterator
 from math import atan, degrees
 from typing import Final
 
@@ -63,7 +62,7 @@ class MetadataProfile(FactsCheck):
 
     def examine(self, facts: Facts) -> Observation:
         """Compare each number with the paper's."""
-        streams = (
+        statistics = [
             count_of_faults(
                 f"{stream}.absent",
                 int(stream not in facts.streams),
@@ -73,62 +72,56 @@ class MetadataProfile(FactsCheck):
                 where=Where(stream=stream),
             )
             for stream in _STREAMS
-        )
-        statistics = (*streams, *_cameras(facts), *_rates(facts), *_depth_range(facts), *_events(facts))
-        return Observation(Coverage(len(statistics), len(statistics), "promises"), statistics)
+        ]
+        for name, camera in facts.declared.cameras.items():
+            width, height = _SIZES[name]
+            statistics.append(_number(f"{name}.width", camera.width, "px", width))
+            statistics.append(_number(f"{name}.height", camera.height, "px", height))
+            focal_px = float(camera.K[0, 0])
+            if focal_px > 0:
+                # 2 atan(W / 2f); a focal length rounded to whole pixels moves it by W/2 / (f^2 + W^2/4) rad.
+                field_deg = degrees(2 * atan(camera.width / (2 * focal_px)))
+                rounding_deg = degrees(camera.width / 2 / (focal_px**2 + camera.width**2 / 4))
+                statistics.append(
+                    _number(f"{name}.field_of_view", field_deg, "deg", HORIZONTAL_FIELD_OF_VIEW_DEG, rounding_deg)
+                )
 
+        for stream, rate_hz in _RATES_HZ.items():
+            clock = facts.clocks.get(stream)
+            if clock is None or np.count_nonzero(clock.advancing) < 2:
+                continue
+            # Missing samples do not move a median.
+            period_us = float(np.median(np.diff(clock.times_ns[clock.advancing]))) / NS_PER_US
+            expected_us = NS_PER_S / rate_hz / NS_PER_US
+            # Both timestamps of a step are rounded to a microsecond: 1 us in the worst case.
+            statistics.append(_number(f"{stream}.period", period_us, "us", expected_us, 1.0))
 
-def _cameras(facts: Facts) -> Iterator[Statistic]:
-    for name, camera in facts.declared.cameras.items():
-        width, height = _SIZES[name]
-        yield _number(f"{name}.width", camera.width, "px", width)
-        yield _number(f"{name}.height", camera.height, "px", height)
-        focal_px = float(camera.K[0, 0])
-        if focal_px > 0:
-            # 2 atan(W / 2f); a focal length rounded to whole pixels moves it by W/2 / (f^2 + W^2/4) rad.
-            field_deg = degrees(2 * atan(camera.width / (2 * focal_px)))
-            rounding_deg = degrees(camera.width / 2 / (focal_px**2 + camera.width**2 / 4))
-            yield _number(f"{name}.field_of_view", field_deg, "deg", HORIZONTAL_FIELD_OF_VIEW_DEG, rounding_deg)
+        if facts.declared.depth_range_m is not None:
+            for side, value, expected in zip(
+                ("nearest", "farthest"), facts.declared.depth_range_m, _DEPTH_RANGE_M, strict=True
+            ):
+                # The declared range may have been float32: 6e-8 relative, with a margin.
+                statistics.append(_number(f"depth.{side}", value, "m", expected, 1e-6 * expected))
 
-
-def _rates(facts: Facts) -> Iterator[Statistic]:
-    for stream, rate_hz in _RATES_HZ.items():
-        clock = facts.clocks.get(stream)
-        if clock is None or np.count_nonzero(clock.advancing) < 2:
-            continue
-        # Missing samples do not move a median.
-        period_us = float(np.median(np.diff(clock.times_ns[clock.advancing]))) / NS_PER_US
-        expected_us = NS_PER_S / rate_hz / NS_PER_US
-        # Both timestamps of a step are rounded to a microsecond: 1 us in the worst case.
-        yield _number(f"{stream}.period", period_us, "us", expected_us, 1.0)
-
-
-def _depth_range(facts: Facts) -> Iterator[Statistic]:
-    if facts.declared.depth_range_m is not None:
-        for side, value, expected in zip(
-            ("nearest", "farthest"), facts.declared.depth_range_m, _DEPTH_RANGE_M, strict=True
-        ):
-            # The declared range may have been float32: 6e-8 relative, with a margin.
-            yield _number(f"depth.{side}", value, "m", expected, 1e-6 * expected)
-
-
-def _events(facts: Facts) -> Iterator[Statistic]:
-    model = facts.declared.events
-    if model is None:
-        return
-    yield count_of_faults(
-        "events.model",
-        int(model.model != "linear"),
-        "declarations",
-        statement=f"the events are declared of the {model.model} model; the profile promises the linear one",
-        code="metadata.profile.model",
-        where=Where(stream="events"),
-    )
-    yield _number("events.threshold_on", model.threshold_on, "DN", _THRESHOLD_DN)
-    yield _number("events.threshold_off", model.threshold_off, "DN", _THRESHOLD_DN)
-    # The paper states a least interval: longer packets keep it.
-    short_us = max(0, _LEAST_PACKET_US - model.packet_interval_us)
-    yield _number("events.packet_too_short", short_us, "us", 0.0)
+        model = facts.declared.events
+        if model is not None:
+            # The paper states a least interval: longer packets keep it.
+            short_us = max(0, _LEAST_PACKET_US - model.packet_interval_us)
+            statistics += [
+                count_of_faults(
+                    "events.model",
+                    int(model.model != "linear"),
+                    "declarations",
+                    statement=f"the events are declared of the {model.model} model; the profile promises the linear "
+                    "one",
+                    code="metadata.profile.model",
+                    where=Where(stream="events"),
+                ),
+                _number("events.threshold_on", model.threshold_on, "DN", _THRESHOLD_DN),
+                _number("events.threshold_off", model.threshold_off, "DN", _THRESHOLD_DN),
+                _number("events.packet_too_short", short_us, "us", 0.0),
+            ]
+        return Observation(Coverage(len(statistics), len(statistics), "promises"), tuple(statistics))
 
 
 def _number(name: str, value: float, unit: str, expected: float, model_error_bound: float = 0.0) -> Statistic:

@@ -80,32 +80,33 @@ class MetadataUnits(FactsCheck):
     def examine(self, facts: Facts) -> Observation:
         """Compare each label with the unit of the layout."""
         bindings, labels = facts.layout.bindings, facts.declared.units
-        wrong = [key for key, label in labels.items() if not label_agrees(bindings[key], label)]
-        missing = [key for key in bindings if key not in labels]
-        statistics = with_flow_rate_deviations(
-            (self._wrong_label(key, labels[key]) for key in wrong), set(facts.flow_streams)
-        )
+        wrong: list[Statistic] = []
+        for key, label in labels.items():
+            if label_agrees(bindings[key], label):
+                continue
+            spec, unit = DATASETS[key], _normalised(label)
+            time_factor = None
+            if spec.is_timestamps and unit in NS_PER_TIME_UNIT:
+                time_factor = NS_PER_TIME_UNIT["us"] / NS_PER_TIME_UNIT[unit]
+            wrong.append(
+                count_of_faults(
+                    name=f"{key}@units",
+                    value=1,
+                    unit="labels",
+                    statement=f"{key} is labelled {label!r}; the layout has it in {spec.units!r}",
+                    code="metadata.units.label",
+                    where=Where(stream=spec.stream),
+                    features=(UnitLabel(unit, spec.units, time_factor, SCALES.get((unit, spec.units))),),
+                )
+            )
+        statistics = with_flow_rate_deviations(wrong, set(facts.flow_streams))
         statistics = statistics or (no_faults("wrong_labels", "labels", self.name),)
+        missing = [key for key in bindings if key not in labels]
         notices: tuple[Notice, ...] = ()
         if missing:
             message = f"{len(missing)} datasets carry no attribute 'units', first {missing[0]}"
             notices = (Notice("metadata.units.missing", message, Where(stream=DATASETS[missing[0]].stream)),)
         return Observation(Coverage(len(bindings) - len(missing), len(bindings), "labels"), statistics, notices)
-
-    def _wrong_label(self, key: str, label: str) -> Statistic:
-        spec, unit = DATASETS[key], _normalised(label)
-        time_factor = None
-        if spec.is_timestamps and unit in NS_PER_TIME_UNIT:
-            time_factor = NS_PER_TIME_UNIT["us"] / NS_PER_TIME_UNIT[unit]
-        return count_of_faults(
-            name=f"{key}@units",
-            value=1,
-            unit="labels",
-            statement=f"{key} is labelled {label!r}; the layout has it in {spec.units!r}",
-            code="metadata.units.label",
-            where=Where(stream=spec.stream),
-            features=(UnitLabel(unit, spec.units, time_factor, SCALES.get((unit, spec.units))),),
-        )
 
 
 def label_agrees(binding: Binding, label: str) -> bool:

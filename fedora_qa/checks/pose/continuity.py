@@ -1,14 +1,16 @@
-"""The motion of the poses: is it continuous, as that of a body?"""
+"""The motion of the poses: is it continuous, as that of a body, and which transform would make a jump continuous?"""
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
-from typing import Final
+from typing import Final, Literal
 
 import numpy as np
+from numpy.typing import NDArray
 
 from fedora_qa.checks.exact import count_of_faults
-from fedora_qa.checks.pose.conventions import orientation_transforms, position_transforms
 from fedora_qa.checks.protocol import Observation, Statistic, WindowCheck
+from fedora_qa.conventions import MM_PER_M
+from fedora_qa.estimators.imu.conventions import signed_permutations
 from fedora_qa.estimators.imu.local_motion import (
     OrientationSamples,
     SampledCurve,
@@ -42,6 +44,8 @@ from fedora_qa.views.sample_defects import (
     timestamp_defects,
 )
 
+Float64 = NDArray[np.float64]
+
 _STEP_FILTERS: Final = ((4, 5), (6, 7), (8, 5), (12, 5), (24, 5), (12, 3), (24, 3))
 """Half width and degree of the filters that look for jumps: short ones for exact poses, long ones for noisy."""
 
@@ -55,6 +59,23 @@ _PAIR_SIGMAS: Final = 5.0
 
 _BODY_RATIO: Final = 0.2
 """Share of that by which they may still differ in the body's: what the motion adds to the jumps of exact poses."""
+
+_CAPTURE_RATIO: Final = 0.02
+"""Deviation over jump up to which a transform fits: chance brings one of the 48 that are tried so close in one jump of
+2000, four times the square of this being the share of the sphere, a twentieth that of lengths."""
+
+_NOISY_CAPTURE_RATIO: Final = 0.1
+"""As far as noise may bring a transform off, of the jump: of the few of a quaternion chance brings one so close in one
+jump of ten, and of the many of a position in one of three; beyond, a transform shows nothing."""
+
+_NOISE_SIGMAS: Final = 3.0 * 6.0**0.5
+"""Three sigma, on each axis, of a pose against the straight line through the two before it: weights 1, -2, 1."""
+
+# Quaternions x, y, z, w: half a turn about (1, 1, 0) / sqrt(2) exchanges east and north and reverses up; half a turn
+# about x reverses left and up.
+_ROOT_HALF: Final = float(np.sqrt(0.5))
+_NED_FROM_ENU: Final = np.array([_ROOT_HALF, _ROOT_HALF, 0.0, 0.0])
+_FLU_FROM_FRD: Final = np.array([1.0, 0.0, 0.0, 0.0])
 
 
 @dataclass(frozen=True, slots=True)
@@ -78,6 +99,23 @@ class PairedSteps(Feature):
 
     length_m: float
     standard_error_m: float
+
+
+@dataclass(frozen=True, slots=True)
+class PoseTransform(Feature):
+    """A transform of the poses behind a jump that makes them go on from those before it.
+
+    Attributes
+    ----------
+    kind
+        ``length_unit`` (metres against millimetres), ``axes`` (exchanged or reversed), ``component_order`` (w first
+        against w last), ``inverse`` (of the rotation), ``north_east_down`` (world and body).
+    axes
+        Rows of the signed permutation, of ``axes`` only.
+    """
+
+    kind: Literal["length_unit", "axes", "component_order", "inverse", "north_east_down"]
+    axes: tuple[tuple[int, ...], ...] = ()
 
 
 class PoseContinuity(WindowCheck[PoseSamples]):
@@ -252,3 +290,67 @@ def _paired_steps(poses: PoseSamples, steps: StepEstimates, sigma_m: float, row:
     arm_m = (first_body_m - second_body_m) / 2
     length_m = float(np.copysign(np.linalg.norm(arm_m), arm_m[np.argmax(np.abs(arm_m))]))
     return (PairedSteps(length_m, float(np.linalg.norm(errors_m)) / 2),)
+
+
+def position_transforms(poses: PoseSamples, before: int, sigma_m: float) -> tuple[PoseTransform, ...]:
+    """Return the transforms by which the position goes on across a jump, within noise.
+
+    Parameters
+    ----------
+    poses
+        Of the whole sequence.
+    before
+        Index of the last pose before the jump.
+    sigma_m
+        Noise of the positions on each axis, m.
+
+    Returns
+    -------
+    Transforms within the capture range; empty where none makes the position go on.
+    """
+    positions_m = poses.positions_world_m
+    # Straight on from the two positions before the jump.
+    expected_m = positions_m[before] + (positions_m[before] - positions_m[before - 1] if before else 0.0)
+    # Into the part with another unit, and out of it.
+    transformed = [(unit * expected_m, PoseTransform("length_unit")) for unit in (MM_PER_M, 1.0 / MM_PER_M)]
+    identity = tuple(tuple(int(value) for value in row) for row in np.eye(3))
+    transformed += [
+        (np.array(axes) @ expected_m, PoseTransform("axes", axes)) for axes in signed_permutations() if axes != identity
+    ]
+    measured_m = positions_m[before + 1]
+    deviations_m = (
+        (float(np.linalg.norm(position_m - measured_m)), transform) for position_m, transform in transformed
+    )
+    return _nearest(deviations_m, jump=float(np.linalg.norm(measured_m - expected_m)), sigma=sigma_m)
+
+
+def orientation_transforms(poses: PoseSamples, before: int, sigma_rad: float) -> tuple[PoseTransform, ...]:
+    """Return the transforms by which the orientation goes on across a jump; parameters as of the positions."""
+    q = so3.normalise(poses.orientations_xyzw)
+    # On by the rotation between the two orientations before the jump.
+    turn = so3.compose(so3.inverse(q[before - 1]), q[before]) if before else np.array([0.0, 0.0, 0.0, 1.0])
+    expected, measured = so3.compose(q[before], turn), q[before + 1]
+    # Each transform, and that of a quaternion that was transformed the other way round. Components are stored with w
+    # first in place of last, or the reverse.
+    transformed = [(expected[order], PoseTransform("component_order")) for order in ([3, 0, 1, 2], [1, 2, 3, 0])]
+    transformed.append((so3.inverse(expected), PoseTransform("inverse")))
+    # q' = q_ned_enu * q * q_frd_flu: both the world's and the body's axes are exchanged.
+    north_east_down = so3.compose(so3.compose(_NED_FROM_ENU, expected), _FLU_FROM_FRD)
+    transformed.append((north_east_down, PoseTransform("north_east_down")))
+    deviations_rad = ((_angle_rad(orientation, measured), transform) for orientation, transform in transformed)
+    return _nearest(deviations_rad, jump=_angle_rad(expected, measured), sigma=sigma_rad)
+
+
+def _nearest(
+    deviations: Iterable[tuple[float, PoseTransform]], *, jump: float, sigma: float
+) -> tuple[PoseTransform, ...]:
+    """Return the transforms within the capture range; of several, those within twice the least deviation."""
+    # A fixed share of the jump for exact poses; noise widens it, to a tenth of the jump at most.
+    capture_range = max(_CAPTURE_RATIO * jump, min(_NOISE_SIGMAS * sigma, _NOISY_CAPTURE_RATIO * jump))
+    captured = [(deviation, transform) for deviation, transform in deviations if deviation <= capture_range]
+    least = min((deviation for deviation, _ in captured), default=0.0)
+    return tuple(transform for deviation, transform in captured if deviation <= 2 * least or len(captured) == 1)
+
+
+def _angle_rad(first: Float64, second: Float64) -> float:
+    return float(np.linalg.norm(so3.log_quaternion(so3.compose(so3.inverse(first), second))))

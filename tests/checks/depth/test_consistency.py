@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from fedora_qa.checks.depth.consistency import DepthConsistency
+from fedora_qa.checks.depth.consistency import DepthConsistency, medians_by_group
 from fedora_qa.diagnosis.hypotheses import hypotheses_of
 from fedora_qa.sequence.declared import PoseModel
 from fedora_qa.sequence.facts import Clock
@@ -143,3 +143,14 @@ def test_noise_that_is_declared_too_small_is_found() -> None:
     alarm = next(alarm for alarm in result.alarms if alarm.finding.code.endswith("pose_correction"))
     hypothesis = next(h for h in hypotheses_of(alarm, world.facts) if h.cause == "noise_misdeclared")
     assert hypothesis.magnitude == pytest.approx(-67, abs=0.12 * 4 * 33)
+
+
+def test_medians_by_group() -> None:
+    """Against masks; groups that are too small have none."""
+    rng = np.random.default_rng(1)
+    first, second, groups = rng.random(500), rng.random(500), rng.integers(0, 7, 500).astype(np.uint8)
+    groups[:3] = 7
+    medians = medians_by_group(first, second, groups, 9, 4)
+    for values, by_group in zip((first, second), medians, strict=True):
+        np.testing.assert_array_equal(by_group[:7], [np.median(values[groups == group]) for group in range(7)])
+        assert np.isnan(by_group[7:]).all()

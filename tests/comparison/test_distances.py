@@ -1,4 +1,4 @@
-"""Chance is what it is said to be: false alarms come as often as stated, and differences are seen."""
+"""False alarms come as often as stated, differences are detected, and segments are as long as the correlation asks."""
 
 from itertools import combinations, product
 
@@ -6,9 +6,15 @@ import numpy as np
 import pytest
 from scipy.stats import binom
 
+from fedora_qa.comparison.distances import (
+    Sides,
+    chance_of,
+    correlation_time,
+    enough_units,
+    independent_segments,
+    standard_errors,
+)
 from fedora_qa.comparison.histograms import shares_of, wasserstein
-from fedora_qa.comparison.relabelling import Sides, chance_of, enough_units, standard_errors
-from fedora_qa.comparison.stretches import independent_stretches
 from tests.comparison.processes import EDGES, autoregression, blocks_around
 
 LEVEL = 0.05
@@ -62,15 +68,15 @@ def test_false_alarms_of_independent_units(paired: bool) -> None:
 
 
 def test_false_alarms_of_two_flights() -> None:
-    """Two stretches of one process that remembers: as blocks they alarm far too often, as stretches they do not."""
+    """Two segments of one process that remembers: as blocks they alarm far too often, as segments they do not."""
     random = np.random.default_rng(6)
-    as_blocks = as_stretches = 0
+    as_blocks = as_segments = 0
     for _ in range(TRIALS):
         before, after = (blocks_around(autoregression(128, 0.7, random), random) for _ in range(2))
         as_blocks += chance(before, after, paired=False) <= LEVEL
-        as_stretches += chance(independent_stretches(before), independent_stretches(after), paired=False) <= LEVEL
+        as_segments += chance(independent_segments(before), independent_segments(after), paired=False) <= LEVEL
     assert surely_more_than(4 * LEVEL, as_blocks)
-    assert not surely_more_than(1.5 * LEVEL, as_stretches)  # the memory that is left between stretches, as derived
+    assert not surely_more_than(1.5 * LEVEL, as_segments)  # the memory that is left between segments, as derived
 
 
 def test_a_real_difference_is_seen() -> None:
@@ -111,3 +117,33 @@ def test_nothing_differs_from_itself() -> None:
     counts = blocks_around(np.zeros(12), np.random.default_rng(9))
     found = chance_of(Sides(counts, counts, EDGES, paired=True), 1e-3, np.random.default_rng(0))
     assert (found.of_distance, found.distance_95) == (1.0, 0.0)
+
+
+@pytest.mark.parametrize("memory", [0.0, 0.5, 0.8])
+def test_correlation_time_of_an_autoregression(memory: float) -> None:
+    """It is (1 + a) / (1 - a) blocks for neighbours correlated by a, and somewhat more for its error."""
+    random = np.random.default_rng(11)
+    times = [correlation_time(blocks_around(3 * autoregression(512, memory, random), random)) for _ in range(8)]
+    assert 0.8 < np.mean(times) * (1 - memory) / (1 + memory) < 2.0
+
+
+def test_nothing_is_lost_between_segments() -> None:
+    """Segments hold what the blocks held, at most 16 of them; blocks without values are no time at all."""
+    counts = blocks_around(np.zeros(70), np.random.default_rng(12))
+    counts[::7] = 0
+    segments = independent_segments(counts)
+    assert len(segments) in range(8, 17)
+    assert np.array_equal(segments.sum(axis=0), counts.sum(axis=0))
+
+
+def test_a_steady_drift_is_one_segment() -> None:
+    """What changes all along the sequence shows one sample of how it changes."""
+    drift = np.linspace(-3.0, 3.0, 64)
+    assert len(independent_segments(blocks_around(drift, np.random.default_rng(13)))) == 1
+
+
+def test_one_block_is_one_segment() -> None:
+    """A sequence of one block, or of blocks that are all the same, needs no correlation."""
+    counts = np.ones((1, 64), np.int64)
+    assert np.array_equal(independent_segments(counts), counts)
+    assert len(independent_segments(np.ones((64, 64), np.int64))) == 16
