@@ -87,18 +87,17 @@ def detections(sized: CauseTrials) -> tuple[Detection, ...]:
         # Shares found in ranges of size with about as many trials each; trials of one size stay together.
         groups: list[list[tuple[float, bool]]] = []
         order = sorted(zip(sized.sizes, detected, strict=True)) if sized.has_size else []
-        for size, answer in order:
+        for size, is_detected in order:
             full = not groups or len(groups[-1]) >= len(order) / _GROUPS
             if full and not (groups and groups[-1][-1][0] == size):
                 groups.append([])
-            groups[-1].append((size, answer))
+            groups[-1].append((size, is_detected))
         tried = tuple(
-            Tried(group[0][0], group[-1][0], share_of(sum(answer for _, answer in group), len(group)))
-            for group in groups
+            Tried(group[0][0], group[-1][0], share_of(sum(hit for _, hit in group), len(group))) for group in groups
         )
-        found = share_of(sum(detected), len(detected))
+        detected_share = share_of(sum(detected), len(detected))
         curve = curve_of(sized.sizes, detected, worse_when_smaller=sized.worse_when_smaller)
-        rows.append(Detection(sized.cause, sized.unit, check, found, tried, curve))
+        rows.append(Detection(sized.cause, sized.unit, check, detected_share, tried, curve))
     return tuple(rows)
 
 

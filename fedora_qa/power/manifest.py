@@ -114,9 +114,9 @@ def read_manifest(corpus: Path) -> Manifest:
     files = [item.file for item in manifest.items]
     clean = {item.file for item in manifest.items if item.is_clean}
     for item in manifest.items:
-        problem = _problem(item, files, clean)
-        if problem:
-            raise MisuseError(f"Expected a valid {path}, got at {item.file}: {problem}; see docs/corpus.md")
+        wrong = _problem(item, files, clean)
+        if wrong:
+            raise MisuseError(f"Expected a valid {path}, got at {item.file}: {wrong}; see docs/corpus.md")
     return manifest
 
 
