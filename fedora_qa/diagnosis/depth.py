@@ -4,9 +4,9 @@ Depth and pose contradict each other wherever either is wrong. So most alarms al
 every cause for which other checks have the stronger evidence.
 """
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from types import MappingProxyType
-from typing import Final, TypeVar
+from typing import Final
 
 import numpy as np
 
@@ -16,15 +16,14 @@ from fedora_qa.checks.depth.parameters import ResidualReduction
 from fedora_qa.checks.depth.range import RANGE_ROUNDING, DepthExtent
 from fedora_qa.checks.depth.scale import PathScale
 from fedora_qa.conventions import MM_PER_M
-from fedora_qa.diagnosis.flow import most_probable
+from fedora_qa.diagnosis.convention_trials import most_probable, support_of_extent
+from fedora_qa.diagnosis.features import only_feature
 from fedora_qa.diagnosis.hypothesis import ANY_CAUSE, Hypothesis
 from fedora_qa.diagnosis.support import support
-from fedora_qa.features import Feature
 from fedora_qa.judgement.judge import Alarm
 from fedora_qa.sequence.facts import Facts
-from fedora_qa.views.depth_conventions import DepthTrial, Extent, PairTrials, Transform
+from fedora_qa.views.depth_conventions import Extent, PairTrials, Transform
 
-AnyFeature = TypeVar("AnyFeature", bound=Feature)
 Size = Callable[[float], float | None]
 """The parameter of a transform -> the size of the fault in the unit of its cause; None where it has no size."""
 
@@ -48,21 +47,6 @@ _ANY_MISFIT: Final = tuple(
     for cause in causes
 )
 """Whatever makes depth frames and poses contradict each other."""
-
-_SINGLE_FRAME_CAUSES: Final = ("swapped_frames", "frozen_frames", "dropped_samples", "teleport")
-"""Faults of single frames: they spoil some pairs, the others all, or all from some time on."""
-
-_MOST_PAIRS: Final = 0.5
-_FEW_PAIRS: Final = 0.25
-"""Shares of pairs that are off above which single frames, and below which the other faults, are less likely."""
-
-_ANOTHER_SEQUENCE: Final = 1.6
-"""Support of another sequence's frames, in units of that of one wrong pose, where most pairs are off.
-
-Of a pair between frames of other sequences, a free motion explains as much as of one wrong pose. Hypotheses of a single
-pose are halved where most pairs are off: twice that is the whole, less a fifth for a cause of one number that removes
-as much, which is meant first.
-"""
 
 
 def _no_size(_: float) -> None:
@@ -106,7 +90,7 @@ def propose_range(alarm: Alarm, facts: Facts) -> tuple[Hypothesis, ...]:
     """Propose causes for ``depth.range``: a unit that brings both ends into the range, or values that are codes."""
     if alarm.finding.code.endswith("_end"):
         return (Hypothesis("invalid_encoding", "depth", support("depth.clipped_values")),)
-    extent = _feature(alarm, DepthExtent)
+    extent = only_feature(alarm.statistic.features, DepthExtent)
     low_m, high_m = extent.range_m
     # Stored depth is true depth times the factor: dividing undoes the unit before the range is tested.
     for factor in (1 / MM_PER_M, MM_PER_M):
@@ -122,9 +106,9 @@ def propose_range(alarm: Alarm, facts: Facts) -> tuple[Hypothesis, ...]:
 
 def propose_scale(alarm: Alarm, facts: Facts) -> tuple[Hypothesis, ...]:
     """Propose causes for ``depth.scale``: depths or positions in another unit."""
-    statistic, path_scale = alarm.statistic, _feature(alarm, PathScale)
+    statistic, path_scale = alarm.statistic, only_feature(alarm.statistic.features, PathScale)
     # No change of unit gives lengths another sign.
-    reduction = _feature(alarm, ResidualReduction).share if statistic.value > 0 else 0.0
+    reduction = only_feature(alarm.statistic.features, ResidualReduction).share if statistic.value > 0 else 0.0
     # Where only a reversed path would fit the depths, the unit of the positions is not what is wrong.
     path_reversed = path_scale.factor is not None and path_scale.factor <= 0
     if path_scale.depths_plausible and not path_reversed:
@@ -140,7 +124,7 @@ def propose_scale(alarm: Alarm, facts: Facts) -> tuple[Hypothesis, ...]:
 
 def propose_projection(alarm: Alarm, facts: Facts) -> tuple[Hypothesis, ...]:
     """Propose causes for ``depth.projection``: lengths of rays."""
-    reduction = _feature(alarm, ResidualReduction).share
+    reduction = only_feature(alarm.statistic.features, ResidualReduction).share
     return (Hypothesis("depth_ray_not_z", "depth", support("depth.ray_exponent") * reduction), *_ANY_MISFIT)
 
 
@@ -149,7 +133,7 @@ def propose_consistency(alarm: Alarm, facts: Facts) -> tuple[Hypothesis, ...]:
     of_pairs = _of_pairs(alarm)
     if alarm.finding.code not in ("depth.consistency.pose_correction", "depth.consistency.worst_pose_correction"):
         return of_pairs
-    ratio = _feature(alarm, MotionCorrections).variance_ratio
+    ratio = only_feature(alarm.statistic.features, MotionCorrections).variance_ratio
     # The ratio is of variances, measured over declared: declared over measured sigma, less 1, is the size of the cause.
     percent = 100 * (1 / ratio**0.5 - 1) if ratio else None
     of_all, of_worst = (
@@ -164,7 +148,7 @@ def propose_consistency(alarm: Alarm, facts: Facts) -> tuple[Hypothesis, ...]:
 
 def _of_pairs(alarm: Alarm) -> tuple[Hypothesis, ...]:
     """Return the causes whose undoing lets the pairs agree, best supported first, and those other checks measure."""
-    pairs = _feature(alarm, PairsOff)
+    pairs = only_feature(alarm.statistic.features, PairsOff)
     if not pairs.off:
         return ()
     trials = [feature for feature in alarm.statistic.features if isinstance(feature, PairTrials)]
@@ -183,10 +167,12 @@ def _of_pairs(alarm: Alarm) -> tuple[Hypothesis, ...]:
     single_pose = max((h.support for h in hypotheses if (h.cause, h.stream) == ("teleport", "pose")), default=0.0)
     # Depths or poses of another sequence agree in no pair; a few pairs that are off rule that out.
     if 2 * pairs.off > pairs.compared:
+        # Of a pair between frames of other sequences, a free motion explains as much as of one wrong pose, whose
+        # support is reduced where most pairs are off: this undoes the reduction.
+        another = support("depth.another_sequence_by_free_motion") / support("convention_trials.unlikely_extent")
         least = support("depth.another_sequence")
         hypotheses += [
-            Hypothesis("other_sequence", stream, max(least, _ANOTHER_SEQUENCE * single_pose))
-            for stream in ("depth", "pose")
+            Hypothesis("other_sequence", stream, max(least, another * single_pose)) for stream in ("depth", "pose")
         ]
     named = most_probable(hypotheses)
     causes = {(hypothesis.cause, hypothesis.stream) for hypothesis in named}
@@ -200,42 +186,31 @@ def _of_pairs(alarm: Alarm) -> tuple[Hypothesis, ...]:
 def _by_trials(pairs: Sequence[PairTrials], extent: Extent, *, share_off: float) -> list[Hypothesis]:
     """Average what each cause explains over the pairs on which its transform was tried.
 
-    ``share_off`` is the share of pairs that are off. Where these are most, faults of single frames lose half of their
-    support; where they are few, the other faults do.
+    ``share_off`` is the share of pairs that are off.
     """
     by_cause: dict[tuple[str, str], list[tuple[float, float | None]]] = {}
     for pair in pairs:
-        for key, of_pair in _best_by_cause(pair.trials, extent).items():
+        # Support of the best trial of each cause and stream on this pair, and the size of the fault.
+        best: dict[tuple[str, str], tuple[float, float | None]] = {}
+        for trial in pair.trials:
+            if trial.extent != extent:
+                continue
+            for cause, stream, full_support, size_of in _CAUSES_OF_TRANSFORM[trial.transform]:
+                # Pose and camera are common to all pixels: what befalls a part of the depth is a fault of depth.
+                if extent == "part" and stream != "depth":
+                    continue
+                explained = full_support * trial.residual_reduction
+                if (cause, stream) not in best or best[cause, stream][0] < explained:
+                    best[cause, stream] = explained, size_of(trial.parameter)
+        for key, of_pair in best.items():
             by_cause.setdefault(key, []).append(of_pair)
     hypotheses = []
     for (cause, stream), of_pairs in by_cause.items():
         # A cause must explain every pair that is off, hence the mean. Its size is that of the pair that it explains
         # best: elsewhere another cause may take part.
         mean_support = float(np.mean([of_pair[0] for of_pair in of_pairs]))
-        unlikely = share_off > _MOST_PAIRS if cause in _SINGLE_FRAME_CAUSES else share_off < _FEW_PAIRS
-        mean_support *= support("depth.unlikely_extent") if unlikely else 1.0
+        mean_support *= support_of_extent(cause, share_off)
         _, size = max(of_pairs, key=lambda of_pair: of_pair[0])
         unit = "" if size is None else CAUSES[cause].unit
         hypotheses.append(Hypothesis(cause, stream, mean_support, size, unit))
     return hypotheses
-
-
-def _best_by_cause(trials: Iterable[DepthTrial], extent: Extent) -> dict[tuple[str, str], tuple[float, float | None]]:
-    """Return the support of the best trial of each cause and stream on one pair, and the size of the fault."""
-    best: dict[tuple[str, str], tuple[float, float | None]] = {}
-    for trial in trials:
-        if trial.extent != extent:
-            continue
-        for cause, stream, full_support, size in _CAUSES_OF_TRANSFORM[trial.transform]:
-            # Pose and camera are common to all pixels: what befalls a part of the depth is a fault of depth.
-            if extent == "part" and stream != "depth":
-                continue
-            explained = full_support * trial.residual_reduction
-            if (cause, stream) not in best or best[cause, stream][0] < explained:
-                best[cause, stream] = explained, size(trial.parameter)
-    return best
-
-
-def _feature(alarm: Alarm, kind: type[AnyFeature]) -> AnyFeature:
-    """Return the one feature of a kind that every statistic of the check has."""
-    return next(feature for feature in alarm.statistic.features if isinstance(feature, kind))

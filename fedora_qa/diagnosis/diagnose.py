@@ -16,7 +16,7 @@ from fedora_qa.causes import CAUSES, stream_family
 from fedora_qa.diagnosis.hypotheses import propose
 from fedora_qa.diagnosis.hypothesis import ANY_CAUSE, Hypothesis
 from fedora_qa.judgement.judge import Alarm
-from fedora_qa.record.types import Diagnosis, Where
+from fedora_qa.record.types import Diagnosis
 from fedora_qa.sequence.facts import Facts
 
 _UNKNOWN = "unknown"
@@ -101,7 +101,33 @@ def conclude(alarms: Sequence[Alarm], hypotheses: Mapping[str, Sequence[Hypothes
         # Only causes of common findings compete; others belong to a diagnosis of their own.
         rivals = [rival for rival in candidates if rival is not best and set(rival.evidence) & set(best.evidence)]
         confidence = share_of_first(_plausibilities([best, *rivals], unexplained, checks))
-        diagnoses.append(_as_diagnosis(f"D{len(diagnoses) + 1}", best, confidence, places))
+        # The size comes from the hypothesis that gives it best: with a magnitude, an error, a fair fit, the smaller
+        # error, the more support.
+        fair = _FAIR_FIT * max(hypothesis.support for hypothesis in best.evidence.values())
+        sized_by, of_size = min(
+            best.evidence.items(),
+            key=lambda item: (
+                item[1].magnitude is None,
+                item[1].standard_error is None,
+                item[1].support < fair,
+                item[1].standard_error or 0.0,
+                -item[1].support,
+            ),
+        )
+        diagnoses.append(
+            Diagnosis(
+                id=f"D{len(diagnoses) + 1}",
+                cause=best.cause,
+                stream=best.stream,
+                magnitude=of_size.magnitude,
+                unit=of_size.unit or CAUSES[best.cause].unit,
+                standard_error=of_size.standard_error,
+                confidence=confidence,
+                where=places[sized_by],
+                remedy=CAUSES[best.cause].remedy,
+                explains=tuple(best.evidence),
+            )
+        )
         for finding, hypothesis in best.evidence.items():
             # What the best supported cause so far leaves: supports of several causes of one finding do not add.
             unexplained[finding] = min(unexplained[finding], 1.0 - hypothesis.support)
@@ -113,7 +139,22 @@ def conclude(alarms: Sequence[Alarm], hypotheses: Mapping[str, Sequence[Hypothes
         if alarm.finding.id not in explained:
             without_cause[stream_family(alarm.finding.where.stream or _UNKNOWN)].append(alarm)
     for family, of_family in without_cause.items():
-        diagnoses.append(_unknown(f"D{len(diagnoses) + 1}", family, of_family))
+        where = of_family[0].finding.where
+        streams = {alarm.finding.where.stream for alarm in of_family}
+        diagnoses.append(
+            Diagnosis(
+                id=f"D{len(diagnoses) + 1}",
+                cause=_UNKNOWN,
+                stream=family if len(streams) > 1 else where.stream or _UNKNOWN,
+                magnitude=None,
+                unit="",
+                standard_error=None,
+                confidence=0.0,
+                where=where,
+                remedy=CAUSES[_UNKNOWN].remedy,
+                explains=tuple(alarm.finding.id for alarm in of_family),
+            )
+        )
     return tuple(diagnoses)
 
 
@@ -144,15 +185,15 @@ def _candidates(hypotheses: Mapping[str, Sequence[Hypothesis]]) -> list[_CauseCa
                 own = of_cause.get(finding, Hypothesis(cause, stream, 0.0))
                 if own.support < any_cause.support:
                     of_cause[finding] = replace(own, support=any_cause.support)
-    return [_CauseCandidate(cause, stream, _of_one_sign(of_cause)) for (cause, stream), of_cause in evidence.items()]
-
-
-def _of_one_sign(evidence: Mapping[str, Hypothesis]) -> dict[str, Hypothesis]:
-    """Leave out hypotheses whose size has the sign with less support: one fault shifts or scales in one direction."""
-    signs = {finding: (h.magnitude or 0.0) > 0 for finding, h in evidence.items() if h.magnitude}
-    support = {sign: sum(evidence[f].support for f in signs if signs[f] is sign) for sign in (True, False)}
-    sign = support[True] >= support[False]
-    return {finding: h for finding, h in evidence.items() if signs.get(finding, sign) is sign}
+    candidates = []
+    for (cause, stream), of_cause in evidence.items():
+        # One fault shifts or scales in one direction: sizes of the sign with less support are left out.
+        signs = {finding: (h.magnitude or 0.0) > 0 for finding, h in of_cause.items() if h.magnitude}
+        support = {sign: sum(of_cause[f].support for f in signs if signs[f] is sign) for sign in (True, False)}
+        sign = support[True] >= support[False]
+        of_one_sign = {finding: h for finding, h in of_cause.items() if signs.get(finding, sign) is sign}
+        candidates.append(_CauseCandidate(cause, stream, of_one_sign))
+    return candidates
 
 
 def _fit(hypothesis: Hypothesis) -> tuple[float, bool]:
@@ -197,43 +238,3 @@ def _plausibilities(
 
     # ln of the product over checks: Bayes with equal priors and independent witnesses.
     return [sum(log(support_of(rival, findings)) for findings in of_check.values()) for rival in rivals]
-
-
-def _as_diagnosis(name: str, candidate: _CauseCandidate, share: float, places: Mapping[str, Where]) -> Diagnosis:
-    fair = _FAIR_FIT * max(hypothesis.support for hypothesis in candidate.evidence.values())
-    finding, hypothesis = min(candidate.evidence.items(), key=lambda item: _precision(item[1], fair))
-    return Diagnosis(
-        id=name,
-        cause=candidate.cause,
-        stream=candidate.stream,
-        magnitude=hypothesis.magnitude,
-        unit=hypothesis.unit or CAUSES[candidate.cause].unit,
-        standard_error=hypothesis.standard_error,
-        confidence=share,
-        where=places[finding],
-        remedy=CAUSES[candidate.cause].remedy,
-        explains=tuple(candidate.evidence),
-    )
-
-
-def _precision(hypothesis: Hypothesis, fair: float) -> tuple[bool, bool, bool, float, float]:
-    """Order hypotheses by how well they give the size: a magnitude, an error, a fair fit, the smaller error."""
-    error = hypothesis.standard_error
-    return (hypothesis.magnitude is None, error is None, hypothesis.support < fair, error or 0.0, -hypothesis.support)
-
-
-def _unknown(name: str, family: str, alarms: Sequence[Alarm]) -> Diagnosis:
-    where = alarms[0].finding.where
-    streams = {alarm.finding.where.stream for alarm in alarms}
-    return Diagnosis(
-        id=name,
-        cause=_UNKNOWN,
-        stream=family if len(streams) > 1 else where.stream or _UNKNOWN,
-        magnitude=None,
-        unit="",
-        standard_error=None,
-        confidence=0.0,
-        where=where,
-        remedy=CAUSES[_UNKNOWN].remedy,
-        explains=tuple(alarm.finding.id for alarm in alarms),
-    )

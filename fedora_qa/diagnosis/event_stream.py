@@ -1,7 +1,7 @@
 """Causes of what the checks of the event stream measure."""
 
-from collections.abc import Sequence
 from math import sqrt
+from types import MappingProxyType
 from typing import Final
 
 from fedora_qa.checks.event_stream.bounds import EventExtent
@@ -9,9 +9,9 @@ from fedora_qa.checks.event_stream.duplicates import RepeatedEvents
 from fedora_qa.checks.event_stream.gaps import ExpectedEvents
 from fedora_qa.checks.event_stream.rates import HotPixelCount, MovedHotPixels
 from fedora_qa.diagnosis.clocks import hypotheses_of_reset
+from fedora_qa.diagnosis.features import only_feature
 from fedora_qa.diagnosis.hypothesis import Hypothesis
 from fedora_qa.diagnosis.support import support
-from fedora_qa.features import Feature
 from fedora_qa.judgement.judge import Alarm
 from fedora_qa.sequence.facts import Facts
 from fedora_qa.views.clock_resets import ClockReset
@@ -19,7 +19,10 @@ from fedora_qa.views.clock_resets import ClockReset
 _BY_CHANCE: Final = 3
 """Repeats that a hot pixel may make: of 200 Hz among a thousand other events, 0.2 share their microsecond with it."""
 
-_CAUSE_OF_MOVE: Final = {"mirrored": "mirrored", "transposed": "axes_swapped", "shifted": "spatial_offset"}
+_CAUSE_OF_MOVE: Final = MappingProxyType(
+    {"mirrored": "mirrored", "transposed": "axes_swapped", "shifted": "spatial_offset"}
+)
+"""The fault that moves all events, and with them the declared hot pixels, by a transform."""
 
 
 def propose_bounds(alarm: Alarm, facts: Facts) -> tuple[Hypothesis, ...]:
@@ -39,7 +42,7 @@ def propose_bounds(alarm: Alarm, facts: Facts) -> tuple[Hypothesis, ...]:
 
 def propose_duplicates(alarm: Alarm, facts: Facts) -> tuple[Hypothesis, ...]:
     """Return what repeats events: a packet that was written twice, or a hot pixel by chance."""
-    repeats = next(f.count for f in alarm.statistic.features if isinstance(f, RepeatedEvents))
+    repeats = only_feature(alarm.statistic.features, RepeatedEvents).count
     if alarm.finding.code == "event_stream.duplicates.packet":
         supported = support("event_stream.doubled_ticks")
         return (Hypothesis("duplicated_samples", "events", supported, float(repeats), "samples"),)
@@ -54,7 +57,7 @@ def propose_duplicates(alarm: Alarm, facts: Facts) -> tuple[Hypothesis, ...]:
 def propose_gaps(alarm: Alarm, facts: Facts) -> tuple[Hypothesis, ...]:
     """Return what makes a silence: events that were lost, or a clock that was set and is set back by as much."""
     features = alarm.statistic.features
-    lost = next(feature.count for feature in features if isinstance(feature, ExpectedEvents))
+    lost = only_feature(features, ExpectedEvents).count
     resets = [feature for feature in features if isinstance(feature, ClockReset)]
     supported = support("event_stream.silence_of_reset") if resets else support("event_stream.silence")
     # The number of lost events has the Poisson error of what is due.
@@ -65,18 +68,7 @@ def propose_gaps(alarm: Alarm, facts: Facts) -> tuple[Hypothesis, ...]:
 def propose_rates(alarm: Alarm, facts: Facts) -> tuple[Hypothesis, ...]:
     """Return what makes pixels fire without cause: hot pixels, or declared ones that a move of all events displaced."""
     statistic = alarm.statistic
-    moves = _of_moves(statistic.features)
-    if alarm.finding.code == "event_stream.rates.declared_hot_pixels":
-        supported = support("event_stream.declared_hot_rate_of_moved" if moves else "event_stream.declared_hot_rate")
-        percent = 100 * (statistic.value / statistic.expected - 1)
-        return *moves, Hypothesis("noise_misdeclared", "events", supported, percent, "percent")
-    supported = support("event_stream.hot_pixels_that_moved" if moves else "event_stream.hot_pixels")
-    count = next(feature.count for feature in statistic.features if isinstance(feature, HotPixelCount))
-    return *moves, Hypothesis("hot_pixels", "events", supported, float(count), "pixels")
-
-
-def _of_moves(features: Sequence[Feature]) -> tuple[Hypothesis, ...]:
-    return tuple(
+    moves = tuple(
         Hypothesis(
             _CAUSE_OF_MOVE[feature.transform],
             "events",
@@ -85,6 +77,13 @@ def _of_moves(features: Sequence[Feature]) -> tuple[Hypothesis, ...]:
             feature.right_px,
             "px" if feature.transform == "shifted" else "",
         )
-        for feature in features
+        for feature in statistic.features
         if isinstance(feature, MovedHotPixels)
     )
+    if alarm.finding.code == "event_stream.rates.declared_hot_pixels":
+        supported = support("event_stream.declared_hot_rate_of_moved" if moves else "event_stream.declared_hot_rate")
+        percent = 100 * (statistic.value / statistic.expected - 1)
+        return *moves, Hypothesis("noise_misdeclared", "events", supported, percent, "percent")
+    supported = support("event_stream.hot_pixels_that_moved" if moves else "event_stream.hot_pixels")
+    count = only_feature(statistic.features, HotPixelCount).count
+    return *moves, Hypothesis("hot_pixels", "events", supported, float(count), "pixels")

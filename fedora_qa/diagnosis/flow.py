@@ -1,24 +1,16 @@
-"""What the hypotheses of all checks of flow have in common: inverse transforms, gains that have a name, and ranks."""
+"""What the hypotheses of all checks of flow have in common: inverse transforms, and gains that have a name."""
 
-from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import replace
+from collections.abc import Mapping, Sequence
 from types import MappingProxyType
 from typing import Final
 
 import numpy as np
 
 from fedora_qa.causes import CAUSES
+from fedora_qa.diagnosis.convention_trials import support_of_extent
 from fedora_qa.diagnosis.hypothesis import Hypothesis
 from fedora_qa.diagnosis.support import support
 from fedora_qa.views.flow_conventions import ConventionTrial
-
-_LEAST_SUPPORT: Final = 0.3
-"""Causes that remove less than this share of the deviation are not named."""
-
-_COMPARABLE: Final = 0.6
-"""Causes that explain less than this share of what the best one does are not rivals."""
-
-_MOST_HYPOTHESES: Final = 6
 
 CAUSES_OF_TRANSFORM: Final[Mapping[str, tuple[str, ...]]] = MappingProxyType({
     "negated": ("flow_sign",),
@@ -29,18 +21,29 @@ CAUSES_OF_TRANSFORM: Final[Mapping[str, tuple[str, ...]]] = MappingProxyType({
     "another_unit": ("flow_unit",),
     "scaled": ("flow_gain",),
     "shifted_pixels": ("spatial_offset",),
+    "rescaled_by_interval": ("flow_unit",),
+    "times_interval": ("flow_unit",),
+    "divided_by_interval": ("flow_unit",),
+    "mirrored_columns": ("mirrored",),
+    "mirrored_rows": ("mirrored",),
     "neighbouring_interval": ("flow_interval_shifted", "swapped_frames"),
+    "shifted_interval": ("flow_interval_shifted",),
     "neighbouring_frame": ("swapped_frames",),
     "delayed": ("time_offset",),
     "field_of_another_rate": ("flow_rate_mixed",),
+    "exchanged_frames": ("swapped_frames",),
     "repeated_field": ("frozen_frames",),
+    "repeated_frame": ("frozen_frames",),
     "ray_lengths": ("depth_ray_not_z",),
     "metric_unit": ("unit_mm_m",),
     "triangulated_depth": ("other_sequence",),
     "conjugated_quaternion": ("quaternion_inverted",),
     "reordered_quaternion": ("quaternion_order",),
 })  # fmt: skip
-"""Causes that a transform of the data would undo. A transform without a row has the name of its cause ("mirrored")."""
+"""Causes that a transform of flow, frames, depth or poses would undo, for all checks of flow.
+
+A transform without a row has the name of its cause ("mirrored").
+"""
 
 _SUPPORT_OF_TRANSFORM: Final = MappingProxyType({"triangulated_depth": support("flow.triangulated_depth")})
 """What the removed share is multiplied by; 1 for transforms without a row."""
@@ -48,23 +51,17 @@ _SUPPORT_OF_TRANSFORM: Final = MappingProxyType({"triangulated_depth": support("
 _UNSIGNED: Final = ("swapped_frames",)
 """Causes whose size is a distance, of whichever direction the transform is."""
 
-_SINGLE_FRAME_CAUSES: Final = ("swapped_frames", "frozen_frames", "dropped_samples", "teleport")
-"""Faults of single frames: they spoil some fields, the others all, or all from some time on."""
-
-_MOST: Final = 0.5
-_FEW: Final = 0.25
-"""Shares of fields that are off above which single frames, and below which the other faults, are less likely."""
-
-
-def _displacements() -> tuple[tuple[str, str, float], ...]:
-    weight = support("flow.displacement")
-    of_depth = ("mirrored", "spatial_offset", "frozen_frames", "swapped_frames", "time_offset", "other_sequence")
-    of_flow = ("flow_interval_shifted", "flow_rate_mixed", "mirrored", "spatial_offset", "frozen_frames",
-               "swapped_frames", "time_offset", "other_sequence")  # fmt: skip
-    return (*((cause, "flow", weight) for cause in of_flow), *((cause, "depth", weight) for cause in of_depth))
-
-
-DISPLACEMENTS: Final = _displacements()
+_OF_DISPLACED_FLOW: Final = (
+    "flow_interval_shifted", "flow_rate_mixed", "mirrored", "spatial_offset", "frozen_frames", "swapped_frames",
+    "time_offset", "other_sequence",
+)  # fmt: skip
+_OF_DISPLACED_DEPTH: Final = (
+    "mirrored", "spatial_offset", "frozen_frames", "swapped_frames", "time_offset", "other_sequence",
+)  # fmt: skip
+DISPLACEMENTS: Final = (
+    *((cause, "flow", support("flow.displacement")) for cause in _OF_DISPLACED_FLOW),
+    *((cause, "depth", support("flow.displacement")) for cause in _OF_DISPLACED_DEPTH),
+)
 """Causes that put flow and depth out of register: cause, stream, and a support that joins them to stronger evidence."""
 
 
@@ -85,8 +82,7 @@ def convention_hypotheses(
     flow
         The stream to name in place of ``flow``: all rates or one.
     share_off
-        Share of fields that are off. Where these are most, faults of single frames lose half of their support; where
-        they are few, the other faults do.
+        Share of fields that are off: faults of single frames spoil few, and other faults most.
     """
     by_cause: dict[tuple[str, str], list[ConventionTrial]] = {}
     for trial in trials:
@@ -97,9 +93,7 @@ def convention_hypotheses(
     for (cause, stream), group in by_cause.items():
         supports = [_SUPPORT_OF_TRANSFORM.get(trial.transform, 1.0) * trial.removed_share for trial in group]
         mean_support = float(np.mean(supports))
-        # One wrong frame cannot spoil most fields, and a fault of all fields does not spare most.
-        unlikely = share_off > _MOST if cause in _SINGLE_FRAME_CAUSES else share_off < _FEW
-        mean_support *= support("flow.unlikely_extent") if unlikely else 1.0
+        mean_support *= support_of_extent(cause, share_off)
         # The size comes from the field that the transform explains best: elsewhere another fault may take part.
         magnitude = max(zip(supports, group, strict=True), key=lambda pair: pair[0])[1].magnitude
         if magnitude is not None and cause in _UNSIGNED:
@@ -126,15 +120,3 @@ def gain_hypothesis(
         if abs(factor / unit_factor - 1) < tolerance:
             return Hypothesis("flow_unit", flow, removed_share, unit_factor, "1")
     return Hypothesis("flow_gain", flow, removed_share, 100 * gain, "percent", None if error is None else 100 * error)
-
-
-def most_probable(hypotheses: Sequence[Hypothesis]) -> tuple[Hypothesis, ...]:
-    """Return the hypotheses that explain enough, most probable first."""
-    best = max((hypothesis.support for hypothesis in hypotheses), default=0.0)
-    enough = [hypothesis for hypothesis in hypotheses if hypothesis.support >= max(_LEAST_SUPPORT, _COMPARABLE * best)]
-    return tuple(sorted(enough, key=lambda hypothesis: -hypothesis.support)[:_MOST_HYPOTHESES])
-
-
-def weakened(hypotheses: Iterable[Hypothesis], factor: float) -> list[Hypothesis]:
-    """Return the hypotheses with less support."""
-    return [replace(hypothesis, support=factor * hypothesis.support) for hypothesis in hypotheses]

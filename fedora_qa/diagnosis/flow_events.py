@@ -1,10 +1,9 @@
 """Which causes would explain that events are sharper under another flow than the one that is stored."""
 
-from types import MappingProxyType
 from typing import Final
 
 from fedora_qa.checks.flow_events.sharpness import SharpestFlow
-from fedora_qa.diagnosis.flow import gain_hypothesis, spreads_over
+from fedora_qa.diagnosis.flow import CAUSES_OF_TRANSFORM, gain_hypothesis, spreads_over
 from fedora_qa.diagnosis.hypothesis import Hypothesis
 from fedora_qa.diagnosis.support import support
 from fedora_qa.judgement.judge import Alarm
@@ -12,16 +11,6 @@ from fedora_qa.sequence.facts import Facts
 
 _GAIN_TOLERANCE: Final = 0.1
 """Relative error of gains within which one with a name has that name."""
-
-_CAUSE_OF_TRANSFORM: Final = MappingProxyType({
-    "negated": "flow_sign",
-    "transposed_axes": "axes_swapped",
-    "flipped_v": "frame_convention",
-    "times_interval": "flow_unit",
-    "divided_by_interval": "flow_unit",
-    "mirrored_columns": "mirrored",
-    "mirrored_rows": "mirrored",
-})  # fmt: skip
 
 
 def propose_sharpness(alarm: Alarm, facts: Facts) -> tuple[Hypothesis, ...]:
@@ -32,7 +21,7 @@ def propose_sharpness(alarm: Alarm, facts: Facts) -> tuple[Hypothesis, ...]:
     if alarm.finding.code == "flow_events.sharpness.other":
         # Values in px/s are too large by the reciprocal of the interval, values in px s by the interval.
         size = {"times_interval": 1 / interval_s, "divided_by_interval": interval_s}.get(sharpest.transform)
-        cause = _CAUSE_OF_TRANSFORM[sharpest.transform]
+        (cause,) = CAUSES_OF_TRANSFORM[sharpest.transform]
         return (Hypothesis(cause, flow, support("flow_events.other_flow"), size, "1" if size else ""),)
     # From percent to a share. The sign of the model error is unknown, so that its bound adds to the error.
     error = 0.01 * (alarm.statistic.standard_error + alarm.statistic.model_error_bound)

@@ -1,13 +1,13 @@
 """Which causes would explain that flow disagrees with the frames, and of what size they would be."""
 
-from dataclasses import replace
 from types import MappingProxyType
 from typing import Final
 
 import numpy as np
 
 from fedora_qa.checks.flow_photometric.rate_statistics import RateResidual, TemplateExplanation
-from fedora_qa.diagnosis.flow import convention_hypotheses, gain_hypothesis, most_probable, spreads_over, weakened
+from fedora_qa.diagnosis.convention_trials import most_probable, weakened
+from fedora_qa.diagnosis.flow import convention_hypotheses, gain_hypothesis, spreads_over
 from fedora_qa.diagnosis.hypothesis import Hypothesis
 from fedora_qa.diagnosis.support import support
 from fedora_qa.judgement.judge import Alarm
@@ -37,21 +37,6 @@ _FAULT_OF_TEMPLATE: Final = MappingProxyType({
 })  # fmt: skip
 """Cause, unit and largest size, beyond which the template, a derivative, says nothing."""
 
-_CAUSE_OF_TRANSFORM: Final = MappingProxyType({
-    "negated": "flow_sign",
-    "transposed_axes": "axes_swapped",
-    "flipped_v": "frame_convention",
-    "rescaled_by_interval": "flow_unit",
-    "scaled": "flow_gain",
-    "mirrored": "mirrored",
-    "field_of_another_rate": "flow_rate_mixed",
-    "delayed": "time_offset",
-    "shifted_interval": "flow_interval_shifted",
-    "exchanged_frames": "swapped_frames",
-    "repeated_frame": "frozen_frames",
-})  # fmt: skip
-"""The cause that each transform of ``checks.flow_photometric.residual`` would undo."""
-
 _DISPLACEMENTS: Final = tuple(
     (cause, stream)
     for stream, causes in (
@@ -78,11 +63,7 @@ def propose_residual(alarm: Alarm, facts: Facts) -> tuple[Hypothesis, ...]:
         return most_probable(by_templates) or (unknown,)
     # Single frames cannot give most fields the same gain.
     deviating_share = 1.0 if rate.has_common_gain else rate.deviating_fields / rate.fields
-    trials = [
-        replace(feature, transform=_CAUSE_OF_TRANSFORM[feature.transform])
-        for feature in features
-        if isinstance(feature, ConventionTrial)
-    ]
+    trials = [feature for feature in features if isinstance(feature, ConventionTrial)]
     by_trials = convention_hypotheses(rate.rate, trials, flow, share_off=deviating_share)
     if deviating_share <= _FEW_FIELDS:
         factor = support("flow_photometric.templates_of_few_fields")

@@ -1,11 +1,10 @@
 """Causes that would explain that fields of a faster rate do not compose to those of a slower one."""
 
-from collections.abc import Mapping, Sequence
-from dataclasses import replace
 from typing import Final
 
-from fedora_qa.checks.flow_rates.composition import COPIES, RatePair, RatePairsOff
-from fedora_qa.diagnosis.flow import convention_hypotheses, most_probable
+from fedora_qa.checks.flow_rates.composition import COPIES, RatePairsOff
+from fedora_qa.diagnosis.convention_trials import most_probable, weakened
+from fedora_qa.diagnosis.flow import convention_hypotheses
 from fedora_qa.diagnosis.hypothesis import Hypothesis
 from fedora_qa.diagnosis.support import support
 from fedora_qa.judgement.judge import Alarm
@@ -28,14 +27,23 @@ def propose_composition(alarm: Alarm, facts: Facts) -> tuple[Hypothesis, ...]:
         return ()
     pair, shares_off = rates_off.pair, rates_off.shares_off
     trials = [feature for feature in alarm.statistic.features if isinstance(feature, ConventionTrial)]
-    # A copy is recognised bit for bit; transforms that come near it are then not named.
-    copied = _copied_rates(trials)
+    # A copy is equal bit for bit wherever it was tried, so that its removed share is exactly 1: no tolerance.
+    shares: dict[tuple[str, str], list[float]] = {}
+    for trial in trials:
+        if trial.transform in COPIES:
+            shares.setdefault((trial.stream, trial.transform), []).append(trial.removed_share)
+    copied = {stream for (stream, _), of_transform in shares.items() if min(of_transform) == 1.0}
+    # Transforms that come near a copy are then not named.
     trials = [trial for trial in trials if trial.stream not in copied or trial.transform in COPIES]
     hypotheses: list[Hypothesis] = []
-    for rate in pair:
-        factor = _support_of_rate(rate, pair, shares_off)
-        of_rate = convention_hypotheses(rate, trials, rate, share_off=shares_off[pair])
-        hypotheses += [replace(hypothesis, support=factor * hypothesis.support) for hypothesis in of_rate]
+    # Two rates that disagree do not show which one is wrong; one that agrees with a third rate is hardly the wrong one.
+    agrees = {rate: any(rate in another and not share for another, share in shares_off.items()) for rate in pair}
+    for rate, other in (pair, pair[::-1]):
+        if agrees[rate]:
+            factor = support("flow_rates.agrees_with_third")
+        else:
+            factor = 1.0 if agrees[other] else support("flow_rates.either_of_two")
+        hypotheses += weakened(convention_hypotheses(rate, trials, rate, share_off=shares_off[pair]), factor)
     all_off = all(shares_off.values())
     if all_off:
         hypotheses += convention_hypotheses("flow", trials, "flow", share_off=shares_off[pair])
@@ -53,25 +61,3 @@ def propose_composition(alarm: Alarm, facts: Facts) -> tuple[Hypothesis, ...]:
         for cause in _CAUSES
         if (cause, stream) not in already_named
     )
-
-
-def _copied_rates(trials: Sequence[ConventionTrial]) -> set[str]:
-    """Return the rates that a copy explains wherever it was tried."""
-    shares: dict[tuple[str, str], list[float]] = {}
-    for trial in trials:
-        if trial.transform in COPIES:
-            shares.setdefault((trial.stream, trial.transform), []).append(trial.removed_share)
-    # A copy is equal bit for bit, so that its removed share is exactly 1: no tolerance.
-    return {stream for (stream, _), of_transform in shares.items() if min(of_transform) == 1.0}
-
-
-def _support_of_rate(rate: str, pair: RatePair, shares_off: Mapping[RatePair, float]) -> float:
-    """Return how probably a rate is the wrong one of a pair: by whether each of the two agrees with a third rate."""
-    # Two rates that disagree do not show which one is wrong; one that agrees with a third rate is hardly the wrong one.
-    agrees = {
-        of_pair: any(of_pair in another and not share for another, share in shares_off.items()) for of_pair in pair
-    }
-    if agrees[rate]:
-        return support("flow_rates.agrees_with_third")
-    other = pair[1] if rate == pair[0] else pair[0]
-    return 1.0 if agrees[other] else support("flow_rates.either_of_two")

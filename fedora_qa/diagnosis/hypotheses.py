@@ -8,6 +8,8 @@ from fedora_qa.diagnosis import (
     alignment,
     clocks,
     depth,
+    event_conservation,
+    event_response,
     event_stream,
     flow_events,
     flow_photometric,
@@ -18,18 +20,10 @@ from fedora_qa.diagnosis import (
     metadata,
     pose,
 )
-from fedora_qa.diagnosis.event_response.alignment import propose_alignment
-from fedora_qa.diagnosis.event_response.conservation import propose_conservation
-from fedora_qa.diagnosis.event_response.frames import propose_frames
-from fedora_qa.diagnosis.event_response.model import propose_model
-from fedora_qa.diagnosis.event_response.orientation import propose_orientation
-from fedora_qa.diagnosis.event_response.threshold import propose_threshold
-from fedora_qa.diagnosis.event_response.timing import propose_timing
 from fedora_qa.diagnosis.flow_geometry.endpoint import propose_endpoint
 from fedora_qa.diagnosis.flow_geometry.validity import propose_validity
 from fedora_qa.diagnosis.flow_rates import propose_composition
 from fedora_qa.diagnosis.hypothesis import Hypothesis
-from fedora_qa.diagnosis.images_colours import propose_channels, propose_transfer
 from fedora_qa.judgement.judge import Alarm
 from fedora_qa.sequence.facts import Facts
 
@@ -59,13 +53,13 @@ PROPOSALS: Final[Mapping[str, Propose]] = MappingProxyType({
     "event_stream.duplicates": event_stream.propose_duplicates,
     "event_stream.gaps": event_stream.propose_gaps,
     "event_stream.rates": event_stream.propose_rates,
-    "event_response.orientation": propose_orientation,
-    "event_response.model": propose_model,
-    "event_response.threshold": propose_threshold,
-    "event_response.timing": propose_timing,
-    "event_response.alignment": propose_alignment,
-    "event_response.frames": propose_frames,
-    "event_response.conservation": propose_conservation,
+    "event_response.orientation": event_response.propose_orientation,
+    "event_response.model": event_response.propose_model,
+    "event_response.threshold": event_response.propose_threshold,
+    "event_response.timing": event_response.propose_timing,
+    "event_response.alignment": event_response.propose_alignment,
+    "event_response.frames": event_response.propose_frames,
+    "event_response.conservation": event_conservation.propose_conservation,
     "alignment.depth": alignment.propose_depth,
     "alignment.events": alignment.propose_events,
     "flow_photometric.residual": flow_photometric.propose_residual,
@@ -79,8 +73,8 @@ PROPOSALS: Final[Mapping[str, Propose]] = MappingProxyType({
     "images.repeats": images.propose_repeats,
     "images.order": images.propose_order,
     "images.exposure": images.propose_exposure,
-    "images.channels": propose_channels,
-    "images.transfer": propose_transfer,
+    "images.channels": images.propose_channels,
+    "images.transfer": images.propose_transfer,
     "flow_events.sharpness": flow_events.propose_sharpness,
     "pose.orientation": pose.propose_orientation,
     "pose.continuity": pose.propose_continuity,

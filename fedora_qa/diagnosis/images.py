@@ -1,18 +1,17 @@
-"""Causes that alarms of colour frames point to."""
+"""Hypotheses for colour frames: repeats, order, exposure, the order of channels, the transfer curve."""
 
-from typing import TypeVar
+from typing import Final
 
+from fedora_qa.checks.images.channels import NearestChannelOrder
 from fedora_qa.checks.images.exposure import BrightnessJump, CodesMultiplied
 from fedora_qa.checks.images.order import ALLOWED, OutOfOrderIntervals
+from fedora_qa.diagnosis.features import only_feature
 from fedora_qa.diagnosis.hypothesis import Hypothesis
 from fedora_qa.diagnosis.support import support
-from fedora_qa.features import Feature
 from fedora_qa.judgement.judge import Alarm
 from fedora_qa.sequence.facts import Facts
 
-_RGB = "rgb"
-
-_FLOW_RIVALS_OF_ORDER = (
+_FLOW_RIVALS_OF_ORDER: Final = (
     "swapped_frames",
     "frozen_frames",
     "flow_interval_shifted",
@@ -23,21 +22,22 @@ _FLOW_RIVALS_OF_ORDER = (
 )
 """Flow that is wrong in single intervals is contradicted by frames in order as frames out of order are."""
 
-FeatureType = TypeVar("FeatureType", bound=Feature)
+EXPONENTS_OF_DISPLAYS: Final = (1.7, 2.6)
+"""What sRGB (2.4 at white, 1 in the dark, 2.2 on the whole) and gamma 2.2 look like."""
 
 
 def propose_repeats(alarm: Alarm, facts: Facts) -> tuple[Hypothesis, ...]:
     """Return the hypotheses for frames that repeat an earlier one bit for bit."""
     count = alarm.statistic.value
     return (
-        Hypothesis("frozen_frames", _RGB, support("images.repeats_frozen"), count, "samples", 0.0),
-        Hypothesis("duplicated_samples", _RGB, support("images.repeats_duplicated"), count, "samples", 0.0),
+        Hypothesis("frozen_frames", "rgb", support("images.repeats_frozen"), count, "samples", 0.0),
+        Hypothesis("duplicated_samples", "rgb", support("images.repeats_duplicated"), count, "samples", 0.0),
     )
 
 
 def propose_order(alarm: Alarm, facts: Facts) -> tuple[Hypothesis, ...]:
     """Return the hypotheses for frames, or parts of them, that do not lie where the flow carries them."""
-    return hypotheses_of_order(_feature(alarm, OutOfOrderIntervals))
+    return hypotheses_of_order(only_feature(alarm.statistic.features, OutOfOrderIntervals))
 
 
 def hypotheses_of_order(intervals: OutOfOrderIntervals) -> tuple[Hypothesis, ...]:
@@ -59,26 +59,26 @@ def hypotheses_of_order(intervals: OutOfOrderIntervals) -> tuple[Hypothesis, ...
     moved, rival = 1 - displaced, support("images.order_other")
     run = "isolated" if intervals.isolated else "lasting"
     return (
-        Hypothesis("spatial_offset", _RGB, moved * support(f"images.order_moved_{run}")),
-        Hypothesis("mirrored", _RGB, moved * support(f"images.order_turned_{run}")),
+        Hypothesis("spatial_offset", "rgb", moved * support(f"images.order_moved_{run}")),
+        Hypothesis("mirrored", "rgb", moved * support(f"images.order_turned_{run}")),
         Hypothesis(
             "swapped_frames",
-            _RGB,
+            "rgb",
             max(support("images.order_displaced") * swapped, support("images.order_least")),
             exchanged_by,
             "samples",
         ),
         Hypothesis(
             "frozen_frames",
-            _RGB,
+            "rgb",
             max(support("images.order_displaced") * frozen, support("images.order_least")),
             float(max(stopped, 1)),
             "samples",
         ),
-        Hypothesis("dropped_samples", _RGB, rival),
-        Hypothesis("duplicated_samples", _RGB, rival),
+        Hypothesis("dropped_samples", "rgb", rival),
+        Hypothesis("duplicated_samples", "rgb", rival),
         *(Hypothesis(cause, "flow", rival) for cause in _FLOW_RIVALS_OF_ORDER),
-        Hypothesis("other_sequence", _RGB, rival),
+        Hypothesis("other_sequence", "rgb", rival),
     )
 
 
@@ -87,27 +87,57 @@ def propose_exposure(alarm: Alarm, facts: Facts) -> tuple[Hypothesis, ...]:
     match alarm.finding.code:
         case "images.exposure.blank":
             return (
-                Hypothesis("exposure_or_gamma", _RGB, support("images.blank_exposure")),
-                Hypothesis("dropped_samples", _RGB, support("images.blank_dropped")),
+                Hypothesis("exposure_or_gamma", "rgb", support("images.blank_exposure")),
+                Hypothesis("dropped_samples", "rgb", support("images.blank_dropped")),
             )
         case "images.exposure.jump":
-            jump = _feature(alarm, BrightnessJump)
+            jump = only_feature(alarm.statistic.features, BrightnessJump)
             size = jump.percent, "percent", jump.standard_error_percent
             return (
-                Hypothesis("exposure_or_gamma", _RGB, support("images.jump_exposure"), *size),
-                Hypothesis("channel_order", _RGB, support("images.jump_channel_order")),
+                Hypothesis("exposure_or_gamma", "rgb", support("images.jump_exposure"), *size),
+                Hypothesis("channel_order", "rgb", support("images.jump_channel_order")),
                 *(
-                    Hypothesis(cause, _RGB, support("images.jump_other_frame"))
+                    Hypothesis(cause, "rgb", support("images.jump_other_frame"))
                     for cause in ("other_sequence", "swapped_frames", "frozen_frames")
                 ),
             )
         case _:
-            gain = _feature(alarm, CodesMultiplied)
+            gain = only_feature(alarm.statistic.features, CodesMultiplied)
             # Rounded codes bound the gain from both sides: half of that range stands for its standard error.
             size = gain.percent, "percent", gain.half_range_percent
-            return (Hypothesis("exposure_or_gamma", _RGB, support("images.codes_exposure"), *size),)
+            return (Hypothesis("exposure_or_gamma", "rgb", support("images.codes_exposure"), *size),)
 
 
-def _feature(alarm: Alarm, kind: type[FeatureType]) -> FeatureType:
-    """Return the feature of a type that a statistic of the check always has."""
-    return next(feature for feature in alarm.statistic.features if isinstance(feature, kind))
+def propose_channels(alarm: Alarm, facts: Facts) -> tuple[Hypothesis, ...]:
+    """Propose another order of channels, and whatever spoils levels."""
+    nearest = only_feature(alarm.statistic.features, NearestChannelOrder)
+    order = "order_where_declared_is_nearest" if nearest.order == "RGB" else "order_where_another_is_nearest"
+    spoils = support("images.fault_spoils_weights")
+    return (
+        Hypothesis("channel_order", "rgb", support(f"images.{order}")),
+        *(Hypothesis(cause, "events", spoils) for cause in ("spatial_offset", "time_offset", "threshold_misdeclared",
+                                                            "event_model_misdeclared", "other_sequence", "mirrored")),
+        Hypothesis("exposure_or_gamma", "rgb", support("images.transfer_spoils_weights")),
+        *(Hypothesis(cause, "rgb", spoils) for cause in ("spatial_offset", "time_offset", "other_sequence",
+                                                         "mirrored", "swapped_frames", "frozen_frames")),
+    )  # fmt: skip
+
+
+def propose_transfer(alarm: Alarm, facts: Facts) -> tuple[Hypothesis, ...]:
+    """Propose another transfer curve; where its exponent is confounded with the threshold, that as well."""
+    exponent, (low, high) = alarm.statistic.value, EXPONENTS_OF_DISPLAYS
+    # Either direction of the curve: linear light encoded for a display (1 / 2.2), or such codes taken as linear (2.2).
+    of_a_display = low <= exponent <= high or 1 / high <= exponent <= 1 / low
+    # In the linear model an exponent bends steps by their level, which no threshold does.
+    bent = of_a_display or alarm.statistic.name == "exponent"
+    spoils = support("images.fault_spoils_exponent")
+    transfer = "transfer_of_a_display" if bent else "transfer_of_no_display"
+    return (
+        Hypothesis("exposure_or_gamma", "rgb", support(f"images.{transfer}")),
+        *(() if bent else (Hypothesis("threshold_misdeclared", "events", support("images.threshold_as_exponent")),)),
+        Hypothesis("event_model_misdeclared", "events", support("images.model_spoils_exponent")),
+        *(Hypothesis(cause, "events", spoils) for cause in ("spatial_offset", "time_offset", "polarity_inverted",
+                                                            "dropped_samples", "duplicated_samples", "other_sequence")),
+        *(Hypothesis(cause, "rgb", spoils) for cause in ("spatial_offset", "time_offset", "channel_order",
+                                                         "swapped_frames", "frozen_frames", "other_sequence")),
+    )  # fmt: skip

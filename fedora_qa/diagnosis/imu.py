@@ -4,6 +4,7 @@ from math import degrees, hypot, sqrt
 from typing import Final
 
 from fedora_qa.checks.imu.agreement import InertialParameter, RepeatsNearby, ResidualSmoothness, UnsettledFit
+from fedora_qa.diagnosis.features import only_feature
 from fedora_qa.diagnosis.hypothesis import ANY_CAUSE, Hypothesis
 from fedora_qa.diagnosis.motion import axes_cause, defect_hypotheses, noise_hypotheses
 from fedora_qa.diagnosis.support import support
@@ -64,7 +65,7 @@ def _of_agreement(kind: MotionKind, alarm: Alarm, facts: Facts) -> tuple[Hypothe
 
     # What another motion leaves is as smooth as that motion, and noise is not: the correlation of neighbours divides
     # the support between the two. Noise may be that of either stream.
-    smooth = next(feature.correlation for feature in features if isinstance(feature, ResidualSmoothness))
+    smooth = only_feature(features, ResidualSmoothness).correlation
     if rule == "residual":
         noise = support("imu.residual_noise") * (1 - smooth)
         return (
@@ -131,7 +132,7 @@ def convention_hypotheses(kind: MotionKind, convention: InertialConvention) -> t
 
 
 def _of_parameter(alarm: Alarm, facts: Facts) -> tuple[Hypothesis, ...]:
-    parameter = next(feature for feature in alarm.statistic.features if isinstance(feature, InertialParameter))
+    parameter = only_feature(alarm.statistic.features, InertialParameter)
     gravity_m_s2 = (facts.declared.imu or ImuModel()).gravity
     return parameter_hypotheses(parameter, timing_cues_of(facts), gravity_m_s2)
 
@@ -160,31 +161,19 @@ def parameter_hypotheses(
     # Linear in this component over the largest of its vector: 1 for the largest, ``smallest_component`` for 0.
     strength = (smallest + (1.0 - smallest) * parameter.component_ratio) * max(support("imu.parameter_least"), own)
     value, error = parameter.value, parameter.standard_error
-    rivals = [
-        Hypothesis(hypothesis.cause, hypothesis.stream, hypothesis.support)
-        for rival, explained in parameter.explained.items()
-        if rival != group and explained > _LEAST_EXPLAINED
-        for hypothesis in _group_hypotheses(
-            kind,
-            rival,
-            0.0,
-            0.0,
-            support("imu.rival_group") * explained * _relative_likelihood(explained, own),
-            timing_cues,
-            gravity_m_s2,
-        )
-    ]
-    return (*_group_hypotheses(kind, group, value, error, strength, timing_cues, gravity_m_s2), *rivals)
-
-
-def _relative_likelihood(explained: float, own: float) -> float:
-    """Return how likely a group is, against one that explains the share ``own``, by what both leave; 1 at most.
-
-    With an unknown size of the noise the likelihood of ``n`` samples goes as the squares that are left to the power
-    ``-n / 2``. What a model leaves is alike in neighbouring samples: all count as one, the fewest there can be.
-    """
-    # (S_own / S_rival)^(n / 2) with n = 1, S = 1 - explained: the likelihood ratio of the docstring.
-    return sqrt(max(1.0 - own, 0.0) / (1.0 - explained)) if explained < own else 1.0
+    hypotheses = list(_group_hypotheses(kind, group, value, error, strength, timing_cues, gravity_m_s2))
+    for rival, explained in parameter.explained.items():
+        if rival != group and explained > _LEAST_EXPLAINED:
+            # With an unknown size of the noise the likelihood of n samples goes as the squares S = 1 - explained that
+            # are left to the power -n / 2, so that a rival is (S_own / S_rival)^(n / 2) as likely. What a model leaves
+            # is alike in neighbouring samples: all count as one, n = 1, the fewest there can be.
+            likelihood = sqrt(max(1.0 - own, 0.0) / (1.0 - explained)) if explained < own else 1.0
+            of_rival = support("imu.rival_group") * explained * likelihood
+            hypotheses += [
+                Hypothesis(hypothesis.cause, hypothesis.stream, hypothesis.support)
+                for hypothesis in _group_hypotheses(kind, rival, 0.0, 0.0, of_rival, timing_cues, gravity_m_s2)
+            ]
+    return tuple(hypotheses)
 
 
 def _group_hypotheses(

@@ -38,31 +38,27 @@ def _of_values(statistic: Statistic) -> tuple[Hypothesis, ...]:
         return (Hypothesis("invalid_encoding", stream, support("integrity.infinite")),)
     if rule != "outside_range":
         return (Hypothesis("nan_in_stream", stream, support("integrity.not_a_number"), statistic.value, "samples"),)
-    for feature in statistic.features:
-        if isinstance(feature, OutOfRange):
-            return _of_depth(feature)
-    return (
-        Hypothesis("invalid_encoding", stream, support("integrity.flow_too_long")),
-        Hypothesis("corrupt_chunk", stream, support("integrity.flow_too_long_by_damage")),
-    )
-
-
-def _of_depth(values: OutOfRange) -> tuple[Hypothesis, ...]:
-    """Return metres read as millimetres if that explains the values; one constant is a code; scattered ones, either."""
-
-    def in_metres(name: str) -> Hypothesis:
-        return Hypothesis("unit_mm_m", "depth", support(name), 1 / MM_PER_M, "1")
-
-    def code(name: str) -> Hypothesis:
-        return Hypothesis("invalid_encoding", "depth", support(name))
-
+    values = next((feature for feature in statistic.features if isinstance(feature, OutOfRange)), None)
+    if values is None:
+        return (
+            Hypothesis("invalid_encoding", stream, support("integrity.flow_too_long")),
+            Hypothesis("corrupt_chunk", stream, support("integrity.flow_too_long_by_damage")),
+        )
+    # Depth: metres read as millimetres if that explains the values; one constant is a code; scattered ones, either.
+    to_metres = 1 / MM_PER_M
     if values.in_range_times_1000 > _MOST * values.finite:
-        return (in_metres("integrity.depth_all_in_metres"),)
+        return (Hypothesis("unit_mm_m", "depth", support("integrity.depth_all_in_metres"), to_metres, "1"),)
     if values.constant:
-        return (code("integrity.depth_one_value"),)
+        return (Hypothesis("invalid_encoding", "depth", support("integrity.depth_one_value")),)
     if values.in_range_times_1000 > _MOST * values.outside:  # a part of the file, or of the image
-        return in_metres("integrity.depth_part_in_metres"), code("integrity.depth_part_is_a_code")
-    return code("integrity.depth_by_code"), in_metres("integrity.depth_by_unit")
+        return (
+            Hypothesis("unit_mm_m", "depth", support("integrity.depth_part_in_metres"), to_metres, "1"),
+            Hypothesis("invalid_encoding", "depth", support("integrity.depth_part_is_a_code")),
+        )
+    return (
+        Hypothesis("invalid_encoding", "depth", support("integrity.depth_by_code")),
+        Hypothesis("unit_mm_m", "depth", support("integrity.depth_by_unit"), to_metres, "1"),
+    )
 
 
 def _of_layout(statistic: Statistic) -> tuple[Hypothesis, ...]:

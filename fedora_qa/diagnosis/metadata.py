@@ -8,6 +8,7 @@ from fedora_qa.checks.metadata.cameras import FocalLengths, PrincipalPoint
 from fedora_qa.checks.metadata.complete import DeclarationDefect
 from fedora_qa.checks.metadata.units import UnitLabel
 from fedora_qa.checks.protocol import Statistic
+from fedora_qa.diagnosis.features import only_feature
 from fedora_qa.diagnosis.flow_family import over_all_rates
 from fedora_qa.diagnosis.hypothesis import Hypothesis
 from fedora_qa.diagnosis.support import support
@@ -63,7 +64,7 @@ def propose_cameras(alarm: Alarm, facts: Facts) -> tuple[Hypothesis, ...]:
             )
             return wrong, *mirrored
         case "principal_point_outside":
-            distance_px = next(f.from_centre_px for f in statistic.features if isinstance(f, PrincipalPoint))
+            distance_px = only_feature(statistic.features, PrincipalPoint).from_centre_px
             return (Hypothesis("intrinsics_centre", "metadata", support("metadata.centre_outside"), distance_px, "px"),)
         case "size":
             return (Hypothesis("wrong_shape", "metadata", support("metadata.size_of_camera")),)

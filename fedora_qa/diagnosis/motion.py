@@ -6,6 +6,7 @@ import numpy as np
 
 from fedora_qa.checks.declared_noise import MeasuredNoise
 from fedora_qa.conventions import NS_PER_MS
+from fedora_qa.diagnosis.features import only_feature
 from fedora_qa.diagnosis.hypothesis import Hypothesis
 from fedora_qa.diagnosis.support import support
 from fedora_qa.features import Feature
@@ -60,7 +61,7 @@ def noise_hypotheses(alarm: Alarm, stream: str, unit_causes: Mapping[str, float]
     """
     features = alarm.statistic.features
     defects = defect_hypotheses(features)
-    noise = next(feature for feature in features if isinstance(feature, MeasuredNoise))
+    noise = only_feature(features, MeasuredNoise)
     misdeclared = support("motion.noise_beside_defects" if defects else "motion.noise_misdeclared")
     other_sequence = Hypothesis("other_sequence", stream, support("motion.noise_of_other_sequence"))
     if not noise.declared > 0:

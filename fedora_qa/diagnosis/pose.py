@@ -5,6 +5,7 @@ from math import sqrt
 from fedora_qa.checks.declared_noise import MeasuredNoise
 from fedora_qa.checks.pose.continuity import PairedSteps, PoseJump, PoseTransform
 from fedora_qa.conventions import MM_PER_M
+from fedora_qa.diagnosis.features import only_feature
 from fedora_qa.diagnosis.hypothesis import Hypothesis
 from fedora_qa.diagnosis.motion import axes_cause, defect_hypotheses, noise_hypotheses
 from fedora_qa.diagnosis.support import support
@@ -83,7 +84,7 @@ def propose_noise(alarm: Alarm, facts: Facts) -> tuple[Hypothesis, ...]:
     hypotheses = noise_hypotheses(alarm, "pose", {"unit_mm_m": MM_PER_M})
     if alarm.finding.code != "pose.noise.position":
         return hypotheses
-    noise = next(feature for feature in alarm.statistic.features if isinstance(feature, MeasuredNoise))
+    noise = only_feature(alarm.statistic.features, MeasuredNoise)
     rotation_sigma_rad = (facts.declared.pose or PoseModel()).rotation_sigma_rad
     # Independent noises add in squares: what exceeds the declaration is left to the arm.
     excess_m2 = noise.sigma**2 - noise.declared**2

@@ -16,17 +16,13 @@ class Support:
     reason: str
 
 
-def _read_table() -> Mapping[str, Support]:
-    text = resources.files("fedora_qa.diagnosis").joinpath("support.toml").read_text(encoding="utf-8")
-    rows = {
-        f"{subject}.{name}": Support(float(value), reason)
-        for subject, section in tomllib.loads(text).items()
-        for name, (value, reason) in section.items()
-    }
-    return MappingProxyType(rows)
-
-
-SUPPORT: Final = _read_table()
+SUPPORT: Final[Mapping[str, Support]] = MappingProxyType({
+    f"{subject}.{name}": Support(float(value), reason)
+    for subject, section in tomllib.loads(
+        resources.files("fedora_qa.diagnosis").joinpath("support.toml").read_text(encoding="utf-8")
+    ).items()
+    for name, (value, reason) in section.items()
+})  # fmt: skip
 """By ``<subject>.<name>``: the sections and keys of support.toml."""
 
 

@@ -1,6 +1,5 @@
 """What a file shows beside IMU and pose of which of the two a deviation belongs to."""
 
-from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Final
 
@@ -45,7 +44,18 @@ def timing_cues_of(facts: Facts) -> TimingCues:
     if "imu" not in facts.clocks or "pose" not in facts.clocks:
         return TimingCues()
     imu_ns, pose_ns = (facts.clocks[stream].times_ns for stream in ("imu", "pose"))
-    for imu_share, pose_share in _coincidences(facts, imu_ns, pose_ns):
+    # For each cue the shares to which IMU and pose are in place: frames, beginnings, grid.
+    cues: list[tuple[float, float]] = []
+    frame_clocks = [clock for stream, clock in facts.clocks.items() if stream not in ("imu", "pose")]
+    frames_ns = [clock.times_ns for clock in frame_clocks if clock.usable]
+    if frames_ns and len(imu_ns) and len(pose_ns):
+        all_ns = np.concatenate(frames_ns)
+        cues.append((_share_among(all_ns, imu_ns), _share_among(all_ns, pose_ns)))
+        # Of streams that begin together the one that was moved begins elsewhere.
+        firsts_ns = np.array([times_ns[0] for times_ns in frames_ns])
+        cues.append((float(np.mean(firsts_ns == imu_ns[0])), float(np.mean(firsts_ns == pose_ns[0]))))
+    cues.append((_on_own_grid(facts, imu_ns), _on_own_grid(facts, pose_ns)))
+    for imu_share, pose_share in cues:
         # IMU in place, poses not: the poses were moved, or the IMU was and is back on the grid by chance.
         if imu_share >= _IN_PLACE and pose_share <= _OUT_OF_PLACE:
             return TimingCues(imu_offset=_chance_of_coincidence(imu_ns))
@@ -64,19 +74,6 @@ def gravity_likelihoods(declared_m_s2: float, excess_m_s2: float, error_m_s2: fl
     sensor = 1.0 if _is_usual(declared_m_s2, _EXACT_M_S2) else unusual
     declaration = 1.0 if _is_usual(declared_m_s2 + excess_m_s2, _USUAL_SIGMAS * error_m_s2) else unusual
     return sensor, declaration
-
-
-def _coincidences(facts: Facts, imu_ns: Int64, pose_ns: Int64) -> Iterator[tuple[float, float]]:
-    """Yield for each cue the shares to which IMU and pose are in place: frames, beginnings, grid."""
-    frame_clocks = [clock for stream, clock in facts.clocks.items() if stream not in ("imu", "pose")]
-    frames_ns = [clock.times_ns for clock in frame_clocks if clock.usable]
-    if frames_ns and len(imu_ns) and len(pose_ns):
-        all_ns = np.concatenate(frames_ns)
-        yield _share_among(all_ns, imu_ns), _share_among(all_ns, pose_ns)
-        # Of streams that begin together the one that was moved begins elsewhere.
-        firsts_ns = np.array([times_ns[0] for times_ns in frames_ns])
-        yield float(np.mean(firsts_ns == imu_ns[0])), float(np.mean(firsts_ns == pose_ns[0]))
-    yield _on_own_grid(facts, imu_ns), _on_own_grid(facts, pose_ns)
 
 
 def _share_among(times_ns: Int64, timestamps_ns: Int64) -> float:

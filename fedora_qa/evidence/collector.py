@@ -1,7 +1,8 @@
-"""Keep evidence window by window, beside the checks, in the same pass."""
+"""Keep evidence window by window, beside the checks, in the same pass: snapshots, timeline, histograms."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
+from typing import cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,7 +21,6 @@ from fedora_qa.evidence.options import EvidenceOptions
 from fedora_qa.evidence.snapshot import Snapshot, take_snapshot
 from fedora_qa.evidence.snapshot_arrays import keep_snapshots
 from fedora_qa.evidence.snapshot_times import fitting_width_px, snapshot_times_ns
-from fedora_qa.evidence.timeline import Timeline, stream_counts, timeline_of
 from fedora_qa.evidence.titled_arrays import TitledArrays, merged
 from fedora_qa.layout.canonical import TIMESTAMPS_OF
 from fedora_qa.record.evidence import MOMENTS, TIMELINE, named
@@ -28,6 +28,34 @@ from fedora_qa.sequence.facts import Facts
 from fedora_qa.sequence.window import Span, Window
 
 Int64 = NDArray[np.int64]
+
+
+@dataclass(frozen=True, slots=True)
+class Timeline:
+    """Equal bins from ``start_ns`` to ``stop_ns``, both included."""
+
+    start_ns: int
+    stop_ns: int
+    bins: int
+
+    @property
+    def edges_ns(self) -> NDArray[np.float64]:
+        """Edges of the bins (bins + 1,)."""
+        return np.linspace(self.start_ns, self.stop_ns, self.bins + 1)
+
+    def count(self, times_ns: Int64) -> Int64:
+        """Count timestamps in each bin, those outside in none; in whole numbers, so that none moves by rounding."""
+        within = times_ns[(times_ns >= self.start_ns) & (times_ns <= self.stop_ns)]
+        length_ns = self.stop_ns - self.start_ns
+        coarser = max(0, (length_ns * self.bins).bit_length() - 63)  # of decades the product would leave int64
+        numbers = ((within - self.start_ns) >> coarser) * self.bins // max(length_ns >> coarser, 1)
+        return np.bincount(np.minimum(numbers, self.bins - 1), minlength=self.bins).astype(np.int64)
+
+    def spread(self, count: int, span: Span) -> Int64:
+        """Spread samples of unknown times evenly over a window."""
+        upto = np.interp(self.edges_ns, [span.start_ns, span.stop_ns], [0, count])
+        upto[-1] = count if span.stop_ns > self.stop_ns >= span.start_ns else upto[-1]
+        return cast(Int64, np.diff(np.rint(upto)).astype(np.int64))
 
 
 @dataclass(frozen=True, slots=True)
@@ -108,8 +136,15 @@ class EvidenceCollector:
         state.snapshots += [take_snapshot(window, time_ns, width_px, families=families) for time_ns in times_ns]
         _add_values(state.values, window_values(window, self._families))
         counted = "events" in window.facts.streams and in_families("events", self._families)
-        if counted and window.owned("events"):
-            _count_events(state, window)
+        if counted and (rows := window.owned("events")):
+            try:
+                events_ns = window.rows(TIMESTAMPS_OF["events"], rows.start, rows.stop)
+                state.pixels = with_events(state.pixels, window)
+            except UnreadableRowsError:
+                # Windows whose events were not read count no time, or the rates of pixels would come out too low.
+                return
+            state.events[window.span.index] = state.plan.timeline.count(events_ns)
+            state.counted_ns.append((window.span.start_ns, window.span.stop_ns))
 
     def merge(self, state: EvidenceState, later: EvidenceState) -> EvidenceState:
         """Return the state of the windows of both, ``later`` being of later ones."""
@@ -128,40 +163,69 @@ class EvidenceCollector:
 
     def conclude(self, state: EvidenceState, facts: Facts) -> TitledArrays:
         """Return everything that was kept, as arrays with titles."""
-        return merged(
-            [
-                keep_snapshots(MOMENTS, state.snapshots, facts, state.plan.width_px),
-                self._timeline_arrays(state, facts),
-                keep_histograms(state.values, state.pixels, seconds_of(facts, state.counted_ns)),
-            ]
-        )
-
-    def _timeline_arrays(self, state: EvidenceState, facts: Facts) -> TitledArrays:
+        snapshots = keep_snapshots(MOMENTS, state.snapshots, facts, state.plan.width_px)
         timeline = state.plan.timeline
-        counts = stream_counts(timeline, facts, self._spans, state.events)
         edges_us = facts.origin_us + timeline.edges_ns / NS_PER_US
         step_ms = float(edges_us[1] - edges_us[0]) / 1e3
-        return TitledArrays.titled(
-            {
-                named(TIMELINE, "edges_us"): (edges_us, "Edges of the bins, us on the file's clock"),
-                **{
-                    named(TIMELINE, stream): (samples, f"Samples of {stream} in each {step_ms:.4g} ms")
-                    for stream, samples in counts.items()
-                },
-            }
-        )
+        over_time = {
+            named(TIMELINE, "edges_us"): (edges_us, "Edges of the bins, us on the file's clock"),
+            **{
+                named(TIMELINE, stream): (samples, f"Samples of {stream} in each {step_ms:.4g} ms")
+                for stream, samples in stream_counts(timeline, facts, self._spans, state.events).items()
+            },
+        }
+        histograms = keep_histograms(state.values, state.pixels, seconds_of(facts, state.counted_ns))
+        return merged([snapshots, TitledArrays.titled(over_time), histograms])
 
 
-def _count_events(state: EvidenceState, window: Window) -> None:
-    rows = window.owned("events")
-    try:
-        times_ns = window.rows(TIMESTAMPS_OF["events"], rows.start, rows.stop)
-        state.pixels = with_events(state.pixels, window)
-    except UnreadableRowsError:
-        return
-    state.events[window.span.index] = state.plan.timeline.count(times_ns)
-    # Windows whose events were not read count no time, or the rates of pixels would come out too low.
-    state.counted_ns.append((window.span.start_ns, window.span.stop_ns))
+def timeline_of(facts: Facts, spans: Sequence[Span], bins: int) -> Timeline:
+    """Lay bins over the time in which at least half of the streams have samples.
+
+    A timestamp in the far future, or a stream on another clock, does not put all other samples into one bin. Flow does
+    not count, because it ends an interval before the rest.
+    """
+    present = [
+        sum(start < stop and not stream.startswith("flow/") for stream, (start, stop) in span.owned.items())
+        for span in spans
+    ]
+    most = max(present, default=0)
+    usual = [span for span, streams in zip(spans, present, strict=True) if 2 * streams >= most]
+    if not usual:
+        return Timeline(0, 1, 1)
+    low, high = usual[0].start_ns, usual[-1].stop_ns
+    ends: list[int] = []
+    for clock in facts.clocks.values():
+        within = clock.times_ns[(clock.times_ns >= low) & (clock.times_ns < high)]
+        if len(within):
+            ends += [int(within.min()), int(within.max())]
+    if facts.events is not None and facts.events.count:
+        ends += [end for end in (facts.events.first_ns, facts.events.last_ns) if low <= end < high]
+    start_ns, stop_ns = (min(ends), max(ends)) if ends else (low, high)
+    return Timeline(start_ns, max(stop_ns, start_ns + 1), bins if stop_ns > start_ns else 1)
+
+
+def stream_counts(
+    timeline: Timeline, facts: Facts, spans: Iterable[Span], event_counts: Mapping[int, Int64]
+) -> dict[str, Int64]:
+    """Return the samples of each stream in each bin.
+
+    Parameters
+    ----------
+    spans
+        All windows of the file.
+    event_counts
+        Events in each bin, by the number of each window whose timestamps were read. Of other windows only the number
+        of events is known: they are spread evenly.
+    """
+    counts = {stream: timeline.count(clock.times_ns) for stream, clock in sorted(facts.clocks.items())}
+    if "events" in facts.streams:
+        by_window = []
+        for span in spans:
+            start, stop = span.owned.get("events", (0, 0))
+            counted = event_counts.get(span.index)
+            by_window.append(timeline.spread(stop - start, span) if counted is None else counted)
+        counts["events"] = sum(by_window, np.zeros(timeline.bins, np.int64))
+    return counts
 
 
 def _add_values(total: dict[str, Int64], part: Mapping[str, Int64]) -> None:

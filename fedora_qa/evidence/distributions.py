@@ -4,7 +4,7 @@ Counts in fixed bins, 16 an octave, are whole numbers, so that windows merge exa
 files have the same edges.
 """
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from math import ceil, log2
 from typing import Any, Final
 
@@ -79,7 +79,18 @@ class DistributionsCollector:
         starts_ns = np.array(blocks, np.int64) * self._block_ns
         entries: dict[str, tuple[NDArray[Any], str]] = {}
         for quantity in dict.fromkeys(name for counts in state.values() for name in counts):
-            entries.update(_entries(quantity, [state[block].get(quantity) for block in blocks]))
+            of_blocks = [state[block].get(quantity) for block in blocks]
+            no_counts = np.zeros_like(next(counts for counts in of_blocks if counts is not None))
+            by_block = octave_counts(np.stack([no_counts if counts is None else counts for counts in of_blocks]))
+            # Of the bins that hold anything.
+            filled = np.flatnonzero(by_block.any(axis=0))
+            if len(filled):
+                first, last = int(filled[0]), int(filled[-1]) + 1
+                name = quantity.replace("flow/", "flow_")
+                title = QUANTITIES.get(name, f"Pixels by length of {quantity}, px over its interval")
+                counts_name, edges_name = named(DISTRIBUTIONS, name, "counts"), named(DISTRIBUTIONS, name, "edges")
+                entries[counts_name] = by_block[:, first:last], f"{title}: counts by block and bin"
+                entries[edges_name] = octave_edges()[first : last + 1], "Edges of the bins"
         if entries:
             blocks_ns = np.stack([starts_ns, starts_ns + self._block_ns], axis=1)
             entries[named(DISTRIBUTIONS, "blocks_ns")] = blocks_ns, "Start and stop of each block, ns from the origin"
@@ -140,19 +151,6 @@ def _event_counts(window: Window) -> dict[str, Int64]:
         "event_rate_per_ms": count_values(rates_per_ms),
         "pixel_interval_ms": count_values(pixel_intervals_ms(pixels, times_ns, span.start_ns)),
     }
-
-
-def _entries(quantity: str, counts: Sequence[Int64 | None]) -> Iterator[tuple[str, tuple[NDArray[Any], str]]]:
-    """Yield counts and edges of the bins that hold anything, under the names and titles of the record."""
-    name = quantity.replace("flow/", "flow_")
-    no_counts = np.zeros_like(next(counts_of_block for counts_of_block in counts if counts_of_block is not None))
-    by_block = octave_counts(np.stack([no_counts if of_block is None else of_block for of_block in counts]))
-    filled = np.flatnonzero(by_block.any(axis=0))
-    if len(filled):
-        first, last = int(filled[0]), int(filled[-1]) + 1
-        title = QUANTITIES.get(name, f"Pixels by length of {quantity}, px over its interval")
-        yield named(DISTRIBUTIONS, name, "counts"), (by_block[:, first:last], f"{title}: counts by block and bin")
-        yield named(DISTRIBUTIONS, name, "edges"), (octave_edges()[first : last + 1], "Edges of the bins")
 
 
 @njit(cache=True)

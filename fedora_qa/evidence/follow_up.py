@@ -1,21 +1,49 @@
-"""What the streams show where findings are worst: images that are decoded once more, bounded, after judgement."""
+"""What the streams show where findings are worst: a window, an instant, images, and a box in the picture.
 
-from collections.abc import Iterable, Sequence
+The images are decoded once more, bounded, after judgement.
+"""
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Final
 
 import numpy as np
 
+from fedora_qa.conventions import NS_PER_US
 from fedora_qa.evidence.options import EvidenceOptions
 from fedora_qa.evidence.pictures import block_px, picture_shape
-from fedora_qa.evidence.snapshot import Picture, Snapshot, take_snapshot
+from fedora_qa.evidence.snapshot import take_snapshot
 from fedora_qa.evidence.snapshot_arrays import keep_snapshot
-from fedora_qa.evidence.snapshot_times import fitting_width_px
+from fedora_qa.evidence.snapshot_times import fitting_width_px, snapshot_times_ns
 from fedora_qa.evidence.titled_arrays import TitledArrays, merged
-from fedora_qa.evidence.worst_locations import WHOLE, Box, WorstLocation, box_of, location_beside, worst_locations
 from fedora_qa.record.evidence import BESIDE, PLACES, named
-from fedora_qa.record.types import Finding, Where
+from fedora_qa.record.types import Finding, Severity, Where
 from fedora_qa.record.wording import place as text_of
 from fedora_qa.sequence.facts import Facts
 from fedora_qa.sequence.window import RowSource, Sampling, Span, Window
+
+Box = tuple[float, float, float, float]
+
+WHOLE: Final[Box] = (0.0, 0.0, 1.0, 1.0)
+
+_SEVERITY_RANK: Final[Mapping[Severity, int]] = {"critical": 0, "error": 1, "warning": 2, "info": 3}
+_FRAMES: Final = ("rgb", "depth")
+
+
+@dataclass(frozen=True, slots=True)
+class WorstLocation:
+    """The window, instant and images that show a finding.
+
+    Attributes
+    ----------
+    rows
+        The image to show of a stream, where the finding names it.
+    """
+
+    finding: Finding
+    span: Span
+    time_ns: int
+    rows: Mapping[str, int] = field(default_factory=dict)
 
 
 def keep_worst_locations(
@@ -48,16 +76,41 @@ def keep_worst_locations(
     width_px = fitting_width_px(facts, options, options.worst_locations + options.beside * len(BESIDE))
     locations = worst_locations(findings, spans, facts, most)
     beside = min(options.beside, (images // max(streams, 1) - len(locations)) // len(BESIDE))
-    return merged(
-        [
-            *(_arrays_at(location, facts, source, width_px) for location in locations),
-            *(
-                _arrays_beside(location, name, step, spans, facts, source, width_px)
-                for location in locations[: max(beside, 0)]
-                for name, step in BESIDE.items()
-            ),
-        ]
-    )
+    parts: list[TitledArrays] = []
+    for location in locations:
+        window = Window(location.span, facts, source, Sampling())
+        snapshot = take_snapshot(window, location.time_ns, width_px, location.rows)
+        if not snapshot.pictures:
+            continue
+        where, group = location.finding.where, named(PLACES, location.finding.id)
+        # The box lies in the picture of the stream named; where that shows nothing, in that of depth or colour.
+        family = (where.stream or "").split("/")[0]
+        picture = snapshot.pictures.get(family) or snapshot.pictures.get("depth") or snapshot.pictures.get("rgb")
+        box = WHOLE
+        if picture:
+            # Rows and columns of the stored image that the picture stands for.
+            of_events, block = picture.stream == "events", picture.block
+            height, width = picture.image.shape[1:] if of_events else picture.image.shape[:2]
+            if of_events and block <= 1:  # not yet averaged, as the size of the sensor is not declared
+                block = block_px(width, width_px)
+                height, width = picture_shape(height, width, block)
+            box = box_of(where, height * block, width * block)
+        title = (
+            f"{location.finding.id}, {text_of(where)}: left, top, right and bottom of its box as shares of a picture"
+        )
+        parts.append(keep_snapshot(group, snapshot, facts, width_px))
+        parts.append(TitledArrays.titled({named(group, "box"): (np.array(box), title)}))
+    for location in locations[: max(beside, 0)]:
+        for name, step in BESIDE.items():
+            neighbour = location_beside(location, step, spans, facts)
+            if neighbour is None:
+                continue
+            window = Window(neighbour.span, facts, source, Sampling())
+            snapshot = take_snapshot(window, neighbour.time_ns, width_px, neighbour.rows)
+            if snapshot.pictures:
+                group = named(PLACES, location.finding.id, name)
+                parts.append(keep_snapshot(group, snapshot, facts, width_px))
+    return merged(parts)
 
 
 def images_of(spans: Iterable[Span]) -> int:
@@ -66,45 +119,121 @@ def images_of(spans: Iterable[Span]) -> int:
     return sum(count for stream, count in owned if stream in {"rgb", "depth"} or stream.startswith("flow/"))
 
 
-def _arrays_at(location: WorstLocation, facts: Facts, source: RowSource, width_px: int) -> TitledArrays:
-    window = Window(location.span, facts, source, Sampling())
-    snapshot = take_snapshot(window, location.time_ns, width_px, location.rows)
-    if not snapshot.pictures:
-        return TitledArrays()
-    finding = location.finding
-    group = named(PLACES, finding.id)
-    box = np.array(_box(finding.where, snapshot, width_px))
-    title = f"{finding.id}, {text_of(finding.where)}: left, top, right and bottom of its box as shares of a picture"
-    titled_box = TitledArrays.titled({named(group, "box"): (box, title)})
-    return merged([keep_snapshot(group, snapshot, facts, width_px), titled_box])
+def worst_locations(
+    findings: Iterable[Finding], spans: Sequence[Span], facts: Facts, most: int
+) -> tuple[WorstLocation, ...]:
+    """Return the locations of the gravest findings that have one, each location once, at most so many."""
+    locations: dict[object, WorstLocation] = {}
+    for finding in sorted(findings, key=lambda finding: _SEVERITY_RANK[finding.severity]):
+        location = location_of(finding, spans, facts)
+        if location is not None:
+            where = finding.where
+            locations.setdefault((location.time_ns, where.pixel, where.tile), location)
+    return tuple(locations.values())[:most]
 
 
-def _arrays_beside(
-    location: WorstLocation, name: str, step: int, spans: Sequence[Span], facts: Facts, source: RowSource, width_px: int
-) -> TitledArrays:
-    """Return what the streams show so many frames from a location; nothing where there is no such frame."""
-    beside = location_beside(location, step, spans, facts)
-    if beside is None:
-        return TitledArrays()
-    snapshot = take_snapshot(Window(beside.span, facts, source, Sampling()), beside.time_ns, width_px, beside.rows)
-    group = named(PLACES, location.finding.id, name)
-    return keep_snapshot(group, snapshot, facts, width_px) if snapshot.pictures else TitledArrays()
+def location_of(finding: Finding, spans: Sequence[Span], facts: Facts) -> WorstLocation | None:
+    """Return the location of a finding; None where it is of the whole file, or no window shows it."""
+    where = finding.where
+    # The frame that the finding names, of its stream or else of colour.
+    rows: dict[str, int] = {}
+    own = where.stream if where.stream in _FRAMES else None
+    frames = own or next((name for name in _FRAMES if name in facts.clocks), None)
+    frame = where.frame if where.frame is not None or own is None else where.index_start
+    if frames is not None and frames in facts.clocks and frame is not None and _has_row(facts, frames, frame):
+        rows[frames] = frame
+    time_ns = _instant_ns(where, rows, facts)
+    if time_ns is None and not rows and where.index_start is None:
+        # A pixel of no time: in the middle of the file.
+        middles_ns = snapshot_times_ns(spans, facts, 1) if where.pixel or where.tile else {}
+        for span in spans:
+            if span.index in middles_ns:
+                return WorstLocation(finding, span, middles_ns[span.index][0])
+        return None
+    # The field of flow to show: of those that the finding names the one nearest to the instant.
+    if where.stream in facts.flow_streams and where.index_start is not None:
+        first = max(where.index_start, 0)
+        stop = where.index_start + 1 if where.index_stop is None else where.index_stop
+        starts_ns = facts.clocks[where.stream].times_ns[first : max(stop, 0)]
+        if time_ns is not None and len(starts_ns):
+            # In floating point, as a finding may name a time that is beyond 64-bit nanoseconds.
+            rows[where.stream] = first + int(np.argmin(np.abs(starts_ns - float(time_ns))))
+    first_row = {where.stream: where.index_start} if where.stream and where.index_start is not None else {}
+    nearest = _owner({**first_row, **rows}, spans) or _nearest_span(time_ns, spans)
+    if nearest is None:
+        return None
+    owned = {stream: row for stream, row in rows.items() if row in range(*nearest.owned.get(stream, (0, 0)))}
+    return WorstLocation(
+        finding, nearest, (nearest.start_ns + nearest.stop_ns) // 2 if time_ns is None else time_ns, owned
+    )
 
 
-def _box(where: Where, snapshot: Snapshot, width_px: int) -> Box:
-    """Return the box in the picture of the stream named; where that shows nothing, in that of depth or colour."""
-    family = (where.stream or "").split("/")[0]
-    picture = snapshot.pictures.get(family) or snapshot.pictures.get("depth") or snapshot.pictures.get("rgb")
-    return box_of(where, *_stored_shape(picture, width_px)) if picture else WHOLE
+def location_beside(location: WorstLocation, step: int, spans: Sequence[Span], facts: Facts) -> WorstLocation | None:
+    """Return the location so many frames later, or earlier; None where there is no such frame or timestamp.
+
+    Of a field of flow that the finding names the neighbour nearest to that frame is shown.
+    """
+    stream = next((name for name in _FRAMES if name in facts.clocks and facts.clocks[name].usable), None)
+    if stream is None:
+        return None
+    times_ns = facts.clocks[stream].times_ns
+    row = location.rows.get(stream, int(np.argmin(np.abs(times_ns - location.time_ns)))) + step
+    if not _has_row(facts, stream, row):
+        return None
+    time_ns = int(times_ns[row])
+    rows = {stream: row}
+    for name in location.rows:
+        if name in facts.flow_streams and facts.clocks[name].usable:
+            rows[name] = int(np.argmin(np.abs(facts.clocks[name].times_ns - time_ns)))
+    span = _owner({stream: row}, spans) or _nearest_span(time_ns, spans)
+    return None if span is None else WorstLocation(location.finding, span, time_ns, rows)
 
 
-def _stored_shape(picture: Picture, width_px: int) -> tuple[int, int]:
-    """Return how many rows and columns of the stored image the picture stands for."""
-    if picture.stream != "events":
-        return picture.image.shape[0] * picture.block, picture.image.shape[1] * picture.block
-    height, width = picture.image.shape[1:]
-    if picture.block > 1:
-        return height * picture.block, width * picture.block
-    block = block_px(width, width_px)
-    rows, columns = picture_shape(height, width, block)
-    return rows * block, columns * block
+def box_of(where: Where, height: int, width: int) -> Box:
+    """Return a finding's tile or pixel as shares of an image of the stream named: left, top, right, bottom.
+
+    It is clipped to the image, and the whole image where nothing of it lies within. The cameras of a file have one
+    field of view, so that the shares hold for the pictures of all streams.
+    """
+    tile = where.tile or (where.pixel and (*where.pixel, where.pixel[0] + 1, where.pixel[1] + 1))
+    if not tile:
+        return WHOLE
+    left, right = (min(max(column / width, 0.0), 1.0) for column in tile[::2])
+    top, bottom = (min(max(row / height, 0.0), 1.0) for row in tile[1::2])
+    return (left, top, right, bottom) if left < right and top < bottom else WHOLE
+
+
+def _instant_ns(where: Where, rows: Mapping[str, int], facts: Facts) -> int | None:
+    """Return the timestamp of the frame that is named, or else the time of the finding: the middle of an interval."""
+    for stream, row in rows.items():
+        if facts.clocks[stream].usable:
+            return int(facts.clocks[stream].times_ns[row])
+    if where.start_us is not None:
+        first, stop = where.index_start, where.index_stop
+        is_single_field = where.stream in facts.flow_streams and (stop is None or first is None or stop - first == 1)
+        stop_us = where.start_us if where.stop_us is None or is_single_field else where.stop_us
+        return round(((where.start_us + stop_us) / 2 - facts.origin_us) * NS_PER_US)
+    clock = facts.clocks.get(where.stream or "")
+    if clock is None or where.index_start is None or not _has_row(facts, where.stream or "", where.index_start):
+        return None
+    return int(clock.times_ns[where.index_start])
+
+
+def _owner(rows: Mapping[str, int], spans: Iterable[Span]) -> Span | None:
+    """Return the window that owns the first of these rows; rows lead to a window even where clocks are broken."""
+    for stream, row in rows.items():
+        for span in spans:
+            if row in range(*span.owned.get(stream, (0, 0))):
+                return span
+    return None
+
+
+def _nearest_span(time_ns: int | None, spans: Sequence[Span]) -> Span | None:
+    """Return the window at an instant, or the one nearest to it."""
+    if time_ns is None or not spans:
+        return None
+    return min(spans, key=lambda span: max(span.start_ns - time_ns, time_ns - span.stop_ns + 1, 0))
+
+
+def _has_row(facts: Facts, stream: str, row: int) -> bool:
+    return 0 <= row < len(facts.clocks[stream].times_ns)

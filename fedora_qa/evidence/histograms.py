@@ -23,6 +23,11 @@ UInt32 = NDArray[np.uint32]
 
 _LARGEST_SENSOR_PX: Final = 4096
 
+_TITLES: Final = {
+    "depth_m": "Sampled pixels by depth, m",
+    "luma_dn": "Sampled pixels by luma of the stored codes, DN",
+}
+
 
 def window_values(window: Window, families: frozenset[str] | None = None) -> dict[str, Int64]:
     """Count sampled pixels of the images that a window owns, by quantity: ``depth_m``, ``luma_dn``, ``flow/10hz``.
@@ -69,7 +74,11 @@ def grown(counts: UInt32, height: int, width: int) -> UInt32:
 
 def keep_histograms(values: Mapping[str, Int64], pixels: UInt32 | None, seconds: float) -> TitledArrays:
     """Return the histograms of everything that was counted; ``seconds`` is how long events were counted."""
-    histograms = [_histogram(quantity, _title(quantity), counts) for quantity, counts in values.items() if counts.any()]
+    histograms = []
+    for quantity, counts in values.items():
+        if counts.any():
+            of_flow = f"Sampled pixels by length of {quantity}, px over its interval"
+            histograms.append(_histogram(quantity, _TITLES.get(quantity, of_flow), counts))
     if pixels is not None and pixels.any() and seconds > 0:
         rates = count_values(pixels / seconds)
         histograms.append(
@@ -105,14 +114,6 @@ def _histogram(quantity: str, title: str, counts: Int64) -> TitledArrays:
             named(HISTOGRAMS, name, "counts"): (heights, title + share),
         }
     )
-
-
-def _title(quantity: str) -> str:
-    if quantity == "depth_m":
-        return "Sampled pixels by depth, m"
-    if quantity == "luma_dn":
-        return "Sampled pixels by luma of the stored codes, DN"
-    return f"Sampled pixels by length of {quantity}, px over its interval"
 
 
 def _readable(

@@ -12,7 +12,6 @@ from fedora_qa.causes import in_families
 from fedora_qa.errors import UnreadableRowsError
 from fedora_qa.estimators.images.luma import LUMA_WEIGHTS
 from fedora_qa.evidence.pictures import block_px, events_of_pixels, mean_codes, mean_values
-from fedora_qa.sequence.declared import Camera
 from fedora_qa.sequence.window import Window
 
 T = TypeVar("T")
@@ -135,11 +134,16 @@ def _flow(window: Window, time_ns: int, rows: Mapping[str, int], width_px: int) 
     """Draw the field named, or that of the fastest rate whose interval begins within half of itself."""
     for stream in reversed(window.facts.flow_streams):
         row = rows.get(stream)
-        if row is None and not any(name.startswith("flow/") for name in rows):
-            row = _beginning(window, stream, time_ns)
+        if row is None and any(name.startswith("flow/") for name in rows):
+            continue  # the field of another rate is named
+        clock = window.facts.clocks[stream]
+        if row is None:
+            row = nearest_row(window, stream, time_ns)
+            if row is not None and clock.ends_ns is not None and clock.usable:
+                begin_ns, end_ns = int(clock.times_ns[row]), int(clock.ends_ns[row])
+                row = row if 2 * abs(begin_ns - time_ns) <= abs(end_ns - begin_ns) else None
         if row is None:
             continue
-        clock = window.facts.clocks[stream]
         image, block = _small(window.flow_px(stream, row), width_px)
         start_ns = int(clock.times_ns[row])
         return Picture(
@@ -148,20 +152,20 @@ def _flow(window: Window, time_ns: int, rows: Mapping[str, int], width_px: int) 
     return None
 
 
-def _beginning(window: Window, stream: str, time_ns: int) -> int | None:
-    row, clock = nearest_row(window, stream, time_ns), window.facts.clocks[stream]
-    if row is None or clock.ends_ns is None or not clock.usable:
-        return row
-    start_ns, end_ns = int(clock.times_ns[row]), int(clock.ends_ns[row])
-    return row if 2 * abs(start_ns - time_ns) <= abs(end_ns - start_ns) else None
-
-
 def _residual(window: Window, flow: Picture, width_px: int) -> Picture | None:
     """Compare the frames at both ends of a field's interval; None where there are none, or of another size."""
-    rows = [_frame_at(window, time_ns, flow) for time_ns in (flow.start_ns, flow.stop_ns)]
-    if rows[0] is None or rows[1] is None or rows[0] == rows[1]:
+    clock = window.facts.clocks.get("rgb")
+    if clock is None or not clock.usable or "rgb" not in window.facts.streams:
         return None
-    (earlier, block), (later, _) = (_small_codes(window, row, width_px) for row in rows if row is not None)
+    rows = [int(np.argmin(np.abs(clock.times_ns - time_ns))) for time_ns in (flow.start_ns, flow.stop_ns)]
+    # A frame belongs to an end of the interval where it is no farther than a quarter of it.
+    distances_ns = [
+        abs(int(clock.times_ns[row]) - time_ns)
+        for row, time_ns in zip(rows, (flow.start_ns, flow.stop_ns), strict=True)
+    ]
+    if rows[0] == rows[1] or 4 * max(distances_ns) > abs(flow.stop_ns - flow.start_ns):
+        return None
+    (earlier, block), (later, _) = (_small_codes(window, row, width_px) for row in rows)
     if earlier.shape[:2] != flow.image.shape[:2] or block != flow.block:
         return None
     residual_dn = carried_back_dn(earlier, later, flow.image, block)
@@ -204,16 +208,6 @@ def carried_back_dn(
     return np.where(within, warped - before, np.nan).astype(np.float16)
 
 
-def _frame_at(window: Window, time_ns: int, flow: Picture) -> int | None:
-    """Return the frame at an end of a field's interval: no farther than a quarter of it."""
-    clock = window.facts.clocks.get("rgb")
-    if clock is None or not clock.usable or "rgb" not in window.facts.streams:
-        return None
-    row = int(np.argmin(np.abs(clock.times_ns - time_ns)))
-    is_near = 4 * abs(int(clock.times_ns[row]) - time_ns) <= abs(flow.stop_ns - flow.start_ns)
-    return row if is_near else None
-
-
 def _events(window: Window, time_ns: int, width_px: int) -> Picture | None:
     """Count the events of each block of pixels; of each pixel where the size of the sensor is not declared.
 
@@ -226,17 +220,12 @@ def _events(window: Window, time_ns: int, width_px: int) -> Picture | None:
     first, last = np.searchsorted(events.times_ns, [start_ns, stop_ns])
     x, y, p = events.x[first:last], events.y[first:last], events.p[first:last]
     declared = window.facts.declared.cameras.get("events")
-    size = _sensor_shape(declared, x, y)
-    block = block_px(size[1], width_px) if declared else 1
-    return Picture(events_of_pixels(x, y, p, size, block), "events", 0, block, start_ns, stop_ns)
-
-
-def _sensor_shape(declared: Camera | None, x: NDArray[np.uint16], y: NDArray[np.uint16]) -> tuple[int, int]:
-    """Return rows and columns of the event camera: as declared, or as far as these events lie."""
     if declared is not None:
-        return declared.height, declared.width
-    height, width = (int(values.max(initial=0)) + 1 for values in (y, x))
-    return min(height, _LARGEST_SENSOR_PX), min(width, _LARGEST_SENSOR_PX)
+        size, block = (declared.height, declared.width), block_px(declared.width, width_px)
+    else:  # as far as these events lie
+        height, width = (min(int(values.max(initial=0)) + 1, _LARGEST_SENSOR_PX) for values in (y, x))
+        size, block = (height, width), 1
+    return Picture(events_of_pixels(x, y, p, size, block), "events", 0, block, start_ns, stop_ns)
 
 
 def _small_codes(window: Window, frame: int, width_px: int) -> tuple[NDArray[Any], int]:

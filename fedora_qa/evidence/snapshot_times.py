@@ -31,7 +31,14 @@ def snapshot_times_ns(spans: Sequence[Span], facts: Facts, count: int) -> Mappin
     They are timestamps of the slowest stream of images that has enough, so that faster ones have an image there as
     well. Where there are no images they are the middles of windows.
     """
-    stream = _slowest(spans, facts, count)
+    # The stream of images with the fewest rows that are enough; the one with the most where none has.
+    streams = [name for name in ("rgb", "depth", *facts.flow_streams) if name in facts.clocks]
+    sizes = {name: sum(_owned_rows(span, name) for span in spans) for name in streams if facts.clocks[name].usable}
+    enough = [name for name, size in sizes.items() if size >= count]
+    filled = [name for name, size in sizes.items() if size]
+    stream = (
+        min(enough, key=lambda name: sizes[name]) if enough else max(filled, key=lambda name: sizes[name], default=None)
+    )
     if stream is None:
         middles = _evenly(len(spans), count)
         return {spans[i].index: ((spans[i].start_ns + spans[i].stop_ns) // 2,) for i in middles}
@@ -74,16 +81,6 @@ def snapshot_bytes(facts: Facts, width_px: int) -> int:
 def _pixels(shape: tuple[int, ...], width_px: int) -> int:
     rows, columns = picture_shape(shape[0], shape[1], block_px(shape[1], width_px))
     return rows * columns
-
-
-def _slowest(spans: Sequence[Span], facts: Facts, count: int) -> str | None:
-    """Return the stream of images with the fewest rows that are enough; the one with the most where none has."""
-    streams = [name for name in ("rgb", "depth", *facts.flow_streams) if name in facts.clocks]
-    sizes = {name: sum(_owned_rows(span, name) for span in spans) for name in streams if facts.clocks[name].usable}
-    enough = [name for name, size in sizes.items() if size >= count]
-    if enough:
-        return min(enough, key=lambda name: sizes[name])
-    return max((name for name, size in sizes.items() if size), key=lambda name: sizes[name], default=None)
 
 
 def _owned_rows(span: Span, stream: str) -> int:

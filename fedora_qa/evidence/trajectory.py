@@ -1,6 +1,5 @@
 """The flight: positions as stored, speeds smoothed as the statistics are, and where the body looks."""
 
-from collections.abc import Iterator
 from typing import Final
 
 import numpy as np
@@ -40,7 +39,21 @@ def keep_trajectory(facts: Facts, source: RowSource, points: int) -> TitledArray
     """
     if "pose" not in facts.clocks:
         return TitledArrays()
-    parts = list(_readable(facts, source))
+    # Timestamps (ns), positions (m) and orientations (xyzw) that advance and are finite, block by block.
+    parts: list[tuple[NDArray[np.int64], Float64, Float64]] = []
+    clock = facts.clocks["pose"]
+    for start in range(0, len(clock.times_ns), _BLOCK_ROWS):
+        stop = min(start + _BLOCK_ROWS, len(clock.times_ns))
+        try:
+            block_m = source.rows("path/pose/position", start, stop)
+            block_xyzw = source.rows("path/pose/orientation", start, stop)
+        except UnreadableRowsError:
+            continue
+        with np.errstate(over="ignore"):
+            lengths = np.linalg.norm(block_xyzw, axis=1)
+        usable = clock.advancing[start:stop] & np.isfinite(block_m).all(axis=1) & np.isfinite(lengths) & (lengths > 0)
+        if usable.any():
+            parts.append((clock.times_ns[start:stop][usable], block_m[usable], block_xyzw[usable]))
     if not parts:
         return TitledArrays()
     times_ns, positions_m, orientations_xyzw = (np.concatenate(column) for column in zip(*parts, strict=True))
@@ -65,22 +78,3 @@ def keep_trajectory(facts: Facts, source: RowSource, points: int) -> TitledArray
             named(TRAJECTORY, "forward_world"): (forward, "Direction of the body's X axis in the world, unit vectors"),
         }
     )
-
-
-def _readable(facts: Facts, source: RowSource) -> Iterator[tuple[NDArray[np.int64], Float64, Float64]]:
-    """Yield timestamps (ns), positions (m) and orientations (xyzw) that advance and are finite, block by block."""
-    clock = facts.clocks["pose"]
-    for start in range(0, len(clock.times_ns), _BLOCK_ROWS):
-        stop = min(start + _BLOCK_ROWS, len(clock.times_ns))
-        try:
-            positions_m = source.rows("path/pose/position", start, stop)
-            orientations_xyzw = source.rows("path/pose/orientation", start, stop)
-        except UnreadableRowsError:
-            continue
-        with np.errstate(over="ignore"):
-            lengths = np.linalg.norm(orientations_xyzw, axis=1)
-        usable = (
-            clock.advancing[start:stop] & np.isfinite(positions_m).all(axis=1) & np.isfinite(lengths) & (lengths > 0)
-        )
-        if usable.any():
-            yield clock.times_ns[start:stop][usable], positions_m[usable], orientations_xyzw[usable]

@@ -3,7 +3,7 @@
 from collections.abc import Iterator
 from dataclasses import dataclass
 
-from fedora_qa.record.types import Diagnosis, FileRecord, Result, Side
+from fedora_qa.record.types import FileRecord, Side
 
 
 @dataclass(frozen=True, slots=True)
@@ -72,31 +72,30 @@ class CheckedFile:
 
 def checked_from(file: FileRecord) -> CheckedFile:
     """Return what a study stores of a record."""
-    answered = [result for result in file.results if result.outcome in {"passed", "warned", "failed"}]
+    readings = tuple(
+        Reading(
+            result.check,
+            measurement.name,
+            measurement.unit,
+            measurement.side,
+            measurement.value - measurement.expected,
+            measurement.limit,
+            measurement.least_detectable,
+        )
+        for result in file.results
+        if result.outcome in {"passed", "warned", "failed"}
+        for measurement in result.measurements
+        if measurement.value is not None and measurement.expected is not None
+    )
     return CheckedFile(
         sha256=file.sha256,
         failed=tuple(result.check for result in file.results if result.outcome == "failed"),
         crashed=tuple(result.check for result in file.results if result.outcome == "crashed"),
-        readings=tuple(reading for result in answered for reading in _readings(result)),
-        diagnoses=tuple(_verdict(diagnosis) for diagnosis in file.diagnoses),
-    )
-
-
-def _readings(result: Result) -> Iterator[Reading]:
-    for measurement in result.measurements:
-        if measurement.value is not None and measurement.expected is not None:
-            deviation = measurement.value - measurement.expected
-            yield Reading(
-                result.check,
-                measurement.name,
-                measurement.unit,
-                measurement.side,
-                deviation,
-                measurement.limit,
-                measurement.least_detectable,
+        readings=readings,
+        diagnoses=tuple(
+            Verdict(
+                f"{diagnosis.stream}:{diagnosis.cause}", diagnosis.magnitude, diagnosis.unit, diagnosis.standard_error
             )
-
-
-def _verdict(diagnosis: Diagnosis) -> Verdict:
-    name = f"{diagnosis.stream}:{diagnosis.cause}"
-    return Verdict(name, diagnosis.magnitude, diagnosis.unit, diagnosis.standard_error)
+            for diagnosis in file.diagnoses
+        ),
+    )

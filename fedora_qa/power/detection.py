@@ -1,13 +1,12 @@
 """How often each cause is found, by each check and by all together, against its size."""
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
 
 from fedora_qa.power.binomial import chance_of, share_of, upper_bound
-from fedora_qa.power.manifest import PlantedFault
 from fedora_qa.power.probit import ProbitFit, fit_probit
 from fedora_qa.power.study import Trial
 from fedora_qa.power.units import factor_between
@@ -55,7 +54,13 @@ def by_cause(trials: Iterable[Trial]) -> tuple[CauseTrials, ...]:
     for trial in trials:
         if trial.item.kind == "single" and not trial.item.is_clean:
             (fault,) = trial.item.planted
-            unit, factor = _unit_in(groups, fault)
+            # The unit in which the cause came before, if this one can be converted into it, and the factor to it.
+            unit, factor = fault.unit or "", 1.0
+            for cause, other in groups:
+                to_other = factor_between(fault.unit or "", other) if cause == fault.name else None
+                if to_other is not None:
+                    unit, factor = other, to_other
+                    break
             size = abs(fault.magnitude or 0.0) * factor
             groups.setdefault((fault.name, unit), []).append((size, trial))
     return tuple(
@@ -70,35 +75,30 @@ def by_cause(trials: Iterable[Trial]) -> tuple[CauseTrials, ...]:
     )
 
 
-def _unit_in(groups: Mapping[tuple[str, str], object], fault: PlantedFault) -> tuple[str, float]:
-    """Return the unit in which the cause came before, if this one can be converted into it, and the factor to it."""
-    unit = fault.unit or ""
-    for cause, other in groups:
-        factor = factor_between(unit, other)
-        if cause == fault.name and factor is not None:
-            return other, factor
-    return unit, 1.0
-
-
 def detections(sized: CauseTrials) -> tuple[Detection, ...]:
     """Return how any check finds the cause, and then each check that ever does, the most frequent first."""
     counts: dict[str, int] = {}
     for trial in sized.trials:
         for check in trial.checked.failed:
             counts[check] = counts.get(check, 0) + 1
-    return tuple(_detection(sized, check) for check in (WHOLE_FILE, *sorted(counts, key=lambda name: -counts[name])))
-
-
-def _detection(sized: CauseTrials, check: str) -> Detection:
-    detected = [is_found_by(trial, check) for trial in sized.trials]
-    return Detection(
-        cause=sized.cause,
-        unit=sized.unit,
-        check=check,
-        found=share_of(sum(detected), len(detected)),
-        tried=_tried(sized.sizes, detected) if sized.has_size else (),
-        curve=curve_of(sized.sizes, detected, worse_when_smaller=sized.worse_when_smaller),
-    )
+    rows = []
+    for check in (WHOLE_FILE, *sorted(counts, key=lambda name: -counts[name])):
+        detected = [is_found_by(trial, check) for trial in sized.trials]
+        # Shares found in ranges of size with about as many trials each; trials of one size stay together.
+        groups: list[list[tuple[float, bool]]] = []
+        order = sorted(zip(sized.sizes, detected, strict=True)) if sized.has_size else []
+        for size, is_detected in order:
+            full = not groups or len(groups[-1]) >= len(order) / _GROUPS
+            if full and not (groups and groups[-1][-1][0] == size):
+                groups.append([])
+            groups[-1].append((size, is_detected))
+        tried = tuple(
+            Tried(group[0][0], group[-1][0], share_of(sum(hit for _, hit in group), len(group))) for group in groups
+        )
+        detected_share = share_of(sum(detected), len(detected))
+        curve = curve_of(sized.sizes, detected, worse_when_smaller=sized.worse_when_smaller)
+        rows.append(Detection(sized.cause, sized.unit, check, detected_share, tried, curve))
+    return tuple(rows)
 
 
 def is_found_by(trial: Trial, check: str) -> bool:
@@ -123,8 +123,16 @@ def curve_of(sizes: Sequence[float], detected: Sequence[bool], *, worse_when_sma
     Curve
         In the unit of the sizes; without a fit, the reason why there is none.
     """
-    why = _why_not(sizes, detected)
-    if why:
+    why: Fitted | None = None
+    if not all(sizes):
+        why = "no_size"
+    elif all(detected):
+        why = "all_found"
+    elif not any(detected):
+        why = "none_found"
+    elif len(sizes) < _FEWEST or len(set(sizes)) < 3:
+        why = "too_few"
+    if why is not None:
         return Curve(why, separated=False, at_50=UNKNOWN, at_95=UNKNOWN, points=())
     # Size on an axis along which the fault grows: -ln m where a smaller magnitude is worse.
     direction = -1.0 if worse_when_smaller else 1.0
@@ -147,36 +155,12 @@ def curve_of(sizes: Sequence[float], detected: Sequence[bool], *, worse_when_sma
     )
 
 
-def _why_not(sizes: Sequence[float], detected: Sequence[bool]) -> Fitted | None:
-    if not all(sizes):
-        return "no_size"
-    if all(detected):
-        return "all_found"
-    if not any(detected):
-        return "none_found"
-    return "too_few" if len(sizes) < _FEWEST or len(set(sizes)) < 3 else None
-
-
 def _estimate(fit: ProbitFit, probability: float, direction: float) -> Estimate:
     value, low, high = (
         None if log_size is None else float(np.exp(direction * log_size)) for log_size in fit.log_size_at(probability)
     )
     # A negative direction exchanges the lower and the upper bound.
     return Estimate(value, low, high) if direction > 0 else Estimate(value, high, low)
-
-
-def _tried(sizes: Sequence[float], detected: Sequence[bool]) -> tuple[Tried, ...]:
-    """Return shares found in ranges of size with about as many trials each; trials of one size stay together."""
-    order = sorted(zip(sizes, detected, strict=True))
-    groups: list[list[tuple[float, bool]]] = []
-    for size, answer in order:
-        full = not groups or len(groups[-1]) >= len(order) / _GROUPS
-        if full and not (groups and groups[-1][-1][0] == size):
-            groups.append([])
-        groups[-1].append((size, answer))
-    return tuple(
-        Tried(group[0][0], group[-1][0], share_of(sum(answer for _, answer in group), len(group))) for group in groups
-    )
 
 
 def false_alarms(trials: Iterable[Trial], stated_rate: float) -> FalseAlarms:

@@ -111,13 +111,22 @@ def read_manifest(corpus: Path) -> Manifest:
         first = problem.errors()[0]
         place = ".".join(str(part) for part in first["loc"]) or "the document"
         raise MisuseError(f"Expected a valid {path}, got at {place}: {first['msg']}; see docs/corpus.md") from None
-    _require_sense(manifest, path)
+    files = [item.file for item in manifest.items]
+    clean = {item.file for item in manifest.items if item.is_clean}
+    for item in manifest.items:
+        wrong = _problem(item, files, clean)
+        if wrong:
+            raise MisuseError(f"Expected a valid {path}, got at {item.file}: {wrong}; see docs/corpus.md")
     return manifest
 
 
 def require_files(corpus: Path, manifest: Manifest) -> None:
     """Raise ``MisuseError`` where files are missing, or have another size than the manifest says."""
-    wrong = [item.file for item in manifest.items if not _is_there(corpus / item.file, item.bytes)]
+    wrong = []
+    for item in manifest.items:
+        path = corpus / item.file
+        if not path.is_file() or item.bytes not in (None, path.stat().st_size):
+            wrong.append(item.file)
     if wrong:
         more = f" and {len(wrong) - 3} more" if len(wrong) > 3 else ""
         raise MisuseError(
@@ -137,19 +146,6 @@ def require_other_names(manifests: Mapping[Path, Manifest]) -> None:
                     f"Expected corpora whose files have different names, got {item.file} in both {other} and {corpus}; "
                     "make one of them with another --seed"
                 )
-
-
-def _is_there(path: Path, size: int | None) -> bool:
-    return path.is_file() and size in (None, path.stat().st_size)
-
-
-def _require_sense(manifest: Manifest, path: Path) -> None:
-    files = [item.file for item in manifest.items]
-    clean = {item.file for item in manifest.items if item.is_clean}
-    for item in manifest.items:
-        problem = _problem(item, files, clean)
-        if problem:
-            raise MisuseError(f"Expected a valid {path}, got at {item.file}: {problem}; see docs/corpus.md")
 
 
 def _problem(item: CorpusItem, files: list[str], clean: set[str]) -> str:

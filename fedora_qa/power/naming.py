@@ -11,7 +11,27 @@ from fedora_qa.record.power_types import NO_CAUSE, NOT_FOUND, Confusion, Kind, N
 
 def naming(trials: Sequence[Trial]) -> tuple[Naming, ...]:
     """Return, for each kind of faults that occurs, the shares found and named."""
-    return tuple(_of_kind(kind, planted) for kind in get_args(Kind) if (planted := _planted(trials, kind)))
+    rows = []
+    for kind in get_args(Kind):
+        planted = _planted(trials, kind)
+        if not planted:
+            continue
+        detected = [trial for trial in planted if trial.checked.is_found]
+        observable = [trial.checked.is_found for trial in planted if trial.item.observable]
+        all_named = [
+            {fault.name for fault in trial.item.planted} <= {verdict.name for verdict in trial.checked.diagnoses}
+            for trial in detected
+        ]
+        rows.append(
+            Naming(
+                kind=kind,
+                found=share_of(len(detected), len(planted)),
+                observable=share_of(sum(observable), len(observable)),
+                named_first=share_of(sum(is_named_first(trial) for trial in detected), len(detected)),
+                all_named=share_of(sum(all_named), len(detected)),
+            )
+        )
+    return tuple(rows)
 
 
 def confusions(trials: Sequence[Trial]) -> tuple[Confusion, ...]:
@@ -42,19 +62,3 @@ def is_named_first(trial: Trial) -> bool:
 
 def _planted(trials: Sequence[Trial], kind: Kind) -> list[Trial]:
     return [trial for trial in trials if not trial.item.is_clean and trial.item.kind == kind]
-
-
-def _of_kind(kind: Kind, planted: Sequence[Trial]) -> Naming:
-    detected = [trial for trial in planted if trial.checked.is_found]
-    observable = [trial.checked.is_found for trial in planted if trial.item.observable]
-    return Naming(
-        kind=kind,
-        found=share_of(len(detected), len(planted)),
-        observable=share_of(sum(observable), len(observable)),
-        named_first=share_of(sum(is_named_first(trial) for trial in detected), len(detected)),
-        all_named=share_of(sum(_all_named(trial) for trial in detected), len(detected)),
-    )
-
-
-def _all_named(trial: Trial) -> bool:
-    return {fault.name for fault in trial.item.planted} <= {verdict.name for verdict in trial.checked.diagnoses}

@@ -24,7 +24,7 @@ at less than half of it already; untested where fewer than three faults lie betw
 have been missed by chance; and true otherwise.
 """
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from statistics import median
 from typing import Final
@@ -92,60 +92,69 @@ def stated_limits(
     tuple[tuple[StatedLimit, ...], tuple[NotComparable, ...]]
         The checks whose limits can be compared, and those whose limits cannot, with the reason.
     """
-    checks = dict.fromkeys(check for trial in sized.trials for check in trial.checked.failed)
-    judged = [_judge(sized, check, clean) for check in checks]
-    return (
-        tuple(judgement for judgement in judged if isinstance(judgement, StatedLimit)),
-        tuple(judgement for judgement in judged if isinstance(judgement, NotComparable)),
-    )
-
-
-def _judge(sized: CauseTrials, check: str, clean: Mapping[str, Trial]) -> StatedLimit | NotComparable:
-    compared = _by_size(sized, check, clean) or _by_response(sized, check, clean)
-    informative = [trial for trial in compared.trials if trial.ratio > _NOTHING] if compared else []
-    if compared is None or not informative:
-        return NotComparable(sized.cause, check, _why_not(sized, check))
-    limits = [trial.limit for trial in compared.trials]
-    curve = curve_of([trial.ratio for trial in informative], [trial.is_detected for trial in informative])
-    share = _found_from(1, compared.trials)
-    return StatedLimit(
-        cause=sized.cause,
-        check=check,
-        compared=compared.by,
-        measurements=compared.measurements,
-        unit=compared.unit,
-        least=min(limits),
-        median=median(limits),
-        most=max(limits),
-        found_from_it=share,
-        found_from_twice=_found_from(2, compared.trials),
-        curve=curve,
-        truth=_truth(share, curve, [trial.ratio for trial in informative]),
-        found_from_twice_by_any=_found_from(2, [replace(trial, is_detected=trial.by_any) for trial in compared.trials]),
-    )
-
-
-def _why_not(sized: CauseTrials, check: str) -> str:
-    exceeded = _names_exceeded(sized, check)
-    if not exceeded:
-        return "no measurement exceeded a limit"
-    if max(exceeded.values()) < _FEWEST:
-        return f"exceeded in fewer than {_FEWEST} trials"
-    return "no clean file states a limit of what exceeded, or the fault moves the limit itself"
+    comparable: list[StatedLimit] = []
+    others: list[NotComparable] = []
+    for check in dict.fromkeys(check for trial in sized.trials for check in trial.checked.failed):
+        compared = _by_size(sized, check, clean) or _by_response(sized, check, clean)
+        informative = [trial for trial in compared.trials if trial.ratio > _NOTHING] if compared else []
+        if compared is None or not informative:
+            exceeded = _names_exceeded(sized, check)
+            if not exceeded:
+                why = "no measurement exceeded a limit"
+            elif max(exceeded.values()) < _FEWEST:
+                why = f"exceeded in fewer than {_FEWEST} trials"
+            else:
+                why = "no clean file states a limit of what exceeded, or the fault moves the limit itself"
+            others.append(NotComparable(sized.cause, check, why))
+            continue
+        limits = [trial.limit for trial in compared.trials]
+        curve = curve_of([trial.ratio for trial in informative], [trial.is_detected for trial in informative])
+        share = _found_from(1, compared.trials)
+        by_any = [replace(trial, is_detected=trial.by_any) for trial in compared.trials]
+        comparable.append(
+            StatedLimit(
+                cause=sized.cause,
+                check=check,
+                compared=compared.by,
+                measurements=compared.measurements,
+                unit=compared.unit,
+                least=min(limits),
+                median=median(limits),
+                most=max(limits),
+                found_from_it=share,
+                found_from_twice=_found_from(2, compared.trials),
+                curve=curve,
+                truth=_truth(share, curve, [trial.ratio for trial in informative]),
+                found_from_twice_by_any=_found_from(2, by_any),
+            )
+        )
+    return tuple(comparable), tuple(others)
 
 
 def _by_size(sized: CauseTrials, check: str, clean: Mapping[str, Trial]) -> _LimitTrials | None:
     """Compare planted sizes with the limits of those measurements that measure them."""
     if not sized.has_size or sized.worse_when_smaller:
         return None
-    names = _that_measure(sized, check)
+    # The check's measurements that measure the fault's size: deviations over sizes, of what exceeded.
+    deviations: dict[str, list[float]] = {}
+    for size, trial in zip(sized.sizes, sized.trials, strict=True):
+        for reading in trial.checked.exceeded:
+            factor = factor_between(reading.unit, sized.unit)
+            if reading.check == check and factor is not None:
+                deviations.setdefault(reading.name, []).append(abs(reading.deviation) * factor / size)
+    names = tuple(
+        name
+        for name, ratios in deviations.items()
+        if len(ratios) >= _FEWEST
+        and sum(_TRACKS[0] <= ratio <= _TRACKS[1] for ratio in ratios) >= _MOSTLY * len(ratios)
+    )
     trials = []
     for size, trial in zip(sized.sizes, sized.trials, strict=True):
         limits = [
-            reading.least_detectable * factor
+            reading.least_detectable * to_size
             for name, reading in _stated(trial, check, clean).items()
             if name in names and reading.least_detectable
-            if (factor := factor_between(reading.unit, sized.unit)) is not None
+            if (to_size := factor_between(reading.unit, sized.unit)) is not None
         ]
         if limits:
             trials.append(
@@ -154,49 +163,32 @@ def _by_size(sized: CauseTrials, check: str, clean: Mapping[str, Trial]) -> _Lim
     return _LimitTrials("size", names, sized.unit, tuple(trials)) if trials else None
 
 
-def _that_measure(sized: CauseTrials, check: str) -> tuple[str, ...]:
-    """Return the check's measurements that measure the fault's size."""
-    deviations: dict[str, list[float]] = {}
-    for size, trial in zip(sized.sizes, sized.trials, strict=True):
-        for reading in trial.checked.exceeded:
-            factor = factor_between(reading.unit, sized.unit)
-            if reading.check == check and factor is not None:
-                deviations.setdefault(reading.name, []).append(abs(reading.deviation) * factor / size)
-    return tuple(
-        name
-        for name, ratios in deviations.items()
-        if len(ratios) >= _FEWEST
-        and sum(_TRACKS[0] <= ratio <= _TRACKS[1] for ratio in ratios) >= _MOSTLY * len(ratios)
-    )
-
-
 def _by_response(sized: CauseTrials, check: str, clean: Mapping[str, Trial]) -> _LimitTrials | None:
     """Compare what the fault moved a measurement by with its limit, for the measurement that exceeds most often."""
     options = []
     for name, times in _names_exceeded(sized, check).items():
-        pairs = list(_responses(sized, check, name, clean)) if times >= _FEWEST else []
-        if pairs:
-            trials = tuple(trial for _, trial in pairs)
-            compared = _LimitTrials("response", (name,), pairs[0][0], trials)
-            options.append((times, median(trial.ratio for trial in trials), compared))
+        if times < _FEWEST:
+            continue
+        # Of each trial whose reading and whose clean reading are known.
+        units: list[str] = []
+        compared: list[_Comparison] = []
+        for trial in sized.trials:
+            before, after = _stated(trial, check, clean).get(name), _of_check(trial, check).get(name)
+            if (
+                before
+                and after
+                and before.least_detectable
+                and not (bool(before.limit) and (after.limit or 0.0) > _DISTURBED * (before.limit or 0.0))
+            ):
+                # The noise of the clean file is in both readings and cancels: the difference is the effect of the
+                # fault.
+                ratio = before.harm(after.deviation - before.deviation) / before.least_detectable
+                compared.append(_Comparison(before.least_detectable, ratio, after.exceeds, trial.checked.is_found))
+                units.append(before.unit)
+        if compared:
+            limit_trials = _LimitTrials("response", (name,), units[0], tuple(compared))
+            options.append((times, median(trial.ratio for trial in compared), limit_trials))
     return max(options, key=lambda option: option[:2])[2] if options else None
-
-
-def _responses(
-    sized: CauseTrials, check: str, name: str, clean: Mapping[str, Trial]
-) -> Iterator[tuple[str, _Comparison]]:
-    """Yield the unit and the comparison of each trial whose reading and whose clean reading are known."""
-    for trial in sized.trials:
-        before, after = _stated(trial, check, clean).get(name), _of_check(trial, check).get(name)
-        if (
-            before
-            and after
-            and before.least_detectable
-            and not (bool(before.limit) and (after.limit or 0.0) > _DISTURBED * (before.limit or 0.0))
-        ):
-            # The noise of the clean file is in both readings and cancels: the difference is the effect of the fault.
-            ratio = before.harm(after.deviation - before.deviation) / before.least_detectable
-            yield before.unit, _Comparison(before.least_detectable, ratio, after.exceeds, trial.checked.is_found)
 
 
 def _names_exceeded(sized: CauseTrials, check: str) -> dict[str, int]:

@@ -3,7 +3,7 @@
 import hashlib
 import json
 import signal
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from concurrent.futures.process import BrokenProcessPool
 from dataclasses import dataclass
@@ -68,33 +68,28 @@ def run_study(manifest: Manifest, state: State, options: CheckOptions, jobs: int
     missing = [item for item in manifest.items if item.file not in checked_before]
     total = len(manifest.items)
     report("known", total - len(missing), total)
-    for item, checked in _check_all(missing, state, options, jobs):
-        checked_before[item.file] = checked
-        report(item.file, len(checked_before), total)
+    if jobs == 1 or len(missing) < 2:
+        for item in missing:
+            checked_before[item.file] = _check_one(item, state, options)
+            report(item.file, len(checked_before), total)
+    else:
+        # The parent handles the interrupt: it starts no further file, and those being checked still store their
+        # results.
+        ignore = (signal.SIGINT, signal.SIG_IGN)
+        with ProcessPoolExecutor(jobs, get_context("spawn"), initializer=signal.signal, initargs=ignore) as pool:
+            try:
+                work = {pool.submit(_check_one, item, state, options): item for item in missing}
+                for done in as_completed(work):
+                    checked_before[work[done].file] = done.result()
+                    report(work[done].file, len(checked_before), total)
+            except BrokenProcessPool:
+                raise FedoraError(
+                    "Expected every process to end by itself, one ended abruptly (out of memory?); "
+                    "run again, with fewer --jobs, to go on where it was"
+                ) from None
+            finally:
+                pool.shutdown(cancel_futures=True)
     return tuple(Trial(item, checked_before[item.file]) for item in manifest.items)
-
-
-def _check_all(
-    items: list[CorpusItem], state: State, options: CheckOptions, jobs: int
-) -> Iterator[tuple[CorpusItem, CheckedFile]]:
-    if jobs == 1 or len(items) < 2:
-        for item in items:
-            yield item, _check_one(item, state, options)
-        return
-    # The parent handles the interrupt: it starts no further file, and those being checked still store their results.
-    ignore = (signal.SIGINT, signal.SIG_IGN)
-    with ProcessPoolExecutor(jobs, get_context("spawn"), initializer=signal.signal, initargs=ignore) as pool:
-        try:
-            work = {pool.submit(_check_one, item, state, options): item for item in items}
-            for done in as_completed(work):
-                yield work[done], done.result()
-        except BrokenProcessPool:
-            raise FedoraError(
-                "Expected every process to end by itself, one ended abruptly (out of memory?); "
-                "run again, with fewer --jobs, to go on where it was"
-            ) from None
-        finally:
-            pool.shutdown(cancel_futures=True)
 
 
 def _check_one(item: CorpusItem, state: State, options: CheckOptions) -> CheckedFile:

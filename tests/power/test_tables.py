@@ -7,12 +7,11 @@ from dataclasses import replace
 import pytest
 
 from fedora_qa.power.detection import by_cause, curve_of, detections, false_alarms
-from fedora_qa.power.magnitudes import magnitude_errors
 from fedora_qa.power.manifest import PlantedFault
 from fedora_qa.power.naming import confusions, naming
 from fedora_qa.power.stated_limits import stated_limits
 from fedora_qa.power.study import Trial
-from fedora_qa.power.tables import power_of
+from fedora_qa.power.tables import magnitude_errors, power_of
 from fedora_qa.power.units import factor_between
 from fedora_qa.record.power_types import NOT_FOUND, StatedLimit
 from tests.support.studies import CHECK, CLEAN, ORIGIN, clean, faulty, late, reading, study

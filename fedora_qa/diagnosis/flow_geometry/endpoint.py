@@ -3,7 +3,10 @@
 from collections.abc import Sequence
 from dataclasses import replace
 from types import MappingProxyType
-from typing import Final, TypeVar
+from typing import Final
+
+import numpy as np
+from scipy.spatial.transform import Rotation
 
 from fedora_qa.checks.flow_geometry.endpoint import (
     FieldsOff,
@@ -13,19 +16,18 @@ from fedora_qa.checks.flow_geometry.endpoint import (
     FreeMotionCorrection,
     PoseCorrectionRatios,
 )
-from fedora_qa.checks.protocol import Statistic
-from fedora_qa.diagnosis.flow import convention_hypotheses, gain_hypothesis, most_probable, spreads_over, weakened
-from fedora_qa.diagnosis.flow_geometry.chosen_numbers import is_chosen
+from fedora_qa.conventions import R_BODY_OPTICAL
+from fedora_qa.diagnosis.convention_trials import most_probable, weakened
+from fedora_qa.diagnosis.features import only_feature
+from fedora_qa.diagnosis.flow import convention_hypotheses, gain_hypothesis, spreads_over
 from fedora_qa.diagnosis.hypothesis import ANY_CAUSE, Hypothesis
 from fedora_qa.diagnosis.support import support
 from fedora_qa.features import Feature
 from fedora_qa.judgement.judge import Alarm
-from fedora_qa.sequence.declared import Declared
+from fedora_qa.sequence.declared import Camera, Declared
 from fedora_qa.sequence.facts import Facts
 from fedora_qa.views.flow_comparison import is_noisy
 from fedora_qa.views.flow_conventions import ConventionTrial
-
-AnyFeature = TypeVar("AnyFeature", bound=Feature)
 
 _EXACT: Final = 0.98
 """An inverse transform that leaves less than 2% of the deviation comes before a fitted error of a parameter."""
@@ -47,6 +49,10 @@ _FIELDS_OF_A_JUMP: Final = 2
 _GROWTH_OF_NOISE: Final = 5.4
 """Exceeded by one in a thousand of the squares of three axes over their expectation: chi-square of three degrees."""
 
+_ROUND_DEG: Final = 0.5
+_SAME: Final = 1e-7
+"""Relative; declared numbers are float64, and shorter ones rarely come from an accident."""
+
 _OF_METADATA: Final = (("metadata", 1), ("flow", -1))
 _OF_TIME: Final = (("pose", 1), ("flow", -1))
 _STREAMS_OF_PARAMETER: Final = MappingProxyType({
@@ -66,14 +72,35 @@ def propose_endpoint(alarm: Alarm, facts: Facts) -> tuple[Hypothesis, ...]:
     statistic = alarm.statistic
     rate = alarm.finding.where.stream or "flow"
     hypotheses = _of_one_rate(rate, statistic.features, facts.declared)
-    if alarm.finding.code == "flow_geometry.endpoint.pose_correction":
-        return _of_the_corrections(rate, statistic, hypotheses)
+    if alarm.finding.code != "flow_geometry.endpoint.pose_correction":
+        return hypotheses
+    # Corrections of the poses of one rate that are smaller or larger than the declared noise makes them.
+    ratio = statistic.value
+    # The statistic is a cube root of squares: 1.5 is the power that leads to a ratio of lengths.
+    deviation_percent = 100 * (1 / ratio**1.5 - 1) if ratio else None
+    if ratio < statistic.expected:
+        ratios = only_feature(statistic.features, PoseCorrectionRatios).of_rate
+        uncorrected = {stream: squares < _UNCORRECTED for stream, squares in ratios.items()}
+        row = "uncorrected_flow" if uncorrected[rate] else "weakly_corrected_flow"
+        from_noisy = support(f"flow_geometry.{row}")
+        misdeclared = support("flow_geometry.corrections_beside_noise") - from_noisy / 2
+        return (
+            Hypothesis("flow_from_noisy_pose", spreads_over(rate, uncorrected), from_noisy),
+            Hypothesis("noise_misdeclared", "pose", misdeclared, deviation_percent),
+        )
+    if not hypotheses or hypotheses[0].cause in ("unknown", "noise_misdeclared"):
+        misdeclared = support("flow_geometry.corrections_beside_noise")
+        return (
+            Hypothesis("noise_misdeclared", "pose", misdeclared, deviation_percent, "percent"),
+            Hypothesis(ANY_CAUSE, "pose", support("flow_geometry.any_pose_of_corrections")),
+            *hypotheses,
+        )
     return hypotheses
 
 
 def _of_one_rate(rate: str, features: Sequence[Feature], declared: Declared) -> tuple[Hypothesis, ...]:
-    flow = spreads_over(rate, _only(features, FlowRatesOff).off)
-    extent = _only(features, FieldsOff)
+    flow = spreads_over(rate, only_feature(features, FlowRatesOff).off)
+    extent = only_feature(features, FieldsOff)
     share_off = extent.affected_share
     # Declarations and conventions hold for all fields: half of them or fewer are off by faults of single fields.
     local = share_off <= 0.5
@@ -84,13 +111,29 @@ def _of_one_rate(rate: str, features: Sequence[Feature], declared: Declared) -> 
             of_repeats = 1.0 if local else support("flow_geometry.repeats_of_most_off")
             frozen = of_repeats * repeats / extent.count  # fields that do not repeat another are off as well
             conventions.append(Hypothesis("frozen_frames", stream, frozen, float(repeats), "samples"))
-    parameters = _of_the_parameters(features, flow)
+    # What would put a fitted gain, or a fitted error of a parameter, into the data.
+    parameters: list[Hypothesis] = []
+    for fit in features:
+        if isinstance(fit, FlowGainFit):
+            share, error = fit.removed_share * fit.correlation, fit.standard_error
+            parameters.append(gain_hypothesis(flow, fit.gain, error, share, fit.interval_s, _SAME_GAIN))
+        elif isinstance(fit, FlowParameterFit):
+            share = fit.removed_share
+            for stream, sign in _STREAMS_OF_PARAMETER[fit.parameter]:
+                named_stream, size = flow if stream == "flow" else stream, sign * fit.value
+                parameters.append(Hypothesis(fit.parameter, named_stream, share, size, fit.unit, fit.standard_error))
+                share = support("flow_geometry.second_stream_of_a_parameter") * fit.removed_share
     # Cameras and poses are common to all pixels: a part of the image is wrong in an image stream only.
     if extent.in_part:
         conventions = [hypothesis for hypothesis in conventions if hypothesis.cause != "other_sequence"]
         parameters = [hypothesis for hypothesis in parameters if hypothesis.stream in (*_IMAGE_STREAMS, flow)]
+    # A declaration is hardly wrong where its numbers were chosen, nor where the deviation holds for a while only.
+    trusted = support("flow_geometry.trusted_declaration")
     parameters = [
-        replace(hypothesis, support=hypothesis.support * _trust(hypothesis, declared, share_off))
+        replace(hypothesis, support=hypothesis.support * trusted)
+        if hypothesis.stream == "metadata"
+        and (is_chosen(declared.cameras["depth"], hypothesis.cause) or share_off < _NEARLY_ALL)
+        else hypothesis
         for hypothesis in parameters
     ]
     # A gain is a fitted number as the parameters are, no exact transform: it does not weaken them.
@@ -104,30 +147,6 @@ def _of_one_rate(rate: str, features: Sequence[Feature], declared: Declared) -> 
     named_poses = (hypothesis for hypothesis in poses if hypothesis.cause != ANY_CAUSE)
     named = most_probable([*conventions, *parameters, *named_poses])
     return (named or (Hypothesis("unknown", flow, support("flow_geometry.unknown")),)) + any_pose
-
-
-def _of_the_parameters(features: Sequence[Feature], flow: str) -> list[Hypothesis]:
-    """Name what would put a fitted gain, or a fitted error of a parameter, into the data."""
-    hypotheses = []
-    for fit in features:
-        if isinstance(fit, FlowGainFit):
-            share = fit.removed_share * fit.correlation
-            hypotheses.append(gain_hypothesis(flow, fit.gain, fit.standard_error, share, fit.interval_s, _SAME_GAIN))
-        elif isinstance(fit, FlowParameterFit):
-            likeliness, error = 1.0, fit.standard_error
-            for stream, sign in _STREAMS_OF_PARAMETER[fit.parameter]:
-                named, share = flow if stream == "flow" else stream, likeliness * fit.removed_share
-                hypotheses.append(Hypothesis(fit.parameter, named, share, sign * fit.value, fit.unit, error))
-                likeliness = support("flow_geometry.second_stream_of_a_parameter")
-    return hypotheses
-
-
-def _trust(hypothesis: Hypothesis, declared: Declared, share_off: float) -> float:
-    """Return how likely a declaration is to be wrong: numbers that were chosen are not, nor what holds for a while."""
-    if hypothesis.stream != "metadata":
-        return 1.0
-    chosen = is_chosen(declared.cameras["depth"], hypothesis.cause)
-    return support("flow_geometry.trusted_declaration") if chosen or share_off < _NEARLY_ALL else 1.0
 
 
 def _of_the_poses(correction: FreeMotionCorrection, fields_off: int, flow: str, *, local: bool) -> list[Hypothesis]:
@@ -160,31 +179,49 @@ def noise_likeness(growth: float) -> float:
     return min(1.0, _GROWTH_OF_NOISE / max(growth, 1.0))
 
 
-def _of_the_corrections(rate: str, statistic: Statistic, hypotheses: tuple[Hypothesis, ...]) -> tuple[Hypothesis, ...]:
-    """Name what makes the corrections of one rate smaller or larger than the declared noise does."""
-    ratio = statistic.value
-    # The statistic is a cube root of squares: 1.5 is the power that leads to a ratio of lengths.
-    deviation_percent = 100 * (1 / ratio**1.5 - 1) if ratio else None
-    if ratio < statistic.expected:
-        ratios = _only(statistic.features, PoseCorrectionRatios).of_rate
-        uncorrected = {stream: squares < _UNCORRECTED for stream, squares in ratios.items()}
-        row = "uncorrected_flow" if uncorrected[rate] else "weakly_corrected_flow"
-        from_noisy = support(f"flow_geometry.{row}")
-        misdeclared = support("flow_geometry.corrections_beside_noise") - from_noisy / 2
-        return (
-            Hypothesis("flow_from_noisy_pose", spreads_over(rate, uncorrected), from_noisy),
-            Hypothesis("noise_misdeclared", "pose", misdeclared, deviation_percent),
+def is_chosen(camera: Camera, cause: str) -> bool:
+    """Whether the numbers of a camera that a cause would spoil look as if somebody had chosen them.
+
+    A designed camera has a round field of view, its principal point in the middle, and an optical axis along an axis of
+    the body or at a round angle to it. A declaration that is wrong by some amount is round with probability 0, a
+    correct one often: where it is round, what disagrees with it is wrong (Bayes, whatever the prior).
+
+    Parameters
+    ----------
+    camera
+        As declared.
+    cause
+        As in ``fedora_qa.causes``.
+
+    Returns
+    -------
+    bool
+        False for causes that spoil no number of a camera.
+    """
+    if cause == "intrinsics_focal":
+        # Pixels are square, and the field of view, or the focal length itself, is round.
+        fx, fy = camera.K[0, 0], camera.K[1, 1]
+        # Pinhole camera: tan(view / 2) = (width / 2) / fx.
+        view_deg = np.degrees(2 * np.arctan(camera.width / (2 * fx)))
+        return bool(abs(fx - fy) < _SAME * fx and (_round(view_deg, _ROUND_DEG) or _round(fx, _ROUND_DEG)))
+    if cause == "intrinsics_centre":
+        return all(
+            # Px. Centres at 0, 1, ...: (size - 1) / 2; corners there: size / 2; centres at 1, 2, ...: (size + 1) / 2.
+            any(abs(centre - (size + by) / 2) < _SAME * size for by in (-1, 0, 1))
+            for centre, size in ((camera.K[0, 2], camera.width), (camera.K[1, 2], camera.height))
         )
-    if not hypotheses or hypotheses[0].cause in ("unknown", "noise_misdeclared"):
-        misdeclared = support("flow_geometry.corrections_beside_noise")
-        return (
-            Hypothesis("noise_misdeclared", "pose", misdeclared, deviation_percent, "percent"),
-            Hypothesis(ANY_CAUSE, "pose", support("flow_geometry.any_pose_of_corrections")),
-            *hypotheses,
-        )
-    return hypotheses
+    if cause == "extrinsic_rotation":
+        R_body_camera = camera.T_body_camera[:3, :3]
+        # Entries 0 and +-1 only: the camera is mounted at right angles to the axes of the body.
+        straight = bool(np.all(np.abs(R_body_camera - np.rint(R_body_camera)) < _SAME))
+        # The turn from a camera that looks straight ahead.
+        angles_deg = Rotation.from_matrix(R_body_camera @ np.array(R_BODY_OPTICAL).T).as_rotvec(degrees=True)
+        # Turned about one axis by a round angle.
+        about_single_axis = np.count_nonzero(np.abs(angles_deg) > _SAME) == 1
+        return straight or (about_single_axis and _round(np.abs(angles_deg).max(), _ROUND_DEG))
+    return False
 
 
-def _only(features: Sequence[Feature], kind: type[AnyFeature]) -> AnyFeature:
-    """Return the one feature of a kind that every statistic of the check carries."""
-    return next(feature for feature in features if isinstance(feature, kind))
+def _round(value: float, to: float) -> bool:
+    # Relative to the value, but to one step at least: near 0 a relative tolerance would refuse rounding errors.
+    return bool(abs(value / to - np.rint(value / to)) * to < _SAME * max(abs(value), to))

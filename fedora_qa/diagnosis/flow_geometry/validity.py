@@ -34,7 +34,34 @@ def propose_validity(alarm: Alarm, facts: Facts) -> tuple[Hypothesis, ...]:
     features = alarm.statistic.features
     values = next((feature for feature in features if isinstance(feature, WrongFlowValues)), None)
     if values is not None:
-        return _of_the_values(alarm, values, facts)
+        flow = spreads_over(
+            alarm.finding.where.stream or "flow", {stream: stream in values.streams for stream in facts.flow_streams}
+        )
+        rule = alarm.finding.code.rpartition(".")[2]
+        encoding_of_depth = support("flow_geometry.encoding_of_depth")
+        causes: tuple[tuple[str, str, float], ...]
+        if rule == "infinite":
+            causes = (("invalid_encoding", "flow", support("flow_geometry.infinite_flow")),)
+        elif values.unfounded and values.missing:  # values without depth, and depth without values
+            causes = DISPLACEMENTS
+        elif rule == "missing":
+            causes = (("nan_in_stream", "flow", support("flow_geometry.missing_flow")),
+                      ("invalid_encoding", "depth", encoding_of_depth))  # fmt: skip
+        # More than half of the unfounded values belong to points behind the camera: the motion exceeds the depth.
+        elif 2 * values.behind > values.unfounded:
+            blamed = "pose" if values.deep else "depth"
+            causes = (("unit_mm_m", blamed, support("flow_geometry.points_behind_camera")),
+                      (ANY_CAUSE, blamed, support("flow_geometry.any_fault_behind_camera")))  # fmt: skip
+        else:
+            causes = (("invalid_encoding", "flow", support("flow_geometry.encoding_of_flow")),
+                      ("invalid_encoding", "depth", encoding_of_depth))  # fmt: skip
+            if 2 * values.alike <= values.unfounded:  # flow of its own, which was made of a depth
+                factor = support("flow_geometry.encoding_of_varied_flow")
+                causes = (("nan_in_stream", "depth", support("flow_geometry.lost_depth")),
+                          *((cause, stream, factor * weight) for cause, stream, weight in causes))  # fmt: skip
+        return tuple(
+            Hypothesis(cause, flow if stream == "flow" else stream, weight) for cause, stream, weight in causes
+        )
     counted = next((feature for feature in features if isinstance(feature, FlowRatesCounted)), None)
     if counted is None:
         return ()
@@ -45,38 +72,29 @@ def propose_validity(alarm: Alarm, facts: Facts) -> tuple[Hypothesis, ...]:
     return tuple(replace(h, stream="flow") if stream_family(h.stream) == "flow" else h for h in hypotheses)
 
 
-def _of_the_values(alarm: Alarm, values: WrongFlowValues, facts: Facts) -> tuple[Hypothesis, ...]:
-    flow = spreads_over(
-        alarm.finding.where.stream or "flow", {stream: stream in values.streams for stream in facts.flow_streams}
-    )
-    rule = alarm.finding.code.rpartition(".")[2]
-    encoding_of_depth = support("flow_geometry.encoding_of_depth")
-    causes: tuple[tuple[str, str, float], ...]
-    if rule == "infinite":
-        causes = (("invalid_encoding", "flow", support("flow_geometry.infinite_flow")),)
-    elif values.unfounded and values.missing:  # values without depth, and depth without values
-        causes = DISPLACEMENTS
-    elif rule == "missing":
-        causes = (("nan_in_stream", "flow", support("flow_geometry.missing_flow")),
-                  ("invalid_encoding", "depth", encoding_of_depth))  # fmt: skip
-    # More than half of the unfounded values belong to points behind the camera: the motion exceeds the depth.
-    elif 2 * values.behind > values.unfounded:
-        blamed = "pose" if values.deep else "depth"
-        causes = (("unit_mm_m", blamed, support("flow_geometry.points_behind_camera")),
-                  (ANY_CAUSE, blamed, support("flow_geometry.any_fault_behind_camera")))  # fmt: skip
-    else:
-        causes = (("invalid_encoding", "flow", support("flow_geometry.encoding_of_flow")),
-                  ("invalid_encoding", "depth", encoding_of_depth))  # fmt: skip
-        if 2 * values.alike <= values.unfounded:  # flow of its own, which was made of a depth
-            factor = support("flow_geometry.encoding_of_varied_flow")
-            causes = (("nan_in_stream", "depth", support("flow_geometry.lost_depth")),
-                      *((cause, stream, factor * weight) for cause, stream, weight in causes))  # fmt: skip
-    return tuple(Hypothesis(cause, flow if stream == "flow" else stream, weight) for cause, stream, weight in causes)
-
-
 def _of_the_intervals(stream: str, features: Sequence[Feature], facts: Facts) -> tuple[Hypothesis, ...]:
     """Name what moved the timestamps, after what is missing, doubled, out of order, or of another length."""
-    of_frames = _of_the_timestamps(stream, features)
+    # The pattern by which timestamps left the frames; colour frames decide whose timestamps these are.
+    of_frames: list[Hypothesis] = []
+    relation = next((feature for feature in features if isinstance(feature, IntervalsOffFrames)), None)
+    if relation is not None and relation.beyond_all_frames:
+        of_frames = [
+            Hypothesis("truncated", "depth", support("flow_geometry.depth_ends_early")),
+            Hypothesis("time_offset", stream, support("flow_geometry.offset_beyond_frames")),
+        ]
+    elif relation is not None:
+        if relation.at_missing_frame:
+            of_frames.append(Hypothesis("dropped_samples", "depth", support("flow_geometry.frames_missing")))
+        # Flow on colour frames is where it should be; without them flow is suspected first: it has fewer timestamps.
+        flow_is_suspected = not relation.at_missing_frame and not relation.on_colour_frames
+        for pattern in features:
+            if isinstance(pattern, TimestampPattern) and pattern.removed_share > 0:
+                which = "suspected" if flow_is_suspected is (pattern.stream != "depth") else "other"
+                weight = support(f"flow_geometry.pattern_of_{which}_stream") * pattern.removed_share
+                cause = _CAUSE_OF_PATTERN[pattern.pattern]
+                unit = CAUSES[cause].unit
+                of_frames.append(Hypothesis(cause, pattern.stream, weight, pattern.magnitude, unit))
+    # What is missing, doubled, out of order, or of another length.
     for feature in features:
         if isinstance(feature, IntervalOrder):
             counts = {
@@ -86,8 +104,8 @@ def _of_the_intervals(stream: str, features: Sequence[Feature], facts: Facts) ->
             }
             total, disorder = max(sum(counts.values()), 1), support("flow_geometry.disordered_intervals")
             hypotheses = [
-                Hypothesis(cause, stream, disorder * count / total, float(count), "samples")
-                for cause, count in counts.items()
+                Hypothesis(of_count, stream, disorder * count / total, float(count), "samples")
+                for of_count, count in counts.items()
                 if count
             ]
             return (*sorted(hypotheses, key=lambda hypothesis: -hypothesis.support), *of_frames)
@@ -107,36 +125,4 @@ def _of_the_intervals(stream: str, features: Sequence[Feature], facts: Facts) ->
                 *of_frames,
                 Hypothesis("dropped_samples", stream, support("flow_geometry.length_beside_missing")),
             )
-    return of_frames
-
-
-def _of_the_timestamps(stream: str, features: Sequence[Feature]) -> tuple[Hypothesis, ...]:
-    """Name the pattern by which timestamps left the frames; colour frames decide whose timestamps these are."""
-    relation = next((feature for feature in features if isinstance(feature, IntervalsOffFrames)), None)
-    if relation is None:
-        return ()
-    if relation.beyond_all_frames:
-        return (
-            Hypothesis("truncated", "depth", support("flow_geometry.depth_ends_early")),
-            Hypothesis("time_offset", stream, support("flow_geometry.offset_beyond_frames")),
-        )
-    suspected, other = (support(f"flow_geometry.pattern_of_{which}_stream") for which in ("suspected", "other"))
-    # Flow on colour frames is where it should be; without them flow is suspected first: it has fewer timestamps.
-    flow_is_suspected = not relation.at_missing_frame and not relation.on_colour_frames
-    hypotheses = []
-    for pattern in features:
-        if isinstance(pattern, TimestampPattern) and pattern.removed_share > 0:
-            is_suspected = flow_is_suspected is (pattern.stream != "depth")
-            cause = _CAUSE_OF_PATTERN[pattern.pattern]
-            hypotheses.append(
-                Hypothesis(
-                    cause,
-                    pattern.stream,
-                    (suspected if is_suspected else other) * pattern.removed_share,
-                    pattern.magnitude,
-                    CAUSES[cause].unit,
-                )
-            )
-    if relation.at_missing_frame:
-        return (Hypothesis("dropped_samples", "depth", support("flow_geometry.frames_missing")), *hypotheses)
-    return tuple(hypotheses)
+    return tuple(of_frames)

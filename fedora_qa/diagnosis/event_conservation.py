@@ -8,7 +8,7 @@ from types import MappingProxyType
 from typing import Final
 
 from fedora_qa.checks.event_response.conservation import ViolationCluster, Violations
-from fedora_qa.diagnosis.event_response.timing import whose_offset
+from fedora_qa.diagnosis.event_response import whose_offset
 from fedora_qa.diagnosis.hypothesis import Hypothesis
 from fedora_qa.diagnosis.support import support
 from fedora_qa.judgement.judge import Alarm
@@ -71,7 +71,15 @@ def propose_conservation(alarm: Alarm, facts: Facts) -> tuple[Hypothesis, ...]:
     (cluster,) = (feature for feature in features if isinstance(feature, ViolationCluster))
     trials = [feature for feature in features if isinstance(feature, InverseTrial)]
     few = violations.fraction < _FEW
-    dead = _dead_region_support(cluster, facts)
+    # Violations of one dead region lie together, and without events; or, of a region that is dead for some time, so
+    # close together that no loss of single events could be: a lost packet spoils few pixels of any neighbourhood.
+    no_events = facts.events is None or not facts.events.count
+    if not no_events and min(cluster.fraction_nearby, cluster.fraction_without_events) > _ONE_REGION:
+        dead = _support("dead_region")
+    elif not no_events and cluster.fraction_of_image < _FEW and cluster.fraction_in_densest_square > _ONE_REGION:
+        dead = _support("dead_region_for_some_time")
+    else:
+        dead = _support("dead_region_unlikely")
     if alarm.finding.code == "event_response.conservation.region":
         count, dead_region = None, Hypothesis("dead_region", "events", dead, cluster.side_px, "px")
     else:
@@ -86,7 +94,7 @@ def propose_conservation(alarm: Alarm, facts: Facts) -> tuple[Hypothesis, ...]:
         )
     # Lost or doubled events spoil few pixels; what moves events or frames spoils most of those that fire. Doubled ones
     # mostly share their timestamps as well, which ``event_stream.duplicates`` detects; lost ones leave no other trace.
-    if facts.events is None or not facts.events.count:
+    if no_events:
         samples: tuple[Hypothesis, ...] = (Hypothesis("dropped_samples", "events", _support("no_events")),)
     else:
         lost, doubled = ("lost_of_few", "doubled_of_few") if few else ("lost_of_many", "doubled_of_many")
@@ -105,21 +113,6 @@ def propose_conservation(alarm: Alarm, facts: Facts) -> tuple[Hypothesis, ...]:
         if silent_ns * (len(times_ns) - 1) > 2 * duration_ns:
             cut_off = (Hypothesis("truncated", "events", _support("truncated")),)
     return (*by_trial, *cut_off, *(replace(each, support=remaining * each.support) for each in beside))
-
-
-def _dead_region_support(cluster: ViolationCluster, facts: Facts) -> float:
-    """Return how well one dead region explains the violations.
-
-    They lie together, and without events; or, of a region that is dead for some time, so close together that no loss of
-    single events could be: a lost packet spoils few pixels of any neighbourhood.
-    """
-    if facts.events is None or not facts.events.count:
-        return _support("dead_region_unlikely")
-    if min(cluster.fraction_nearby, cluster.fraction_without_events) > _ONE_REGION:
-        return _support("dead_region")
-    if cluster.fraction_of_image < _FEW and cluster.fraction_in_densest_square > _ONE_REGION:
-        return _support("dead_region_for_some_time")
-    return _support("dead_region_unlikely")
 
 
 def hypotheses_of_trials(trials: Sequence[InverseTrial], facts: Facts) -> tuple[Hypothesis, ...]:

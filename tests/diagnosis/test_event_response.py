@@ -1,17 +1,28 @@
-"""Which clock is off, and how: hypotheses for delays of events."""
+"""Hypotheses for events that agree with the frames in another orientation, or whose clock is off."""
 
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
+from fedora_qa.checks.event_response.orientation import EventSymmetry
 from fedora_qa.checks.event_response.timing import DelayCourses, delay_courses
-from fedora_qa.diagnosis.event_response.timing import with_clock_reset
+from fedora_qa.diagnosis.event_response import hypotheses_of_symmetry, with_clock_reset
 from fedora_qa.estimators.events.delays import DelayStep
+from fedora_qa.estimators.events.orientation import SYMMETRIES
 from fedora_qa.sequence.facts import EventScan, EventStep
 from fedora_qa.views.clock_resets import clock_reset
 from fedora_qa.views.event_clock_offset import LocalOffset
 from tests.support.facts import MS
+
+
+def test_mirrored_frames_are_hypotheses_beside_mirrored_events() -> None:
+    """Against frames alone one cannot tell which of the two is mirrored; exchanged axes only events can have."""
+    for rival in range(2 * len(SYMMETRIES) - 1):
+        symmetry = EventSymmetry.numbered(rival)
+        words, causes = symmetry.text, {(each.cause, each.stream) for each in hypotheses_of_symmetry(symmetry)}
+        assert (("mirrored", "rgb") in causes) == ("mirrored" in words and "axes" not in words)
+        assert (("mirrored", "events") in causes) == ("mirrored" in words)
 
 
 def segment_only(chosen: list[bool]) -> DelayCourses:

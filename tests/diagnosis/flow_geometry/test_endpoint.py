@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
-from fedora_qa.diagnosis.flow_geometry.chosen_numbers import is_chosen
+from fedora_qa.diagnosis.flow_geometry.endpoint import is_chosen
 from fedora_qa.sequence.declared import Camera
 
 FORWARD = np.array([[0.0, 0.0, 1.0], [-1.0, 0.0, 0.0], [0.0, -1.0, 0.0]])

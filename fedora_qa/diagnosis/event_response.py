@@ -1,0 +1,277 @@
+"""Hypotheses for events that do not agree with the frames: orientation, model, threshold, clock, alignment, frames.
+
+Those for events that break the law of conservation stand in ``event_conservation``.
+"""
+
+from dataclasses import replace
+from math import hypot
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fedora_qa.checks.event_response.alignment import ShiftAxis
+from fedora_qa.checks.event_response.frames import ChangeAnomalies
+from fedora_qa.checks.event_response.orientation import EventSymmetry
+from fedora_qa.checks.event_response.threshold import DomainPreference, EventStepSize
+from fedora_qa.checks.event_response.timing import DelayCourses, OffsetSize
+from fedora_qa.diagnosis.features import only_feature
+from fedora_qa.diagnosis.hypothesis import Hypothesis
+from fedora_qa.diagnosis.support import support
+from fedora_qa.judgement.judge import Alarm
+from fedora_qa.sequence.facts import Facts
+from fedora_qa.views.clock_resets import ClockReset, clock_reset
+from fedora_qa.views.event_clock_offset import ClockOffset
+from fedora_qa.views.level_samples import CAPTURE_RANGE_S
+
+_REVERSED_BELOW: Final = -0.5
+"""Step over expected step below which events step the other way, with half the contrast at least."""
+
+_DOMAIN_PREFERRED: Final = 3.0
+"""Standard errors by which the other domain must fit better to be suspected (after an alarm only)."""
+
+_EVENTS: Final = support("event_response.clock_of_events")
+_FRAMES: Final = support("event_response.clock_of_frames")
+
+_NO_COURSES: Final = DelayCourses(
+    support("event_response.course_constant"),
+    support("event_response.course_drift"),
+    support("event_response.course_segment"),
+    reaches_end=False,
+)
+"""In place of courses that were not compared."""
+
+
+def propose_orientation(alarm: Alarm, facts: Facts) -> tuple[Hypothesis, ...]:
+    """Return the hypotheses for an alarm of ``event_response.orientation``, best supported first."""
+    if alarm.finding.code in ("event_response.orientation.unrelated", "event_response.orientation.other"):
+        if facts.events is None or not facts.events.count:
+            return (Hypothesis("dropped_samples", "events", support("event_response.orientation.no_events")),)
+        if not alarm.statistic.features:
+            # No orientation correlates; ``event_response.timing`` searches for an offset.
+            return (
+                Hypothesis("other_sequence", "events", support("event_response.orientation.other_events")),
+                Hypothesis("other_sequence", "rgb", support("event_response.orientation.other_frames")),
+                Hypothesis("time_offset", "events", support("event_response.orientation.events_offset")),
+                Hypothesis("time_offset", "rgb", support("event_response.orientation.frames_offset")),
+                Hypothesis("time_unit", "events", support("event_response.orientation.time_unit")),
+            )
+    (symmetry,) = (feature for feature in alarm.statistic.features if isinstance(feature, EventSymmetry))
+    return hypotheses_of_symmetry(symmetry)
+
+
+def hypotheses_of_symmetry(symmetry: EventSymmetry) -> tuple[Hypothesis, ...]:
+    """Return the causes that make events agree with the frames under a symmetry."""
+    mirrored = symmetry.mirrored_columns or symmetry.mirrored_rows
+    causes = (
+        ("polarity_inverted", symmetry.inverted),
+        ("axes_swapped", symmetry.swapped_axes),
+        ("mirrored", mirrored),
+    )
+    weight = support("event_response.orientation.symmetry")
+    of_events = tuple(Hypothesis(cause, "events", weight) for cause, applies in causes if applies)
+    if not mirrored or symmetry.swapped_axes:
+        return of_events
+    # Mirrored frames have the effect of mirrored events; axes of frames are not exchanged, as both sides differ.
+    return (*of_events, Hypothesis("mirrored", "rgb", support("event_response.orientation.mirrored_frames")))
+
+
+def propose_model(alarm: Alarm, facts: Facts) -> tuple[Hypothesis, ...]:
+    """Propose the other model, and frames whose transfer bends one domain into the other."""
+    return (
+        Hypothesis("event_model_misdeclared", "events", support("event_response.model_of_other_domain")),
+        Hypothesis("exposure_or_gamma", "rgb", support("event_response.transfer_of_other_domain")),
+    )
+
+
+def propose_threshold(alarm: Alarm, facts: Facts) -> tuple[Hypothesis, ...]:
+    """Propose a misdeclared threshold with its size, and what else moves the step of events."""
+    step = only_feature(alarm.statistic.features, EventStepSize)
+    domains = only_feature(alarm.statistic.features, DomainPreference)
+    ratio = step.fitted / step.expected
+    if ratio < _REVERSED_BELOW:
+        return (Hypothesis("polarity_inverted", "events", support("event_response.polarity_of_reversed_steps")),)
+    threshold, model = (
+        ("threshold_where_other_model_fits", "model_where_other_model_fits")
+        if domains.log_residual_ratio > _DOMAIN_PREFERRED * domains.standard_error
+        else ("threshold_where_declared_model_fits", "model_where_declared_model_fits")
+    )
+    # Beyond the capture range of the fit an offset spoils thresholds.
+    offset, offset_rgb = (
+        ("gross_offset_spoils_thresholds", "gross_offset_of_frames_spoils_thresholds")
+        if abs(step.delay_s) > CAPTURE_RANGE_S
+        else ("small_offset_spoils_thresholds", "small_offset_spoils_thresholds")
+    )
+    # The declared threshold over the true one, less 1; its error by the derivative of 1 / fitted.
+    percent = 100 * (step.expected / step.fitted - 1) if ratio > 0 else None
+    uncertainty = 100 * step.expected / step.fitted**2 * step.error if ratio > 0 else None
+    of_threshold = support(f"event_response.{threshold}")
+    return (
+        Hypothesis("threshold_misdeclared", "events", of_threshold, percent, "percent", uncertainty),
+        Hypothesis("event_model_misdeclared", "events", support(f"event_response.{model}")),
+        Hypothesis("time_offset", "events", support(f"event_response.{offset}")),
+        Hypothesis("time_offset", "rgb", support(f"event_response.{offset_rgb}")),
+        Hypothesis("exposure_or_gamma", "rgb", support("event_response.transfer_spoils_thresholds")),
+        Hypothesis("dropped_samples", "events", support("event_response.lost_events_spoil_thresholds")),
+        Hypothesis("duplicated_samples", "events", support("event_response.lost_events_spoil_thresholds")),
+    )
+
+
+def propose_timing(alarm: Alarm, facts: Facts) -> tuple[Hypothesis, ...]:
+    """Propose an offset and a rate of either clock, each as far as its course over time explains the delays."""
+    statistic, rule = alarm.statistic, alarm.finding.code.rpartition(".")[2]
+    wrong_model = Hypothesis("event_model_misdeclared", "events", support("event_response.model_spoils_delays"))
+    if rule == "region":
+        # A clock is one for all pixels: what moves a part of the image can only have moved its events.
+        of_region = support("event_response.offset_of_region")
+        offset = Hypothesis("time_offset", "events", of_region, statistic.value, "ms", statistic.standard_error)
+        return offset, wrong_model
+    compared = next((feature for feature in statistic.features if isinstance(feature, DelayCourses)), None)
+    courses = _NO_COURSES if compared is None else with_clock_reset(compared, clock_reset(facts.events))
+    if rule == "stretch":
+        return (
+            *_offsets(statistic.value, statistic.standard_error, facts, courses.segment),
+            Hypothesis("clock_rate", "events", _EVENTS * courses.drift),
+            Hypothesis("clock_rate", "rgb", _FRAMES * courses.drift),
+            wrong_model,
+        )
+    estimate = only_feature(statistic.features, ClockOffset)
+    if rule == "rate":
+        return (
+            *_rates(estimate, 1.0 - courses.segment),
+            Hypothesis("time_offset", "events", _EVENTS * courses.segment),
+            Hypothesis("time_offset", "rgb", _FRAMES * courses.segment),
+            wrong_model,
+        )
+    size = only_feature(statistic.features, OffsetSize)
+    # The mean offset of a file is that of the fault only where all events have it.
+    sized = size.of_all_pixels and courses.constant > courses.segment
+    error_ms = size.error_ms if sized else None
+    return (
+        *_offsets(statistic.value - statistic.expected, error_ms, facts, courses.constant + courses.segment),
+        *_rates(estimate, courses.drift),
+        wrong_model,
+    )
+
+
+def with_clock_reset(courses: DelayCourses, reset: ClockReset | None) -> DelayCourses:
+    """Return the courses, that of a segment shared with drift as far as the steps of a reset clock say that it gained.
+
+    Without a step forwards a segment that reaches an end of the known delays was late at once; others can only have
+    gained.
+    """
+    if reset is None or (reset.forwards is None and courses.reaches_end):
+        return courses
+    gains, offset = reset.drift_agreement, reset.offset_agreement
+    moved = courses.segment * gains / (gains + offset) if gains > 0 else 0.0
+    return replace(courses, drift=courses.drift + moved, segment=courses.segment - moved)
+
+
+def whose_offset(offset_ms: float, facts: Facts) -> tuple[float, float]:
+    """Return the support of an offset of the events, and of the frames, which may keep in step with depth and flow.
+
+    A renderer draws colour, depth and flow at common times. Frames that leave them by the offset are moved themselves,
+    and frames that still meet them were not.
+    """
+    either = _EVENTS, _FRAMES
+    clocks = [facts.clocks[stream] for stream in ("depth", *facts.flow_streams) if stream in facts.clocks]
+    common_ns = np.unique(np.concatenate([clock.times_ns for clock in clocks])) if clocks else np.zeros(0, np.int64)
+    frames_ns = facts.clocks["rgb"].times_ns
+    if len(common_ns) < 2 or not len(frames_ns):
+        return either
+    # Ns per ms. A quarter of the offset separates a frame's place before the move from that after it.
+    near_ns = abs(offset_ms) * 1e6 / 4
+    as_timestamped = _median_distance(frames_ns, common_ns) < near_ns
+    moved_back = _median_distance(frames_ns + round(1e6 * offset_ms), common_ns) < near_ns
+    # Frames meet the common times with and without the move, or with neither: these times do not decide.
+    if as_timestamped == moved_back:
+        return either
+    return either[::-1] if moved_back else (_EVENTS, support("event_response.clock_of_frames_in_step"))
+
+
+def _median_distance(times_ns: NDArray[np.int64], grid_ns: NDArray[np.int64]) -> float:
+    """Return the median distance of timestamps from the nearest of a sorted grid of two or more."""
+    # The neighbours ``after - 1`` and ``after`` exist for timestamps beyond the ends of the grid as well.
+    after = np.clip(np.searchsorted(grid_ns, times_ns), 1, len(grid_ns) - 1)
+    return float(np.median(np.minimum(np.abs(times_ns - grid_ns[after - 1]), np.abs(grid_ns[after] - times_ns))))
+
+
+def _offsets(offset_ms: float, error_ms: float | None, facts: Facts, explained: float) -> tuple[Hypothesis, ...]:
+    """Return an offset of the events and of the frames, with its size where that has an error."""
+    of_events, of_frames = (explained * of_clock for of_clock in whose_offset(offset_ms, facts))
+    if error_ms is None:
+        return Hypothesis("time_offset", "events", of_events), Hypothesis("time_offset", "rgb", of_frames)
+    return (
+        Hypothesis("time_offset", "events", of_events, offset_ms, "ms", error_ms),
+        # Only the difference of two clocks is measured: events too late are frames too early.
+        Hypothesis("time_offset", "rgb", of_frames, -offset_ms, "ms", error_ms),
+    )
+
+
+def _rates(estimate: ClockOffset, explained: float) -> tuple[Hypothesis, ...]:
+    """Return a clock rate of the events and of the frames, with its size."""
+    # From s/s to ppm. Statistical error and bound of the model error add in squares.
+    ppm, error = 1e6 * estimate.rate, 1e6 * hypot(estimate.rate_error, estimate.rate_bound)
+    return (
+        Hypothesis("clock_rate", "events", _EVENTS * explained, ppm, "ppm", error),
+        Hypothesis("clock_rate", "rgb", _FRAMES * explained, -ppm, "ppm", error),
+    )
+
+
+def propose_alignment(alarm: Alarm, facts: Facts) -> tuple[Hypothesis, ...]:
+    """Return the hypotheses for an alarm of ``event_response.alignment``, best supported first."""
+    statistic = alarm.statistic
+    (axis,) = (feature.axis for feature in statistic.features if isinstance(feature, ShiftAxis))
+    # The size of a spatial offset is that along the columns; of a shift down only the direction is not given.
+    right_px = statistic.value if axis == "right" else None
+    error_px = statistic.standard_error
+    if alarm.finding.code == "event_response.alignment.shift":
+        return (
+            Hypothesis("spatial_offset", "events", _of_alignment("events_offset"), right_px, "px",
+                       None if right_px is None else error_px),
+            Hypothesis("spatial_offset", "rgb", _of_alignment("frames_offset"), None if right_px is None else -right_px,
+                       "px"),
+            Hypothesis("time_offset", "events", _of_alignment("events_time_offset")),
+            Hypothesis("time_offset", "rgb", _of_alignment("frames_time_offset")),
+            Hypothesis("clock_rate", "events", _of_alignment("clock_rate")),
+            Hypothesis("event_model_misdeclared", "events", _of_alignment("event_model")),
+            Hypothesis("intrinsics_centre", "metadata", _of_alignment("intrinsics_centre")),
+        )  # fmt: skip
+    of_frames: tuple[Hypothesis, ...] = ()
+    if alarm.finding.code == "event_response.alignment.stretch":
+        # A region of events cannot come from frames; a segment of time can.
+        of_frames = (
+            Hypothesis("spatial_offset", "rgb", _of_alignment("part_frames_offset")),
+            Hypothesis("swapped_frames", "rgb", _of_alignment("part_swapped_frames")),
+            Hypothesis("frozen_frames", "rgb", _of_alignment("part_frozen_frames")),
+        )
+    return (
+        Hypothesis("spatial_offset", "events", _of_alignment("part_events_offset"), right_px, "px", error_px),
+        *of_frames,
+        Hypothesis("event_model_misdeclared", "events", _of_alignment("part_event_model")),
+        Hypothesis("time_offset", "events", _of_alignment("part_events_time_offset")),
+        Hypothesis("clock_rate", "events", _of_alignment("part_clock_rate")),
+    )
+
+
+def propose_frames(alarm: Alarm, facts: Facts) -> tuple[Hypothesis, ...]:
+    """Return the hypotheses for an alarm of ``event_response.frames``, best supported first."""
+    (anomalies,) = (feature for feature in alarm.statistic.features if isinstance(feature, ChangeAnomalies))
+    # A repeated frame leaves an interval without any change; exchanged frames change against their events.
+    frozen = "frames.unchanged" if anomalies.unchanged else "frames.no_unchanged"
+    swapped = "frames.reversed" if anomalies.reversed and not anomalies.unchanged else "frames.no_reversed"
+    # At least one frame is wrong, as its interval caused the alarm.
+    return (
+        Hypothesis(
+            "frozen_frames", "rgb", support(f"event_response.{frozen}"), float(max(anomalies.unchanged, 1)), "samples"
+        ),
+        Hypothesis(
+            "swapped_frames", "rgb", support(f"event_response.{swapped}"), float(max(anomalies.reversed, 1)), "samples"
+        ),
+        Hypothesis("duplicated_samples", "events", support("event_response.frames.duplicated_events")),
+        Hypothesis("dropped_samples", "events", support("event_response.frames.dropped_events")),
+    )
+
+
+def _of_alignment(row: str) -> float:
+    return support(f"event_response.alignment.{row}")

@@ -1,1 +1,0 @@
-"""Hypotheses for events against frames."""

@@ -1,0 +1,210 @@
+"""Hypotheses for alarms of clocks: order, unit, rate, gaps, resolution and span of timestamps."""
+
+import pytest
+
+from fedora_qa.checks.clocks.gaps import ClockJump, DisorderedTimestamps
+from fedora_qa.checks.clocks.order import CounterWrap, RoundedRepeats
+from fedora_qa.checks.clocks.rate import RoundedClock, SegmentRate
+from fedora_qa.checks.clocks.resolution import PartialGrid
+from fedora_qa.checks.clocks.span import CutOfSeveralRates, StreamEnds
+from fedora_qa.checks.clocks.streams import ClockSetBack, PartInOtherUnit
+from fedora_qa.diagnosis.hypothesis import Hypothesis
+from fedora_qa.features import Feature
+from fedora_qa.sequence.facts import EventStep
+from fedora_qa.views.clock_resets import ClockReset
+from tests.support.facts import MS
+from tests.support.proposals import named, proposed
+
+BACK, FORWARDS = EventStep(700, 90 * MS, 80 * MS), EventStep(900, 95 * MS, 105 * MS)
+IN_MS = ClockReset(BACK, FORWARDS, unit_factor=1e-3)
+LATE = ClockReset(BACK, FORWARDS, 1.0, 0.9, 0.2, 10.0, 0.1, 400.0)
+FAST = ClockReset(BACK, FORWARDS, 1.0, 0.2, 0.9, 10.0, 0.1, 400.0)
+
+
+def test_repeated_timestamps_are_doubled_samples() -> None:
+    assert proposed("clocks.order.repeated_stamps", value=3.0) == (
+        Hypothesis("duplicated_samples", "rgb", 0.9, 3.0, "samples"),
+    )
+
+
+def test_repeats_of_a_coarse_grid_are_rounded_rather() -> None:
+    assert proposed("clocks.order.repeated_stamps", RoundedRepeats(30.0), value=3.0) == (
+        Hypothesis("quantised_time", "rgb", 0.95, 30.0, "ms"),
+        Hypothesis("duplicated_samples", "rgb", 0.9, 3.0, "samples"),
+    )
+
+
+@pytest.mark.parametrize(
+    ("features", "causes"),
+    [
+        pytest.param((), (), id="samples"),
+        pytest.param((PartInOtherUnit(1e3, 5, 9),), (Hypothesis("time_unit", "rgb", 0.96, 1e3, "1"),), id="unit"),
+        pytest.param((CounterWrap(),), (Hypothesis("time_unit", "rgb", 0.95),), id="counter"),
+        pytest.param((ClockSetBack(20.0),), (Hypothesis("time_offset", "rgb", 0.92, 20.0, "ms"),), id="set back"),
+    ],
+)
+def test_steps_back_are_of_a_clock_or_of_samples(features: tuple[Feature, ...], causes: tuple[Hypothesis, ...]) -> None:
+    """Samples in another order stay a hypothesis beside every clock."""
+    unsorted = Hypothesis("unsorted", "rgb", 0.9, 2.0, "samples")
+    assert proposed("clocks.order.backward_steps", *features, value=2.0) == (*causes, unsorted)
+
+
+@pytest.mark.parametrize(
+    ("features", "causes", "unsorted"),
+    [
+        pytest.param((), (), 0.9, id="events"),
+        pytest.param((CounterWrap(),), (Hypothesis("time_unit", "events", 0.98),), 0.9, id="counter"),
+        pytest.param((IN_MS,), (Hypothesis("time_unit", "events", 0.97, 1e-3, "1"),), 0.3, id="unit"),
+    ],
+)
+def test_steps_back_of_events_are_of_a_clock_or_of_events(
+    features: tuple[Feature, ...], causes: tuple[Hypothesis, ...], unsorted: float
+) -> None:
+    """A clock that was set back explains them, so that events in another order are less likely beside it."""
+    hypotheses = proposed("clocks.order.backward_steps", *features, stream="events", value=2.0)
+    assert hypotheses == (
+        *causes,
+        Hypothesis("unsorted", "events", unsorted, 2.0, "events"),
+        Hypothesis("quantised_time", "events", 0.3),
+    )
+
+
+@pytest.mark.parametrize(("reset", "first"), [(LATE, "time_offset"), (FAST, "clock_rate")])
+def test_a_clock_that_was_set_back_was_late_or_gained(reset: ClockReset, first: str) -> None:
+    """The better supported comes first; both have their sizes."""
+    hypotheses = proposed("clocks.order.backward_steps", reset, stream="events")[:2]
+    assert hypotheses[0].cause == first
+    assert {(h.cause, h.support, h.magnitude, h.unit, h.standard_error) for h in hypotheses} == {
+        ("time_offset", reset.offset_agreement, 10.0, "ms", 0.1),
+        ("clock_rate", reset.drift_agreement, 400.0, "ppm", None),
+    }
+
+
+def test_a_clock_that_was_never_set_forwards_has_no_size() -> None:
+    hypotheses = proposed("clocks.order.backward_steps", ClockReset(BACK, None, 1.0, 0.5, 0.5), stream="events")
+    assert hypotheses[:2] == (Hypothesis("clock_rate", "events", 0.5), Hypothesis("time_offset", "events", 0.5))
+
+
+@pytest.mark.parametrize("rule", ["factor", "part"])
+def test_a_factor_of_units_is_a_unit(rule: str) -> None:
+    assert proposed(f"clocks.unit.{rule}", value=1e3) == (Hypothesis("time_unit", "rgb", 1.0, 1e3, "1"),)
+
+
+def test_a_wrong_period_is_a_rate() -> None:
+    assert proposed("clocks.rate.error", value=120.0) == (Hypothesis("clock_rate", "rgb", 0.8, 120.0, "ppm"),)
+
+
+def test_a_rounded_period_may_be_the_grid() -> None:
+    assert proposed("clocks.rate.error", RoundedClock(2.0), value=120.0) == (
+        Hypothesis("clock_rate", "rgb", 0.8, 120.0, "ppm"),
+        Hypothesis("quantised_time", "rgb", 0.95, 2.0, "ms"),
+    )
+
+
+def test_the_rate_of_a_part_has_the_size_of_the_part() -> None:
+    assert proposed("clocks.rate.change", SegmentRate(500.0, 3.0), value=120.0) == (
+        Hypothesis("clock_rate", "rgb", 0.85, 500.0, "ppm", 3.0),
+    )
+
+
+LOST = Hypothesis("dropped_samples", "rgb", 0.9, 4.0, "samples")
+
+
+@pytest.mark.parametrize(
+    ("features", "hypotheses"),
+    [
+        pytest.param((), (LOST,), id="lost"),
+        pytest.param(
+            (DisorderedTimestamps(4),),
+            (Hypothesis("unsorted", "rgb", 0.9), Hypothesis("time_offset", "rgb", 0.3), LOST),
+            id="in another order",
+        ),
+        pytest.param(
+            (ClockSetBack(20.0), DisorderedTimestamps(4)),
+            (Hypothesis("time_offset", "rgb", 0.92, 20.0, "ms"), Hypothesis("unsorted", "rgb", 0.5), LOST),
+            id="clock set back",
+        ),
+        pytest.param(
+            (ClockJump(7.0, 0.001),), (Hypothesis("time_offset", "rgb", 0.9, 7.0, "ms", 0.001),), id="clock set"
+        ),
+    ],
+)
+def test_gaps_are_of_lost_samples_or_of_others(
+    features: tuple[Feature, ...], hypotheses: tuple[Hypothesis, ...]
+) -> None:
+    """Samples that stand elsewhere fill the gaps, and a clock that was set leaves one odd step."""
+    assert proposed("clocks.gaps.missing", *features, value=4.0) == hypotheses
+
+
+def test_a_grid_is_rounding() -> None:
+    """The statistic is in microseconds, the cause in milliseconds."""
+    assert proposed("clocks.resolution.grid", stream="events", value=1000.0) == (
+        Hypothesis("quantised_time", "events", 0.95, 1.0, "ms"),
+    )
+
+
+@pytest.mark.parametrize(
+    ("reset", "causes"),
+    [
+        pytest.param(ClockReset(BACK, FORWARDS, unit_factor=1e3), ["time_unit", "quantised_time"], id="same factor"),
+        pytest.param(IN_MS, ["quantised_time"], id="another factor"),
+        pytest.param(LATE, ["quantised_time"], id="no unit"),
+    ],
+)
+def test_a_comb_of_a_part_follows_from_its_unit(reset: ClockReset, causes: list[str]) -> None:
+    """Whole ticks of another unit are multiples in the right one by exactly its factor."""
+    hypotheses = proposed("clocks.resolution.partial_grid", PartialGrid(1000.0, 1), reset, stream="events")
+    assert [hypothesis.cause for hypothesis in hypotheses] == causes
+    assert hypotheses[-1] == Hypothesis("quantised_time", "events", 0.95, 1.0, "ms")
+
+
+SECOND = 1000.0 * MS
+
+
+@pytest.mark.parametrize(
+    ("ends", "hypotheses"),
+    [
+        pytest.param(
+            StreamEnds(100.0 * MS, -100.0 * MS, SECOND),
+            (Hypothesis("time_offset", "rgb", 0.9, 100.0, "ms"),),
+            id="shifted",
+        ),
+        pytest.param(
+            StreamEnds(100.0 * MS, -91.0 * MS, SECOND),
+            (Hypothesis("time_offset", "rgb", 0.9, 95.5, "ms"),),
+            id="shifted and cut a little",
+        ),
+        pytest.param(
+            StreamEnds(0.0, 250.0 * MS, SECOND), (Hypothesis("truncated", "rgb", 0.8, 25.0, "percent"),), id="cut"
+        ),
+        pytest.param(
+            StreamEnds(0.0, -31.0 * SECOND, SECOND),
+            (Hypothesis("time_unit", "rgb", 0.9, 32.0, "1"), Hypothesis("truncated", "rgb", 0.8, -3100.0, "percent")),
+            id="in another unit",
+        ),
+        pytest.param(
+            StreamEnds(100.0 * MS, 0.0, 0.0),
+            (Hypothesis("truncated", "rgb", 0.8, 1e10, "percent"),),
+            id="streams of one sample",
+        ),
+    ],
+)
+def test_ends_that_differ_are_of_an_offset_a_unit_or_a_cut(
+    ends: StreamEnds, hypotheses: tuple[Hypothesis, ...]
+) -> None:
+    """Both ends move alike by an offset; a loss is at one end; a unit is a factor of the duration."""
+    assert proposed("clocks.span.end", ends) == hypotheses
+
+
+def test_a_part_in_another_unit_moves_an_end() -> None:
+    """It comes before what the ends themselves show."""
+    hypotheses = proposed("clocks.span.end", StreamEnds(0.0, 250.0 * MS, SECOND), PartInOtherUnit(1e-3, 5, 9))
+    assert named(hypotheses) == [("time_unit", "rgb"), ("truncated", "rgb")]
+
+
+def test_a_cut_of_several_rates_is_of_the_flow() -> None:
+    """Rates that are cut alike are one fault."""
+    ends = StreamEnds(0.0, 250.0 * MS, SECOND)
+    several = CutOfSeveralRates(("flow/10hz", "flow/25hz"))
+    assert named(proposed("clocks.span.end", ends, stream="flow/10hz")) == [("truncated", "flow/10hz")]
+    assert named(proposed("clocks.span.end", ends, several, stream="flow/10hz")) == [("truncated", "flow")]
