@@ -17,10 +17,11 @@ from fedora_qa.engine.options import FileRun
 from fedora_qa.evidence.options import EvidenceOptions
 from fedora_qa.gate.baseline import baseline_of
 from fedora_qa.gate.certificate import certificate_of, write_certificate
-from fedora_qa.gate.documents import whole_digest
+from fedora_qa.gate.contents import contents_of
+from fedora_qa.gate.documents import whole_digest, whole_digests
 from fedora_qa.gate.policy import read_policy
 from fedora_qa.gate.release import find_release
-from fedora_qa.gate.release_results import contents_of, release_results_of, whole_digests
+from fedora_qa.gate.rules import release_results_of
 from fedora_qa.gate.verdict import Judgement, judged, release_record
 from fedora_qa.record.json_io import read_record
 
