@@ -1,23 +1,38 @@
-"""A record with its arrays, for use from Python and in notebooks."""
+"""A record with its arrays, for use from Python and in notebooks.
 
-from collections.abc import Mapping
+Data frames need pandas, an extra, which is imported only where one is requested. In HTML all text from a file is
+escaped.
+"""
+
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
+from html import escape
 from os import PathLike
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Final
 
 from numpy.typing import NDArray
 
-from fedora_qa.api.frames import frame_of
-from fedora_qa.api.notebook import light_page, report_frame
 from fedora_qa.cli.arrays import arrays_beside, write_arrays
+from fedora_qa.cli.html import render_html_or_none
+from fedora_qa.errors import MisuseError
 from fedora_qa.record.json_io import write_record
-from fedora_qa.record.tables import table_of
+from fedora_qa.record.tables import Kind, Table, table_of
 from fedora_qa.record.types import Record, Verdict
-from fedora_qa.record.wording import headline
+from fedora_qa.record.wording import cause_sentence, findings_of, headline, place, printable
 
 if TYPE_CHECKING:
     import pandas as pd
+
+# Types that allow missing values: NumPy's int64 has none, pandas' Int64 does.
+_TYPES: Final[Mapping[Kind, str]] = {
+    "text": "string",
+    "texts": "object",
+    "integer": "Int64",
+    "integers": "object",
+    "number": "float64",
+    "scalar": "object",
+}
 
 
 @dataclass(frozen=True, slots=True, repr=False)
@@ -80,3 +95,60 @@ class CheckedRecord(Record):
     def _repr_html_(self) -> str:
         """Return the HTML for a notebook: the report where its package is installed, else verdicts and findings."""
         return report_frame(self, self.arrays) or light_page(self)
+
+
+def frame_of(table: Table) -> "pd.DataFrame":
+    """Return a table as a data frame; the types of its columns do not depend on what they hold.
+
+    Raises
+    ------
+    MisuseError
+        pandas is not installed.
+    """
+    try:
+        import pandas as pd  # noqa: PLC0415 - an extra
+    except ImportError as missing:
+        raise MisuseError(
+            f"Expected what makes data frames, got: {missing}; install it with pip install 'fedora-qa[notebook]'"
+        ) from None
+    columns = {
+        # An explicit type: inferred ones would differ between records, and for columns without values.
+        column.name: pd.Series([row[position] for row in table.rows], dtype=_TYPES[column.kind])
+        for position, column in enumerate(table.columns)
+    }
+    return pd.DataFrame(columns)
+
+
+def report_frame(record: Record, arrays: Mapping[str, NDArray[Any]]) -> str | None:
+    """Return the report in a frame that is isolated from the notebook; None where its package is not installed."""
+    page = render_html_or_none(record, arrays)
+    if page is None:
+        return None
+    return (
+        # Sandboxed without ``allow-same-origin``: scripts of the report cannot reach the page of the notebook.
+        f'<iframe srcdoc="{escape(page)}" sandbox="allow-scripts" title="fedora-qa report" '
+        'style="width: 100%; height: 800px; border: 1px solid #8888"></iframe>'
+    )
+
+
+def light_page(record: Record) -> str:
+    """Return the verdict of each file, its probable causes, and its findings as a table."""
+    parts = []
+    for file in record.files:
+        parts.append(f"<h4>{_text(file.path)}</h4><p><b>{_text(headline(file))}</b></p>")
+        if file.diagnoses:
+            causes = (f"<li>{_text(f'{cause_sentence(cause)}. {cause.remedy}')}</li>" for cause in file.diagnoses)
+            parts.append(f"<ul>{''.join(causes)}</ul>")
+        finding_rows = [(f.id, f.severity, f.code, f.message, place(f.where)) for _, f in findings_of(file)]
+        if finding_rows:
+            rows = (_row("td", cells) for cells in finding_rows)
+            parts.append(f"<table>{_row('th', ('id', 'severity', 'rule', 'finding', 'where'))}{''.join(rows)}</table>")
+    return "".join(parts)
+
+
+def _row(tag: str, cells: Iterable[str]) -> str:
+    return f"<tr>{''.join(f'<{tag}>{_text(cell)}</{tag}>' for cell in cells)}</tr>"
+
+
+def _text(text: str) -> str:
+    return escape(printable(text))

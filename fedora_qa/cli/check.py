@@ -1,35 +1,70 @@
 """``fedora-qa check``: check files, write the outputs asked for, and print a summary."""
 
-from collections.abc import Sequence
-from dataclasses import replace
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Final
 
 import click
+from click.shell_completion import CompletionItem
 
 from fedora_qa.cli.began import BEGAN
-from fedora_qa.cli.budget import Budget, BudgetParam, budgeted, require_budget_alone
 from fedora_qa.cli.check_names import complete_check
 from fedora_qa.cli.exit_codes import exit_code
 from fedora_qa.cli.files import Request, checked, executor_for
 from fedora_qa.cli.kept import kept_folder
 from fedora_qa.cli.output_options import allow_external_option, record_options
 from fedora_qa.cli.outputs import Outputs
-from fedora_qa.cli.place_param import PlaceParam
 from fedora_qa.cli.record import gathered_arrays, record_of
-from fedora_qa.cli.say import say_record
+from fedora_qa.cli.summary import print_record
 from fedora_qa.config import CheckConfig, read_config
 from fedora_qa.engine.options import CheckOptions
 from fedora_qa.errors import MisuseError
 from fedora_qa.evidence.options import EvidenceOptions
-from fedora_qa.storage.place import Place
+from fedora_qa.record.types import Record
+from fedora_qa.storage.place import Place, place_of
 from fedora_qa.storage.signature import require_signature
 
 if TYPE_CHECKING:  # the process that distributes the work loads no measuring code
     from fedora_qa.layout.dialect import Dialect
 
 PATH = click.Path(path_type=Path)
+
+_SECONDS_PER_UNIT: Final[Mapping[str, float]] = {"s": 1.0, "m": 60.0, "h": 3600.0}
+
+
+class PlaceParam(click.ParamType):  # type: ignore[type-arg]  # generic only from click 8.4 on
+    """Turns an argument into a place; raises ``MisuseError`` for a URL that cannot be read."""
+
+    name = "place"
+
+    def convert(self, value: str | Place, param: click.Parameter | None, ctx: click.Context | None) -> Place:
+        """Return the place that the text means."""
+        return place_of(value) if isinstance(value, str) else value
+
+    def shell_complete(self, ctx: click.Context, param: click.Parameter, incomplete: str) -> list[CompletionItem]:
+        """Leave it to the shell to complete paths."""
+        return [CompletionItem(incomplete, type="file")]
+
+
+@dataclass(frozen=True, slots=True)
+class Budget:
+    """An amount of time, as it was given and in seconds."""
+
+    text: str
+    seconds: float
+
+
+class BudgetParam(click.ParamType):  # type: ignore[type-arg]  # generic only from click 8.4 on
+    """Turns an amount such as ``60s`` into a budget; raises ``MisuseError``."""
+
+    name = "time"
+
+    def convert(self, value: str | Budget, param: click.Parameter | None, ctx: click.Context | None) -> Budget:
+        """Return the budget that the text means."""
+        return parse_budget(value) if isinstance(value, str) else value
 
 
 @click.command(short_help="Check files and say what is wrong, where, by how much and why.")
@@ -121,7 +156,7 @@ def check(
     record = record_of(runs, settings, started, {"jobs": jobs, **workers})
     record = budgeted(record, budget) if budget else record
     outputs.write(record, gathered_arrays(runs))
-    say_record(record, github=outputs.github)
+    print_record(record, github=outputs.github)
     return exit_code(record.files, settings.fail_on)
 
 
@@ -144,11 +179,16 @@ def check_options(settings: CheckConfig) -> CheckOptions:
             raise MisuseError(
                 "Expected at least one check to run, got a selection that leaves none; see `fedora-qa checks`"
             )
+    dialect: Dialect | None = None
+    if settings.dialect:
+        from fedora_qa.layout.dialect import load_dialect  # noqa: PLC0415 - loads HDF5
+
+        dialect = load_dialect(settings.dialect)
     return CheckOptions(
         effort=settings.effort,
         select=settings.select,
         ignore=settings.ignore,
-        dialect=_dialect(settings.dialect) if settings.dialect else None,
+        dialect=dialect,
         memory_bytes=settings.memory_bytes,
         false_alarm_rate=settings.false_alarm_rate,
         canary=settings.canary,
@@ -166,12 +206,6 @@ def folders_named(names: tuple[str, ...]) -> tuple[Path, ...]:
     return folders
 
 
-def _dialect(name_or_path: str) -> "Dialect":
-    from fedora_qa.layout.dialect import load_dialect  # noqa: PLC0415 - loads HDF5
-
-    return load_dialect(name_or_path)
-
-
 def require_hdf5(files: Sequence[Place]) -> None:
     """Raise ``MisuseError`` before any work where a path is missing, given twice, or no HDF5 file at all.
 
@@ -181,3 +215,28 @@ def require_hdf5(files: Sequence[Place]) -> None:
         if list(files).count(path) > 1:
             raise MisuseError(f"Expected each file once, got {path} {files.count(path)} times")
         require_signature(path)
+
+
+def parse_budget(text: str) -> Budget:
+    """Return an amount of time such as ``60s``, ``5m`` or ``0.5h``; raises ``MisuseError``."""
+    match = re.fullmatch(r"\s*(\d+(?:\.\d+)?)\s*([smh])\s*", text.lower())
+    seconds = float(match[1]) * _SECONDS_PER_UNIT[match[2]] if match else 0.0
+    # 0s is refused like text that does not match: no window fits into it.
+    if seconds <= 0:
+        raise MisuseError(f"Expected a time with a unit, such as 60s, 5m or 0.5h, got {text!r}")
+    return Budget(text.strip(), seconds)
+
+
+def require_budget_alone(budget: Budget | None, effort: str | None, settings: CheckConfig) -> None:
+    """Raise ``MisuseError`` where a budget is combined with an effort or with canaries."""
+    if budget and effort:
+        raise MisuseError("Expected either --effort or --budget, got both")
+    if budget and settings.canary:
+        raise MisuseError("Expected no canaries with --budget: how long they take is not known before; leave one out")
+
+
+def budgeted(record: Record, budget: Budget) -> Record:
+    """Return the record with the budget among the facts of its run: results depend on it, and on the machine."""
+    # In `run`, whose facts do not make two records differ: how far a budget carries depends on the machine.
+    host = {**record.run.host, "budget_s": budget.seconds}
+    return replace(record, run=replace(record.run, host=host), effort=f"budget {budget.text}")

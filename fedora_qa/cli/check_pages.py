@@ -5,7 +5,7 @@
 
 import re
 import sys
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -17,40 +17,27 @@ from fedora_qa.record.atomic import write_text
 
 def check_pages() -> Mapping[str, str]:
     """Return the text of every page, Markdown, by its file's name."""
-    subjects = dict.fromkeys(_subject(check) for check in CHECKS)
-    pages = {f"{subject}.md": "".join(_page(subject)) for subject in subjects}
-    return {"README.md": "".join(_index(list(subjects))), **pages}
-
-
-def _index(subjects: list[str]) -> Iterator[str]:
-    yield "# Checks\n\nEach page holds what `fedora-qa explain` says of a subject's checks; `make docs` writes them.\n"
-    for subject in subjects:
-        yield f"\n## [{subject}]({subject}.md)\n\n"
-        for check in _of(subject):
-            yield f"- [`{check.name}`]({subject}.md#{_anchor(check.name)}): {check.question}\n"
-
-
-def _page(subject: str) -> Iterator[str]:
-    yield f"# {subject}\n"
-    for check in _of(subject):
-        said = explanation(check)
-        yield f"\n## {check.name}\n\n**{said.question}**\n\nNeeds: {', '.join(check.needs) or 'no stream'}.\n"
-        yield f"\n{_markdown(said.measured)}\n"
-        for title, text in said.sections.items():
-            yield f"\n### {title}\n\n{_markdown(text)}\n"
-
-
-def _of(subject: str) -> list[Check[Any]]:
-    return [check for check in CHECKS if _subject(check) == subject]
-
-
-def _subject(check: Check[Any]) -> str:
-    return check.name.split(".")[0]
-
-
-def _anchor(name: str) -> str:
-    # GitHub leaves dots out of the anchor of a heading.
-    return name.replace(".", "")
+    checks_of: dict[str, list[Check[Any]]] = {}
+    for check in CHECKS:
+        checks_of.setdefault(check.name.split(".")[0], []).append(check)
+    index = (
+        "# Checks\n\nEach page holds what `fedora-qa explain` says of a subject's checks; `make docs` writes them.\n"
+    )
+    pages: dict[str, str] = {}
+    for subject, checks in checks_of.items():
+        index += f"\n## [{subject}]({subject}.md)\n\n"
+        page = f"# {subject}\n"
+        for check in checks:
+            # GitHub leaves dots out of the anchor of a heading.
+            anchor = check.name.replace(".", "")
+            index += f"- [`{check.name}`]({subject}.md#{anchor}): {check.question}\n"
+            said = explanation(check)
+            page += f"\n## {check.name}\n\n**{said.question}**\n\nNeeds: {', '.join(check.needs) or 'no stream'}.\n"
+            page += f"\n{_markdown(said.measured)}\n"
+            for title, text in said.sections.items():
+                page += f"\n### {title}\n\n{_markdown(text)}\n"
+        pages[f"{subject}.md"] = page
+    return {"README.md": index, **pages}
 
 
 def _markdown(text: str) -> str:

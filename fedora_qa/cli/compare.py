@@ -1,28 +1,42 @@
 """``fedora-qa compare``: sequences, datasets, or two versions of a release side by side."""
 
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
+from typing import Final
 
 import click
-from rich.table import Table
-from rich.text import Text
+from rich.console import Console
 
-from fedora_qa.cli.arrays import arrays_beside
-from fedora_qa.cli.check import PATH, folders_named
-from fedora_qa.cli.compared import read_sources, sources_of
+from fedora_qa.cli.apart import apart
+from fedora_qa.cli.arrays import arrays_beside, read_arrays
+from fedora_qa.cli.check import PATH, folders_named, require_hdf5
 from fedora_qa.cli.output_options import allow_external_option
 from fedora_qa.cli.outputs import Outputs
-from fedora_qa.cli.terminal import stdout_console, text
+from fedora_qa.cli.progress import progress_bar
+from fedora_qa.cli.terminal import print_table, stdout_console, text
 from fedora_qa.comparison.compare import DEFAULT_FALSE_ALARM_RATE
 from fedora_qa.comparison.compare import compare as compare_subjects
 from fedora_qa.comparison.json_io import comparison_to_json
 from fedora_qa.comparison.paper_tables import paper_tables
+from fedora_qa.comparison.sampled import sampled_from
+from fedora_qa.comparison.subjects import Given, GivenFile, labels
 from fedora_qa.comparison.tables import comparison_to_markdown, headline, how_it_is_told, pair_tables
 from fedora_qa.comparison.text_table import SOURCE, TextTable
 from fedora_qa.comparison.types import Design
 from fedora_qa.config import parse_bytes
+from fedora_qa.engine.opening import require_end_of_opening
+from fedora_qa.engine.progress import Progress
+from fedora_qa.engine.statistics import FileStatistics, measure_file
 from fedora_qa.errors import MisuseError
-from fedora_qa.layout.dialect import load_dialect
+from fedora_qa.layout.dialect import Dialect, load_dialect
 from fedora_qa.record.atomic import write_text
+from fedora_qa.record.json_io import read_record
+
+_SEQUENCES: Final = {".h5", ".hdf5"}
+_RECORD: Final = ".json"
 
 
 @click.command(short_help="Hold sequences, datasets or two versions against each other.")
@@ -83,13 +97,13 @@ def compare(
         write_text(html_path, render_comparison(comparison))
     console = stdout_console()
     for table in paper_tables(comparison):
-        _show_table(table)
+        _show_table(console, table)
     for pair in pair_tables(comparison):
         console.print(text(pair.title, "bold underline"))
         console.print(text(pair.summary))
         console.print()
         for table in pair.tables:
-            _show_table(table)
+            _show_table(console, table)
     for note in comparison.notes:
         console.print(text(note, "yellow"))
     console.print(text(headline(comparison), "bold"))
@@ -97,16 +111,86 @@ def compare(
     return 0
 
 
-def _show_table(source: TextTable) -> None:
-    console = stdout_console()
-    table = Table(box=None, pad_edge=False, padding=(0, 2, 0, 0))
-    for place, head in enumerate(source.head):
-        # Numbers are aligned on the right so that their digits stand below each other; words on the left.
-        table.add_column(head, justify="left" if place < source.words or head == SOURCE else "right", overflow="fold")
-    for row in source.rows:
-        table.add_row(*(text(cell) for cell in row))
-    console.print(Text(source.title, style="bold"))
-    console.print(table)
+def _show_table(console: Console, source: TextTable) -> None:
+    is_text = [column < source.words or head == SOURCE for column, head in enumerate(source.head)]
+    print_table(console, source.title, source.head, source.rows, is_text=is_text)
     if source.note:
         console.print(text(source.note, "dim"))
     console.print()
+
+
+@dataclass(frozen=True, slots=True)
+class Source:
+    """The files that one argument names: all of them sequences, or all of them records."""
+
+    given: Path
+    paths: tuple[Path, ...]
+    records: bool
+
+
+def sources_of(given: Sequence[Path], dialect: Dialect | None) -> tuple[Source, ...]:
+    """Return the files that the arguments name, before any of them is read.
+
+    Raises
+    ------
+    MisuseError
+        A path is missing or given twice, a file is no sequence, or a folder holds neither sequences nor records.
+    """
+    for path in given:
+        if given.count(path) > 1:
+            raise MisuseError(f"Expected each path once, got {path} {given.count(path)} times")
+    sources = []
+    for path in given:
+        if not path.is_dir():
+            sources.append(Source(path, (path,), path.suffix.lower() == _RECORD))
+            continue
+        inside = sorted(entry for entry in path.iterdir() if entry.is_file())
+        sequences = tuple(entry for entry in inside if entry.suffix.lower() in _SEQUENCES)
+        # Only a record with its arrays: distributions cannot be compared without them, and other JSON is no record.
+        records = tuple(entry for entry in inside if entry.suffix.lower() == _RECORD and arrays_beside(entry).is_file())
+        if not sequences and not records:
+            raise MisuseError(f"Expected sequences (.h5) or records with their arrays in {path}, got neither")
+        sources.append(Source(path, sequences or records, not sequences))
+    for source in sources:
+        if not source.records:
+            require_hdf5(source.paths)
+        elif not source.paths[0].is_file():
+            raise MisuseError(f"Expected a record at {source.given}, got no such file")
+    return tuple(sources)
+
+
+def read_sources(
+    sources: Sequence[Source], dialect: Dialect | None, memory_bytes: int, allow_external: Sequence[Path] = ()
+) -> tuple[Given, ...]:
+    """Read the records, and measure the other files, each in a process of its own; raises as ``apart``."""
+    names = labels([str(source.given) for source in sources])
+    subjects = []
+    for name, source in zip(names, sources, strict=True):
+        files = []
+        for path in source.paths:
+            if source.records:
+                record = read_record(path)
+                arrays = read_arrays(arrays_beside(path)) if arrays_beside(path).is_file() else {}
+                # Names of arrays start with the number of the file, from 0, if a record holds several (`record_of`).
+                has_several = len(record.files) > 1
+                for i, file in enumerate(record.files):
+                    sampled = sampled_from(arrays, f"{i}/" if has_several else "")
+                    files.append(GivenFile(file.path, file.statistics, sampled, file))
+                continue
+            with progress_bar(path.name) as report:
+                counted = apart(partial(_counted, path, dialect, memory_bytes, allow_external), path, report)
+            # As a record holds them: values that are not finite become None, which means unknown.
+            statistics = {
+                group: {key: None if isinstance(v, float) and not math.isfinite(v) else v for key, v in values.items()}
+                for group, values in counted.statistics.items()
+            }
+            files.append(GivenFile(str(path), statistics, sampled_from(counted.arrays)))
+        subjects.append(Given(name, tuple(files)))
+    return tuple(subjects)
+
+
+def _counted(
+    path: Path, dialect: Dialect | None, memory_bytes: int, allow_external: Sequence[Path], progress: Progress
+) -> FileStatistics:
+    require_end_of_opening(path, dialect, allow_external)
+    return measure_file(path, dialect, memory_bytes, progress, allow_external)

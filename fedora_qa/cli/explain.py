@@ -1,7 +1,6 @@
 """``fedora-qa checks`` and ``fedora-qa explain``: the questions of the checks, and how each is answered."""
 
 import sys
-from typing import Any
 
 import click
 from rich.table import Table
@@ -9,7 +8,6 @@ from rich.text import Text
 
 from fedora_qa.checks import CHECKS
 from fedora_qa.checks.explanation import explanation
-from fedora_qa.checks.protocol import Check
 from fedora_qa.cli.check_names import complete_check
 from fedora_qa.cli.detection_power import TITLE, detection_power_text
 from fedora_qa.cli.terminal import stdout_console
@@ -44,15 +42,11 @@ def explain(name: str) -> int:
     for check in checks:
         console.print(Text(check.name, style="bold"))
         console.print(Text(f"needs: {', '.join(check.needs) or 'no stream'}", style="dim"))
-        console.print(_explained(check))
+        said = explanation(check)
+        answer = Text(f"\n{said.question}\n\n{said.measured}\n")
+        measured = detection_power_text(check.name)
+        sections = {**said.sections, **({TITLE: measured} if measured else {})}
+        for title, section in sections.items():
+            answer.append(f"\n{title}\n", style="bold").append(f"{section}\n")
+        console.print(answer)
     return 0
-
-
-def _explained(check: Check[Any]) -> Text:
-    said = explanation(check)
-    text = Text(f"\n{said.question}\n\n{said.measured}\n")
-    measured = detection_power_text(check.name)
-    sections = {**said.sections, **({TITLE: measured} if measured else {})}
-    for title, section in sections.items():
-        text.append(f"\n{title}\n", style="bold").append(f"{section}\n")
-    return text

@@ -1,6 +1,5 @@
 """``fedora-qa extract``: the least file that shows a finding, to send to somebody."""
 
-from collections.abc import Iterator, Mapping
 from contextlib import suppress
 from functools import partial
 from pathlib import Path
@@ -71,23 +70,49 @@ def extract(
         raise MisuseError(f"Expected a new file to write, got {output}, which is there; use --force to write over it")
     record = read_record(record_path) if record_path else None
     # The piece must be checked with the effort of the record: at a lower one the finding may not be detected.
-    options = check_options(settings_from(config, _as_recorded(given, record)))
+    effort = record.effort if record and record.effort in get_args(Effort) else None
+    options = check_options(settings_from(config, {**given, "effort": given["effort"] or effort}))
     require_hdf5([file])
-    file_record = _known(file, record, record_path) if record and record_path else _checked(file, options)
+    if record and record_path:
+        file_record = _part_about(file, record, record_path)
+    else:
+        with progress_bar(file.name) as bar:
+            file_record = apart(partial(_check, file, options), file, bar)
     wanted = _wanted(finding, file_record)
     with progress_bar(file.name) as bar:
-        extracted = _extracted(file, output, wanted, options, longest_s, bar)
-    for line in _lines(file, output, finding, wanted, extracted):
+        try:
+            # By another process, in a folder that is removed even if that process dies; beside the output, because
+            # `replace` is atomic only within one file system.
+            with TemporaryDirectory(prefix=f".{output.name}.", dir=output.parent) as folder:
+                written = Path(folder) / output.name
+                extracted = apart(partial(_cut, file, written, wanted, options, longest_s), file, bar)
+                written.replace(output)
+        except UnreadableFileError as problem:
+            raise MisuseError(
+                f"Expected a file to cut a piece out of, got: {problem}; send the file as it is"
+            ) from None
+    # What the piece holds, and whether the finding is found in it.
+    sizes = [path.stat().st_size / 1e6 for path in (output, file)]
+    lines = [f"{output}: {sizes[0]:.3g} MB of the {sizes[1]:.3g} MB of {file}"]
+    lines += [
+        f"  {stream:<14} rows {rows.start} to {rows.stop} of {rows.of}" for stream, rows in extracted.kept.items()
+    ]
+    lines += [
+        f"  {path} was left out: no stream is known that it belongs to, or it cannot be read"
+        for path in extracted.left_out
+    ]
+    if extracted.finding:
+        whole = " All rows are in it: nothing shorter shows the finding." if extracted.is_whole else ""
+        lines.append(f"{finding} ({wanted.finding.code}) is found in it: {extracted.finding.message}{whole}")
+    else:
+        longer = "it may need more of the file, or all of it; see --longest"
+        lines.append(f"{finding} ({wanted.finding.code}) is not found in it: {longer}")
+    for line in lines:
         click.echo(unobeyed(line))
     return CLEAN if extracted.finding else INCOMPLETE
 
 
-def _checked(file: Path, options: CheckOptions) -> FileRecord:
-    with progress_bar(file.name) as bar:
-        return apart(partial(_found, file, options), file, bar)
-
-
-def _found(file: Path, options: CheckOptions, progress: Progress) -> FileRecord:
+def _check(file: Path, options: CheckOptions, progress: Progress) -> FileRecord:
     # Opening stands under a limit of processor time; this process ends if the file exceeds it.
     _require_end(file, options)
     return check_file(file, options, progress).record
@@ -98,27 +123,6 @@ def _require_end(file: Path, options: CheckOptions) -> None:
         require_end_of_opening(file, options.dialect, options.allow_external)
 
 
-def _as_recorded(given: Mapping[str, Any], record: Record | None) -> dict[str, Any]:
-    """Return the options; the effort is that of the record unless one was given."""
-    effort = record.effort if record and record.effort in get_args(Effort) else None
-    return {**given, "effort": given["effort"] or effort}
-
-
-def _extracted(
-    file: Path, output: Path, wanted: Wanted, options: CheckOptions, longest_s: float, progress: Progress
-) -> Extracted:
-    """Write the piece by another process, in a folder that is removed even if that process dies."""
-    try:
-        # Beside the output, because `replace` is atomic only within one file system.
-        with TemporaryDirectory(prefix=f".{output.name}.", dir=output.parent) as folder:
-            written = Path(folder) / output.name
-            extracted = apart(partial(_cut, file, written, wanted, options, longest_s), file, progress)
-            written.replace(output)
-            return extracted
-    except UnreadableFileError as problem:
-        raise MisuseError(f"Expected a file to cut a piece out of, got: {problem}; send the file as it is") from None
-
-
 def _cut(
     file: Path, output: Path, wanted: Wanted, options: CheckOptions, longest_s: float, progress: Progress
 ) -> Extracted:
@@ -126,7 +130,7 @@ def _cut(
     return extract_piece(file, output, wanted, options, longest_s, lambda what: progress(f"looking at {what}", 0, 1))
 
 
-def _known(file: Path, record: Record, record_path: Path) -> FileRecord:
+def _part_about(file: Path, record: Record, record_path: Path) -> FileRecord:
     """Return the part of a record about a file, identified by content; raises ``MisuseError`` where it has none."""
     # By content, not by path: the file may have been moved, and another may now lie at its path.
     digest = file_digest(file)
@@ -148,19 +152,3 @@ def _wanted(finding: str, file_record: FileRecord) -> Wanted:
     if wanted.check.startswith("release."):
         raise MisuseError(f"Expected a finding about a sequence, got {finding}, which is about the release")
     return wanted
-
-
-def _lines(file: Path, output: Path, finding: str, wanted: Wanted, extracted: Extracted) -> Iterator[str]:
-    """Yield lines that state what the piece holds, and whether the finding is found in it."""
-    sizes = [path.stat().st_size / 1e6 for path in (output, file)]
-    yield f"{output}: {sizes[0]:.3g} MB of the {sizes[1]:.3g} MB of {file}"
-    for stream, rows in extracted.kept.items():
-        yield f"  {stream:<14} rows {rows.start} to {rows.stop} of {rows.of}"
-    for path in extracted.left_out:
-        yield f"  {path} was left out: no stream is known that it belongs to, or it cannot be read"
-    if extracted.finding:
-        whole = " All rows are in it: nothing shorter shows the finding." if extracted.is_whole else ""
-        yield f"{finding} ({wanted.finding.code}) is found in it: {extracted.finding.message}{whole}"
-    else:
-        longer = "it may need more of the file, or all of it; see --longest"
-        yield f"{finding} ({wanted.finding.code}) is not found in it: {longer}"

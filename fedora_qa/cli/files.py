@@ -1,16 +1,15 @@
 """Check files by the executor that the settings name, and store each run as soon as it is complete."""
 
 import os
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from typing import Final
 
 import click
 
-from fedora_qa.cli.coverage import hold_to_coverage
 from fedora_qa.cli.host import usable_cores
 from fedora_qa.cli.kept import KeptFolder
 from fedora_qa.cli.progress import files_progress
-from fedora_qa.cli.unchanged import hold_to_version, version_before
 from fedora_qa.cli.workers import IN_PROCESS_VARIABLE
 from fedora_qa.config import LEAST_MEMORY_BYTES, CheckConfig
 from fedora_qa.engine.cluster import DaskExecutor
@@ -19,7 +18,13 @@ from fedora_qa.engine.files import check_files
 from fedora_qa.engine.options import CheckOptions, FileRun
 from fedora_qa.engine.processes import ProcessExecutor
 from fedora_qa.errors import MisuseError
-from fedora_qa.storage.place import Place
+from fedora_qa.record.types import FileRecord, Result
+from fedora_qa.record.wording import SHORT_OF_COVERAGE
+from fedora_qa.storage.place import Place, RemoteFile
+from fedora_qa.storage.version import Version, local_version
+
+_UNCHANGED: Final = "unchanged"
+_UNCHANGED_QUESTION: Final = "Did the file stay as it was while it was checked?"
 
 
 @dataclass(frozen=True, slots=True)
@@ -81,3 +86,50 @@ def checked(files: Sequence[Place], request: Request, executor: Executor) -> lis
             click.echo(f"fedora-qa: {len(runs)} of {len(files)} files are done, and kept in {kept.folder}", err=True)
         raise
     return [runs[path] for path in files]
+
+
+def version_before(place: Place) -> Version | None:
+    """Return the version of a local file; None behind a URL, where reading detects a change."""
+    return None if isinstance(place, RemoteFile) else local_version(place)
+
+
+def hold_to_version(file: FileRecord, place: Place, before: Version | None) -> FileRecord:
+    """Return the record, incomplete if the size or the time of the last change of its file differs now.
+
+    A record and its digest belong to one content; data read partly before and partly after a change belong to none.
+    """
+    if version_before(place) == before:
+        return file
+    reason = "Expected the file to stay as it is while it is checked, got a change; check it again"
+    # As a crashed result every format shows it, with the exit code of an incomplete run.
+    return replace(
+        file,
+        verdict="incomplete",
+        results=(*file.results, Result(_UNCHANGED, "crashed", _UNCHANGED_QUESTION, reason=reason)),
+    )
+
+
+def hold_to_coverage(file: FileRecord, required: Mapping[str, float]) -> FileRecord:
+    """Return the record, incomplete where a check covers less of its stream than required; its reason then states so.
+
+    Parameters
+    ----------
+    file
+        The record of one file.
+    required
+        Least share, 0 to 1, by subject or check. Where both are named, the check counts.
+    """
+    results: list[Result] = []
+    for result in file.results:
+        # A check's own requirement overrides that of its subject; without either the required share is 0.
+        least = required.get(result.check, required.get(result.check.partition(".")[0], 0.0))
+        # A check without coverage (it crashed, say) measured nothing, so that it meets no requirement above 0.
+        share = result.coverage.share if result.coverage else 0.0
+        if share >= least:
+            results.append(result)
+        else:
+            short = f"saw {share:.3g} of its stream {SHORT_OF_COVERAGE} {least:.3g}"
+            results.append(replace(result, reason="; ".join(filter(None, (result.reason, short)))))
+    if tuple(results) == file.results:
+        return file
+    return replace(file, results=tuple(results), verdict="incomplete")

@@ -12,15 +12,16 @@ from fedora_qa.cli.files import Request, checked, executor_for
 from fedora_qa.cli.output_options import PATH, allow_external_option, record_options
 from fedora_qa.cli.outputs import Outputs
 from fedora_qa.cli.record import gathered_arrays, record_of
-from fedora_qa.cli.say import say_record
+from fedora_qa.cli.summary import print_record
 from fedora_qa.engine.options import FileRun
 from fedora_qa.evidence.options import EvidenceOptions
 from fedora_qa.gate.baseline import baseline_of
 from fedora_qa.gate.certificate import certificate_of, write_certificate
-from fedora_qa.gate.documents import whole_digest
+from fedora_qa.gate.contents import contents_of
+from fedora_qa.gate.documents import whole_digest, whole_digests
 from fedora_qa.gate.policy import read_policy
 from fedora_qa.gate.release import find_release
-from fedora_qa.gate.release_results import contents_of, release_results_of, whole_digests
+from fedora_qa.gate.rules import release_results_of
 from fedora_qa.gate.verdict import Judgement, judged, release_record
 from fedora_qa.record.json_io import read_record
 
@@ -82,7 +83,7 @@ def gate(
     release_results = release_results_of(policy, release, files, contents, digests)
     record = judged(record, release, release_results, Judgement(policy, baseline, now.date()))
     outputs.write(record, gathered_arrays(runs))
-    say_record(record, github=outputs.github)
+    print_record(record, github=outputs.github)
     code = exit_code(record.files, "failed")
     if certificate and code == CLEAN:
         write_certificate(certificate_of(record, policy, whole_digest(policy_path), digests), certificate)

@@ -1,13 +1,12 @@
 """``fedora-qa layout``: what a file holds, where, and what was inferred."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from functools import partial
 from pathlib import Path
 from typing import Final
 
 import click
 import h5py
-from rich.console import Group, RenderableType
 from rich.padding import Padding
 from rich.table import Table
 from rich.text import Text
@@ -53,8 +52,47 @@ def layout(file: Path, dialect: str | None, draft_path: Path | None, allow_exter
     if draft_path:
         write_text(draft_path, draft)
     console = stdout_console()
-    for part in _parts(description, console.width):
-        console.print(part)
+    console.print(Text.assemble(("Dialect  ", "bold"), text(description.dialect)))
+    console.print(Text())
+    if description.datasets and console.width >= _WIDE:
+        columns = ["stream", "found at", "shape", "type", "units", "stored"]
+        if any(row.conversion for row in description.datasets):
+            columns.append("conversion")
+        table = Table(box=None, pad_edge=False, padding=(0, 2, 0, 0))
+        for column in columns:
+            table.add_column(column, no_wrap=column in {"stream", "shape", "type", "units"}, overflow="fold")
+        previous = ""
+        for row in description.datasets:
+            # Rows arrive by stream; a repeated name would hide where the next stream starts.
+            stream = "" if row.stream == previous else row.stream
+            cells = (stream, row.path, _shape(row.shape), row.dtype, row.units, _storage(row), row.conversion)
+            table.add_row(*(text(cell) for cell in cells[: len(columns)]))
+            previous = row.stream
+        console.print(table)
+        console.print(Text())
+    elif description.datasets:
+        # The content of the table as two short lines for each dataset.
+        for row in description.datasets:
+            console.print(text(f"{row.path}  {_shape(row.shape)}  {row.dtype} {row.units}"))
+            details = ", ".join(part for part in (row.stream, _storage(row), row.conversion) if part)
+            console.print(Padding(text(details, "dim"), (0, 0, 0, 4), expand=False))
+        console.print(Text())
+    inferred = [f"{name}: {number(v) if isinstance(v, float) else v}" for name, v in description.inferred]
+    unused = description.unused[:_UNUSED_SHOWN]
+    more = len(description.unused) - len(unused)
+    for title, lines, style in (
+        ("Absent", [f"{stream}: {reason}" for stream, reason in description.absent], ""),
+        ("Inferred", inferred, ""),
+        ("Problems", description.problems, "red"),
+        ("Not spoken of by the dialect", [*unused, *([f"... and {more} more"] if more else [])], ""),
+        ("Not looked at", description.unseen, ""),
+    ):
+        if not lines:
+            continue
+        console.print(Text(title, style="bold"))
+        for line in lines:
+            console.print(Padding(text(line, style), (0, 0, 0, 2), expand=False))
+        console.print(Text())
     return 0
 
 
@@ -73,49 +111,6 @@ def _described(
         raise UnreadableFileError(f"Expected a complete HDF5 file, got: {str(error).splitlines()[0]}") from None
 
 
-def _parts(description: Description, width: int) -> Iterator[RenderableType]:
-    yield Text.assemble(("Dialect  ", "bold"), text(description.dialect))
-    yield Text()
-    if description.datasets:
-        yield _table(description.datasets) if width >= _WIDE else _list(description.datasets)
-        yield Text()
-    inferred = [(name, number(v) if isinstance(v, float) else str(v)) for name, v in description.inferred]
-    yield from _pairs("Absent", description.absent)
-    yield from _pairs("Inferred", inferred)
-    yield from _lines("Problems", description.problems, "red")
-    unused = description.unused[:_UNUSED_SHOWN]
-    more = len(description.unused) - len(unused)
-    yield from _lines("Not spoken of by the dialect", [*unused, *([f"... and {more} more"] if more else [])], "")
-    yield from _lines("Not looked at", description.unseen, "")
-
-
-def _table(rows: Sequence[DatasetRow]) -> Table:
-    columns = ["stream", "found at", "shape", "type", "units", "stored"]
-    if any(row.conversion for row in rows):
-        columns.append("conversion")
-    table = Table(box=None, pad_edge=False, padding=(0, 2, 0, 0))
-    for column in columns:
-        table.add_column(column, no_wrap=column in {"stream", "shape", "type", "units"}, overflow="fold")
-    previous = ""
-    for row in rows:
-        # Rows arrive by stream; a repeated name would hide where the next stream starts.
-        stream = "" if row.stream == previous else row.stream
-        cells = (stream, row.path, _shape(row.shape), row.dtype, row.units, _storage(row), row.conversion)
-        table.add_row(*(text(cell) for cell in cells[: len(columns)]))
-        previous = row.stream
-    return table
-
-
-def _list(rows: Sequence[DatasetRow]) -> RenderableType:
-    """Return the content of the table as two short lines for each dataset."""
-    lines: list[RenderableType] = []
-    for row in rows:
-        lines.append(text(f"{row.path}  {_shape(row.shape)}  {row.dtype} {row.units}"))
-        details = ", ".join(part for part in (row.stream, _storage(row), row.conversion) if part)
-        lines.append(Padding(text(details, "dim"), (0, 0, 0, 4), expand=False))
-    return Group(*lines)
-
-
 def _storage(row: DatasetRow) -> str:
     chunks = f"{row.chunks[0]} {'row' if row.chunks[0] == 1 else 'rows'} a chunk" if row.chunks else "contiguous"
     return chunks if row.codec == "none" else f"{chunks}, {row.codec}"
@@ -123,16 +118,3 @@ def _storage(row: DatasetRow) -> str:
 
 def _shape(sizes: Sequence[int]) -> str:
     return " x ".join(map(str, sizes)) or "scalar"
-
-
-def _pairs(title: str, pairs: Sequence[tuple[str, str]]) -> Iterator[RenderableType]:
-    yield from _lines(title, [f"{name}: {value}" for name, value in pairs], "")
-
-
-def _lines(title: str, lines: Sequence[str], style: str) -> Iterator[RenderableType]:
-    if not lines:
-        return
-    yield Text(title, style="bold")
-    for line in lines:
-        yield Padding(text(line, style), (0, 0, 0, 2), expand=False)
-    yield Text()

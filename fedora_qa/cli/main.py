@@ -120,9 +120,9 @@ def run(arguments: Sequence[str]) -> int:
         # The message states the error; its type determines the exit code.
         if isinstance(error, click.ClickException):
             error.show()
-            return MISUSE
-        click.echo(f"fedora-qa: {unobeyed(str(error))}", err=True)
-        if isinstance(error, MisuseError):
+        else:
+            click.echo(f"fedora-qa: {unobeyed(str(error))}", err=True)
+        if isinstance(error, click.ClickException | MisuseError):
             return MISUSE
         # An unreadable file is a finding about the file; any other error leaves open whether there are findings.
         return FINDINGS if isinstance(error, UnreadableFileError) else INCOMPLETE
@@ -134,7 +134,20 @@ def run(arguments: Sequence[str]) -> int:
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return OUTPUT_CLOSED
     except Exception as error:  # noqa: BLE001 - a person gets one sentence, whatever happened
-        return _cannot_write(error) if isinstance(error, OSError) and error.errno in _FULL else _internal_error(error)
+        if isinstance(error, OSError) and error.errno in _FULL:
+            # A disk cannot be written to. No partial output is left: a file gets its name when it is complete.
+            place = f" {unobeyed(str(error.filename))}" if error.filename else ""
+            click.echo(f"fedora-qa: Expected to be able to write{place}, got: {error.strerror}", err=True)
+            return MISUSE
+        if os.environ.get(TRACEBACK_VARIABLE):
+            traceback.print_exc()
+        first_line = (str(error).splitlines() or ["no message"])[0]
+        click.echo(
+            f"fedora-qa: internal error, {type(error).__name__}: {unobeyed(first_line)} "
+            f"(set {TRACEBACK_VARIABLE}=1 and run again for the traceback)",
+            err=True,
+        )
+        return INCOMPLETE
 
 
 def _invoke(arguments: list[str]) -> int:
@@ -144,25 +157,6 @@ def _invoke(arguments: list[str]) -> int:
     # Within `run`, where a closed pipe is handled; at exit Python itself would report it.
     sys.stdout.flush()
     return code
-
-
-def _cannot_write(error: OSError) -> int:
-    """Report that a disk cannot be written to. No partial output is left: a file gets its name when it is complete."""
-    place = f" {unobeyed(str(error.filename))}" if error.filename else ""
-    click.echo(f"fedora-qa: Expected to be able to write{place}, got: {error.strerror}", err=True)
-    return MISUSE
-
-
-def _internal_error(error: Exception) -> int:
-    if os.environ.get(TRACEBACK_VARIABLE):
-        traceback.print_exc()
-    first_line = (str(error).splitlines() or ["no message"])[0]
-    click.echo(
-        f"fedora-qa: internal error, {type(error).__name__}: {unobeyed(first_line)} "
-        f"(set {TRACEBACK_VARIABLE}=1 and run again for the traceback)",
-        err=True,
-    )
-    return INCOMPLETE
 
 
 if __name__ == "__main__":

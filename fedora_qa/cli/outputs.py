@@ -54,10 +54,14 @@ class Outputs:
         alone = (self.json, self.arrays, self.markdown, self.html, *self.own, self.junit, self.sarif)
         targets = [path for path in alone if path is not None]
         for folder, names in ((self.csv, CSV_NAMES), (self.parquet, PARQUET_NAMES)):
-            if folder:
-                _require_folder(folder)
-                # A folder that does not exist yet holds nothing that could be overwritten.
-                targets += [folder / name for name in names if folder.is_dir()]
+            if not folder:
+                continue
+            if folder.exists() and not folder.is_dir():
+                raise MisuseError(f"Expected a folder for the tables, got a file: {folder}")
+            if not folder.exists() and not (folder.parent.is_dir() and os.access(folder.parent, os.W_OK)):
+                raise MisuseError(f"Expected the folder of {folder} to exist and be writable; make it first")
+            # A folder that does not exist yet holds nothing that could be overwritten.
+            targets += [folder / name for name in names if folder.is_dir()]
         # Resolved, because two names may lead to one file by a link or `..`.
         places = [path.resolve() for path in targets]
         read = {path.resolve() for path in inputs}
@@ -96,12 +100,3 @@ class Outputs:
             write_parquet(self.parquet, record)
         if self.html:
             write_html(self.html, record, arrays)
-
-
-def _require_folder(target: Path) -> None:
-    """Raise ``MisuseError`` where there is no such folder, and none can be made."""
-    if target.exists() and not target.is_dir():
-        raise MisuseError(f"Expected a folder for the tables, got a file: {target}")
-    parent = target.parent
-    if not target.exists() and not (parent.is_dir() and os.access(parent, os.W_OK)):
-        raise MisuseError(f"Expected the folder of {target} to exist and be writable; make it first")

@@ -1,14 +1,13 @@
 """The record's tables as Parquet. pyarrow is an optional package, imported only if they are asked for."""
 
 import math
-from collections.abc import Iterator
 from numbers import Real
 from pathlib import Path
 from typing import Any, Final
 
 from fedora_qa.errors import MisuseError
 from fedora_qa.record.atomic import replacing
-from fedora_qa.record.tables import TABLE_NAMES, Column, Kind, Table, tables_of
+from fedora_qa.record.tables import TABLE_NAMES, Kind, Table, tables_of
 from fedora_qa.record.types import Record
 
 PARQUET_NAMES: Final = tuple(f"{name}.parquet" for name in TABLE_NAMES)
@@ -48,18 +47,20 @@ def arrow_table(table: Table) -> Any:
         "integers": pa.list_(pa.int64()),
         "number": pa.float64(),
     }
-    return pa.table({column.name: pa.array(cells, types[column.kind]) for column, cells in _typed_columns(table)})
-
-
-def _typed_columns(table: Table) -> Iterator[tuple[Column, list[Any]]]:
+    arrays: dict[str, Any] = {}
     for place, column in enumerate(table.columns):
         cells = [_carried(row[place]) for row in table.rows]
         # An Arrow column has one type; a statistic may be a number, a text or a flag.
         if column.kind == "scalar":
-            yield Column(column.name, "number"), [cell if _is_number(cell) else None for cell in cells]
-            yield Column(f"{column.name}_text", "text"), [_no_number(cell) for cell in cells]
+            arrays[column.name] = pa.array([cell if _is_number(cell) else None for cell in cells], types["number"])
+            # Flags as JSON has them: true, false.
+            texts = [str(cell).lower() if isinstance(cell, bool) else cell for cell in cells]
+            arrays[f"{column.name}_text"] = pa.array(
+                [cell if isinstance(cell, str) else None for cell in texts], types["text"]
+            )
         else:
-            yield column, cells
+            arrays[column.name] = pa.array(cells, types[column.kind])
+    return pa.table(arrays)
 
 
 def _carried(value: Any) -> Any:
@@ -77,9 +78,3 @@ def _carried(value: Any) -> Any:
 def _is_number(value: Any) -> bool:
     # bool is a subclass of int; as numbers, flags would become 0 and 1.
     return isinstance(value, Real) and not isinstance(value, bool)
-
-
-def _no_number(cell: Any) -> str | None:
-    if isinstance(cell, bool):
-        return "true" if cell else "false"
-    return cell if isinstance(cell, str) else None

@@ -7,15 +7,13 @@ from pathlib import Path
 from typing import Any
 
 import click
-from rich.table import Table
-from rich.text import Text
 
 from fedora_qa.cli.check import PATH, check_options, settings_from
 from fedora_qa.cli.exit_codes import CLEAN, INCOMPLETE
 from fedora_qa.cli.html import require_renderer
 from fedora_qa.cli.outputs import Outputs
 from fedora_qa.cli.progress import progress_bar
-from fedora_qa.cli.terminal import stdout_console, text
+from fedora_qa.cli.terminal import print_table, stdout_console, text
 from fedora_qa.errors import MisuseError
 from fedora_qa.power.detection_power import detection_power_of, write_detection_power
 from fedora_qa.power.manifest import MANIFEST, read_manifest, require_files, require_other_names
@@ -24,8 +22,7 @@ from fedora_qa.power.study import Trial, measured_with, run_study, state_folder
 from fedora_qa.power.tables import Origin, power_of
 from fedora_qa.record.atomic import write_text
 from fedora_qa.record.power_json import power_to_json
-from fedora_qa.record.power_tables import PowerTable, headline, power_to_markdown, tables_of
-from fedora_qa.record.power_types import Power
+from fedora_qa.record.power_tables import headline, power_to_markdown, tables_of
 
 
 @click.command(short_help="Measure what the checks can see, over a corpus with a manifest.")
@@ -102,30 +99,16 @@ def power(
         from fedora_reports.power_drawing import draw_power  # noqa: PLC0415 - an extra
 
         write_text(svg_path, draw_power(measured_power))
-    _show(measured_power)
-    return INCOMPLETE if measured_power.crashed else CLEAN
-
-
-def _show(power: Power) -> None:
     console = stdout_console()
-    console.print(text(headline(power), "bold"))
-    if power.crashed:
-        console.print(
-            text(f"A check crashed in {len(power.crashed)} files: {', '.join(power.crashed[:3])}", "bold magenta")
-        )
+    console.print(text(headline(measured_power), "bold"))
+    if measured_power.crashed:
+        paths = ", ".join(measured_power.crashed[:3])
+        console.print(text(f"A check crashed in {len(measured_power.crashed)} files: {paths}", "bold magenta"))
     console.print()
-    for table in tables_of(power):
-        console.print(Text(table.title, style="bold"))
-        console.print(_table(table))
+    for table in tables_of(measured_power):
+        is_text = [column < table.words for column in range(len(table.head))]
+        print_table(console, table.title, table.head, table.rows, is_text=is_text)
         if table.note:
             console.print(text(table.note, "dim"))
         console.print()
-
-
-def _table(source: PowerTable) -> Table:
-    table = Table(box=None, pad_edge=False, padding=(0, 2, 0, 0))
-    for number, head in enumerate(source.head):
-        table.add_column(head, justify="left" if number < source.words else "right", overflow="fold")
-    for row in source.rows:
-        table.add_row(*(text(cell) for cell in row))
-    return table
+    return INCOMPLETE if measured_power.crashed else CLEAN

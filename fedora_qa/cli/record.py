@@ -27,6 +27,19 @@ def record_of(runs: Sequence[FileRun], settings: CheckConfig, started: str, fact
     ]
     # A dict, not a set: stages stay in the order in which they ran.
     stages = dict.fromkeys(stage for run in runs for stage in run.seconds)
+    host: dict[str, Scalar] = {
+        **host_facts(),
+        "peak_memory_mib": peak_memory_mib(),
+        "decoded_bytes": sum(run.decoded_bytes for run in runs),
+    }
+    # Bytes and requests from servers, where there were any.
+    traffic = sum((run.traffic for run in runs), NO_TRAFFIC)
+    if traffic.requests:
+        host |= {"transferred_bytes": traffic.transferred_bytes, "requests": traffic.requests}
+    # How far a budget of time has carried, in the order of the files; nothing without a budget.
+    reached = [run.reached for run in runs if run.reached]
+    if reached:
+        host["budget_reached"] = "; ".join(reached)
     return Record(
         record_version=RECORD_VERSION,
         ruleset_version=RULESET_VERSION,
@@ -35,14 +48,7 @@ def record_of(runs: Sequence[FileRun], settings: CheckConfig, started: str, fact
         run=Run(
             started=started,
             seconds={stage: sum(run.seconds.get(stage, 0.0) for run in runs) for stage in stages},
-            host={
-                **host_facts(),
-                "peak_memory_mib": peak_memory_mib(),
-                "decoded_bytes": sum(run.decoded_bytes for run in runs),
-                **_traffic(runs),
-                **_reached(runs),
-                **facts,
-            },
+            host={**host, **facts},
         ),
         files=tuple(files),
         effort=settings.effort,
@@ -53,18 +59,6 @@ def gathered_arrays(runs: Sequence[FileRun]) -> dict[str, Any]:
     """Return the evidence of all files, under the names that the record uses."""
     apart = len(runs) > 1
     return {_named(name, i, apart): array for i, run in enumerate(runs) for name, array in run.arrays.items()}
-
-
-def _traffic(runs: Sequence[FileRun]) -> dict[str, Scalar]:
-    """Return bytes and requests from servers, where there were any."""
-    traffic = sum((run.traffic for run in runs), NO_TRAFFIC)
-    return {"transferred_bytes": traffic.transferred_bytes, "requests": traffic.requests} if traffic.requests else {}
-
-
-def _reached(runs: Sequence[FileRun]) -> dict[str, Scalar]:
-    """Return how far a budget of time has carried, in the order of the files; empty without a budget."""
-    reached = [run.reached for run in runs if run.reached]
-    return {"budget_reached": "; ".join(reached)} if reached else {}
 
 
 def _named(name: str, file: int, apart: bool) -> str:

@@ -10,10 +10,9 @@ from numpy.typing import NDArray
 from fedora_qa.cli.arrays import arrays_beside, read_arrays
 from fedora_qa.cli.output_options import PATH, output_options
 from fedora_qa.cli.outputs import Outputs
-from fedora_qa.cli.say import say_record
+from fedora_qa.cli.summary import print_record
 from fedora_qa.errors import MisuseError
 from fedora_qa.record.json_io import read_record
-from fedora_qa.record.types import Record
 from fedora_qa.record.wording import unobeyed
 
 
@@ -28,18 +27,13 @@ def report(record_path: Path, outputs: Outputs) -> int:
     # The record and its arrays are inputs, even where no picture is drawn from them.
     outputs.require_writable([record_path, arrays_beside(record_path)])
     record = read_record(record_path)
-    outputs.write(record, _evidence(record, record_path) if outputs.html else {})
-    say_record(record, github=outputs.github)
+    arrays: Mapping[str, NDArray[Any]] = {}
+    if outputs.html and any(file.evidence for file in record.files):
+        try:
+            arrays = read_arrays(arrays_beside(record_path))
+        except MisuseError as problem:
+            # A warning, not misuse: verdict, findings and tables need no arrays.
+            click.echo(f"fedora-qa: {unobeyed(str(problem))}; the report is drawn without pictures", err=True)
+    outputs.write(record, arrays)
+    print_record(record, github=outputs.github)
     return 0
-
-
-def _evidence(record: Record, record_path: Path) -> Mapping[str, NDArray[Any]]:
-    """Return the arrays that the record names; none, with a message on stderr, where they are missing or damaged."""
-    if not any(file.evidence for file in record.files):
-        return {}
-    try:
-        return read_arrays(arrays_beside(record_path))
-    except MisuseError as problem:
-        # A warning, not misuse: verdict, findings and tables need no arrays.
-        click.echo(f"fedora-qa: {unobeyed(str(problem))}; the report is drawn without pictures", err=True)
-        return {}

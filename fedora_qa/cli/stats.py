@@ -1,13 +1,13 @@
 """``fedora-qa stats``: the sequence and flow tables of the paper, and tables of images and rates."""
 
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
+from dataclasses import dataclass
 from functools import partial
-from pathlib import Path
+from pathlib import Path, PurePath
+from typing import Final
 
 import click
-from rich.table import Table
-from rich.text import Text
 
 from fedora_qa import __version__
 from fedora_qa.cli.apart import apart
@@ -15,8 +15,7 @@ from fedora_qa.cli.check import PATH, folders_named, require_hdf5
 from fedora_qa.cli.output_options import allow_external_option
 from fedora_qa.cli.outputs import Outputs
 from fedora_qa.cli.progress import progress_bar
-from fedora_qa.cli.stats_tables import NOTES, StatsTable, tables_of
-from fedora_qa.cli.terminal import stdout_console, text
+from fedora_qa.cli.terminal import print_table, stdout_console, text
 from fedora_qa.config import parse_bytes
 from fedora_qa.engine.opening import require_end_of_opening
 from fedora_qa.engine.progress import Progress
@@ -24,7 +23,27 @@ from fedora_qa.engine.statistics import collect_statistics
 from fedora_qa.layout.dialect import Dialect, load_dialect
 from fedora_qa.record.atomic import write_text
 from fedora_qa.record.markdown import escape, table
+from fedora_qa.record.types import Scalar
+from fedora_qa.record.wording import number, with_error
 from fedora_qa.statistics.collector import Statistics
+
+_ABSENT: Final = "-"
+
+NOTES: Final = (
+    "T from the first to the last pose (or frame). D, v max and w max from least-squares quintic splines through the "
+    "poses, their knots chosen by cross-validation; the excess that noise leaves is told by a parametric bootstrap and "
+    "subtracted, and the error holds it. Flow, depth and brightness from every fourth column and row of every frame. "
+    "Flow is its magnitude in px over the interval of its rate."
+)
+
+
+@dataclass(frozen=True, slots=True)
+class StatsTable:
+    """A table of text; the first column names the file."""
+
+    title: str
+    head: tuple[str, ...]
+    rows: tuple[tuple[str, ...], ...]
 
 
 @click.command(short_help="Print the sequence and flow tables of files.")
@@ -48,32 +67,27 @@ def stats(
     Outputs(json_path, markdown_path).require_writable(files)
     require_hdf5(files)
     folders = folders_named(allow_external)
-    by_file = {str(path): _statistics_of(path, dialect_read, memory_bytes, folders) for path in files}
+    by_file: dict[str, Statistics] = {}
+    for path in files:
+        with progress_bar(path.name) as report:
+            task = partial(_counted, path, dialect_read, memory_bytes, folders)
+            by_file[str(path)] = apart(task, path, report)
     tables = tables_of(by_file)
     if json_path:
-        write_text(json_path, _as_json(by_file))
+        tool = {"name": "fedora-qa", "version": __version__}
+        measured = [{"path": path, "statistics": statistics} for path, statistics in by_file.items()]
+        # NaN is no JSON: an error here is better than a document that other parsers refuse.
+        write_text(json_path, json.dumps({"tool": tool, "files": measured}, indent=1, allow_nan=False) + "\n")
     if markdown_path:
-        write_text(markdown_path, _as_markdown(tables))
+        sections = [f"## {source.title}\n\n{table(source.head, source.rows)}" for source in tables]
+        write_text(markdown_path, "\n\n".join([*sections, escape(NOTES)]) + "\n")
     console = stdout_console()
     for source in tables:
-        table = Table(box=None, pad_edge=False, padding=(0, 2, 0, 0))
-        table.add_column(source.head[0], overflow="fold")
-        for head in source.head[1:]:
-            table.add_column(head, justify="right", overflow="fold")
-        for row in source.rows:
-            table.add_row(*(text(cell) for cell in row))
-        console.print(Text(source.title, style="bold"))
-        console.print(table)
+        is_text = [column == 0 for column in range(len(source.head))]
+        print_table(console, source.title, source.head, source.rows, is_text=is_text)
         console.print()
     console.print(text(NOTES, "dim"))
     return 0
-
-
-def _statistics_of(
-    path: Path, dialect: Dialect | None, memory_bytes: int, allow_external: tuple[Path, ...]
-) -> Statistics:
-    with progress_bar(path.name) as report:
-        return apart(partial(_counted, path, dialect, memory_bytes, allow_external), path, report)
 
 
 def _counted(
@@ -83,13 +97,76 @@ def _counted(
     return collect_statistics(path, dialect, memory_bytes, progress, allow_external)
 
 
-def _as_json(by_file: Mapping[str, Statistics]) -> str:
-    tool = {"name": "fedora-qa", "version": __version__}
-    files = [{"path": path, "statistics": statistics} for path, statistics in by_file.items()]
-    # NaN is no JSON: an error here is better than a document that other parsers refuse.
-    return json.dumps({"tool": tool, "files": files}, indent=1, allow_nan=False) + "\n"
+def tables_of(by_file: Mapping[str, Statistics]) -> tuple[StatsTable, ...]:
+    """Return the sequence table, the flow table, and tables of light, depth and rates, for files by path."""
+    # A file's name suffices where it distinguishes the file from the others; else its path.
+    names = [PurePath(path).name for path in by_file]
+    by_name = {
+        name if names.count(name) == 1 else path: statistics
+        for (path, statistics), name in zip(by_file.items(), names, strict=True)
+    }
+    # The union over files, as one may lack a stream that another has.
+    streams = list(dict.fromkeys(key for statistics in by_name.values() for key in statistics.get("rates", {})))
+    sequence_rows, flow_rows, image_rows, rate_rows = [], [], [], []
+    for name, statistics in by_name.items():
+        sequence, motion, events = (statistics.get(group, {}) for group in ("sequence", "motion", "events"))
+        sequence_rows.append(
+            (
+                name,
+                _value(sequence, "duration_s"),
+                _measured(motion, "distance", "m"),
+                _measured(motion, "speed_max", "m_s"),
+                _measured(motion, "angular_speed_max", "rad_s"),
+                _value(events, "count"),
+                # MER, the mean event rate, in 1e6 events/s.
+                _value(sequence, "event_rate_mean_per_s", scale=1e-6),
+                _value(events, "brighter_share", scale=100.0),
+            )
+        )
+        for group, flow in statistics.items():
+            if group.startswith("flow/"):
+                cells = (_value(flow, key) for key in ("mean_px", "variance_px2", "max_px"))
+                valid = _value(flow, "valid_share", scale=100.0)
+                flow_rows.append((name, group.removeprefix("flow/"), *cells, valid))
+        depth, rgb = statistics.get("depth", {}), statistics.get("rgb", {})
+        if depth or rgb:
+            spread = f"{_value(depth, 'min_m')} to {_value(depth, 'max_m')}" if depth else _ABSENT
+            cells = (_value(depth, key) for key in ("mean_m", "disparity_mean_per_m"))
+            valid = _value(depth, "valid_share", scale=100.0)
+            image_rows.append((name, spread, *cells, valid, _value(rgb, "brightness_mean_dn")))
+        if streams:
+            rate_rows.append((name, *(_value(statistics.get("rates", {}), key) for key in streams)))
+    tables = (
+        StatsTable(
+            "Sequences",
+            ("sequence", "T [s]", "D [m]", "v max [m/s]", "w max [rad/s]", "events", "MER [M/s]", "brighter [%]"),
+            tuple(sequence_rows),
+        ),
+        StatsTable(
+            "Flow", ("sequence", "rate", "mean [px]", "variance [px^2]", "max [px]", "valid [%]"), tuple(flow_rows)
+        ),
+        StatsTable(
+            "Depth and light",
+            ("sequence", "depth [m]", "mean depth [m]", "mean disparity [1/m]", "valid [%]", "brightness [DN]"),
+            tuple(image_rows),
+        ),
+        StatsTable(
+            "Rates",
+            ("sequence", *(f"{stream.removesuffix('_hz')} [Hz]" for stream in streams)),
+            tuple(rate_rows),
+        ),
+    )
+    return tuple(source for source in tables if source.rows)
 
 
-def _as_markdown(tables: Sequence[StatsTable]) -> str:
-    sections = [f"## {source.title}\n\n{table(source.head, source.rows)}" for source in tables]
-    return "\n\n".join([*sections, escape(NOTES)]) + "\n"
+def _value(group: Mapping[str, Scalar], key: str, scale: float = 1.0) -> str:
+    value = group.get(key)
+    return number(scale * value) if isinstance(value, int | float) else _ABSENT
+
+
+def _measured(group: Mapping[str, Scalar], name: str, unit: str) -> str:
+    value, error = group.get(f"{name}_{unit}"), group.get(f"{name}_standard_error_{unit}")
+    # Noise of the poses adds to distances and maxima (NOTES); without the error of its removal a value is not shown.
+    if not isinstance(value, int | float) or not isinstance(error, int | float):
+        return _ABSENT
+    return with_error(value, error, "")

@@ -3,13 +3,15 @@
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Final
 
+import click
 from rich.console import Console, Group, RenderableType
 from rich.padding import Padding
 from rich.table import Table
 from rich.text import Text
 
-from fedora_qa.cli.terminal import text
-from fedora_qa.record.types import Diagnosis, FileRecord, Finding, Outcome, Record, Result, Severity, Verdict
+from fedora_qa.cli.terminal import stdout_console, text
+from fedora_qa.record.github import record_to_github, silenced
+from fedora_qa.record.types import Diagnosis, FileRecord, Outcome, Record, Result, Severity, Verdict
 from fedora_qa.record.wording import (
     OUTCOME_WORDS,
     canaries_seen,
@@ -51,13 +53,54 @@ _FINDINGS_SHOWN: Final = 12
 _SLOWEST_SHOWN: Final = 3
 
 
+def print_record(record: Record, *, github: bool) -> None:
+    """Print the summary, and annotations for GitHub if asked for; GitHub obeys no command that a file contains."""
+    console = stdout_console()
+    if not github:
+        show_record(console, record)
+        return
+    # Captured whole, because GitHub obeys commands in any line that is printed outside the silenced part.
+    with console.capture() as captured:
+        show_record(console, record)
+    click.echo(silenced(captured.get()) + record_to_github(record), nl=False)
+
+
 def show_record(console: Console, record: Record) -> None:
     """Print the record of one or more files."""
     for file in record.files:
         console.print(Group(*_file(file, console.width)))
     if len(record.files) > 1:
-        console.print(Group(Text("Files", style="bold"), _files_table(record.files), Text()))
-    console.print(Group(*_run_lines(record)))
+        table = Table(box=None, pad_edge=False, padding=(0, 2, 0, 0), show_header=False)
+        table.add_column(no_wrap=True)
+        table.add_column(overflow="fold")
+        table.add_column(overflow="fold")
+        for file in record.files:
+            verdict = Text(file.verdict, style=VERDICT_STYLES[file.verdict])
+            table.add_row(verdict, text(file.path), text(tally(file.results)))
+        console.print(Group(Text("Files", style="bold"), table, Text()))
+    # Seconds of the stages; those of single checks, "check <name>", lie within a stage and must not be added again.
+    seconds, host = record.run.seconds, record.run.host
+    stages = {name: spent for name, spent in seconds.items() if not name.startswith("check ")}
+    checks = {name.removeprefix("check "): spent for name, spent in seconds.items() if name.startswith("check ")}
+    parts = [
+        f"{sum(stages.values()):.1f} s",
+        # At one decimal a shorter stage would be printed as 0.0 s.
+        *(f"{name} {spent:.1f} s" for name, spent in stages.items() if spent > 0.05),
+    ]
+    lines = [f"{record.tool.name} {record.tool.version}, effort {record.effort}: {', '.join(parts)}"]
+    # Bytes and requests from servers, where files lie behind URLs.
+    size = sum(file.size for file in record.files)
+    transferred, requests = host.get("transferred_bytes"), host.get("requests")
+    if isinstance(transferred, int) and requests:
+        lines.append(f"transferred {transferred / 1e6:.1f} of {size / 1e6:.1f} MB in {requests} requests")
+    # How far a budget of time has carried; nothing without a budget.
+    reached = host.get("budget_reached")
+    if reached:
+        lines.append(f"{record.effort}: {reached}")
+    slowest = sorted(checks, key=lambda name: -checks[name])[:_SLOWEST_SHOWN]
+    if slowest:
+        lines.append("slowest checks: " + ", ".join(f"{name} {checks[name]:.1f} s" for name in slowest))
+    console.print(Group(*(text(line, "dim") for line in lines)))
 
 
 def _file(file: FileRecord, width: int) -> Iterator[RenderableType]:
@@ -73,15 +116,24 @@ def _file(file: FileRecord, width: int) -> Iterator[RenderableType]:
         yield from _section("Probable causes", [_diagnosis(diagnosis, file) for diagnosis in file.diagnoses])
     findings = findings_of(file)
     if findings:
-        lines_of_findings = [_finding(result, finding) for result, finding in findings[:_FINDINGS_SHOWN]]
-        if len(findings) > _FINDINGS_SHOWN:
-            lines_of_findings.append(
-                Text(f"... and {len(findings) - _FINDINGS_SHOWN} more: write them all with --json", style="dim")
+        blocks: list[RenderableType] = []
+        for result, finding in findings[:_FINDINGS_SHOWN]:
+            head = Text.assemble(
+                (f"{finding.id}  ", "bold"),
+                (finding.severity, SEVERITY_STYLES[finding.severity]),
+                "  ",
+                text(finding.code or result.check),
             )
-        yield from _section("Findings", lines_of_findings)
+            if place(finding.where):
+                head.append_text(text(f"  {place(finding.where)}", "dim"))
+            blocks.append(Group(head, Padding(text(finding.message), (0, 0, 0, 4), expand=False)))
+        if len(findings) > _FINDINGS_SHOWN:
+            more = len(findings) - _FINDINGS_SHOWN
+            blocks.append(Text(f"... and {more} more: write them all with --json", style="dim"))
+        yield from _section("Findings", blocks)
     if file.results:
         yield Text("Checks", style="bold")
-        yield _checks_table(file.results) if width >= _WIDE else _checks_list(file.results)
+        yield from _checks(file.results, width)
         yield Text()
     if reasons(file.results):
         yield from _section("Reasons", [text(reason) for reason in reasons(file.results)])
@@ -114,87 +166,27 @@ def _diagnosis(diagnosis: Diagnosis, file: FileRecord) -> RenderableType:
     return Group(head, Padding(details, (0, 0, 0, 4), expand=False))
 
 
-def _finding(result: Result, finding: Finding) -> RenderableType:
-    head = Text.assemble(
-        (f"{finding.id}  ", "bold"),
-        (finding.severity, SEVERITY_STYLES[finding.severity]),
-        "  ",
-        text(finding.code or result.check),
-    )
-    if place(finding.where):
-        head.append_text(text(f"  {place(finding.where)}", "dim"))
-    return Group(head, Padding(text(finding.message), (0, 0, 0, 4), expand=False))
-
-
-def _checks_table(results: Sequence[Result]) -> Table:
-    table = Table(box=None, pad_edge=False, padding=(0, 2, 0, 0))
-    for name in ("check", "outcome"):
-        table.add_column(name, no_wrap=True)
-    table.add_column("measured", overflow="fold")
-    for name in ("expected", "sees from"):
-        table.add_column(name, justify="right", no_wrap=True)
-    table.add_column("coverage", overflow="fold")
-    for result in results:
-        table.add_row(text(result.check), _outcome(result), *(text(cell) for cell in check_cells(result)))
-    return table
-
-
-def _checks_list(results: Sequence[Result]) -> RenderableType:
-    """Return the content of the table as a few short lines for each check."""
-    blocks: list[RenderableType] = []
+def _checks(results: Sequence[Result], width: int) -> Iterator[RenderableType]:
+    """Yield a table of the checks, or in a narrow terminal its content as a few short lines for each check."""
+    if width >= _WIDE:
+        table = Table(box=None, pad_edge=False, padding=(0, 2, 0, 0))
+        for name in ("check", "outcome"):
+            table.add_column(name, no_wrap=True)
+        table.add_column("measured", overflow="fold")
+        for name in ("expected", "sees from"):
+            table.add_column(name, justify="right", no_wrap=True)
+        table.add_column("coverage", overflow="fold")
+        for result in results:
+            table.add_row(text(result.check), _outcome(result), *(text(cell) for cell in check_cells(result)))
+        yield table
+        return
     for result in results:
         measured, expected, least, coverage = check_cells(result)
         parts = [measured, f"expected {expected}" if expected else "", f"sees from {least}" if least else "", coverage]
-        blocks.append(Text.assemble(_outcome(result), "  ", text(result.check)))
+        yield Text.assemble(_outcome(result), "  ", text(result.check))
         if any(parts):
-            blocks.append(Padding(text("; ".join(filter(None, parts)), "dim"), (0, 0, 0, 4), expand=False))
-    return Group(*blocks)
+            yield Padding(text("; ".join(filter(None, parts)), "dim"), (0, 0, 0, 4), expand=False)
 
 
 def _outcome(result: Result) -> Text:
     return Text(OUTCOME_WORDS[result.outcome], style=OUTCOME_STYLES[result.outcome])
-
-
-def _files_table(files: Sequence[FileRecord]) -> Table:
-    table = Table(box=None, pad_edge=False, padding=(0, 2, 0, 0), show_header=False)
-    table.add_column(no_wrap=True)
-    table.add_column(overflow="fold")
-    table.add_column(overflow="fold")
-    for file in files:
-        table.add_row(
-            Text(file.verdict, style=VERDICT_STYLES[file.verdict]), text(file.path), text(tally(file.results))
-        )
-    return table
-
-
-def _run_lines(record: Record) -> Iterator[RenderableType]:
-    seconds = record.run.seconds
-    stages = {name: spent for name, spent in seconds.items() if not name.startswith("check ")}
-    # Seconds of the stages; those of single checks, "check <name>", lie within a stage and must not be added again.
-    checks = {name.removeprefix("check "): spent for name, spent in seconds.items() if name.startswith("check ")}
-    slowest = sorted(checks, key=lambda name: -checks[name])[:_SLOWEST_SHOWN]
-    parts = [
-        f"{sum(stages.values()):.1f} s",
-        # At one decimal a shorter stage would be printed as 0.0 s.
-        *(f"{name} {spent:.1f} s" for name, spent in stages.items() if spent > 0.05),
-    ]
-    line = f"{record.tool.name} {record.tool.version}, effort {record.effort}: {', '.join(parts)}"
-    yield text(line, "dim")
-    yield from (text(line, "dim") for line in (*_transferred(record), *_reached(record)))
-    if slowest:
-        yield text("slowest checks: " + ", ".join(f"{name} {checks[name]:.1f} s" for name in slowest), "dim")
-
-
-def _transferred(record: Record) -> Iterator[str]:
-    """Yield a line on bytes and requests from servers, where files lie behind URLs."""
-    host, size = record.run.host, sum(file.size for file in record.files)
-    transferred, requests = host.get("transferred_bytes"), host.get("requests")
-    if isinstance(transferred, int) and requests:
-        yield f"transferred {transferred / 1e6:.1f} of {size / 1e6:.1f} MB in {requests} requests"
-
-
-def _reached(record: Record) -> Iterator[str]:
-    """Yield a line on how far a budget of time has carried; nothing without a budget."""
-    reached = record.run.host.get("budget_reached")
-    if reached:
-        yield f"{record.effort}: {reached}"

@@ -7,8 +7,7 @@ import click
 
 from fedora_qa.cli.exit_codes import CLEAN, FINDINGS
 from fedora_qa.cli.output_options import PATH
-from fedora_qa.gate.certificate import read_certificate
-from fedora_qa.gate.verify import differences
+from fedora_qa.gate.certificate import differences, read_certificate
 from fedora_qa.record.wording import unobeyed
 
 

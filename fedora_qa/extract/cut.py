@@ -1,6 +1,6 @@
 """Write a file with some rows of another: the same groups, attributes and links, and index maps of its own events."""
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, field
 from math import lcm
@@ -11,11 +11,10 @@ import h5py
 import numpy as np
 from numpy.typing import NDArray
 
-from fedora_qa.extract.index_maps import entries_kept, shifted
 from fedora_qa.extract.place import Piece
-from fedora_qa.extract.remembering import RememberingFile
 from fedora_qa.extract.rows import CutRows, rows_kept
 from fedora_qa.extract.storage import (
+    RememberingFile,
     beside_its_file,
     copy_attributes,
     copy_rows,
@@ -27,6 +26,7 @@ from fedora_qa.layout.canonical import DATASETS
 from fedora_qa.layout.dialect import Dialect
 from fedora_qa.layout.elsewhere import Elsewhere
 from fedora_qa.layout.links import READ_ERRORS, RefusedError, find_dataset, find_object
+from fedora_qa.sequence.facts import IndexMap
 from fedora_qa.sequence.scan import FRAMES_OF_MAP, Scan
 from fedora_qa.sequence.sequence import SequenceRows
 
@@ -35,6 +35,23 @@ _Place = tuple[str, int]
 
 _SMALL_BYTES: Final = 64 << 10
 """Longest dataset unknown to the dialect that is copied, whole: which of its rows belong to a piece is unknown."""
+
+
+def entries_kept(index_map: IndexMap, frames: CutRows, events: CutRows) -> NDArray[np.int64]:
+    """Return the entries of the frames of a piece, which count from the first event of the piece.
+
+    The error of an entry (events) is preserved: a cut must not correct a wrong map.
+    """
+    # A map with fewer entries than frames stays as short in the piece.
+    rows = slice(frames.start, min(frames.stop, len(index_map.expected_left)))
+    expected, stored = index_map.expected_left[rows], index_map.stored[rows]
+    # entry = (events of the piece before the frame) + (stored - expected): the error in events, unchanged by the cut.
+    return shift_entries(expected, events) + (stored - expected)
+
+
+def shift_entries(entries: NDArray[np.int64], events: CutRows) -> NDArray[np.int64]:
+    """Return correct entries as they count from the first event of the piece, limited to its number of events."""
+    return np.clip(entries - events.start, 0, events.stop - events.start)
 
 
 class Cutter:
@@ -90,55 +107,42 @@ class Cutter:
         MisuseError
             The target cannot be written: the disk is full, say.
         """
-        counts = _row_counts(self._datasets)
-        kept = _aligned(rows_kept(piece, self._sequence, self._scanned, counts), self._datasets)
+        # Of a stream whose datasets differ in length, the rows of the shortest.
+        counts: dict[str, int] = {}
+        for key, dataset in self._datasets.items():
+            stream = DATASETS[key].stream
+            counts[stream] = min(counts.get(stream, dataset.shape[0]), dataset.shape[0])
+        kept = rows_kept(piece, self._sequence, self._scanned, counts)
+        # A stream with rows that cannot be decoded starts at a whole chunk, so that damage is copied.
+        for stream, rows in tuple(kept.items()):
+            ours = [dataset for key, dataset in self._datasets.items() if DATASETS[key].stream == stream]
+            if any(needs_whole_chunks(dataset, rows.start, _stop(rows, dataset)) for dataset in ours):
+                # All datasets of a stream start at one row, each at a whole chunk: at a multiple of all chunk lengths.
+                together = lcm(*(dataset.chunks[0] for dataset in ours if dataset.chunks))
+                kept[stream] = CutRows(rows.start // together * together, rows.stop, rows.of)
         cuts: dict[_Place, _Cut] = {}
         for key, dataset in self._datasets.items():
             stream = DATASETS[key].stream
+            # Entries of an index map; None of everything else, and where they cannot be read.
+            entries: NDArray[np.int64] | None = None
+            if stream in FRAMES_OF_MAP and "events" in kept:
+                frames, events = kept[stream], kept["events"]
+                index_map = self._scanned.facts.index_maps.get(stream)
+                if index_map is not None:
+                    # Entries count events from the start of the file; those of the piece count from its first event.
+                    entries = entries_kept(index_map, frames, events)
+                else:
+                    with suppress(*READ_ERRORS):
+                        stored = np.asarray(dataset[frames.start : _stop(frames, dataset)]).astype(np.int64)
+                        entries = shift_entries(stored, events)
             # By address, not by path: a dataset may have several names, and the walk meets any of them first.
-            cuts[_linked_place(dataset.file, dataset.name)] = _Cut(
-                dataset, kept[stream], self._entries(stream, dataset, kept)
-            )
+            cuts[_linked_place(dataset.file, dataset.name)] = _Cut(dataset, kept[stream], entries)
         with RememberingFile(target) as file:
             with h5py.File(file, "w") as copy:
                 writer = _Writer(cuts, file, self._file.filename, self._elsewhere)
                 writer.group(self._file, copy)
             file.go_on()
         return kept, tuple(writer.left_out)
-
-    def _entries(self, stream: str, dataset: h5py.Dataset, kept: Mapping[str, CutRows]) -> NDArray[np.int64] | None:
-        """Return the kept entries of an index map; None of everything else, and where they cannot be read."""
-        if stream not in FRAMES_OF_MAP or "events" not in kept:
-            return None
-        frames, events = kept[stream], kept["events"]
-        index_map = self._scanned.facts.index_maps.get(stream)
-        if index_map is not None:
-            # Entries count events from the start of the file; those of the piece must count from its first event.
-            return entries_kept(index_map, frames, events)
-        with suppress(*READ_ERRORS):
-            return shifted(np.asarray(dataset[frames.start : _stop(frames, dataset)]).astype(np.int64), events)
-        return None
-
-
-def _row_counts(datasets: Mapping[str, h5py.Dataset]) -> dict[str, int]:
-    """Return the number of rows of each stream: that of its shortest dataset where they differ."""
-    counts: dict[str, int] = {}
-    for key, dataset in datasets.items():
-        stream = DATASETS[key].stream
-        counts[stream] = min(counts.get(stream, dataset.shape[0]), dataset.shape[0])
-    return counts
-
-
-def _aligned(kept: Mapping[str, CutRows], datasets: Mapping[str, h5py.Dataset]) -> dict[str, CutRows]:
-    """Return the rows; a stream with rows that cannot be decoded starts at a whole chunk, so that damage is copied."""
-    whole = dict(kept)
-    for stream, rows in kept.items():
-        ours = [dataset for key, dataset in datasets.items() if DATASETS[key].stream == stream]
-        if any(needs_whole_chunks(dataset, rows.start, _stop(rows, dataset)) for dataset in ours):
-            # All datasets of a stream start at one row, and each at a whole chunk: at a multiple of all chunk lengths.
-            together = lcm(*(dataset.chunks[0] for dataset in ours if dataset.chunks))
-            whole[stream] = CutRows(rows.start // together * together, rows.stop, rows.of)
-    return whole
 
 
 @dataclass(frozen=True, slots=True)
@@ -173,7 +177,13 @@ class _Writer:
     def group(self, source: h5py.Group, copy: h5py.Group) -> None:
         """Write the attributes and members of a group."""
         copy_attributes(source, copy)
-        for name, link in _links(source):
+        # Listed first: an error of listing ends the list, not the writing of what it holds.
+        links: list[tuple[str, Any]] = []
+        with suppress(*READ_ERRORS):
+            for name in source:
+                if isinstance(name, str):  # other names are bytes, no UTF-8, and in no dialect
+                    links.append((name, source.get(name, getlink=True)))
+        for name, link in links:
             self.file.go_on()
             try:
                 self._member(source, copy, name, link)
@@ -186,28 +196,34 @@ class _Writer:
     def _member(self, source: h5py.Group, copy: h5py.Group, name: str, link: Any) -> None:
         if isinstance(link, h5py.HardLink):
             self._object(copy, name, _linked_place(source, name), lambda: source[name])
-        elif (target := self._led_to(source, name, link)) is not None:
+            return
+        # Such a link cannot stay a link in the piece; nor can a soft link within another file, whose path would lead
+        # nowhere in the piece.
+        leaves = isinstance(link, h5py.ExternalLink) or source.file.filename != self.source
+        target: Any = None
+        if self.elsewhere is not None and leaves:
+            with suppress(RefusedError):
+                target = find_object(source.file, f"{source.name}/{name}", self.elsewhere)
+        if target is None:
+            copy[name] = link
+        else:
             place = target.file.filename, int(h5py.h5o.get_info(target.id).addr)
             self._object(copy, name, place, lambda: target)
-        else:
-            copy[name] = link
-
-    def _led_to(self, source: h5py.Group, name: str, link: Any) -> Any:
-        """Return the target of a link that cannot stay a link in the piece, if it may be read; else None."""
-        # Also soft links within another file: their paths lead nowhere in the piece.
-        leaves = isinstance(link, h5py.ExternalLink) or source.file.filename != self.source
-        if self.elsewhere is None or not leaves:
-            return None
-        with suppress(RefusedError):
-            return find_object(source.file, f"{source.name}/{name}", self.elsewhere)
-        return None
 
     def _object(self, copy: h5py.Group, name: str, address: _Place, opened: Callable[[], Any]) -> None:
         if address in self.written:
             copy[name] = copy.file[self.written[address]]
             return
         if address in self.cuts:
-            self._rows(self.cuts[address], copy, name)
+            cut = self.cuts[address]
+            if cut.entries is None:
+                start = min(cut.rows.start, cut.dataset.shape[0])
+                copy_rows(cut.dataset, copy, name, start, max(_stop(cut.rows, cut.dataset), start))
+            else:
+                # The stored type stays, so that a wrong one is a fault of the piece as well.
+                entries = new_dataset(cut.dataset, copy, name, len(cut.entries))
+                entries[...] = cut.entries.astype(cut.dataset.dtype)
+                copy_attributes(cut.dataset, entries)
             self.written[address] = f"{copy.name.rstrip('/')}/{name}"
             return
         thing = opened()
@@ -223,22 +239,3 @@ class _Writer:
         else:
             copy_whole(thing, copy, name)
         self.written[address] = f"{copy.name.rstrip('/')}/{name}"
-
-    def _rows(self, cut: _Cut, copy: h5py.Group, name: str) -> None:
-        dataset = cut.dataset
-        if cut.entries is None:
-            start = min(cut.rows.start, dataset.shape[0])
-            copy_rows(dataset, copy, name, start, max(_stop(cut.rows, dataset), start))
-            return
-        # The stored type stays, so that a wrong one is a fault of the piece as well.
-        entries = new_dataset(dataset, copy, name, len(cut.entries))
-        entries[...] = cut.entries.astype(dataset.dtype)
-        copy_attributes(dataset, entries)
-
-
-def _links(group: h5py.Group) -> Iterator[tuple[str, Any]]:
-    """Yield the members of a group that can be listed, by name, with how each is linked."""
-    with suppress(*READ_ERRORS):
-        for name in group:
-            if isinstance(name, str):  # other names are bytes, no UTF-8, and in no dialect
-                yield name, group.get(name, getlink=True)

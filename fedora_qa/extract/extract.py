@@ -96,23 +96,19 @@ def extract(
             for piece in pieces_around(place, round(longest_s * NS_PER_S)):
                 report(f"a piece of {(piece.stop_ns - piece.start_ns) / NS_PER_S:.3g} s")
                 kept, left_out = cutter.write(piece, temporary)
-                extracted = Extracted(kept, left_out, _found_in(temporary, wanted, options))
+                record = check_file(temporary, options).record
+                # The same rule, broken in the same stream. Place and size may differ in the piece: it is the worst
+                # place of fewer rows.
+                same = (
+                    finding
+                    for result in record.results
+                    for finding in result.findings
+                    if result.check == wanted.check
+                    and finding.code == wanted.finding.code
+                    and finding.where.stream == wanted.finding.where.stream
+                )
+                extracted = Extracted(kept, left_out, next(same, None))
                 # A piece that holds all rows cannot grow.
                 if extracted.finding or extracted.is_whole:
                     break
             return extracted
-
-
-def _found_in(piece: Path, wanted: Wanted, options: CheckOptions) -> Finding | None:
-    """Return the finding as a check of the piece reports it: the same rule, broken in the same stream."""
-    record = check_file(piece, options).record
-    same = (
-        finding
-        for result in record.results
-        for finding in result.findings
-        if result.check == wanted.check
-        # Place and size of the finding may differ in the piece: it is the worst place of fewer rows.
-        and finding.code == wanted.finding.code
-        and finding.where.stream == wanted.finding.where.stream
-    )
-    return next(same, None)

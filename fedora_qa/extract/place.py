@@ -8,7 +8,6 @@ import numpy as np
 
 from fedora_qa.conventions import NS_PER_US
 from fedora_qa.record.types import Where
-from fedora_qa.sequence.facts import Facts
 from fedora_qa.sequence.scan import FRAMES_OF_MAP, Scan
 
 SHORTEST_MARGIN_NS: Final = 200_000_000
@@ -56,7 +55,24 @@ def place_of(where: Where, check: str, scanned: Scan) -> FindingPlace:
     with most events. Faults of the layout show at the end, where rows are missing.
     """
     first, last = shared_time_ns(scanned)
-    times = _times_of(where, scanned)
+    rows: tuple[str, int, int] | None = None
+    if where.stream is not None and where.index_start is not None:
+        stop_row = where.index_start if where.index_stop is None else where.index_stop
+        rows = where.stream, where.index_start, max(stop_row, where.index_start + 1)
+    elif where.stream is not None and where.frame is not None:
+        # A finding about a stream without frames names the colour frame.
+        has_frames = where.stream in {"rgb", "depth", *FRAMES_OF_MAP} or where.stream.startswith("flow/")
+        rows = where.stream if has_frames else "rgb", where.frame, where.frame + 1
+    # The time that the place names, or that of its rows, ns from the origin.
+    times: tuple[int, int] | None = None
+    if where.start_us is not None:
+        stop_us = where.start_us if where.stop_us is None else where.stop_us
+        times = _from_origin_ns(where.start_us, scanned), _from_origin_ns(stop_us, scanned)
+    elif rows is not None:
+        row_times = [_time_of_row(rows[0], row, scanned) for row in (rows[1], rows[2] - 1)]
+        # Timestamps may run backwards between the rows (a clock reset), so that the two are ordered.
+        if row_times[0] is not None and row_times[1] is not None:
+            times = min(row_times[0], row_times[1]), max(row_times[0], row_times[1])
     if times is None:
         # Missing rows show at the end; elsewhere checks have most to measure where events are densest.
         centre = last if check.startswith("integrity.") else _busiest_ns(scanned, first, last)
@@ -64,7 +80,7 @@ def place_of(where: Where, check: str, scanned: Scan) -> FindingPlace:
     # A faulty timestamp may lie far outside the time of the other streams, which have no rows there.
     start, stop = (min(max(time, first), last) for time in times)
     named_by_rows = where.start_us is None or where.stop_us is None
-    return FindingPlace(start, stop, start if named_by_rows else _busiest_ns(scanned, start, stop), _rows_of(where))
+    return FindingPlace(start, stop, start if named_by_rows else _busiest_ns(scanned, start, stop), rows)
 
 
 def pieces_around(place: FindingPlace, longest_ns: int) -> Iterator[Piece]:
@@ -85,7 +101,11 @@ def pieces_around(place: FindingPlace, longest_ns: int) -> Iterator[Piece]:
 def shared_time_ns(scanned: Scan) -> tuple[int, int]:
     """Return the time that most streams share, ns from the origin; one stream with a wrong clock does not change it."""
     facts = scanned.facts
-    spans = [_span_ns(facts, stream) for stream in facts.clocks if facts.clocks[stream].usable]
+    spans = []
+    for clock in facts.clocks.values():
+        if clock.usable:
+            stops = clock.times_ns if clock.ends_ns is None else clock.ends_ns
+            spans.append((int(clock.times_ns[0]), int(stops.max())))
     if facts.events and facts.events.count:
         spans.append((facts.events.first_ns, facts.events.last_ns))
     if not spans:
@@ -93,43 +113,6 @@ def shared_time_ns(scanned: Scan) -> tuple[int, int]:
     # Medians of starts and of stops: fewer than half of the streams with a wrong clock cannot move them.
     first, last = np.median(np.array(spans, dtype=np.float64), axis=0)
     return int(first), int(last)
-
-
-def _span_ns(facts: Facts, stream: str) -> tuple[int, int]:
-    clock = facts.clocks[stream]
-    stops = clock.times_ns if clock.ends_ns is None else clock.ends_ns
-    return int(clock.times_ns[0]), int(stops.max())
-
-
-def _times_of(where: Where, scanned: Scan) -> tuple[int, int] | None:
-    """Return the time that a place names, or that of its rows, ns from the origin; None where it names neither."""
-    if where.start_us is not None:
-        stop_us = where.start_us if where.stop_us is None else where.stop_us
-        return _from_origin_ns(where.start_us, scanned), _from_origin_ns(stop_us, scanned)
-    rows = _rows_of(where)
-    if rows is None:
-        return None
-    stream, start, stop = rows
-    times = [_time_of_row(stream, row, scanned) for row in (start, stop - 1)]
-    # Timestamps may run backwards between the rows (a clock reset), so that the two are ordered.
-    return None if times[0] is None or times[1] is None else (min(times[0], times[1]), max(times[0], times[1]))
-
-
-def _rows_of(where: Where) -> tuple[str, int, int] | None:
-    if where.stream is None:
-        return None
-    if where.index_start is not None:
-        stop = where.index_start if where.index_stop is None else where.index_stop
-        return where.stream, where.index_start, max(stop, where.index_start + 1)
-    if where.frame is not None:
-        return (
-            where.stream
-            if (where.stream in {"rgb", "depth", *FRAMES_OF_MAP} or where.stream.startswith("flow/"))
-            else "rgb",
-            where.frame,
-            where.frame + 1,
-        )
-    return None
 
 
 def _time_of_row(stream: str, row: int, scanned: Scan) -> int | None:

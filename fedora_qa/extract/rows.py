@@ -43,14 +43,32 @@ def rows_kept(piece: Piece, sequence: SequenceRows, scanned: Scan, counts: Mappi
         Rows of each stream.
     """
     kept: dict[str, CutRows] = {}
+    events = scanned.facts.events
+    first_ns, last_ns = shared_time_ns(scanned)
+    length_ns = max(last_ns - first_ns, 1)
     for stream, count in counts.items():
         if stream in FRAMES_OF_MAP:
             continue
-        start, stop = _range(stream, piece, sequence, scanned, count)
+        clock, runs = scanned.facts.clocks.get(stream), scanned.runs.get(stream)
+        if clock is not None and clock.usable and _is_of(first_ns, last_ns, clock.times_ns[0], clock.times_ns.max()):
+            # The envelope: binary search needs ascending values, and faulty timestamps do not ascend.
+            starts = np.maximum.accumulate(clock.times_ns)
+            stops = starts if clock.ends_ns is None else np.maximum.accumulate(clock.ends_ns)
+            start = int(np.searchsorted(starts, piece.start_ns, "left"))
+            # A flow interval is kept if it starts and ends within the piece; for others both times are the same.
+            stop = max(start, int(np.searchsorted(stops, piece.stop_ns, "right")))
+        elif stream == "events" and runs and events and _is_of(first_ns, last_ns, events.first_ns, events.last_ns):
+            start = _event_row(runs, piece.start_ns, sequence, scanned)
+            # The stop of a piece is within it: the first row at least 1 ns later ends the half-open range.
+            stop = _event_row(runs, piece.stop_ns + 1, sequence, scanned)
+        else:
+            # Rows of unknown time are taken as evenly spread over the shared time, outwards to whole rows.
+            start = int(count * (piece.start_ns - first_ns) / length_ns)
+            stop = int(np.ceil(count * (piece.stop_ns - first_ns) / length_ns))
         if piece.rows is not None and FRAMES_OF_MAP.get(piece.rows[0], piece.rows[0]) == stream:
-            _, first, last = piece.rows
+            _, first_row, stop_row = piece.rows
             # Rows that the finding names are kept even if their timestamps lie elsewhere: these may be its subject.
-            start, stop = (min(start, first), max(stop, last)) if start < stop else (first, last)
+            start, stop = (min(start, first_row), max(stop, stop_row)) if start < stop else (first_row, stop_row)
         start = min(max(start, 0), count)
         kept[stream] = CutRows(start, min(max(stop, start), count), count)
     for stream, frames in FRAMES_OF_MAP.items():
@@ -60,37 +78,11 @@ def rows_kept(piece: Piece, sequence: SequenceRows, scanned: Scan, counts: Mappi
     return kept
 
 
-def _range(stream: str, piece: Piece, sequence: SequenceRows, scanned: Scan, count: int) -> tuple[int, int]:
-    clock, runs = scanned.facts.clocks.get(stream), scanned.runs.get(stream)
-    first, last = shared_time_ns(scanned)
-    if clock is not None and clock.usable and _is_of(first, last, clock.times_ns[0], clock.times_ns.max()):
-        # The envelope: binary search needs ascending values, and faulty timestamps do not ascend.
-        starts = np.maximum.accumulate(clock.times_ns)
-        stops = starts if clock.ends_ns is None else np.maximum.accumulate(clock.ends_ns)
-        start = int(np.searchsorted(starts, piece.start_ns, "left"))
-        # A flow interval is kept if it starts and ends within the piece; for other streams both times are the same.
-        return start, max(start, int(np.searchsorted(stops, piece.stop_ns, "right")))
-    events = scanned.facts.events
-    if stream == "events" and runs and events and _is_of(first, last, events.first_ns, events.last_ns):
-        return _range_of_events(runs, piece, sequence, scanned)
-    length = max(last - first, 1)
-    # Rows of unknown time are taken as evenly spread over the shared time, outwards to whole rows.
-    return int(count * (piece.start_ns - first) / length), int(np.ceil(count * (piece.stop_ns - first) / length))
-
-
 def _is_of(first_ns: int, last_ns: int, own_first_ns: int, own_last_ns: int) -> bool:
     """Whether a stream's time is that of the others: both overlap, and their durations are of one unit."""
     length, own = max(last_ns - first_ns, 1), max(own_last_ns - own_first_ns, 1)
     meets = own_first_ns <= last_ns and own_last_ns >= first_ns
     return meets and 1 / _ANOTHER_UNIT < own / length < _ANOTHER_UNIT
-
-
-def _range_of_events(runs: Runs, piece: Piece, sequence: SequenceRows, scanned: Scan) -> tuple[int, int]:
-    return (
-        _event_row(runs, piece.start_ns, sequence, scanned),
-        # The stop of a piece is within it: the first row at least 1 ns later ends the half-open range.
-        _event_row(runs, piece.stop_ns + 1, sequence, scanned),
-    )
 
 
 def _event_row(runs: Runs, time_ns: int, sequence: SequenceRows, scanned: Scan) -> int:

@@ -1,24 +1,74 @@
-"""Copy rows of a dataset into another file, stored as they were: type, chunks, codec, checksum and attributes.
+"""The file of a piece, and rows of a dataset copied into it as they were: type, chunks, codec, checksum, attributes.
 
 Whole chunks are copied as bytes, so that a damaged chunk stays damaged, and one that was never written stays unwritten.
 Rows that start within a chunk are decoded and encoded again.
 """
 
+import io
 import os
 from collections.abc import Iterator
-from contextlib import suppress
+from contextlib import contextmanager, suppress
 from math import ceil, prod
 from pathlib import Path
-from typing import Any, Final
+from typing import TYPE_CHECKING, Any, Final
 
 import h5py
 import numpy as np
 from numpy.typing import NDArray
 
+from fedora_qa.errors import MisuseError
 from fedora_qa.layout.links import READ_ERRORS
+
+if TYPE_CHECKING:
+    from _typeshed import ReadableBuffer
 
 _COPIED_AT_ONCE: Final = 16 << 20
 """Bytes of decoded rows that are held in memory at once."""
+
+
+class RememberingFile(io.FileIO):
+    """An empty file, open to read and write, that stores the error of a failed write.
+
+    HDF5 cannot close a file that it could not write, and crashes when the interpreter ends. Therefore a failed write
+    reports success to HDF5, all later writes are dropped, and ``go_on`` raises the error.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self.failure: OSError | None = None
+        super().__init__(path, "w+")
+
+    def write(self, data: "ReadableBuffer", /) -> int:
+        """Write all of ``data``."""
+        view = memoryview(data).cast("B")
+        with self._remembering():
+            written = 0
+            while self.failure is None and written < len(view):
+                # A raw write may take fewer bytes than given, for example on a disk that is nearly full.
+                written += super().write(view[written:]) or 0
+        return len(view)
+
+    def truncate(self, size: int | None = None, /) -> int:
+        """Cut or lengthen the file."""
+        size = self.tell() if size is None else size
+        with self._remembering():
+            if self.failure is None:
+                super().truncate(size)
+        return size
+
+    def go_on(self) -> None:
+        """Raise ``MisuseError`` where a write has failed."""
+        if self.failure is not None:
+            raise MisuseError(
+                f"Expected to be able to write the piece, got: {self.failure.strerror}; nothing is written"
+            )
+
+    @contextmanager
+    def _remembering(self) -> Iterator[None]:
+        try:
+            yield
+        except OSError as error:
+            # The first failure is the cause; those after it are its consequences.
+            self.failure = self.failure or error
 
 
 def copy_attributes(source: h5py.Group | h5py.Dataset, target: h5py.Group | h5py.Dataset) -> None:
@@ -31,17 +81,14 @@ def copy_attributes(source: h5py.Group | h5py.Dataset, target: h5py.Group | h5py
         with suppress(*READ_ERRORS):
             stored = h5py.h5a.open(source.id, coded)
             # A reference is an address within its file; in the piece it would point at other bytes.
-            if not _holds_references(stored.get_type()):
-                _copy_attribute(stored, target, coded)
-
-
-def _copy_attribute(stored: Any, target: h5py.Group | h5py.Dataset, name: bytes) -> None:
-    copy = h5py.h5a.create(target.id, name, stored.get_type(), stored.get_space())
-    # A null dataspace has no values to copy; reading it raises.
-    if stored.get_space().get_simple_extent_type() != h5py.h5s.NULL:
-        values = np.empty(stored.shape, dtype=stored.dtype)
-        stored.read(values, mtype=stored.get_type())
-        copy.write(values, mtype=stored.get_type())
+            if _holds_references(stored.get_type()):
+                continue
+            copy = h5py.h5a.create(target.id, coded, stored.get_type(), stored.get_space())
+            # A null dataspace has no values to copy; reading it raises.
+            if stored.get_space().get_simple_extent_type() != h5py.h5s.NULL:
+                values = np.empty(stored.shape, dtype=stored.dtype)
+                stored.read(values, mtype=stored.get_type())
+                copy.write(values, mtype=stored.get_type())
 
 
 def _holds_references(stored_type: Any) -> bool:
@@ -77,7 +124,14 @@ def copy_rows(dataset: h5py.Dataset, parent: h5py.Group, name: str, start: int, 
         Rows that begin within a chunk cannot be decoded; see ``needs_whole_chunks``.
     """
     copy = new_dataset(dataset, parent, name, stop - start)
-    if dataset.chunks is not None and start % dataset.chunks[0] == 0 and not _points_elsewhere(dataset):
+    if (
+        dataset.chunks is not None
+        and start % dataset.chunks[0] == 0
+        # Stored bytes may be addresses of values in the file, as those of variable-length texts are.
+        and not _holds_references(dataset.id.get_type())
+        and not dataset.id.get_type().detect_class(h5py.h5t.VLEN)
+        and not dataset.dtype.hasobject
+    ):
         for corner in _written_corners(dataset, start, stop):
             filters, stored = dataset.id.read_direct_chunk(corner)
             copy.id.write_direct_chunk((corner[0] - start, *corner[1:]), stored, filters)
@@ -118,12 +172,6 @@ def beside_its_file(dataset: h5py.Dataset) -> h5py.Dataset:
 def lies_elsewhere(dataset: h5py.Dataset) -> bool:
     """Whether the values of a dataset lie in other files."""
     return bool(dataset.is_virtual or dataset.external)
-
-
-def _points_elsewhere(dataset: h5py.Dataset) -> bool:
-    """Whether stored bytes are addresses of values in the file, as those of variable-length texts are."""
-    stored_type = dataset.id.get_type()
-    return _holds_references(stored_type) or bool(stored_type.detect_class(h5py.h5t.VLEN)) or dataset.dtype.hasobject
 
 
 def new_dataset(dataset: h5py.Dataset, parent: h5py.Group, name: str, rows: int) -> h5py.Dataset:

@@ -12,7 +12,7 @@ from fedora_qa.gate.release import FOLDER
 from fedora_qa.gate.severity_override import GRAVE, marked
 from fedora_qa.record.types import FileRecord, Finding, Measurement, Record, Result, Side
 
-_TOLD = GRAVE | {"warning"}
+_KNOWN_SEVERITIES = GRAVE | {"warning"}
 """Severities of an earlier record's findings that are known: not information, which is what waivers make of them."""
 
 Key = tuple[str, str, str, str | None, str]
@@ -41,7 +41,7 @@ def baseline_of(record: Record) -> Baseline:
         for name, file in named
         for result in file.results
         for finding in result.findings
-        if finding.severity in _TOLD
+        if finding.severity in _KNOWN_SEVERITIES
     ]
     results = {(name, result.check): result for name, file in named for result in file.results}
     return Baseline(Counter(keys), results)

@@ -1,9 +1,13 @@
-"""The certificate: what was checked of which bytes, by what, how closely, and what was waived."""
+"""The certificate: what was checked of which bytes, by what, how closely, and what was waived.
+
+Verifying compares a release with it later.
+"""
 
 import hashlib
 import json
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from datetime import date
 from pathlib import Path
 from typing import ClassVar, Final, Literal
 
@@ -12,10 +16,10 @@ from pydantic import ConfigDict, TypeAdapter
 from fedora_qa.gate.baseline import named_files
 from fedora_qa.gate.documents import whole_digest
 from fedora_qa.gate.policy import Policy
-from fedora_qa.gate.release import FOLDER, inside
+from fedora_qa.gate.release import FOLDER, find_sequences, inside
 from fedora_qa.gate.waivers import Waiver
 from fedora_qa.record.documents import DocumentKind
-from fedora_qa.record.types import Coverage, FileRecord, Outcome, Record, Result, Tool
+from fedora_qa.record.types import Coverage, Outcome, Record, Tool
 
 CERTIFICATE_VERSION: Final = "1.0"
 
@@ -116,6 +120,20 @@ def certificate_of(record: Record, policy: Policy, policy_sha256: str, digests: 
     """
     named = tuple(named_files(record))
     folder = Path(record.files[-1].path)
+    files = []
+    for name, file in named:
+        if name == FOLDER:
+            continue
+        checks = []
+        for result in file.results:
+            # A measurement without a detection limit rules nothing out.
+            sights = tuple(
+                Sight(measurement.name, measurement.least_detectable, measurement.unit)
+                for measurement in result.measurements
+                if measurement.least_detectable is not None
+            )
+            checks.append(CertifiedCheck(result.check, result.outcome, result.coverage, sights))
+        files.append(CertifiedFile(name, file.size, digests[name], tuple(checks)))
     documents = (policy.documents.datasheet, policy.documents.licence, policy.documents.checksums)
     certificate = Certificate(
         certificate_version=CERTIFICATE_VERSION,
@@ -125,29 +143,51 @@ def certificate_of(record: Record, policy: Policy, policy_sha256: str, digests: 
         effort=record.effort,
         policy_sha256=policy_sha256,
         policy_digest=policy.digest,
-        files=tuple(_certified(name, file, digests[name]) for name, file in named if name != FOLDER),
+        files=tuple(files),
         documents={name: whole_digest(inside(folder, name)) for name in documents if name is not None},
         patterns=policy.files,
         waivers=policy.waivers,
-        noted=tuple(note for name, file in named for note in _notes(name, file)),
+        noted=tuple(
+            f"{name}: {finding.code}: {finding.message}"
+            for name, file in named
+            for result in file.results
+            for finding in result.findings
+        ),
     )
     return replace(certificate, digest=certificate.own_digest)
 
 
-def _certified(name: str, file: FileRecord, sha256: str) -> CertifiedFile:
-    return CertifiedFile(name, file.size, sha256, tuple(_certified_check(result) for result in file.results))
+def differences(certificate: Certificate, folder: Path, today: date) -> tuple[str, ...]:
+    """Return what differs from what was certified, a sentence each; empty where nothing does.
 
+    Parameters
+    ----------
+    folder
+        The release as it is now.
+    today
+        The day on which waivers are tested.
 
-def _certified_check(result: Result) -> CertifiedCheck:
-    sights = tuple(
-        Sight(measurement.name, measurement.least_detectable, measurement.unit)
-        for measurement in result.measurements
-        if measurement.least_detectable is not None
-    )
-    return CertifiedCheck(result.check, result.outcome, result.coverage, sights)
-
-
-def _notes(name: str, file: FileRecord) -> Iterator[str]:
-    for result in file.results:
-        for finding in result.findings:
-            yield f"{name}: {finding.code}: {finding.message}"
+    Raises
+    ------
+    MisuseError
+        There is no such folder, or a name in the certificate leads out of it.
+    """
+    deviations = []
+    if certificate.digest != certificate.own_digest:
+        deviations.append("the certificate was changed after it was issued")
+    certified = {file.name: file.sha256 for file in certificate.files} | dict(certificate.documents)
+    # Before any file is read: a name that leads out of the folder raises.
+    paths = {name: inside(folder, name) for name in certified}
+    sequences = {sequence.name for sequence in find_sequences(folder, certificate.patterns)}
+    for name, sha256 in certified.items():
+        if not paths[name].is_file():
+            deviations.append(f"{name} is missing")
+        elif whole_digest(paths[name]) != sha256:
+            deviations.append(f"{name} was changed")
+    deviations += [f"{name} was added" for name in sorted(sequences - certified.keys())]
+    deviations += [
+        f"the waiver of {waiver.owner} for {waiver.file} expired on {waiver.expires}"
+        for waiver in certificate.waivers
+        if waiver.expires < today
+    ]
+    return tuple(deviations)

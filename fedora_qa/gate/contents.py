@@ -1,19 +1,30 @@
 """What the rules of a release need of a sequence beyond its record: streams, cameras, and digests of its content."""
 
 import hashlib
-from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import dataclass
+from collections.abc import Iterable, Mapping
+from contextlib import suppress
+from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
 
-from fedora_qa.errors import UnreadableFileError, UnreadableRowsError
-from fedora_qa.layout.canonical import DatasetSpec, datasets_of
-from fedora_qa.layout.dialect import Dialect
+from fedora_qa.engine.executors import Executor
+from fedora_qa.engine.opening import require_end_of_opening
+from fedora_qa.engine.progress import Progress, quiet
+from fedora_qa.errors import UnreadableFileError, UnreadableRowsError, WorkerLostError
+from fedora_qa.gate.policy import Policy, each_stream
+from fedora_qa.gate.release import Release
+from fedora_qa.layout.canonical import datasets_of
+from fedora_qa.layout.dialect import Dialect, load_dialect
+from fedora_qa.record.types import FileRecord, Result
 from fedora_qa.sequence.declared import Camera
 from fedora_qa.sequence.sequence import Sequence, open_sequence
+
+_SPLIT_STREAMS: Final = ("rgb", "depth", "events", "imu", "pose", "flow")
+"""Streams that no two splits may share."""
 
 _BLOCKS: Final = 64
 """Blocks of a dataset that its digest is made of: all of IMU and pose at the paper's lengths, 64 frames of images."""
@@ -63,12 +74,21 @@ def read_contents(
         return None
     with sequence:
         digests = {stream: _stream_digest(sequence, stream) for stream in streams}
+        pose_digests: frozenset[bytes] = frozenset()
+        if poses and "pose" in sequence.layout.streams:
+            rows = sequence.layout.bindings["path/pose/position"].rows
+            with suppress(UnreadableRowsError):
+                positions_world_m = sequence.rows("path/pose/position", 0, rows)
+                orientations_xyzw = sequence.rows("path/pose/orientation", 0, rows)
+                distinct = np.unique(np.hstack([positions_world_m, orientations_xyzw]), axis=0)
+                # 16 bytes a pose: enough that two poses do not share a digest by chance.
+                pose_digests = frozenset(hashlib.sha256(pose.tobytes()).digest()[:16] for pose in distinct)
         return Contents(
             streams=sequence.layout.streams,
             absent=sequence.layout.absent,
             cameras=sequence.declared.cameras,
             digests={stream: digest for stream, digest in digests.items() if digest},
-            poses=_pose_digests(sequence) if poses else frozenset(),
+            poses=pose_digests,
         )
 
 
@@ -86,8 +106,13 @@ def _stream_digest(sequence: Sequence, stream: str) -> str | None:
                 continue
             # Key and shape are digested too: the same bytes in another dataset or shape are other content.
             digest.update(f"{spec.key} {sequence.layout.bindings[spec.key].shape}".encode())
+            # Blocks evenly spread over the rows: chunks of the canonical layout, however the file is stored.
+            rows = sequence.layout.bindings[spec.key].rows
+            count = -(-rows // spec.chunk_rows)
             first: NDArray[Any] | None = None
-            for block in _blocks(sequence, spec):
+            for number in np.unique(np.linspace(0, max(count - 1, 0), _BLOCKS).astype(int)).tolist():
+                start = number * spec.chunk_rows
+                block = sequence.rows(spec.key, start, min(start + spec.chunk_rows, rows))
                 first = block[:1] if first is None else first
                 # As bytes, because NaN, which marks invalid depth, is not equal to itself.
                 changes = changes or block.tobytes() != np.broadcast_to(first, block.shape).tobytes()
@@ -97,23 +122,52 @@ def _stream_digest(sequence: Sequence, stream: str) -> str | None:
     return digest.hexdigest() if changes else None
 
 
-def _blocks(sequence: Sequence, spec: DatasetSpec) -> Iterator[NDArray[Any]]:
-    """Yield blocks of a dataset, evenly spread: chunks of the canonical layout, however the file is stored."""
-    rows = sequence.layout.bindings[spec.key].rows
-    count = -(-rows // spec.chunk_rows)
-    for number in np.unique(np.linspace(0, max(count - 1, 0), _BLOCKS).astype(int)).tolist():
-        start = number * spec.chunk_rows
-        yield sequence.rows(spec.key, start, min(start + spec.chunk_rows, rows))
+def contents_of(
+    policy: Policy, release: Release, files: Iterable[FileRecord], executor: Executor
+) -> tuple[dict[str, Contents], list[FileRecord]]:
+    """Read of each sequence what the policy asks for, in the executor's processes.
+
+    Parameters
+    ----------
+    files
+        The records of the sequences, in the release's order.
+
+    Returns
+    -------
+    The contents of each sequence that can be opened, by name; and the records of all, incomplete where the process that
+    read one has died over it. Files over which a check died already are not opened again.
+    """
+    if not (policy.required_streams or policy.same_intrinsics or policy.distinct_streams or policy.splits):
+        return {}, list(files)
+    dialect = load_dialect(policy.check.dialect) if policy.check.dialect else None
+    names = (*policy.distinct_streams, *(_SPLIT_STREAMS if policy.splits else ()))
+    streams = tuple(dict.fromkeys(each_stream(names)))
+    folders = tuple(map(Path, policy.check.allow_external))
+    contents_by_name, records_read = dict[str, Contents](), list[FileRecord]()
+    for sequence, file in zip(release.sequences, files, strict=True):
+        # A file whose checks all crashed would probably end the next process that opens it as well.
+        died = file.results and all(result.outcome == "crashed" for result in file.results)
+        task = partial(_read, sequence.path, dialect, streams, bool(policy.splits), folders)
+        try:
+            contents = None if died else executor.submit(task, quiet).result()
+        except WorkerLostError as lost:
+            crash = Result(
+                "release.contents",
+                "crashed",
+                "Can be read what the rules of the release need?",
+                reason=f"the process that read the file has died: {lost}",
+            )
+            records_read.append(replace(file, verdict="incomplete", results=(*file.results, crash)))
+            continue
+        records_read.append(file)
+        if contents:
+            contents_by_name[sequence.name] = contents
+    return contents_by_name, records_read
 
 
-def _pose_digests(sequence: Sequence) -> frozenset[bytes]:
-    if "pose" not in sequence.layout.streams:
-        return frozenset()
-    rows = sequence.layout.bindings["path/pose/position"].rows
-    try:
-        positions_world_m = sequence.rows("path/pose/position", 0, rows)
-        orientations_xyzw = sequence.rows("path/pose/orientation", 0, rows)
-    except UnreadableRowsError:
-        return frozenset()
-    poses = np.unique(np.hstack([positions_world_m, orientations_xyzw]), axis=0)
-    return frozenset(hashlib.sha256(pose.tobytes()).digest()[:16] for pose in poses)
+def _read(
+    path: Path, dialect: Dialect | None, streams: tuple[str, ...], poses: bool, folders: tuple[Path, ...], _: Progress
+) -> Contents | None:
+    with suppress(UnreadableFileError):
+        require_end_of_opening(path, dialect, folders)
+    return read_contents(path, dialect, streams, poses=poses, allow_external=folders)

@@ -2,14 +2,15 @@
 
 import hashlib
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Final
 
 from fedora_qa.errors import MisuseError
 from fedora_qa.gate.policy import Documents
-from fedora_qa.gate.release import FOLDER, inside
+from fedora_qa.gate.release import FOLDER, Release, inside
 from fedora_qa.gate.release_result import ReleaseResult, Violation
+from fedora_qa.record.types import FileRecord
 
 _LINE: Final = re.compile(r"([0-9a-fA-F]{64}) [ *](.+)")
 _PIECE: Final = 1 << 20
@@ -24,14 +25,25 @@ def whole_digest(path: Path) -> str:
     return digest.hexdigest()
 
 
+def whole_digests(release: Release, files: Sequence[FileRecord]) -> dict[str, str]:
+    """Return the SHA-256 of all of each sequence by its name; the record has that of files up to 1 GiB."""
+    return {
+        sequence.name: file.sha256 if file.digest_kind == "full" else whole_digest(sequence.path)
+        for sequence, file in zip(release.sequences, files, strict=True)
+    }
+
+
 def rule_on_documents(folder: Path, documents: Documents) -> ReleaseResult:
     """Datasheet, licence and checksums are there and not empty."""
     asked = {"datasheet": documents.datasheet, "licence": documents.licence, "checksums": documents.checksums}
-    violations = [
-        Violation(FOLDER, kind, f"Expected the {kind} in {name}, got no such file, or an empty one")
-        for kind, name in asked.items()
-        if name is not None and not _has_text(inside(folder, name))
-    ]
+    violations = []
+    for kind, name in asked.items():
+        if name is None:
+            continue
+        path = inside(folder, name)
+        if not path.is_file() or not path.read_bytes().strip():
+            message = f"Expected the {kind} in {name}, got no such file, or an empty one"
+            violations.append(Violation(FOLDER, kind, message))
     return ReleaseResult("release.documents", "Are datasheet, licence and checksums there?", FOLDER, tuple(violations))
 
 
@@ -45,38 +57,32 @@ def rule_on_checksums(folder: Path, listing: str, digests: Mapping[str, str]) ->
     digests
         SHA-256 of each sequence, by its name.
     """
-    violations = tuple(_checksum_violations(folder, inside(folder, listing), digests))
-    return ReleaseResult("release.checksums", "Are the checksums complete and right?", "each", violations)
-
-
-def _checksum_violations(folder: Path, listing: Path, digests: Mapping[str, str]) -> Iterator[Violation]:
+    path = inside(folder, listing)
+    violations: list[Violation] = []
     listed: dict[str, str] = {}
     # Names of files need not be UTF-8: surrogates keep them readable and comparable.
-    text = listing.read_text(encoding="utf-8", errors="surrogateescape") if listing.is_file() else ""
+    text = path.read_text(encoding="utf-8", errors="surrogateescape") if path.is_file() else ""
     for number, line in enumerate(text.splitlines(), start=1):
         match = _LINE.fullmatch(line)
         if match:
             listed[match[2].removeprefix("./")] = match[1].lower()
         elif line.strip():
-            message = f"Expected a digest and a name in line {number} of {listing.name}, got something else"
-            yield Violation(FOLDER, "unreadable", message)
+            message = f"Expected a digest and a name in line {number} of {path.name}, got something else"
+            violations.append(Violation(FOLDER, "unreadable", message))
     for name in sorted(digests.keys() - listed.keys()):
-        yield Violation(name, "unlisted", f"Expected the sequence in {listing.name}, got no line for it")
+        violations.append(Violation(name, "unlisted", f"Expected the sequence in {path.name}, got no line for it"))
     for name, digest in listed.items():
-        actual = digests.get(name) or _digest_beside(folder, name)
+        actual = digests.get(name)
+        if not actual:
+            # A listed file that is no sequence: its digest, or why there is none.
+            try:
+                beside = inside(folder, name)
+            except MisuseError:
+                actual = "no name of a file within the release"
+            else:
+                actual = whole_digest(beside) if beside.is_file() else "no such file"
         if actual != digest:
-            message = f"Expected {name} with the SHA-256 {digest}, which {listing.name} lists, got {actual}"
-            yield Violation(name if name in digests else FOLDER, "wrong", message)
-
-
-def _digest_beside(folder: Path, name: str) -> str:
-    """Return the digest of a listed file that is no sequence, or why there is none."""
-    try:
-        path = inside(folder, name)
-    except MisuseError:
-        return "no name of a file within the release"
-    return whole_digest(path) if path.is_file() else "no such file"
-
-
-def _has_text(path: Path) -> bool:
-    return path.is_file() and bool(path.read_bytes().strip())
+            message = f"Expected {name} with the SHA-256 {digest}, which {path.name} lists, got {actual}"
+            violations.append(Violation(name if name in digests else FOLDER, "wrong", message))
+    question = "Are the checksums complete and right?"
+    return ReleaseResult("release.checksums", question, "each", tuple(violations))

@@ -113,17 +113,6 @@ def read_policy(path: Path) -> Policy:
             f"Expected ruleset {policy.ruleset_version!r}, which {path} pins, got {RULESET_VERSION!r}; install the "
             "version that the policy was written for, or look at what changed and raise ruleset_version"
         )
-    _require_known_names(policy)
-    parse_bytes(policy.check.memory)
-    return replace(policy, check=files_beside(policy.check, path))
-
-
-def each_stream(names: Iterable[str]) -> tuple[str, ...]:
-    """Return the streams that names stand for; ``flow`` is every rate."""
-    return tuple(stream for name in names for stream in (FLOW_STREAMS if name == "flow" else (name,)))
-
-
-def _require_known_names(policy: Policy) -> None:
     for key, names in (
         ("required_streams", policy.required_streams),
         ("distinct_streams", policy.distinct_streams),
@@ -133,7 +122,15 @@ def _require_known_names(policy: Policy) -> None:
                 raise MisuseError(f"Expected a stream in {key!r}, got {name!r}; there are {', '.join(STREAMS)}")
     # Raises ``MisuseError`` for a name that is no check, no subject and no rule.
     select_checks(tuple(name for name in policy.severity if name not in RULES), ())
-    _require_selected(policy)
+    # Every required check is among those that the policy runs.
+    running = {check.name for check in select_checks(policy.check.select, policy.check.ignore)}
+    for name in policy.required_checks:
+        required = {check.name for check in select_checks((name,), ())}
+        if not required <= running:
+            left_out = ", ".join(sorted(required - running))
+            raise MisuseError(
+                f"Expected every check in 'required_checks' to be run, got {left_out}, left out by 'check'"
+            )
     for pattern in policy.files:
         if not pattern or PurePosixPath(pattern).is_absolute() or ".." in PurePosixPath(pattern).parts:
             raise MisuseError(f"Expected patterns beneath the folder in 'files', got {pattern!r}")
@@ -144,15 +141,10 @@ def _require_known_names(policy: Policy) -> None:
         re.compile(policy.naming or "")
     except re.error as problem:
         raise MisuseError(f"Expected a regular expression in 'naming', got {policy.naming!r}: {problem}") from None
+    parse_bytes(policy.check.memory)
+    return replace(policy, check=files_beside(policy.check, path))
 
 
-def _require_selected(policy: Policy) -> None:
-    """Raise ``MisuseError`` where a check is required that the policy does not run, or that does not exist."""
-    running = {check.name for check in select_checks(policy.check.select, policy.check.ignore)}
-    for name in policy.required_checks:
-        required = {check.name for check in select_checks((name,), ())}
-        if not required <= running:
-            left_out = ", ".join(sorted(required - running))
-            raise MisuseError(
-                f"Expected every check in 'required_checks' to be run, got {left_out}, left out by 'check'"
-            )
+def each_stream(names: Iterable[str]) -> tuple[str, ...]:
+    """Return the streams that names stand for; ``flow`` is every rate."""
+    return tuple(stream for name in names for stream in (FLOW_STREAMS if name == "flow" else (name,)))

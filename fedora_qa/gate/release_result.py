@@ -49,19 +49,19 @@ def with_release_results(name: str, file: FileRecord, release_results: Iterable[
     results = list(file.results)
     for release_result in release_results:
         broken = [violation for violation in release_result.violations if violation.name == name]
-        if broken or (release_result.about == FOLDER) == (name == FOLDER):
-            findings = tuple(_finding(release_result, violation, count + i + 1) for i, violation in enumerate(broken))
-            count += len(findings)
-            results.append(_result(release_result, findings))
+        if not broken and (release_result.about == FOLDER) != (name == FOLDER):
+            continue
+        rule, question = release_result.rule, release_result.question
+        # Numbers go on over all rules, so that the findings of a file have different ids.
+        findings = tuple(
+            Finding(
+                f"R{number}", f"{rule}.{violation.code}", "error", violation.message, Where(stream=violation.stream)
+            )
+            for number, violation in enumerate(broken, start=count + 1)
+        )
+        count += len(findings)
+        if release_result.unasked:
+            results.append(Result(rule, "not_applicable", question, reason=release_result.unasked))
+        else:
+            results.append(Result(rule, "failed" if findings else "passed", question, findings=findings))
     return replace(file, results=tuple(results))
-
-
-def _result(release_result: ReleaseResult, findings: tuple[Finding, ...]) -> Result:
-    if release_result.unasked:
-        return Result(release_result.rule, "not_applicable", release_result.question, reason=release_result.unasked)
-    return Result(release_result.rule, "failed" if findings else "passed", release_result.question, findings=findings)
-
-
-def _finding(release_result: ReleaseResult, violation: Violation, number: int) -> Finding:
-    where = Where(stream=violation.stream)
-    return Finding(f"R{number}", f"{release_result.rule}.{violation.code}", "error", violation.message, where)

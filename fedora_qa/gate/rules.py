@@ -1,16 +1,72 @@
-"""Rules about each sequence by itself: its name, its streams, its cameras."""
+"""Rules about a release: its sequences each by itself and beside each other, and what they amount to."""
 
 import re
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from fnmatch import fnmatchcase
+from itertools import combinations
+from typing import Final
 
 import numpy as np
 
 from fedora_qa.gate.contents import Contents
+from fedora_qa.gate.documents import rule_on_checksums, rule_on_documents
+from fedora_qa.gate.policy import Bounds, Documents, Policy, Total, each_stream
+from fedora_qa.gate.release import FOLDER, Release
 from fedora_qa.gate.release_result import ReleaseResult, Violation
+from fedora_qa.record.types import FileRecord
+from fedora_qa.record.wording import number
 from fedora_qa.sequence.declared import Camera
 
 ContentsByName = Mapping[str, Contents]
 """The contents of each sequence that can be opened, by its name, in order."""
+
+_SHARED_POSES: Final = 10
+"""Distinct poses in common from which two files show one flight. Two flights can share the pose in which they start;
+ten equal float64 poses in different flights do not happen."""
+
+_STATISTICS: Final[Mapping[Total, tuple[str, str]]] = {
+    "duration_s": ("sequence", "duration_s"),
+    "distance_m": ("motion", "distance_m"),
+    "events": ("events", "count"),
+}
+"""Group and name of the statistic that is summed."""
+
+
+def release_results_of(
+    policy: Policy,
+    release: Release,
+    files: Sequence[FileRecord],
+    contents_by_name: ContentsByName,
+    digests: Mapping[str, str],
+) -> Iterator[ReleaseResult]:
+    """Yield what each rule found that the policy asks for.
+
+    Parameters
+    ----------
+    files
+        The records of the sequences, in the release's order.
+    contents_by_name
+        What ``contents_of`` found.
+    digests
+        SHA-256 of all of each sequence, by its name; may be empty where the policy asks for no checksums.
+    """
+    names = [sequence.name for sequence in release.sequences]
+    if policy.naming is not None:
+        yield rule_on_names(names, policy.naming)
+    if policy.required_streams:
+        yield rule_on_streams(contents_by_name, each_stream(policy.required_streams))
+    if policy.same_intrinsics:
+        yield rule_on_intrinsics(contents_by_name, policy.same_intrinsics)
+    if policy.distinct_streams:
+        yield rule_on_distinct(contents_by_name, each_stream(policy.distinct_streams))
+    if policy.splits:
+        yield rule_on_splits(names, contents_by_name, policy.splits)
+    if policy.documents.checksums is not None:
+        yield rule_on_checksums(release.folder, policy.documents.checksums, digests)
+    if policy.documents != Documents():
+        yield rule_on_documents(release.folder, policy.documents)
+    if policy.totals:
+        yield rule_on_totals(files, policy.totals)
 
 
 def rule_on_names(names: Iterable[str], pattern: str) -> ReleaseResult:
@@ -25,39 +81,115 @@ def rule_on_names(names: Iterable[str], pattern: str) -> ReleaseResult:
 
 def rule_on_streams(contents_by_name: ContentsByName, required: Iterable[str]) -> ReleaseResult:
     """Every sequence holds the required streams."""
-    violations = [
-        Violation(name, "missing", f"Expected the stream {stream}, got none: {_why(contents, stream)}", stream)
-        for name, contents in contents_by_name.items()
-        for stream in required
-        if stream not in contents.streams
-    ]
+    violations = []
+    for name, contents in contents_by_name.items():
+        for stream in required:
+            if stream not in contents.streams:
+                why = contents.absent.get(stream, "the file has no such rate")
+                violations.append(Violation(name, "missing", f"Expected the stream {stream}, got none: {why}", stream))
     return ReleaseResult("release.streams", "Are all required streams there?", "each", tuple(violations))
 
 
 def rule_on_intrinsics(contents_by_name: ContentsByName, cameras: Iterable[str]) -> ReleaseResult:
     """Every sequence declares the intrinsics of the first that declares any."""
-    violations = [violation for camera in cameras for violation in _other_intrinsics(contents_by_name, camera)]
+    violations = []
+    for name in cameras:
+        declared = {sequence: contents.cameras.get(name) for sequence, contents in contents_by_name.items()}
+        reference = next((pair for pair in declared.items() if pair[1]), None)
+        for sequence, camera in declared.items():
+            if camera is None:
+                message = f"Expected the camera {name} to be declared, got none"
+                violations.append(Violation(sequence, "undeclared", message, name))
+                continue
+            if reference is None or reference[1] is None:
+                continue
+            first = reference[1]
+            same_sensor = (camera.width, camera.height, camera.model) == (first.width, first.height, first.model)
+            # To nine digits: what is declared may have passed through text.
+            if not same_sensor or not np.allclose(camera.K, first.K, rtol=1e-9, atol=0.0):
+                message = (
+                    f"Expected the intrinsics of the camera {name} in {reference[0]} ({_words(first)}), "
+                    f"got {_words(camera)}"
+                )
+                violations.append(Violation(sequence, "differ", message, name))
     question = "Are the intrinsics those of the other sequences?"
     return ReleaseResult("release.intrinsics", question, "each", tuple(violations))
 
 
-def _other_intrinsics(contents_by_name: ContentsByName, name: str) -> Iterable[Violation]:
-    declared = {sequence: contents.cameras.get(name) for sequence, contents in contents_by_name.items()}
-    first = next((pair for pair in declared.items() if pair[1]), None)
-    for sequence, camera in declared.items():
-        if camera is None:
-            yield Violation(sequence, "undeclared", f"Expected the camera {name} to be declared, got none", name)
-        elif first and first[1] and not _same(camera, first[1]):
-            message = (
-                f"Expected the intrinsics of the camera {name} in {first[0]} ({_words(first[1])}), got {_words(camera)}"
-            )
-            yield Violation(sequence, "differ", message, name)
+def rule_on_distinct(contents_by_name: ContentsByName, streams: Iterable[str]) -> ReleaseResult:
+    """No content of a stream occurs in two sequences."""
+    violations = []
+    for stream in streams:
+        first: dict[str, str] = {}
+        for name, contents in contents_by_name.items():
+            digest = contents.digests.get(stream)
+            if digest and first.setdefault(digest, name) != name:
+                message = f"Expected sequences that differ, got the same {stream} as in {first[digest]}"
+                violations.append(Violation(name, stream, message, stream))
+    return ReleaseResult("release.distinct", "Is every stream its own, and none a copy?", "each", tuple(violations))
 
 
-def _same(first: Camera, other: Camera) -> bool:
-    """Whether two cameras project alike, to nine digits: what is declared may have passed through text."""
-    sizes = (first.width, first.height, first.model) == (other.width, other.height, other.model)
-    return sizes and np.allclose(first.K, other.K, rtol=1e-9, atol=0.0)
+def rule_on_splits(
+    names: Iterable[str], contents_by_name: ContentsByName, splits: Mapping[str, tuple[str, ...]]
+) -> ReleaseResult:
+    """Every sequence is in one split, and no content in two."""
+    homes = {
+        name: [split for split, patterns in splits.items() if any(fnmatchcase(name, pattern) for pattern in patterns)]
+        for name in names
+    }
+    violations = []
+    for name, home in homes.items():
+        if len(home) != 1:
+            message = f"Expected a sequence in one split, got it in {', '.join(home) or 'none'}"
+            violations.append(Violation(name, "several" if home else "unassigned", message))
+    for first, other in combinations(contents_by_name, 2):
+        # Sequences of one split may be alike: only what two splits share leaks.
+        if not set(homes[first]).isdisjoint(homes[other]):
+            continue
+        mine, theirs = contents_by_name[first], contents_by_name[other]
+        same = [stream for stream, digest in mine.digests.items() if theirs.digests.get(stream) == digest]
+        shared = [f"the same {', '.join(same)}"] if same else []
+        poses = len(mine.poses & theirs.poses)
+        if poses >= _SHARED_POSES:
+            shared.append(f"{poses} of the poses")
+        if shared:
+            split = " and ".join(homes[first]) or "no split"
+            message = f"Expected splits that do not leak, got {' and '.join(shared)} of {first}, which is in {split}"
+            violations.append(Violation(other, "leak", message))
+    return ReleaseResult(
+        "release.splits", "Is the sequence in one split, and unlike all in others?", "each", tuple(violations)
+    )
+
+
+def rule_on_totals(files: Sequence[FileRecord], totals: Mapping[Total, Bounds]) -> ReleaseResult:
+    """Sum over all sequences, and compare each sum with its bounds."""
+    violations = []
+    for total, bounds in totals.items():
+        amount = amount_of(files, total)
+        if amount is None:
+            message = f"Expected to sum {total}, got a sequence whose statistics do not tell it"
+        elif bounds.least is not None and amount < bounds.least:
+            message = f"Expected {total} of at least {number(bounds.least)}, got {number(amount)}"
+        elif bounds.most is not None and amount > bounds.most:
+            message = f"Expected {total} of at most {number(bounds.most)}, got {number(amount)}"
+        else:
+            continue
+        violations.append(Violation(FOLDER, total, message))
+    return ReleaseResult("release.totals", "Does the release amount to what it should?", FOLDER, tuple(violations))
+
+
+def amount_of(files: Sequence[FileRecord], total: Total) -> float | None:
+    """Return the sum over all sequences, in the unit of the total; None where one of them lacks the statistic."""
+    if total == "sequences":
+        return float(len(files))
+    if total == "bytes":
+        return float(sum(file.size for file in files))
+    group, name = _STATISTICS[total]
+    values = [file.statistics.get(group, {}).get(name) for file in files]
+    # A sum that lacks a sequence would look like a smaller release.
+    if any(not isinstance(value, int | float) for value in values):
+        return None
+    return float(sum(value for value in values if isinstance(value, int | float)))
 
 
 def _words(camera: Camera) -> str:
@@ -66,7 +198,3 @@ def _words(camera: Camera) -> str:
         f"{camera.model} {camera.width}x{camera.height}, f {focal[0]:.9g}, {focal[1]:.9g}, "
         f"c {centre[0]:.9g}, {centre[1]:.9g} px"
     )
-
-
-def _why(contents: Contents, stream: str) -> str:
-    return contents.absent.get(stream, "the file has no such rate")

@@ -12,12 +12,12 @@ from fedora_qa.gate.baseline import Baseline, accept_known
 from fedora_qa.gate.policy import Policy
 from fedora_qa.gate.release import FOLDER, Release
 from fedora_qa.gate.release_result import ReleaseResult, with_release_results
-from fedora_qa.gate.severity import with_severity
+from fedora_qa.gate.severity_override import with_severity
 from fedora_qa.gate.waivers import waive, waivers_in_order
-from fedora_qa.record.types import FileRecord, Outcome, Record, Result
+from fedora_qa.record.types import FileRecord, Outcome, Record
 from fedora_qa.record.wording import SHORT_OF_COVERAGE
 
-_UNTOLD: Final[frozenset[Outcome]] = frozenset({"not_applicable", "not_observable"})
+_WITHOUT_VERDICT: Final[frozenset[Outcome]] = frozenset({"not_applicable", "not_observable"})
 
 
 @dataclass(frozen=True, slots=True)
@@ -69,35 +69,31 @@ def judged(record: Record, release: Release, release_results: Iterable[ReleaseRe
     names = [*(sequence.name for sequence in release.sequences), FOLDER]
     ruled = [with_release_results(name, file, release_results) for name, file in zip(names, record.files, strict=True)]
     weighed = [with_severity(file, policy.severity, policy.check.fail_on) for file in ruled]
-    files_judged = [_held_to_required(file, policy) for file in weighed[:-1]] + weighed[-1:]
-    accepted = [_accepted(name, file, judgement) for name, file in zip(names, files_judged, strict=True)]
+    # A sequence is incomplete where a required check came to no verdict; the reason of the check states it.
+    required = {check.name for name in policy.required_checks for check in select_checks((name,), ())}
+    shortfall = f"could not tell {SHORT_OF_COVERAGE} it"
+    files_judged = []
+    for file in weighed[:-1]:
+        results = tuple(
+            replace(result, reason="; ".join(filter(None, (result.reason, shortfall))))
+            if result.check in required and result.outcome in _WITHOUT_VERDICT
+            else result
+            for result in file.results
+        )
+        files_judged.append(file if results == file.results else replace(file, results=results, verdict="incomplete"))
+    files_judged.append(weighed[-1])
+    accepted = []
+    for name, file in zip(names, files_judged, strict=True):
+        waived = waive(name, file, policy.waivers, judgement.today)
+        if judgement.baseline is not None:
+            waived = accept_known(name, waived, judgement.baseline, policy.check.false_alarm_rate)
+        accepted.append(waived)
     # Before anything is waived: a waiver is needed where its finding is there, whichever waiver is applied first.
     on_waivers = waivers_in_order(zip(names, files_judged, strict=True), policy.waivers, judgement.today)
     accepted[-1] = with_release_results(FOLDER, accepted[-1], [on_waivers])
     crossing = crossing_streams(select_checks(policy.check.select, policy.check.ignore))
     verdicts = [_with_verdict(file, crossing) for file in accepted[:-1]]
     return replace(record, config_digest=policy.digest, files=(*verdicts, _with_verdict(accepted[-1], frozenset())))
-
-
-def _accepted(name: str, file: FileRecord, judgement: Judgement) -> FileRecord:
-    file = waive(name, file, judgement.policy.waivers, judgement.today)
-    if judgement.baseline is None:
-        return file
-    return accept_known(name, file, judgement.baseline, judgement.policy.check.false_alarm_rate)
-
-
-def _held_to_required(file: FileRecord, policy: Policy) -> FileRecord:
-    """Return the file, incomplete where a required check came to no verdict; the reason of the check states it."""
-    required = {check.name for name in policy.required_checks for check in select_checks((name,), ())}
-    results = tuple(_marked_untold(result) if result.check in required else result for result in file.results)
-    return file if results == file.results else replace(file, results=results, verdict="incomplete")
-
-
-def _marked_untold(result: Result) -> Result:
-    if result.outcome not in _UNTOLD:
-        return result
-    prefix = f"could not tell {SHORT_OF_COVERAGE} it"
-    return replace(result, reason="; ".join(filter(None, (result.reason, prefix))))
 
 
 def _with_verdict(file: FileRecord, crossing: frozenset[str]) -> FileRecord:

@@ -85,11 +85,12 @@ def waivers_in_order(files: Iterable[tuple[str, FileRecord]], waivers: Iterable[
         if waiver.expires < today:
             message = f"Expected waivers that hold, got one that expired on {waiver.expires}: {what}"
             violations.append(Violation(FOLDER, "expired", message))
-        elif not any(_covers_any(waiver, name, file) for name, file in named):
+        elif not any(
+            waiver.covers(name, file, result, finding)
+            for name, file in named
+            for result in file.results
+            for finding in result.findings
+        ):
             message = f"Expected waivers that are needed, got one that covers no finding: {what}; remove it"
             violations.append(Violation(FOLDER, "unused", message))
     return ReleaseResult("release.waivers", question, FOLDER, tuple(violations))
-
-
-def _covers_any(waiver: Waiver, name: str, file: FileRecord) -> bool:
-    return any(waiver.covers(name, file, result, finding) for result in file.results for finding in result.findings)

@@ -8,13 +8,16 @@ from typing import Any
 import h5py
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from fedora_qa.engine.run import CheckOptions, check_file
 from fedora_qa.engine.windows import window_length_ns
-from fedora_qa.extract.cut import Cutter
+from fedora_qa.extract.cut import Cutter, entries_kept
 from fedora_qa.extract.place import Piece
 from fedora_qa.extract.rows import CutRows
 from fedora_qa.layout.detect import detect_dialect
+from fedora_qa.sequence.facts import IndexMap
 from fedora_qa.sequence.scan import scan
 from fedora_qa.sequence.sequence import open_sequence
 from tests.support.foreign import write_purdue_lab
@@ -213,3 +216,27 @@ def test_the_source_is_not_touched(copy: Path, tmp_path: Path) -> None:
     before = copy.read_bytes()
     cut(copy, tmp_path / "piece.h5")
     assert copy.read_bytes() == before
+
+
+@st.composite
+def cuts(draw: st.DrawFn) -> tuple[np.ndarray, np.ndarray, CutRows, CutRows]:
+    """Stamps of events and frames, both in order, and rows of each to keep."""
+    events = np.sort(np.array(draw(st.lists(st.integers(0, 50), max_size=30)), dtype=np.int64))
+    frames = np.sort(np.array(draw(st.lists(st.integers(0, 50), min_size=1, max_size=10)), dtype=np.int64))
+
+    def rows(count: int) -> CutRows:
+        start = draw(st.integers(0, count))
+        return CutRows(start, draw(st.integers(start, count)), count)
+
+    return events, frames, rows(len(frames)), rows(len(events))
+
+
+@given(cuts(), st.integers(-3, 3))
+def test_what_an_entry_is_off_by_stays(cut: tuple[np.ndarray, np.ndarray, CutRows, CutRows], off: int) -> None:
+    """By the format's own definition, counted in the piece: the earliest kept event not before the frame."""
+    events, frames, kept_frames, kept_events = cut
+    left = np.searchsorted(events, frames, "left")
+    index_map = IndexMap(left + off, left, np.searchsorted(events, frames, "right"))
+    piece = events[kept_events.start : kept_events.stop]
+    defined = [int(np.sum(piece < frame)) for frame in frames[kept_frames.start : kept_frames.stop]]
+    assert list(entries_kept(index_map, kept_frames, kept_events) - off) == defined

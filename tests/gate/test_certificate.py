@@ -10,10 +10,15 @@ from typing import Any
 import pytest
 
 from fedora_qa.errors import MisuseError
-from fedora_qa.gate.certificate import Certificate, certificate_of, read_certificate, write_certificate
+from fedora_qa.gate.certificate import (
+    Certificate,
+    certificate_of,
+    differences,
+    read_certificate,
+    write_certificate,
+)
 from fedora_qa.gate.documents import whole_digest
 from fedora_qa.gate.policy import Documents, Policy
-from fedora_qa.gate.verify import differences
 from fedora_qa.gate.waivers import Waiver
 from tests.support.records import file_record, not_observable, passed, record
 

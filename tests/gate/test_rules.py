@@ -1,17 +1,31 @@
-"""Rules about single sequences and about sums."""
+"""Rules about single sequences, about sums, and about sequences beside each other: copies, and splits that leak."""
 
 from dataclasses import replace
+from pathlib import Path
+from typing import Any
 
+import h5py
 import numpy as np
+import pytest
 
-from fedora_qa.gate.contents import Contents
+from fedora_qa.gate.contents import Contents, read_contents
 from fedora_qa.gate.policy import Bounds
-from fedora_qa.gate.rules import rule_on_intrinsics, rule_on_names, rule_on_streams
-from fedora_qa.gate.totals import amount_of, rule_on_totals
+from fedora_qa.gate.rules import (
+    amount_of,
+    rule_on_distinct,
+    rule_on_intrinsics,
+    rule_on_names,
+    rule_on_splits,
+    rule_on_streams,
+    rule_on_totals,
+)
 from fedora_qa.sequence.declared import Camera
+from tests.support.handmade import write_handmade
 from tests.support.records import file_record, passed
 
 CAMERA = Camera(36, 27, np.array([[31.2, 0, 17.5], [0, 31.2, 13.0], [0, 0, 1]]), np.eye(4))
+STREAMS = ("rgb", "events", "imu", "pose")
+SPLITS = {"train": ("train/*",), "test": ("test/*",)}
 
 
 def holding(*streams: str, **cameras: Camera) -> Contents:
@@ -64,3 +78,93 @@ def test_totals() -> None:
     assert [violation.code for violation in broken.violations] == ["sequences", "duration_s", "distance_m"]
     assert "at least 3, got 2" in broken.violations[0].message
     assert "at most 3.9, got 4" in broken.violations[1].message
+
+
+def contents(path: Path) -> Contents:
+    """What a file holds, all streams digested."""
+    held = read_contents(path, None, STREAMS, poses=True)
+    assert held
+    return held
+
+
+@pytest.fixture
+def moving(tmp_path: Path) -> Path:
+    """A file whose poses move, by a random walk."""
+    path = write_handmade(tmp_path / "moving.h5")
+    with h5py.File(path, "r+") as file:
+        positions: Any = file["path/pose/position"]
+        positions[:] = np.cumsum(np.random.default_rng(3).normal(size=positions.shape), axis=0)
+    return path
+
+
+def edited(source: Path, name: str, key: str, edit: Any) -> Path:
+    """A copy of a file with one dataset edited."""
+    path = source.with_name(name)
+    path.write_bytes(source.read_bytes())
+    with h5py.File(path, "r+") as file:
+        dataset: Any = file[key]
+        dataset[:] = edit(dataset[:])
+    return path
+
+
+def test_what_never_changes_has_no_digest(moving: Path) -> None:
+    """A grey wall and an IMU at rest are alike everywhere; events and a flight are not."""
+    assert set(contents(moving).digests) == {"events", "pose"}
+
+
+def test_later_timestamps_make_no_other_stream(moving: Path) -> None:
+    """A copy whose clock starts elsewhere has the same content."""
+    late = edited(moving, "late.h5", "path/events/t", lambda t: t + 5)
+    assert contents(late).digests == contents(moving).digests
+
+
+def test_one_value_makes_another_stream(moving: Path) -> None:
+    """One event that lies elsewhere is another content."""
+    other = edited(moving, "other.h5", "path/events/x", lambda x: np.concatenate([[x[0] ^ 1], x[1:]]))
+    assert contents(other).digests["events"] != contents(moving).digests["events"]
+    assert contents(other).digests["pose"] == contents(moving).digests["pose"]
+
+
+def test_a_truncated_file_has_no_contents(moving: Path) -> None:
+    """What cannot be opened is left to its record."""
+    moving.write_bytes(moving.read_bytes()[:5000])
+    assert read_contents(moving, None, STREAMS, poses=True) is None
+
+
+def test_copies_are_named(moving: Path) -> None:
+    """The later of two sequences with one stream in common names the earlier."""
+    other = edited(moving, "other.h5", "path/events/x", lambda x: x[::-1])
+    known = {"a": contents(moving), "b": contents(other)}
+    (violation,) = rule_on_distinct(known, ["events", "pose"]).violations
+    assert (violation.name, violation.stream) == ("b", "pose")
+    assert "the same pose as in a" in violation.message
+
+
+def test_splits_that_leak(moving: Path) -> None:
+    """One stream in two splits is a leak; the same in one split is not."""
+    known = {name: contents(moving) for name in ("train/a", "train/b", "test/c")}
+    violations = rule_on_splits(known, known, SPLITS).violations
+    assert [(violation.name, violation.code) for violation in violations] == [("test/c", "leak"), ("test/c", "leak")]
+    assert "the same events, pose and 21 of the poses of train/a" in violations[0].message
+
+
+@pytest.mark.parametrize(("shared", "leaks"), [(1, False), (9, False), (10, True)])
+def test_a_stretch_of_one_flight_is_a_leak(shared: int, leaks: bool, moving: Path) -> None:
+    """Ten poses in common are one flight, however the rest differs; a common start is not."""
+
+    def partly(positions: Any) -> Any:
+        positions[shared:] += 0.5
+        return positions
+
+    cut = edited(moving, "cut.h5", "path/pose/position", partly)
+    cut = edited(cut, "cut2.h5", "path/events/x", lambda x: x[::-1])
+    known = {"train/a": contents(moving), "test/b": contents(cut)}
+    assert bool(rule_on_splits(known, known, SPLITS).violations) == leaks
+
+
+def test_each_sequence_in_one_split() -> None:
+    """One that is in no split, or in two, is named with them."""
+    splits = {"train": ("*/a",), "val": ("x/*",)}
+    violations = rule_on_splits(["x/a", "y/a", "y/b"], {}, splits).violations
+    assert [(violation.name, violation.code) for violation in violations] == [("x/a", "several"), ("y/b", "unassigned")]
+    assert "train, val" in violations[0].message

@@ -9,7 +9,7 @@ from typing import NoReturn
 
 import pytest
 
-from fedora_qa.cli.graphics import DrawingTrial, try_pyrender
+from fedora_qa.cli.doctor import DrawingTrial, try_pyrender
 
 BROWSERS = ("chromium", "chromium-browser", "google-chrome", "chrome")
 
