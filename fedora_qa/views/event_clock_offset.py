@@ -261,7 +261,23 @@ def search_window(window: Window, start_s: float | None, searched: Sequence[Offs
         return _trial(window, trials[0])
     by_ladder = search_offset(window)
     starts_s = [start for start in (start_s, None if by_ladder is None else by_ladder.offset_s) if start is not None]
-    converged = [ending for start in starts_s if (ending := _converged(window, start)) is not None]
+    # Gauss and Newton's way from each start: the offset of the fit is undone too, until the next fit leaves none.
+    converged: list[tuple[OffsetTrial, float]] = []
+    for offset_s in starts_s:
+        estimate_s = offset_s
+        last: tuple[OffsetTrial, float] | None = None
+        for _ in range(ROUNDS):
+            offset_ns = round(estimate_s * 1e9)
+            trial = _trial(window, offset_ns) if abs(offset_ns) <= FARTHEST_OFFSET_NS else None
+            fits = fit_all([trial.sums]) if trial is not None else None
+            residual = offset_by_interpolation(fits) if fits is not None else None
+            if trial is None or fits is None or residual is None:
+                last = None
+                break
+            estimate_s += residual.offset_s
+            last = (trial, fits.fit.relative_sigma) if abs(residual.offset_s) <= _CONVERGED_S else None
+        if last is not None:
+            converged.append(last)
     return min(converged, key=lambda ending: ending[1])[0] if converged else by_ladder
 
 
@@ -332,8 +348,21 @@ def _local_offset(state: Sequence[InterpolationSums], summed: int) -> LocalOffse
     fits = fit_all(state)
     if fits is None:
         return None
+    # Sums of windows by tiles, of C+, C- and delay. Kappa is the file's, as a cell may hold one edge only. The normal
+    # equations of levels less kappa |L'|: with y' = y - kappa z, X'y' = X'y - kappa X'z, and
+    # y'y' = yy - 2 kappa yz + kappa^2 zz.
     kappas_s = fits.fit.kappa_s, fits.coarse.kappa_s, fits.uniform.kappa_s
-    fine, coarse, uniform = (_cell_sums(state, *of_method) for of_method in zip(METHODS, kappas_s, strict=True))
+    cell_sums = []
+    for method, kappa_s in zip(METHODS, kappas_s, strict=True):
+        cells = []
+        for sums in state:
+            blocks: NormalBlocks = getattr(sums, method)
+            sizes = blocks.matrices[:, :, 3]
+            vectors = blocks.vectors[:, :3] - kappa_s * sizes[:, :3]
+            squares = blocks.squares - 2 * kappa_s * blocks.vectors[:, 3] + kappa_s**2 * sizes[:, 3]
+            cells.append((blocks.matrices[:, :3, :3], vectors, squares, blocks.weights, blocks.counts))
+        cell_sums.append(CellSums(*(np.stack(arrays) for arrays in zip(*cells, strict=True))))
+    fine, coarse, uniform = cell_sums
     parts = delays_of_parts(fine, summed)
     values = np.where(parts.follows_frames & (parts.relative_sigmas <= INTERPOLABLE), parts.seconds, np.nan)
     # What bounds the bias of a whole file differs from part to part, and is noise to their comparison.
@@ -352,38 +381,7 @@ def _local_offset(state: Sequence[InterpolationSums], summed: int) -> LocalOffse
     return LocalOffset(step, values, errors) if step is not None else None
 
 
-def _cell_sums(state: Sequence[InterpolationSums], method: str, kappa_s: float) -> CellSums:
-    """Return the sums of windows by tiles, of C+, C- and delay: with the file's kappa, as a cell may hold one edge.
-
-    The normal equations of levels less kappa |L'|: with y' = y - kappa z, X'y' = X'y - kappa X'z, and
-    y'y' = yy - 2 kappa yz + kappa^2 zz.
-    """
-    cells = []
-    for sums in state:
-        blocks: NormalBlocks = getattr(sums, method)
-        sizes = blocks.matrices[:, :, 3]
-        vectors = blocks.vectors[:, :3] - kappa_s * sizes[:, :3]
-        squares = blocks.squares - 2 * kappa_s * blocks.vectors[:, 3] + kappa_s**2 * sizes[:, 3]
-        cells.append((blocks.matrices[:, :3, :3], vectors, squares, blocks.weights, blocks.counts))
-    return CellSums(*(np.stack(each) for each in zip(*cells, strict=True)))
-
-
 def _trial(window: Window, offset_ns: int) -> OffsetTrial | None:
     """Return the sums of a window whose events are late by an offset, with that undone."""
     sums = _sums_of(window, sorted_by_pixel(corrected_events(window, offset_ns), window.facts.declared))
     return None if sums is None else OffsetTrial(offset_ns, sums)
-
-
-def _converged(window: Window, offset_s: float) -> tuple[OffsetTrial, float] | None:
-    """Return the trial of an offset that leaves none, and its residual; None where the rounds do not converge."""
-    ending: tuple[OffsetTrial, float] | None = None
-    for _ in range(ROUNDS):
-        offset_ns = round(offset_s * 1e9)
-        trial = _trial(window, offset_ns) if abs(offset_ns) <= FARTHEST_OFFSET_NS else None
-        fits = fit_all([trial.sums]) if trial is not None else None
-        residual = offset_by_interpolation(fits) if fits is not None else None
-        if trial is None or fits is None or residual is None:
-            return None
-        offset_s += residual.offset_s
-        ending = (trial, fits.fit.relative_sigma) if abs(residual.offset_s) <= _CONVERGED_S else None
-    return ending

@@ -10,7 +10,6 @@ from numpy.typing import NDArray
 
 from fedora_qa.estimators.images.samples import along_the_flow
 from fedora_qa.layout.canonical import datasets_of
-from fedora_qa.sequence.facts import Facts
 from fedora_qa.sequence.window import Window
 from fedora_qa.views.flow_intervals import frame_at, owned_intervals
 from fedora_qa.views.large_frames import is_large
@@ -41,14 +40,7 @@ class FrameTransition:
 
 def flow_rate_of(window: Window) -> str | None:
     """Return the fastest flow stream, if frames can be mapped onto its grid and then have its size, as stored."""
-    return window.once("flow rate of frames", lambda: _flow_rate_of(window.facts, _optics(window)))
-
-
-def _optics(window: Window) -> Optics | str:
-    return window.once("optics of frames", lambda: optics_of(window.facts))
-
-
-def _flow_rate_of(facts: Facts, optics: Optics | str) -> str | None:
+    facts, optics = window.facts, _optics(window)
     if not facts.flow_streams or isinstance(optics, str):
         return None
     stream, bindings = facts.flow_streams[-1], facts.layout.bindings
@@ -61,6 +53,10 @@ def _flow_rate_of(facts: Facts, optics: Optics | str) -> str | None:
         depth = facts.declared.cameras["depth"]  # whose grid frames are mapped to
         size = (depth.height, depth.width)
     return stream if bindings[image].shape[1:3] == size else None
+
+
+def _optics(window: Window) -> Optics | str:
+    return window.once("optics of frames", lambda: optics_of(window.facts))
 
 
 def pairs_with_flow(window: Window) -> Iterator[FrameTransition]:

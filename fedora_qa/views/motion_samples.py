@@ -162,7 +162,14 @@ def rounding_step(times_ns: NDArray[np.int64], values: Float64, curve: SampledCu
         The same samples, for their noise.
     """
     stored = stored_resolution(values)
-    step = _decimal_step(values)
+    # The largest power of ten, 1 at most and 1e-9 at least, of which all values are multiples; 0 if there is none.
+    step, largest = 0.0, float(np.abs(values).max(initial=0.0))
+    for decimals in range(10 if values.size else 0):
+        slack = _ROUNDED_UNITS * float(np.spacing(largest * 10.0**decimals))
+        scaled = (part * 10.0**decimals for part in (values[:_FIRST_SAMPLES], values))
+        if all(bool(np.all(np.abs(multiples - np.rint(multiples)) <= slack)) for multiples in scaled):
+            step = float(10.0**-decimals)
+            break
     if step <= stored:
         return stored
     level = noise_level(times_ns, curve, order=NOISE_ORDER)
@@ -176,17 +183,6 @@ def _rounding_density(times_ns: NDArray[np.int64], values: Float64) -> float:
         return 0.0
     # Variance step^2 / 12 a sample, times the sampling interval.
     return step * float(np.sqrt(np.median(np.diff(times_ns)) / NS_PER_S / 12))
-
-
-def _decimal_step(values: Float64) -> float:
-    """Return the largest power of ten, 1 at most and 1e-9 at least, of which all values are multiples; 0 for none."""
-    largest = float(np.abs(values).max(initial=0.0))
-    for decimals in range(10 if values.size else 0):
-        slack = _ROUNDED_UNITS * float(np.spacing(largest * 10.0**decimals))
-        scaled = (part * 10.0**decimals for part in (values[:_FIRST_SAMPLES], values))
-        if all(bool(np.all(np.abs(multiples - np.rint(multiples)) <= slack)) for multiples in scaled):
-            return float(10.0**-decimals)
-    return 0.0
 
 
 def imu_roundings(imu: ImuSamples) -> tuple[float, float]:
