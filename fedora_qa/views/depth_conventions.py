@@ -71,7 +71,15 @@ class DepthTrial:
 
 @dataclass(frozen=True, slots=True)
 class PairTrials(Feature):
-    """All trials of one pair of depth frames; ``first`` is the row of its first frame."""
+    """All trials of one pair of depth frames.
+
+    Attributes
+    ----------
+    first
+        Row of the first frame.
+    trials
+        In the order in which they were made.
+    """
 
     first: int
     trials: tuple[DepthTrial, ...]

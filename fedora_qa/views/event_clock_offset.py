@@ -81,8 +81,16 @@ _PREFERRED_WITHIN: Final = 2.0
 class InterpolationSums:
     """Normal equations of a window's interpolated levels, a block for each tile.
 
-    ``fine`` interpolates the edge-aware reconstruction of frames through six of them; ``coarse`` through four;
-    ``uniform`` the uniform reconstruction through six. ``start_ns`` and ``stop_ns`` are those of the window.
+    Attributes
+    ----------
+    fine
+        The edge-aware reconstruction of frames is interpolated through six of them.
+    coarse
+        As ``fine``, through four.
+    uniform
+        The uniform reconstruction is interpolated through six.
+    start_ns, stop_ns
+        Of the window, ns from the file's origin.
     """
 
     fine: NormalBlocks
@@ -94,7 +102,17 @@ class InterpolationSums:
 
 @dataclass(frozen=True, slots=True)
 class InterpolationFits:
-    """The fit of a file by its interpolated levels, and the fits by the methods that bound its error."""
+    """The fit of a file by its interpolated levels, and the fits by the methods that bound its error.
+
+    Attributes
+    ----------
+    fit
+        By the edge-aware reconstruction of frames, six of them.
+    coarse
+        By four frames in place of six.
+    uniform
+        By the uniform reconstruction.
+    """
 
     fit: ResponseFit
     coarse: ResponseFit
@@ -106,6 +124,15 @@ class ClockOffset(Feature):
     """By how much events are late at the middle of a file, and how that grows; standard errors and bounds on bias.
 
     Beyond ``capture_range_s`` the offset is underestimated.
+
+    Attributes
+    ----------
+    offset_s, error_s, bound_s
+        Positive where timestamps of events are too late; standard error; bound on bias.
+    rate, rate_error, rate_bound
+        Growth of the offset, s/s, likewise.
+    capture_range_s
+        Infinite where the offset was searched for.
     """
 
     offset_s: float
@@ -119,7 +146,15 @@ class ClockOffset(Feature):
 
 @dataclass(frozen=True, slots=True)
 class LocalOffset:
-    """A part whose delay differs from the rest; delays and errors (k,) of all parts."""
+    """A part whose delay differs from the rest; delays and errors (k,) of all parts.
+
+    Attributes
+    ----------
+    step
+        The part, and by how much its delay differs.
+    delays_s, errors_s
+        (k,) by window or by tile; NaN where no delay is known.
+    """
 
     step: DelayStep
     delays_s: Float64
@@ -128,7 +163,15 @@ class LocalOffset:
 
 @dataclass(frozen=True, slots=True)
 class OffsetTrial:
-    """A window's sums with events taken to be late by an offset, and that undone."""
+    """A window's sums with events taken to be late by an offset, and that undone.
+
+    Attributes
+    ----------
+    offset_ns
+        The offset that was undone; positive where timestamps of events are too late.
+    sums
+        With events moved by it.
+    """
 
     offset_ns: int
     sums: InterpolationSums
@@ -183,6 +226,17 @@ def offset_error_ms(estimate: ClockOffset, offset_ms: float, bound_ms: float, fa
     Light does not change evenly for long. A change of angular frequency w, moved by d, is read as sin(w d) / w in place
     of d. Frames an interval h apart show changes up to w = pi / h; half of that is taken for what edges are made of.
     Offsets that were searched for are undone before they are fitted.
+
+    Parameters
+    ----------
+    estimate
+        With the standard error and the capture range.
+    offset_ms
+        The offset, or its difference from that of a correct file.
+    bound_ms
+        Bound on its bias.
+    facts
+        Of which the interval between colour frames is taken.
     """
     interval_ms = float(np.median(np.diff(facts.clocks["rgb"].times_ns))) / 1e6
     fraction = 1.0
@@ -197,6 +251,13 @@ def offset_by_levels(fitted: ThresholdFit, declared: EventModel) -> ClockOffset:
 
     Levels of the linear model jump at events and hold until the next where edges pass within a few rendered steps:
     such errors scatter about the fit, and may act as one by ``HELD_LEVEL_BIAS`` times their scatter.
+
+    Parameters
+    ----------
+    fitted
+        Thresholds and delay of the file.
+    declared
+        The model, ``log`` or ``linear``.
     """
     fit, bounds = fitted.fit, fitted.model_errors
     held_s = HELD_LEVEL_BIAS * fit.coherent_delay_s if declared.model == "linear" else 0.0
@@ -305,6 +366,11 @@ def search_is_preferred(searched: ClockOffset, fitted: ClockOffset, facts: Facts
     """Whether the offset by search has an error as small as that by one fit of all windows, nearly.
 
     That one underestimates it, by more than it states where light changes from frame to frame.
+
+    Parameters
+    ----------
+    searched, fitted
+        The offset by search, and that by one fit of all windows.
     """
     fitted_ms = offset_error_ms(fitted, 1e3 * fitted.offset_s, 1e3 * fitted.bound_s, facts)
     return offset_error_ms(searched, 1e3 * searched.offset_s, 1e3 * searched.bound_s, facts) < (

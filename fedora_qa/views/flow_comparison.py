@@ -200,6 +200,18 @@ def field_covariance(track: PoseTrack, interval: Interval, noise: PoseModel | No
     """Return the covariance of the motion's twist under declared noise; None where the pose is declared exact.
 
     Where nothing is declared, a metre and a radian stand for anything.
+
+    Parameters
+    ----------
+    track, interval
+        The motion is that of the camera of the track over the interval.
+    noise
+        Declared noise of the poses; None where nothing is declared.
+
+    Returns
+    -------
+    ndarray of float64, or None
+        (6, 6): rotation in rad, translation in m.
     """
     if not is_noisy(noise):
         return None
@@ -210,7 +222,24 @@ def field_covariance(track: PoseTrack, interval: Interval, noise: PoseModel | No
 def templates_of(
     track: PoseTrack, interval: Interval, motion: RigidMotion, sample: FlowSample, correction: Float64
 ) -> Float64:
-    """Return the templates (n, 2, m) of small errors of the parameters for one field, about a corrected motion."""
+    """Return the templates (n, 2, m) of small errors of the parameters for one field, about a corrected motion.
+
+    Parameters
+    ----------
+    track, interval
+        Poses with the depth camera, and the interval of the field.
+    motion
+        Of points in the camera frame over the interval, as declared.
+    sample
+        n pixels of the field.
+    correction
+        (6,) twist, rad and m, by which every motion is corrected; zero for none.
+
+    Returns
+    -------
+    ndarray of float64
+        (n, 2, m) px of flow (u, v) per unit of each parameter.
+    """
     ends = track.ends(interval.start_ns, interval.end_ns)
 
     def corrected(declared: RigidMotion) -> RigidMotion:
@@ -238,5 +267,11 @@ def _turned_back(x_rad: float, y_rad: float, z_rad: float) -> Float64:
 
 
 def equal_bits(image: NDArray[np.float32], other: NDArray[np.float32]) -> bool:
-    """Whether two images are equal bit for bit, without being empty or zero throughout."""
+    """Whether two images are equal bit for bit, without being empty or zero throughout.
+
+    Parameters
+    ----------
+    image, other
+        Of any shape; images of different shapes are not equal.
+    """
     return np.array_equal(image, other, equal_nan=True) and bool(np.any(np.nan_to_num(image)))

@@ -102,8 +102,7 @@ def try_inverse_transforms(
         reference = stored_px
     best: dict[tuple[str, str], ConventionTrial] = {}
     for field in (
-        *_with_other_flow(window, track, interval, sample, motion, frame),
-        *_with_other_interval(window, track, interval, region),
+        *_with_other_flow(window, track, interval, sample, motion, frame, region),
         *_with_other_depth(window, track, sample, motion, frame),
         *_with_other_poses(window, track, interval, sample),
     ):
@@ -117,9 +116,15 @@ def try_inverse_transforms(
 
 
 def _with_other_flow(
-    window: Window, track: PoseTrack, interval: Interval, sample: FlowSample, motion: RigidMotion, frame: int
+    window: Window,
+    track: PoseTrack,
+    interval: Interval,
+    sample: FlowSample,
+    motion: RigidMotion,
+    frame: int,
+    region: Region | None,
 ) -> Iterator[_TransformedField]:
-    """Transform the stored numbers, and the grid that they lie on."""
+    """Transform the stored numbers and the grid that they lie on, or assign them to another interval."""
     flow, seconds = sample.flow_px, interval.duration_s
     stored = window.flow_px(interval.stream, interval.row)
     height, width = stored.shape[:2]
@@ -152,16 +157,11 @@ def _with_other_flow(
             moved = stored[np.clip(row + dy, 0, height - 1), np.clip(column + dx, 0, width - 1)]
             yield transformed("shifted_pixels", moved, float(shift))
 
-
-def _with_other_interval(
-    window: Window, track: PoseTrack, interval: Interval, region: Region | None
-) -> Iterator[_TransformedField]:
-    """Assign the field to a neighbouring interval, or to one of another rate."""
-
+    # A neighbouring interval, one that begins some depth frames before or after, or one of another rate.
     def moved_to(other: Interval, name: str, magnitude: float | None = None) -> _TransformedField:
-        frame = frame_at(window.facts.clocks["depth"], other.start_ns)
-        sample = None if frame is None else sample_field(window, interval, frame, region)
-        return _TransformedField(name, "flow", sample, track.motion(other.start_ns, other.end_ns), magnitude)
+        depth_frame = frame_at(window.facts.clocks["depth"], other.start_ns)
+        field = None if depth_frame is None else sample_field(window, interval, depth_frame, region)
+        return _TransformedField(name, "flow", field, track.motion(other.start_ns, other.end_ns), magnitude)
 
     for intervals in _INTERVAL_SHIFTS:
         yield moved_to(interval.shifted(intervals), "neighbouring_interval", float(-intervals))
@@ -173,8 +173,8 @@ def _with_other_interval(
         if stream == interval.stream or not len(starts_ns):
             continue
         latest = max(int(np.searchsorted(starts_ns, interval.start_ns, "right")) - 1, 0)
-        for row in {latest, min(interval.row, len(starts_ns) - 1)}:
-            other = interval_at(window.facts, stream, row)
+        for other_row in {latest, min(interval.row, len(starts_ns) - 1)}:
+            other = interval_at(window.facts, stream, other_row)
             yield moved_to(other, "field_of_another_rate")
             same_start = replace(other, start_ns=interval.start_ns, end_ns=interval.start_ns + other.length_ns)
             yield moved_to(same_start, "field_of_another_rate")

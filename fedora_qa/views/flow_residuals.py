@@ -81,10 +81,20 @@ _PERCENT, _DEG = 0.01, np.pi / 180
 
 @dataclass(frozen=True, slots=True)
 class FieldTiles:
-    """Tiles of one field: origins (n, 2), flow patches (n, 36, 36, 2), finite; and the pixels to use.
+    """Tiles of one field, and the pixels of them that may be compared.
 
-    ``noise_dn2`` (n,) is the variance of noise that the frames' pixels may hold, texture of one pixel's size included.
-    ``by_depth``: depth and motion decided which pixels both frames show, so that every tile must match.
+    Attributes
+    ----------
+    origins
+        (n, 2) first column and row, px.
+    flow_px
+        (n, 36, 36, 2) patches of the flow with their halo, finite.
+    usable
+        (n, 32, 32) pixels that both frames show and whose flow is valid.
+    noise_dn2
+        (n,) variance of noise that the frames' pixels may hold, texture of one pixel's size included.
+    by_depth
+        Whether depth and motion decided which pixels both frames show, so that every tile must match.
     """
 
     origins: Int64
@@ -154,7 +164,17 @@ class FieldResidual:
 
 
 def sample_tiles(frames: FramePair, interval: Interval, share: float) -> FieldTiles | None:
-    """Choose tiles of a field and the pixels of them that may be compared; None where the image has no tile."""
+    """Choose tiles of a field and the pixels of them that may be compared; None where the image has no tile.
+
+    Parameters
+    ----------
+    frames
+        The frames at both ends of the interval.
+    interval
+        Of the field.
+    share
+        Of the field's tiles that is taken, 0 to 1.
+    """
     stored = frames.window.flow_px(interval.stream, interval.row)
     origins = _sampled(stored, interval, share)
     if not len(origins):
@@ -191,6 +211,20 @@ def measure_field(frames: FramePair, interval: Interval, share: float) -> FieldR
     """Measure the residual flow of a share of a field's tiles.
 
     Tiles of which too few pixels are visible are only counted.
+
+    Parameters
+    ----------
+    frames
+        The frames at both ends of the interval.
+    interval
+        Of the field.
+    share
+        Of the field's tiles that is taken, 0 to 1; a part of it in large frames.
+
+    Returns
+    -------
+    FieldResidual or None
+        None where the image has no tile.
     """
     window, stored = frames.window, frames.window.flow_px(interval.stream, interval.row)
     is_thinned = is_large(stored.shape[0] * stored.shape[1], window)

@@ -31,7 +31,15 @@ by a third, and the least jump that is found in park-day, most of it what points
 
 @dataclass(frozen=True, slots=True)
 class FrameTransition:
-    """Two frames by row, ``before`` being the earlier one, and the flow (H, W, 2) from it to the other, if there is."""
+    """Two colour frames, and the flow between them.
+
+    Attributes
+    ----------
+    before, after
+        Rows of the earlier and of the later frame.
+    flow_px
+        (H, W, 2) from the earlier to the later one; None where the file has none.
+    """
 
     before: int
     after: int

@@ -288,7 +288,19 @@ def excused_pixels(window: Window, declared: EventModel) -> Bool:
 
 
 def join(resampled: ResampledFrames, declared: EventModel, rounding_dn: float, excused: Bool) -> FrameRun:
-    """Return the run of two frames or more; ``excused`` (h, w) as in ``FrameRun``."""
+    """Return the run of two frames or more; ``excused`` (h, w) as in ``FrameRun``.
+
+    Parameters
+    ----------
+    resampled
+        The frames, at the pixels of the event camera, and the events between them.
+    declared
+        The model and its thresholds.
+    rounding_dn
+        Half a step of the 8-bit code, linear DN.
+    excused
+        (h, w) pixels in which a correct sensor may lack events.
+    """
     events = np.zeros(excused.shape, np.int32)
     add_counts(resampled.counts, events)
     if declared.model == "linear":
@@ -302,7 +314,19 @@ def join(resampled: ResampledFrames, declared: EventModel, rounding_dn: float, e
 
 
 def violations(run: FrameRun, rule: int, declared: EventModel, phase_declared: bool) -> tuple[Bool, bool]:
-    """Return where (h, w) the law is broken by a rule, and whether a declared start was part of the law."""
+    """Return where (h, w) the law is broken by a rule, and whether a declared start was part of the law.
+
+    Parameters
+    ----------
+    run
+        Bounds of joined frames.
+    rule
+        ``EVEN`` or ``ALL``.
+    declared
+        The model and its thresholds.
+    phase_declared
+        Whether the reference is declared to be the signal at the first frame of the run.
+    """
     # The declared spread of thresholds widens the law: n events of independent errors add sqrt(n) sigma, both ends of
     # the range a threshold each, sqrt(2) sigma.
     mismatch = MISMATCH_SIGMAS * declared.threshold_sigma * (sqrt(2.0) + np.sqrt(run.events))

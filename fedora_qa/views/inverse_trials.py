@@ -144,6 +144,18 @@ def most_resolved(before: Bool, after: Bool, symmetry: Symmetry = UPRIGHT) -> in
 
     Events that a ``symmetry`` moves to the other side of the image break the law there if they do not belong there:
     rectangles are those that it leaves in their place.
+
+    Parameters
+    ----------
+    before, after
+        (h, w) pixels that violate the law.
+    symmetry
+        Whether axes were exchanged, columns mirrored, rows mirrored.
+
+    Returns
+    -------
+    int
+        Pixels, negative where every rectangle has more violations than before.
     """
     # Signed integers: a pixel that is newly violated counts as -1.
     gain = before.astype(np.int64) - after

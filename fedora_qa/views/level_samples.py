@@ -86,9 +86,18 @@ _DARKEST_DN: Final = 0.5
 class LevelSums:
     """Normal equations of a window in both domains and by both reconstructions, four blocks of the image each.
 
-    ``straight`` is in the declared domain, with straight lines between events in place of cubics.
-    ``overshoot`` is the mean of tick over gap: the share of a threshold that a pixel moves in a rendered step.
-    ``window`` is the window's number.
+    Attributes
+    ----------
+    log_edge_aware, log_uniform, linear_edge_aware, linear_uniform
+        By domain and reconstruction; levels in nat (log) or DN (linear).
+    straight
+        In the declared domain, with straight lines between events in place of cubics.
+    overshoot
+        Mean of tick over gap: the share of a threshold that a pixel moves in a rendered step.
+    pairs
+        Number of pairs of level samples.
+    window
+        Number of the window.
     """
 
     log_edge_aware: NormalBlocks
@@ -103,7 +112,15 @@ class LevelSums:
 
 @dataclass(frozen=True, slots=True)
 class WeightedLevelSums:
-    """Sums of a window by two weightings: pairs of the shortest gaps alike, and all by ``precision_weights``."""
+    """Sums of a window by two weightings: pairs of the shortest gaps alike, and all by ``precision_weights``.
+
+    Attributes
+    ----------
+    equal
+        Of the pairs of the shortest gaps, each of weight 1.
+    by_precision
+        Of all pairs.
+    """
 
     equal: LevelSums
     by_precision: LevelSums
@@ -274,7 +291,15 @@ def search_offset(window: Window) -> LadderOffset | None:
 
 
 def usable_pixels(window: Window, frames: ResampledFrames, declared: EventModel) -> NDArray[np.bool_]:
-    """Return the pixels (n, h, w) of a window's frames bright enough, not saturated, and not declared hot."""
+    """Return the pixels (n, h, w) of a window's frames bright enough, not saturated, and not declared hot.
+
+    Parameters
+    ----------
+    frames
+        Luma in linear DN at the pixels of the event camera.
+    declared
+        The sensor, with its hot pixels.
+    """
     darkest_dn = least_dn(window, declared)
     usable: NDArray[np.bool_] = np.empty(frames.uniform_dn.shape, np.bool_)
     for frame, marked in enumerate(usable):

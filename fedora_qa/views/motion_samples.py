@@ -110,7 +110,15 @@ def inertial_samples(imu: ImuSamples, poses: PoseSamples, model: ImuModel) -> In
 
 
 def inertial_noise(imu: ImuModel, pose: PoseModel, samples: ImuSamples, poses: PoseSamples) -> InertialNoise:
-    """Return the declared noise of both streams, and how coarsely they are stored."""
+    """Return the declared noise of both streams, and how coarsely they are stored.
+
+    Parameters
+    ----------
+    imu, pose
+        As declared.
+    samples, poses
+        As stored: their rounding is estimated.
+    """
     gyro = _rounding_density(samples.times_ns, samples.angular_velocities_body_rad_s)
     accel = _rounding_density(samples.times_ns, samples.specific_forces_body_m_s2)
     return InertialNoise(
@@ -229,7 +237,15 @@ def _rounding_scatter(speeds: Float64, resolution: float) -> float:
 
 
 def location_of(facts: Facts, stream: str, start_ns: int, stop_ns: int | None = None) -> Where:
-    """Return where samples from ``start_ns`` to before ``stop_ns`` are (the one sample where None)."""
+    """Return where samples from ``start_ns`` to before ``stop_ns`` are (the one sample where None).
+
+    Parameters
+    ----------
+    stream
+        A stream of samples, ``imu`` or ``pose``.
+    start_ns, stop_ns
+        Ns from the file's origin.
+    """
     times_ns = facts.clocks[stream].times_ns
     # Rows are those whose timestamps are nearest to both ends.
     row = int(np.argmin(np.abs(times_ns - start_ns)))

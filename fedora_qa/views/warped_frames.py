@@ -238,7 +238,15 @@ def _luma_of_codes(transfer: str) -> Float32:
 
 
 def frame_pair(window: Window, optics: Optics, interval: Interval) -> FramePair | None:
-    """Return the colour frames at both ends of an interval; None where either end has none."""
+    """Return the colour frames at both ends of an interval; None where either end has none.
+
+    Parameters
+    ----------
+    optics
+        How the flow's grid maps to colour frames.
+    interval
+        Of a field of flow.
+    """
     clock = window.facts.clocks["rgb"]
     before, after = frame_at(clock, interval.start_ns), frame_at(clock, interval.end_ns)
     return None if before is None or after is None else FramePair(window, optics, before, after)
