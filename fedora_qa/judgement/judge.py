@@ -127,11 +127,8 @@ def _outcome(observation: Observation, failed: bool, tolerance: Tolerance) -> tu
         return "not_observable", observation.unobservable
     coverage = observation.coverage
     if not coverage.seen and not observation.notices:
-        nothing_there = f"there are no {coverage.unit}"
-        return (
-            "not_observable",
-            f"none of {coverage.of} {coverage.unit} could be seen" if coverage.of else nothing_there,
-        )
+        none_seen = f"none of {coverage.of} {coverage.unit} could be seen"
+        return "not_observable", none_seen if coverage.of else f"there are no {coverage.unit}"
     # Measurements whose detection limit exceeds the material size: a material fault could have gone undetected.
     # ``not <=`` again: a limit that is not a number shows no fault.
     materials = [statistic.material for statistic in observation.measurements if statistic.material is not None]
