@@ -23,8 +23,7 @@ from fedora_qa.engine.progress import Progress
 from fedora_qa.engine.stream import PassState, attempt, conclude, measure
 from fedora_qa.faults.canaries import CANARIES
 from fedora_qa.faults.canary_conditions import MULTIPLES, CanaryConditions, UnplantableError
-from fedora_qa.faults.fault import Fault
-from fedora_qa.faults.faulty_sequence import FaultySequence
+from fedora_qa.faults.fault import Fault, FaultySequence
 from fedora_qa.judgement.judge import judge
 from fedora_qa.record.types import Canary, Outcome, Result
 from fedora_qa.record.wording import OUTCOME_WORDS

@@ -12,7 +12,7 @@ from fedora_qa.faults.fault import Fault, rows_from, values, values_by_row
 from fedora_qa.sequence.declared import Camera
 
 _FEWEST_IN_PACKETS: Final = 16.0
-"""Mean events of an instant from which on nearly all hold four pairs, should they be doubled."""
+"""Mean events of a tick of the clock from which on nearly all ticks hold four pairs, should events be doubled."""
 
 _X, _Y, _T, _P = (f"path/events/{name}" for name in "xytp")
 
@@ -27,11 +27,12 @@ def outside_of_the_sensor(conditions: CanaryConditions) -> Fault:
 def repeated(conditions: CanaryConditions) -> Fault:
     """Every second event is the one before it once more, so that packets hold pairs only."""
     events = conditions.facts.events
-    count = events.count if events else 0
-    if (
-        not any(m.name == "repeats" for m in conditions.measurements)
-        and _events_in_an_instant(conditions) < _FEWEST_IN_PACKETS
-    ):
+    count, events_per_tick = 0, 0.0
+    if events is not None:
+        count = events.count
+        if events.last_ns > events.first_ns:
+            events_per_tick = events.count * events.grid_ns / (events.last_ns - events.first_ns)
+    if not any(m.name == "repeats" for m in conditions.measurements) and events_per_tick < _FEWEST_IN_PACKETS:
         raise UnplantableError("too few events share their stamps to be told from a packet that was written twice")
     # Row 2k + 1 takes x, y, t and p of row 2k: the same event twice.
     earlier = rows_from(lambda rows: rows - rows % 2, count)
@@ -77,14 +78,6 @@ def shifted(conditions: CanaryConditions) -> Fault:
         return np.where(x < width, (x.astype(np.int64) + columns) % width, x).astype(x.dtype)
 
     return Fault(f"events lie {columns} px too far to the right", {_X: values(alter)})
-
-
-def _events_in_an_instant(conditions: CanaryConditions) -> float:
-    events = conditions.facts.events
-    if events is None or events.last_ns <= events.first_ns:
-        return 0.0
-    # Mean number of events in one tick of the clock.
-    return events.count * events.grid_ns / (events.last_ns - events.first_ns)
 
 
 def _sensor(conditions: CanaryConditions) -> Camera:

@@ -1,4 +1,4 @@
-"""A fault as data: its description, and what it alters of what is read."""
+"""A fault as data, what it alters of what is read, and the view of a sequence with the fault in it."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
@@ -7,9 +7,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from fedora_qa.layout.binding import Memory
 from fedora_qa.layout.canonical import DATASETS
 from fedora_qa.layout.resolve import Layout
 from fedora_qa.sequence.declared import Declared
+from fedora_qa.sequence.sequence import SequenceRows
 
 Read = Callable[[int, int], NDArray[Any]]
 """Gives rows ``start`` to ``stop`` of a dataset as they are stored, in canonical units."""
@@ -71,3 +73,42 @@ def rows_from(source: Callable[[NDArray[np.int64]], NDArray[np.int64]], count: i
         return read(first, int(wanted.max()) + 1)[wanted - first]
 
     return taken
+
+
+class FaultySequence:
+    """A view of a sequence with a fault in it: rows are altered as they are read, the file is never touched.
+
+    Nothing is copied whole.
+
+    Parameters
+    ----------
+    sequence
+        As it is in the file.
+    fault
+        Its ``declared`` and ``layout`` replace those of the sequence where they are given.
+    """
+
+    def __init__(self, sequence: SequenceRows, fault: Fault) -> None:
+        self._sequence = sequence
+        self._fault = fault
+        self.layout: Layout = fault.layout or sequence.layout
+        self.declared: Declared = fault.declared or sequence.declared
+        self.origin_ns: int = sequence.origin_ns
+
+    def rows(self, key: str, start: int, stop: int, memory: Memory | None = None) -> NDArray[Any]:
+        """Return rows ``start`` to ``stop`` (excluded) of a dataset in canonical units, with the fault.
+
+        Raises
+        ------
+        UnreadableRowsError
+            The rows do not decode.
+        """
+        alter = self._fault.rows.get(key)
+        if alter is None:
+            return self._sequence.rows(key, start, stop, memory)
+        # Without ``memory``: an alteration may read other rows than those it returns, and returns an array of its own.
+        return alter(lambda first, last: self._sequence.rows(key, first, last), start, stop)
+
+    def chunk_rows(self, key: str) -> int:
+        """Return how many rows of a dataset are stored together."""
+        return self._sequence.chunk_rows(key)

@@ -32,8 +32,14 @@ def frozen_colour(conditions: CanaryConditions) -> Fault:
 
 def exchanged_colour(conditions: CanaryConditions) -> Fault:
     """The colour frames at both ends of some intervals, of the fastest flow or from frame to frame, are exchanged."""
-    count = _count(conditions, _RGB)
-    first, last = _intervals(conditions, count)
+    facts, count = conditions.facts, _count(conditions, _RGB)
+    # The frames at the start and at the end of each interval.
+    flow_clock = facts.clocks[facts.flow_streams[-1]] if facts.flow_streams else None
+    if flow_clock is None or flow_clock.ends_ns is None:
+        first, last = np.arange(count - 1), np.arange(1, count)
+    else:
+        times_ns = facts.clocks["rgb"].times_ns
+        first, last = np.searchsorted(times_ns, flow_clock.times_ns), np.searchsorted(times_ns, flow_clock.ends_ns)
     # The phase puts one exchange at the place, where there is motion to detect it by.
     chosen = np.arange(conditions.row_at_place("rgb") % _SPARSELY, len(first), _SPARSELY)
     inside = chosen[(last[chosen] < count) & (first[chosen] < last[chosen])]
@@ -41,16 +47,6 @@ def exchanged_colour(conditions: CanaryConditions) -> Fault:
     source[last[inside]], source[first[inside]] = first[inside], last[inside]
     description = f"rgb frames are exchanged at the ends of every {_SPARSELY}th interval"
     return Fault(description, {_RGB: rows_from(lambda rows: source[rows], count)})
-
-
-def _intervals(conditions: CanaryConditions, count: int) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """Return the frames at the start and at the end of each interval."""
-    facts = conditions.facts
-    ends_ns = facts.clocks[facts.flow_streams[-1]].ends_ns if facts.flow_streams else None
-    if ends_ns is None:
-        return np.arange(count - 1), np.arange(1, count)
-    starts_ns, times_ns = facts.clocks[facts.flow_streams[-1]].times_ns, facts.clocks["rgb"].times_ns
-    return np.searchsorted(times_ns, starts_ns), np.searchsorted(times_ns, ends_ns)
 
 
 def darker_colour(conditions: CanaryConditions) -> Fault:

@@ -49,7 +49,20 @@ def interpolate_poses(
     at_ns = np.asarray(at_ns, dtype=np.int64)
     R_world_body = np.full((len(at_ns), 3, 3), np.nan)
     positions_m = np.full((len(at_ns), 3), np.nan)
-    inside = np.flatnonzero(_bridged(times_ns, at_ns))
+    if not len(times_ns):
+        return R_world_body, positions_m
+    # Poses are given at the timestamps of samples, and in gaps between them that are narrow enough.
+    after = np.clip(np.searchsorted(times_ns, at_ns, side="left"), 0, len(times_ns) - 1)
+    covered: NDArray[np.bool_] = times_ns[after] == at_ns
+    steps_ns = np.diff(times_ns)
+    if len(steps_ns):
+        gap_ns = steps_ns[np.maximum(after - 1, 0)]
+        # The median by partition: of few numbers np.median takes longer than the interpolation.
+        below, above = (len(steps_ns) - 1) // 2, len(steps_ns) // 2
+        ordered = np.partition(steps_ns, (below, above))
+        narrow = gap_ns <= WIDEST_GAP_STEPS * (float(ordered[below] + ordered[above]) / 2)
+        covered |= narrow & (at_ns > times_ns[0]) & (at_ns < times_ns[-1])
+    inside = np.flatnonzero(covered)
     if not len(inside):
         return R_world_body, positions_m
     inside_ns = at_ns[inside]
@@ -97,21 +110,3 @@ def lagrange_weights(offsets: Float64) -> Float64:
     factors[..., own, own] = 1.0
     weights: Float64 = factors.prod(axis=-1)
     return weights
-
-
-def _bridged(times_ns: Int64, at_ns: Int64) -> NDArray[np.bool_]:
-    """Return whether each instant is a sample's or lies in a gap that is narrow enough."""
-    if not len(times_ns):
-        return np.zeros(len(at_ns), dtype=np.bool_)
-    after = np.clip(np.searchsorted(times_ns, at_ns, side="left"), 0, len(times_ns) - 1)
-    exact: NDArray[np.bool_] = times_ns[after] == at_ns
-    steps_ns = np.diff(times_ns)
-    if not len(steps_ns):
-        return exact
-    gap_ns = steps_ns[np.maximum(after - 1, 0)]
-    # The median by partition: of few numbers np.median takes longer than the interpolation.
-    below, above = (len(steps_ns) - 1) // 2, len(steps_ns) // 2
-    ordered = np.partition(steps_ns, (below, above))
-    narrow = gap_ns <= WIDEST_GAP_STEPS * (float(ordered[below] + ordered[above]) / 2)
-    bridged: NDArray[np.bool_] = exact | (narrow & (at_ns > times_ns[0]) & (at_ns < times_ns[-1]))
-    return bridged

@@ -1,13 +1,13 @@
 """Compare what the checks measured with what a correct file gives."""
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from math import isfinite
 from typing import Any, Final
 
 from fedora_qa.checks.protocol import Check, Observation, Statistic
 from fedora_qa.judgement.tolerances import Tolerance, tolerance_for
-from fedora_qa.record.types import Coverage, Finding, Measurement, Outcome, Result
+from fedora_qa.record.types import Finding, Measurement, Outcome, Result
 from fedora_qa.record.wording import with_unit
 
 _NAMED_IN_REASON: Final = 3
@@ -61,36 +61,47 @@ def judge(
     )
     tolerance = tolerance_for(comparisons, false_alarm_rate)
     judged: list[Judged] = []
-    alarms = 0
+    next_id = 1  # findings are numbered through all checks of the file
     for check in checks:
-        if check.name in observations:
-            judged.append(_judge_check(check, observations[check.name], tolerance, first_id=alarms + 1))
-            alarms += len(judged[-1].result.findings)
-    return tuple(judged)
-
-
-def _judge_check(check: Check[Any], observation: Observation, tolerance: Tolerance, first_id: int) -> Judged:
-    exceeding = [statistic for statistic in observation.measurements if exceeds_limit(statistic, tolerance)]
-    alarms = tuple(
-        Alarm(Finding(f"F{first_id + i}", s.code, s.severity, s.statement, s.where), s) for i, s in enumerate(exceeding)
-    )
-    notices = tuple(
-        Finding(f"F{first_id + len(exceeding) + i}", notice.code, "warning", notice.message, notice.where)
-        for i, notice in enumerate(observation.notices)
-    )
-    outcome, reason = _outcome(observation, bool(exceeding), tolerance)
-    return Judged(
-        Result(
+        if check.name not in observations:
+            continue
+        observation = observations[check.name]
+        alarms: list[Alarm] = []
+        measurements: list[Measurement] = []
+        for s in observation.measurements:
+            if exceeds_limit(s, tolerance):
+                finding = Finding(f"F{next_id}", s.code, s.severity, s.statement, s.where)
+                alarms.append(Alarm(finding, s))
+                next_id += 1
+            measurements.append(
+                Measurement(
+                    name=s.name,
+                    value=_finite(s.value),
+                    unit=s.unit,
+                    standard_error=_finite(s.standard_error),
+                    expected=_finite(s.expected),
+                    limit=_finite(tolerance.limit(s.standard_error, s.model_error_bound)),
+                    least_detectable=_finite(_least_detectable(s, tolerance)),
+                    side=s.side,
+                    tests=s.tests,
+                )
+            )
+        findings = [alarm.finding for alarm in alarms]
+        for notice in observation.notices:
+            findings.append(Finding(f"F{next_id}", notice.code, "warning", notice.message, notice.where))
+            next_id += 1
+        outcome, reason = _outcome(observation, bool(alarms), tolerance)
+        result = Result(
             check=check.name,
             outcome=outcome,
             question=check.question,
-            measurements=tuple(_measurement_of(statistic, tolerance) for statistic in observation.measurements),
+            measurements=tuple(measurements),
             coverage=observation.coverage,
-            findings=tuple(alarm.finding for alarm in alarms) + notices,
+            findings=tuple(findings),
             reason=reason,
-        ),
-        alarms,
-    )
+        )
+        judged.append(Judged(result, tuple(alarms)))
+    return tuple(judged)
 
 
 def exceeds_limit(statistic: Statistic, tolerance: Tolerance) -> bool:
@@ -114,60 +125,36 @@ def _outcome(observation: Observation, failed: bool, tolerance: Tolerance) -> tu
         return "failed", ""
     if observation.unobservable:
         return "not_observable", observation.unobservable
-    if not observation.coverage.seen and not observation.notices:
-        return "not_observable", _reason_of_no_coverage(observation.coverage)
+    coverage = observation.coverage
+    if not coverage.seen and not observation.notices:
+        none_seen = f"none of {coverage.of} {coverage.unit} could be seen"
+        return "not_observable", none_seen if coverage.of else f"there are no {coverage.unit}"
     # Measurements whose detection limit exceeds the material size: a material fault could have gone undetected.
-    with_material_size = [statistic for statistic in observation.measurements if statistic.material is not None]
-    insensitive = [statistic for statistic in with_material_size if _is_insensitive(statistic, tolerance)]
-    reason = _reason_of_insensitivity(insensitive, tolerance)
-    if insensitive and len(insensitive) == len(with_material_size):
+    # ``not <=`` again: a limit that is not a number shows no fault.
+    materials = [statistic.material for statistic in observation.measurements if statistic.material is not None]
+    insensitive = [
+        statistic
+        for statistic in observation.measurements
+        if statistic.material is not None and not _least_detectable(statistic, tolerance) <= statistic.material
+    ]
+    reason = ""
+    if insensitive:
+        named: list[str] = []
+        for statistic in insensitive[:_NAMED_IN_REASON]:
+            least = _least_detectable(statistic, tolerance)
+            sizes = f"from {with_unit(least, statistic.unit)} on" if isfinite(least) else "at no size"
+            named.append(f"{statistic.name} ({sizes}; {with_unit(statistic.material, statistic.unit)} matters)")
+        more = f"; and {len(insensitive) - _NAMED_IN_REASON} more" if len(insensitive) > _NAMED_IN_REASON else ""
+        reason = f"could not be seen where it matters: {', '.join(named)}{more}"
+    if insensitive and len(insensitive) == len(materials):
         return "not_observable", reason
     if observation.notices:
         return "warned", "; ".join(filter(None, (*(notice.message for notice in observation.notices[:3]), reason)))
     return "passed", reason
 
 
-def _reason_of_no_coverage(coverage: Coverage) -> str:
-    return f"none of {coverage.of} {coverage.unit} could be seen" if coverage.of else f"there are no {coverage.unit}"
-
-
-def _is_insensitive(statistic: Statistic, tolerance: Tolerance) -> bool:
-    """Whether a material fault could have stayed within the limit."""
-    # ``not <=`` again: a limit that is not a number shows no fault.
-    return statistic.material is not None and not _least_detectable(statistic, tolerance) <= statistic.material
-
-
-def _reason_of_insensitivity(insensitive: Sequence[Statistic], tolerance: Tolerance) -> str:
-    """Name the measurements that could not show a material fault, the first of them with their numbers."""
-    if not insensitive:
-        return ""
-    more = f"; and {len(insensitive) - _NAMED_IN_REASON} more" if len(insensitive) > _NAMED_IN_REASON else ""
-    listed = ", ".join(_detection_limit(statistic, tolerance) for statistic in insensitive[:_NAMED_IN_REASON])
-    return f"could not be seen where it matters: {listed}{more}"
-
-
-def _detection_limit(statistic: Statistic, tolerance: Tolerance) -> str:
-    least = _least_detectable(statistic, tolerance)
-    sizes = f"from {with_unit(least, statistic.unit)} on" if isfinite(least) else "at no size"
-    return f"{statistic.name} ({sizes}; {with_unit(statistic.material, statistic.unit)} matters)"
-
-
 def _least_detectable(statistic: Statistic, tolerance: Tolerance) -> float:
     return tolerance.least_detectable(statistic.standard_error, statistic.model_error_bound, statistic.resolution)
-
-
-def _measurement_of(statistic: Statistic, tolerance: Tolerance) -> Measurement:
-    return Measurement(
-        name=statistic.name,
-        value=_finite(statistic.value),
-        unit=statistic.unit,
-        standard_error=_finite(statistic.standard_error),
-        expected=_finite(statistic.expected),
-        limit=_finite(tolerance.limit(statistic.standard_error, statistic.model_error_bound)),
-        least_detectable=_finite(_least_detectable(statistic, tolerance)),
-        side=statistic.side,
-        tests=statistic.tests,
-    )
 
 
 def _finite(value: float) -> float | None:

@@ -19,6 +19,18 @@ def motion_over(window: Window, track: PoseTrack, interval: Interval) -> RigidMo
 
     Poses at all ends of the window's intervals, and ``DELAY_NS`` before and after them, are interpolated at once. The
     track is that of the depth camera, on whose grid flow lies; the motion is kept for the window.
+
+    Parameters
+    ----------
+    track
+        Poses, with the depth camera.
+    interval
+        From one instant to another, ns from the file's origin.
+
+    Returns
+    -------
+    RigidMotion or None
+        Of points in the camera frame (Z forward, X right, Y down).
     """
 
     def compute() -> RigidMotion | None:

@@ -18,8 +18,15 @@ _AGREES: Final = 0.97
 _DISAGREES: Final = 0.3
 _GAINED: Final = 0.9
 _ONE_SIDED: Final = 0.6
-"""Without a step to match, a clock gained what it was set back by, or it was late from the first event on, or is early
-to the last one: the latter leave a part that reaches to an end of the file."""
+"""How well the steps agree with an offset and with another rate of the part, which ``diagnosis`` takes for the support
+of these causes. The values are set by hand; what the steps show gives their order.
+
+Two steps that stand out decide between both (0.97 and 0.3): by an offset their lengths differ by no more than usual
+steps do, by another rate they differ by more. 0.97 is also the support of a known factor of units
+(``clocks.reset_by_unit``). A step back alone decides less. A clock that gained what it was then set back by leaves no
+other step (0.9). An offset leaves one as long: where a step forwards is that long, though it does not stand out, both
+causes are alike (0.9); where none is, the clock was late from the first event on, or is early to the last one, and the
+part reaches to an end of the file (0.6)."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -92,26 +99,23 @@ def clock_reset(events: EventScan | None) -> ClockReset | None:
         longest_ns = forwards[0].length_ns if forwards else 0
         offset_agreement = _GAINED if longest_ns >= -back.length_ns else _ONE_SIDED
         return ClockReset(back, None, offset_agreement=offset_agreement, drift_agreement=_GAINED)
-    return _between_steps(back, forwards[0], usual_ns)
-
-
-def _between_steps(back: EventStep, forwards: EventStep, usual_ns: int) -> ClockReset:
-    """Compare the steps at both ends of the part with a factor of units, an offset, and another rate."""
-    first, second = sorted((back, forwards), key=lambda step: step.row)
+    # The steps at both ends of the part are compared with a factor of units, an offset, and another rate.
+    forth = forwards[0]
+    first, second = sorted((back, forth), key=lambda step: step.row)
     due_ns, lasts_ns = second.after_ns - first.before_ns, second.before_ns - first.after_ns
     factor = unit_factor(lasts_ns / due_ns) if due_ns > 0 else 1.0
     if factor != 1.0:
-        return ClockReset(back, forwards, unit_factor=factor)
+        return ClockReset(back, forth, unit_factor=factor)
     # A constant offset d makes steps of d + a and -d + b: their sum is a + b, at most twice the longest usual step.
-    gained_ns = -back.length_ns - forwards.length_ns
+    gained_ns = -back.length_ns - forth.length_ns
     drifts = abs(gained_ns) > 2 * usual_ns
     return ClockReset(
         back,
-        forwards,
+        forth,
         offset_agreement=_DISAGREES if drifts else _AGREES,
         drift_agreement=_AGREES if drifts else _DISAGREES,
         # Half the difference of d + a and -d + b is d, with an error of (a - b) / 2, below the longest usual gap.
-        offset_ms=(forwards.length_ns - back.length_ns) / 2 / NS_PER_MS * (1 if first is forwards else -1),
+        offset_ms=(forth.length_ns - back.length_ns) / 2 / NS_PER_MS * (1 if first is forth else -1),
         offset_error_ms=max(usual_ns, 1) / NS_PER_MS,
         # The net step is the time that the clock gained within the part: over the part's length it is the rate error.
         drift_ppm=1e6 * gained_ns / due_ns if due_ns > 0 else None,

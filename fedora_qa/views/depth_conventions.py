@@ -16,9 +16,8 @@ from fedora_qa.estimators.depth.inverse_depth import DepthImage, depth_image
 from fedora_qa.estimators.depth.pair_fit import Family, fit_depth, noise_directions
 from fedora_qa.estimators.depth.warp import DepthModel, lattice_of, ray_lengths
 from fedora_qa.features import Feature
-from fedora_qa.geometry.so3 import compose
 from fedora_qa.views.depth_pairs import DepthPair, static_depth_of_frame_m, step_share
-from fedora_qa.views.flow_conventions import other_mountings
+from fedora_qa.views.flow_conventions import from_north_east_down, other_mountings, reordered_quaternions
 from fedora_qa.views.flow_intervals import PoseTrack
 
 Depth = NDArray[np.float32]
@@ -72,7 +71,15 @@ class DepthTrial:
 
 @dataclass(frozen=True, slots=True)
 class PairTrials(Feature):
-    """All trials of one pair of depth frames; ``first`` is the row of its first frame."""
+    """All trials of one pair of depth frames.
+
+    Attributes
+    ----------
+    first
+        Row of the first frame.
+    trials
+        In the order in which they were made.
+    """
 
     first: int
     trials: tuple[DepthTrial, ...]
@@ -115,14 +122,17 @@ def try_conventions(pair: DepthPair, residual_as_stored: float, tile: Tile | Non
     PairTrials
         Trials without a fit, or with an impossible parameter, are left out.
     """
-    depth = (_with_other_values(pair), _with_another_grid(pair))
     if tile is None:
-        focal_length = _Candidate("focal_length", pair.images, _focal_length_family(pair), step=1e-3)
-        poses = (_with_a_clock_offset(pair), _with_other_poses(pair))
-        candidates = chain(*depth, (focal_length,), _with_other_frames(pair), *poses)
+
+        def with_focal_length(relative_change: float) -> DepthModel:
+            factor = 1 + relative_change
+            return replace(pair.model(), K=pair.model().K @ np.diag([factor, factor, 1.0]))
+
+        focal_length = _Candidate("focal_length", pair.images, with_focal_length, step=1e-3)
+        candidates = chain(_with_other_depth(pair), (focal_length,), _with_other_frames(pair), _with_other_motion(pair))
     else:
         # A part of the image is one in both frames: what begins between the frames is left out.
-        of_both_frames = (c for c in chain(*depth, _with_other_frames(pair)) if c.extent == "all")
+        of_both_frames = (c for c in chain(_with_other_depth(pair), _with_other_frames(pair)) if c.extent == "all")
         candidates = chain(replace(c, extent="part") for c in of_both_frames)
     trials = []
     for candidate in candidates:
@@ -149,20 +159,20 @@ def _only(model: DepthModel) -> Family:
     return lambda _: model
 
 
-def _with_other_values(pair: DepthPair) -> Iterator[_Candidate]:
-    """Suppose another unit, or lengths of rays."""
+def _with_other_depth(pair: DepthPair) -> Iterator[_Candidate]:
+    """Suppose another unit, or lengths of rays, or images that were turned over or moved."""
     # The motion between the poses is in metres, and so determines the factor of the depths. No unit has a negative one.
     yield _Candidate("depth_scale", pair.images, pair.scaled, step=1e-3, possible=lambda factor: factor >= 0)
-    for factor in (1 / MM_PER_M, MM_PER_M):
-        for images in _either(pair, _images(pair, _divided_by(factor))):
+    other_units: tuple[tuple[float, Callable[[Depth], Depth]], ...] = (
+        (1 / MM_PER_M, lambda depths_m: depths_m / np.float32(1 / MM_PER_M)),
+        (MM_PER_M, lambda depths_m: depths_m / np.float32(MM_PER_M)),
+    )
+    for factor, divide in other_units:
+        for images in _either(pair, _images(pair, divide)):
             yield _Candidate("depth_scale", images, _only(pair.model()), "part", parameter=factor)
     yield _Candidate("ray_length", pair.images, _only(pair.as_rays(1.0)))
     for images in _either(pair, _images(pair, lambda d: d / ray_lengths(pair.model().K, d.shape))):
         yield _Candidate("ray_length", images, _only(pair.model()), "part")
-
-
-def _with_another_grid(pair: DepthPair) -> Iterator[_Candidate]:
-    """Turn the images over, or move them: what moves all images alike is a principal point."""
     for flip in (lambda d: d[:, ::-1], lambda d: d[::-1]):
         flipped = _images(pair, flip)
         yield _Candidate("mirrored", flipped, _only(pair.model()))
@@ -193,29 +203,28 @@ def _with_other_frames(pair: DepthPair) -> Iterator[_Candidate]:
             yield _Candidate("frame_order", images, _only(pair.model()), parameter=float(distance))
 
 
-def _with_a_clock_offset(pair: DepthPair) -> Iterator[_Candidate]:
-    """Suppose that the timestamps of depth are too late, or those of the pose too early."""
+def _with_other_motion(pair: DepthPair) -> Iterator[_Candidate]:
+    """Suppose other timestamps of depth or poses, other conventions of poses or mounting, or a single wrong pose."""
 
-    def family(offset_ms: float) -> DepthModel | None:
+    # Timestamps of depth that are too late, or of the pose that are too early.
+    def with_clock_offset(offset_ms: float) -> DepthModel | None:
         offset_ns = round(offset_ms * NS_PER_S / 1e3)
         motion = pair.track.motion(pair.start_ns - offset_ns, pair.end_ns - offset_ns)
         return None if motion is None else replace(pair.model(), motion=motion)
 
     # Each start converges only from where the motion is still about the same.
     for start_ms in _OFFSETS_MS:
-        yield _Candidate("clock_offset", pair.images, family, start=start_ms, step=0.1)
-
-
-def _with_other_poses(pair: DepthPair) -> Iterator[_Candidate]:
-    """Suppose other conventions of the pose, of both or of either, or of the mounting, or one wrong pose."""
-    conventions: tuple[tuple[Transform, Callable[[PoseTrack], PoseTrack]], ...] = (
-        ("conjugate_quaternion", _reordered_quaternions((0, 1, 2, 3), (-1, -1, -1, 1))),
-        ("scalar_first_quaternion", _reordered_quaternions((1, 2, 3, 0), (1, 1, 1, 1))),
-        ("exchanged_axes", _reordered_positions((1, 0, 2), (1, 1, 1))),
-        ("north_east_down", _from_north_east_down),
+        yield _Candidate("clock_offset", pair.images, with_clock_offset, start=start_ms, step=0.1)
+    exchanged_axes = pair.track.transformed(
+        lambda poses: replace(poses, positions_world_m=poses.positions_world_m[:, [1, 0, 2]])
     )
-    for transform, change in conventions:
-        track = change(pair.track)
+    conventions: tuple[tuple[Transform, PoseTrack], ...] = (
+        ("conjugate_quaternion", reordered_quaternions(pair.track, (0, 1, 2, 3), (-1, -1, -1, 1))),
+        ("scalar_first_quaternion", reordered_quaternions(pair.track, (1, 2, 3, 0), (1, 1, 1, 1))),
+        ("exchanged_axes", exchanged_axes),
+        ("north_east_down", from_north_east_down(pair.track)),
+    )
+    for transform, track in conventions:
         # Both poses of the pair, or one where the convention changes between them.
         for first, last in ((track, track), (pair.track, track), (track, pair.track)):
             motion = first.motion_into(last, pair.start_ns, pair.end_ns)
@@ -239,14 +248,6 @@ def _principal_point_family(pair: DepthPair, axis: int) -> Family:
     return family
 
 
-def _focal_length_family(pair: DepthPair) -> Family:
-    def family(relative_change: float) -> DepthModel:
-        factor = 1 + relative_change
-        return replace(pair.model(), K=pair.model().K @ np.diag([factor, factor, 1.0]))
-
-    return family
-
-
 def _images(
     pair: DepthPair, change: Callable[[Depth], Depth] = lambda d: d, rows: tuple[int, int] | None = None
 ) -> Images:
@@ -259,32 +260,7 @@ def _images(
     return first, second
 
 
-def _divided_by(factor: float) -> Callable[[Depth], Depth]:
-    return lambda depths_m: depths_m / np.float32(factor)
-
-
 def _either(pair: DepthPair, changed: Images) -> tuple[Images, ...]:
     """Return the pair with one frame or the other changed: where a fault begins, or ends, between them."""
     first, second = pair.images
     return (changed[0], second), (first, changed[1])
-
-
-def _reordered_quaternions(order: tuple[int, ...], signs: tuple[int, ...]) -> Callable[[PoseTrack], PoseTrack]:
-    return lambda track: track.transformed(
-        lambda poses: replace(poses, orientations_xyzw=poses.orientations_xyzw[:, order] * signs)
-    )
-
-
-def _reordered_positions(order: tuple[int, ...], signs: tuple[int, ...]) -> Callable[[PoseTrack], PoseTrack]:
-    return lambda track: track.transformed(
-        lambda poses: replace(poses, positions_world_m=poses.positions_world_m[:, order] * signs)
-    )
-
-
-def _from_north_east_down(track: PoseTrack) -> PoseTrack:
-    """Return the track of poses that were written for a world and a body with Z down."""
-    # q_enu_ned maps NED to ENU axes (x and y exchanged, z reversed); q_frd_flu is half a turn about X forward.
-    q_enu_ned, q_frd_flu = np.array([np.sqrt(0.5), np.sqrt(0.5), 0.0, 0.0]), np.array([1.0, 0.0, 0.0, 0.0])
-    return _reordered_positions((1, 0, 2), (1, 1, -1))(track).transformed(
-        lambda poses: replace(poses, orientations_xyzw=compose(compose(q_enu_ned, poses.orientations_xyzw), q_frd_flu))
-    )

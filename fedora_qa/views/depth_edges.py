@@ -95,9 +95,17 @@ def _measure(window: Window) -> DepthEdges | None:
         evenly = np.unique(np.linspace(0, len(frame_pairs) - 1, FRAMES).round().astype(int)) if frame_pairs else ()
         chosen = [frame_pairs[int(i)] for i in evenly]
     else:
-        # Short windows take the frames of a grid in time, which does not depend on how the file is cut.
+        # Short windows take the frames of a grid in time, which does not depend on how the file is cut: in each cell
+        # the first depth frame that has a colour frame.
         every_ns = 2 * _EVERY_NS if _is_large(window) else _EVERY_NS
-        chosen = [pair for pair in frame_pairs if _is_due(window.facts, pair[0], every_ns)]
+        times_ns = clocks["depth"].times_ns
+        chosen = []
+        for row, rgb_row in frame_pairs:
+            cell, earlier = times_ns[row] // every_ns, row - 1
+            while earlier >= 0 and times_ns[earlier] // every_ns == cell and _colour_row(window.facts, earlier) is None:
+                earlier -= 1
+            if earlier < 0 or times_ns[earlier] // every_ns != cell:
+                chosen.append((row, rgb_row))
     profiles = [of_frame for pair in chosen if (of_frame := _frame_profiles(window, *pair)) is not None]
     if not profiles:
         return None
@@ -113,18 +121,6 @@ def _colour_row(facts: Facts, row: int) -> int | None:
 def _is_large(window: Window) -> bool:
     camera = window.facts.declared.cameras["depth"]
     return is_large(camera.width * camera.height, window)
-
-
-def _is_due(facts: Facts, row: int, every_ns: int) -> bool:
-    """Whether a depth frame with a colour frame is the first such one of its cell of the grid in time."""
-    times_ns = facts.clocks["depth"].times_ns
-    cell = times_ns[row] // every_ns
-    for earlier in range(row - 1, -1, -1):
-        if times_ns[earlier] // every_ns != cell:
-            return True
-        if _colour_row(facts, earlier) is not None:
-            return False
-    return True
 
 
 def _frame_profiles(window: Window, row: int, rgb_row: int) -> tuple[Float64, Float64] | None:
@@ -146,7 +142,14 @@ def _frame_profiles(window: Window, row: int, rgb_row: int) -> tuple[Float64, Fl
     log_luma = luma + np.float32(DARK_DN)
     np.log(log_luma, out=log_luma)
     every = max(1, min(depth_m.shape) // lines)
-    counts = _event_counts(window, int(facts.clocks["depth"].times_ns[row]))
+    # Events of each pixel around the frame, as the square root, which makes the variance of counts constant.
+    counts: Float32 | None = None
+    if "events" in facts.streams and not why_not_comparable(facts, "depth", "events"):
+        height, width = sensor_shape(facts.declared)
+        stored, time_ns = window.events(_EVENTS_AROUND_NS, _EVENTS_AROUND_NS), int(facts.clocks["depth"].times_ns[row])
+        start, stop = np.searchsorted(stored.times_ns, [time_ns - _EVENTS_AROUND_NS, time_ns + _EVENTS_AROUND_NS])
+        x, y = (coordinates[start:stop].astype(np.int64) for coordinates in (stored.x, stored.y))
+        counts = np.asarray(root_counts(x, y, height, width))
     colour, events = [], []
     for axis in (0, 1):
         steps = depth_steps(depth_m, axis, farthest_m=far_m, every=every)
@@ -158,15 +161,3 @@ def _frame_profiles(window: Window, row: int, rgb_row: int) -> tuple[Float64, Fl
             positions = outlines_in_camera(cameras["depth"], cameras["events"], steps)
             events.append(tile_profiles(counts, steps, axis, positions, first_px=0.0))
     return np.swapaxes(np.array(colour), 0, 1), np.array(events)
-
-
-def _event_counts(window: Window, time_ns: int) -> Float32 | None:
-    """Return how many events each pixel has around an instant, as the square root, (h, w); None without the camera."""
-    facts = window.facts
-    if "events" not in facts.streams or why_not_comparable(facts, "depth", "events"):
-        return None
-    height, width = sensor_shape(facts.declared)
-    events = window.events(_EVENTS_AROUND_NS, _EVENTS_AROUND_NS)
-    start, stop = np.searchsorted(events.times_ns, [time_ns - _EVENTS_AROUND_NS, time_ns + _EVENTS_AROUND_NS])
-    x, y = (coordinates[start:stop].astype(np.int64) for coordinates in (events.x, events.y))
-    return np.asarray(root_counts(x, y, height, width))

@@ -150,7 +150,15 @@ def owned_pairs(window: Window) -> Iterator[DepthPair | None]:
 
 
 def pair_between(window: Window, track: PoseTrack, first: int, second: int) -> DepthPair | None:
-    """Return a pair by its rows; None where no pose covers it or the frame's size is not the camera's."""
+    """Return a pair by its rows; None where no pose covers it or the frame's size is not the camera's.
+
+    Parameters
+    ----------
+    track
+        Poses, with the depth camera.
+    first, second
+        Rows of the depth stream.
+    """
     times_ns = window.facts.clocks["depth"].times_ns
     start_ns, end_ns = int(times_ns[first]), int(times_ns[second])
     # Kept is the motion alone: a pair that the window kept would keep the window in turn, and all its images.
@@ -192,7 +200,15 @@ def lattice_of_frame(window: Window, frame: int) -> DepthLattice:
 
 
 def image_of(window: Window, frame: int, every_px: int) -> DepthImage:
-    """Return every so many-th row and column of a depth frame prepared for reading, made once a window."""
+    """Return every so many-th row and column of a depth frame prepared for reading, made once a window.
+
+    Parameters
+    ----------
+    frame
+        Row of the depth stream.
+    every_px
+        Step between the rows and columns that are taken.
+    """
 
     def make() -> DepthImage:
         sampled_m = static_depth_of_frame_m(window, frame)[::every_px, ::every_px]
@@ -240,7 +256,17 @@ def why_no_geometry(facts: Facts) -> str:
 
 def where_of_frames(facts: Facts, first: int, last: int, pixel: tuple[int, int] | None = None,
           tile: tuple[int, int, int, int] | None = None) -> Where:  # fmt: skip
-    """Return where depth frames from the first to the last row (both included) lie in the file."""
+    """Return where depth frames from the first to the last row (both included) lie in the file.
+
+    Parameters
+    ----------
+    first, last
+        Rows of the depth stream.
+    pixel
+        Column and row, px, in the first frame.
+    tile
+        Left, top, right, bottom, px, half-open.
+    """
     times_ns = facts.clocks["depth"].times_ns
     return Where(
         stream="depth",

@@ -1,6 +1,7 @@
 """How frames and events have changed over blocks of pixels, shared by the checks of orientation and of frames."""
 
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,11 +14,9 @@ from fedora_qa.estimators.events.orientation import (
     span_moments,
     step_moments,
 )
-from fedora_qa.sequence.declared import EventModel
 from fedora_qa.sequence.window import Window
 from fedora_qa.views.event_camera import (
     GRID,
-    ResampledFrames,
     all_events,
     resampled_frames,
     sensor_events,
@@ -53,7 +52,12 @@ def _block_moments(window: Window) -> BlockMoments | None:
     resampled, declared = resampled_frames(window), window.facts.declared.events
     if declared is None or len(resampled) < 2:
         return None
-    levels = np.stack([_level_blocks(window, resampled, i, declared) for i in range(len(resampled))])
+    dark_dn = None if declared.model == "linear" else declared.log_eps_dn
+    levels_by_frame = []
+    for frame, uniform_dn, error_dn in zip(resampled.frames, resampled.uniform_dn, resampled.error_dn, strict=True):
+        means = partial(level_blocks, uniform_dn, error_dn, dark_dn)
+        levels_by_frame.append(window.of_image("level_blocks", int(frame), means))
+    levels = np.stack(levels_by_frame)
     events = event_blocks(resampled.counts, declared.threshold_on, declared.threshold_off)
     stored = all_events(window)
     if len(stored) > len(sensor_events(window)):
@@ -65,11 +69,3 @@ def _block_moments(window: Window) -> BlockMoments | None:
     # Between two frames there is but one step.
     span = ChangeMoments(steps[0].sum(axis=0)) if len(steps) == 1 else span_moments(levels, events)
     return BlockMoments(resampled.frames, steps, span)
-
-
-def _level_blocks(window: Window, resampled: ResampledFrames, i: int, declared: EventModel) -> NDArray[np.float64]:
-    def means() -> NDArray[np.float64]:
-        dark_dn = None if declared.model == "linear" else declared.log_eps_dn
-        return level_blocks(resampled.uniform_dn[i], resampled.error_dn[i], dark_dn)
-
-    return window.of_image("level_blocks", int(resampled.frames[i]), means)

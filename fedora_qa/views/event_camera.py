@@ -89,7 +89,15 @@ def pixel_events(window: Window) -> PixelEvents:
 
 
 def sorted_by_pixel(events: Events, declared: Declared) -> PixelEvents:
-    """Return events that lie on the declared sensor, in the order of time, by pixel."""
+    """Return events that lie on the declared sensor, in the order of time, by pixel.
+
+    Parameters
+    ----------
+    events
+        All on the sensor, in the order of time; timestamps in ns from the file's origin.
+    declared
+        Of which the event camera's size is taken.
+    """
     return by_pixel(events.x, events.y, events.times_ns, events.p, sensor_shape(declared))
 
 
@@ -100,7 +108,15 @@ def sensor_shape(declared: Declared) -> tuple[int, int]:
 
 
 def tile_around(chosen: NDArray[np.bool_], shape: tuple[int, int]) -> tuple[int, int, int, int]:
-    """Return left, top, right, bottom in pixels of the least rectangle around tiles (GRID^2,), rows first."""
+    """Return left, top, right, bottom in pixels of the least rectangle around tiles (GRID^2,), rows first.
+
+    Parameters
+    ----------
+    chosen
+        (GRID^2,) True for the tiles.
+    shape
+        Rows and columns of the image.
+    """
     rows, columns = np.nonzero(chosen.reshape(GRID, GRID))
     height, width = shape
     left, right = (-(-int(edge) * width // GRID) for edge in (columns.min(), columns.max() + 1))
@@ -187,6 +203,13 @@ def intervals_due(window: Window, resampled: ResampledFrames, per_window: int) -
 
     Of windows much shorter than that an interval is due for each point of a grid in time since the frame before its
     first: most have none, and where frames are few each has some.
+
+    Parameters
+    ----------
+    resampled
+        The window's frames.
+    per_window
+        Intervals of a window of the usual length.
     """
     length_ns = window.span.stop_ns - window.span.start_ns
     if 2 * length_ns >= WINDOW_NS:
@@ -209,7 +232,22 @@ def events_before(resampled: ResampledFrames, window: Window) -> NDArray[np.int3
 
 
 def signal(resampled: ResampledFrames, declared: EventModel) -> tuple[NDArray[np.float32], NDArray[np.bool_]]:
-    """Return the signal of the declared model (n, h, w), and where it is lit: its error is below half of the light."""
+    """Return the signal of the declared model (n, h, w), and where it is lit: its error is below half of the light.
+
+    Parameters
+    ----------
+    resampled
+        Luma in linear DN at the pixels of the event camera.
+    declared
+        The model, ``log`` or ``linear``.
+
+    Returns
+    -------
+    levels
+        (n, h, w): the natural logarithm of the light of the model ``log``, linear DN of the model ``linear``.
+    lit
+        (n, h, w).
+    """
     levels, lit = np.empty(resampled.uniform_dn.shape, np.float32), np.empty(resampled.uniform_dn.shape, np.bool_)
     for frame in range(len(resampled)):
         levels[frame], lit[frame] = signal_of(resampled, declared, frame)
@@ -219,7 +257,15 @@ def signal(resampled: ResampledFrames, declared: EventModel) -> tuple[NDArray[np
 def signal_of(
     resampled: ResampledFrames, declared: EventModel, frame: int
 ) -> tuple[NDArray[np.float32], NDArray[np.bool_]]:
-    """Return ``signal`` of one frame (h, w)."""
+    """Return ``signal`` of one frame (h, w).
+
+    Parameters
+    ----------
+    resampled, declared
+        As of ``signal``.
+    frame
+        Number of the frame among those of the window.
+    """
     uniform_dn = resampled.uniform_dn[frame]
     lit = np.greater(uniform_dn, 2 * resampled.error_dn[frame])
     if declared.model == "linear":

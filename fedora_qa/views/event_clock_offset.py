@@ -81,8 +81,16 @@ _PREFERRED_WITHIN: Final = 2.0
 class InterpolationSums:
     """Normal equations of a window's interpolated levels, a block for each tile.
 
-    ``fine`` interpolates the edge-aware reconstruction of frames through six of them; ``coarse`` through four;
-    ``uniform`` the uniform reconstruction through six. ``start_ns`` and ``stop_ns`` are those of the window.
+    Attributes
+    ----------
+    fine
+        The edge-aware reconstruction of frames is interpolated through six of them.
+    coarse
+        As ``fine``, through four.
+    uniform
+        The uniform reconstruction is interpolated through six.
+    start_ns, stop_ns
+        Of the window, ns from the file's origin.
     """
 
     fine: NormalBlocks
@@ -94,7 +102,17 @@ class InterpolationSums:
 
 @dataclass(frozen=True, slots=True)
 class InterpolationFits:
-    """The fit of a file by its interpolated levels, and the fits by the methods that bound its error."""
+    """The fit of a file by its interpolated levels, and the fits by the methods that bound its error.
+
+    Attributes
+    ----------
+    fit
+        By the edge-aware reconstruction of frames, six of them.
+    coarse
+        By four frames in place of six.
+    uniform
+        By the uniform reconstruction.
+    """
 
     fit: ResponseFit
     coarse: ResponseFit
@@ -106,6 +124,15 @@ class ClockOffset(Feature):
     """By how much events are late at the middle of a file, and how that grows; standard errors and bounds on bias.
 
     Beyond ``capture_range_s`` the offset is underestimated.
+
+    Attributes
+    ----------
+    offset_s, error_s, bound_s
+        Positive where timestamps of events are too late; standard error; bound on bias.
+    rate, rate_error, rate_bound
+        Growth of the offset, s/s, likewise.
+    capture_range_s
+        Infinite where the offset was searched for.
     """
 
     offset_s: float
@@ -119,7 +146,15 @@ class ClockOffset(Feature):
 
 @dataclass(frozen=True, slots=True)
 class LocalOffset:
-    """A part whose delay differs from the rest; delays and errors (k,) of all parts."""
+    """A part whose delay differs from the rest; delays and errors (k,) of all parts.
+
+    Attributes
+    ----------
+    step
+        The part, and by how much its delay differs.
+    delays_s, errors_s
+        (k,) by window or by tile; NaN where no delay is known.
+    """
 
     step: DelayStep
     delays_s: Float64
@@ -128,7 +163,15 @@ class LocalOffset:
 
 @dataclass(frozen=True, slots=True)
 class OffsetTrial:
-    """A window's sums with events taken to be late by an offset, and that undone."""
+    """A window's sums with events taken to be late by an offset, and that undone.
+
+    Attributes
+    ----------
+    offset_ns
+        The offset that was undone; positive where timestamps of events are too late.
+    sums
+        With events moved by it.
+    """
 
     offset_ns: int
     sums: InterpolationSums
@@ -183,6 +226,17 @@ def offset_error_ms(estimate: ClockOffset, offset_ms: float, bound_ms: float, fa
     Light does not change evenly for long. A change of angular frequency w, moved by d, is read as sin(w d) / w in place
     of d. Frames an interval h apart show changes up to w = pi / h; half of that is taken for what edges are made of.
     Offsets that were searched for are undone before they are fitted.
+
+    Parameters
+    ----------
+    estimate
+        With the standard error and the capture range.
+    offset_ms
+        The offset, or its difference from that of a correct file.
+    bound_ms
+        Bound on its bias.
+    facts
+        Of which the interval between colour frames is taken.
     """
     interval_ms = float(np.median(np.diff(facts.clocks["rgb"].times_ns))) / 1e6
     fraction = 1.0
@@ -197,6 +251,13 @@ def offset_by_levels(fitted: ThresholdFit, declared: EventModel) -> ClockOffset:
 
     Levels of the linear model jump at events and hold until the next where edges pass within a few rendered steps:
     such errors scatter about the fit, and may act as one by ``HELD_LEVEL_BIAS`` times their scatter.
+
+    Parameters
+    ----------
+    fitted
+        Thresholds and delay of the file.
+    declared
+        The model, ``log`` or ``linear``.
     """
     fit, bounds = fitted.fit, fitted.model_errors
     held_s = HELD_LEVEL_BIAS * fit.coherent_delay_s if declared.model == "linear" else 0.0
@@ -261,7 +322,23 @@ def search_window(window: Window, start_s: float | None, searched: Sequence[Offs
         return _trial(window, trials[0])
     by_ladder = search_offset(window)
     starts_s = [start for start in (start_s, None if by_ladder is None else by_ladder.offset_s) if start is not None]
-    converged = [ending for start in starts_s if (ending := _converged(window, start)) is not None]
+    # Gauss and Newton's way from each start: the offset of the fit is undone too, until the next fit leaves none.
+    converged: list[tuple[OffsetTrial, float]] = []
+    for offset_s in starts_s:
+        estimate_s = offset_s
+        last: tuple[OffsetTrial, float] | None = None
+        for _ in range(ROUNDS):
+            offset_ns = round(estimate_s * 1e9)
+            trial = _trial(window, offset_ns) if abs(offset_ns) <= FARTHEST_OFFSET_NS else None
+            fits = fit_all([trial.sums]) if trial is not None else None
+            residual = offset_by_interpolation(fits) if fits is not None else None
+            if trial is None or fits is None or residual is None:
+                last = None
+                break
+            estimate_s += residual.offset_s
+            last = (trial, fits.fit.relative_sigma) if abs(residual.offset_s) <= _CONVERGED_S else None
+        if last is not None:
+            converged.append(last)
     return min(converged, key=lambda ending: ending[1])[0] if converged else by_ladder
 
 
@@ -289,6 +366,11 @@ def search_is_preferred(searched: ClockOffset, fitted: ClockOffset, facts: Facts
     """Whether the offset by search has an error as small as that by one fit of all windows, nearly.
 
     That one underestimates it, by more than it states where light changes from frame to frame.
+
+    Parameters
+    ----------
+    searched, fitted
+        The offset by search, and that by one fit of all windows.
     """
     fitted_ms = offset_error_ms(fitted, 1e3 * fitted.offset_s, 1e3 * fitted.bound_s, facts)
     return offset_error_ms(searched, 1e3 * searched.offset_s, 1e3 * searched.bound_s, facts) < (
@@ -332,8 +414,21 @@ def _local_offset(state: Sequence[InterpolationSums], summed: int) -> LocalOffse
     fits = fit_all(state)
     if fits is None:
         return None
+    # Sums of windows by tiles, of C+, C- and delay. Kappa is the file's, as a cell may hold one edge only. The normal
+    # equations of levels less kappa |L'|: with y' = y - kappa z, X'y' = X'y - kappa X'z, and
+    # y'y' = yy - 2 kappa yz + kappa^2 zz.
     kappas_s = fits.fit.kappa_s, fits.coarse.kappa_s, fits.uniform.kappa_s
-    fine, coarse, uniform = (_cell_sums(state, *of_method) for of_method in zip(METHODS, kappas_s, strict=True))
+    cell_sums = []
+    for method, kappa_s in zip(METHODS, kappas_s, strict=True):
+        cells = []
+        for sums in state:
+            blocks: NormalBlocks = getattr(sums, method)
+            sizes = blocks.matrices[:, :, 3]
+            vectors = blocks.vectors[:, :3] - kappa_s * sizes[:, :3]
+            squares = blocks.squares - 2 * kappa_s * blocks.vectors[:, 3] + kappa_s**2 * sizes[:, 3]
+            cells.append((blocks.matrices[:, :3, :3], vectors, squares, blocks.weights, blocks.counts))
+        cell_sums.append(CellSums(*(np.stack(arrays) for arrays in zip(*cells, strict=True))))
+    fine, coarse, uniform = cell_sums
     parts = delays_of_parts(fine, summed)
     values = np.where(parts.follows_frames & (parts.relative_sigmas <= INTERPOLABLE), parts.seconds, np.nan)
     # What bounds the bias of a whole file differs from part to part, and is noise to their comparison.
@@ -352,38 +447,7 @@ def _local_offset(state: Sequence[InterpolationSums], summed: int) -> LocalOffse
     return LocalOffset(step, values, errors) if step is not None else None
 
 
-def _cell_sums(state: Sequence[InterpolationSums], method: str, kappa_s: float) -> CellSums:
-    """Return the sums of windows by tiles, of C+, C- and delay: with the file's kappa, as a cell may hold one edge.
-
-    The normal equations of levels less kappa |L'|: with y' = y - kappa z, X'y' = X'y - kappa X'z, and
-    y'y' = yy - 2 kappa yz + kappa^2 zz.
-    """
-    cells = []
-    for sums in state:
-        blocks: NormalBlocks = getattr(sums, method)
-        sizes = blocks.matrices[:, :, 3]
-        vectors = blocks.vectors[:, :3] - kappa_s * sizes[:, :3]
-        squares = blocks.squares - 2 * kappa_s * blocks.vectors[:, 3] + kappa_s**2 * sizes[:, 3]
-        cells.append((blocks.matrices[:, :3, :3], vectors, squares, blocks.weights, blocks.counts))
-    return CellSums(*(np.stack(each) for each in zip(*cells, strict=True)))
-
-
 def _trial(window: Window, offset_ns: int) -> OffsetTrial | None:
     """Return the sums of a window whose events are late by an offset, with that undone."""
     sums = _sums_of(window, sorted_by_pixel(corrected_events(window, offset_ns), window.facts.declared))
     return None if sums is None else OffsetTrial(offset_ns, sums)
-
-
-def _converged(window: Window, offset_s: float) -> tuple[OffsetTrial, float] | None:
-    """Return the trial of an offset that leaves none, and its residual; None where the rounds do not converge."""
-    ending: tuple[OffsetTrial, float] | None = None
-    for _ in range(ROUNDS):
-        offset_ns = round(offset_s * 1e9)
-        trial = _trial(window, offset_ns) if abs(offset_ns) <= FARTHEST_OFFSET_NS else None
-        fits = fit_all([trial.sums]) if trial is not None else None
-        residual = offset_by_interpolation(fits) if fits is not None else None
-        if trial is None or fits is None or residual is None:
-            return None
-        offset_s += residual.offset_s
-        ending = (trial, fits.fit.relative_sigma) if abs(residual.offset_s) <= _CONVERGED_S else None
-    return ending

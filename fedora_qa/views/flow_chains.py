@@ -33,7 +33,15 @@ Four roundings of 2 f (1 + |m|) and of pixel and principal point, with f = 0.87 
 
 @dataclass(frozen=True, slots=True)
 class Chain:
-    """Consecutive fields of one rate, by row, that lead from one instant to another."""
+    """Consecutive fields of one rate, by row, that lead from one instant to another.
+
+    Attributes
+    ----------
+    stream
+        ``flow/<rate>hz``.
+    rows
+        In the order of time; each field begins where the one before it ends.
+    """
 
     stream: str
     rows: tuple[int, ...]
@@ -45,7 +53,15 @@ class Chain:
 
 @dataclass(frozen=True, slots=True)
 class Segment:
-    """An interval that two rates cover by whole fields, the slower one first; in ns from the file's origin."""
+    """An interval that two rates cover by whole fields, the slower one first; in ns from the file's origin.
+
+    Attributes
+    ----------
+    slow, fast
+        Fields of either rate, from the start to the end.
+    start_ns, end_ns
+        Ns from the file's origin.
+    """
 
     slow: Chain
     fast: Chain
@@ -77,7 +93,13 @@ class ComposedPaths:
 
 
 def segments(window: Window, slow: str, fast: str) -> Iterator[Segment]:
-    """Yield the shortest common intervals that begin with a field of the slower rate that the window owns."""
+    """Yield the shortest common intervals that begin with a field of the slower rate that the window owns.
+
+    Parameters
+    ----------
+    slow, fast
+        Streams of flow, of the lower and of the higher rate.
+    """
     slow_clock, fast_clock = window.facts.clocks[slow], window.facts.clocks[fast]
     if slow_clock.ends_ns is None or fast_clock.ends_ns is None:
         return

@@ -12,7 +12,6 @@ from fedora_qa.estimators.fitting.quantile_kernels import median_of
 from fedora_qa.estimators.flow.motion_fit import (
     Evidence,
     FlowSample,
-    MotionFit,
     fit_most,
     fit_motion,
     twist_statistic,
@@ -158,8 +157,31 @@ def compare_field(
     if region is not None:  # the motion that the rest of the image gives is good enough to be exact
         sample = replace(thinned(lattice.within(region)) or sample, sigma_px=sample.sigma_px)
         motion, fit = (fit.motion, None) if fit else (motion, None)
-    result = replace(result, region=region, repeats=_repeats(window, interval, frame, region))
-    return _with_fits(result, track, motion, sample, fit, noise)
+    # Whether the field, or the depth at its start, equals its predecessor bit for bit in the part that is off.
+    left, top, right, bottom = region or (0, 0, None, None)
+    part = (slice(top, bottom), slice(left, right))
+    stream, row = interval.stream, interval.row
+    repeats: Literal["", "flow", "depth"] = ""
+    if row and equal_bits(window.flow_px(stream, row)[part], window.flow_px(stream, row - 1)[part]):
+        repeats = "flow"
+    elif frame and equal_bits(window.depth_m(frame)[part], window.depth_m(frame - 1)[part]):
+        repeats = "depth"
+    # The evidence of the parameter templates, and the best correction of the motion whatever the noise.
+    covariance = None if region else field_covariance(track, interval, noise)
+    templates = templates_of(track, interval, motion, sample, fit.twist if fit else np.zeros(6))
+    evidence = weigh_templates(K, motion, sample, templates, fit, covariance)
+    result = replace(result, region=region, repeats=repeats, evidence=evidence)
+    # From poses that are far from the truth the fit does not converge; the motion over a field is small.
+    starts = (motion, RigidMotion(np.eye(3), np.zeros(3)))
+    free = fit or next(filter(None, (fit_motion(K, start, sample) for start in starts)), None)
+    if free is None:
+        return result
+    return replace(
+        result,
+        free_squares=float(np.nansum(free.residual_px**2)),
+        free_pixels=len(sample.columns),
+        free_twist=tuple(free.motion.twist_from(motion).tolist()),
+    )
 
 
 def _errors(K: Float64, motion: RigidMotion, lattice: FlowLattice, bound_px: Float64) -> tuple[Float64, Mask]:
@@ -178,6 +200,18 @@ def field_covariance(track: PoseTrack, interval: Interval, noise: PoseModel | No
     """Return the covariance of the motion's twist under declared noise; None where the pose is declared exact.
 
     Where nothing is declared, a metre and a radian stand for anything.
+
+    Parameters
+    ----------
+    track, interval
+        The motion is that of the camera of the track over the interval.
+    noise
+        Declared noise of the poses; None where nothing is declared.
+
+    Returns
+    -------
+    ndarray of float64, or None
+        (6, 6): rotation in rad, translation in m.
     """
     if not is_noisy(noise):
         return None
@@ -188,7 +222,24 @@ def field_covariance(track: PoseTrack, interval: Interval, noise: PoseModel | No
 def templates_of(
     track: PoseTrack, interval: Interval, motion: RigidMotion, sample: FlowSample, correction: Float64
 ) -> Float64:
-    """Return the templates (n, 2, m) of small errors of the parameters for one field, about a corrected motion."""
+    """Return the templates (n, 2, m) of small errors of the parameters for one field, about a corrected motion.
+
+    Parameters
+    ----------
+    track, interval
+        Poses with the depth camera, and the interval of the field.
+    motion
+        Of points in the camera frame over the interval, as declared.
+    sample
+        n pixels of the field.
+    correction
+        (6,) twist, rad and m, by which every motion is corrected; zero for none.
+
+    Returns
+    -------
+    ndarray of float64
+        (n, 2, m) px of flow (u, v) per unit of each parameter.
+    """
     ends = track.ends(interval.start_ns, interval.end_ns)
 
     def corrected(declared: RigidMotion) -> RigidMotion:
@@ -215,44 +266,12 @@ def _turned_back(x_rad: float, y_rad: float, z_rad: float) -> Float64:
     return exp(-np.array([x_rad, y_rad, z_rad]))
 
 
-def _repeats(window: Window, interval: Interval, frame: int, region: Region | None) -> Literal["", "flow", "depth"]:
-    """Return which equals the one before it, bit for bit, without being empty or zero throughout."""
-    left, top, right, bottom = region or (0, 0, None, None)
-    part = (slice(top, bottom), slice(left, right))
-    stream, row = interval.stream, interval.row
-    if row and equal_bits(window.flow_px(stream, row)[part], window.flow_px(stream, row - 1)[part]):
-        return "flow"
-    if frame and equal_bits(window.depth_m(frame)[part], window.depth_m(frame - 1)[part]):
-        return "depth"
-    return ""
-
-
 def equal_bits(image: NDArray[np.float32], other: NDArray[np.float32]) -> bool:
-    """Whether two images are equal bit for bit, without being empty or zero throughout."""
+    """Whether two images are equal bit for bit, without being empty or zero throughout.
+
+    Parameters
+    ----------
+    image, other
+        Of any shape; images of different shapes are not equal.
+    """
     return np.array_equal(image, other, equal_nan=True) and bool(np.any(np.nan_to_num(image)))
-
-
-def _with_fits(
-    result: FieldError,
-    track: PoseTrack,
-    motion: RigidMotion,
-    sample: FlowSample,
-    fit: MotionFit | None,
-    noise: PoseModel | None,
-) -> FieldError:
-    """Add the evidence of the parameter templates, and the best correction of the motion whatever the noise."""
-    covariance = None if result.region else field_covariance(track, result.interval, noise)
-    templates = templates_of(track, result.interval, motion, sample, fit.twist if fit else np.zeros(6))
-    evidence = weigh_templates(track.camera.K, motion, sample, templates, fit, covariance)
-    # From poses that are far from the truth the fit does not converge; the motion over a field is small.
-    starts = (motion, RigidMotion(np.eye(3), np.zeros(3)))
-    free = fit or next(filter(None, (fit_motion(track.camera.K, start, sample) for start in starts)), None)
-    if free is None:
-        return replace(result, evidence=evidence)
-    return replace(
-        result,
-        evidence=evidence,
-        free_squares=float(np.nansum(free.residual_px**2)),
-        free_pixels=len(sample.columns),
-        free_twist=tuple(free.motion.twist_from(motion).tolist()),
-    )

@@ -102,10 +102,9 @@ def try_inverse_transforms(
         reference = stored_px
     best: dict[tuple[str, str], ConventionTrial] = {}
     for field in (
-        *_of_the_values(window, track, interval, sample, motion, frame),
-        *_of_the_interval(window, track, interval, region),
-        *_of_the_depth(window, track, sample, motion, frame),
-        *_of_the_pose(window, track, interval, sample),
+        *_with_other_flow(window, track, interval, sample, motion, frame, region),
+        *_with_other_depth(window, track, sample, motion, frame),
+        *_with_other_poses(window, track, interval, sample),
     ):
         if field.sample is None or field.motion is None:
             continue
@@ -116,10 +115,16 @@ def try_inverse_transforms(
     return list(best.values())
 
 
-def _of_the_values(
-    window: Window, track: PoseTrack, interval: Interval, sample: FlowSample, motion: RigidMotion, frame: int
+def _with_other_flow(
+    window: Window,
+    track: PoseTrack,
+    interval: Interval,
+    sample: FlowSample,
+    motion: RigidMotion,
+    frame: int,
+    region: Region | None,
 ) -> Iterator[_TransformedField]:
-    """Transform the stored numbers, and the grid that they lie on."""
+    """Transform the stored numbers and the grid that they lie on, or assign them to another interval."""
     flow, seconds = sample.flow_px, interval.duration_s
     stored = window.flow_px(interval.stream, interval.row)
     height, width = stored.shape[:2]
@@ -152,16 +157,11 @@ def _of_the_values(
             moved = stored[np.clip(row + dy, 0, height - 1), np.clip(column + dx, 0, width - 1)]
             yield transformed("shifted_pixels", moved, float(shift))
 
-
-def _of_the_interval(
-    window: Window, track: PoseTrack, interval: Interval, region: Region | None
-) -> Iterator[_TransformedField]:
-    """Assign the field to a neighbouring interval, or to one of another rate."""
-
+    # A neighbouring interval, one that begins some depth frames before or after, or one of another rate.
     def moved_to(other: Interval, name: str, magnitude: float | None = None) -> _TransformedField:
-        frame = frame_at(window.facts.clocks["depth"], other.start_ns)
-        sample = None if frame is None else sample_field(window, interval, frame, region)
-        return _TransformedField(name, "flow", sample, track.motion(other.start_ns, other.end_ns), magnitude)
+        depth_frame = frame_at(window.facts.clocks["depth"], other.start_ns)
+        field = None if depth_frame is None else sample_field(window, interval, depth_frame, region)
+        return _TransformedField(name, "flow", field, track.motion(other.start_ns, other.end_ns), magnitude)
 
     for intervals in _INTERVAL_SHIFTS:
         yield moved_to(interval.shifted(intervals), "neighbouring_interval", float(-intervals))
@@ -173,14 +173,14 @@ def _of_the_interval(
         if stream == interval.stream or not len(starts_ns):
             continue
         latest = max(int(np.searchsorted(starts_ns, interval.start_ns, "right")) - 1, 0)
-        for row in {latest, min(interval.row, len(starts_ns) - 1)}:
-            other = interval_at(window.facts, stream, row)
+        for other_row in {latest, min(interval.row, len(starts_ns) - 1)}:
+            other = interval_at(window.facts, stream, other_row)
             yield moved_to(other, "field_of_another_rate")
             same_start = replace(other, start_ns=interval.start_ns, end_ns=interval.start_ns + other.length_ns)
             yield moved_to(same_start, "field_of_another_rate")
 
 
-def _of_the_depth(
+def _with_other_depth(
     window: Window, track: PoseTrack, sample: FlowSample, motion: RigidMotion, frame: int
 ) -> Iterator[_TransformedField]:
     """Transform the depth."""
@@ -212,15 +212,10 @@ def _of_the_depth(
             yield transformed("neighbouring_frame", depths_m, float(abs(frames)))
 
 
-def _of_the_pose(
+def _with_other_poses(
     window: Window, track: PoseTrack, interval: Interval, sample: FlowSample
 ) -> Iterator[_TransformedField]:
     """Transform the pose, at both ends of the interval or at one, and the camera's mounting."""
-
-    def reordered(order: tuple[int, ...], signs: tuple[int, ...]) -> PoseTrack:
-        return track.transformed(
-            lambda poses: replace(poses, orientations_xyzw=poses.orientations_xyzw[:, order] * signs)
-        )
 
     def with_axes(change: Float64) -> PoseTrack:
         return track.transformed(lambda poses: replace(poses, positions_world_m=poses.positions_world_m @ change))
@@ -228,8 +223,8 @@ def _of_the_pose(
     mountings = [track.mounted(T_body_camera) for T_body_camera in other_mountings(track.camera.T_body_camera)]
     # Flow fixes the ratio of depths and positions: only plausible depths leave the unit to the positions.
     for name, stream, corrected, magnitude in (
-        ("conjugated_quaternion", "pose", reordered((0, 1, 2, 3), (-1, -1, -1, 1)), None),
-        ("reordered_quaternion", "pose", reordered((1, 2, 3, 0), (1, 1, 1, 1)), None),
+        ("conjugated_quaternion", "pose", reordered_quaternions(track, (0, 1, 2, 3), (-1, -1, -1, 1)), None),
+        ("reordered_quaternion", "pose", reordered_quaternions(track, (1, 2, 3, 0), (1, 1, 1, 1)), None),
         (
             "metric_unit",
             "pose",
@@ -237,7 +232,7 @@ def _of_the_pose(
             MM_PER_M,
         ),
         ("transposed_axes", "pose", with_axes(np.eye(3)[[1, 0, 2]]), None),
-        ("north_east_down", "pose", _from_north_east_down(track), None),
+        ("north_east_down", "pose", from_north_east_down(track), None),
         *(("other_mounting", "metadata", mounted, None) for mounted in mountings),
     ):
         if corrected is None:
@@ -258,8 +253,28 @@ def other_mountings(T_body_camera: Float64) -> list[Float64]:
     return [inverse, straight] if turned_far else [inverse]
 
 
-def _from_north_east_down(track: PoseTrack) -> PoseTrack:
-    """Return the track of poses that were written for a world and a body with Z down."""
+def reordered_quaternions(track: PoseTrack, order: tuple[int, ...], signs: tuple[int, ...]) -> PoseTrack:
+    """Return the track of quaternions whose components stand in another order or have other signs.
+
+    Parameters
+    ----------
+    track
+        Poses as stored.
+    order, signs
+        Which of the stored components x, y, z and w are, and what each is multiplied by.
+    """
+    return track.transformed(lambda poses: replace(poses, orientations_xyzw=poses.orientations_xyzw[:, order] * signs))
+
+
+def from_north_east_down(track: PoseTrack) -> PoseTrack:
+    """Return the track, with Z up, of poses that were written for a world and a body with Z down.
+
+    Parameters
+    ----------
+    track
+        Poses of a body (forward, right, down) in a world (north, east, down).
+    """
+    # q_enu_ned maps NED to ENU axes (x and y exchanged, z reversed); q_frd_flu is half a turn about X forward.
     q_enu_ned, q_frd_flu = np.array([np.sqrt(0.5), np.sqrt(0.5), 0.0, 0.0]), np.array([1.0, 0.0, 0.0, 0.0])
 
     def change(poses: PoseSamples) -> PoseSamples:

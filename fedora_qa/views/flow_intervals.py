@@ -28,7 +28,15 @@ _POSE_MARGIN_NS: Final = NS_PER_S // 10
 
 @dataclass(frozen=True, slots=True)
 class Interval:
-    """One field of flow: its stream, row and interval, in ns from the file's origin."""
+    """One field of flow: its stream, row and interval, in ns from the file's origin.
+
+    Attributes
+    ----------
+    stream, row
+        ``flow/<rate>hz``, and the row of the field.
+    start_ns, end_ns
+        Ns from the file's origin.
+    """
 
     stream: str
     row: int
@@ -68,7 +76,20 @@ def interval_at(facts: Facts, stream: str, row: int) -> Interval:
 
 
 def frame_at(clock: Clock, time_ns: int) -> int | None:
-    """Return the frame with exactly this timestamp; None where there is none."""
+    """Return the frame with exactly this timestamp; None where there is none.
+
+    Parameters
+    ----------
+    clock
+        Of a sampled stream; rows whose timestamps do not advance are left out.
+    time_ns
+        Ns from the file's origin.
+
+    Returns
+    -------
+    int or None
+        The row.
+    """
     near = int(np.searchsorted(clock.times_ns, time_ns))
     if near < len(clock.times_ns) and clock.times_ns[near] == time_ns and clock.advancing[near]:
         return near  # timestamps that advance are unique; among others the search may miss
@@ -95,7 +116,15 @@ def ends_on_frame(facts: Facts, interval: Interval) -> bool:
 
 @dataclass(frozen=True, slots=True)
 class PoseTrack:
-    """The poses around a window and the camera that is mounted on the body."""
+    """The poses around a window and the camera that is mounted on the body.
+
+    Attributes
+    ----------
+    poses
+        Body to world (ENU), finite.
+    camera
+        Mounted on the body by ``T_body_camera``.
+    """
 
     poses: PoseSamples
     camera: Camera
@@ -190,7 +219,20 @@ def pose_track(window: Window, camera: Camera) -> PoseTrack:
 
 
 def motion_between(before: Pose, after: Pose, camera: Camera) -> RigidMotion | None:
-    """Return how points move in a camera between two poses of the body; None where either is NaN."""
+    """Return how points move in a camera between two poses of the body; None where either is NaN.
+
+    Parameters
+    ----------
+    before, after
+        R_world_body (3, 3) and position in the world (3,), m.
+    camera
+        Mounted on the body by ``T_body_camera``.
+
+    Returns
+    -------
+    RigidMotion or None
+        Of points in the camera frame (Z forward, X right, Y down), from before to after.
+    """
     if not all(np.all(np.isfinite(values)) for values in (*before, *after)):
         return None
     return camera_motion(*before, *after, camera.T_body_camera)
@@ -206,7 +248,19 @@ def longest_interval_ns(facts: Facts, stream: str) -> int:
 
 def place(facts: Facts, intervals: tuple[Interval, Interval], frame: int | None = None,
           pixel: tuple[int, int] | None = None, tile: tuple[int, int, int, int] | None = None) -> Where:  # fmt: skip
-    """Return where the fields from the first to the last interval (both included) lie in the file."""
+    """Return where the fields from the first to the last interval (both included) lie in the file.
+
+    Parameters
+    ----------
+    intervals
+        The first and the last one, of one stream.
+    frame
+        Row of the frame at the start.
+    pixel
+        Column and row, px.
+    tile
+        Left, top, right, bottom, px, half-open.
+    """
     first, last = intervals
     return Where(
         stream=first.stream,

@@ -35,7 +35,15 @@ and return, but never most, however few stay."""
 
 @dataclass(frozen=True, slots=True)
 class MedianEndpointError:
-    """A median endpoint error in px, and the median of its bound from interpolation and rounding."""
+    """A median endpoint error in px, and the median of its bound from interpolation and rounding.
+
+    Attributes
+    ----------
+    typical_px
+        Median length of the difference of two displacements.
+    bound_px
+        Median of what interpolation and rounding may make it.
+    """
 
     typical_px: float
     bound_px: float
@@ -124,7 +132,13 @@ def compared_pixels(path: ComposedPaths, other: ComposedPaths) -> NDArray[np.boo
 
 
 def median_error_px(slow: ComposedPaths, fast: ComposedPaths) -> float:
-    """Return the median endpoint error of two compositions; infinite where too few pixels can be compared."""
+    """Return the median endpoint error of two compositions; infinite where too few pixels can be compared.
+
+    Parameters
+    ----------
+    slow, fast
+        Displacements of the same pixels by either rate.
+    """
     compared = compared_pixels(slow, fast)
     if np.count_nonzero(compared) < FEWEST_PIXELS:
         return np.inf

@@ -1,7 +1,10 @@
-"""Measure one field of flow against the frames at both ends of its interval."""
+"""The residual flow of one field, from the frames at both ends of its interval, by tiles.
+
+With it goes what small faults of camera, mounting and time would do to the flow of the tiles, from depth and motion.
+"""
 
 from dataclasses import dataclass, replace
-from math import ceil
+from math import asin, ceil, hypot
 from typing import Final
 
 import numpy as np
@@ -15,12 +18,16 @@ from fedora_qa.estimators.flow.residual import (
     TileResiduals,
     tile_residuals,
 )
-from fedora_qa.estimators.flow.tiles import TileGrid, known_patches, means_slopes_sines, places_of
+from fedora_qa.estimators.flow.tiles import TileGrid, known_patches, mean_derivatives, means_slopes_sines, places_of
 from fedora_qa.estimators.images.luma import LUMA_ROUNDING_VARIANCE_DN2
+from fedora_qa.geometry.camera import RigidMotion
+from fedora_qa.geometry.so3 import cross_matrices
+from fedora_qa.sequence.window import Window
+from fedora_qa.views.camera_motion import DELAY_NS, motion_over
+from fedora_qa.views.flow_comparison import is_noisy
 from fedora_qa.views.flow_intervals import Interval
 from fedora_qa.views.large_frames import is_large
-from fedora_qa.views.tile_templates import tile_templates
-from fedora_qa.views.warped_frames import FramePair, visible
+from fedora_qa.views.warped_frames import FramePair, geometry_of, visible
 
 Float32 = NDArray[np.float32]
 Float64 = NDArray[np.float64]
@@ -62,13 +69,32 @@ _SECOND_STEP_PX: Final = 0.5
 _EVERY_PX: Final = 2
 """Every other pixel of every other row gives a tile's flow and its slopes: flow is smooth within a surface."""
 
+_TEMPLATE_STRIDE_PX: Final = 8
+"""Templates are as smooth as the flow: sixteen pixels give the mean of a tile."""
+
+_ABOUT_OPTICAL_AXIS: Final = np.eye(6)[:, 2:3]
+_NARROW: Final = 2.0
+"""Trace of a rotation by 60 degrees: up to there the sine determines the angle."""
+
+_PERCENT, _DEG = 0.01, np.pi / 180
+
 
 @dataclass(frozen=True, slots=True)
 class FieldTiles:
-    """Tiles of one field: origins (n, 2), flow patches (n, 36, 36, 2), finite; and the pixels to use.
+    """Tiles of one field, and the pixels of them that may be compared.
 
-    ``noise_dn2`` (n,) is the variance of noise that the frames' pixels may hold, texture of one pixel's size included.
-    ``by_depth``: depth and motion decided which pixels both frames show, so that every tile must match.
+    Attributes
+    ----------
+    origins
+        (n, 2) first column and row, px.
+    flow_px
+        (n, 36, 36, 2) patches of the flow with their halo, finite.
+    usable
+        (n, 32, 32) pixels that both frames show and whose flow is valid.
+    noise_dn2
+        (n,) variance of noise that the frames' pixels may hold, texture of one pixel's size included.
+    by_depth
+        Whether depth and motion decided which pixels both frames show, so that every tile must match.
     """
 
     origins: Int64
@@ -138,7 +164,17 @@ class FieldResidual:
 
 
 def sample_tiles(frames: FramePair, interval: Interval, share: float) -> FieldTiles | None:
-    """Choose tiles of a field and the pixels of them that may be compared; None where the image has no tile."""
+    """Choose tiles of a field and the pixels of them that may be compared; None where the image has no tile.
+
+    Parameters
+    ----------
+    frames
+        The frames at both ends of the interval.
+    interval
+        Of the field.
+    share
+        Of the field's tiles that is taken, 0 to 1.
+    """
     stored = frames.window.flow_px(interval.stream, interval.row)
     origins = _sampled(stored, interval, share)
     if not len(origins):
@@ -175,6 +211,20 @@ def measure_field(frames: FramePair, interval: Interval, share: float) -> FieldR
     """Measure the residual flow of a share of a field's tiles.
 
     Tiles of which too few pixels are visible are only counted.
+
+    Parameters
+    ----------
+    frames
+        The frames at both ends of the interval.
+    interval
+        Of the field.
+    share
+        Of the field's tiles that is taken, 0 to 1; a part of it in large frames.
+
+    Returns
+    -------
+    FieldResidual or None
+        None where the image has no tile.
     """
     window, stored = frames.window, frames.window.flow_px(interval.stream, interval.row)
     is_thinned = is_large(stored.shape[0] * stored.shape[1], window)
@@ -215,17 +265,8 @@ def measure_field(frames: FramePair, interval: Interval, share: float) -> FieldR
     tiles = tiles if matched.all() else tiles.chosen(matched)
     geometric = tile_templates(window, interval, tiles.origins, tiles.usable)
     templates = templates_of_flow(*means_slopes_sines(tiles.flow_px, tiles.usable, HALO_PX, _EVERY_PX), geometric)
-    return _summary(counts, tiles.origins, errors_px[matched], covariances_px2[matched], templates)
-
-
-def _summary(
-    counts: FieldResidual,
-    origins: Int64,
-    errors_px: Float64,
-    covariances_px2: Float64,
-    templates: Float64,
-) -> FieldResidual:
-    fit = fit_field(errors_px, covariances_px2, templates)
+    errors_px = errors_px[matched]
+    fit = fit_field(errors_px, covariances_px2[matched], templates)
     worst = int(np.argmax(fit.deviations))
     worst_px = float(np.linalg.norm(errors_px[worst] - fit.mean_px))
     return replace(
@@ -236,7 +277,7 @@ def _summary(
         freedom=fit.freedom,
         mean_locking=float(lock_in(fit.evidence, MEAN).max()),
         evidence=fit.evidence,
-        worst_tile=_tile_at(origins[worst]),
+        worst_tile=_tile_at(tiles.origins[worst]),
         worst_px=worst_px,
         worst_error_px=worst_px / max(float(fit.deviations[worst]), 1e-12),
     )
@@ -245,3 +286,76 @@ def _summary(
 def _tile_at(origin: Int64) -> tuple[int, int, int, int]:
     left, top = (int(side) for side in origin)
     return left, top, left + TILE_PX, top + TILE_PX
+
+
+def tile_templates(window: Window, interval: Interval, origins: Int64, usable: Mask) -> Float64 | None:
+    """Return how small faults of camera, mounting and time would change the flow of tiles.
+
+    Parameters
+    ----------
+    window, interval
+        The field is that of the interval.
+    origins
+        (n, 2) left, top of the tiles, px on the flow's grid.
+    usable
+        (n, 32, 32) pixels that count.
+
+    Returns
+    -------
+    ndarray of float64, or None
+        (n, 2, 8), the columns of ``GEOMETRIC``: stored minus true flow, px per unit of a fault in making the flow,
+        which is the reverse of the same fault of a declaration. None where depth or motion is not known. Where poses
+        are noisy the template of time, a difference of poses 2 ms apart, is nothing but noise and is left at zero.
+    """
+    geometry = geometry_of(window, interval)
+    if geometry is None:
+        return None
+    motion = geometry.corrected
+    depth_m = window.depth_m(geometry.frames[0])
+    K, stride_px = geometry.track.camera.K, _TEMPLATE_STRIDE_PX
+    derivatives = mean_derivatives(depth_m, origins, usable, stride_px // 2, stride_px, K, motion.R, motion.t_m)
+    by_twist, by_focal, by_centre = derivatives[..., :6], derivatives[..., 6:7], derivatives[..., 7:]
+    # The twist per interval by which an earlier motion differs, by a central difference; zero where that is not known.
+    by_time = np.zeros((6, 1))
+    if not is_noisy(window.facts.declared.pose):
+        later, earlier = (motion_over(window, geometry.track, interval.moved(by)) for by in (DELAY_NS, -DELAY_NS))
+        if later is not None and earlier is not None:
+            by_time = _twist_between(earlier, later)[:, None] * (interval.length_ns / (2 * DELAY_NS))
+    twists = np.concatenate((by_mounting(motion), by_time, _ABOUT_OPTICAL_AXIS), axis=1)
+    # Units of the columns: 1 degree about X, Y, Z of the mounting, 1% of the interval, 1 degree about the optical axis.
+    twists *= np.array([_DEG, _DEG, _DEG, _PERCENT, _DEG])
+    return np.concatenate((_PERCENT * by_focal, by_centre, by_twist @ twists), axis=2)
+
+
+def by_mounting(motion: RigidMotion) -> Float64:
+    """Return the twists by which a camera's motion changes as the camera is turned about its axes.
+
+    Turned by w, points move by ``Exp(w)^T (R, t) Exp(w)``, which is the motion followed by the twist
+    ``(R w - w, t x R w)``.
+
+    Parameters
+    ----------
+    motion
+        Of points in the camera frame (Z forward, X right, Y down).
+
+    Returns
+    -------
+    ndarray of float64
+        (6, 3) per rad about X, Y and Z: rotation in rad, translation in m.
+    """
+    return np.concatenate((motion.R - np.eye(3), cross_matrices(motion.t_m) @ motion.R))
+
+
+def _twist_between(motion: RigidMotion, other: RigidMotion) -> Float64:
+    """Return ``motion.twist_from(other)`` (6,), in a tenth of the time where the rotation between them is small.
+
+    By Rodrigues' formula a rotation less its reverse is twice its sine times its axis.
+    """
+    dR = motion.R @ other.R.T
+    if dR[0, 0] + dR[1, 1] + dR[2, 2] < _NARROW:
+        return motion.twist_from(other)
+    # Rodrigues: R - R^T = 2 sin(angle) [axis]x.
+    x, y, z = 0.5 * (dR[2, 1] - dR[1, 2]), 0.5 * (dR[0, 2] - dR[2, 0]), 0.5 * (dR[1, 0] - dR[0, 1])
+    sine = min(hypot(x, y, z), 1.0)
+    scale = asin(sine) / sine if sine > 0 else 1.0
+    return np.concatenate(((scale * x, scale * y, scale * z), motion.t_m - dR @ other.t_m))

@@ -10,7 +10,6 @@ from numpy.typing import NDArray
 
 from fedora_qa.estimators.images.samples import along_the_flow
 from fedora_qa.layout.canonical import datasets_of
-from fedora_qa.sequence.facts import Facts
 from fedora_qa.sequence.window import Window
 from fedora_qa.views.flow_intervals import frame_at, owned_intervals
 from fedora_qa.views.large_frames import is_large
@@ -32,7 +31,15 @@ by a third, and the least jump that is found in park-day, most of it what points
 
 @dataclass(frozen=True, slots=True)
 class FrameTransition:
-    """Two frames by row, ``before`` being the earlier one, and the flow (H, W, 2) from it to the other, if there is."""
+    """Two colour frames, and the flow between them.
+
+    Attributes
+    ----------
+    before, after
+        Rows of the earlier and of the later frame.
+    flow_px
+        (H, W, 2) from the earlier to the later one; None where the file has none.
+    """
 
     before: int
     after: int
@@ -41,14 +48,7 @@ class FrameTransition:
 
 def flow_rate_of(window: Window) -> str | None:
     """Return the fastest flow stream, if frames can be mapped onto its grid and then have its size, as stored."""
-    return window.once("flow rate of frames", lambda: _flow_rate_of(window.facts, _optics(window)))
-
-
-def _optics(window: Window) -> Optics | str:
-    return window.once("optics of frames", lambda: optics_of(window.facts))
-
-
-def _flow_rate_of(facts: Facts, optics: Optics | str) -> str | None:
+    facts, optics = window.facts, _optics(window)
     if not facts.flow_streams or isinstance(optics, str):
         return None
     stream, bindings = facts.flow_streams[-1], facts.layout.bindings
@@ -61,6 +61,10 @@ def _flow_rate_of(facts: Facts, optics: Optics | str) -> str | None:
         depth = facts.declared.cameras["depth"]  # whose grid frames are mapped to
         size = (depth.height, depth.width)
     return stream if bindings[image].shape[1:3] == size else None
+
+
+def _optics(window: Window) -> Optics | str:
+    return window.once("optics of frames", lambda: optics_of(window.facts))
 
 
 def pairs_with_flow(window: Window) -> Iterator[FrameTransition]:

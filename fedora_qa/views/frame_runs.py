@@ -236,7 +236,42 @@ class FrameRuns:
         return [self._summary(runs) for _, runs in self.groups]
 
     def _summary(self, runs: list[FrameRun] | FrameRunSummary) -> FrameRunSummary:
-        return runs if isinstance(runs, FrameRunSummary) else _summarised(runs, self.model, self.phase_declared)
+        if isinstance(runs, FrameRunSummary):
+            return runs
+        first, last = runs[0].first_frame, runs[-1].last_frame
+        pixels = np.zeros(runs[0].excused.shape, np.bool_)
+        without_events, informative, flawed = pixels.copy(), pixels.copy(), pixels.copy()
+        from_start = False
+        # How many violations begin at or end with a frame: their running sum counts those that a frame interval may
+        # hold.
+        changes = np.zeros(last - first + 2, np.int64)
+        for run in runs:
+            broken, start_in_law = violations(run, EVEN, self.model, self.phase_declared and run.first_frame == 0)
+            from_start |= start_in_law
+            pixels |= broken
+            # What breaks the law only with all frames accepted is a flaw of their antialiasing.
+            flawed |= violations(run, ALL, self.model, start_in_law)[0]
+            without_events |= broken & (run.events == 0)
+            if isinstance(run.bounds, Excursions):
+                # Where E varies by more than a threshold, an event more or less may break the law.
+                informative |= run.bounds.excess(EVEN) > max(self.model.threshold_on, self.model.threshold_off)
+                highest, lowest = run.bounds.highest_at[broken] - first, run.bounds.lowest_at[broken] - first
+                np.add.at(changes, np.minimum(highest, lowest), 1)
+                np.add.at(changes, np.maximum(highest, lowest), -1)
+            else:
+                informative |= np.all(np.isfinite(run.bounds[EVEN].tail), axis=0)
+        return FrameRunSummary(
+            first,
+            last,
+            sum(run.last_frame - run.first_frame + 1 for run in runs),
+            np.packbits(pixels),
+            first + int(np.argmax(np.cumsum(changes))),
+            sum(float(run.events.mean()) for run in runs),
+            int(np.count_nonzero(without_events)),
+            int(np.count_nonzero(informative)),
+            int(np.count_nonzero(flawed & ~pixels)),
+            from_start,
+        )
 
 
 def excused_pixels(window: Window, declared: EventModel) -> Bool:
@@ -253,7 +288,19 @@ def excused_pixels(window: Window, declared: EventModel) -> Bool:
 
 
 def join(resampled: ResampledFrames, declared: EventModel, rounding_dn: float, excused: Bool) -> FrameRun:
-    """Return the run of two frames or more; ``excused`` (h, w) as in ``FrameRun``."""
+    """Return the run of two frames or more; ``excused`` (h, w) as in ``FrameRun``.
+
+    Parameters
+    ----------
+    resampled
+        The frames, at the pixels of the event camera, and the events between them.
+    declared
+        The model and its thresholds.
+    rounding_dn
+        Half a step of the 8-bit code, linear DN.
+    excused
+        (h, w) pixels in which a correct sensor may lack events.
+    """
     events = np.zeros(excused.shape, np.int32)
     add_counts(resampled.counts, events)
     if declared.model == "linear":
@@ -267,7 +314,19 @@ def join(resampled: ResampledFrames, declared: EventModel, rounding_dn: float, e
 
 
 def violations(run: FrameRun, rule: int, declared: EventModel, phase_declared: bool) -> tuple[Bool, bool]:
-    """Return where (h, w) the law is broken by a rule, and whether a declared start was part of the law."""
+    """Return where (h, w) the law is broken by a rule, and whether a declared start was part of the law.
+
+    Parameters
+    ----------
+    run
+        Bounds of joined frames.
+    rule
+        ``EVEN`` or ``ALL``.
+    declared
+        The model and its thresholds.
+    phase_declared
+        Whether the reference is declared to be the signal at the first frame of the run.
+    """
     # The declared spread of thresholds widens the law: n events of independent errors add sqrt(n) sigma, both ends of
     # the range a threshold each, sqrt(2) sigma.
     mismatch = MISMATCH_SIGMAS * declared.threshold_sigma * (sqrt(2.0) + np.sqrt(run.events))
@@ -276,46 +335,24 @@ def violations(run: FrameRun, rule: int, declared: EventModel, phase_declared: b
         broken = run.bounds.excess(rule) > declared.threshold_on + declared.threshold_off + mismatch
     else:
         broken = run.bounds[rule].broken
-    beyond = _beyond_start(run, rule, declared, mismatch) if phase_declared else None
-    if beyond is not None:
-        broken = broken | beyond
-    return broken & ~run.excused, beyond is not None
-
-
-def _summarised(runs: list[FrameRun], declared: EventModel, phase_declared: bool) -> FrameRunSummary:
-    first, last = runs[0].first_frame, runs[-1].last_frame
-    pixels = np.zeros(runs[0].excused.shape, np.bool_)
-    without_events, informative, flawed = pixels.copy(), pixels.copy(), pixels.copy()
-    from_start = False
-    # How many violations begin at or end with a frame: their running sum counts those that a frame interval may hold.
-    changes = np.zeros(last - first + 2, np.int64)
-    for run in runs:
-        broken, start_in_law = violations(run, EVEN, declared, phase_declared and run.first_frame == 0)
-        from_start |= start_in_law
-        pixels |= broken
-        # What breaks the law only with all frames accepted is a flaw of their antialiasing.
-        flawed |= violations(run, ALL, declared, start_in_law)[0]
-        without_events |= broken & (run.events == 0)
+    start_in_law = False
+    if phase_declared:
+        # Where E left the thresholds around its start, the law is broken too.
         if isinstance(run.bounds, Excursions):
-            # Where E varies by more than a threshold, an event more or less may break the law.
-            informative |= run.bounds.excess(EVEN) > max(declared.threshold_on, declared.threshold_off)
-            highest, lowest = run.bounds.highest_at[broken] - first, run.bounds.lowest_at[broken] - first
-            np.add.at(changes, np.minimum(highest, lowest), 1)
-            np.add.at(changes, np.maximum(highest, lowest), -1)
+            departure, excess, enough = run.bounds.departure(rule), run.bounds.excess(rule), PHASE_RANGE
         else:
-            informative |= np.all(np.isfinite(run.bounds[EVEN].tail), axis=0)
-    return FrameRunSummary(
-        first,
-        last,
-        sum(run.last_frame - run.first_frame + 1 for run in runs),
-        np.packbits(pixels),
-        first + int(np.argmax(np.cumsum(changes))),
-        sum(float(run.events.mean()) for run in runs),
-        int(np.count_nonzero(without_events)),
-        int(np.count_nonzero(informative)),
-        int(np.count_nonzero(flawed & ~pixels)),
-        from_start,
-    )
+            runs, enough = run.bounds[rule], 1.0
+            departure, excess = runs.departure(declared.threshold_on, declared.threshold_off), runs.excess()
+        beyond: Bool = departure > mismatch
+        # Pixels that use enough of their range would leave the thresholds if the phase were at random: where many of
+        # them do, the file contradicts the declared phase.
+        informative = excess > enough * max(declared.threshold_on, declared.threshold_off) + mismatch
+        start_in_law = not (
+            np.count_nonzero(informative) < FEWEST_FOR_PHASE or beyond[informative].mean() > MOST_BEYOND_PHASE
+        )
+        if start_in_law:
+            broken = broken | beyond
+    return broken & ~run.excused, start_in_law
 
 
 def _rules(declared: EventModel, rounding_dn: float) -> tuple[tuple[float, float], ...]:
@@ -342,18 +379,3 @@ def _event_free_runs(resampled: ResampledFrames, declared: EventModel, rounding_
         )
 
     return tuple(by_rule(uneven) for uneven in _rules(declared, rounding_dn))
-
-
-def _beyond_start(run: FrameRun, rule: int, declared: EventModel, mismatch: Float64) -> Bool | None:
-    """Return where E left the thresholds around its start; None where the file contradicts the declared phase."""
-    if isinstance(run.bounds, Excursions):
-        departure, excess, enough = run.bounds.departure(rule), run.bounds.excess(rule), PHASE_RANGE
-    else:
-        runs, enough = run.bounds[rule], 1.0
-        departure, excess = runs.departure(declared.threshold_on, declared.threshold_off), runs.excess()
-    beyond: Bool = departure > mismatch
-    # Pixels that use enough of their range would leave the thresholds if the phase were at random.
-    informative = excess > enough * max(declared.threshold_on, declared.threshold_off) + mismatch
-    if np.count_nonzero(informative) < FEWEST_FOR_PHASE or beyond[informative].mean() > MOST_BEYOND_PHASE:
-        return None
-    return beyond

@@ -74,7 +74,15 @@ class StreamsCache:
 
 @dataclass(frozen=True, slots=True)
 class WindowMotion:
-    """The samples of IMU and pose of one window."""
+    """The samples of IMU and pose of one window.
+
+    Attributes
+    ----------
+    imu, poses
+        Those that the window owns; None where it has none.
+    cache
+        Of the joined streams.
+    """
 
     imu: ImuSamples | None
     poses: PoseSamples | None
@@ -105,7 +113,19 @@ class InertialConventionTrial(Feature):
 
 @dataclass(frozen=True, slots=True)
 class InertialStreams:
-    """Both streams of a sequence on one axis of time, which starts at ``origin_ns``, and what was computed of them."""
+    """Both streams of a sequence on one axis of time, which starts at ``origin_ns``, and what was computed of them.
+
+    Attributes
+    ----------
+    samples, noise
+        Both streams in seconds from ``origin_ns``, and their declared noise and rounding.
+    poses, imu
+        As stored, all finite.
+    origin_ns
+        First timestamp of the IMU, ns from the file's origin.
+    fits, trials
+        What was computed, by the kind of comparison.
+    """
 
     samples: InertialSamples
     noise: InertialNoise
@@ -175,7 +195,15 @@ def coverage_of(streams: InertialStreams | str, facts: Facts) -> Coverage:
 
 
 def fit_of(streams: InertialStreams, kind: MotionKind) -> InertialFit | None:
-    """Fit one kind of comparison, once; None where there is too little in common."""
+    """Fit one kind of comparison, once; None where there is too little in common.
+
+    Parameters
+    ----------
+    streams
+        In which the fit is kept.
+    kind
+        ``rotation`` or ``translation``.
+    """
     if kind not in streams.fits:
         comparison = ROTATION if kind == "rotation" else TRANSLATION
         walk = streams.noise.gyro_walk if kind == "rotation" else streams.noise.accel_walk
@@ -188,6 +216,20 @@ def convention_trial(streams: InertialStreams, kind: MotionKind, fit: InertialFi
 
     First of the whole sequence; where none explains that, and the disagreement is a local one, of that part alone.
     It is looked for once.
+
+    Parameters
+    ----------
+    streams
+        In which the trial is kept.
+    kind
+        ``rotation`` or ``translation``.
+    fit
+        Of that kind, as declared.
+
+    Returns
+    -------
+    InertialConventionTrial or None
+        None where the streams agree, or agree under no convention.
     """
     if kind in streams.trials:
         return streams.trials[kind]

@@ -144,6 +144,18 @@ def most_resolved(before: Bool, after: Bool, symmetry: Symmetry = UPRIGHT) -> in
 
     Events that a ``symmetry`` moves to the other side of the image break the law there if they do not belong there:
     rectangles are those that it leaves in their place.
+
+    Parameters
+    ----------
+    before, after
+        (h, w) pixels that violate the law.
+    symmetry
+        Whether axes were exchanged, columns mirrored, rows mirrored.
+
+    Returns
+    -------
+    int
+        Pixels, negative where every rectangle has more violations than before.
     """
     # Signed integers: a pixel that is newly violated counts as -1.
     gain = before.astype(np.int64) - after
@@ -195,26 +207,18 @@ def _transformed(window: Window, resampled: ResampledFrames, declared: EventMode
         moved = counts[:, :, rows.clip(0, height - 1)][..., columns.clip(0, width - 1)]
         size = float(right_px) if down_px == 0 else None
         yield _TransformedCounts("shift", _every_few(moved), _every_few(from_sensor), size=size)
-    for delay_ms in _DELAYS_MS:
-        advanced = _advanced_counts(window, resampled, round(delay_ms * NS_PER_MS))
-        yield _TransformedCounts("delay", _every_few(advanced), everywhere, size=delay_ms)
-
-
-def _advanced_counts(window: Window, resampled: ResampledFrames, delay_ns: int) -> Counts:
-    """Return the counts of events moved back by a delay; as they are where the file would have to go on longer.
-
-    An interval that no event can have been moved from would be emptied, and nothing that contradicts a frame be left.
-    """
     events, scan = sensor_events(window), window.facts.events
-    counts = np.zeros_like(resampled.counts)
-    count_between_frames(events.x, events.y, events.times_ns - delay_ns, events.p, resampled.times_ns, counts)
-    if scan is None:
-        return counts
-    start_ns, stop_ns = resampled.times_ns[:-1] + delay_ns, resampled.times_ns[1:] + delay_ns
-    beyond_file = (start_ns < scan.first_ns - _END_NS) | (stop_ns > scan.last_ns + _END_NS)
-    # The file gives no events from beyond its ends: these intervals keep theirs.
-    counts[beyond_file] = resampled.counts[beyond_file]
-    return counts
+    for delay_ms in _DELAYS_MS:
+        delay_ns = round(delay_ms * NS_PER_MS)
+        advanced = np.zeros_like(resampled.counts)
+        count_between_frames(events.x, events.y, events.times_ns - delay_ns, events.p, resampled.times_ns, advanced)
+        if scan is not None:
+            # An interval that no event can have been moved from would be emptied, and nothing that contradicts a frame
+            # be left: intervals beyond the ends of the file keep their own events.
+            start_ns, stop_ns = resampled.times_ns[:-1] + delay_ns, resampled.times_ns[1:] + delay_ns
+            beyond_file = (start_ns < scan.first_ns - _END_NS) | (stop_ns > scan.last_ns + _END_NS)
+            advanced[beyond_file] = counts[beyond_file]
+        yield _TransformedCounts("delay", _every_few(advanced), everywhere, size=delay_ms)
 
 
 def _violations(resampled: ResampledFrames, first: int, stop: int, declared: EventModel, rounding_dn: float) -> Bool:

@@ -54,6 +54,14 @@ def bands(height: int, share: float, number: int) -> Bools:
 
 
 def near(rows: Bools, reach: int) -> Bools:
-    """Return the rows (height,) that lie no farther than ``reach`` from any that is used."""
+    """Return the rows (height,) that lie no farther than ``reach`` from any that is used.
+
+    Parameters
+    ----------
+    rows
+        (height,) True for the rows that are used.
+    reach
+        Rows.
+    """
     counts = np.cumsum(np.pad(rows, (reach + 1, reach)))
     return np.asarray(counts[2 * reach + 1 :] > counts[: -2 * reach - 1])

@@ -86,9 +86,18 @@ _DARKEST_DN: Final = 0.5
 class LevelSums:
     """Normal equations of a window in both domains and by both reconstructions, four blocks of the image each.
 
-    ``straight`` is in the declared domain, with straight lines between events in place of cubics.
-    ``overshoot`` is the mean of tick over gap: the share of a threshold that a pixel moves in a rendered step.
-    ``window`` is the window's number.
+    Attributes
+    ----------
+    log_edge_aware, log_uniform, linear_edge_aware, linear_uniform
+        By domain and reconstruction; levels in nat (log) or DN (linear).
+    straight
+        In the declared domain, with straight lines between events in place of cubics.
+    overshoot
+        Mean of tick over gap: the share of a threshold that a pixel moves in a rendered step.
+    pairs
+        Number of pairs of level samples.
+    window
+        Number of the window.
     """
 
     log_edge_aware: NormalBlocks
@@ -103,7 +112,15 @@ class LevelSums:
 
 @dataclass(frozen=True, slots=True)
 class WeightedLevelSums:
-    """Sums of a window by two weightings: pairs of the shortest gaps alike, and all by ``precision_weights``."""
+    """Sums of a window by two weightings: pairs of the shortest gaps alike, and all by ``precision_weights``.
+
+    Attributes
+    ----------
+    equal
+        Of the pairs of the shortest gaps, each of weight 1.
+    by_precision
+        Of all pairs.
+    """
 
     equal: LevelSums
     by_precision: LevelSums
@@ -199,7 +216,18 @@ def fit_thresholds(state: Sequence[LevelSums], facts: Facts) -> ThresholdFit | s
             "(see event_response.orientation)"
         )
     overshoot = sum(sums.overshoot * sums.pairs for sums in state) / pairs
-    preference = _domain_preference(blocks, other_blocks, fit, other)
+    # Residuals over thresholds in the declared and in the other domain, compared block by block.
+    preference = 0.0, float("inf")
+    if other is not None:
+        enough = (blocks.counts >= FEWEST_PAIRS) & (other_blocks.counts >= FEWEST_PAIRS)
+        if np.count_nonzero(enough) < 2:
+            # One block has no scatter, so the preference has no standard error.
+            preference = float(np.log(fit.relative_sigma / other.relative_sigma)), float("inf")
+        else:
+            difference = (np.log(fit.block_sigmas(blocks)) - np.log(other.block_sigmas(other_blocks)))[enough]
+            # Residuals have units of their domain (nat, DN); over their threshold they are comparable.
+            scale = np.log(fit.threshold / other.threshold)
+            preference = float(difference.mean() - scale), float(difference.std(ddof=1) / np.sqrt(len(difference)))
 
     def bound(name: str) -> float:
         """Add up how far each other reconstruction moves an estimate, and its attenuation."""
@@ -263,7 +291,15 @@ def search_offset(window: Window) -> LadderOffset | None:
 
 
 def usable_pixels(window: Window, frames: ResampledFrames, declared: EventModel) -> NDArray[np.bool_]:
-    """Return the pixels (n, h, w) of a window's frames bright enough, not saturated, and not declared hot."""
+    """Return the pixels (n, h, w) of a window's frames bright enough, not saturated, and not declared hot.
+
+    Parameters
+    ----------
+    frames
+        Luma in linear DN at the pixels of the event camera.
+    declared
+        The sensor, with its hot pixels.
+    """
     darkest_dn = least_dn(window, declared)
     usable: NDArray[np.bool_] = np.empty(frames.uniform_dn.shape, np.bool_)
     for frame, marked in enumerate(usable):
@@ -292,15 +328,11 @@ def least_dn(window: Window, declared: EventModel) -> float:
 
 
 def _level_samples(window: Window) -> tuple[LevelPairs, ResampledFrames, EventModel] | None:
-    return window.once("level_pairs", lambda: _find_level_samples(window))
-
-
-def _find_level_samples(window: Window) -> tuple[LevelPairs, ResampledFrames, EventModel] | None:
     """Return all pairs of level samples of a window, its frames, and the declared sensor; None with too few pairs."""
     frames, declared = resampled_frames(window), window.facts.declared.events
     if declared is None or len(frames) < 2:
         return None
-    pairs = _pairs(window, frames, declared, pixel_events(window))
+    pairs = window.once("level_pairs", lambda: _pairs(window, frames, declared, pixel_events(window)))
     return (pairs, frames, declared) if len(pairs) >= FEWEST_PAIRS else None
 
 
@@ -392,19 +424,3 @@ def _threshold_limit(fitted: ThresholdFit) -> float:
     errors, bounds = fitted.fit.standard_errors, fitted.model_errors
     of_both = bounds.threshold_on + bounds.threshold_off + LIMIT_ERRORS * (errors.threshold_on + errors.threshold_off)
     return float(of_both)
-
-
-def _domain_preference(
-    declared: NormalBlocks, other: NormalBlocks, fit: ResponseFit, other_fit: ResponseFit | None
-) -> tuple[float, float]:
-    """Compare residuals over thresholds in the declared and the other domain, block by block."""
-    if other_fit is None:
-        return 0.0, float("inf")
-    enough = (declared.counts >= FEWEST_PAIRS) & (other.counts >= FEWEST_PAIRS)
-    # One block has no scatter, so the preference has no standard error.
-    if np.count_nonzero(enough) < 2:
-        return float(np.log(fit.relative_sigma / other_fit.relative_sigma)), float("inf")
-    difference = (np.log(fit.block_sigmas(declared)) - np.log(other_fit.block_sigmas(other)))[enough]
-    # Residuals have units of their domain (nat, DN); over their threshold they are comparable.
-    scale = np.log(fit.threshold / other_fit.threshold)
-    return float(difference.mean() - scale), float(difference.std(ddof=1) / np.sqrt(len(difference)))

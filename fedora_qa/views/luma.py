@@ -18,7 +18,15 @@ def luma_dn(window: Window, frame: int) -> NDArray[np.float32]:
 
     A declared transfer curve is inverted first: luma is defined on linear values.
     """
-    return window.of_image("luma_dn", frame, lambda: _luma_dn(window.rgb(frame), window.facts.declared.transfer))
+    transfer = window.facts.declared.transfer
+    if transfer == "linear":
+        return window.of_image("luma_dn", frame, lambda: luma_of_linear(window.rgb(frame), LUMA_WEIGHTS))
+    # Rounded to single precision before it is weighed; the tables of views/warped_frames.py are rounded after it only.
+    return window.of_image(
+        "luma_dn",
+        frame,
+        lambda: luma_of(window.rgb(frame), luma_table(to_linear(np.arange(256.0), transfer).astype(np.float32))),
+    )
 
 
 def clipped(window: Window, frame: int) -> NDArray[np.bool_]:
@@ -27,10 +35,3 @@ def clipped(window: Window, frame: int) -> NDArray[np.bool_]:
     One channel is enough: a leaf in bright light has a clipped green and a luma of little more than a half.
     """
     return window.of_image("clipped", frame, lambda: cut_off(window.rgb(frame), luma_dn(window, frame), SATURATED_DN))
-
-
-def _luma_dn(rgb: NDArray[np.uint8], transfer: str) -> NDArray[np.float32]:
-    if transfer == "linear":
-        return luma_of_linear(rgb, LUMA_WEIGHTS)
-    # Rounded to single precision before it is weighed; the tables of views/warped_frames.py are rounded after it only.
-    return luma_of(rgb, luma_table(to_linear(np.arange(256.0), transfer).astype(np.float32)))

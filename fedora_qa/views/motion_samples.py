@@ -110,7 +110,15 @@ def inertial_samples(imu: ImuSamples, poses: PoseSamples, model: ImuModel) -> In
 
 
 def inertial_noise(imu: ImuModel, pose: PoseModel, samples: ImuSamples, poses: PoseSamples) -> InertialNoise:
-    """Return the declared noise of both streams, and how coarsely they are stored."""
+    """Return the declared noise of both streams, and how coarsely they are stored.
+
+    Parameters
+    ----------
+    imu, pose
+        As declared.
+    samples, poses
+        As stored: their rounding is estimated.
+    """
     gyro = _rounding_density(samples.times_ns, samples.angular_velocities_body_rad_s)
     accel = _rounding_density(samples.times_ns, samples.specific_forces_body_m_s2)
     return InertialNoise(
@@ -162,7 +170,14 @@ def rounding_step(times_ns: NDArray[np.int64], values: Float64, curve: SampledCu
         The same samples, for their noise.
     """
     stored = stored_resolution(values)
-    step = _decimal_step(values)
+    # The largest power of ten, 1 at most and 1e-9 at least, of which all values are multiples; 0 if there is none.
+    step, largest = 0.0, float(np.abs(values).max(initial=0.0))
+    for decimals in range(10 if values.size else 0):
+        slack = _ROUNDED_UNITS * float(np.spacing(largest * 10.0**decimals))
+        scaled = (part * 10.0**decimals for part in (values[:_FIRST_SAMPLES], values))
+        if all(bool(np.all(np.abs(multiples - np.rint(multiples)) <= slack)) for multiples in scaled):
+            step = float(10.0**-decimals)
+            break
     if step <= stored:
         return stored
     level = noise_level(times_ns, curve, order=NOISE_ORDER)
@@ -176,17 +191,6 @@ def _rounding_density(times_ns: NDArray[np.int64], values: Float64) -> float:
         return 0.0
     # Variance step^2 / 12 a sample, times the sampling interval.
     return step * float(np.sqrt(np.median(np.diff(times_ns)) / NS_PER_S / 12))
-
-
-def _decimal_step(values: Float64) -> float:
-    """Return the largest power of ten, 1 at most and 1e-9 at least, of which all values are multiples; 0 for none."""
-    largest = float(np.abs(values).max(initial=0.0))
-    for decimals in range(10 if values.size else 0):
-        slack = _ROUNDED_UNITS * float(np.spacing(largest * 10.0**decimals))
-        scaled = (part * 10.0**decimals for part in (values[:_FIRST_SAMPLES], values))
-        if all(bool(np.all(np.abs(multiples - np.rint(multiples)) <= slack)) for multiples in scaled):
-            return float(10.0**-decimals)
-    return 0.0
 
 
 def imu_roundings(imu: ImuSamples) -> tuple[float, float]:
@@ -233,7 +237,15 @@ def _rounding_scatter(speeds: Float64, resolution: float) -> float:
 
 
 def location_of(facts: Facts, stream: str, start_ns: int, stop_ns: int | None = None) -> Where:
-    """Return where samples from ``start_ns`` to before ``stop_ns`` are (the one sample where None)."""
+    """Return where samples from ``start_ns`` to before ``stop_ns`` are (the one sample where None).
+
+    Parameters
+    ----------
+    stream
+        A stream of samples, ``imu`` or ``pose``.
+    start_ns, stop_ns
+        Ns from the file's origin.
+    """
     times_ns = facts.clocks[stream].times_ns
     # Rows are those whose timestamps are nearest to both ends.
     row = int(np.argmin(np.abs(times_ns - start_ns)))

@@ -39,6 +39,15 @@ def sample_field(window: Window, interval: Interval, frame: int, region: Region 
     """Return pixels of a field that are valid in the depth frame too, evenly thinned; None where there are too few.
 
     Only from a region of the image, where one is given.
+
+    Parameters
+    ----------
+    interval
+        Of the field.
+    frame
+        Row of the depth frame at its start.
+    region
+        Left, top, right, bottom, px, half-open.
     """
     lattice = lattice_of(window, interval, frame)
     return None if lattice is None else thinned(lattice if region is None else lattice.within(region))
@@ -46,7 +55,17 @@ def sample_field(window: Window, interval: Interval, frame: int, region: Region 
 
 @dataclass(frozen=True, slots=True)
 class FlowLattice:
-    """Regular pixels: columns (1, w), rows (h, 1), depths (h, w) with NaN where a value is missing, flow (h, w, 2)."""
+    """Pixels of a field at regular steps, with their depths.
+
+    Attributes
+    ----------
+    columns, rows
+        (1, w) and (h, 1), px.
+    depths_m
+        (h, w) along the optical axis; NaN where a value is missing.
+    flow_px
+        (h, w, 2): u to the right, v down.
+    """
 
     columns: Float64
     rows: Float64
@@ -63,8 +82,20 @@ class FlowLattice:
 def region_of(lattice: FlowLattice, excess: Float64) -> Region | None:
     """Return the rectangle about the pixels that are off, where these are off alone and are a part of the image.
 
-    ``excess`` (h, w) is the error over its bound, NaN where not compared; off above 1. A small fault of the whole image
-    exceeds its bound in a part only, but lies not far below it elsewhere.
+    A pixel is off where its error exceeds its bound. A small fault of the whole image exceeds its bound in a part only,
+    but lies not far below it elsewhere.
+
+    Parameters
+    ----------
+    lattice
+        The compared pixels.
+    excess
+        (h, w) error over its bound, NaN where not compared.
+
+    Returns
+    -------
+    tuple of int, or None
+        Left, top, right, bottom, px, half-open.
     """
     compared = np.isfinite(excess)
     rows, columns = np.nonzero(compared & (excess > 1))
@@ -84,7 +115,20 @@ def region_of(lattice: FlowLattice, excess: Float64) -> Region | None:
 
 
 def lattice_of(window: Window, interval: Interval, frame: int) -> FlowLattice | None:
-    """Return the lattice that the effort asks for; its phase steps from field to field, over every pixel."""
+    """Return the lattice that the effort asks for; its phase steps from field to field, over every pixel.
+
+    Parameters
+    ----------
+    interval
+        Of the field.
+    frame
+        Row of the depth frame at its start.
+
+    Returns
+    -------
+    FlowLattice or None
+        None where static depth is not known, or depth and flow have different sizes.
+    """
     depth_m, flow_px = static_depth_m(window, frame), window.flow_px(interval.stream, interval.row)
     if depth_m is None or depth_m.shape != flow_px.shape[:2]:
         return None

@@ -24,7 +24,15 @@ _EXCESS_NOISE: Final = 1.2
 
 @dataclass(frozen=True, slots=True)
 class SampleClockGrid(Feature):
-    """All timestamps of a stream lie on a grid coarser than a microsecond."""
+    """All timestamps of a stream lie on a grid coarser than a microsecond.
+
+    Attributes
+    ----------
+    stream
+        ``imu`` or ``pose``.
+    period_ns
+        Step of the grid.
+    """
 
     stream: str
     period_ns: int
@@ -123,6 +131,15 @@ def pose_defects(facts: Facts, poses: PoseSamples, model: PoseModel) -> tuple[Fe
 
     Timestamps come first: a coarse grid looks like straight lines, repeats and noise, so that these are then not looked
     for. Nor is noise where straight lines or repeats would be taken for it.
+
+    Parameters
+    ----------
+    facts
+        With the clock of the poses.
+    poses
+        All of the file, finite.
+    model
+        Declared noise of the poses.
     """
     # Defects of timestamps explain what the others would be taken for.
     of_timestamps = timestamp_defects(facts, "pose")

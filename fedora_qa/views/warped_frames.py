@@ -1,7 +1,8 @@
-"""What a field of flow is held against: two smoothed frames on the flow's own grid, and the pixels that both show."""
+"""The frames at both ends of a field of flow, smoothed and warped to the flow's grid, and the pixels that both show."""
 
 from dataclasses import dataclass
-from functools import cache
+from functools import cache, partial
+from math import inf
 from typing import Final
 
 import numpy as np
@@ -25,10 +26,10 @@ from fedora_qa.estimators.images.luma import LUMA_ROUNDING_VARIANCE_DN2, luma_ta
 from fedora_qa.estimators.images.samples import noise_variances
 from fedora_qa.estimators.images.transfer import to_linear
 from fedora_qa.geometry.camera import RigidMotion
-from fedora_qa.sequence.declared import Camera
 from fedora_qa.sequence.facts import Facts
 from fedora_qa.sequence.window import Window
 from fedora_qa.views.camera_motion import motion_over
+from fedora_qa.views.event_camera import CENTRES_AGREE_M
 from fedora_qa.views.flow_comparison import is_noisy
 from fedora_qa.views.flow_intervals import Interval, PoseTrack, frame_at, pose_track
 from fedora_qa.views.luma import luma_dn
@@ -39,34 +40,43 @@ Float64 = NDArray[np.float64]
 Int64 = NDArray[np.int64]
 Mask = NDArray[np.bool_]
 
-_SAME: Final = 1e-6
-"""Pixels, or metres, by which two cameras may differ and still be one."""
+_CORNERS_AGREE: Final = 1e-6
+"""Share of the image's width by which a corner may move between two cameras that count as the same."""
 
 PATCH_PX: Final = TILE_PX + 2 * HALO_PX
 """Side of a tile with its halo."""
 
-_AS_IT_IS: Final = np.ones(1, np.float32)
-"""Weights that smooth nothing."""
+_NO_SMOOTHING: Final = np.ones(1, np.float32)
+"""Taps that leave an image as it is."""
 
-_IN_PARTS: Final = 0.3
-"""Share of a frame up to which only the parts that are asked for are made: what is made of all serves three rates."""
+_LARGEST_SHARE_IN_PARTS: Final = 0.3
+"""Share of a frame's pixels up to which only the parts about the tiles are smoothed.
 
-_FEW: Final = 0.05
-"""Share of a frame's pixels in tiles up to which edges of the depth are looked for about these only.
-
-Maps of a whole frame serve three rates. With 3.5% of 1440x1080 in tiles a field takes 0.9 ms without them, and 1.3 ms
-with its part of them: both say the same, to the bit.
+Beyond it the whole frame is smoothed, once for the fields of all three rates.
 """
 
-_PLAUSIBLE: Final = 10.0
-"""A correction of the pose of up to so many times its expected square is believed when pixels are masked."""
+_LARGEST_SHARE_WITHOUT_MAPS: Final = 0.05
+"""Share of a frame's pixels in tiles up to which edges of the depth are computed about these tiles only.
+
+Beyond it they are computed of the whole frame, once for the fields of all three rates. With 3.5% of 1440x1080 in tiles
+a field takes 0.9 ms without maps of the frame, and 1.3 ms with its share of them. Both give the same bits.
+"""
+
+_LARGEST_CHI2_PER_DOF: Final = 10.0
+"""A correction of the motion with a larger chi^2 per degree of freedom is not the work of the declared noise."""
 
 
 @dataclass(frozen=True, slots=True)
 class Optics:
-    """How the colour camera sees the flow's grid: ``H_rgb_flow`` (3, 3) maps pixels; None where they are the same.
+    """How pixels of the flow's grid map to pixels of the colour frames.
 
-    ``sigma_px`` is the smoothing in colour pixels that is 1 px on the coarser of the two grids.
+    Attributes
+    ----------
+    H_rgb_flow
+        (3, 3) homography from (column, row, 1) of the flow to that of the colour frame, px; None where it is the
+        identity.
+    sigma_px
+        Standard deviation of the smoothing, in colour pixels, that is 1 px on the coarser of the two grids.
     """
 
     H_rgb_flow: Float64 | None
@@ -74,7 +84,21 @@ class Optics:
 
 
 def optics_of(facts: Facts) -> Optics | str:
-    """Return how colour frames map onto the flow's grid, or why they cannot be mapped."""
+    """Return how pixels of the flow's grid map to those of colour frames.
+
+    Flow lies on the grid of the depth camera.
+
+    Parameters
+    ----------
+    facts
+        Of which the declared cameras ``rgb`` and ``depth`` are compared. Where either is not declared, flow and colour
+        are taken to have one grid.
+
+    Returns
+    -------
+    Optics or str
+        A sentence that says why where no homography maps the frames.
+    """
     cameras = facts.declared.cameras
     rgb, depth = cameras.get("rgb"), cameras.get("depth")
     for camera in (rgb, depth):
@@ -82,25 +106,32 @@ def optics_of(facts: Facts) -> Optics | str:
             return f"a camera is declared as {camera.model}, and only a pinhole is modelled"
     if rgb is None or depth is None:
         return Optics(None, 1.0)
-    if np.abs(rgb.T_body_camera[:3, 3] - depth.T_body_camera[:3, 3]).max() > _SAME:
+    if np.abs(rgb.T_body_camera[:3, 3] - depth.T_body_camera[:3, 3]).max() > CENTRES_AGREE_M:
         return "the colour camera sits elsewhere than the depth camera, on whose grid flow lies"
     R_rgb_depth = rgb.T_body_camera[:3, :3].T @ depth.T_body_camera[:3, :3]
     # Homography of a pure rotation, H = K_rgb R K_depth^-1 (Hartley and Zisserman 2004, ch. 8.4): centres agree.
     H = rgb.K @ R_rgb_depth @ np.linalg.inv(depth.K)
-    if (rgb.width, rgb.height) == (depth.width, depth.height) and _moves_nothing(H / H[2, 2], depth):
-        return Optics(None, 1.0)
-    return Optics(H / H[2, 2], max(1.0, rgb.K[0, 0] / depth.K[0, 0]))
-
-
-def _moves_nothing(H: Float64, camera: Camera) -> bool:
-    corners = np.array([[0, 0, 1], [camera.width, 0, 1], [0, camera.height, 1]], dtype=np.float64).T
-    moved = H @ corners
-    return bool(np.abs(moved[:2] / moved[2] - corners[:2]).max() < _SAME * camera.width)
+    H_rgb_flow = H / H[2, 2]
+    if (rgb.width, rgb.height) == (depth.width, depth.height):
+        # Frames need no warp where three corners, in homogeneous coordinates, stay in their place.
+        corners = np.array([[0, 0, 1], [depth.width, 0, 1], [0, depth.height, 1]], dtype=np.float64).T
+        mapped = H_rgb_flow @ corners
+        if np.abs(mapped[:2] / mapped[2] - corners[:2]).max() < _CORNERS_AGREE * depth.width:
+            return Optics(None, 1.0)
+    return Optics(H_rgb_flow, max(1.0, rgb.K[0, 0] / depth.K[0, 0]))
 
 
 @dataclass(frozen=True, slots=True)
 class FramePair:
-    """The frames at both ends of an interval, by row, seen through the optics."""
+    """The frames at both ends of an interval, to be read at positions on the flow's grid.
+
+    Attributes
+    ----------
+    window, optics
+        Where frames are read from, and how the flow's grid maps to them.
+    before, after
+        Rows of the colour frames at the start and at the end of the interval.
+    """
 
     window: Window
     optics: Optics
@@ -108,8 +139,20 @@ class FramePair:
     after: int
 
     def first(self, origins: Int64) -> Float32:
-        """Return patches of the first frame on tiles of the flow's grid with their halo, (n, s, s)."""
-        if self.optics.H_rgb_flow is None and self._in_parts(self.before, len(origins) * PATCH_PX**2):
+        """Return the smoothed luma of the first frame on tiles of the flow's grid with their halo.
+
+        Parameters
+        ----------
+        origins
+            (n, 2) first column and row of each tile, px on the flow's grid.
+
+        Returns
+        -------
+        ndarray of float32
+            (n, s, s) linear luma in DN, s = ``PATCH_PX``.
+        """
+        if self.optics.H_rgb_flow is None and self._is_read_in_parts(self.before, len(origins) * PATCH_PX**2):
+            # At pixel centres the Gaussian and the B-spline are one kernel: nothing is interpolated.
             rgb, taps = self.window.rgb(self.before), taps_at_pixels(self.optics.sigma_px)
             corners = origins - HALO_PX
             return np.asarray(
@@ -119,42 +162,69 @@ class FramePair:
         return self._read(self.before, columns.astype(np.float32), rows.astype(np.float32))
 
     def noise_variances_dn2(self, origins: Int64) -> Float64:
-        """Return the variance (n,) of noise that pixels of the first frame may hold, by tiles of the flow, DN^2."""
+        """Return the variance of noise that pixels of the first frame may hold, by tiles.
+
+        Parameters
+        ----------
+        origins
+            (n, 2) first column and row of each tile, px on the flow's grid.
+
+        Returns
+        -------
+        ndarray of float64
+            (n,) DN^2, at least that of rounding to eight bits.
+        """
         rgb = self.window.rgb(self.before)
+        # A square of colour pixels about the middle of each tile, moved into the frame where it would leave it.
         middles = (origins + TILE_PX // 2).astype(np.float32)
         corners = np.stack(self._on_frame(middles[:, 0], middles[:, 1]), axis=-1) - TILE_PX // 2
         inside = np.clip(np.rint(corners), 0, np.array(rgb.shape[1::-1]) - TILE_PX).astype(np.int64)
-        patches = smoothed_patches(rgb, _luma_of_codes(self.window.facts.declared.transfer), _AS_IT_IS, inside, TILE_PX)
+        patches = smoothed_patches(
+            rgb, _luma_of_codes(self.window.facts.declared.transfer), _NO_SMOOTHING, inside, TILE_PX
+        )
         return np.maximum(noise_variances(patches), LUMA_ROUNDING_VARIANCE_DN2)
 
     def second(self, columns: Float32, rows: Float32) -> Float32:
-        """Return the second frame at positions (n, s, s) on the flow's grid; NaN positions read anything."""
+        """Return the smoothed luma of the second frame at positions on the flow's grid.
+
+        Parameters
+        ----------
+        columns, rows
+            (n, s, s) positions by tile, px; beyond the frame its border is read.
+
+        Returns
+        -------
+        ndarray of float32
+            (n, s, s) linear luma in DN; arbitrary where a position is NaN.
+        """
         return self._read(self.after, columns, rows)
 
     def _read(self, frame: int, columns: Float32, rows: Float32) -> Float32:
-        """Read a frame at positions (n, s, s): of the parts about them, or where these are large of all of it."""
-        columns, rows = (np.ascontiguousarray(places) for places in self._on_frame(columns, rows))
+        """Return the smoothed luma of a frame (by row) at positions (n, s, s) on the flow's grid."""
+        columns, rows = (np.ascontiguousarray(positions) for positions in self._on_frame(columns, rows))
         rgb, taps = self.window.rgb(frame), smoothing_taps(self.optics.sigma_px)
+        # Each tile needs the part of the frame about its positions, and the reach of the taps around it.
         parts = parts_about(columns, rows, rgb.shape[1], rgb.shape[0])
-        sides = parts[:, 2:] - parts[:, :2] + len(taps) - 1
-        if self._in_parts(frame, int(np.sum(sides[:, 0] * sides[:, 1]))):
+        sides_px = parts[:, 2:] - parts[:, :2] + len(taps) - 1
+        if self._is_read_in_parts(frame, int(np.sum(sides_px[:, 0] * sides_px[:, 1]))):
             return np.asarray(
                 read_parts(rgb, _luma_of_codes(self.window.facts.declared.transfer), taps, parts, columns, rows)
             )
-        flat = (-1, columns.shape[-1])
         sigma_px = self.optics.sigma_px
         smoothed = self.window.of_image("smooth luma", frame, lambda: smooth(luma_dn(self.window, frame), sigma_px))
-        return read_between(smoothed, columns.reshape(flat), rows.reshape(flat)).reshape(columns.shape)
+        lines = (-1, columns.shape[-1])
+        return read_between(smoothed, columns.reshape(lines), rows.reshape(lines)).reshape(columns.shape)
 
-    def _in_parts(self, frame: int, pixels: int) -> bool:
-        """Whether so many pixels of a frame are few enough to make only these."""
-        return pixels < _IN_PARTS * self.window.rgb(frame)[..., 0].size
+    def _is_read_in_parts(self, frame: int, pixels: int) -> bool:
+        """Whether the parts about the tiles have few enough pixels to smooth only these."""
+        return pixels < _LARGEST_SHARE_IN_PARTS * self.window.rgb(frame)[..., 0].size
 
     def _on_frame(self, columns: Float32, rows: Float32) -> tuple[Float32, Float32]:
-        """Return positions on the colour frame of positions on the flow's grid."""
+        """Return columns and rows of the colour frame for columns and rows of the flow's grid, px, of any shape."""
         H = self.optics.H_rgb_flow
         if H is None:
             return columns, rows
+        # (x, y, 1) ~ H (u, v, 1): the third homogeneous coordinate is divided out.
         scale = H[2, 0] * columns + H[2, 1] * rows + H[2, 2]
         x, y = (((H[i, 0] * columns + H[i, 1] * rows + H[i, 2]) / scale).astype(np.float32) for i in range(2))
         return x, y
@@ -162,26 +232,51 @@ class FramePair:
 
 @cache
 def _luma_of_codes(transfer: str) -> Float32:
-    """Return what each code (3, 256) of a channel adds to the luma of linear R, G, B, in DN."""
+    """Return what each 8-bit code of a channel adds to the luma of linear R, G, B: (3, 256) by channel, in DN."""
     linear_dn = to_linear(np.arange(256.0), transfer)
     return luma_table(linear_dn)
 
 
 def frame_pair(window: Window, optics: Optics, interval: Interval) -> FramePair | None:
-    """Return the frames at both ends of an interval; None where either end has none."""
+    """Return the colour frames at both ends of an interval; None where either end has none.
+
+    Parameters
+    ----------
+    optics
+        How the flow's grid maps to colour frames.
+    interval
+        Of a field of flow.
+    """
     clock = window.facts.clocks["rgb"]
     before, after = frame_at(clock, interval.start_ns), frame_at(clock, interval.end_ns)
     return None if before is None or after is None else FramePair(window, optics, before, after)
 
 
 def visible(window: Window, interval: Interval, origins: Int64, fewest: int = 0) -> tuple[Mask, bool]:
-    """Return which pixels of tiles (n, 32, 32) both frames show, and whether they follow from depth and motion.
+    """Return which pixels of tiles both frames show.
 
-    From depth and motion where both are there; otherwise from the flow itself, which is weaker. Tiles of which surely
-    fewer than the ``fewest`` pixels are shown may be left empty.
+    By depth and the camera's motion where the file has both; otherwise by the flow itself, which excludes less.
+
+    Parameters
+    ----------
+    window, interval
+        The field of flow is that of the interval.
+    origins
+        (n, 2) first column and row of each tile, px on the flow's grid.
+    fewest
+        Tiles with fewer visible pixels need not be exact: all of their pixels may be given as invisible.
+
+    Returns
+    -------
+    visible
+        (n, 32, 32) by tile.
+    by_depth
+        Whether depth and motion decided it.
     """
     geometry = geometry_of(window, interval)
     if geometry is None:
+        # Invisible are pixels near a break of the flow, those that leave the image, and those that end where points of
+        # different flow meet, of which one must be occluded.
         stored = window.flow_px(interval.stream, interval.row)
         breaks, crowded = flow_conflicts(stored)
         columns, rows = pixels_of(origins, halo_px=0)
@@ -190,27 +285,39 @@ def visible(window: Window, interval: Interval, origins: Int64, fewest: int = 0)
         with np.errstate(invalid="ignore"):
             at_columns, at_rows = np.rint(columns + flow_px[..., 0]), np.rint(rows + flow_px[..., 1])
             inside = (at_columns >= 0) & (at_columns < width) & (at_rows >= 0) & (at_rows < height)
-        there = crowded[np.where(inside, at_rows, 0).astype(np.int64), np.where(inside, at_columns, 0).astype(np.int64)]
-        visible_by_flow = np.asarray(inside & (there == 0) & (patches_of(breaks, origins, halo_px=0) == 0))
+        target_rows = np.where(inside, at_rows, 0).astype(np.int64)
+        target_columns = np.where(inside, at_columns, 0).astype(np.int64)
+        is_free = crowded[target_rows, target_columns] == 0
+        visible_by_flow = np.asarray(inside & is_free & (patches_of(breaks, origins, halo_px=0) == 0))
         return visible_by_flow, False
     K, size, motion = geometry.track.camera.K, (TILE_PX, TILE_PX), geometry.corrected
     depths_m = window.depth_m(geometry.frames[0]), window.depth_m(geometry.frames[1])
-    if len(origins) * TILE_PX**2 < _FEW * min(image.size for image in depths_m):
+    if len(origins) * TILE_PX**2 < _LARGEST_SHARE_WITHOUT_MAPS * min(image.size for image in depths_m):
         return seen_in_few_tiles(K, motion, origins, size, depths_m, geometry.uncertainty_px, fewest), True
-    first, second = ((_inverse_depth(window, frame), _edges(window, frame)) for frame in geometry.frames)
+    # Inverse depth (1/m, 0 where invalid) and edges of both frames, which the fields of all rates share.
+    focal_px = float(window.facts.declared.cameras["depth"].K[0, 0])
+    maps: list[tuple[Float32, NDArray[np.uint8]]] = []
+    for frame, depth_m in zip(geometry.frames, depths_m, strict=True):
+        inverse_per_m = window.of_image("inverse depth", frame, partial(inverse_depth, depth_m))
+        maps.append((inverse_per_m, window.of_image("depth edges", frame, partial(edges, inverse_per_m, focal_px))))
+    first, second = maps
     return seen_in_both(K, motion, origins, size, first, second, geometry.uncertainty_px), True
 
 
 @dataclass(frozen=True, slots=True)
 class Geometry:
-    """What follows from depth and poses over an interval.
+    """Depth frames and camera motion over an interval.
 
     Attributes
     ----------
-    motion, correction
-        As declared, and the twist (6,) by which the flow corrects a noisy motion.
+    track
+        Poses of the body, with the depth camera.
+    motion
+        How points move in the depth camera (Z forward, X right, Y down) from the start to the end, as declared.
+    correction
+        Twist (6,), rad and m, by which the flow corrects a noisy motion; zero where it does not.
     frames
-        The depth frames at both ends, by row.
+        Rows of the depth frames at the start and at the end.
     uncertainty_px
         How far the corrected motion may still misplace a pixel.
     """
@@ -223,12 +330,16 @@ class Geometry:
 
     @property
     def corrected(self) -> RigidMotion:
-        """The motion with its correction."""
+        """The motion followed by its correction."""
         return self.motion.corrected(self.correction) if self.correction.any() else self.motion
 
 
 def geometry_of(window: Window, interval: Interval) -> Geometry | None:
-    """Return what depth and poses say of an interval; None where either does not cover it. Kept for the window."""
+    """Return depth frames and camera motion over an interval, computed once for all checks of the window.
+
+    None where the depth camera is not declared, where an end of the interval has no depth frame, or where no pose
+    covers it.
+    """
     return window.once(("geometry", interval), lambda: _geometry(window, interval))
 
 
@@ -241,33 +352,18 @@ def _geometry(window: Window, interval: Interval) -> Geometry | None:
     motion = motion_over(window, track, interval)
     if frames[0] is None or frames[1] is None or motion is None:
         return None
-    correction, uncertainty_px = _correction(window, track, interval, frames[0], motion)
+    correction, uncertainty_px = np.zeros(6), 0.0
+    noise = facts.declared.pose
+    if noise is not None and is_noisy(noise):
+        # The flow corrects a noisy motion, by no more than the declared noise gives: six numbers hide no local fault.
+        sigma_m, sigma_rad = noise.position_sigma_m, noise.rotation_sigma_rad
+        covariance = track.covariance(interval.start_ns, interval.end_ns, sigma_m, sigma_rad)
+        sample = sample_field(window, interval, frames[0])
+        fit = None if sample is None else fit_motion(track.camera.K, motion, sample)
+        chi2, dof = (inf, 0.0) if fit is None else twist_statistic(fit, covariance)
+        if fit is not None and chi2 <= _LARGEST_CHI2_PER_DOF * dof:
+            correction = fit.twist
+        else:
+            # A rotation by sigma rad moves a pixel by f sigma px; the trace adds the variances about all three axes.
+            uncertainty_px = float(track.camera.K[0, 0] * np.sqrt(np.trace(covariance[:3, :3])))
     return Geometry(track, motion, correction, (frames[0], frames[1]), uncertainty_px)
-
-
-def _correction(
-    window: Window, track: PoseTrack, interval: Interval, frame: int, motion: RigidMotion
-) -> tuple[Float64, float]:
-    """Correct a noisy motion by the flow, where that takes no more than the noise; six numbers hide no local fault."""
-    noise = window.facts.declared.pose
-    if noise is None or not is_noisy(noise):
-        return np.zeros(6), 0.0
-    covariance = track.covariance(interval.start_ns, interval.end_ns, noise.position_sigma_m, noise.rotation_sigma_rad)
-    sample = sample_field(window, interval, frame)
-    fit = None if sample is None else fit_motion(track.camera.K, motion, sample)
-    if fit is not None:
-        chi2, dof = twist_statistic(fit, covariance)
-        if chi2 <= _PLAUSIBLE * dof:
-            return fit.twist, 0.0
-    # A rotation error of sigma rad moves a pixel by f sigma px; the trace adds the variances of all three axes.
-    return np.zeros(6), float(track.camera.K[0, 0] * np.sqrt(np.trace(covariance[:3, :3])))
-
-
-def _inverse_depth(window: Window, frame: int) -> Float32:
-    """Return 1 / depth (H, W) of a frame, 1/m, 0 where invalid; kept for the window."""
-    return window.of_image("inverse depth", frame, lambda: inverse_depth(window.depth_m(frame)))
-
-
-def _edges(window: Window, frame: int) -> NDArray[np.uint8]:
-    focal_px = float(window.facts.declared.cameras["depth"].K[0, 0])
-    return window.of_image("depth edges", frame, lambda: edges(_inverse_depth(window, frame), focal_px))

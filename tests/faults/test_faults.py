@@ -15,8 +15,7 @@ from fedora_qa.engine.prepare import prepare
 from fedora_qa.errors import UnreadableRowsError
 from fedora_qa.faults.canaries import CANARIES
 from fedora_qa.faults.canary_conditions import CanaryConditions, UnplantableError
-from fedora_qa.faults.fault import Fault, rows_from, values_by_row
-from fedora_qa.faults.faulty_sequence import FaultySequence
+from fedora_qa.faults.fault import Fault, FaultySequence, rows_from, values_by_row
 from fedora_qa.record.types import Measurement
 from fedora_qa.sequence.sequence import Sequence, open_sequence
 from tests.support.handmade import write_handmade

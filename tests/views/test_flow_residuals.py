@@ -5,7 +5,7 @@ import pytest
 
 from fedora_qa.geometry.camera import RigidMotion, camera_motion
 from fedora_qa.geometry.so3 import exp
-from fedora_qa.views.tile_templates import _twist_between, by_mounting
+from fedora_qa.views.flow_residuals import _twist_between, by_mounting
 
 
 def test_a_turned_mounting_changes_the_motion() -> None:
