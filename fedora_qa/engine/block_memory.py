@@ -15,8 +15,6 @@ from typing import Any, Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from fedora_qa.engine.intervals import Intervals
-
 LEAST_BYTES: Final = 1 << 20
 """Smaller arrays lie on the heap."""
 
@@ -61,9 +59,13 @@ class BlockMemory:
         return self._leased_bytes
 
     def array(self, shape: tuple[int, ...], dtype: "np.dtype[Any]") -> NDArray[Any]:
-        """Return an array of any values. Its pages are free again when it and all views of it are gone."""
+        """Return an array of undefined values. Its pages are free again when it and all views of it are gone."""
         size = prod(shape) * dtype.itemsize
-        place = self._best(size) or self._in_new_region(size)
+        place = self._best(size)
+        if place is None:
+            region = _Region(max(_whole_pages(size), _REGION_BYTES))
+            self._work_queue.append(region)
+            place = next(region.places(_whole_pages(size)))
         self.held_bytes += place.region.take(place)
         self._leased_bytes += place.size
         return np.asarray(_Lease(self, place, size)).view(dtype).reshape(shape)
@@ -114,10 +116,40 @@ class BlockMemory:
         # Fresh pages cost as much as decoding, so they are counted first; best fit then leaves wide gaps whole.
         return min(places, key=lambda place: (place.fresh, place.gap), default=None)
 
-    def _in_new_region(self, size: int) -> "_Place":
-        region = _Region(max(_whole_pages(size), _REGION_BYTES))
-        self._work_queue.append(region)
-        return next(region.places(_whole_pages(size)))
+
+class Intervals:
+    """A set of whole numbers: half-open intervals, in order, none of which touch.
+
+    Parameters
+    ----------
+    *intervals
+        (start, stop) of each, disjoint and not touching.
+    """
+
+    def __init__(self, *intervals: tuple[int, int]) -> None:
+        self._intervals = sorted(intervals)
+
+    def __iter__(self) -> Iterator[tuple[int, int]]:
+        return iter(self._intervals)
+
+    def add(self, start: int, stop: int) -> None:
+        """Add the numbers from ``start`` up to but without ``stop``."""
+        # Touching intervals join as well: a block may fill a gap that several blocks have left.
+        touching = [(begin, end) for begin, end in self._intervals if begin <= stop and start <= end]
+        apart = [interval for interval in self._intervals if interval not in touching]
+        joined = min([start, *(begin for begin, _ in touching)]), max([stop, *(end for _, end in touching)])
+        self._intervals = sorted([*apart, joined])
+
+    def remove(self, start: int, stop: int) -> None:
+        """Remove the numbers from ``start`` up to but without ``stop``."""
+        pieces = (
+            piece for begin, end in self._intervals for piece in ((begin, min(end, start)), (max(begin, stop), end))
+        )
+        self._intervals = [(begin, end) for begin, end in pieces if begin < end]
+
+    def overlap(self, start: int, stop: int) -> int:
+        """Return how many of the numbers from ``start`` up to but without ``stop`` are in the set."""
+        return sum(max(min(stop, end) - max(start, begin), 0) for begin, end in self._intervals)
 
 
 class _Place(NamedTuple):

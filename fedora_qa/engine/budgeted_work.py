@@ -1,14 +1,15 @@
 """One file on its way to its record within a budget of time."""
 
 import time
+from collections import deque
 from collections.abc import Callable, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, field, replace
 from functools import partial
 from pathlib import Path
 from typing import Any, Final
 
 from fedora_qa.checks.protocol import Check
-from fedora_qa.engine.budget import Reserve, batch
+from fedora_qa.engine.budget import Pace, Reserve, batch
 from fedora_qa.engine.budget_steps import (
     SampledPasses,
     at_density,
@@ -18,21 +19,137 @@ from fedora_qa.engine.budget_steps import (
     measure_steady,
     rehearse,
 )
-from fedora_qa.engine.densities import Densities, Density
+from fedora_qa.engine.effort import Effort
 from fedora_qa.engine.executors import Result, Task
 from fedora_qa.engine.file_task import Surveyed
 from fedora_qa.engine.file_work import DIED_TWICE, FileWork, WorkStep
 from fedora_qa.engine.options import CheckOptions, FileRun
 from fedora_qa.engine.partial_pass import PartialPass
-from fedora_qa.engine.plan import FEWEST_WINDOWS
+from fedora_qa.engine.plan import FEWEST_WINDOWS, Plan, sampling_of
+from fedora_qa.engine.prepare import frame_pixels
 from fedora_qa.engine.survey import Survey
-from fedora_qa.engine.visiting import visiting_order
 from fedora_qa.engine.windows import WINDOW_NS
 from fedora_qa.engine.work_queue import equal_parts
 from fedora_qa.storage.place import Place
 from fedora_qa.storage.traffic import NO_TRAFFIC, Traffic
 
 _ANY_TIME: Final = float("inf")
+
+_DENSER: Final[tuple[Effort, ...]] = ("full", "standard")
+
+_SNAPSHOTS_OVER: Final = 16
+"""Over how many windows, the first in the visiting order, the snapshots of the evidence are spread."""
+
+
+def visiting_order(windows: int, together: int = 1) -> tuple[int, ...]:
+    """Return windows in the order in which they are visited: spread evenly over the file, however early it ends.
+
+    Groups of ``together`` neighbours follow each other in the order of ``_spread``, since neighbouring short windows
+    share decoded rows. One window of each of the first ``FEWEST_WINDOWS`` groups comes before all others.
+
+    Parameters
+    ----------
+    windows
+        How many there are.
+    together
+        How many neighbours make a group.
+
+    Returns
+    -------
+    tuple of int
+        The places 0 to ``windows`` - 1, the first and the last first.
+    """
+    groups = -(-windows // together)
+    order: dict[int, None] = {}
+    for group in _spread(groups)[:FEWEST_WINDOWS]:
+        # Of the last group its last window: the first windows visited shall span the whole sequence.
+        order[windows - 1 if 0 < group == groups - 1 else group * together] = None
+    for group in _spread(groups):
+        order |= dict.fromkeys(range(group * together, min((group + 1) * together, windows)))
+    return tuple(order)
+
+
+def _spread(count: int) -> tuple[int, ...]:
+    """Return the numbers 0 to ``count`` - 1: the first, the last, then always numbers between earlier ones.
+
+    They follow the sequence of van der Corput (1935): 1/2, 1/4, 3/4, 1/8, 5/8, ... of the way. After any number of them
+    the longest gap is at most twice that of as many places spread evenly, but for rounding.
+    """
+    order = dict.fromkeys(place for place in (0, count - 1) if 0 <= place < count)
+    number = 1
+    while len(order) < count:
+        # Radical inverse of the number in base 2: the sum of b_k 2^-(k+1) over its binary digits b_k, so that
+        # 1, 10, 11 become 0.1, 0.01, 0.11.
+        inverse, digit, digits = 0.0, 0.5, number
+        while digits:
+            inverse += digit * (digits & 1)
+            digits >>= 1
+            digit /= 2
+        # After rounding a number may come again; its first place in the order holds.
+        order.setdefault(round(inverse * (count - 1)))
+        number += 1
+    return tuple(order)
+
+
+@dataclass(slots=True, eq=False)
+class Density:
+    """The density of an effort: windows still to be measured, the passes over the others, and their pace."""
+
+    effort: Effort
+    survey: Survey
+    pending: deque[int]
+    passes: dict[int, PartialPass] = field(default_factory=dict)
+    pace: Pace = field(default_factory=Pace)
+
+
+class Densities:
+    """How densely the windows of a file are sampled: the densities that were tried, beginning with the sparsest.
+
+    Further windows gain at least as much as density does: half as much time again for every flow field instead of every
+    third lowers the limits of flow by a tenth, half as many windows again lower all limits by 18% (docs/trade.md). So
+    the density of ``quick`` holds until all windows fit. Only then denser ones are tried, on the least number of
+    windows, and the first with which all windows fit is chosen.
+
+    Attributes
+    ----------
+    now
+        The density at which windows are measured.
+    tried
+        All of them, that of ``quick`` first.
+    """
+
+    def __init__(self, survey: Survey, order: tuple[int, ...]) -> None:
+        self._survey = survey
+        self._order = order
+        self._settled = False
+        self.tried: list[Density] = []
+        self.now = self._try("quick")
+
+    def changed(self, fits: Callable[[Density], bool]) -> bool:
+        """Go to another density, where the present one is not the right one; return whether that was done.
+
+        To be called after the least number of windows. ``fits`` returns whether all windows that are left at a density
+        fit into the budget.
+        """
+        sparse = self.tried[0]
+        if self._settled:
+            return False
+        # Settled for good: each further density would measure its windows anew.
+        if self.now is not sparse and fits(self.now):
+            self._settled = True
+            return False
+        untried = [effort for effort in _DENSER if effort not in {density.effort for density in self.tried}]
+        before = self.now
+        # Denser ones only once all windows fit at the sparsest: windows lower limits more than tiles do.
+        self.now = self._try(untried[0]) if untried and fits(sparse) else sparse
+        return self.now is not before
+
+    def _try(self, effort: Effort) -> Density:
+        sampling = sampling_of(effort, frame_pixels(self._survey.scanned.facts.layout))
+        plan = Plan(tuple(sorted(self._order[:_SNAPSHOTS_OVER])), len(self._order), sampling)
+        density = Density(effort, at_density(self._survey, plan, effort), deque(self._order))
+        self.tried.append(density)
+        return density
 
 
 class BudgetedWork(FileWork):
@@ -116,15 +233,26 @@ class BudgetedWork(FileWork):
         # Once the reserve is measured, a rehearsal only serves windows that are still to come.
         worthwhile = not self._rehearsing and (now.pending or not reserve_is_measured)
         if worthwhile and self._reserve.is_due(len(now.passes), now.pace, left_s):
-            self._rehearse(now)
-            return True
-        if reserve_is_measured and densities.changed(partial(self._fits, left_s)):
-            return self._next_step(densities)
-        return reserve_is_measured and self._measure_more(now, soon, left_s)
+            began, windows = time.monotonic(), len(now.passes)
 
-    def _measure_more(self, now: Density, soon: int, left_s: float) -> bool:
-        """Measure as many windows as fit beside the reserve that they will need; False where none fits."""
-        # Judgement after one window more; the load that slowed the slowest window may slow judgement as well.
+            def rehearsed(traffic: Traffic) -> None:
+                took_s = time.monotonic() - began
+                self._reserve.add(windows, took_s)
+                self._rehearsals_s += took_s
+                self._traffic += traffic
+                self._rehearsing = False
+
+            self._rehearsing = True
+            # A copy of the mapping: steps that end meanwhile add passes to it.
+            passes = SampledPasses(self._steady_parts(), dict(now.passes))
+            self._start(partial(rehearse, self._visited(now), passes), rehearsed)
+            return True
+        if not reserve_is_measured:
+            return False
+        if densities.changed(partial(self._fits, left_s)):
+            return self._next_step(densities)
+        # As many windows as fit beside the reserve that they will need, for judgement after one window more. The load
+        # that slowed the slowest window may slow judgement as well.
         left_s -= now.pace.unevenness * self._reserve.seconds(soon + 1)
         count = batch(left_s, now.pace, len(now.pending), self._workers)
         if count:
@@ -155,22 +283,6 @@ class BudgetedWork(FileWork):
 
         task = partial(measure_sampled, now.survey, tuple(windows), allowed_s)
         self._start(task, measured, each_by_itself, now, len(windows))
-
-    def _rehearse(self, now: Density) -> None:
-        began, windows = time.monotonic(), len(now.passes)
-
-        def rehearsed(traffic: Traffic) -> None:
-            took_s = time.monotonic() - began
-            self._reserve.add(windows, took_s)
-            self._rehearsals_s += took_s
-            self._traffic += traffic
-            self._rehearsing = False
-
-        self._rehearsing = True
-        # A copy of the mapping: steps that end meanwhile add passes to it.
-        self._start(
-            partial(rehearse, self._visited(now), SampledPasses(self._steady_parts(), dict(now.passes))), rehearsed
-        )
 
     def _visited(self, density: Density) -> Survey:
         """Return the survey whose plan is what was visited, or lost."""
@@ -212,14 +324,15 @@ class BudgetedWork(FileWork):
 
     def _finished(self, run: FileRun) -> None:
         seconds = {**run.seconds, "rehearsals": self._rehearsals_s} if self._rehearsals_s else run.seconds
-        super()._finished(replace(run, reached=self._reached(), seconds=seconds, traffic=run.traffic + self._traffic))
-
-    def _reached(self) -> str:
-        """Return how many windows the budget sufficed for, as text."""
+        # How many windows the budget sufficed for.
         if self._densities is None:
-            return "the file cannot be opened"
-        now, late_s = self._densities.now, time.monotonic() - self._deadline
-        text = f"{len(now.passes)} of {self.windows} windows at the density of {now.effort}"
-        if len(now.passes) <= self._least < self.windows:
-            text += ", the least that is always looked at"
-        return text + (f", {late_s:.1f} s longer than there was" if late_s > 0 else f", with {-late_s:.1f} s left")
+            reached = "the file cannot be opened"
+        else:
+            now, overrun_s = self._densities.now, time.monotonic() - self._deadline
+            reached = f"{len(now.passes)} of {self.windows} windows at the density of {now.effort}"
+            if len(now.passes) <= self._least < self.windows:
+                reached += ", the least that is always looked at"
+            reached += (
+                f", {overrun_s:.1f} s longer than there was" if overrun_s > 0 else f", with {-overrun_s:.1f} s left"
+            )
+        super()._finished(replace(run, reached=reached, seconds=seconds, traffic=run.traffic + self._traffic))

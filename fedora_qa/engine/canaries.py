@@ -19,7 +19,7 @@ from fedora_qa.engine.effort import Effort
 from fedora_qa.engine.outcomes import crashed_result
 from fedora_qa.engine.plan import make_plan, sampling_of, sees_every_window
 from fedora_qa.engine.prepare import Prepared, prepare
-from fedora_qa.engine.progress import Progress
+from fedora_qa.engine.progress import Progress, quiet
 from fedora_qa.engine.stream import PassState, attempt, conclude, measure
 from fedora_qa.faults.canaries import CANARIES
 from fedora_qa.faults.canary_conditions import MULTIPLES, CanaryConditions, UnplantableError
@@ -59,45 +59,48 @@ def prove_alive(
 ) -> tuple[Proof, ...]:
     """Plant a canary for each check that has a result, and return which of them were detected."""
     by_name = {check.name: check for check in checks}
-    place_ns = _place_ns(_planned(run, run.ready))
+    # The middle of the window with most events; without events, of the middle window.
+    place_ns = 0
+    if spans := _planned(run, run.ready):
+        events = [stop - start for start, stop in (span.owned.get("events", (0, 0)) for span in spans)]
+        busiest = spans[int(np.argmax(events)) if any(events) else len(spans) // 2]
+        place_ns = (busiest.start_ns + busiest.stop_ns) // 2
     proofs = []
     for done, result in enumerate(results):
         progress("planting canaries", done, len(results))
-        reason = _why_none(result)
-        none = Proof(Canary(result.check, "not_planted", reason=reason))
-        proofs.append(none if reason else _prove(by_name[result.check], result, run, place_ns))
+        if result.outcome == "failed":
+            reason = "it failed on the file itself"
+        elif result.outcome not in _IN_ORDER:
+            reason = f"it was {OUTCOME_WORDS[result.outcome]} on the file"
+        else:
+            reason = "" if result.check in CANARIES else "there is no canary for it"
+        if reason:
+            proofs.append(Proof(Canary(result.check, "not_planted", reason=reason)))
+            continue
+        check, attempted = by_name[result.check], PassState({})
+        proof = attempt(attempted, check.name, partial(_plant_ever_larger, check, result, run, place_ns))
+        # A canary that fails itself proves nothing, and counts as not detected.
+        if proof is None:
+            failed = Canary(check.name, "silent", reason="its canary failed")
+            proof = Proof(failed, attempted.crashes[check.name])
+        proofs.append(proof)
     return tuple(proofs)
 
 
 def held_to_canaries(results: Sequence[Result], proofs: Sequence[Proof]) -> tuple[Result, ...]:
     """Return the results, those of checks that stayed silent on their canary as crashed."""
     silent = {proof.canary.check: proof for proof in proofs if proof.canary.outcome == "silent"}
-    return tuple(_silenced(result, silent[result.check]) if result.check in silent else result for result in results)
-
-
-def _silenced(result: Result, proof: Proof) -> Result:
-    if proof.traceback:
-        return crashed_result(result.check, result.question, proof.traceback)
-    canary = proof.canary
-    reason = f"it did not see its own canary in {canary.windows} windows: {canary.fault}"
-    return replace(result, outcome="crashed", reason=reason)
-
-
-def _why_none(result: Result) -> str:
-    if result.outcome == "failed":
-        return "it failed on the file itself"
-    if result.outcome not in _IN_ORDER:
-        return f"it was {OUTCOME_WORDS[result.outcome]} on the file"
-    return "" if result.check in CANARIES else "there is no canary for it"
-
-
-def _prove(check: Check[Any], result: Result, run: PlainRun, place_ns: int) -> Proof:
-    """Plant the check's canary. A canary that fails itself proves nothing, and counts as not detected."""
-    attempted = PassState({})
-    proof = attempt(attempted, check.name, partial(_plant_ever_larger, check, result, run, place_ns))
-    if proof is None:
-        return Proof(Canary(check.name, "silent", reason="its canary failed"), attempted.crashes[check.name])
-    return proof
+    held = []
+    for result in results:
+        proof = silent.get(result.check)
+        if proof is None:
+            held.append(result)
+        elif proof.traceback:
+            held.append(crashed_result(result.check, result.question, proof.traceback))
+        else:
+            reason = f"it did not see its own canary in {proof.canary.windows} windows: {proof.canary.fault}"
+            held.append(replace(result, outcome="crashed", reason=reason))
+    return tuple(held)
 
 
 def _plant_ever_larger(check: Check[Any], result: Result, run: PlainRun, place_ns: int) -> Proof:
@@ -126,12 +129,19 @@ def _plant(check: Check[Any], fault: Fault, run: PlainRun, place_ns: int, *, kno
 
     Only the first pass counts: follow-ups serve to name causes.
     """
-    faulty = _with_fault(run, fault)
+    sequence, ready = FaultySequence(run.sequence, fault), run.ready
+    if fault.moves_time:
+        faulty = prepare(sequence, run.memory_bytes)
+    else:
+        facts = replace(ready.facts, declared=sequence.declared, layout=sequence.layout)
+        # Blocks and images of the plain run hold values without the fault, so none may be reused.
+        decoder = BlockDecoder(sequence, ready.scanned, ready.decoder.cache_bytes, ready.decoder.memory_budget)
+        faulty = replace(ready, facts=facts, decoder=decoder, images=SharedImages(ready.images.limit_bytes))
     sampling = sampling_of(run.effort, faulty.frame_pixels)
     canary, reason = Canary(check.name, "silent", fault.description), ""
     # Windows of the faulty sequence: a fault that moves time is cut into other windows than the file.
     for spans in growing((faulty.spans if sees_every_window(check.needs) else _planned(run, faulty)), place_ns):
-        states = measure([check], spans, faulty.facts, faulty.decoder, sampling, _quiet, faulty.images)
+        states = measure([check], spans, faulty.facts, faulty.decoder, sampling, quiet, faulty.images)
         # The check's result by the limits of the plain run, whose comparisons share one false-alarm rate.
         observed = conclude([check], states, faulty.facts)
         judged = judge({**run.observations, **observed}, [check] if observed else [], run.false_alarm_rate)
@@ -149,18 +159,6 @@ def _rules(results: Sequence[Result]) -> frozenset[str]:
     return frozenset(finding.code for result in results for finding in result.findings)
 
 
-def _with_fault(run: PlainRun, fault: Fault) -> Prepared:
-    """Return the sequence with the fault, ready to be measured; scanned anew where the fault moves time."""
-    sequence = FaultySequence(run.sequence, fault)
-    if fault.moves_time:
-        return prepare(sequence, run.memory_bytes)
-    ready = run.ready
-    facts = replace(ready.facts, declared=sequence.declared, layout=sequence.layout)
-    # Blocks and images of the plain run hold values without the fault, so none may be reused.
-    decoder = BlockDecoder(sequence, ready.scanned, ready.decoder.cache_bytes, ready.decoder.memory_budget)
-    return replace(ready, facts=facts, decoder=decoder, images=SharedImages(ready.images.limit_bytes))
-
-
 def _planned(run: PlainRun, ready: Prepared) -> list[Span]:
     plan = make_plan(run.effort, len(ready.spans), ready.scanned.cell_ns)
     return [ready.spans[number] for number in plan.chosen]
@@ -176,16 +174,3 @@ def growing(chosen: Sequence[Span], place_ns: int) -> Iterator[Sequence[Span]]:
         yield chosen[first : first + count]
         count *= 2
     yield chosen
-
-
-def _place_ns(spans: Sequence[Span]) -> int:
-    """Return the middle of the window with most events; without events, of the middle window."""
-    if not spans:
-        return 0
-    events = [stop - start for start, stop in (span.owned.get("events", (0, 0)) for span in spans)]
-    busiest = spans[int(np.argmax(events)) if any(events) else len(spans) // 2]
-    return (busiest.start_ns + busiest.stop_ns) // 2
-
-
-def _quiet(what: str, done: int, of: int) -> None:
-    """Report no progress of single windows."""

@@ -22,6 +22,9 @@ _CONNECT_S: Final = 10
 _COUNTED_FOR_S: Final = 5.0
 """For how long a count of the workers holds; clusters grow and shrink."""
 
+_code_here = cache(code_digest)
+"""Digest of the code of this process: read once, as it is when its first task loads it."""
+
 _WITHOUT_WORKERS_S: Final = 60.0
 """How long to wait for a worker, as clusters replace those that died."""
 
@@ -178,9 +181,3 @@ def _told_apart(arguments: Any) -> Any:
     if isinstance(arguments, list | tuple):
         return type(arguments)(_told_apart(argument) for argument in arguments)
     return arguments
-
-
-@cache
-def _code_here() -> str:
-    """Return the digest of the code of this process: read once, as it is when its first task loads it."""
-    return code_digest()

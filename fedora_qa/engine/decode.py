@@ -6,7 +6,7 @@ interface (``RowSource``) without a change of any check.
 
 from bisect import bisect_left
 from collections import OrderedDict
-from math import prod
+from math import inf, prod
 from typing import Any
 
 import numpy as np
@@ -136,7 +136,9 @@ class BlockDecoder:
             self._small_bytes += block.nbytes
         # Images whose units are converted come in an array of their own (``Sequence.rows``).
         elif not lies_in_pages(block):
-            block = self._moved(block)
+            moved = self._place(block.shape, block.dtype)
+            moved[...] = block
+            block = moved
         # Several checks read the same block: none may change what the next one reads.
         block.flags.writeable = False
         return block
@@ -149,11 +151,6 @@ class BlockDecoder:
         self._make_space(size)
         return self._memory.array(shape, dtype)
 
-    def _moved(self, block: NDArray[Any]) -> NDArray[Any]:
-        moved = self._place(block.shape, block.dtype)
-        moved[...] = block
-        return moved
-
     def _make_space(self, size: int) -> None:
         """Drop blocks until another of this size fits, or until views exist of all that are left."""
         most = (
@@ -161,47 +158,53 @@ class BlockDecoder:
             if self.memory_budget is None
             else min(self.cache_bytes, self.memory_budget.for_blocks(self.held_bytes))
         )
-        while self._memory.used_bytes + self._small_bytes + size > most and self._drop_one(size):
-            pass
+        while self._memory.used_bytes + self._small_bytes + size > most:
+            name = self._to_drop(size)
+            if name is None:
+                break
+            # No name refers to the dropped block, so that its memory is free at once.
+            dropped_bytes = _size(self._cached.pop(name))
+            if dropped_bytes < LEAST_BYTES:
+                self._small_bytes -= dropped_bytes
         # Pages of dropped blocks may fit no block of this size: what exceeds the limit goes back to the system.
-        while self.held_bytes + self._missing(size) > most and self._memory.give_back():
+        while (
+            self.held_bytes + (size if size < LEAST_BYTES else self._memory.missing(size)) > most
+            and self._memory.give_back()
+        ):
             pass
-
-    def _missing(self, size: int) -> int:
-        return size if size < LEAST_BYTES else self._memory.missing(size)
-
-    def _drop_one(self, wanted_bytes: int) -> bool:
-        name = self._to_drop(wanted_bytes)
-        if name is None:
-            return False
-        dropped = self._cached.pop(name)
-        if _size(dropped) < LEAST_BYTES:
-            self._small_bytes -= _size(dropped)
-        return True
 
     def _to_drop(self, wanted_bytes: int) -> tuple[str, int] | None:
-        behind = (name for name, block in self._cached.items() if self._is_behind(*name) and not _is_held(block))
-        unseen = (name for name, block in self._cached.items() if not _is_held(block))
-        fitting = self._behind_of_size(wanted_bytes) if wanted_bytes >= LEAST_BYTES else None
-        # ``max`` returns the first of equals: within the window the least recently used, as the cache is in that order.
-        return fitting or next(behind, None) or max(unseen, key=self._ahead, default=None)
+        """Return the block to be dropped first; None where views exist of all that are left.
 
-    def _behind_of_size(self, size: int) -> tuple[str, int] | None:
-        blocks = ((name, block) for name, block in self._cached.items() if _size(block) == size)
-        return next((name for name, block in blocks if self._is_behind(*name) and not _is_held(block)), None)
+        A function of its own: what refers to blocks while it searches is gone when it returns.
+        """
+        # Before the window, one of the wanted size first: the new block takes its pages.
+        if wanted_bytes >= LEAST_BYTES:
+            for name, block in self._cached.items():
+                if _size(block) == wanted_bytes and self._is_behind(*name) and not _is_held(block):
+                    return name
+        for name, block in self._cached.items():
+            if self._is_behind(*name) and not _is_held(block):
+                return name
+        # Then the block that begins farthest beyond the window's end; within the window all are equal, and the first is
+        # the least recently used, as the cache is in that order.
+        farthest, longest = None, -inf
+        for name, block in self._cached.items():
+            if _is_held(block):
+                continue
+            key, number = name
+            count = self._sequence.layout.bindings[key].rows
+            _, stop = self._owned.get(DATASETS[key].stream, (0, count))
+            beyond = number * self._sequence.chunk_rows(key) - stop
+            # As a share of its stream, distances in streams of different rates compare as times.
+            share = beyond / count if beyond >= 0 else -1.0
+            if share > longest:
+                farthest, longest = name, share
+        return farthest
 
     def _is_behind(self, key: str, number: int) -> bool:
         start, _ = self._owned.get(DATASETS[key].stream, (0, 0))
         return (number + 1) * self._sequence.chunk_rows(key) <= start
-
-    def _ahead(self, name: tuple[str, int]) -> float:
-        """Return how far beyond the window's end a block begins, as a share of its stream; -1 where it does not."""
-        key, number = name
-        count = self._sequence.layout.bindings[key].rows
-        _, stop = self._owned.get(DATASETS[key].stream, (0, count))
-        beyond = number * self._sequence.chunk_rows(key) - stop
-        # As a share of its stream, distances in streams of different rates compare as times.
-        return beyond / count if beyond >= 0 else -1.0
 
 
 def _is_held(block: Block) -> bool:

@@ -36,7 +36,12 @@ def file_digest(path: Place) -> Digest:
     is at most 1 GiB long, the pieces are together a 256th of it, so that the digest costs less than the quickest check.
     """
     if isinstance(path, RemoteFile):
-        return _remote_digest(path)
+        # Blocks of one byte: no more is fetched than the pieces themselves.
+        with closing(RemoteBytes(path, block_bytes=1)) as remote:
+            size = remote.version.size
+            piece_bytes = _PIECE if size > _WHOLE_UP_TO else -(-size // (256 * _PIECES))
+            sha256 = _of_pieces(remote, size, piece_bytes)
+            return Digest(sha256, "partial", remote.version, remote.traffic)
     version = local_version(path)
     with path.open("rb") as file:
         if version.size > _WHOLE_UP_TO:
@@ -45,15 +50,6 @@ def file_digest(path: Place) -> Digest:
         while piece := file.read(_PIECE):
             digest.update(piece)
         return Digest(digest.hexdigest(), "full", version)
-
-
-def _remote_digest(place: RemoteFile) -> Digest:
-    # Blocks of one byte: no more is fetched than the pieces themselves.
-    with closing(RemoteBytes(place, block_bytes=1)) as file:
-        size = file.version.size
-        piece = _PIECE if size > _WHOLE_UP_TO else -(-size // (256 * _PIECES))
-        sha256 = _of_pieces(file, size, piece)
-        return Digest(sha256, "partial", file.version, file.traffic)
 
 
 def _of_pieces(file: BinaryIO | RemoteBytes, size: int, piece: int) -> str:

@@ -73,7 +73,17 @@ def check_files(
 
     def tell(doing: str) -> None:
         # ``works`` is assigned below: nothing is reported before the first step runs.
-        report(_tally(doing, works))
+        report(
+            ProgressTally(
+                doing=doing,
+                files_done=sum(work.run is not None for work in works),
+                files=len(works),
+                windows_done=sum(work.windows_done for work in works),
+                windows=sum(work.windows for work in works),
+                bytes_done=int(sum(work.share_done * work.bytes for work in works)),
+                bytes=sum(work.bytes for work in works),
+            )
+        )
 
     began = time.monotonic() if began is None else began
 
@@ -95,48 +105,29 @@ def check_files(
     running: dict[Future[Any], tuple[WorkStep, int]] = {}
     waiting = list(works)
     while waiting:
-        _submit(waiting, running, executor)
+        # Keep the executor busy. Earlier files come first, so that few are open at a time and each is soon done.
+        busy = {worker for _, worker in running.values()}
+        idle = deque(worker for worker in range(executor.capacity) if worker not in busy)
+        for work in waiting:
+            while idle and (step := work.take(idle[0])):
+                worker = idle.popleft()
+                running[executor.submit(step.task, step.progress, worker)] = step, worker
         done, _ = wait(running, timeout=_SILENCE_S, return_when=FIRST_COMPLETED)
         if not done:
             executor.require_workers()
         for future in done:
-            _settle(running.pop(future)[0], future)
+            ended, _ = running.pop(future)
+            try:
+                result = future.result()
+            except EndlessError:
+                (ended.when_endless or ended.when_lost)()
+            except WorkerLostError:
+                ended.when_lost()
+            else:
+                ended.then(result)
         # A copy, as files that are done leave the list.
         for work in tuple(waiting):
             if work.run:
                 waiting.remove(work)
                 tell(f"{work.path.name}: done")
                 yield work.path, work.run
-
-
-def _submit(works: Sequence[FileWork], running: dict[Future[Any], tuple[WorkStep, int]], executor: Executor) -> None:
-    """Keep the executor busy. Earlier files come first, so that few are open at a time and each is soon done."""
-    busy = {worker for _, worker in running.values()}
-    idle = deque(worker for worker in range(executor.capacity) if worker not in busy)
-    for work in works:
-        while idle and (step := work.take(idle[0])):
-            worker = idle.popleft()
-            running[executor.submit(step.task, step.progress, worker)] = step, worker
-
-
-def _settle(step: WorkStep, future: Future[Any]) -> None:
-    try:
-        result = future.result()
-    except EndlessError:
-        (step.when_endless or step.when_lost)()
-    except WorkerLostError:
-        step.when_lost()
-    else:
-        step.then(result)
-
-
-def _tally(doing: str, works: Sequence[FileWork]) -> ProgressTally:
-    return ProgressTally(
-        doing=doing,
-        files_done=sum(work.run is not None for work in works),
-        files=len(works),
-        windows_done=sum(work.windows_done for work in works),
-        windows=sum(work.windows for work in works),
-        bytes_done=int(sum(work.share_done * work.bytes for work in works)),
-        bytes=sum(work.bytes for work in works),
-    )

@@ -1,8 +1,7 @@
 """From the passes over the windows to the record of the file: follow-ups, judgement, evidence, canaries."""
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Sequence
 
-from fedora_qa.checks.protocol import Observation
 from fedora_qa.diagnosis.diagnose import diagnose
 from fedora_qa.engine.evidence import distributions_of, evidence_of_checks, evidence_of_pass
 from fedora_qa.engine.failures import lost_windows
@@ -11,11 +10,11 @@ from fedora_qa.engine.outcomes import crossing_streams, results_in_order, verdic
 from fedora_qa.engine.partial_pass import STAGE, PartialPass, together
 from fedora_qa.engine.progress import Progress
 from fedora_qa.engine.stopwatch import Stopwatch
-from fedora_qa.engine.stream import PassState, attempt, conclude, follow_up
+from fedora_qa.engine.stream import attempt, conclude, follow_up
 from fedora_qa.engine.survey import OpenSurvey, Survey
-from fedora_qa.evidence.titled_arrays import TitledArrays, merged
+from fedora_qa.evidence.titled_arrays import merged
 from fedora_qa.judgement.judge import judge
-from fedora_qa.record.types import Canary, FileRecord, Finding, Result, Scalar
+from fedora_qa.record.types import Canary, FileRecord
 from fedora_qa.storage.place import RemoteFile
 
 
@@ -55,21 +54,43 @@ def finish_open(
         collector = file.statistics
         tables = attempt(states, collector.name, lambda: collector.conclude(states.states[collector.name], facts))
     with watch.stage("evidence"):
-        kept = _evidence(survey, file, states, observations, [alarm.finding for alarm in alarms], again)
+        kept = evidence_of_checks(observations)
+        wanted = options.evidence
+        if file.keeper is not None and file.distributions is not None and wanted is not None:
+            findings = [alarm.finding for alarm in alarms]
+            of_pass = evidence_of_pass(file.keeper, states, findings, ready, file.chosen, wanted, again)
+            kept = merged([of_pass, kept, distributions_of(file.distributions, states, facts)])
     results = results_in_order(survey.checks, judged, states, survey.reasons)
     canaries: tuple[Canary, ...] = ()
     if options.canary:
         with watch.stage("canaries"):
-            results, canaries = _proven(survey, file, observations, results, progress)
+            from fedora_qa.engine.canaries import (  # noqa: PLC0415 - few runs plant any
+                PlainRun,
+                held_to_canaries,
+                prove_alive,
+            )
+
+            plain = PlainRun(
+                file.sequence, ready, observations, options.effort, options.memory_bytes, options.false_alarm_rate
+            )
+            proofs = prove_alive(survey.checks, results, plain, progress)
+            results = held_to_canaries(results, proofs)
+            canaries = tuple(proof.canary for proof in proofs)
     # Last, as this result belongs to no check, and no canary is planted for it.
     results += lost_windows(never, len(file.windows), facts)
+    inferred = dict(facts.layout.inferred)
+    for observation in observations.values():
+        inferred.update(observation.inferred)
+    # The version tag of a file behind a URL, as its partial digest does not cover all bytes.
+    if isinstance(survey.path, RemoteFile) and survey.version.tag:
+        inferred["storage.version"] = survey.version.tag
     record = FileRecord(
         path=str(survey.path),
         size=survey.version.size,
         sha256=survey.digest.sha256,
         digest_kind=survey.digest.kind,
         dialect=facts.layout.dialect_name,
-        inferred=_inferred(facts.layout.inferred, observations) | _stored(survey),
+        inferred=inferred,
         statistics=tables or {},
         verdict=verdict_of(results, crossing_streams(survey.checks)),
         results=results,
@@ -81,49 +102,3 @@ def finish_open(
     decoded_bytes = measured.decoded_bytes + ready.decoder.decoded_bytes - decoded_before
     traffic = survey.traffic + measured.traffic + file.sequence.traffic
     return FileRun(record, kept.arrays, seconds, decoded_bytes, traffic)
-
-
-def _evidence(
-    survey: Survey,
-    file: OpenSurvey,
-    states: PassState,
-    observations: Mapping[str, Observation],
-    findings: Sequence[Finding],
-    looked_again: int,
-) -> TitledArrays:
-    kept = evidence_of_checks(observations)
-    if file.keeper is None or file.distributions is None or survey.options.evidence is None:
-        return kept
-    options = survey.options.evidence
-    of_pass = evidence_of_pass(file.keeper, states, findings, file.ready, file.chosen, options, looked_again)
-    return merged([of_pass, kept, distributions_of(file.distributions, states, file.ready.facts)])
-
-
-def _proven(
-    survey: Survey,
-    file: OpenSurvey,
-    observations: Mapping[str, Observation],
-    results: tuple[Result, ...],
-    progress: Progress,
-) -> tuple[tuple[Result, ...], tuple[Canary, ...]]:
-    """Return the results, held to their canaries, and these."""
-    from fedora_qa.engine.canaries import PlainRun, held_to_canaries, prove_alive  # noqa: PLC0415 - few runs plant any
-
-    options = survey.options
-    plain = PlainRun(
-        file.sequence, file.ready, observations, options.effort, options.memory_bytes, options.false_alarm_rate
-    )
-    proofs = prove_alive(survey.checks, results, plain, progress)
-    return held_to_canaries(results, proofs), tuple(proof.canary for proof in proofs)
-
-
-def _stored(survey: Survey) -> dict[str, Scalar]:
-    """Return the version tag of a file behind a URL, whose partial digest does not cover all bytes."""
-    return {"storage.version": survey.version.tag} if isinstance(survey.path, RemoteFile) and survey.version.tag else {}
-
-
-def _inferred(by_layout: Mapping[str, Scalar], observations: Mapping[str, Observation]) -> dict[str, Scalar]:
-    inferred = dict(by_layout)
-    for observation in observations.values():
-        inferred.update(observation.inferred)
-    return inferred

@@ -8,8 +8,7 @@ import os
 import signal
 import sys
 import tempfile
-from collections.abc import Iterator
-from contextlib import contextmanager, suppress
+from contextlib import suppress
 from multiprocessing import forkserver
 from multiprocessing.context import BaseContext
 from typing import Final
@@ -38,8 +37,16 @@ def worker_context() -> BaseContext:
     if start_method() == "forkserver":
         context.set_forkserver_preload(_PRELOADED)
         # The fork server is a new interpreter, which finds modules by PYTHONPATH and not by ``sys.path`` of this one.
-        with _imports_as_here():
+        # An empty entry of ``sys.path`` is the working directory, which is written out here.
+        before = os.environ.get("PYTHONPATH")
+        os.environ["PYTHONPATH"] = os.pathsep.join(dict.fromkeys(path or "." for path in sys.path))
+        try:
             forkserver.ensure_running()
+        finally:
+            if before is None:
+                del os.environ["PYTHONPATH"]
+            else:
+                os.environ["PYTHONPATH"] = before
     return context
 
 
@@ -50,21 +57,6 @@ def begin_preloading() -> None:
     """
     with suppress(OSError):
         worker_context()
-
-
-@contextmanager
-def _imports_as_here() -> Iterator[None]:
-    """Let processes that are started meanwhile import modules from the folders of this one."""
-    before = os.environ.get("PYTHONPATH")
-    # An empty entry of ``sys.path`` is the working directory, which is written out here.
-    os.environ["PYTHONPATH"] = os.pathsep.join(dict.fromkeys(path or "." for path in sys.path))
-    try:
-        yield
-    finally:
-        if before is None:
-            del os.environ["PYTHONPATH"]
-        else:
-            os.environ["PYTHONPATH"] = before
 
 
 def end_fork_server() -> None:

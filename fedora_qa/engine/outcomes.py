@@ -56,7 +56,13 @@ def results_in_order(
     checks: tuple[Check[Any], ...], judged: tuple[Judged, ...], states: PassState, reasons: Mapping[str, str]
 ) -> tuple[Result, ...]:
     """Return the result of every check in order, and of each collector that crashed."""
-    by_name = {judged_check.result.check: _with_missed(judged_check.result, states) for judged_check in judged}
+    by_name: dict[str, Result] = {}
+    for judged_check in judged:
+        result = judged_check.result
+        if missed := states.missed.get(result.check, 0):
+            note = f"{missed} windows were not seen because their rows cannot be decoded (see integrity.readable)"
+            result = replace(result, reason="; ".join(filter(None, (result.reason, note))))
+        by_name[result.check] = result
     results: list[Result] = []
     for check in checks:
         if check.name in by_name:
@@ -69,15 +75,6 @@ def results_in_order(
         crashed_result(name, _COLLECTORS[name], states.crashes[name]) for name in _COLLECTORS if name in states.crashes
     ]
     return tuple(results)
-
-
-def _with_missed(result: Result, states: PassState) -> Result:
-    """Add to the reason how many windows were not measured because their rows cannot be decoded."""
-    missed = states.missed.get(result.check, 0)
-    if not missed:
-        return result
-    note = f"{missed} windows were not seen because their rows cannot be decoded (see integrity.readable)"
-    return replace(result, reason="; ".join(filter(None, (result.reason, note))))
 
 
 def verdict_of(results: tuple[Result, ...], crossing: frozenset[str]) -> Verdict:

@@ -65,14 +65,13 @@ def together(parts: Iterable[PartialPass], accumulators: Sequence[Accumulator], 
     whole: PartialPass | None = None
     # Parts are unpickled one at a time, so that memory holds the merged pass and one part.
     for part in parts:
-        whole = part if whole is None else _merged(whole, part, accumulators)
+        if whole is None:
+            whole = part
+        else:
+            whole = PartialPass(
+                merge(accumulators, whole.states, part.states),
+                seconds=whole.seconds + part.seconds,
+                decoded_bytes=whole.decoded_bytes + part.decoded_bytes,
+                traffic=whole.traffic + part.traffic,
+            )
     return whole or PartialPass(start(accumulators, facts), 0.0, 0)
-
-
-def _merged(earlier: PartialPass, later: PartialPass, accumulators: Sequence[Accumulator]) -> PartialPass:
-    return PartialPass(
-        merge(accumulators, earlier.states, later.states),
-        seconds=earlier.seconds + later.seconds,
-        decoded_bytes=earlier.decoded_bytes + later.decoded_bytes,
-        traffic=earlier.traffic + later.traffic,
-    )

@@ -103,7 +103,9 @@ class _Worker:
         """Do the task; raises ``WorkerLostError`` where the process dies, ``EndlessError`` by its own time limit."""
         self.start()
         try:
-            answer = self._answer(task, progress)
+            self._pipe.send(task)
+            while isinstance(answer := self._pipe.recv(), ProgressReport):
+                progress(answer.what, answer.done, answer.of)
         except (EOFError, ConnectionError) as end:
             # A negative exit code is the number of the signal (multiprocessing).
             code = self._end()
@@ -112,6 +114,8 @@ class _Worker:
             raise lost(f"Expected a process to end its task, got its own end: {by}") from end
         if isinstance(answer, TaskFailure):
             raise answer.error
+        if not isinstance(answer, TaskResult):
+            raise TypeError(f"Expected an answer of a worker, got {type(answer).__name__}")
         self.peak_memory_mib = max(self.peak_memory_mib, answer.peak_memory_mib)
         return answer.result  # type: ignore[no-any-return]  # what comes through a pipe has no type
 
@@ -131,14 +135,6 @@ class _Worker:
         """End the process, and start no other."""
         self._closed = True
         self._end()
-
-    def _answer(self, task: Task[Any], progress: Progress) -> TaskResult | TaskFailure:
-        self._pipe.send(task)
-        while isinstance(answer := self._pipe.recv(), ProgressReport):
-            progress(answer.what, answer.done, answer.of)
-        if not isinstance(answer, TaskResult | TaskFailure):
-            raise TypeError(f"Expected an answer of a worker, got {type(answer).__name__}")
-        return answer
 
     def _end(self) -> int | None:
         """End the process, and return its exit code, negative for a signal; None where none was started."""

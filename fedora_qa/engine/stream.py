@@ -118,11 +118,22 @@ def follow_up(
 ) -> int:
     """Hand the windows that checks name to them once more, a bounded share of all windows; return how many."""
     turns = {check.name: turn for turn, check in enumerate(checks)}
-    wanted = {check.name: _wanted(check, states, facts) for check in checks}
+    wanted: dict[str, tuple[int, ...]] = {}
+    for check in checks:
+        state = states.states.get(check.name)
+        wanted[check.name] = attempt(states, check.name, partial(check.follow_up_windows, state, facts)) or ()
     budget = max(FEWEST_FOLLOW_UPS, int(FOLLOW_UP_SHARE * len(spans)))
+    # Each check is granted its first window, then its second ..., until the budget is spent.
+    granted: set[int] = set()
+    longest = max((len(numbers) for numbers in wanted.values()), default=0)
+    for turn in range(longest):
+        for windows in wanted.values():
+            # A window that several checks name counts once, as it is decoded once.
+            if turn < len(windows) and len(granted) < budget:
+                granted.add(windows[turn])
     by_index = {span.index: span for span in spans}
     # A check may name a lost window, which is not among the spans.
-    numbers = sorted(_in_turn(wanted, budget) & by_index.keys())
+    numbers = sorted(granted & by_index.keys())
     for done, number in enumerate(numbers):
         progress("looking again", done, len(numbers))
         source.begin(by_index[number])
@@ -172,23 +183,6 @@ def _see(states: PassState, name: str, see: Callable[[Any, Window], None], windo
     except UnreadableRowsError:
         # Rows that cannot be decoded cost a check this window only; ``integrity.readable`` reports them.
         states.missed[name] = states.missed.get(name, 0) + 1
-
-
-def _wanted(check: Check[Any], states: PassState, facts: Facts) -> tuple[int, ...]:
-    state = states.states.get(check.name)
-    return attempt(states, check.name, partial(check.follow_up_windows, state, facts)) or ()
-
-
-def _in_turn(wanted: dict[str, tuple[int, ...]], budget: int) -> set[int]:
-    """Grant each check its first window, then its second ..., until the budget is spent."""
-    granted: set[int] = set()
-    longest = max((len(numbers) for numbers in wanted.values()), default=0)
-    for turn in range(longest):
-        for numbers in wanted.values():
-            # A window that several checks name counts once, as it is decoded once.
-            if turn < len(numbers) and len(granted) < budget:
-                granted.add(numbers[turn])
-    return granted
 
 
 def _added(earlier: dict[str, Any], other: dict[str, Any]) -> dict[str, Any]:

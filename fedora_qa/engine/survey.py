@@ -1,23 +1,24 @@
 """What is known of a file before its windows are measured: enough for any process to measure any of them."""
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager, contextmanager, nullcontext
-from dataclasses import dataclass
-from typing import Any
+from dataclasses import dataclass, replace
+from typing import Any, Final
 
+from fedora_qa.causes import CAUSES
 from fedora_qa.checks.protocol import Check
 from fedora_qa.engine.digest import Digest, file_digest
 from fedora_qa.engine.options import CheckOptions, FileRun
-from fedora_qa.engine.outcomes import why_not_applicable
+from fedora_qa.engine.outcomes import not_applicable, why_not_applicable
 from fedora_qa.engine.plan import Plan, make_plan, sees_every_window
 from fedora_qa.engine.prepare import Prepared, prepare, ready_to_measure
 from fedora_qa.engine.progress import Progress
 from fedora_qa.engine.stopwatch import Stopwatch
 from fedora_qa.engine.stream import Accumulator
-from fedora_qa.engine.unreadable import unreadable_record
 from fedora_qa.errors import FedoraError, StorageError, UnreadableFileError
 from fedora_qa.evidence.collector import EvidenceCollector
 from fedora_qa.evidence.distributions import DistributionsCollector
+from fedora_qa.record.types import Coverage, Diagnosis, FileRecord, Finding, Where
 from fedora_qa.sequence.scan import Scan
 from fedora_qa.sequence.sequence import OpeningFacts, open_sequence
 from fedora_qa.sequence.sequence import Sequence as FileSequence
@@ -26,6 +27,9 @@ from fedora_qa.statistics.collector import StatisticsCollector
 from fedora_qa.storage.place import Place, RemoteFile
 from fedora_qa.storage.traffic import NO_TRAFFIC, Traffic
 from fedora_qa.storage.version import Version
+
+_READING_CHECK: Final = "integrity.readable"
+"""The check that fails on a file which cannot be opened."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -142,6 +146,53 @@ def survey_file(
         options=options,
         seconds=watch.seconds,
         traffic=sequence.traffic + digest.traffic,
+    )
+
+
+def unreadable_record(path: Place, digest: Digest, checks: Iterable[Check[Any]], reason: str) -> FileRecord:
+    """Return the record of a file that begins like HDF5 and cannot be opened: a failed integrity, and nothing else.
+
+    Parameters
+    ----------
+    path, digest
+        The file.
+    checks
+        All that were selected; those other than ``integrity.readable`` are not applicable.
+    reason
+        The message of HDF5.
+    """
+    finding = Finding("F1", "integrity.readable.file", "critical", reason, Where())
+    # HDF5 compares the stated length of a file with its actual one, and names it truncated; other errors are damage.
+    cause = "truncated" if "truncated" in reason else "corrupt_chunk"
+    diagnosis = Diagnosis(
+        id="D1",
+        cause=cause,
+        stream="file",
+        magnitude=None,
+        unit="",
+        standard_error=None,
+        confidence=1.0 if cause == "truncated" else 0.5,
+        where=Where(),
+        remedy=CAUSES[cause].remedy,
+        explains=("F1",),
+    )
+    results = []
+    for check in checks:
+        result = not_applicable(check, "the file cannot be opened")
+        if check.name == _READING_CHECK:
+            result = replace(result, outcome="failed", reason="", findings=(finding,), coverage=Coverage(0, 1, "files"))
+        results.append(result)
+    return FileRecord(
+        path=str(path),
+        size=digest.version.size,
+        sha256=digest.sha256,
+        digest_kind=digest.kind,
+        dialect="",
+        inferred={},
+        statistics={},
+        verdict="findings",
+        results=tuple(results),
+        diagnoses=(diagnosis,),
     )
 
 

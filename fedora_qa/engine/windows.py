@@ -27,7 +27,11 @@ def window_length_ns(sequence: SequenceRows) -> int:
     It follows from the file alone and not from the workers, so that results do not depend on them.
     """
     length = WINDOW_NS
-    while length > _SHORTEST_WINDOW_NS and _image_bytes_per_s(sequence) * length / NS_PER_S > _MOST_WINDOW_BYTES:
+    streams = sorted(sequence.layout.streams & set(TIMESTAMPS_OF))
+    while (
+        length > _SHORTEST_WINDOW_NS
+        and sum(_image_bytes_per_s(sequence, stream) for stream in streams) * length / NS_PER_S > _MOST_WINDOW_BYTES
+    ):
         length //= 2
     return length
 
@@ -58,12 +62,8 @@ def cut_windows(scan: Scan) -> tuple[Span, ...]:
     )
 
 
-def _image_bytes_per_s(sequence: SequenceRows) -> float:
-    """Estimate decoded image bytes per second from the median step of each stream's first timestamps."""
-    return sum(_stream_bytes_per_s(sequence, stream) for stream in sorted(sequence.layout.streams & set(TIMESTAMPS_OF)))
-
-
-def _stream_bytes_per_s(sequence: SequenceRows, stream: str) -> float:
+def _image_bytes_per_s(sequence: SequenceRows, stream: str) -> float:
+    """Estimate decoded image bytes of a stream per second from the median step of its first timestamps."""
     images = [spec for spec in DATASETS.values() if spec.stream == stream and spec.is_image]
     rows = sequence.layout.bindings[TIMESTAMPS_OF[stream]].rows
     if not images or rows < 2:

@@ -95,14 +95,9 @@ def _answer(pickled: bytes, pipe: "Connection[Any, Any]", open_file: OpenFile) -
         peak_mib = peak >> 20 if sys.platform == "darwin" else peak >> 10  # bytes there, KiB elsewhere
         return pickle.dumps(TaskResult(result, peak_mib), pickle.HIGHEST_PROTOCOL)
     except Exception as error:  # noqa: BLE001 - raised where the result is requested
-        return pickle.dumps(TaskFailure(_that_travels(error)))
-
-
-def _that_travels(error: Exception) -> Exception:
-    """Return the error with its traceback as a note; its text alone where it cannot be pickled and unpickled."""
-    error.add_note("".join(traceback.format_exception(error)))
-    try:
-        pickle.loads(pickle.dumps(error))
-    except Exception:  # noqa: BLE001 - whatever it is that cannot be done
-        return RuntimeError(f"{type(error).__name__}: {error}")
-    return error
+        error.add_note("".join(traceback.format_exception(error)))
+        try:
+            pickle.loads(pickle.dumps(error))
+        except Exception:  # noqa: BLE001 - whatever it is that cannot be done: its text alone then
+            return pickle.dumps(TaskFailure(RuntimeError(f"{type(error).__name__}: {error}")))
+        return pickle.dumps(TaskFailure(error))

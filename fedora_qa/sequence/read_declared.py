@@ -1,22 +1,23 @@
-"""Read what a file declares about itself. No function here raises: whatever cannot be used becomes a problem."""
+"""Read what a file declares about itself: each attribute as a typed value, or the problem with it."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from contextlib import suppress
 from typing import Any, Final
 
 import h5py
+import numpy as np
+from numpy.typing import NDArray
 
 from fedora_qa.causes import allowed
 from fedora_qa.conventions import FORMAT_NAME, STANDARD_GRAVITY_M_S2
 from fedora_qa.errors import UnreadableRowsError
 from fedora_qa.layout.binding import Binding, canonical_rows, stored_dataset
 from fedora_qa.layout.bounds import LARGEST_IMAGE_PIXELS
-from fedora_qa.layout.canonical import ATTRIBUTES, DATASETS, attributes_of
+from fedora_qa.layout.canonical import ATTRIBUTES, DATASETS, AttributeSpec, attributes_of
 from fedora_qa.layout.elsewhere import Elsewhere
 from fedora_qa.layout.links import READ_ERRORS, RefusedError, find_object
 from fedora_qa.layout.resolve import Layout
-from fedora_qa.layout.stored_attribute import text_attribute
-from fedora_qa.sequence.attributes import MalformedError, read_attribute
+from fedora_qa.layout.stored_attribute import stored_attribute, text_attribute
 from fedora_qa.sequence.declared import Camera, DeclarationProblem, Declared, EventModel, ImuModel, PoseModel
 
 Values = Mapping[str, Any]
@@ -28,11 +29,34 @@ NEAREST_DEPTH_M: Final = 1e-6
 FARTHEST_DEPTH_M: Final = 12_742_000.0
 """Diameter of the Earth: what surfaces a camera above it can see lie nearer."""
 
+POSITIVE: Final = frozenset({"width", "height", "threshold_on", "threshold_off", "gravity"})
+"""Numbers that must exceed zero; every other number of the layout must not be negative, but for the seed."""
+
+MOST_PIXELS_ALONG: Final = 1 << 16
+"""Of a camera's columns or rows: events count theirs in 16 bits."""
+
+LEAST_NUMBER: Final = 1e-30
+LARGEST_NUMBER: Final = 1e12
+"""Beyond these no unit of the layout has a meaning, and squares and nanoseconds leave float64 and int64."""
+
+LARGEST_ENTRY: Final = 1e9
+WORST_CONDITION: Final = 1e12
+"""Of a matrix of a camera, in px or m. A focal length of 8000 px comes to 1e8, a camera a kilometre off to 1e6; beyond,
+nothing is left of a float64 that goes through the matrix and back."""
+
 _OWNERS: Final = tuple(dict.fromkeys(owner for owner, _ in ATTRIBUTES))
 
 
+class MalformedError(Exception):
+    """An attribute is there and cannot be used; ``cause`` is an identifier of ``causes.py``."""
+
+    def __init__(self, cause: str, message: str) -> None:
+        super().__init__(message)
+        self.cause = cause
+
+
 def read_declared(file: h5py.File, layout: Layout, elsewhere: Elsewhere | None = None) -> Declared:
-    """Read every attribute of the layout.
+    """Read every attribute of the layout. Raises nothing: whatever cannot be used becomes a problem.
 
     A group that is absent as a whole gives one problem with an empty ``name``; a required attribute that is absent,
     or any that is malformed, gives one of its own. Only the root of a file in the canonical dialect must carry
@@ -40,12 +64,27 @@ def read_declared(file: h5py.File, layout: Layout, elsewhere: Elsewhere | None =
     """
     reader = _Reader(file, layout, elsewhere)
     values = {owner: reader.read(owner) for owner in _OWNERS}
-    flow = values["metadata/flow"]
+    flow, events = values["metadata/flow"], values["metadata/events"]
+    imu, pose = values["metadata/imu"], values["metadata/pose"]
+    event_model: EventModel | None = None
+    # No default of a threshold: a guessed one would produce findings on correct data.
+    if events is not None and {"model", "threshold_on", "threshold_off"} <= events.keys():
+        event_model = EventModel(**{name: value for name, value in events.items() if name in EventModel.__slots__})
+    imu_model: ImuModel | None = None
+    if imu is not None:
+        imu_model = ImuModel(
+            gyro_noise_density=imu.get("gyro_noise_density", 0.0),
+            accel_noise_density=imu.get("accel_noise_density", 0.0),
+            gyro_bias_walk=imu.get("gyro_bias_walk", 0.0),
+            accel_bias_walk=imu.get("accel_bias_walk", 0.0),
+            gravity=imu.get("gravity", STANDARD_GRAVITY_M_S2),
+            sampling=imu.get("sampling", "instant"),
+        )
     return Declared(
         cameras=reader.cameras(values),
-        events=_event_model(values["metadata/events"]),
-        imu=_imu_model(values["metadata/imu"]),
-        pose=_pose_model(values["metadata/pose"]),
+        events=event_model,
+        imu=imu_model,
+        pose=None if pose is None else PoseModel(pose.get("position_sigma", 0.0), pose.get("rotation_sigma", 0.0)),
         flow_model=None if flow is None else flow.get("model", "rigid"),
         depth_range_m=reader.depth_range_m(),
         transfer=(values["path/rgb"] or {}).get("transfer", "linear"),
@@ -67,8 +106,13 @@ class _Reader:
     def read(self, owner: str) -> Values | None:
         """Return the attributes of an object by name, or None where the object is absent."""
         binding = self.layout.bindings.get(owner)
-        holder = self._holder(binding.path if binding else owner)
-        if holder is None:
+        path = binding.path if binding else owner
+        holder = None
+        try:
+            holder = find_object(self.file, path, self.elsewhere)
+        except RefusedError as refused:
+            self._problem(path, "", refused.cause, str(refused))
+        if not isinstance(holder, h5py.Group | h5py.Dataset):
             if owner not in DATASETS:
                 self._problem(owner, "", "missing_stream", f"Expected the group /{owner}, got nothing there")
             return None
@@ -140,39 +184,113 @@ class _Reader:
     def _holding(self, binding: Binding) -> h5py.File:
         return self.elsewhere.holding(self.file, binding) if self.elsewhere else self.file
 
-    def _holder(self, path: str) -> h5py.Group | h5py.Dataset | None:
-        try:
-            holder = find_object(self.file, path, self.elsewhere)
-        except RefusedError as refused:
-            self._problem(path, "", refused.cause, str(refused))
-            return None
-        return holder if isinstance(holder, h5py.Group | h5py.Dataset) else None
-
     def _problem(self, owner: str, name: str, cause: str, message: str) -> None:
         cause_named = cause if allowed(cause, "metadata") else "unknown"
         self.problems.append(DeclarationProblem(owner, name, message, cause_named))
 
 
-def _event_model(given: Values | None) -> EventModel | None:
-    if given is None or not {"model", "threshold_on", "threshold_off"} <= given.keys():
-        return None
-    return EventModel(**{name: value for name, value in given.items() if name in EventModel.__slots__})
+def read_attribute(holder: h5py.Group | h5py.Dataset, spec: AttributeSpec) -> Any:
+    """Return the value of an attribute in the type of its kind, or None where it is absent.
+
+    Text is str, numbers are int and float, matrices float64, pixels a tuple of (column, row).
+
+    Raises
+    ------
+    MalformedError
+        Unreadable, of another type or shape, not finite, out of range, or not one of the choices.
+    """
+    try:
+        stored = stored_attribute(holder, spec.name)
+    except ValueError as error:
+        raise MalformedError("unknown", f"Expected a readable value, got: {error}") from error
+    return None if stored is None else _READERS[spec.kind](stored, spec)
 
 
-def _imu_model(given: Values | None) -> ImuModel | None:
-    if given is None:
-        return None
-    return ImuModel(
-        gyro_noise_density=given.get("gyro_noise_density", 0.0),
-        accel_noise_density=given.get("accel_noise_density", 0.0),
-        gyro_bias_walk=given.get("gyro_bias_walk", 0.0),
-        accel_bias_walk=given.get("accel_bias_walk", 0.0),
-        gravity=given.get("gravity", STANDARD_GRAVITY_M_S2),
-        sampling=given.get("sampling", "instant"),
-    )
+def _text(stored: Any, spec: AttributeSpec) -> str:
+    text = stored.decode("utf-8", "replace") if isinstance(stored, bytes) else stored
+    if not isinstance(text, str):
+        raise MalformedError("wrong_dtype", f"Expected text, got {_shown(stored)}")
+    if spec.choices and text not in spec.choices:
+        raise MalformedError("unknown", f"Expected {' or '.join(map(repr, spec.choices))}, got {_shown(text)}")
+    return str(text)
 
 
-def _pose_model(given: Values | None) -> PoseModel | None:
-    if given is None:
-        return None
-    return PoseModel(given.get("position_sigma", 0.0), given.get("rotation_sigma", 0.0))
+def _int(stored: Any, spec: AttributeSpec) -> int:
+    value = _scalar(stored)
+    # bool is a subclass of int in Python.
+    if not isinstance(value, int | np.integer) or isinstance(value, bool | np.bool_):
+        raise MalformedError("wrong_dtype", f"Expected a whole number, got {_shown(stored)}")
+    _require_range(int(value), spec)
+    return int(value)
+
+
+def _float(stored: Any, spec: AttributeSpec) -> float:
+    value = _scalar(stored)
+    if not isinstance(value, int | float | np.integer | np.floating) or isinstance(value, bool):
+        raise MalformedError("wrong_dtype", f"Expected a number, got {_shown(stored)}")
+    if not np.isfinite(value):
+        raise MalformedError("nan_in_stream", f"Expected a finite number, got {value}")
+    _require_range(float(value), spec)
+    return float(value)
+
+
+def _matrix(size: int) -> Callable[[Any, AttributeSpec], NDArray[np.float64]]:
+    def read(stored: Any, spec: AttributeSpec) -> NDArray[np.float64]:
+        matrix = np.asarray(stored)
+        if matrix.dtype.kind not in "iuf":
+            raise MalformedError("wrong_dtype", f"Expected a matrix of numbers, got {_shown(stored)}")
+        if matrix.shape != (size, size):
+            raise MalformedError("wrong_shape", f"Expected a {size} x {size} matrix, got shape {matrix.shape}")
+        if not np.all(np.isfinite(matrix)):
+            raise MalformedError("nan_in_stream", "Expected finite entries, got NaN or infinity")
+        matrix = matrix.astype(np.float64)
+        # ``not cond < limit`` also refuses a condition number that is NaN.
+        if np.abs(matrix).max() > LARGEST_ENTRY or not np.linalg.cond(matrix) < WORST_CONDITION:
+            cause = "intrinsics_focal" if size == 3 else "unknown"
+            raise MalformedError(cause, f"Expected a matrix that can be inverted, got {_shown(matrix.tolist())}")
+        return matrix
+
+    return read
+
+
+def _pixels(stored: Any, spec: AttributeSpec) -> tuple[tuple[int, int], ...]:
+    pixels = np.asarray(stored)
+    # An empty list is stored as float64 by NumPy, and no hot pixel is a valid declaration.
+    if pixels.size == 0:
+        return ()
+    if pixels.dtype.kind not in "iu":
+        raise MalformedError("wrong_dtype", f"Expected whole columns and rows, got {_shown(stored)}")
+    if pixels.ndim != 2 or pixels.shape[1] != 2:
+        raise MalformedError("wrong_shape", f"Expected (n, 2) columns and rows, got shape {pixels.shape}")
+    return tuple((int(column), int(row)) for column, row in pixels)
+
+
+def _scalar(stored: Any) -> Any:
+    """Unwrap an array of one number, which MATLAB and others write for a scalar."""
+    array = np.asarray(stored)
+    return array.reshape(-1)[0] if array.size == 1 else stored
+
+
+def _require_range(value: float, spec: AttributeSpec) -> None:
+    if spec.name in POSITIVE and value <= 0:
+        raise MalformedError("unknown", f"Expected a positive number, got {value}")
+    if value < 0 and spec.name != "seed":
+        raise MalformedError("unknown", f"Expected a number not below 0, got {value}")
+    if spec.name != "seed" and (value > LARGEST_NUMBER or 0 < value < LEAST_NUMBER):
+        raise MalformedError("unknown", f"Expected 0 or {LEAST_NUMBER:g} to {LARGEST_NUMBER:g}, got {value:g}")
+    if spec.name in {"width", "height"} and value > MOST_PIXELS_ALONG:
+        raise MalformedError("wrong_shape", f"Expected at most {MOST_PIXELS_ALONG} px, got {value}")
+
+
+def _shown(stored: Any) -> str:
+    return f"{type(stored).__name__} {str(stored)[:40]!r}"
+
+
+_READERS: Final[Mapping[str, Callable[[Any, AttributeSpec], Any]]] = {
+    "text": _text,
+    "int": _int,
+    "float": _float,
+    "matrix3": _matrix(3),
+    "matrix4": _matrix(4),
+    "pixels": _pixels,
+}

@@ -4,7 +4,7 @@ Broken clocks can then not break the windows: every item is given a place on the
 timestamp up to it, which never decreases.
 """
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from typing import Final
 
@@ -13,7 +13,6 @@ from numpy.typing import NDArray
 
 from fedora_qa.errors import UnreadableRowsError
 from fedora_qa.layout.canonical import TIMESTAMPS_OF
-from fedora_qa.sequence.event_steps import longest_steps
 from fedora_qa.sequence.facts import Clock, EventScan, EventStep, Facts, IndexMap
 from fedora_qa.sequence.sequence import SequenceRows
 
@@ -27,6 +26,9 @@ MOST_CELLS: Final = 1 << 14
 
 FARTHEST_INDEX: Final = 1 << 53
 """Stored indices saturate here, so that differences of two fit int64, and float64 holds them."""
+
+KEPT_STEPS: Final = 8
+"""Longest steps of either direction that are kept. A clock that was set makes two; the others show what is usual."""
 
 FRAMES_OF_MAP = {"rgb_to_event": "rgb", "depth_to_event": "depth"}
 
@@ -96,7 +98,14 @@ class _EventTally:
         # Running maximum from the first block on: the envelope of the module docstring.
         envelope = np.maximum(np.maximum.accumulate(times_ns), floor)
         self.behind += int(np.count_nonzero(times_ns < envelope))
-        self._place(start, envelope)
+        cells = envelope // self.cell_ns
+        changes = np.flatnonzero(np.diff(cells, prepend=cells[0] - 1))
+        # The first run continues a cell that the previous block began.
+        if self.cells and self.cells[-1][-1] == cells[0]:
+            changes = changes[1:]
+        if len(changes):
+            self.cells.append(cells[changes])
+            self.starts.append(changes + start)
         # Add, for each frame, the events of this block that are earlier (left) and not later (right).
         ordered: Int64 | None = None
         for name, frames in self.frame_timestamps.items():
@@ -122,16 +131,6 @@ class _EventTally:
         self.unreadable.append((start, stop))
         self.block_first.append(self.latest or 0)
 
-    def _place(self, start: int, envelope: Int64) -> None:
-        cells = envelope // self.cell_ns
-        changes = np.flatnonzero(np.diff(cells, prepend=cells[0] - 1))
-        # The first run continues a cell that the previous block began.
-        if self.cells and self.cells[-1][-1] == cells[0]:
-            changes = changes[1:]
-        if len(changes):
-            self.cells.append(cells[changes])
-            self.starts.append(changes + start)
-
 
 def scan(sequence: SequenceRows, cell_ns: int) -> Scan:
     """Scan a sequence's timestamps and index maps.
@@ -147,129 +146,148 @@ def scan(sequence: SequenceRows, cell_ns: int) -> Scan:
     absent = dict(sequence.layout.absent)
     clocks: dict[str, Clock] = {}
     for stream in sorted(streams & set(TIMESTAMPS_OF) - {"events"}):
+        key = TIMESTAMPS_OF[stream]
         try:
-            clocks[stream] = _read_clock(sequence, stream)
+            timestamps = sequence.rows(key, 0, sequence.layout.bindings[key].rows)
         except UnreadableRowsError as error:
             streams.discard(stream)
             absent[stream] = f"its stamps cannot be read: {error.reason}"
+            continue
+        # Intervals of flow have a start and an end.
+        starts, ends = (timestamps[:, 0], timestamps[:, 1]) if timestamps.ndim == 2 else (timestamps, None)
+        # Against the running maximum, not the neighbour: after a jump forwards and back, timestamps are behind until
+        # they exceed the jump.
+        before = np.maximum.accumulate(starts[:-1]) if len(starts) else starts
+        advancing = np.ones(len(starts), dtype=bool)
+        advancing[1:] = starts[1:] > before
+        clocks[stream] = Clock(starts, ends, advancing)
     frame_timestamps = {
         name: clocks[frames].times_ns
         for name, frames in FRAMES_OF_MAP.items()
         if name in streams and frames in clocks and "events" in streams
     }
     tally = _EventTally(cell_ns, frame_timestamps)
+    events: EventScan | None = None
     if "events" in streams:
-        _tally_events(sequence, tally)
-    facts = Facts(
-        layout=sequence.layout,
-        declared=sequence.declared,
-        streams=frozenset(streams),
-        absent=absent,
-        origin_us=_exact_us(sequence.origin_ns),
-        clocks=clocks,
-        events=_event_scan(tally) if "events" in streams else None,
-        index_maps=_index_maps(sequence, tally),
-        sizes={key: binding.rows for key, binding in sequence.layout.bindings.items()},
-    )
-    runs, cell_ns = _few_cells(_runs(facts, tally, cell_ns), cell_ns)
-    return Scan(facts, runs, cell_ns, np.asarray(tally.block_first, dtype=np.int64))
-
-
-def _read_clock(sequence: SequenceRows, stream: str) -> Clock:
-    key = TIMESTAMPS_OF[stream]
-    timestamps = sequence.rows(key, 0, sequence.layout.bindings[key].rows)
-    starts, ends = (timestamps[:, 0], timestamps[:, 1]) if timestamps.ndim == 2 else (timestamps, None)
-    # Against the running maximum, not the neighbour: after a jump forwards and back, timestamps are behind until they
-    # exceed the jump.
-    before = np.maximum.accumulate(starts[:-1]) if len(starts) else starts
-    advancing = np.ones(len(starts), dtype=bool)
-    advancing[1:] = starts[1:] > before
-    return Clock(starts, ends, advancing)
-
-
-def _tally_events(sequence: SequenceRows, tally: _EventTally) -> None:
-    key = TIMESTAMPS_OF["events"]
-    count = sequence.layout.bindings[key].rows
-    for start in range(0, count, BLOCK_ROWS):
-        stop = min(start + BLOCK_ROWS, count)
-        try:
-            tally.add(start, sequence.rows(key, start, stop))
-        except UnreadableRowsError:
-            tally.skip(start, stop)
-
-
-def _event_scan(tally: _EventTally) -> EventScan:
-    return EventScan(
-        count=tally.count,
-        first_ns=tally.earliest,
-        last_ns=tally.latest or 0,
-        decreases=tally.decreases,
-        first_decrease=tally.first_decrease,
-        grid_ns=tally.grid,
-        unreadable=tuple(tally.unreadable),
-        largest_decrease_ns=tally.largest_decrease,
-        behind=tally.behind,
-        longest_steps=tally.longest_steps,
-    )
-
-
-def _index_maps(sequence: SequenceRows, tally: _EventTally) -> dict[str, IndexMap]:
-    maps: dict[str, IndexMap] = {}
-    for name, frames in tally.frame_timestamps.items():
+        key = TIMESTAMPS_OF["events"]
+        count = sequence.layout.bindings[key].rows
+        for start in range(0, count, BLOCK_ROWS):
+            stop = min(start + BLOCK_ROWS, count)
+            try:
+                tally.add(start, sequence.rows(key, start, stop))
+            except UnreadableRowsError:
+                tally.skip(start, stop)
+        events = EventScan(
+            count=tally.count,
+            first_ns=tally.earliest,
+            last_ns=tally.latest or 0,
+            decreases=tally.decreases,
+            first_decrease=tally.first_decrease,
+            grid_ns=tally.grid,
+            unreadable=tuple(tally.unreadable),
+            largest_decrease_ns=tally.largest_decrease,
+            behind=tally.behind,
+            longest_steps=tally.longest_steps,
+        )
+    index_maps: dict[str, IndexMap] = {}
+    for name, frames_ns in frame_timestamps.items():
         key = f"metadata/{name}"
         try:
             stored = sequence.rows(key, 0, sequence.layout.bindings[key].rows)
         except UnreadableRowsError:
             continue
-        none_before = np.zeros(len(frames), np.int64)
+        none_before = np.zeros(len(frames_ns), np.int64)
         stored = np.clip(stored, -FARTHEST_INDEX, FARTHEST_INDEX)
-        maps[name] = IndexMap(stored, tally.left.get(name, none_before), tally.right.get(name, none_before))
-    return maps
+        index_maps[name] = IndexMap(stored, tally.left.get(name, none_before), tally.right.get(name, none_before))
+    origin_ns = sequence.origin_ns
+    facts = Facts(
+        layout=sequence.layout,
+        declared=sequence.declared,
+        streams=frozenset(streams),
+        absent=absent,
+        # An int where it is whole, which is exact.
+        origin_us=origin_ns // 1000 if origin_ns % 1000 == 0 else origin_ns / 1000,
+        clocks=clocks,
+        events=events,
+        index_maps=index_maps,
+        sizes={key: binding.rows for key, binding in sequence.layout.bindings.items()},
+    )
+    runs, cell_ns = _runs(facts, tally, cell_ns)
+    return Scan(facts, runs, cell_ns, np.asarray(tally.block_first, dtype=np.int64))
 
 
-def _runs(facts: Facts, tally: _EventTally, cell_ns: int) -> dict[str, Runs]:
-    runs = {stream: _runs_of(clock, cell_ns) for stream, clock in facts.clocks.items() if clock.usable}
+def _runs(facts: Facts, tally: _EventTally, cell_ns: int) -> tuple[dict[str, Runs], int]:
+    """Return the cells of each stream's rows, and their length: cells are joined until there are few enough."""
+    runs = {
+        stream: _runs_of(np.maximum.accumulate(clock.times_ns) // cell_ns)
+        for stream, clock in facts.clocks.items()
+        if clock.usable
+    }
     if tally.cells:
         count = facts.sizes[TIMESTAMPS_OF["events"]]
         runs["events"] = Runs(np.concatenate(tally.cells), np.concatenate(tally.starts), count)
     cells = [run.cells for run in runs.values()]
     everywhere = np.unique(np.concatenate(cells)) if cells else np.zeros(1, np.int64)
     for stream, clock in facts.clocks.items():
-        if not clock.usable and len(clock.times_ns):
-            runs[stream] = _spread_evenly(len(clock.times_ns), everywhere)
-    return runs
+        count = len(clock.times_ns)
+        if not clock.usable and count:
+            # Rows whose timestamps are not usable are given to the cells in turn, so that they are still decoded.
+            runs[stream] = _runs_of(everywhere[np.arange(count) * len(everywhere) // count])
+    # The sum is an upper bound of the distinct cells and needs no union.
+    if sum(len(run.cells) for run in runs.values()) <= MOST_CELLS:
+        return runs, cell_ns
+    # Cells are joined by two, four and so on, as timestamps may be a day apart each. Whole multiples of ``cell_ns``
+    # keep all borders on the grid that begins at the origin.
+    together = 1
+    while len(np.unique(np.concatenate([run.cells // together for run in runs.values()]))) > MOST_CELLS:
+        together *= 2
+    for stream, run in runs.items():
+        joined = run.cells // together
+        first = np.flatnonzero(np.diff(joined, prepend=joined[0] - 1)) if len(joined) else joined
+        runs[stream] = Runs(joined[first], run.starts[first], run.count)
+    return runs, cell_ns * together
 
 
-def _runs_of(clock: Clock, cell_ns: int) -> Runs:
-    cells = np.maximum.accumulate(clock.times_ns) // cell_ns
+def _runs_of(cells: Int64) -> Runs:
+    """Return the runs of equal cells; ``cells`` are those of all rows of a stream, (n,), not decreasing, n > 0."""
     starts = np.flatnonzero(np.diff(cells, prepend=cells[0] - 1))
     return Runs(cells[starts], starts, len(cells))
 
 
-def _spread_evenly(count: int, cells: Int64) -> Runs:
-    """Give the rows of a stream whose timestamps say nothing to the cells in turn, so that they are still decoded."""
-    cell_of_row = cells[np.arange(count) * len(cells) // count]
-    starts = np.flatnonzero(np.diff(cell_of_row, prepend=cell_of_row[0] - 1))
-    return Runs(cell_of_row[starts], starts, count)
+def longest_steps(earlier: Iterable[EventStep], start: int, previous_ns: int, times_ns: Int64) -> tuple[EventStep, ...]:
+    """Return the longest steps among known ones and those of a block, in the order of the file.
+
+    Parameters
+    ----------
+    earlier
+        The longest steps of earlier blocks.
+    start
+        First row of the block.
+    previous_ns
+        Stamp before the block.
+    times_ns
+        (n,) timestamps of the block.
+    """
+    before_ns = np.concatenate([[previous_ns], times_ns[:-1]])
+    steps_ns = times_ns - before_ns
+    of_block = (
+        EventStep(start + int(row), int(before_ns[row]), int(times_ns[row]))
+        for rows in (_largest(steps_ns), _largest(-steps_ns))
+        for row in rows
+    )
+    steps = (*earlier, *of_block)
+    forwards = sorted((step for step in steps if step.length_ns > 0), key=lambda step: -step.length_ns)
+    backwards = sorted((step for step in steps if step.length_ns < 0), key=lambda step: step.length_ns)
+    return tuple(sorted((*forwards[:KEPT_STEPS], *backwards[:KEPT_STEPS]), key=lambda step: step.row))
 
 
-def _few_cells(runs: Mapping[str, Runs], cell_ns: int) -> tuple[Mapping[str, Runs], int]:
-    """Join cells by two, four and so on until at most ``MOST_CELLS`` are left: timestamps may be a day apart each."""
-    # The sum is an upper bound of the distinct cells and needs no union.
-    if sum(len(stream_runs.cells) for stream_runs in runs.values()) <= MOST_CELLS:
-        return runs, cell_ns
-    together = 1
-    # Whole multiples of ``cell_ns`` keep all borders on the grid that begins at the origin.
-    while len(np.unique(np.concatenate([stream_runs.cells // together for stream_runs in runs.values()]))) > MOST_CELLS:
-        together *= 2
-    return {stream: _joined(stream_runs, together) for stream, stream_runs in runs.items()}, cell_ns * together
-
-
-def _joined(runs: Runs, together: int) -> Runs:
-    cells = runs.cells // together
-    first = np.flatnonzero(np.diff(cells, prepend=cells[0] - 1)) if len(cells) else cells
-    return Runs(cells[first], runs.starts[first], runs.count)
-
-
-def _exact_us(origin_ns: int) -> float:
-    return origin_ns // 1000 if origin_ns % 1000 == 0 else origin_ns / 1000
+def _largest(values: Int64) -> NDArray[np.intp]:
+    """Return where the largest values lie, those above zero only, earlier ones first among equals."""
+    rows: NDArray[np.intp] = np.flatnonzero(values > 0)
+    if len(rows) > KEPT_STEPS:
+        # Selection in linear time: a block holds 2^20 steps, of which eight are needed.
+        least = np.partition(values[rows], -KEPT_STEPS)[-KEPT_STEPS]
+        # Among equal steps the earliest is taken, so that the result does not depend on the borders of blocks.
+        above, equal = rows[values[rows] > least], rows[values[rows] == least]
+        rows = np.sort(np.concatenate([above, equal[: KEPT_STEPS - len(above)]]))
+    return rows

@@ -104,7 +104,21 @@ class Sequence:
         self.declared: Declared = (
             opening_facts.declared if opening_facts else read_declared(file, self.layout, elsewhere)
         )
-        self.origin_ns: int = opening_facts.origin_ns if opening_facts else self._find_origin_ns()
+        if opening_facts:
+            self.origin_ns: int = opening_facts.origin_ns
+        else:
+            # The earliest first timestamp, so that times of correct streams are not negative.
+            firsts_ns: list[int] = []
+            for key in (TIMESTAMPS_OF[stream] for stream in self.layout.streams if stream in TIMESTAMPS_OF):
+                binding = self.layout.bindings[key]
+                try:
+                    first = self.raw_rows(key, 0, min(1, binding.rows)).ravel()
+                except UnreadableRowsError:
+                    continue
+                first_ns = instant_ns(first[0], binding) if len(first) else None
+                if first_ns is not None:
+                    firsts_ns.append(first_ns)
+            self.origin_ns = min(firsts_ns, default=0)
         self._require_sound()
 
     def __enter__(self) -> Self:
@@ -169,7 +183,11 @@ class Sequence:
     def chunk_rows(self, key: str) -> int:
         """Return how many rows are stored, and so decoded, together (about a megabyte where storage sets none)."""
         binding = self.layout.bindings[key]
-        return binding.chunk_rows or _contiguous_rows(binding.shape)
+        if binding.chunk_rows:
+            return binding.chunk_rows
+        # No readable type has more than 8 bytes (``require_readable_type``).
+        row_bytes = 8 * prod(binding.shape[1:])
+        return max(1, (1 << 20) // max(row_bytes, 1))
 
     def _holding(self, binding: Binding) -> h5py.File:
         if self._elsewhere is None:
@@ -183,21 +201,6 @@ class Sequence:
         """Raise what ended the reading of a file behind a URL: HDF5 reports damage instead."""
         if self._remote:
             self._remote.require_sound()
-
-    def _find_origin_ns(self) -> int:
-        firsts = [
-            self._first_timestamp_ns(TIMESTAMPS_OF[stream]) for stream in self.layout.streams if stream in TIMESTAMPS_OF
-        ]
-        # The earliest, so that times of correct streams are not negative.
-        return min((first for first in firsts if first is not None), default=0)
-
-    def _first_timestamp_ns(self, key: str) -> int | None:
-        binding = self.layout.bindings[key]
-        try:
-            first = self.raw_rows(key, 0, min(1, binding.rows)).ravel()
-        except UnreadableRowsError:
-            return None
-        return instant_ns(first[0], binding) if len(first) else None
 
 
 def open_sequence(
@@ -229,7 +232,20 @@ def open_sequence(
         The file begins like HDF5 and cannot be opened.
     """
     if isinstance(path, RemoteFile):
-        return _open_remote(path, dialect, opening_facts)
+        # Through Python's reading of it: HDF5's own drivers for servers are seldom built in.
+        with ExitStack() as opened:
+            remote = opened.enter_context(closing(RemoteBytes(path, BLOCK_BYTES)))
+            require_signature_in(path, remote)
+            try:
+                file = opened.enter_context(h5py.File(remote, "r", rdcc_nbytes=_NO_CHUNKS))
+            except OSError as error:
+                # HDF5 reports a failed request as damage, so that the failure of the server takes precedence.
+                remote.require_sound()
+                raise UnreadableFileError(f"Expected a complete HDF5 file, got: {_first_line(error)}") from error
+            sequence = Sequence(path, file, dialect, remote, opening_facts)
+            # From here on ``Sequence.close`` closes both.
+            opened.pop_all()
+            return sequence
     require_signature(path)
     elsewhere = Elsewhere(folders) if (folders := tuple(allow_external)) else None
     try:  # HDF5 looks for other files beside the name by which it knows this one
@@ -245,30 +261,6 @@ def open_sequence(
         if elsewhere:
             elsewhere.close()
         raise
-
-
-def _open_remote(place: RemoteFile, dialect: Dialect | None, opening_facts: OpeningFacts | None) -> Sequence:
-    """Open a file behind a URL through Python's reading of it; HDF5's own drivers for servers are seldom built in."""
-    with ExitStack() as opened:
-        remote = opened.enter_context(closing(RemoteBytes(place, BLOCK_BYTES)))
-        require_signature_in(place, remote)
-        try:
-            file = opened.enter_context(h5py.File(remote, "r", rdcc_nbytes=_NO_CHUNKS))
-        except OSError as error:
-            # HDF5 reports a failed request as damage, so that the failure of the server takes precedence.
-            remote.require_sound()
-            raise UnreadableFileError(f"Expected a complete HDF5 file, got: {_first_line(error)}") from error
-        sequence = Sequence(place, file, dialect, remote, opening_facts)
-        # From here on ``Sequence.close`` closes both.
-        opened.pop_all()
-        return sequence
-
-
-def _contiguous_rows(shape: tuple[int, ...]) -> int:
-    """Rows to read together where storage sets none: about a megabyte."""
-    # No readable type has more than 8 bytes (``require_readable_type``).
-    row_bytes = 8 * prod(shape[1:])
-    return max(1, (1 << 20) // max(row_bytes, 1))
 
 
 def _first_line(error: OSError) -> str:

@@ -51,8 +51,17 @@ class SharedImages:
         else:
             (self._passing if in_a_moment else self._large)[key] = value
         # The new result stays: its caller holds it, so that dropping it would free nothing.
-        while self._kept_bytes > self.limit_bytes and self._drop_another_than(key):
-            pass
+        while self._kept_bytes > self.limit_bytes:
+            # Results that are cheap to compute again are dropped first.
+            for kept in (self._passing, self._large):
+                oldest = next(iter(kept), key)
+                if oldest != key:
+                    self._kept_bytes -= kept.pop(oldest).nbytes
+                    break
+            else:
+                if next(iter(self._little), key) == key:
+                    break
+                self._drop_little()
         return value
 
     def forget(self) -> None:
@@ -60,19 +69,6 @@ class SharedImages:
         for kept in (self._passing, self._large, self._little):
             kept.clear()
         self._kept_bytes = self._little_bytes = 0
-
-    def _drop_another_than(self, key: Hashable) -> bool:
-        """Drop one result; return whether there was any but that of the key."""
-        # Results that are cheap to compute again are dropped first.
-        for kept in (self._passing, self._large):
-            oldest = next(iter(kept), key)
-            if oldest != key:
-                self._kept_bytes -= kept.pop(oldest).nbytes
-                return True
-        if next(iter(self._little), key) == key:
-            return False
-        self._drop_little()
-        return True
 
     def _drop_little(self) -> None:
         _, dropped = self._little.popitem(last=False)

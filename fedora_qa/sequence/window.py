@@ -162,7 +162,12 @@ class Window:
             # ``pop`` and insertion keep the dict in the order of use, so that its first entry is the oldest.
             if len(at_hand) == _DEPTHS_AT_HAND:
                 del at_hand[next(iter(at_hand))]
-            metres = self._images.get(("depth_m", frame), lambda: self._metres(frame), in_a_moment=True)
+            # Millimetres in the file, metres in geometry; a float32 divisor keeps float32.
+            metres = self._images.get(
+                ("depth_m", frame),
+                lambda: cast(NDArray[np.float32], self.rows("path/depth", frame, frame + 1)[0] / np.float32(MM_PER_M)),
+                in_a_moment=True,
+            )
         at_hand[frame] = metres
         return metres
 
@@ -198,10 +203,6 @@ class Window:
             positions_world_m=self._take("path/pose/position", rows),
             orientations_xyzw=self._take("path/pose/orientation", rows),
         )
-
-    def _metres(self, frame: int) -> NDArray[np.float32]:
-        # Millimetres in the file, metres in geometry; a float32 divisor keeps float32.
-        return cast(NDArray[np.float32], self.rows("path/depth", frame, frame + 1)[0] / np.float32(MM_PER_M))
 
     def _rows_within(self, stream: str, margin_ns: int) -> NDArray[np.intp]:
         clock = self.facts.clocks[stream]

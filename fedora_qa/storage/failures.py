@@ -25,40 +25,25 @@ _CREDENTIALS: Final = (
 
 
 def failure_of(error: BaseException, place: RemoteFile) -> StorageError:
-    """Return the error for a failed request. Raise it ``from None``: what caused it may hold secrets."""
-    expected, got = _words(tuple(_chain(error)), place)
-    return StorageError(f"Expected {expected}, got {got}: {place}")
+    """Return the error for a failed request. Raise it ``from None``: what caused it may hold secrets.
 
+    Parameters
+    ----------
+    error
+        What a library raised; of it and of what led to it, the most specific decides.
+    place
+        The file that was asked for.
 
-def may_pass(error: BaseException) -> bool:
-    """Whether the same request may succeed a moment later."""
+    Returns
+    -------
+    StorageError
+        It states what was expected, and what there was in its place.
+    """
     errors = tuple(_chain(error))
-    status = _status(errors)
-    # An HTTP status decides alone: the other errors of the chain only wrap it.
-    if status is not None:
-        return status in _MAY_PASS
-    if (
-        # These do not change within seconds, so that a further request would only delay the message.
-        _any(errors, ConnectionRefusedError)
-        or _certificate(errors) is not None
-        or _named(errors, "FileExpired", "NoCredentialsError")
-    ):
-        return False
-    return _any(errors, TimeoutError, ConnectionError) or _named(
-        errors, "ClientPayloadError", "ServerDisconnectedError", "FSTimeoutError", "IncompleteRead"
+    status, certificate = _status(errors), _certificate(errors)
+    unreached = _any(errors, ConnectionError) or _named(
+        errors, "ClientConnectorError", "ClientConnectorDNSError", "EndpointConnectionError", "ConnectTimeoutError"
     )
-
-
-def changed(place: RemoteFile) -> StorageError:
-    """Return the error for a file that has become another while it was read."""
-    return StorageError(
-        f"Expected the file to stay as it is while it is checked, got a change; check it again: {place}"
-    )
-
-
-def _words(errors: tuple[BaseException, ...], place: RemoteFile) -> tuple[str, str]:
-    """Return what was expected, and what there was in its place; the most telling of the errors counts."""
-    status, certificate, unreached = _status(errors), _certificate(errors), _unreached(errors)
     absent = status is None and isinstance(errors[-1], FileNotFoundError)  # fsspec calls so whatever fails at first
     forbidden = status in _UNAUTHORIZED or _any(errors, PermissionError)
     without_ranges = any(isinstance(failure, ValueError) and "range requests" in str(failure) for failure in errors)
@@ -96,7 +81,34 @@ def _words(errors: tuple[BaseException, ...], place: RemoteFile) -> tuple[str, s
         (unreached, "a connection to the server", f"none{_number(errors)}"),
     )
     otherwise = ("the server to send the file", f"{type(errors[-1]).__name__}{_number(errors)}")
-    return next(((expected, got) for holds, expected, got in explanations if holds), otherwise)
+    expected, got = next(((expected, got) for holds, expected, got in explanations if holds), otherwise)
+    return StorageError(f"Expected {expected}, got {got}: {place}")
+
+
+def may_pass(error: BaseException) -> bool:
+    """Whether the same request may succeed a moment later."""
+    errors = tuple(_chain(error))
+    status = _status(errors)
+    # An HTTP status decides alone: the other errors of the chain only wrap it.
+    if status is not None:
+        return status in _MAY_PASS
+    if (
+        # These do not change within seconds, so that a further request would only delay the message.
+        _any(errors, ConnectionRefusedError)
+        or _certificate(errors) is not None
+        or _named(errors, "FileExpired", "NoCredentialsError")
+    ):
+        return False
+    return _any(errors, TimeoutError, ConnectionError) or _named(
+        errors, "ClientPayloadError", "ServerDisconnectedError", "FSTimeoutError", "IncompleteRead"
+    )
+
+
+def changed(place: RemoteFile) -> StorageError:
+    """Return the error for a file that has become another while it was read."""
+    return StorageError(
+        f"Expected the file to stay as it is while it is checked, got a change; check it again: {place}"
+    )
 
 
 def _chain(error: BaseException) -> Iterator[BaseException]:
@@ -144,12 +156,6 @@ def _number(errors: tuple[BaseException, ...]) -> str:
     )
     number = next(numbers, None)
     return f" ({os.strerror(number)})" if number is not None else ""
-
-
-def _unreached(errors: tuple[BaseException, ...]) -> bool:
-    return _any(errors, ConnectionError) or _named(
-        errors, "ClientConnectorError", "ClientConnectorDNSError", "EndpointConnectionError", "ConnectTimeoutError"
-    )
 
 
 def _named(errors: tuple[BaseException, ...], *names: str) -> bool:

@@ -88,7 +88,17 @@ class RemoteBytes(io.RawIOBase):
         start, stop = self._at, min(self._at + len(target), self.version.size)
         if stop <= start:
             return 0
-        target[: stop - start] = self._bytes(start, stop)
+        self.require_sound()
+        try:
+            # Long reads are chunks, needed once: among the blocks they would evict the structure, which is read again.
+            if stop - start >= self._block_bytes:
+                target[: stop - start] = self._server.fetch(start, stop)
+            else:
+                target[: stop - start] = self._through_blocks(start, stop)
+        except StorageError as failure:
+            # HDF5 turns the exception into an error that looks like damage; ``require_sound`` raises the reason.
+            self.failure = failure
+            raise
         self._at = stop
         return stop - start
 
@@ -99,36 +109,21 @@ class RemoteBytes(io.RawIOBase):
             self._blocks.clear()
         super().close()
 
-    def _bytes(self, start: int, stop: int) -> bytes:
-        self.require_sound()
-        try:
-            # Long reads are chunks, needed once: among the blocks they would evict the structure, which is read again.
-            if stop - start >= self._block_bytes:
-                return self._server.fetch(start, stop)
-            return self._through_blocks(start, stop)
-        except StorageError as failure:
-            # HDF5 turns the exception into an error that looks like damage; ``require_sound`` raises the reason.
-            self.failure = failure
-            raise
-
     def _through_blocks(self, start: int, stop: int) -> bytes:
         wanted = range(start // self._block_bytes, (stop - 1) // self._block_bytes + 1)
         missing = [number for number in wanted if number not in self._blocks]
         # Consecutive numbers have the same difference to their position, so that a run costs one request.
         for _, run in groupby(missing, key=lambda number: number - missing.index(number)):
-            self._fetch_blocks(list(run))
+            numbers, size = list(run), self._block_bytes
+            first = numbers[0] * size
+            fetched = self._server.fetch(first, min((numbers[-1] + 1) * size, self.version.size))
+            for place, number in enumerate(numbers):
+                self._blocks[number] = fetched[place * size : (place + 1) * size]
         for number in wanted:
             # Most recently used last: the block unused for longest is evicted first.
             self._blocks.move_to_end(number)
         joined = b"".join(self._blocks[number] for number in wanted)
         while len(self._blocks) > _BLOCKS:
             self._blocks.popitem(last=False)
-        first = start - wanted[0] * self._block_bytes
-        return joined[first : first + stop - start]
-
-    def _fetch_blocks(self, numbers: list[int]) -> None:
-        size = self._block_bytes
-        start = numbers[0] * size
-        fetched = self._server.fetch(start, min((numbers[-1] + 1) * size, self.version.size))
-        for place, number in enumerate(numbers):
-            self._blocks[number] = fetched[place * size : (place + 1) * size]
+        ahead = start - wanted[0] * self._block_bytes
+        return joined[ahead : ahead + stop - start]

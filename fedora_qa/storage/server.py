@@ -2,8 +2,7 @@
 
 import gc
 import time
-from collections.abc import Callable, Iterator, Mapping
-from contextlib import contextmanager
+from collections.abc import Callable
 from typing import Any, Final, TypeVar
 
 from fedora_qa.errors import MisuseError, StorageError
@@ -40,7 +39,21 @@ class Server:
 
     def __init__(self, place: RemoteFile) -> None:
         self._place = place
-        self._files = _filesystem(place)
+        try:
+            import aiohttp  # noqa: PLC0415 - an extra
+            import fsspec  # noqa: PLC0415 - an extra
+
+            if place.scheme == "s3":
+                config = {"connect_timeout": _CONNECT_S, "read_timeout": _SILENCE_S}
+                self._files: Any = fsspec.filesystem("s3", use_listings_cache=False, config_kwargs=config)
+            else:
+                # Only silence is limited: a large chunk over a slow line takes as long as it takes.
+                timeout = aiohttp.ClientTimeout(total=None, sock_connect=_CONNECT_S, sock_read=_SILENCE_S)
+                self._files = fsspec.filesystem(place.scheme, client_kwargs={"timeout": timeout})
+        except ImportError:
+            raise MisuseError(
+                f"Expected what reads {place.scheme}:// files; install it: pip install 'fedora-qa[remote]'"
+            ) from None
         self._open: Any = None
         self.traffic = NO_TRAFFIC
         self.version = self.ask_version()
@@ -78,68 +91,39 @@ class Server:
 
     def _stretch(self, start: int, stop: int) -> bytes:
         if self._open is None:
+            # What binds the file to its version: s3fs sees to it by itself, HTTP has a header for it.
+            bound: dict[str, Any] = {}
+            if self._place.scheme != "s3":
+                # If-Match compares strongly (RFC 9110, 13.1.1): a weak tag may not be compared so, and a date is none.
+                strong = self.version.tag.startswith('"')
+                bound = {"size": self.version.size, "headers": {"If-Match": self.version.tag} if strong else {}}
             # Without a cache of fsspec: ``RemoteBytes`` caches, and the traffic is what was transferred.
-            self._open = self._files.open(self._place.url, "rb", cache_type="none", **self._opening())
+            self._open = self._files.open(self._place.url, "rb", cache_type="none", **bound)
             self.traffic += Traffic(requests=int(self._place.scheme == "s3"))  # it asks for the version by itself
         self._open.seek(start)
         return bytes(self._open.read(stop - start))
 
-    def _opening(self) -> Mapping[str, Any]:
-        """Return what binds the file to its version: s3fs sees to it by itself, HTTP has a header for it."""
-        if self._place.scheme == "s3":
-            return {}
-        tag = self.version.tag
-        # If-Match compares strongly (RFC 9110, 13.1.1).
-        strong = tag.startswith('"')  # a weak one may not be compared so, and a date is none
-        return {"size": self.version.size, "headers": {"If-Match": tag} if strong else {}}
-
     def _asked(self, request: Callable[[], T]) -> T:
         for wait_s in (*_WAITS_S, None):
             self.traffic += Traffic(requests=1)
+            # Cyclic garbage is kept until the request is done. h5py holds its lock while it reads, and needs it to free
+            # its objects: were the thread that does the requests to collect them meanwhile, both would wait for each
+            # other for ever (h5py issue 2019).
+            collects = gc.isenabled()
+            gc.disable()
             try:
-                with _without_collection():
-                    return request()
+                return request()
             except Exception as error:  # noqa: BLE001 - libraries raise what they like; a person gets one sentence
                 if wait_s is None or not may_pass(error):
                     # Without its cause, whose text may hold the URL with its signature.
                     raise failure_of(error, self._place) from None
+            finally:
+                if collects:
+                    gc.enable()
             time.sleep(wait_s)
         raise AssertionError("the last try returns or raises")
-
-
-@contextmanager
-def _without_collection() -> Iterator[None]:
-    """Keep cyclic garbage until the request is done.
-
-    h5py holds its lock while it reads, and needs it to free its objects: were the thread that does the requests to
-    collect them meanwhile, both would wait for each other for ever (h5py issue 2019).
-    """
-    enabled = gc.isenabled()
-    gc.disable()
-    try:
-        yield
-    finally:
-        if enabled:
-            gc.enable()
 
 
 def version_of(place: Place) -> Version:
     """Return the current version of a file, wherever it lies; raises ``StorageError`` if its server withholds it."""
     return Server(place).version if isinstance(place, RemoteFile) else local_version(place)
-
-
-def _filesystem(place: RemoteFile) -> Any:
-    try:
-        import aiohttp  # noqa: PLC0415 - an extra
-        import fsspec  # noqa: PLC0415 - an extra
-
-        if place.scheme == "s3":
-            config = {"connect_timeout": _CONNECT_S, "read_timeout": _SILENCE_S}
-            return fsspec.filesystem("s3", use_listings_cache=False, config_kwargs=config)
-        # Only silence is limited: a large chunk over a slow line takes as long as it takes.
-        timeout = aiohttp.ClientTimeout(total=None, sock_connect=_CONNECT_S, sock_read=_SILENCE_S)
-        return fsspec.filesystem(place.scheme, client_kwargs={"timeout": timeout})
-    except ImportError:
-        raise MisuseError(
-            f"Expected what reads {place.scheme}:// files; install it: pip install 'fedora-qa[remote]'"
-        ) from None

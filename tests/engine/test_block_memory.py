@@ -1,6 +1,7 @@
 """Pages of a block are used again when nobody looks at it any more, and never before."""
 
 import mmap
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -8,12 +9,14 @@ from hypothesis import given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from fedora_qa.engine.block_memory import BlockMemory, is_looked_at, lies_in_pages
+from fedora_qa.engine.block_memory import BlockMemory, Intervals, is_looked_at, lies_in_pages
 
 FLOAT32 = np.dtype(np.float32)
 SHAPE = (2, 256, 512, 1)
 SIZE = 4 * 2 * 256 * 512
 PAGE = mmap.PAGESIZE
+
+interval = st.tuples(st.integers(0, 20), st.integers(1, 10)).map(lambda at: (at[0], at[0] + at[1]))
 
 
 def test_arrays_are_what_was_asked_for() -> None:
@@ -114,3 +117,20 @@ def test_pages_are_told_from_other_memory() -> None:
     assert lies_in_pages(block)
     heap = np.empty(SHAPE, FLOAT32)
     assert not any(lies_in_pages(other) for other in (heap, heap[1:], heap.view(np.uint8).reshape(-1), block.copy()))
+
+
+@given(st.lists(st.tuples(st.booleans(), interval)), interval)
+def test_intervals_are_a_set(steps: list[tuple[bool, tuple[int, int]]], asked: tuple[int, int]) -> None:
+    """Whatever is added and removed, the numbers are those of a set, in order and in as few intervals as can be."""
+    intervals, numbers = Intervals(), set[int]()
+    for add, (start, stop) in steps:
+        if add:
+            intervals.add(start, stop)
+            numbers |= set(range(start, stop))
+        else:
+            intervals.remove(start, stop)
+            numbers -= set(range(start, stop))
+    pieces = list(intervals)
+    assert [number for start, stop in pieces for number in range(start, stop)] == sorted(numbers)
+    assert all(stop < start for (_, stop), (start, _) in pairwise(pieces))
+    assert intervals.overlap(*asked) == len(numbers & set(range(*asked)))

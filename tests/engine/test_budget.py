@@ -10,12 +10,12 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from fedora_qa.engine.budget import Pace, Reserve, batch
+from fedora_qa.engine.budgeted_work import visiting_order
 from fedora_qa.engine.executors import Executor, InProcess
 from fedora_qa.engine.files import check_files
 from fedora_qa.engine.options import CheckOptions, FileRun
 from fedora_qa.engine.plan import EFFORTS, FEWEST_WINDOWS
 from fedora_qa.engine.processes import ProcessExecutor
-from fedora_qa.engine.visiting import visiting_order
 from fedora_qa.sequence.facts import Facts
 from fedora_qa.sequence.window import Window
 from tests.support.fake_executors import Loses, Travels

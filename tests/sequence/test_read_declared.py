@@ -14,9 +14,8 @@ from hypothesis.extra import numpy as hnp
 from fedora_qa.causes import allowed
 from fedora_qa.layout.canonical import ATTRIBUTES, AttributeSpec
 from fedora_qa.layout.resolve import resolve
-from fedora_qa.sequence.attributes import MalformedError, read_attribute
 from fedora_qa.sequence.declared import Declared
-from fedora_qa.sequence.read_declared import read_declared
+from fedora_qa.sequence.read_declared import MalformedError, read_attribute, read_declared
 from tests.support.handmade import write_handmade
 
 

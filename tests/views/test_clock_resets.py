@@ -14,8 +14,8 @@ from fedora_qa.checks.index_maps.rgb import IndexMapsRgb
 from fedora_qa.diagnosis.clocks import hypotheses_of_reset
 from fedora_qa.diagnosis.hypotheses import hypotheses_of
 from fedora_qa.judgement.judge import judge
-from fedora_qa.sequence.event_steps import KEPT, longest_steps
 from fedora_qa.sequence.facts import EventScan, Facts
+from fedora_qa.sequence.scan import KEPT_STEPS, longest_steps
 from fedora_qa.views.clock_resets import clock_reset
 from tests.support.facts import MS, exact_facts, with_map
 
@@ -122,7 +122,7 @@ def test_steps_are_the_longest_however_blocks_are_cut(steps: list[int], at: int)
     for sign in (1, -1):
         lengths = np.sort(sign * np.diff(times_ns))[::-1]
         assert sorted((sign * one.length_ns for one in whole if sign * one.length_ns > 0), reverse=True) == [
-            length for length in lengths[:KEPT] if length > 0
+            length for length in lengths[:KEPT_STEPS] if length > 0
         ]
 
 

@@ -25,13 +25,13 @@ from fedora_generator.faults import plant_fault
 from fedora_generator.generate import Request, generate_sequence
 from fedora_generator.scene import load_scene
 from fedora_qa.cli.exit_codes import CLEAN
+from fedora_qa.engine.budgeted_work import visiting_order
 from fedora_qa.engine.effort import Effort
 from fedora_qa.engine.finish import finish_open
 from fedora_qa.engine.partial_pass import measure_open
 from fedora_qa.engine.prepare import prepare
 from fedora_qa.engine.run import CheckOptions, FileRun, check_file, quiet, select_checks
 from fedora_qa.engine.survey import opened, survey_file
-from fedora_qa.engine.visiting import visiting_order
 from fedora_qa.sequence.sequence import open_sequence
 from tests.benchmarks.full_size.measured_run import fedora_qa, run_measured
 from tests.benchmarks.trade.chart import chart
