@@ -13,7 +13,7 @@ from fedora_qa.diagnosis.hypothesis import Hypothesis
 from fedora_qa.diagnosis.support import support
 from fedora_qa.judgement.judge import Alarm
 from fedora_qa.sequence.facts import Facts
-from fedora_qa.views.inverse_trials import InverseTrial, Resolution, Transform
+from fedora_qa.views.conservation_trials import InverseTrial, Resolution, Transform
 
 _FEW: Final = 0.05
 """Fraction of the pixels that some lost or doubled events spoil at most."""

@@ -6,7 +6,7 @@ from fedora_qa.diagnosis.diagnose import diagnose
 from fedora_qa.engine.evidence import distributions_of, evidence_of_checks, evidence_of_pass
 from fedora_qa.engine.failures import lost_windows
 from fedora_qa.engine.options import FileRun
-from fedora_qa.engine.outcomes import crossing_streams, results_in_order, verdict_of
+from fedora_qa.engine.outcomes import results_in_order
 from fedora_qa.engine.partial_pass import STAGE, PartialPass, together
 from fedora_qa.engine.progress import Progress
 from fedora_qa.engine.stopwatch import Stopwatch
@@ -14,6 +14,7 @@ from fedora_qa.engine.stream import attempt, conclude, follow_up
 from fedora_qa.engine.survey import OpenSurvey, Survey
 from fedora_qa.evidence.titled_arrays import merged
 from fedora_qa.judgement.judge import judge
+from fedora_qa.judgement.verdict import crossing_streams, verdict_of
 from fedora_qa.record.types import Canary, FileRecord
 from fedora_qa.storage.place import RemoteFile
 

@@ -1,6 +1,6 @@
-"""From judgements to the file's results and verdict, with those of checks that measured nothing."""
+"""From judgements to the results of all checks, with those of checks that measured nothing."""
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any, Final
 
@@ -8,7 +8,7 @@ from fedora_qa.causes import stream_family
 from fedora_qa.checks.protocol import Check
 from fedora_qa.engine.stream import PassState
 from fedora_qa.judgement.judge import Judged
-from fedora_qa.record.types import Result, Verdict
+from fedora_qa.record.types import Result
 from fedora_qa.sequence.facts import Facts
 
 _COLLECTORS: Final[Mapping[str, str]] = {
@@ -47,11 +47,6 @@ def crashed_result(name: str, question: str, traceback: str) -> Result:
     return Result(name, "crashed", question, reason=reason, traceback=traceback)
 
 
-def crossing_streams(checks: Iterable[Check[Any]]) -> frozenset[str]:
-    """Return the names of the checks that compare streams with each other."""
-    return frozenset(check.name for check in checks if len(check.needs) > 1)
-
-
 def results_in_order(
     checks: tuple[Check[Any], ...], judged: tuple[Judged, ...], states: PassState, reasons: Mapping[str, str]
 ) -> tuple[Result, ...]:
@@ -75,17 +70,3 @@ def results_in_order(
         crashed_result(name, _COLLECTORS[name], states.crashes[name]) for name in _COLLECTORS if name in states.crashes
     ]
     return tuple(results)
-
-
-def verdict_of(results: tuple[Result, ...], crossing: frozenset[str]) -> Verdict:
-    """Return the verdict: incomplete where a check crashed or no streams could be compared."""
-    # Before findings: a crashed check might have given further ones.
-    if any(result.outcome == "crashed" for result in results):
-        return "incomplete"
-    if any(result.outcome == "failed" for result in results):
-        return "findings"
-    conclusive = {"passed", "warned"}
-    # Without a conclusive comparison of streams nothing was tested beyond each stream by itself.
-    if crossing and not any(result.outcome in conclusive and result.check in crossing for result in results):
-        return "incomplete"
-    return "clean"

@@ -1,4 +1,4 @@
-"""Faults of timestamps and index maps."""
+"""Faults of timestamps and index maps: clock offsets, rates, orders, rows off by one."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,7 +14,7 @@ _COARSE_TICKS = 1_000
 
 
 def shifted_ns(later_ns: float) -> Alteration:
-    """Return the alteration that makes timestamps later by a constant."""
+    """Return the alteration that makes timestamps later by a constant; the negative constant undoes it."""
     return values(lambda timestamps: timestamps + round(later_ns))
 
 

@@ -6,7 +6,6 @@ from dataclasses import dataclass, replace
 from datetime import date
 from typing import Final
 
-from fedora_qa.engine.outcomes import crossing_streams, verdict_of
 from fedora_qa.engine.run import select_checks
 from fedora_qa.gate.baseline import Baseline, accept_known
 from fedora_qa.gate.policy import Policy
@@ -14,6 +13,7 @@ from fedora_qa.gate.release import FOLDER, Release
 from fedora_qa.gate.release_result import ReleaseResult, with_release_results
 from fedora_qa.gate.severity_override import with_severity
 from fedora_qa.gate.waivers import waive, waivers_in_order
+from fedora_qa.judgement.verdict import crossing_streams, verdict_of
 from fedora_qa.record.types import FileRecord, Outcome, Record
 from fedora_qa.record.wording import SHORT_OF_COVERAGE
 

@@ -14,9 +14,9 @@ from fedora_qa.record.types import Coverage, Where
 from fedora_qa.sequence.declared import EventModel
 from fedora_qa.sequence.facts import Facts
 from fedora_qa.sequence.window import Window
+from fedora_qa.views.conservation_trials import InverseTrial, inverse_trials
 from fedora_qa.views.event_camera import sensor_shape, why_frames_and_events_do_not_meet
 from fedora_qa.views.frame_runs import FrameRuns, FrameRunSummary
-from fedora_qa.views.inverse_trials import InverseTrial, inverse_trials
 
 Bool = NDArray[np.bool_]
 

@@ -117,8 +117,8 @@ class EventResponseTiming(WindowCheck[TimingSummary]):
     Standard errors are the largest of the formal one and those by leaving out cells, windows, tiles, and rows and
     columns of tiles (delete-one jackknife): errors of frames are shared by neighbouring readings, and along a straight
     edge. Where few groups scatter by more than their cells explain, theirs counts, widened as Student's distribution
-    says (``few_groups``); so is the error of a region of few windows, and that of a delay of which few cells tell most.
-    How far windows scatter is told by all of them together. Expected is half a tick of the stamps (a stamp is
+    says (``group_scatter``); so is the error of a region of few windows, and that of a delay that few cells determine.
+    How far windows scatter is estimated from all of them together. Expected is half a tick of the stamps (a stamp is
     the first tick not before the crossing) and the delay of a declared low-pass. Allowances: what four frames in place
     of six change, and 0.7 of what the even reconstruction of footprints changes (derivation beside ``LEFT_BY_SHARP``);
     for bracketed samples those of the thresholds. A sensor of the linear model jumps at its events: its bracketed

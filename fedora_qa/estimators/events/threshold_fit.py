@@ -11,7 +11,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from fedora_qa.estimators.fitting.few_groups import shared_errors
+from fedora_qa.estimators.fitting.group_scatter import shared_errors
 from fedora_qa.estimators.fitting.robust import jackknife_errors
 
 Float64 = NDArray[np.float64]

@@ -7,7 +7,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from fedora_qa.estimators.fitting.few_groups import student_factor
+from fedora_qa.estimators.fitting.group_scatter import student_factor
 from fedora_qa.estimators.fitting.quantile_kernels import median_of
 from fedora_qa.estimators.fitting.tails import chi_squared_beyond
 from fedora_qa.estimators.flow.motion_fit import Evidence

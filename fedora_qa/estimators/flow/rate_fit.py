@@ -7,7 +7,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from fedora_qa.estimators.fitting.few_groups import student_factor
+from fedora_qa.estimators.fitting.group_scatter import student_factor
 from fedora_qa.estimators.flow.field_fit import (
     CENTRE,
     FOCAL,

@@ -4,8 +4,8 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
+from fedora_qa.views.conservation_trials import most_resolved
 from fedora_qa.views.event_camera import GRID
-from fedora_qa.views.inverse_trials import most_resolved
 
 
 @given(st.integers(0, 2**32 - 1))

@@ -1,0 +1,46 @@
+"""The verdict of a file follows from the outcomes of its checks."""
+
+from typing import get_args
+
+import pytest
+
+from fedora_qa.checks import CHECKS
+from fedora_qa.judgement.verdict import crossing_streams, verdict_of
+from fedora_qa.record.types import Outcome, Result, Verdict
+
+CROSSING = frozenset({"a.crossing"})
+
+
+def results(**outcomes: Outcome) -> tuple[Result, ...]:
+    return tuple(Result(f"a.{name}", outcome, "") for name, outcome in outcomes.items())
+
+
+@pytest.mark.parametrize(
+    ("outcomes", "expected"),
+    [
+        ({"crossing": "passed", "own": "passed"}, "clean"),
+        ({"crossing": "warned", "own": "not_applicable"}, "clean"),
+        ({"crossing": "passed", "own": "failed"}, "findings"),
+        ({"crossing": "failed", "own": "crashed"}, "incomplete"),
+        ({"crossing": "not_observable", "own": "passed"}, "incomplete"),
+        ({"crossing": "not_applicable", "own": "passed"}, "incomplete"),
+        ({"crossing": "not_observable", "own": "failed"}, "findings"),
+    ],
+)
+def test_verdict(outcomes: dict[str, Outcome], expected: Verdict) -> None:
+    """A crash takes precedence over findings; without a conclusive comparison of streams a file is not clean."""
+    assert verdict_of(results(**outcomes), CROSSING) == expected
+
+
+@pytest.mark.parametrize("outcome", get_args(Outcome))
+def test_no_check_across_streams_was_selected(outcome: Outcome) -> None:
+    """Where nothing selected compares streams, no comparison is demanded."""
+    expected = {"crashed": "incomplete", "failed": "findings"}.get(outcome, "clean")
+    assert verdict_of(results(own=outcome), frozenset()) == expected
+
+
+def test_crossing_streams() -> None:
+    """Flow against frames compares two streams, the orientation of poses none."""
+    crossing = crossing_streams(CHECKS)
+    assert "flow_photometric.residual" in crossing
+    assert "pose.orientation" not in crossing
