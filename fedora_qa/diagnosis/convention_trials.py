@@ -44,5 +44,5 @@ def most_probable(hypotheses: Sequence[Hypothesis]) -> tuple[Hypothesis, ...]:
 
 
 def weakened(hypotheses: Iterable[Hypothesis], factor: float) -> list[Hypothesis]:
-    """Return the hypotheses with their support multiplied by a factor below 1."""
+    """Return the hypotheses with their support multiplied by a factor of 1 at most."""
     return [replace(hypothesis, support=factor * hypothesis.support) for hypothesis in hypotheses]

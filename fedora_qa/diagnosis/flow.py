@@ -98,8 +98,10 @@ def convention_hypotheses(
         magnitude = max(zip(supports, group, strict=True), key=lambda pair: pair[0])[1].magnitude
         if magnitude is not None and cause in _UNSIGNED:
             magnitude = abs(magnitude)
-        unit = "" if magnitude is None else CAUSES[cause].unit
-        hypotheses.append(Hypothesis(cause, flow if stream == "flow" else stream, mean_support, magnitude, unit))
+        # A transform without a row raises ``KeyError`` here, unless it is named as a cause.
+        unit = CAUSES[cause].unit
+        blamed = flow if stream == "flow" else stream
+        hypotheses.append(Hypothesis(cause, blamed, mean_support, magnitude, "" if magnitude is None else unit))
     return hypotheses
 
 

@@ -1,4 +1,4 @@
-"""One file on its way to its record within a budget of time."""
+"""One file on its way to its record within a budget of time: which windows are visited, in which order and density."""
 
 import time
 from collections import deque
@@ -251,8 +251,8 @@ class BudgetedWork(FileWork):
             return False
         if densities.changed(partial(self._fits, left_s)):
             return self._next_step(densities)
-        # As many windows as fit beside the reserve that they will need, for judgement after one window more. The load
-        # that slowed the slowest window may slow judgement as well.
+        # Time is kept back for judging one window more than are under way; the load that slowed the slowest window may
+        # slow judgement as well. As many windows are measured as fit into the rest.
         left_s -= now.pace.unevenness * self._reserve.seconds(soon + 1)
         count = batch(left_s, now.pace, len(now.pending), self._workers)
         if count:

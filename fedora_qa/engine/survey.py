@@ -154,8 +154,10 @@ def unreadable_record(path: Place, digest: Digest, checks: Iterable[Check[Any]],
 
     Parameters
     ----------
-    path, digest
+    path
         The file.
+    digest
+        Of its bytes.
     checks
         All that were selected; those other than ``integrity.readable`` are not applicable.
     reason

@@ -55,6 +55,7 @@ def place_of(where: Where, check: str, scanned: Scan) -> FindingPlace:
     with most events. Faults of the layout show at the end, where rows are missing.
     """
     first, last = shared_time_ns(scanned)
+    # Stream, first row, and the row after the last.
     rows: tuple[str, int, int] | None = None
     if where.stream is not None and where.index_start is not None:
         stop_row = where.index_start if where.index_stop is None else where.index_stop

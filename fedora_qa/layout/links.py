@@ -116,7 +116,7 @@ def _follow(
 ) -> h5py.Group | h5py.Dataset | h5py.Datatype | None:
     root = h5g.open(file.id, b"/")
     parts = [part for part in path.split("/") if part not in {"", "."}]
-    # HDF5 follows a path of hard links by itself, in one call: most paths are such, and opening a file takes a hundred.
+    # HDF5 follows a path of hard links by itself, in one call: most paths are such, and a file has about a hundred.
     target: _objects.ObjectID | None = None
     with suppress(*READ_ERRORS):  # ``_step_by_step`` finds what is wrong, and where
         way = b""

@@ -199,15 +199,15 @@ class _Finder:
         if group in self._looked_into:
             return
         self._looked_into.add(group)
-        names, garbled = 0, list[str]()
+        looked_at, garbled = 0, list[str]()
 
         def look(name: bytes) -> bool | None:
-            nonlocal names
-            names += 1
+            nonlocal looked_at
+            looked_at += 1
             # Bytes that are not UTF-8 decode to lone surrogates, which are not printable.
             if not name.decode("utf-8", "surrogateescape").isprintable():
                 garbled.append(ascii(name)[2:-1])
-            return True if garbled or names == MOST_NAMES else None
+            return True if garbled or looked_at == MOST_NAMES else None
 
         try:
             stored = find_object(self.file, group, self.elsewhere)

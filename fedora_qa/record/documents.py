@@ -85,6 +85,8 @@ class DocumentKind(Generic[T]):
             ) from None
         key = f"{self.name}_version"
         version = document.get(key) if isinstance(document, dict) else None
+        # A record of many files fills gigabytes as objects, and the validation below builds them a second time.
+        del document
         # Before the fields: of another version, some field that does not fit would be reported instead.
         if version != self.version:
             raise MisuseError(f"Expected {self.noun} with {key} {self.version!r}, got {version!r}; {self.again}")

@@ -69,6 +69,8 @@ def table_of(record: Record, name: str) -> Table:
                 rows += [
                     (path, group, key, v) for group, values in file.statistics.items() for key, v in values.items()
                 ]
+            case _:
+                raise AssertionError(f"columns without rows: {name}")
     return Table(name, columns, tuple(rows))
 
 

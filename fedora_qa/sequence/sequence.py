@@ -104,9 +104,8 @@ class Sequence:
         self.declared: Declared = (
             opening_facts.declared if opening_facts else read_declared(file, self.layout, elsewhere)
         )
-        if opening_facts:
-            self.origin_ns: int = opening_facts.origin_ns
-        else:
+        self.origin_ns: int = opening_facts.origin_ns if opening_facts else 0
+        if not opening_facts:
             # The earliest first timestamp, so that times of correct streams are not negative.
             firsts_ns: list[int] = []
             for key in (TIMESTAMPS_OF[stream] for stream in self.layout.streams if stream in TIMESTAMPS_OF):

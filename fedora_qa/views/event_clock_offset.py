@@ -322,7 +322,8 @@ def search_window(window: Window, start_s: float | None, searched: Sequence[Offs
         return _trial(window, trials[0])
     by_ladder = search_offset(window)
     starts_s = [start for start in (start_s, None if by_ladder is None else by_ladder.offset_s) if start is not None]
-    # Gauss and Newton's way from each start: the offset of the fit is undone too, until the next fit leaves none.
+    # Gauss-Newton from each start: the fitted offset is undone too, ROUNDS times. It has converged if the last fit
+    # leaves none.
     converged: list[tuple[OffsetTrial, float]] = []
     for offset_s in starts_s:
         estimate_s = offset_s

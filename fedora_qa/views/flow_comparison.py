@@ -229,7 +229,7 @@ def templates_of(
     track, interval
         Poses with the depth camera, and the interval of the field.
     motion
-        Of points in the camera frame over the interval, as declared.
+        Of points in the camera frame over the interval, as declared, or as fitted outside a region.
     sample
         n pixels of the field.
     correction

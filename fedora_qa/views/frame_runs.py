@@ -31,6 +31,7 @@ PHASE_RANGE: Final = 1.2
 pixels leave the thresholds around it: of a range of r thresholds, 2 - r may be left before it is passed. First runs of
 the linear model end with an event; there a range of one threshold has to do, and shows less."""
 FEWEST_FOR_PHASE: Final = 30
+"""Pixels that use enough of their range; of fewer the share beyond says nothing of the declared phase."""
 MOST_BEYOND_PHASE: Final = 0.1
 
 MISMATCH_SIGMAS: Final = 5.0
@@ -344,8 +345,8 @@ def violations(run: FrameRun, rule: int, declared: EventModel, phase_declared: b
             runs, enough = run.bounds[rule], 1.0
             departure, excess = runs.departure(declared.threshold_on, declared.threshold_off), runs.excess()
         beyond: Bool = departure > mismatch
-        # Pixels that use enough of their range would leave the thresholds if the phase were at random: where many of
-        # them do, the file contradicts the declared phase.
+        # Pixels that use enough of their range would leave the thresholds if the phase were at random. Where many of
+        # them do, the file contradicts the declared phase; where there are few, they cannot show it.
         informative = excess > enough * max(declared.threshold_on, declared.threshold_off) + mismatch
         start_in_law = not (
             np.count_nonzero(informative) < FEWEST_FOR_PHASE or beyond[informative].mean() > MOST_BEYOND_PHASE

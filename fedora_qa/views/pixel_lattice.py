@@ -12,7 +12,6 @@ from fedora_qa.views.flow_intervals import Interval
 from fedora_qa.views.static_depth import static_depth_m
 
 Float64 = NDArray[np.float64]
-Mask = NDArray[np.bool_]
 Region = tuple[int, int, int, int]
 """Left, top, right, bottom of a part of the image, in pixels; half-open."""
 

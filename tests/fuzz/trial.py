@@ -20,7 +20,7 @@ from fedora_qa.engine.run import check_file, select_checks
 from fedora_qa.engine.survey import opened, survey_file
 from fedora_qa.errors import FedoraError, MisuseError
 from fedora_qa.layout.canonical import DATASETS
-from fedora_qa.sequence.sequence import Known, open_sequence
+from fedora_qa.sequence.sequence import OpeningFacts, open_sequence
 from tests.fuzz.mutants import mutate
 
 ALWAYS: Final = ("integrity", "metadata.complete", "clocks.order")
@@ -65,7 +65,7 @@ def offender(out: Path, seed: int) -> Path:
     return out / f"offender-{seed}.h5"
 
 
-def digests(path: Path, known: Known | None = None) -> Digests:
+def digests(path: Path, known: OpeningFacts | None = None) -> Digests:
     """Return a digest of every stream's values in canonical units; raises where something cannot be read."""
     with open_sequence(path, opening_facts=known) as sequence:
         return {
@@ -114,7 +114,7 @@ def _judged(run: FileRun, unseen: Callable[[], list[str]]) -> tuple[str, str]:
     return ("wrongly clean", ", ".join(missed)) if missed else (run.record.verdict, "")
 
 
-def _unseen(path: Path, known: Known, true: Digests, guarded: frozenset[str]) -> list[str]:
+def _unseen(path: Path, known: OpeningFacts, true: Digests, guarded: frozenset[str]) -> list[str]:
     """Return the streams that are gone although nothing was found, and those of ``guarded`` with other values."""
     try:
         found = digests(path, known)

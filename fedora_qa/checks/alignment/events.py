@@ -18,6 +18,7 @@ from fedora_qa.estimators.events.shift import (
     slope_sums,
 )
 from fedora_qa.estimators.events.shift_kernels import change_and_events
+from fedora_qa.estimators.fitting.robust import jackknife_errors
 from fedora_qa.estimators.images.registration import PEAK_RADIUS_PX, registered_shift
 from fedora_qa.record.types import Coverage, Where
 from fedora_qa.sequence.facts import Facts
@@ -187,8 +188,7 @@ class AlignmentEvents(WindowCheck[IntervalCorrelations]):
             if strength < LEAST_CORRELATION or shift is None or events == 0:
                 why = f"events and frames correlate by no more than {strength:.2g} within {REACH_PX} px"
                 return Observation(coverage, unobservable=why)
-            # Delete-one jackknife over groups of intervals: n - 1 times the variance of the n leave-one-out values
-            # (Efron and Stein 1981).
+            # Delete-one jackknife over groups of intervals.
             groups = np.array_split(np.arange(len(auto)), min(len(auto), _MOST_GROUPS))
             partial = [
                 registered_shift(all_auto - auto[g].sum(axis=0), all_cross - cross[g].sum(axis=0)) for g in groups
@@ -197,7 +197,7 @@ class AlignmentEvents(WindowCheck[IntervalCorrelations]):
             # A peak that vanishes without one group rests on that group alone.
             if len(fitted_px) < len(partial):
                 return Observation(coverage, unobservable="the peak depends on single stretches of time")
-            spread_px = np.sqrt((len(fitted_px) - 1) * np.var(fitted_px, axis=0))
+            spread_px = jackknife_errors(fitted_px)
         else:
             shift, spread_px = far.shift, far.errors_px
         # Size of a step, C, from the data: absolute change of the pixels that fire over their events (class docstring).

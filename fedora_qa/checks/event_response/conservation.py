@@ -158,8 +158,9 @@ class EventResponseConservation(Check[ConservationState]):
         side = min(TILE_PX, *pixels.shape)
         step = max(side // 2, 1)
         fractions = _square_counts(pixels, side)[::step, ::step] / side**2
-        worst = tuple(int(i) for i in np.unravel_index(int(np.argmax(fractions)), fractions.shape))
-        tile_fraction, row, column = float(fractions[worst]), worst[0] * step, worst[1] * step
+        tile_row, tile_column = (int(i) for i in np.unravel_index(int(np.argmax(fractions)), fractions.shape))
+        tile_fraction = float(fractions[tile_row, tile_column])
+        row, column = tile_row * step, tile_column * step
 
         # How close together the violating pixels lie: around the worst tile, and in one square of twice their number.
         count, everywhere = int(np.count_nonzero(pixels)), float(pixels.mean())

@@ -19,6 +19,7 @@ from fedora_qa.estimators.events.orientation import (
     other_correlations,
     transformation,
 )
+from fedora_qa.estimators.fitting.robust import jackknife_errors
 from fedora_qa.features import Feature
 from fedora_qa.record.types import Coverage, Where
 from fedora_qa.sequence.facts import Facts
@@ -202,12 +203,10 @@ def _whole(sums: Float64, predicted: float) -> tuple[Statistic, Statistic]:
     # Blocks of one moving texture are not independent: three times the error of independent blocks, 1 / sqrt(n).
     floor = 3 / float(np.sqrt(max(sums[:, 0, 0].sum(), 1.0)))
     errors = floor, floor
-    n = len(sums)
-    if n >= FEWEST_WINDOWS:
+    if len(sums) >= FEWEST_WINDOWS:
         left_out = [ChangeMoments(sums.sum(axis=0) - window).correlations() for window in sums]
         values = np.array([(each[0], other_correlations(each)[orientation] - each[0]) for each in left_out])
-        # Efron and Stein 1981: the variance of n leave-one-out values times n - 1.
-        spread = np.sqrt((n - 1) * values.var(axis=0))
+        spread = jackknife_errors(values)
         # With enough windows the jackknife counts, but never less than the error of independent blocks.
         errors = max(float(spread[0]), floor / 3), max(float(spread[1]), floor / 3)
     agreement = Statistic(

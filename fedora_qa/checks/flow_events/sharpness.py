@@ -355,6 +355,7 @@ class FlowEventsSharpness(WindowCheck[tuple[FieldSharpness, ...]]):
 
 
 def _measure_field(window: Window, interval: Interval, events: Events) -> FieldSharpness | None:
+    """Return how sharp the events about one field are under it and its transforms; None of too few events."""
     try:
         stored_px = window.flow_px(interval.stream, interval.row)
     except UnreadableRowsError:
@@ -381,9 +382,10 @@ def _measure_field(window: Window, interval: Interval, events: Events) -> FieldS
     sampled_px = sensor_flow.flow_px[::stride, ::stride].astype(np.float64)
     speed_px = np.hypot(sampled_px[..., 0], sampled_px[..., 1])
     finite = speed_px[np.isfinite(speed_px)]
-    way_px = _RMS_OF_TIME * float(np.sqrt(np.mean(np.square(finite)))) if len(finite) else 0.0
-    intervals = np.sqrt(focal_px / np.sqrt(288.0)) / max(way_px, 1e-9)
-    length_ns = int(np.clip(intervals * interval.length_ns, SHORTEST_NS, max(interval.length_ns, SHORTEST_NS)))
+    expected_way_px = _RMS_OF_TIME * float(np.sqrt(np.mean(np.square(finite)))) if len(finite) else 0.0
+    share_of_interval = np.sqrt(focal_px / np.sqrt(288.0)) / max(expected_way_px, 1e-9)
+    longest_ns = max(interval.length_ns, SHORTEST_NS)
+    length_ns = int(np.clip(share_of_interval * interval.length_ns, SHORTEST_NS, longest_ns))
     nearby = _around(events, interval, length_ns // 2)
     if nearby.stop - nearby.start < FEWEST_EVENTS:
         return None

@@ -30,8 +30,6 @@ from fedora_qa.views.flow_intervals import (
 )
 from fedora_qa.views.static_depth import static_depth_m
 
-Mask = NDArray[np.bool_]
-
 _SIGMAS: Final = 8.0
 """Points nearer to the camera's plane than so many sigma of declared pose noise count as neither before nor behind."""
 

@@ -33,8 +33,6 @@ from fedora_qa.views.event_camera import (
 from fedora_qa.views.event_tick import local_tick_ns
 from fedora_qa.views.level_samples import FEWEST_PAIRS, LINEAR_LEAST_TICKS, hot_pixels, least_dn
 
-Float64 = NDArray[np.float64]
-
 ENOUGH_PAIRS: Final = 1500
 """Where a window has more, those of the shortest gaps are taken."""
 

@@ -154,18 +154,20 @@ class ImagesExposure(WindowCheck[WindowExposure]):
         coverage = Coverage(len(gains), max(facts.sizes.get("path/rgb", 0) - 1, 0), "frame intervals")
         if frames and len(blank) == frames:
             return Observation(coverage, unobservable="every frame is of one value throughout")
-        measurements = [
-            count_of_faults(
-                "blank_frames",
-                len(blank),
-                "frames",
-                statement=f"{len(blank)} frames are of one value throughout, the first of them frame {blank[0]}.",
-                code="images.exposure.blank",
-                where=_where(blank[0], blank[-1] + 1, facts),
-            )
-            if blank
-            else no_faults("blank_frames", "frames", "images.exposure.blank")
-        ]
+        measurements = [no_faults("blank_frames", "frames", "images.exposure.blank")]
+        if blank:
+            statement = f"{len(blank)} frames are of one value throughout, the first of them frame {blank[0]}."
+            where = _where(blank[0], blank[-1] + 1, facts)
+            measurements = [
+                count_of_faults(
+                    "blank_frames",
+                    len(blank),
+                    "frames",
+                    statement=statement,
+                    code="images.exposure.blank",
+                    where=where,
+                )
+            ]
         if len(gains) >= FEWEST_PAIRS:
             jumps = departures(np.array([gain.log_gain for gain in gains]))
             scatter = MAD_TO_SIGMA * float(np.median(np.abs(jumps)))

@@ -73,6 +73,7 @@ class MetadataProfile(FactsCheck):
             )
             for stream in _STREAMS
         ]
+        # Sizes and fields of view of the cameras.
         for name, camera in facts.declared.cameras.items():
             width, height = _SIZES[name]
             statistics.append(_number(f"{name}.width", camera.width, "px", width))
@@ -86,6 +87,7 @@ class MetadataProfile(FactsCheck):
                     _number(f"{name}.field_of_view", field_deg, "deg", HORIZONTAL_FIELD_OF_VIEW_DEG, rounding_deg)
                 )
 
+        # Rates of the streams.
         for stream, rate_hz in _RATES_HZ.items():
             clock = facts.clocks.get(stream)
             if clock is None or np.count_nonzero(clock.advancing) < 2:
@@ -96,6 +98,7 @@ class MetadataProfile(FactsCheck):
             # Both timestamps of a step are rounded to a microsecond: 1 us in the worst case.
             statistics.append(_number(f"{stream}.period", period_us, "us", expected_us, 1.0))
 
+        # Range of depth.
         if facts.declared.depth_range_m is not None:
             for side, value, expected in zip(
                 ("nearest", "farthest"), facts.declared.depth_range_m, _DEPTH_RANGE_M, strict=True
@@ -103,6 +106,7 @@ class MetadataProfile(FactsCheck):
                 # The declared range may have been float32: 6e-8 relative, with a margin.
                 statistics.append(_number(f"depth.{side}", value, "m", expected, 1e-6 * expected))
 
+        # Model, thresholds and packets of the event sensor.
         model = facts.declared.events
         if model is not None:
             # The paper states a least interval: longer packets keep it.

@@ -15,7 +15,6 @@ from numba import njit
 from numpy.typing import NDArray
 from scipy.special import ndtri_exp
 
-Float64 = NDArray[np.float64]
 Int64 = NDArray[np.int64]
 
 _BINS: Final = 16

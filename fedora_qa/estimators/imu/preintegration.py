@@ -29,7 +29,6 @@ from fedora_qa.geometry.motion import WIDEST_GAP_STEPS
 
 Float64 = NDArray[np.float64]
 
-FEWEST_IMU_SAMPLES: Final = 8
 _ROUNDING_RAD: Final = 1e-15
 """A few units in the last place of quaternions near 1."""
 

@@ -179,9 +179,8 @@ def summarise(
     times_s = np.concatenate([rows.times_s for rows in segments])
     lengths = np.linalg.norm(np.concatenate(residuals), axis=1)
     count = min(len(lengths), _COURSE_POINTS)
-    numbers = np.arange(count)
-    starts = numbers * (len(lengths) // count) + np.minimum(numbers, len(lengths) % count)
-    numbers = np.arange(len(lengths))
+    runs, numbers = np.arange(count), np.arange(len(lengths))
+    starts = runs * (len(lengths) // count) + np.minimum(runs, len(lengths) % count)
     is_longest = lengths == np.repeat(np.maximum.reduceat(lengths, starts), np.diff(starts, append=len(lengths)))
     longest = np.minimum.reduceat(np.where(is_longest, numbers, len(numbers)), starts)
     return InertialFit(
