@@ -15,7 +15,9 @@ STUDIES: Final = sorted(path for name in ("benchmarks", "fuzz") for path in (ROO
 def names_of(module: str) -> set[str]:
     """Return the names that a module defines, by reading it: some need what only their study installs."""
     spec = find_spec(module)
-    assert spec is not None and spec.origin is not None, f"there is no module {module}"
+    assert spec, f"there is no module {module}"
+    if not spec.origin:  # a folder without ``__init__.py``
+        return set()
     names: set[str] = set()
     for node in ast.walk(ast.parse(Path(spec.origin).read_text(encoding="utf-8"))):
         if isinstance(node, ast.FunctionDef | ast.ClassDef):
