@@ -20,9 +20,9 @@ from fedora_qa.engine.budget_steps import (
     rehearse,
 )
 from fedora_qa.engine.effort import Effort
-from fedora_qa.engine.executors import Result, Task
+from fedora_qa.engine.executors import DIED_TWICE, Result, Task
 from fedora_qa.engine.file_task import Surveyed
-from fedora_qa.engine.file_work import DIED_TWICE, FileWork, WorkStep
+from fedora_qa.engine.file_work import FileWork, WorkStep
 from fedora_qa.engine.options import CheckOptions, FileRun
 from fedora_qa.engine.partial_pass import PartialPass
 from fedora_qa.engine.plan import FEWEST_WINDOWS, Plan, sampling_of

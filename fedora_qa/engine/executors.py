@@ -4,7 +4,7 @@ from collections.abc import Callable
 from concurrent.futures import Future
 from pathlib import Path
 from types import TracebackType
-from typing import Protocol, Self, TypeVar
+from typing import Final, Protocol, Self, TypeVar
 
 from fedora_qa.engine.progress import Progress
 
@@ -12,6 +12,10 @@ Result = TypeVar("Result")
 
 Task = Callable[[Progress], Result]
 """One step of one file with all that it needs: another process can do it, and it can be done again."""
+
+DIED_TWICE: Final = "died twice over it (out of memory, a library crashed, or it did not end)"
+ENDLESS: Final = "did not come to an end, and was ended"
+"""How the processes that did a task ended, as a record states it."""
 
 
 class Executor(Protocol):

@@ -5,7 +5,7 @@ from typing import Any, Final
 
 from fedora_qa.checks.protocol import Check
 from fedora_qa.engine.digest import file_digest
-from fedora_qa.engine.file_work import DIED_TWICE
+from fedora_qa.engine.executors import DIED_TWICE
 from fedora_qa.engine.options import FileRun
 from fedora_qa.record.types import Coverage, FileRecord, Result
 from fedora_qa.sequence.facts import Facts

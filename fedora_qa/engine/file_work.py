@@ -7,7 +7,7 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
-from fedora_qa.engine.executors import Task
+from fedora_qa.engine.executors import DIED_TWICE, ENDLESS, Task
 from fedora_qa.engine.file_task import FileTask, Sealed, Surveyed
 from fedora_qa.engine.options import CheckOptions, FileRun
 from fedora_qa.engine.progress import MEASURING, Progress
@@ -15,10 +15,6 @@ from fedora_qa.engine.work_queue import WorkQueue
 from fedora_qa.storage.place import Place
 
 _OPENED: Final = "being opened"
-
-DIED_TWICE: Final = "died twice over it (out of memory, a library crashed, or it did not end)"
-ENDLESS: Final = "did not come to an end, and was ended"
-"""What became of the processes that a file was given to."""
 
 if TYPE_CHECKING:  # the process that deals out the work loads no checks
     from fedora_qa.checks.protocol import Check
