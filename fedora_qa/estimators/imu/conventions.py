@@ -1,8 +1,8 @@
 """Find the convention of axes, units, quaternions and gravity under which IMU and poses agree.
 
-The search runs only where both disagree by more than small faults explain: on a correct file every candidate that fits
-would be a false explanation. Several candidates fit alike: the order w, x, y, z fits about as well as an inverse with
-turned axes. Therefore the simplest candidate whose residual is close to the least one is returned.
+The search runs only where both disagree by more than small faults explain, because some candidate always fits. Several
+candidates fit alike: the order w, x, y, z fits about as well as an inverse with turned axes. Therefore the simplest
+candidate whose residual is close to the least one is returned.
 """
 
 from dataclasses import dataclass, replace

@@ -468,8 +468,10 @@ def _stencils(times_ns: Int64, size: int) -> Indices:
 
 
 def _patterns(times_ns: Int64, stencils: Indices) -> tuple[Int64, Indices]:
-    """Return the distinct patterns of offsets (p, m), whole microseconds, and the index (n,) of each stencil's
-    pattern."""
+    """Return the distinct patterns of offsets (p, m), whole microseconds, and the index of the pattern (n,).
+
+    ``stencils`` are (n, m) indices of samples.
+    """
     offsets_us = _offsets_us(times_ns[stencils])
     if len(offsets_us) and np.array_equal(offsets_us.min(axis=0), offsets_us.max(axis=0)):
         return offsets_us[:1], np.zeros(len(stencils), dtype=np.intp)
