@@ -72,10 +72,11 @@ def edges(inverse_depth_per_m: Float32, focal_px: float | None = None) -> NDArra
 
 
 def flow_conflicts(flow_px: Float32) -> tuple[NDArray[np.uint8], NDArray[np.uint8]]:
-    """Return where a flow (H, W, 2) itself shows edges, 1 there, else 0: maps (H, W) of the first and second frame.
+    """Return where a flow (H, W, 2), px, itself has edges, as maps of the first and the second frame.
 
-    First frame: within 4 px of a break of the flow, of a missing value or of the border. Second frame: within 4 px of a
-    pixel to which points of different flow lead, one of which must be occluded.
+    Both maps are (H, W), 1 at edges, else 0. In the first frame these are pixels within 4 px of a break of the flow, of
+    a missing value or of the border. In the second frame these are pixels within 4 px of one to which points of
+    different flow lead: one of the points must be occluded.
     """
     u, v = (np.ascontiguousarray(flow_px[..., i]) for i in range(2))
     is_valid = np.logical_and(np.isfinite(u), np.isfinite(v))

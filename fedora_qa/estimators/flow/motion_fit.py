@@ -183,8 +183,10 @@ def _trimmed_squares(fit: MotionFit) -> float:
 
 
 def _linearised(K: Float64, motion: RigidMotion, sample: FlowSample) -> tuple[Float64, Float64]:
-    """Return the residual (n, 2), px, and its Jacobian by twist (n, 2, 6); zero where a point lies behind the
-    camera."""
+    """Return the residual (n, 2), px, and its Jacobian by the twist (n, 2, 6).
+
+    Both are zero where a point lies behind the camera.
+    """
     points1_m = np.stack(moved_points(K, motion, sample.columns, sample.rows, sample.depths_m), axis=-1)
     residual = sample.flow_px - rigid_flow(K, motion, sample.columns, sample.rows, sample.depths_m)
     in_front = np.logical_and(*np.isfinite(residual).T)

@@ -1,4 +1,4 @@
-"""From the fits of all fields of one rate to the rate's mean residual flow, its gain, and its geometric templates."""
+"""From the fits of all fields of one rate to its mean residual flow, its gain, and its geometric templates."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -163,8 +163,10 @@ def fit_rate(evidences: Sequence[Evidence], scales: Sequence[float]) -> RateFit:
 
 
 def gain_on_true_flow(total: Evidence) -> tuple[float, float, float]:
-    """Return the gain on the true flow, its error (formal and by linearisation), and the share of squares it
-    explains."""
+    """Return a gain on the true flow, its standard error, and the share of the squares that it explains.
+
+    The error is the formal one and that of the linearisation.
+    """
     gain, explained_share = total.explained_by(GAIN)
     formal_error = max(float(total.matrix[GAIN, GAIN][0, 0]), 1e-300) ** -0.5
     gain_on_true, slope = gain_of_true(float(gain[0]))
@@ -173,7 +175,10 @@ def gain_on_true_flow(total: Evidence) -> tuple[float, float, float]:
 
 
 def have_common_gain(evidences: Sequence[Evidence]) -> bool:
-    """Return whether most fields have a common gain, so that single frames are not its cause; False for one field."""
+    """Return whether most fields have a common gain, so that single frames are not its cause.
+
+    For fewer than two fields the result is False.
+    """
     # Least squares of one template: vector over matrix, the share g of the stored flow.
     gains = np.array([field.vector[GAIN][0] / max(field.matrix[GAIN, GAIN][0, 0], 1e-300) for field in evidences])
     if len(gains) < 2:
@@ -185,10 +190,10 @@ def have_common_gain(evidences: Sequence[Evidence]) -> bool:
 
 
 def own_mean_share(evidences: Sequence[Evidence]) -> float:
-    """Return the share of what the fields' templates explain that only a mean of each field explains, 0 to 1.
+    """Return the share, 0 to 1, of the squares explained by the flow's templates that needs a mean of each field.
 
-    What fields have in common is left out: one fault of all fields explains it, whichever explains most. Independent
-    noise of the poses leaves each field a mean of its own.
+    The part that fields have in common is left out: one fault of all fields explains it, namely the fault that explains
+    most. Independent noise of the poses gives each field a mean of its own.
     """
     if not evidences:
         return 0.0
