@@ -22,8 +22,11 @@ class RigidMotion:
     R
         (3, 3) rotation from the first to the second camera frame (Z forward, X right, Y down).
     t_m
-        (3,) position of the first camera in the second camera frame, m. Both together are ``T_world_camera(t1)^-1
-        T_world_camera(t0)``.
+        (3,) position of the first camera in the second camera frame, m.
+
+    Notes
+    -----
+    Both together are ``T_world_camera(t1)^-1 T_world_camera(t0)``.
     """
 
     R: Float64
@@ -36,6 +39,11 @@ class RigidMotion:
         ----------
         twist
             (6,) of the small motion in the second camera frame: rotation vector, rad, then translation, m.
+
+        Returns
+        -------
+        RigidMotion
+            Of points, from the first camera frame to the corrected second one.
         """
         # X1' = dR (R X0 + t) + dt.
         dR = so3.exp(twist[:3])

@@ -354,8 +354,7 @@ def _keep_agreeing(
 
 @njit(cache=True)
 def _widen(part: Int64, columns: Float64, rows: Float64, counts: Mask) -> None:
-    """Widen a part (left, top, right, bottom) so that it contains the pixels nearest to the positions (w,) that
-    count."""
+    """Widen a part (left, top, right, bottom) so that it contains the pixels nearest to positions (w,) that count."""
     left, top, right, bottom = np.int32(part[0]), np.int32(part[1]), np.int32(part[2]), np.int32(part[3])
     for k in range(len(counts)):
         column, row = np.int32(columns[k] + 0.5), np.int32(rows[k] + 0.5)

@@ -56,7 +56,7 @@ def smooth(image: Float32, sigma_px: float = 1.0) -> Float32:
 
 @cache
 def smoothing_taps(sigma_px: float = 1.0) -> Float32:
-    """Return the weights of that Gaussian, four standard deviations to either side, of sum 1."""
+    """Return the weights (n,), of sum 1, of the Gaussian of ``smooth``, up to four standard deviations either side."""
     # sigma^2 = sigma_px^2 - 1/3: variances of kernels that are applied in turn add up.
     sigma = float(np.sqrt(max(sigma_px**2 - SPLINE_VARIANCE_PX2, 1e-6)))
     return np.asarray(cv2.getGaussianKernel(round(8 * sigma + 1) | 1, sigma, cv2.CV_32F), dtype=np.float32)[:, 0]

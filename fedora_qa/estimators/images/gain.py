@@ -62,7 +62,8 @@ _FIRST: Final = 2
 """The first code that is used; values at 0 and 255 are clipped."""
 
 _TWICE: Final = 1.5
-"""Ratio to the counts of both neighbours above which a code is doubled, between 1 and 2: about the root mean square."""
+"""Ratio to the counts of both neighbours above which a code counts as doubled: about half-way between once and
+twice."""
 
 _LARGEST_RANK: Final = 100
 """Largest number of omitted or doubled codes up to the first frequent one: a gain of a factor 1.6 in a bright scene."""
@@ -185,8 +186,10 @@ def gain_after_rounding(counts: NDArray[np.integer]) -> CodeGain | None:
 
 
 def _gain_of_pattern(marked: Bools, frequent: Bools, sign: int) -> CodeGain | None:
-    """Return the gain, above 1 for sign 1 and below 1 for sign -1, that marks the same codes, of those frequent in
-    2 to 253, as ``marked``."""
+    """Return the gain whose marks on the frequent codes are those of ``marked``; None where there is none.
+
+    Both masks are those of the codes 2 to 253. The gain is above 1 for sign 1 and below 1 for sign -1.
+    """
     codes = np.flatnonzero(marked & frequent) + _FIRST
     if len(codes) < _FEWEST_MARKS:
         return None

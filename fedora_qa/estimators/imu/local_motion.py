@@ -93,7 +93,18 @@ class VectorSamples:
     values: Float64
 
     def relative_vectors(self, stencils: Indices, centre: int) -> Float64:
-        """Return the differences (n, m, 3) of samples ``stencils`` (n, m) from the one in column ``centre``."""
+        """Return the differences of samples from one sample of each stencil.
+
+        Parameters
+        ----------
+        stencils, centre
+            As of ``SampledCurve.relative_vectors``.
+
+        Returns
+        -------
+        ndarray of float64
+            (n, m, 3) in the unit of the values.
+        """
         return self.values[stencils] - self.values[stencils[:, centre, None]]
 
     def lagged_differences(self, lag: int) -> Float64:
@@ -115,9 +126,17 @@ class OrientationSamples:
     _differences: dict[int, Float64] = field(default_factory=dict, compare=False, repr=False)
 
     def relative_vectors(self, stencils: Indices, centre: int) -> Float64:
-        """Return the rotation vectors ``Log(q_centre^-1 q)`` (n, m, 3), rad, in the frame of the centre.
+        """Return the rotation vectors ``Log(q_centre^-1 q)`` of samples, in the frame of the centre.
 
-        ``stencils`` (n, m) are indices of samples, ``centre`` is the column of the reference sample.
+        Parameters
+        ----------
+        stencils, centre
+            As of ``SampledCurve.relative_vectors``.
+
+        Returns
+        -------
+        ndarray of float64
+            (n, m, 3) rad.
         """
         q = self.orientations_xyzw
         return so3.log_quaternion(so3.compose(so3.inverse(q[stencils[:, centre]])[:, None], q[stencils]))
