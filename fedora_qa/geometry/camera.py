@@ -50,7 +50,8 @@ class RigidMotion:
         return RigidMotion(dR @ self.R, dR @ self.t_m + twist[3:])
 
     def twist_from(self, other: "RigidMotion") -> Float64:
-        """Return the twist (6,) by which ``other`` has to be corrected to become this motion."""
+        """Return the twist (6,), rad and m, with ``other.corrected(twist)`` equal to this motion."""
+        # dR = R R_other^T, dt = t - dR t_other.
         dR = self.R @ other.R.T
         return np.concatenate((so3.log(dR), self.t_m - dR @ other.t_m))
 

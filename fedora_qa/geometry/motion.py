@@ -12,7 +12,7 @@ Float64 = NDArray[np.float64]
 Int64 = NDArray[np.int64]
 
 STENCIL: Final = 6
-"""Samples that an interpolated pose rests on: three on either side."""
+"""Number of samples from which a pose is interpolated: three on either side."""
 
 WIDEST_GAP_STEPS: Final = 4.0
 """Gaps wider than this many median steps are not bridged: there the polynomial amplifies noise, and its error grows."""
@@ -52,13 +52,13 @@ def interpolate_poses(
     positions_m = np.full((len(at_ns), 3), np.nan)
     if not len(times_ns):
         return R_world_body, positions_m
-    # Poses are given at the timestamps of samples, and in gaps between them that are narrow enough.
+    # Poses are given at the timestamps of samples, and between samples where the gap is narrow enough.
     after = np.clip(np.searchsorted(times_ns, at_ns, side="left"), 0, len(times_ns) - 1)
     covered: NDArray[np.bool_] = times_ns[after] == at_ns
     steps_ns = np.diff(times_ns)
     if len(steps_ns):
         gap_ns = steps_ns[np.maximum(after - 1, 0)]
-        # The median by partition: of few numbers np.median takes longer than the interpolation.
+        # The median by np.partition: for few numbers np.median takes longer than the interpolation.
         below, above = (len(steps_ns) - 1) // 2, len(steps_ns) // 2
         ordered = np.partition(steps_ns, (below, above))
         narrow = gap_ns <= WIDEST_GAP_STEPS * (float(ordered[below] + ordered[above]) / 2)
@@ -92,8 +92,6 @@ def interpolate_poses(
 def lagrange_weights(offsets: Float64) -> Float64:
     """Return the weights (..., m) that give a polynomial's value at 0 from its values at ``offsets`` (..., m).
 
-    ``w_i = prod_{j != i} x_j / (x_j - x_i)``, Lagrange's basis at 0.
-
     Parameters
     ----------
     offsets
@@ -104,6 +102,7 @@ def lagrange_weights(offsets: Float64) -> Float64:
     ndarray of float64
         (..., m) weights of sum 1, without unit.
     """
+    # Lagrange's basis at 0: w_i = prod_{j != i} x_j / (x_j - x_i).
     own = np.arange(offsets.shape[-1])
     gaps = offsets[..., None, :] - offsets[..., :, None]
     gaps[..., own, own] = 1.0

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 Float64 = NDArray[np.float64]
 
 _SMALL_ANGLE_RAD = 1e-3
-"""Below this angle power series are used; their first neglected terms are below 1e-18 relative."""
+"""Below this angle power series are used; their first neglected term is below 6e-16 relative (exp) or 3e-21 (log)."""
 
 
 def normalise(orientations_xyzw: Float64) -> Float64:
@@ -79,7 +79,7 @@ def log_quaternion(orientations_xyzw: Float64) -> Float64:
         # 2 atan(t) / s with t = s/w: 2/w (1 - t^2/3 + t^4/5).
         series = 2.0 / safe_w * (1.0 - tangent_squared / 3 + tangent_squared**2 / 5)
         ratio = np.where(small, series, ratio)
-    # q and -q are the same rotation: the one with w >= 0 turns by at most pi.
+    # q and -q are the same rotation: the one with w >= 0 has an angle of at most pi.
     vectors: Float64 = np.where(w < 0, -ratio, ratio)[..., None] * orientations_xyzw[..., :3]
     return vectors
 

@@ -345,6 +345,7 @@ def parallel_sum(covariance: Float64, information: Float64) -> Float64:
     ndarray of float64
         (p, p) in the unit of ``covariance``.
     """
+    # L (1 + L^T information L)^-1 L^T with L = V sqrt(eigenvalues).
     eigenvalues, directions = np.linalg.eigh(covariance)
     L = directions * np.sqrt(np.maximum(eigenvalues, 0.0))
     gains, rotation = np.linalg.eigh(L.T @ information @ L)

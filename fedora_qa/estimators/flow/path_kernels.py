@@ -40,8 +40,7 @@ _CROWDED_PX = 0.5
 """Flows that lead to one position and differ by more belong to different surfaces, if flow has no gradient there."""
 
 _REACH = 5
-"""Distance, px, of the pixels that decide whether a path is 4 px away from breaks: a break extends over three
-pixels."""
+"""Reach, px, of the pixels that decide whether a path is 4 px away from breaks: a break extends over three pixels."""
 
 _BREAK = np.float32(BREAK_PX)
 
@@ -85,8 +84,8 @@ def step(
     lines
         (H, 2 W) the field: u and v of one pixel after another, px.
     spans
-        (h, w, 4) of `spans_at_targets`: paths that end where another surface ends too are not clear. Empty: not
-        tested.
+        (h, w, 4) of `spans_at_targets`: paths to a position to which another surface leads too are not clear. Empty:
+        not tested.
     errors_px
         (H, W) of `interpolation_errors`, px. Empty: the pixels about each path are evaluated.
     rounding_px
@@ -337,7 +336,7 @@ def _is_crowded(spans: Float32, cell_px: int, x: float, y: float, u: float, v: f
     Points of one surface whose targets lie within two cells start within two cells / (1 - slope). Over that distance
     their flow changes by at most the slope times the distance.
     """
-    # Bound of the docstring. 1 - slope is limited to 1/2, as it vanishes where a surface folds onto itself.
+    # 2 cells slope / (1 - slope). 1 - slope is at least 1/2 here, as it vanishes where a surface folds onto itself.
     apart = 2 * cell_px * slope / max(1.0 - slope, 0.5) + _CROWDED_PX
     span = spans[np.uint64(y) // np.uint64(cell_px), np.uint64(x) // np.uint64(cell_px)]
     return bool(span[0] < u - apart or -span[1] > u + apart or span[2] < v - apart or -span[3] > v + apart)

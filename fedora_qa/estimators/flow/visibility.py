@@ -22,14 +22,13 @@ Mask = NDArray[np.bool_]
 Edges = NDArray[np.uint8]
 
 _WIDENED = 4
-"""Pixels by which edges are widened on either side."""
+"""Number of pixels by which edges are widened on either side."""
 
 _REACH = _WIDENED + 1
 """Distance, px, of the pixels around a part that its edges depend on."""
 
 _LARGEST_PART = 1 << 16
-"""Number of pixels of a part up to which it is read as a whole. A tile whose targets spread further is read pixel by
-pixel."""
+"""Most pixels of a part that is read as a whole. A tile whose targets spread further is read pixel by pixel."""
 
 
 class PixelTransfer(NamedTuple):

@@ -24,7 +24,7 @@ Colours = NDArray[np.uint8]
 Image = TypeVar("Image", bound=NDArray[Any])
 
 REMAP_ROUNDING_PX: Final = 0.0 if int(cv2.__version__.split(".", maxsplit=1)[0]) >= 5 else 1 / 64
-"""OpenCV 4 rounds the coordinates of bilinear reads to 1/32 px; OpenCV 5 does not (a test holds it to that)."""
+"""OpenCV 4 rounds the coordinates of bilinear reads to 1/32 px; OpenCV 5 does not (a test checks this)."""
 
 SPLINE_VARIANCE_PX2: Final = 1.0 / 3.0
 """Variance of the cubic B-spline."""
@@ -56,7 +56,7 @@ def smooth(image: Float32, sigma_px: float = 1.0) -> Float32:
 
 @cache
 def smoothing_taps(sigma_px: float = 1.0) -> Float32:
-    """Return the weights (n,), of sum 1, of the Gaussian of ``smooth``, up to four standard deviations either side."""
+    """Return the weights (n,), of sum 1, of the Gaussian of ``smooth``, cut at four standard deviations."""
     # sigma^2 = sigma_px^2 - 1/3: variances of kernels that are applied in turn add up.
     sigma = float(np.sqrt(max(sigma_px**2 - SPLINE_VARIANCE_PX2, 1e-6)))
     return np.asarray(cv2.getGaussianKernel(round(8 * sigma + 1) | 1, sigma, cv2.CV_32F), dtype=np.float32)[:, 0]

@@ -89,6 +89,7 @@ def nearest_order(fit: ColourFit) -> str:
 def _precision(fit: ColourFit) -> Float64 | None:
     """Return the inverse covariance (2, 2) of the free coordinates, biases included; None where one is unknown."""
     errors = fit.weight_errors
+    # A variance LEVEL_BIAS^2 / 2 of each weight gives LEVEL_BIAS^2 for a difference of two.
     covariance = _FREE @ (errors.formal + errors.biases.T @ errors.biases + LEVEL_BIAS**2 / 2 * np.eye(3)) @ _FREE.T
     return np.asarray(np.linalg.inv(covariance)) if np.isfinite(covariance).all() else None
 

@@ -1,4 +1,4 @@
-"""Luma of colour frames, whole or at some pixels, and where frames may be clipped: the only place of its weights."""
+"""Luma of colour frames, whole or at some pixels, and where frames may be clipped."""
 
 from typing import Any, Final
 

@@ -38,12 +38,10 @@ _TAPS: Final = np.asarray(_GAUSSIAN / (2 * _GAUSSIAN.sum() - _GAUSSIAN[0]), dtyp
 """Weights (5,) of a Gaussian of ``SMOOTHING_PX``, cut at four standard deviations: of its middle and of one side."""
 
 LARGEST_PX: Final = 1.5
-"""Frames are reduced until most of the flow is no longer than this: the smoothed image is then nearly linear over
-it."""
+"""Frames are reduced until most of the flow is no longer than this; the smoothed image is nearly linear over it."""
 
 _SPEED_SAMPLES: Final = 2_000
-"""Approximate number of pixels from which the length of most of the flow is estimated: the rank errs by less than
-1%."""
+"""About this many pixels give the length of most of the flow: its rank among all errs by less than a hundredth."""
 
 _MOST_ROWS: Final = 3
 """Most rows of which the mean of a reduced pixel is taken; of four rows it is taken of two.
@@ -344,7 +342,7 @@ def reduced_flow(flow_px: Float32, box: Box, step: int, skip: int, invalid_from_
     means, valid = np.zeros((rows, columns, 2), np.float32), np.zeros((rows, columns), np.bool_)
     wide, weight = 2 * columns * step, np.float32(1.0 / (step * step * _rows_taken(step, skip)))
     most, sums = np.float32(invalid_from_px), np.empty(wide, np.float32)
-    lines = flow_px.reshape(flow_px.shape[0], 2 * flow_px.shape[1])  # u and v by turns
+    lines = flow_px.reshape(flow_px.shape[0], 2 * flow_px.shape[1])  # u and v alternate
     for row in range(2, rows - 2):
         sums[:] = 0
         for line in range(top + row * step, top + (row + 1) * step, skip):

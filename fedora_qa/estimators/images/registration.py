@@ -22,7 +22,8 @@ UPSAMPLING: Final = 200
 """Shifts are resolved to 1/200 px, a tenth of the error of those estimated from the frames of one second."""
 
 PEAK_RADIUS_PX: Final = 4
-"""Radius of the surroundings of a peak that are registered: beyond it texture matters, not the shift."""
+"""Radius of the part around a peak that is registered: beyond it the correlation depends on texture, not on the
+shift."""
 
 _ROUNDS: Final = 8
 """Each round leaves at most half of the residual shift."""
@@ -57,7 +58,7 @@ def registered_shift(autocorrelation: Float64, crosscorrelation: Float64) -> Shi
             reference, moved, upsample_factor=UPSAMPLING, normalization=None
         )
         back = np.asarray(registered, dtype=np.float64)
-        # The largest sample lies within a pixel of its peak: more than that belongs to another peak.
+        # The largest sample lies within a pixel of its peak: a larger shift would be that of another peak.
         fraction = np.clip(fraction - back, -1.0, 1.0)
         if np.abs(back).max() <= 1 / UPSAMPLING:
             break

@@ -207,7 +207,7 @@ def _compare(samples: InertialSamples, noise: InertialNoise) -> _GyroComparison:
     imu_times_s, gyro = samples.imu_times_s, samples.angular_velocities_body_rad_s
     starts_s, stops_s = samples.pose_times_s[:-1], samples.pose_times_s[1:]
     steps_s = stops_s - starts_s
-    # Across wider gaps between poses a few substeps are too coarse.
+    # Wider gaps between poses are left out: the number of substeps follows from the median gap.
     widest_s = WIDEST_GAP_STEPS * float(np.median(steps_s)) if len(steps_s) else 0.0
     poses = np.flatnonzero(covered(imu_times_s, starts_s, stops_s) & (steps_s <= widest_s))
     starts_s, stops_s = starts_s[poses], stops_s[poses]
@@ -216,6 +216,7 @@ def _compare(samples: InertialSamples, noise: InertialNoise) -> _GyroComparison:
     increments = _increments(rate, integral, starts_s, stops_s, _substeps(imu_times_s, stops_s - starts_s))
     by_pose = so3.compose(so3.inverse(samples.orientations_xyzw[:-1]), samples.orientations_xyzw[1:])
     R_world_end = so3.matrices_from_quaternions(samples.orientations_xyzw[poses + 1])
+    # r = Log(increment^-1 q_k^-1 q_k+1), in the body frame at the end of the step.
     residuals = so3.log_quaternion(so3.compose(so3.inverse(increments), by_pose[poses]))
     if noise.smoothing_s > 0:
         rate = CubicSpline(imu_times_s, smoothed(imu_times_s, gyro, noise.smoothing_s))

@@ -142,7 +142,7 @@ def fit_inertial(
 
 
 def _segments(samples: InertialSamples, noise: InertialNoise, comparison: InertialComparison) -> list[ComparisonRows]:
-    """Return the rows of each segment of time that has enough of them."""
+    """Return the rows of each segment of time that has enough rows."""
     times_s = samples.pose_times_s
     segments = []
     for segment in segments_of(times_s, noise.shortest_segment_s):

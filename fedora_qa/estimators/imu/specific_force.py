@@ -179,7 +179,7 @@ def translation_effects(samples: InertialSamples, noise: InertialNoise) -> RowEf
     curves[3:6] = np.einsum("nij,nj->in", R, slopes[:, :3])
     curves[6:9] = samples.imu_times_s * curves[3:6]
     curves[9:18] = R.reshape(-1, 9).T
-    # alpha x l + w x (w x l) = ([alpha]x + [w]x [w]x) l, turned into the world.
+    # alpha x l + w x (w x l) = ([alpha]x + [w]x [w]x) l, transformed into the world.
     curves[18:] = (R @ (so3.cross_matrices(slopes[:, 3:]) + W @ W)).reshape(-1, 9).T
     changes = _second_differences(times_s, integrated_twice(imu_times_s, curves[:, finite], times_s), poses)
     by_force, jerk, jerk_times_t = changes[:, 0:3], changes[:, 3:6], changes[:, 6:9]
@@ -218,6 +218,7 @@ def _orientations(samples: InertialSamples) -> Float64:
 
 def _second_differences(times_s: Float64, values: Float64, poses: NDArray[np.intp]) -> Float64:
     """Return the change of slope (n, k) of k curves (k, P) at n poses."""
+    # (p_k+1 - p_k) / T_k - (p_k - p_k-1) / T_k-1, with steps T.
     slopes = np.diff(values, axis=1) / np.diff(times_s)
     differences: Float64 = (slopes[:, poses] - slopes[:, poses - 1]).T
     return differences
