@@ -15,22 +15,43 @@ Float64 = NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True)
 class RigidMotion:
-    """How points move in the frame of a camera: ``X1 = R @ X0 + t_m``, optical frames, metres.
+    """Motion of points in the frame of a camera: ``X1 = R @ X0 + t_m``.
 
-    ``R`` is (3, 3) and ``t_m`` (3,): together ``T_world_camera(t1)^-1 T_world_camera(t0)``.
+    Attributes
+    ----------
+    R
+        (3, 3) rotation from the first to the second camera frame (Z forward, X right, Y down).
+    t_m
+        (3,) position of the first camera in the second camera frame, m.
+
+    Notes
+    -----
+    Both together are ``T_world_camera(t1)^-1 T_world_camera(t0)``.
     """
 
     R: Float64
     t_m: Float64
 
     def corrected(self, twist: Float64) -> "RigidMotion":
-        """Return the motion followed by a small one: rotation vector (rad) and translation (m), (6,), at X1."""
+        """Return this motion followed by a small one.
+
+        Parameters
+        ----------
+        twist
+            (6,) of the small motion in the second camera frame: rotation vector, rad, then translation, m.
+
+        Returns
+        -------
+        RigidMotion
+            Of points, from the first camera frame to the corrected second one.
+        """
         # X1' = dR (R X0 + t) + dt.
         dR = so3.exp(twist[:3])
         return RigidMotion(dR @ self.R, dR @ self.t_m + twist[3:])
 
     def twist_from(self, other: "RigidMotion") -> Float64:
-        """Return the twist (6,) by which ``other`` has to be corrected to become this motion."""
+        """Return the twist (6,), rad and m, with ``other.corrected(twist)`` equal to this motion."""
+        # dR = R R_other^T, dt = t - dR t_other.
         dR = self.R @ other.R.T
         return np.concatenate((so3.log(dR), self.t_m - dR @ other.t_m))
 
@@ -38,19 +59,19 @@ class RigidMotion:
 def camera_motion(
     R_world_body0: Float64, position0_m: Float64, R_world_body1: Float64, position1_m: Float64, T_body_camera: Float64
 ) -> RigidMotion:
-    """Return how points move between two poses of the body, in the frame of a camera.
+    """Return the motion of static points in the frame of a camera, between two poses of the body.
 
     Parameters
     ----------
     R_world_body0, position0_m, R_world_body1, position1_m
-        (3, 3) and (3,) in the world, of the first and the second pose.
+        (3, 3) rotation from body to world, and (3,) position in the world, m, of the first and the second pose.
     T_body_camera
-        (4, 4) mounting of the camera, optical frame to body, m.
+        (4, 4) mounting of the camera, camera frame to body frame, m.
 
     Returns
     -------
     RigidMotion
-        From the first camera frame to the second.
+        From the first to the second camera frame.
     """
     # X_camera = R_bc^T (R_wb^T (X_world - p) - l), written for both poses and X_world eliminated.
     R_body_camera, lever_m = T_body_camera[:3, :3], T_body_camera[:3, 3]
@@ -71,9 +92,10 @@ def motion_covariance(
 ) -> Float64:
     """Return the covariance (6, 6) of the twist of ``camera_motion`` when both poses carry white noise.
 
-    Position noise is per axis of the world, rotation noise ``R_world_body Exp(n)`` per axis of the body. To first
-    order the point X1 moves by ``omega x X1 + tau``. With l the lever arm, o the first body's origin relative to the
-    second and D = R_world_body1^T R_world_body0, a turn d of one body about its own origin gives (C = R_camera_body)
+    Position noise is given for each axis of the world. Rotation noise n, as in ``R_world_body Exp(n)``, is given for
+    each axis of the body. To first order a twist (omega, tau) moves the point X1 by ``omega x X1 + tau``. With the
+    lever arm l, the origin o of the first body relative to the second, D = R_world_body1^T R_world_body0 and C =
+    R_camera_body, a rotation d of one body about its own origin gives
 
         first body:   omega =  C D d,   tau =  C (D d x (l - o))
         second body:  omega = -C d,     tau = -C (d x l)
@@ -83,12 +105,12 @@ def motion_covariance(
     R_world_body0, position0_m, R_world_body1, position1_m, T_body_camera
         As of ``camera_motion``.
     position_sigma_m, rotation_sigma_rad
-        Standard deviation of each axis of either pose.
+        Standard deviation of each axis of either pose, m and rad.
 
     Returns
     -------
     ndarray of float64
-        (6, 6), rad^2, rad m and m^2: rotation first, in the second camera frame.
+        (6, 6), rad^2, rad m and m^2: rotation first, then translation, in the second camera frame.
     """
     R_camera_body, lever_m = T_body_camera[:3, :3].T, T_body_camera[:3, 3]
     R_body1_body0 = R_world_body1.T @ R_world_body0

@@ -12,10 +12,10 @@ Float64 = NDArray[np.float64]
 Int64 = NDArray[np.int64]
 
 STENCIL: Final = 6
-"""Samples that an interpolated pose rests on: three on either side."""
+"""Number of samples from which a pose is interpolated: three on either side."""
 
 WIDEST_GAP_STEPS: Final = 4.0
-"""Gaps wider than so many median steps are not bridged: there the polynomial multiplies noise and curvature."""
+"""Gaps wider than this many median steps are not bridged: there the polynomial amplifies noise, and its error grows."""
 
 
 def interpolate_poses(
@@ -23,41 +23,42 @@ def interpolate_poses(
 ) -> tuple[Float64, Float64]:
     """Interpolate poses by a local polynomial of degree 5, on positions and on rotation vectors.
 
-    Through the three samples on either side runs the polynomial of their positions, and that of the rotation vectors
-    ``Log(R_k^-1 R_j)`` relative to the sample k before the instant. At a sample's timestamp the result is the sample.
+    For each instant the polynomial passes through the three samples before and the three after it. One polynomial
+    interpolates the positions, another the rotation vectors ``Log(R_k^-1 R_j)`` relative to the sample k before the
+    instant. At the timestamp of a sample the result is the sample.
 
     Parameters
     ----------
     times_ns
-        (P,) strictly increasing.
+        (P,) strictly increasing, ns.
     positions_world_m, orientations_xyzw
-        (P, 3) and (P, 4), body to world, of any nonzero length.
+        (P, 3) m and (P, 4), body to world, of any nonzero length.
     at_ns
-        (n,) instants.
+        (n,) instants, ns.
 
     Returns
     -------
     R_world_body, positions_world_m
-        (n, 3, 3) and (n, 3); NaN outside the span of the samples and within gaps of more than four median steps.
+        (n, 3, 3) and (n, 3) m; NaN outside the span of the samples and within gaps of more than four median steps.
 
     Notes
     -----
-    With step h and sixth derivative d6 of the motion the error is at most 0.0049 h^6 d6 in the middle of a sequence
+    With step h and sixth derivative d6 of the motion, the error is at most 0.0049 h^6 d6 in the middle of a sequence
     and 0.024 h^6 d6 between its first or last two samples (remainder of Lagrange's form). A sine of 3 Hz and 1 rad at
-    200 Hz: 3.4e-9 rad. White noise of the samples comes out with 0.84 to 1 times its sigma.
+    200 Hz has an error of 3.4e-9 rad. White noise of the samples is multiplied by 0.84 to 1.
     """
     at_ns = np.asarray(at_ns, dtype=np.int64)
     R_world_body = np.full((len(at_ns), 3, 3), np.nan)
     positions_m = np.full((len(at_ns), 3), np.nan)
     if not len(times_ns):
         return R_world_body, positions_m
-    # Poses are given at the timestamps of samples, and in gaps between them that are narrow enough.
+    # Poses are given at the timestamps of samples, and between samples where the gap is narrow enough.
     after = np.clip(np.searchsorted(times_ns, at_ns, side="left"), 0, len(times_ns) - 1)
     covered: NDArray[np.bool_] = times_ns[after] == at_ns
     steps_ns = np.diff(times_ns)
     if len(steps_ns):
         gap_ns = steps_ns[np.maximum(after - 1, 0)]
-        # The median by partition: of few numbers np.median takes longer than the interpolation.
+        # The median by np.partition: for few numbers np.median takes longer than the interpolation.
         below, above = (len(steps_ns) - 1) // 2, len(steps_ns) // 2
         ordered = np.partition(steps_ns, (below, above))
         narrow = gap_ns <= WIDEST_GAP_STEPS * (float(ordered[below] + ordered[above]) / 2)
@@ -67,7 +68,7 @@ def interpolate_poses(
         return R_world_body, positions_m
     inside_ns = at_ns[inside]
     before = np.maximum(np.searchsorted(times_ns, inside_ns, side="right") - 1, 0)
-    # What the instants of a step share is computed once for all samples where there are more instants than samples.
+    # Where there are more instants than samples, relative poses are computed once per sample and then indexed.
     once_a_sample = len(inside_ns) > len(times_ns)
     samples = np.arange(len(times_ns)) if once_a_sample else before
     size = min(STENCIL, len(times_ns))
@@ -91,8 +92,6 @@ def interpolate_poses(
 def lagrange_weights(offsets: Float64) -> Float64:
     """Return the weights (..., m) that give a polynomial's value at 0 from its values at ``offsets`` (..., m).
 
-    ``w_i = prod_{j != i} x_j / (x_j - x_i)``, Lagrange's basis at 0.
-
     Parameters
     ----------
     offsets
@@ -103,6 +102,7 @@ def lagrange_weights(offsets: Float64) -> Float64:
     ndarray of float64
         (..., m) weights of sum 1, without unit.
     """
+    # Lagrange's basis at 0: w_i = prod_{j != i} x_j / (x_j - x_i).
     own = np.arange(offsets.shape[-1])
     gaps = offsets[..., None, :] - offsets[..., :, None]
     gaps[..., own, own] = 1.0

@@ -1,7 +1,7 @@
 """Optical flow of a rigid scene from depth and the camera's motion, its derivative, and its rounding.
 
-The definition is format.md's: the flow lies on the depth grid at the interval's start, ``X1 = R X0 + t``, finite
-wherever X1 lies before the camera.
+The definition is that of format.md: the flow is given on the pixels of the depth image at the start of the interval.
+With ``X1 = R X0 + t`` it is finite wherever X1 lies in front of the camera.
 """
 
 from typing import Final
@@ -18,13 +18,13 @@ SINGLE_PRECISION: Final = 2.0**-24
 """Unit roundoff of float32."""
 
 _ROUNDINGS: Final = 4
-"""Roundings that meet one coordinate between the ray and the pixel: ray, rotation, translation, projection."""
+"""Number of roundings of one coordinate between the ray and the pixel: ray, rotation, translation, projection."""
 
 
 def moved_points(
     K: Float64, motion: RigidMotion, columns: Float64, rows: Float64, depths_m: Float64
 ) -> tuple[Float64, Float64, Float64]:
-    """Move the points of pixels into the second camera frame.
+    """Return the points of pixels in the second camera frame.
 
     Parameters
     ----------
@@ -33,12 +33,12 @@ def moved_points(
     motion
         Of points, from the first to the second camera frame.
     columns, rows, depths_m
-        Pixels and their z-depths in the first frame; they broadcast against each other.
+        Pixels, px, and their z-depths in the first frame, m; these arrays broadcast against each other.
 
     Returns
     -------
     X1, Y1, Z1
-        Metres in the second frame (X right, Y down, Z forward); NaN where depth is NaN.
+        Coordinates in the second camera frame (X right, Y down, Z forward), m; NaN where depth is NaN.
     """
     # The ray K^-1 (column, row, 1), K with skew K01; then X1 = Z0 R ray + t.
     y = (rows - K[1, 2]) / K[1, 1]
@@ -52,9 +52,7 @@ def moved_points(
 
 
 def rigid_flow(K: Float64, motion: RigidMotion, columns: Float64, rows: Float64, depths_m: Float64) -> Float64:
-    """Return the flow (..., 2) in px, u right and v down; NaN where depth is NaN or the point falls behind.
-
-    Not finite either where a point falls so near the camera's plane that float64 does not hold its pixel.
+    """Return the flow (..., 2) of static points, px, u right and v down.
 
     Parameters
     ----------
@@ -63,15 +61,17 @@ def rigid_flow(K: Float64, motion: RigidMotion, columns: Float64, rows: Float64,
     motion
         Of points, from the first to the second camera frame.
     columns, rows, depths_m
-        Pixels and their z-depths; they broadcast against each other.
+        Pixels, px, and their z-depths in the first frame, m; these arrays broadcast against each other.
 
     Returns
     -------
     ndarray of float64
-        (..., 2) px.
+        (..., 2) px. NaN where depth is NaN or the point lies behind the camera. Not finite where the point lies so
+        close to the plane Z = 0 of the camera that float64 overflows.
     """
     X1, Y1, Z1 = moved_points(K, motion, columns, rows, depths_m)
     with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
+        # u = (fx X1 + s Y1) / Z1 + cx - column, v = fy Y1 / Z1 + cy - row.
         inverse = np.where(Z1 > 0, 1.0 / Z1, np.nan)
         x1, y1 = X1 * inverse, Y1 * inverse
         u = K[0, 0] * x1 + K[0, 1] * y1 + K[0, 2] - columns
@@ -80,24 +80,27 @@ def rigid_flow(K: Float64, motion: RigidMotion, columns: Float64, rows: Float64,
 
 
 def depths_by_flow(K: Float64, motion: RigidMotion, columns: Float64, rows: Float64, flow_px: Float64) -> Float64:
-    """Return the z-depths (n,) in m with which pixels would flow nearest to ``flow_px`` (n, 2); not positive: none.
+    """Return the z-depths (n,) in m whose rigid flow comes nearest to ``flow_px`` (n, 2).
 
-    Along the epipolar line ``x1 (Z r_z + t_z) = Z r_xy + t_xy`` with r the rotated ray: solved for 1/Z by least
-    squares (Hartley and Zisserman, Multiple View Geometry, 12.2).
+    The second position of a pixel lies on its epipolar line, ``x1 (Z r_z + t_z) = Z r_xy + t_xy`` with the rotated ray
+    r. This is solved for 1/Z by least squares (Hartley and Zisserman, Multiple View Geometry, 12.2).
 
     Parameters
     ----------
-    K, motion
-        (3, 3) intrinsics, px; motion of points from the first to the second camera frame.
+    K
+        (3, 3) intrinsics, px.
+    motion
+        Of points, from the first to the second camera frame.
     columns, rows
-        (n,) pixels of the first frame.
+        (n,) pixels of the first frame, px.
     flow_px
         (n, 2) u right, v down.
 
     Returns
     -------
     ndarray of float64
-        (n,) m.
+        (n,) m. Not positive where no point in front of the camera has this flow; NaN where the flow does not depend
+        on the depth, as without translation.
     """
     ones = np.ones_like(columns)
     rays = np.stack(moved_points(K, RigidMotion(motion.R, np.zeros(3)), columns, rows, ones), axis=-1)
@@ -113,19 +116,19 @@ def depths_by_flow(K: Float64, motion: RigidMotion, columns: Float64, rows: Floa
 
 
 def twist_jacobian(K: Float64, points1_m: Float64) -> Float64:
-    """Differentiate the flow by a twist that follows the motion.
+    """Return the derivative of the flow by a twist that follows the motion.
 
     Parameters
     ----------
     K
         (3, 3) intrinsics, px.
     points1_m
-        (n, 3) points X1 in the second camera frame, before the camera.
+        (n, 3) points X1 in the second camera frame, m, in front of the camera.
 
     Returns
     -------
     ndarray of float64
-        (n, 2, 6) px per rad, then px per metre.
+        (n, 2, 6) of (u, v): px per rad of the rotation vector, then px per metre of the translation.
     """
     X1, Y1, Z1 = points1_m.T
     by_point = np.zeros((len(Z1), 2, 3))
@@ -140,15 +143,16 @@ def twist_jacobian(K: Float64, points1_m: Float64) -> Float64:
 def rounding_px(
     K: Float64, motion: RigidMotion, columns: Float64, rows: Float64, depths_m: Float64, flow_px: Float64
 ) -> Float64:
-    """Bound how far a correct stored flow lies from the one recomputed, by component, px, for flow (..., 2).
+    """Return a bound on the difference between a correct stored flow and the recomputed one, px.
 
-    Three sources, each a bound and not a spread, u being the unit roundoff of float32:
+    The bound is the sum of three, u being the unit roundoff of float32:
 
     - the stored flow is rounded: ``u |flow|``;
-    - the stored depth is rounded twice (to float32 millimetres, and to metres when read), which moves the pixel by
-      ``2 u Z0 |d flow / d Z0| = 2 u f |t - m t_z| / Z1`` with m the point's slopes X1/Z1, Y1/Z1;
-    - the maker may have computed in single precision: a coordinate of X1 then errs by some roundings of ``|X0| + |t|``
-      and the pixel by ``f (1 + |m|) / Z1`` times that, and by some roundings of its own and the principal point's.
+    - the stored depth is rounded twice (to float32 millimetres, and to metres when it is read), which moves the pixel
+      by ``2 u Z0 |d flow / d Z0| = 2 u f |t - m t_z| / Z1`` with the slopes m of the point, X1/Z1 and Y1/Z1;
+    - the flow may have been computed in single precision. A coordinate of X1 then errs by some roundings of ``|X0| +
+      |t|``, and the pixel by ``f (1 + |m|) / Z1`` times that, and by some roundings of the pixel itself and of the
+      principal point.
 
     Parameters
     ----------
@@ -160,7 +164,7 @@ def rounding_px(
     Returns
     -------
     ndarray of float64
-        (..., 2) px.
+        (..., 2) px, for u and v.
     """
     X1, Y1, Z1 = moved_points(K, motion, columns, rows, depths_m)
     distance0_m = depths_m * np.hypot(np.hypot((columns - K[0, 2]) / K[0, 0], (rows - K[1, 2]) / K[1, 1]), 1.0)

@@ -1,4 +1,4 @@
-"""Compiled loops over events that a flow carries: where each is carried to, and how densely they lie there."""
+"""Compiled loops over events that are warped along a flow: their warped positions, and the event density there."""
 
 from typing import NamedTuple
 
@@ -13,16 +13,17 @@ Int64 = NDArray[np.int64]
 Bools = NDArray[np.bool_]
 
 PARTS = 128
-"""Distances of votes that are distinguished, to a node."""
+"""Number of distances of votes that are distinguished within one node."""
 
 _STEPS = 2
-"""Steps towards the pixel at which an event's point was at the start."""
+"""Number of iterations that find the pixel of an event's point at the start of the interval."""
 
 _BEFORE = np.float32(3)
-"""Nodes before the first pixel: in the corner of three by three no event of the image has a vote."""
+"""Number of nodes before the first pixel: events inside the image have no vote in the corner of three by three
+nodes."""
 
 _BEYOND = np.float32(-1)
-"""Where events are that leave the image."""
+"""Position that stands for events that leave the image."""
 
 
 class EventsInFlow(NamedTuple):
@@ -31,11 +32,12 @@ class EventsInFlow(NamedTuple):
     Attributes
     ----------
     x, y, tau
-        (n,) columns and rows, px, and instants, in intervals of the flow after its start.
+        (n,) columns and rows, px, and instants after the start of the interval of the flow, in lengths of that
+        interval.
     flows_px
-        (2, n) flow at the events' own pixels, NaN where none is known.
+        (2, n) flow at the pixels of the events, px, NaN where there is none.
     indices
-        (n,) the pixel that this is read at, counted row by row.
+        (n,) index of the pixel that the flow is read at, counted row by row.
     """
 
     x: Float32
@@ -46,9 +48,14 @@ class EventsInFlow(NamedTuple):
 
 
 class FoldedFlow(NamedTuple):
-    """A flow (h, w, 2), px of the event camera.
+    """A flow at the pixels of the event camera, possibly mirrored.
 
-    The flow of pixel (x, y) stands in column ``fold[0] x + fold[1]`` and row ``fold[2] y + fold[3]``.
+    Attributes
+    ----------
+    flow_px
+        (h, w, 2) px of the event camera.
+    fold
+        (4,) The flow of pixel (x, y) is stored in column ``fold[0] x + fold[1]`` and row ``fold[2] y + fold[3]``.
     """
 
     flow_px: Float32
@@ -80,7 +87,7 @@ def on_rows(
     first, stop, step = span
     chosen, count = np.empty((stop - first + step - 1) // step, np.int64), 0
     for i in range(first, stop, step):
-        # Written without a branch: the next index overwrites one that does not count.
+        # Without a branch: the next index overwrites one that does not count.
         chosen[count] = i
         count += int((0 <= x[i] < width) and (0 <= y[i] < len(rows)) and rows[y[i]])
     return chosen[:count]
@@ -88,15 +95,15 @@ def on_rows(
 
 @njit(cache=True)
 def flow_as_seen(flow_px: Float32, view: Float64, wanted: Bools, width: int) -> Float32:
-    """Resample a flow at the pixels of the event camera, from the nearest pixel of its grid.
+    """Return a flow at the pixels of the event camera, from the nearest pixel of its grid.
 
     Parameters
     ----------
     flow_px
         (H, W, 2) px of its own grid.
     view
-        (6,) where pixels of the event camera lie on that grid: scale and offset of columns, then of rows; then how many
-        pixels of the event camera one of its own is, along columns and rows.
+        (6,) where the pixels of the event camera lie on that grid: scale and offset of columns, then of rows; then
+        width and height of a pixel of the flow, in pixels of the event camera.
     wanted
         (height,) which rows of the event camera are filled.
     width
@@ -126,19 +133,20 @@ def flow_as_seen(flow_px: Float32, view: Float64, wanted: Bools, width: int) -> 
 
 @njit(cache=True)
 def flows_of(x: Float32, y: Float32, flow: FoldedFlow) -> tuple[Float32, Int32]:
-    """Read a flow at pixels of the event camera.
+    """Return a flow at pixels of the event camera.
 
     Parameters
     ----------
     x, y
         (n,) columns and rows, px.
     flow
-        The flow, and where it holds that of a pixel.
+        The flow, and where the flow of a pixel is stored.
 
     Returns
     -------
     flows_px, indices
-        (2, n) flow, px, NaN where there is none; (n,) the pixel of the flow that it is read at, counted row by row.
+        (2, n) flow, px, NaN where there is none; (n,) index of the pixel that it is read at, counted row by row, 0
+        where there is none.
     """
     fold, flow_px = flow.fold, flow.flow_px
     height, width = flow_px.shape[:2]
@@ -156,24 +164,27 @@ def flows_of(x: Float32, y: Float32, flow: FoldedFlow) -> tuple[Float32, Int32]:
 def with_room(
     x: Float32, y: Float32, tau: Float32, flows: Float32, height: int, width: int, margin_px: float
 ) -> tuple[Int64, float]:
-    """Choose the events that have a flow in every field and room for their way to the middle of the interval.
+    """Return the events that have a flow in every field and enough distance from the border.
 
     Parameters
     ----------
     x, y, tau
-        (n,) columns and rows, px, and instants, in intervals of the flow after its start.
+        (n,) columns and rows, px, and instants after the start of the interval of the flow, in lengths of that
+        interval.
     flows
         (m, 2, n) flow of the m fields at the events, px, NaN where there is none.
     height, width
         Of the image, px.
     margin_px
-        Events farther from the border than this have room however long their way is. Others must be farther from it
-        than one and a half times the way along the longest component and 2 px.
+        Events farther from the border than this are far enough for any displacement. Others must be farther from it
+        than 2 px plus one and a half times the displacement to the middle of the interval along the longest
+        component.
 
     Returns
     -------
     chosen, mean_square_px2
-        (k,) indices of these events; mean square of the way along the first field, of all events with a flow in it.
+        (k,) indices of these events; mean square displacement along the first field, px^2, of all events with a
+        flow in it.
     """
     chosen, count = np.empty(len(x), np.int64), 0
     total, flow_count = 0.0, 0
@@ -181,7 +192,7 @@ def with_room(
         away, longest = abs(tau[i] - np.float32(0.5)), np.float32(0)
         for k in range(len(flows)):
             u, v = abs(flows[k, 0, i]), abs(flows[k, 1, i])
-            # An infinite way excludes the event: it must have a flow in every field.
+            # An infinite displacement excludes the event: it must have a flow in every field.
             longest = max(longest, u, v) if u + v < np.inf else np.float32(np.inf)
         u, v = flows[0, 0, i], flows[0, 1, i]
         if abs(u + v) < np.inf:
@@ -197,23 +208,25 @@ def with_room(
 def squares_under(events: EventsInFlow, flow: FoldedFlow, matrices: Float32, side: float, node_px: float) -> Float64:
     """Return the sum of squares of the image of warped events under altered flows.
 
-    A vote is a quadratic B-spline. Events that are carried beyond the image have no vote.
+    A vote is a quadratic B-spline. Events that are warped beyond the image have no vote.
 
     Parameters
     ----------
-    events, flow
-        Events with the flow at their own pixels, and the flow of all pixels.
+    events
+        Events with the flow at their own pixels.
+    flow
+        The flow of all pixels.
     matrices
-        (k, 2, 2) that the flow is multiplied by, one after the other.
+        (k, 2, 2) by which the flow is multiplied, one after the other.
     side
-        Share of its votes that each node gives to either neighbour, along both axes.
+        Share of its votes that each node adds to either neighbour, along both axes.
     node_px
         Distance of nodes, px.
 
     Returns
     -------
     ndarray of float64
-        (k,) per px^2.
+        (k,) integral of the squared event density, per px^2.
     """
     height, width = flow.flow_px.shape[:2]
     per_px = np.float32(1.0 / node_px)
@@ -224,7 +237,7 @@ def squares_under(events: EventsInFlow, flow: FoldedFlow, matrices: Float32, sid
     for k in range(len(matrices)):
         carry(events, flow, matrices[k], columns, rows)
         _vote(image, voted, columns, rows, per_px)
-        image[:3, :3] = 0  # of events that were carried beyond
+        image[:3, :3] = 0  # votes of events that were warped beyond the image
         squares[k] = _sum_of_squares(image, voted, np.float32(side)) * per_px * per_px
         for row in range(len(image)):
             if voted[row]:
@@ -234,10 +247,22 @@ def squares_under(events: EventsInFlow, flow: FoldedFlow, matrices: Float32, sid
 
 @njit(cache=True)
 def carry(events: EventsInFlow, flow: FoldedFlow, matrix: Float32, columns: Float32, rows: Float32) -> None:
-    """Write where events are at the middle of the interval; before the first column where they leave the image.
+    """Write the positions of events at the middle of the interval.
 
-    Along the flow, times a matrix (2, 2), at the pixel that a point gets to the event from; where none is known there,
-    at the event's own. Loops are cut so that all but the one that reads the flow handle many events at once.
+    The flow, times a matrix, is read at the pixel of the event's point at the start of the interval. Where there is
+    none, it is read at the event's own pixel. The loops are split so that all but the one that reads the flow handle
+    many events at once.
+
+    Parameters
+    ----------
+    events
+        Events (n,) with the flow at their own pixels.
+    flow
+        The flow of all pixels.
+    matrix
+        (2, 2) by which the flow is multiplied.
+    columns, rows
+        (n,) written: positions, px; -1 where an event leaves the image.
     """
     x, y, tau, indices = events.x, events.y, events.tau, events.indices
     a, b, c, d = matrix[0, 0], matrix[0, 1], matrix[1, 0], matrix[1, 1]
@@ -247,7 +272,7 @@ def carry(events: EventsInFlow, flow: FoldedFlow, matrix: Float32, columns: Floa
     own_u, own_v = events.flows_px[0], events.flows_px[1]
     columns[:], rows[:] = own_u, own_v
     origins = np.empty(len(x), np.int32)
-    # Fixed point of p = x - tau A flow(p): the flow lies on the pixels p of the start, the event on x at tau.
+    # Fixed point of p = x - tau A flow(p): the flow is given at the pixels p of the start, the event lies at x at tau.
     for _ in range(_STEPS):
         for i in range(len(x)):
             u, v = columns[i], rows[i]
@@ -264,8 +289,9 @@ def carry(events: EventsInFlow, flow: FoldedFlow, matrix: Float32, columns: Floa
             columns[i], rows[i] = (columns[i] if is_finite else own_u[i]), (rows[i] if is_finite else own_v[i])
     for i in range(len(x)):
         u, v = columns[i], rows[i]
-        # x' = x + (1/2 - tau) A flow(p). To the middle, as a warp to one end rewards a flow that lets events
-        # collapse (Shiba et al. 2022).
+        # x' = x + (1/2 - tau) A flow(p). The target is the middle, as in a warp to one end an exaggerated flow
+        # collapses
+        # the events and scores best (Shiba et al. 2022).
         column, row = x[i] + (half - tau[i]) * (a * u + b * v), y[i] + (half - tau[i]) * (c * u + d * v)
         stays = (column >= zero) & (column <= right) & (row >= zero) & (row <= bottom)
         columns[i], rows[i] = (column if stays else _BEYOND), (row if stays else _BEYOND)
@@ -273,14 +299,17 @@ def carry(events: EventsInFlow, flow: FoldedFlow, matrix: Float32, columns: Floa
 
 @njit(cache=True)
 def _vote(image: Float32, voted: Bools, columns: Float32, rows: Float32, per_px: np.float32) -> None:
-    """Add the votes of events at positions, those beyond the image to its corner, and mark the rows that have any."""
+    """Add the votes of events at positions (n,), px, and mark the rows that have any.
+
+    Events beyond the image vote in its corner.
+    """
     zero, unity, half = np.float32(0), np.float32(1), np.float32(0.5)
     for i in range(len(columns)):
         stays = columns[i] >= zero
         column, row = (columns[i] * per_px + _BEFORE, rows[i] * per_px + _BEFORE) if stays else (zero, zero)
         left, top = np.int32(column), np.int32(row)
         right, below = column - np.float32(left), row - np.float32(top)
-        # Quadratic B-spline at the three nodes about a position: (1 - t)^2 / 2, what remains to 1, t^2 / 2.
+        # Quadratic B-spline at the three nodes about a position: (1 - t)^2 / 2, the rest to 1, t^2 / 2.
         first, last = half * (unity - right) * (unity - right), half * right * right
         upper, lower = half * (unity - below) * (unity - below), half * below * below
         second, shares, index = unity - first - last, (upper, unity - upper - lower, lower), np.uint64(left)
@@ -291,16 +320,16 @@ def _vote(image: Float32, voted: Bools, columns: Float32, rows: Float32, per_px:
                 line[index],
                 line[index + np.uint64(1)],
                 line[index + np.uint64(2)],
-            )  # so that none waits for another
+            )  # read first, so that no read waits for a write
             line[index], line[index + np.uint64(1)] = before[0] + share * first, before[1] + share * second
             line[index + np.uint64(2)] = before[2] + share * last
 
 
 @njit(cache=True, fastmath={"reassoc", "contract"})
 def _sum_of_squares(image: Float32, voted: Bools, side: np.float32) -> float:
-    """Return the sum of squares of an image of which each pixel gives a share to either neighbour along both axes.
+    """Return the sum of squares of an image of which each pixel adds a share to either neighbour along both axes.
 
-    Rows that are not ``voted`` for (h,) hold nothing.
+    Only rows near one that is marked in ``voted`` (h,) are read; the others are 0.
     """
     total, middle = 0.0, np.float32(1) - side - side
     mixed = np.empty(image.shape[1], np.float32)
@@ -327,20 +356,20 @@ def meetings_with_oneself(
     Parameters
     ----------
     events
-        Pixel by pixel, those of one pixel in order of time; they are carried by the flow at the pixel itself.
+        Pixel by pixel, those of one pixel in order of time. They are warped by the flow at the pixel itself.
     matrices
-        (k, 2, 2) that the flow is multiplied by.
+        (k, 2, 2) by which the flow is multiplied.
     shared
         Autocorrelation of a vote on a line, by the distance in parts of a node; 0 beyond.
     node_px
         Distance of nodes, px.
     memory
-        How many earlier events of its pixel each event is paired with.
+        Number of earlier events of its pixel with which each event is paired.
 
     Returns
     -------
     ndarray of float64
-        (k,) per px^2, to be subtracted from ``squares_under``.
+        (k,) per px^2, to be subtracted from the result of ``squares_under``.
     """
     x, y, tau, flows = events.x, events.y, events.tau, events.flows_px
     met = np.zeros(len(matrices))

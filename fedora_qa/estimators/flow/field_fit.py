@@ -1,4 +1,4 @@
-"""From the residual flow of a field's tiles to the field's own: mean error, gain, shift, each with its error."""
+"""From the residual flow of the tiles of a field to that of the field: mean error, gain, shift, each with its error."""
 
 from dataclasses import dataclass
 from typing import Final
@@ -18,11 +18,11 @@ MEAN: Final = slice(0, 2)
 GAIN: Final = slice(2, 3)
 SHIFT: Final = slice(3, 5)
 OF_THE_FLOW: Final = slice(0, 5)
-"""Templates of a tile's residual flow that need nothing else: constant u and v; the flow; its slopes along columns and
-rows."""
+"""Templates of the residual flow of a tile that follow from the flow alone: constant u and v; the flow; its slopes
+along columns and rows."""
 
 LOCKING: Final = slice(5, 7)
-"""The sine of 2 pi u, and of 2 pi v: what aliases and interpolation feign, see `lock_in`."""
+"""The sine of 2 pi u, and of 2 pi v: bias by aliases and interpolation, see `lock_in`."""
 
 FOCAL: Final = slice(7, 8)
 CENTRE: Final = slice(8, 10)
@@ -30,31 +30,35 @@ MOUNTING: Final = slice(10, 13)
 TIME: Final = slice(13, 14)
 ROLL: Final = slice(14, 15)
 GEOMETRIC: Final = slice(7, 15)
-"""Templates that depth and the camera's motion give: percent, px, degrees about the camera's axes, percent of the
-interval, degrees of relative roll. Zero where these are not known."""
+"""Templates that follow from depth and the motion of the camera: percent, px, degrees about the axes of the camera,
+percent of the interval, degrees of relative roll. Zero where depth or motion is missing."""
 
 _HUBER: Final = 2.0
 _ITERATIONS: Final = 5
 _SMALLEST_TRUE: Final = 1e-3
-"""Share of the stored flow below which the true one is as good as zero."""
+"""Share of the stored flow below which the true flow counts as zero."""
 
 _UNLIKELY: Final = 0.01
+"""Probability with which a correct value exceeds ``beyond_chance``."""
 
 
 @dataclass(frozen=True, slots=True)
 class FieldFit:
-    """One field's tiles together.
+    """The common fit of the tiles of one field.
 
     Attributes
     ----------
     mean_px, mean_error_px
-        (2,) robust weighted mean of the tiles' residual flow, and its formal standard error.
+        (2,) robust weighted mean of the residual flow of the tiles, and its formal standard error, px.
     spread
-        Mean square of the tiles' deviations for their errors, about 1 where these are right; ``freedom`` of them.
+        Weighted mean square of the deviations of the tiles in units of their errors: about 1 where these errors are
+        right.
+    freedom
+        Degrees of freedom of ``spread``.
     evidence
         Normal equations of the templates, robustly weighted.
     deviations
-        (n,) each tile's distance from the mean in units of its standard error.
+        (n,) distance of each tile from the mean in units of its standard error.
     """
 
     mean_px: Float64
@@ -66,7 +70,7 @@ class FieldFit:
 
 
 def templates_of_flow(flows_px: Float64, slopes: Float64, sines: Float64, geometric: Float64 | None) -> Float64:
-    """Assemble the templates of the residual flow of tiles.
+    """Return the templates of the residual flow of tiles.
 
     Parameters
     ----------
@@ -77,12 +81,12 @@ def templates_of_flow(flows_px: Float64, slopes: Float64, sines: Float64, geomet
     sines
         (n, 2) mean of sin(2 pi flow).
     geometric
-        (n, 2, 8) the columns of ``GEOMETRIC``; None where depth or motion is not known, which gives zeros.
+        (n, 2, 8) the columns of ``GEOMETRIC``; None where depth or motion is missing, which gives zeros.
 
     Returns
     -------
     ndarray of float64
-        (n, 2, 15).
+        (n, 2, 15) px per unit of each template.
     """
     count = len(flows_px)
     locking = sines[:, :, None] * np.eye(2)
@@ -92,21 +96,21 @@ def templates_of_flow(flows_px: Float64, slopes: Float64, sines: Float64, geomet
 
 
 def fit_field(errors_px: Float64, covariances_px2: Float64, templates: Float64) -> FieldFit:
-    """Fit the mean residual flow of a field's tiles, and set up the normal equations of their templates.
+    """Return the mean residual flow of the tiles of a field, and the normal equations of their templates.
 
-    Tiles far from the mean are weighted down after Huber.
+    Tiles far from the mean have lower weight (Huber).
 
     Parameters
     ----------
     errors_px, covariances_px2
-        (n, 2) and (n, 2, 2) residual flow of tiles and its covariance, n > 1.
+        (n, 2) px and (n, 2, 2) px^2: residual flow of tiles and its covariance, n > 1.
     templates
         (n, 2, m), of ``templates_of_flow``.
 
     Returns
     -------
     FieldFit
-        With formal errors: the scatter of the tiles is stated beside them.
+        With formal errors; the scatter of the tiles is given beside them.
     """
     errors_px, covariances_px2 = np.ascontiguousarray(errors_px), np.ascontiguousarray(covariances_px2)
     mean_px, matrix, information, deviations = robust_mean(errors_px, covariances_px2, _HUBER, _ITERATIONS)
@@ -125,18 +129,31 @@ def fit_field(errors_px: Float64, covariances_px2: Float64, templates: Float64) 
 
 
 def beyond_chance(freedom: float) -> float:
-    """Return the mean square of so many deviations of unit variance that one case in a hundred exceeds."""
+    """Return the value that the mean square of ``freedom`` deviations of unit variance exceeds with probability 1%."""
     return chi_squared_beyond(_UNLIKELY, freedom) / freedom
 
 
 def robust_errors(matrix: Float64, scatter: Float64, scores: Float64) -> Float64:
-    """Return the standard errors (p,) of ``matrix^-1 sum(scores)``: as stated, or the blocks' where these differ.
+    """Return the standard errors of ``matrix^-1 sum(scores)``: formal ones, or empirical ones where the blocks differ.
 
-    ``scatter`` (p, p) is the covariance of the sum as estimated from the tiles: the sum of the blocks' matrices, each
-    times how far its tiles scatter (R. T. Birge, Phys. Rev. 40 (1932) 207). The empirical one is the sandwich over
-    independent blocks, of which ``scores`` (k, p) has one row each. Blocks of a correct file scatter as stated: k - p
-    times the ratio of variances is chi-square. Where the ratio exceeds the value that one case in a hundred exceeds,
-    blocks have errors of their own. The empirical error is then taken, widened for few blocks.
+    If the errors of the tiles are right, k - p times the ratio of the empirical to the formal variance is chi-square
+    with k - p degrees of freedom, for k blocks and p parameters. Where the ratio exceeds its 99% quantile, the blocks
+    have errors of their own. The empirical error is then returned, widened for few blocks.
+
+    Parameters
+    ----------
+    matrix
+        (p, p) normal matrix of all blocks.
+    scatter
+        (p, p) covariance of the sum of the scores as estimated from the tiles: the sum of the matrices of the
+        blocks, each times how far its tiles scatter (R. T. Birge, Phys. Rev. 40 (1932) 207).
+    scores
+        (k, p) one row for each independent block; the empirical covariance is the sandwich over them.
+
+    Returns
+    -------
+    ndarray of float64
+        (p,) in the units of the parameters.
     """
     blocks, parameters = scores.shape
     freedom = blocks - parameters
@@ -151,29 +168,41 @@ def robust_errors(matrix: Float64, scatter: Float64, scores: Float64) -> Float64
 
 
 def gain_of_true(share_of_stored: float) -> tuple[float, float]:
-    """Turn an error that is a share g of the stored flow into a gain on the true flow, and return its slope too.
+    """Return the gain on the true flow of an error that is a share of the stored flow, and the derivative of the gain.
 
-    Stored = (1 + G) true and error = G true give G = g / (1 - g).
+    For the share g, stored = (1 + G) true and error = G true give the gain G = g / (1 - g) and dG/dg = 1 / (1 - g)^2.
     """
     rest = 1.0 - share_of_stored
-    # At g = 1 the true flow is zero and has no gain: the share is bounded away from it.
+    # At g = 1 the true flow is zero and has no gain: 1 - g is kept away from 0.
     rest = rest if abs(rest) > _SMALLEST_TRUE else np.copysign(_SMALLEST_TRUE, rest)
     return share_of_stored / rest, rest**-2
 
 
 def lock_in(total: Evidence, columns: slice) -> Float64:
-    """Return by how much a bias of 1 px times the sine of 2 pi times the flow moves the fitted sizes, (p,), at most.
+    """Return a bound on the change of fitted sizes by a bias of 1 px times sin(2 pi flow).
 
-    A frequency w of the image and its alias, which the pixels fold onto it from w - 2 pi, part by the phase 2 pi d when
-    the scene moves by d, so that least squares errs by (energy of the alias over that of the image) / w times
-    sin(2 pi d): nothing where things move by whole pixels, nothing on the average over many fractions of a pixel.
-    Reading between pixels errs by the same law. (Particle image velocimetry calls it peak locking: J. Westerweel,
-    Meas. Sci. Technol. 8 (1997) 1379.)
+    A frequency w of the image and its alias, which sampling maps onto w from w - 2 pi, differ in phase by 2 pi d when
+    the scene moves by d. Least squares then errs by (energy of the alias over that of the image) / w times sin(2 pi d).
+    The error is zero where the image moves by whole pixels, and zero on average over many fractions of a pixel.
+    Interpolation between pixels errs by the same law. (In particle image velocimetry this is peak locking: J.
+    Westerweel, Meas. Sci. Technol. 8 (1997) 1379.)
+
+    Parameters
+    ----------
+    total
+        Normal equations of all templates of ``templates_of_flow``.
+    columns
+        The p templates that are fitted together.
+
+    Returns
+    -------
+    ndarray of float64
+        (p,) not negative, in the units of the sizes, for an amplitude of 1 px of u and of v.
     """
     matrix = total.matrix[columns, columns]
     # Sizes that least squares fits to a residual of sin(2 pi u), and of sin(2 pi v).
     response = np.linalg.lstsq(matrix, total.matrix[columns, LOCKING], rcond=1e-12)[0]
-    # The signs of both biases are not known: their sizes add up.
+    # The signs of both biases are unknown, so that their sizes are added.
     moved: Float64 = np.abs(response).sum(axis=1)
     return moved
 
@@ -182,27 +211,28 @@ def lock_in(total: Evidence, columns: slice) -> Float64:
 def robust_mean(
     errors_px: Float64, covariances_px2: Float64, most: float, iterations: int
 ) -> tuple[Float64, Float64, Float64, Float64]:
-    """Return the weighted mean of errors, those far from it weighted down after Huber.
+    """Return the weighted mean of errors with Huber's weights.
 
     Parameters
     ----------
     errors_px, covariances_px2
-        (n, 2) and (n, 2, 2).
+        (n, 2) px and (n, 2, 2) px^2.
     most
-        Standard errors beyond which an error is weighted down.
+        Deviation in standard errors above which an error has lower weight.
     iterations
-        How often weights and mean are computed in turn, from the median on.
+        How often weights and mean are computed in turn, starting from the median; at least 1.
 
     Returns
     -------
     mean_px, matrix, information, deviations
-        (2,); (2, 2) information of the mean, 1/px^2; (n, 3) weighted information of each error: of u, of both, of v;
-        (n,) deviations in standard errors, from the mean before the last iteration.
+        (2,) px; (2, 2) information of the mean, 1/px^2; (n, 3) weighted information of each error, 1/px^2: elements
+        uu, uv, vv; (n,) deviations in standard errors, from the mean before the last iteration.
     """
     count = len(errors_px)
     stated, weighted = np.empty((count, 3)), np.empty((count, 3))
     for i in range(count):
         of_u, of_v, both = covariances_px2[i, 0, 0], covariances_px2[i, 1, 1], covariances_px2[i, 0, 1]
+        # C^-1 of a 2 x 2 matrix: adjugate over determinant.
         determinant = of_u * of_v - both * both
         stated[i, 0], stated[i, 1], stated[i, 2] = of_v / determinant, -both / determinant, of_u / determinant
     mean_px = np.array([median_of(errors_px[:, 0].copy()), median_of(errors_px[:, 1].copy())])
@@ -236,16 +266,16 @@ def normal_equations(errors_px: Float64, information: Float64, templates: Float6
     Parameters
     ----------
     errors_px
-        (n, 2).
+        (n, 2) px.
     information
-        (n, 3) of each error, 1/px^2: of u, of both, of v.
+        (n, 3) of each error, 1/px^2: elements uu, uv, vv.
     templates
-        (n, 2, m).
+        (n, 2, m) px per unit of each template.
 
     Returns
     -------
     matrix, vector, total
-        (m, m) and (m,); weighted sum of the squares of the errors.
+        (m, m) sum of T^T C^-1 T; (m,) sum of T^T C^-1 e; sum of e^T C^-1 e.
     """
     size = templates.shape[2]
     matrix, vector, total = np.zeros((size, size)), np.zeros(size), 0.0

@@ -1,7 +1,7 @@
-"""Edges in a depth, and in a flow where there is no depth: near them a pixel mixes two surfaces that move apart.
+"""Edges in a depth, and in a flow where there is no depth: near them a pixel mixes two surfaces of different motion.
 
-The inverse depth of a plane is affine in the pixel, so its Laplacian vanishes on every plane and marks edges, and
-bilinear interpolation of it is exact. Edges are widened by the reach of the kernel that the frames are smoothed with.
+The inverse depth of a plane is affine in the pixel. Its Laplacian therefore vanishes on every plane and marks edges,
+and bilinear interpolation of it is exact. Edges are widened by the reach of the kernel that smooths the frames.
 """
 
 from typing import Final
@@ -21,38 +21,39 @@ At such a step the flow of two neighbouring surfaces differs by 1% of their para
 """
 
 LONGEST_FOOTPRINT: Final = 8.0
-"""Length over width of a pixel's footprint up to which texture is known to be smoothed over all of it.
+"""Length over width of the footprint of a pixel up to which texture is smoothed over all of the footprint.
 
-P. S. Heckbert, Fundamentals of Texture Mapping and Image Warping (1989), derives the footprint; engines end their
-anisotropic filtering between 4 and 16. Beyond it distant ground shows aliases, which do not follow the flow.
+P. S. Heckbert, Fundamentals of Texture Mapping and Image Warping (1989), derives the footprint; renderers limit their
+anisotropic filtering to ratios between 4 and 16. Beyond that distant ground has aliases, which do not follow the flow.
 """
 
 BREAK_PX: Final = 0.1
-"""Second difference of a flow that makes a break: across lesser ones the mixing of two surfaces errs by less."""
+"""Second difference of a flow that makes a break. Across smaller ones a mix of two surfaces errs by less than this."""
 
 _CROWDED_PX: Final = 0.25
-"""Spread of the flows that lead to one pixel from which on they must belong to different surfaces."""
+"""Standard deviation of the flows that lead to one pixel, above which they belong to different surfaces."""
 
 _WIDENED_PX: Final = 9
 """Edges are widened by 4 px on either side, where a mixed pixel contributes less than 1e-4 of its contrast.
 
-At 3 px it is 1e-3, which beside a bright edge moved tiles of little texture by up to 0.1 px. Widened alike, the border
-pixels are five deep, the reach of Gaussian and spline together: nearer to the border frames are extrapolated.
+At 3 px the contribution is 1e-3, which changed the residual flow of tiles of little texture next to a bright edge by up
+to 0.1 px. The border is widened in the same way to five pixels, the reach of Gaussian and spline together: nearer to
+the border frames are extrapolated.
 """
 
 
 def inverse_depth(depth_m: Float32) -> Float32:
-    """Return 1 / depth (H, W), 0 where depth is invalid."""
+    """Return 1 / depth (H, W), 1/m, of a depth (H, W) in m; 0 where depth is invalid."""
     depth_m = np.ascontiguousarray(depth_m, dtype=np.float32)
     return np.asarray(inverse_in(depth_m, 0, 0, *depth_m.shape), dtype=np.float32)
 
 
 def edges(inverse_depth_per_m: Float32, focal_px: float | None = None) -> NDArray[np.uint8]:
-    """Return 1 within 4 px of an edge of the depth, of an invalid pixel or of the border, else 0; (H, W).
+    """Return where a pixel is near an edge of the depth, an invalid pixel or the border.
 
-    With a focal length, too, of pixels whose surface is seen at so flat an angle that its texture may be aliased: over
-    one pixel the inverse depth w of a plane changes by |grad w|, and the pixel's footprint is longer than wide by
-    f |grad w| / w.
+    With a focal length, pixels whose surface is viewed at so flat an angle that its texture may be aliased are marked
+    too. Over one pixel the inverse depth w of a plane changes by |grad w|, and the footprint of the pixel is longer
+    than wide by f |grad w| / w.
 
     Parameters
     ----------
@@ -60,30 +61,36 @@ def edges(inverse_depth_per_m: Float32, focal_px: float | None = None) -> NDArra
         (H, W) 1/m, 0 where invalid.
     focal_px
         Focal length, px; None: surfaces at flat angles are not marked.
+
+    Returns
+    -------
+    ndarray of uint8
+        (H, W) 1 within 4 px of such a pixel, else 0.
     """
     steepest = np.float32(np.inf if focal_px is None else LONGEST_FOOTPRINT / focal_px)
     return widened(mark_edges(inverse_depth_per_m, np.float32(EDGE), steepest))
 
 
 def flow_conflicts(flow_px: Float32) -> tuple[NDArray[np.uint8], NDArray[np.uint8]]:
-    """Return where a flow (H, W, 2) itself shows edges, 1 there, else 0: maps (H, W) of the first and second frame.
+    """Return where a flow (H, W, 2), px, itself has edges, as maps of the first and the second frame.
 
-    First frame: within 4 px of a break of the flow, of a missing value or of the border. Second frame: within 4 px of a
-    pixel to which points of different flow lead, one of which must be occluded.
+    Both maps are (H, W), 1 at edges, else 0. In the first frame these are pixels within 4 px of a break of the flow, of
+    a missing value or of the border. In the second frame these are pixels within 4 px of one to which points of
+    different flow lead: one of the points must be occluded.
     """
     u, v = (np.ascontiguousarray(flow_px[..., i]) for i in range(2))
     is_valid = np.logical_and(np.isfinite(u), np.isfinite(v))
     u, v = np.where(is_valid, u, np.float32(0)), np.where(is_valid, v, np.float32(0))
     breaks = ~is_valid
     for component in (u, v):
-        # A second difference, as of the depth: flow is smooth within a surface.
+        # Laplacian, as of the inverse depth: flow is smooth within a surface.
         breaks |= np.abs(cv2.Laplacian(component, cv2.CV_32F, borderType=cv2.BORDER_REPLICATE)) > BREAK_PX
     crowded = spread_at_targets(flow_px) > _CROWDED_PX**2
     return widened(breaks.astype(np.uint8)), widened(crowded.astype(np.uint8))
 
 
 def widened(edge: NDArray[np.uint8]) -> NDArray[np.uint8]:
-    """Widen edges (H, W), 1 and 0, of which the outermost pixels always are some."""
+    """Return edges (H, W), 1 and 0, widened by 4 px; the border always counts as an edge, and is marked in ``edge``."""
     for side in (edge[0], edge[-1], edge[:, 0], edge[:, -1]):
         side[...] = 1
     return np.asarray(cv2.dilate(edge, np.ones((_WIDENED_PX, _WIDENED_PX), np.uint8)), dtype=np.uint8)
@@ -91,7 +98,22 @@ def widened(edge: NDArray[np.uint8]) -> NDArray[np.uint8]:
 
 @njit(cache=True, error_model="numpy")
 def inverse_in(depth_m: Float32, left: int, top: int, height: int, width: int) -> Float32:
-    """Return 1 / depth of a part (height, width) of a depth (H, W), 0 where that is not finite and positive."""
+    """Return 1 / depth of a part of a frame.
+
+    Parameters
+    ----------
+    depth_m
+        (H, W) m.
+    left, top
+        First column and row of the part, px.
+    height, width
+        Of the part, px.
+
+    Returns
+    -------
+    ndarray of float32
+        (height, width) 1/m, 0 where depth is not finite and positive.
+    """
     inverse = np.empty((height, width), np.float32)
     for row in range(height):
         depths, line = depth_m[top + row, left : left + width], inverse[row]
@@ -104,7 +126,22 @@ def inverse_in(depth_m: Float32, left: int, top: int, height: int, width: int) -
 
 @njit(cache=True)
 def mark_edges(inverse_per_m: Float32, largest_bend: np.float32, largest_slope: np.float32) -> NDArray[np.uint8]:
-    """Return 1, (H, W), where an inverse depth is not positive, bends or slopes by more than a share of it, or ends."""
+    """Return where an inverse depth has edges.
+
+    Parameters
+    ----------
+    inverse_per_m
+        (H, W) 1/m, 0 where invalid.
+    largest_bend
+        Largest Laplacian that is no edge, as a share of the inverse depth.
+    largest_slope
+        Largest gradient that is no edge, as a share of the inverse depth, 1/px.
+
+    Returns
+    -------
+    ndarray of uint8
+        (H, W) 1 at edges, invalid pixels and the border, else 0.
+    """
     height, width = inverse_per_m.shape
     marked = np.ones((height, width), np.uint8)
     steepest = largest_slope * largest_slope
@@ -126,18 +163,36 @@ def is_edge(
     largest_bend: np.float32,
     steepest: np.float32,
 ) -> np.bool_:
-    """Whether an inverse depth is invalid, or its Laplacian or squared slope exceeds a share of it or of its square."""
+    """Return whether a pixel of an inverse depth is invalid, bends too much or slopes too much.
+
+    Parameters
+    ----------
+    value, left, right, above, below
+        Inverse depth of the pixel and of its four neighbours, 1/m.
+    largest_bend
+        Largest Laplacian, as a share of the value.
+    steepest
+        Largest squared gradient, as a share of the squared value, 1/px^2.
+
+    Returns
+    -------
+    bool
+        Whether the pixel is an edge.
+    """
     bend = abs(left + right + above + below - np.float32(4) * value)
     across, down = np.float32(0.5) * (right - left), np.float32(0.5) * (below - above)
     # f |grad w| / w above LONGEST_FOOTPRINT (Heckbert 1989); squared, so that no root is taken.
     is_steep = across * across + down * down > steepest * value * value
-    # Without a branch, so that many pixels are marked at once.
+    # Without a branch, so that the compiler handles many pixels at once.
     return (bend > largest_bend * value) | is_steep | (value <= 0)
 
 
 @njit(cache=True)
 def spread_at_targets(flow_px: Float32) -> Float32:
-    """Return (H, W) by how much the flows (H, W, 2) that lead to a pixel differ: the larger variance of two, px^2."""
+    """Return the larger variance (H, W), px^2, of the components of the flows (H, W, 2), px, that lead to each pixel.
+
+    It is 0 where fewer than two flows lead to a pixel.
+    """
     height, width = flow_px.shape[:2]
     count = np.zeros((height, width), np.int32)
     sums = np.zeros((height, width, 4))

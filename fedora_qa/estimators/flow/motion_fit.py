@@ -1,8 +1,8 @@
-"""Fit the camera's motion to a flow field, and fit small changes of parameters to what remains.
+"""Fit the motion of the camera to a flow field, and fit small changes of parameters to the residual.
 
-The flow comes from the noise-free pose while the file holds a noisy one. So each field may correct the relative pose by
-a twist whose covariance follows from the declared noise; what remains must be rounding, and the twist itself must be
-as large as the noise.
+The flow is computed from the noise-free pose, while the file holds a noisy pose. Therefore each field may correct the
+relative pose by a twist whose covariance follows from the declared noise. The residual must then be rounding, and the
+twist must be as large as the noise.
 """
 
 from collections.abc import Sequence
@@ -18,19 +18,32 @@ from fedora_qa.geometry.rigid_flow import moved_points, rigid_flow, twist_jacobi
 Float64 = NDArray[np.float64]
 
 _ITERATIONS: Final = 6
+"""Most steps of Gauss-Newton."""
+
 _CONCENTRATIONS: Final = 10
 _CONVERGED_PX: Final = 1e-6
-"""A step that moves all pixels together by less than this is the last: quadratic convergence leaves nothing."""
+"""Iterations stop at a step whose components, each times the root sum of squares of the flow's derivatives over all
+pixels, add up to less than this: convergence is quadratic."""
 
 _LARGEST_TURN_RAD: Final = 0.3
-"""Beyond it the linearisation does not hold: such a field is not off by an error of the motion."""
+"""Largest rotation of a correction. Beyond it the linearisation does not hold, and the motion is not the cause of the
+residual."""
 
 
 @dataclass(frozen=True, slots=True)
 class FlowSample:
-    """Pixels of one field: columns, rows, z-depth in metres at the interval's start, flow in px, each finite.
+    """Pixels of one field; all values are finite.
 
-    Shapes (n,), (n,), (n,), (n, 2); ``sigma_px`` is the rounding level by which residuals are weighted.
+    Attributes
+    ----------
+    columns, rows
+        (n,) px.
+    depths_m
+        (n,) z-depth at the start of the interval, m.
+    flow_px
+        (n, 2) stored flow, px.
+    sigma_px
+        Standard deviation of rounding by which residuals are weighted, px.
     """
 
     columns: Float64
@@ -40,7 +53,7 @@ class FlowSample:
     sigma_px: float
 
     def chosen(self, pixels: NDArray[np.intp]) -> "FlowSample":
-        """Return some of the pixels, by index."""
+        """Return the pixels at the indices (k,)."""
         return replace(
             self,
             columns=self.columns[pixels],
@@ -59,11 +72,11 @@ class MotionFit:
     motion
         The corrected motion.
     twist
-        (6,) correction of the given motion, rad and metres.
+        (6,) correction of the given motion: rotation vector, rad, then translation, m.
     information
-        (6, 6) of the twist, from the flow alone.
+        (6, 6) of the twist, from the flow alone, 1/rad^2, 1/(rad m) and 1/m^2.
     residual_px
-        (n, 2) stored minus recomputed flow after the correction; NaN where the point falls behind the camera.
+        (n, 2) stored minus recomputed flow after the correction, px; NaN where the point lies behind the camera.
     """
 
     motion: RigidMotion
@@ -73,20 +86,23 @@ class MotionFit:
 
 
 def fit_motion(K: Float64, motion: RigidMotion, sample: FlowSample) -> MotionFit | None:
-    """Correct the motion by Gauss-Newton until the flow fits best.
+    """Return the motion, corrected by Gauss-Newton steps, that fits the flow best.
 
-    Directions that the sample does not determine (far or few points) are left as they are.
+    Directions that the sample does not determine (distant or few points) are not changed.
 
     Parameters
     ----------
     K
-        (3, 3) camera matrix.
+        (3, 3) intrinsics, px.
     motion
-        Of points in the camera's frame, from the start of the interval to its end, to start from.
+        Initial motion of points, from the camera frame at the start of the interval to that at its end.
+    sample
+        Pixels of the field.
 
     Returns
     -------
-    None where the steps do not stay within the linearisation, or where most points end behind the camera.
+    MotionFit or None
+        None where the steps do not stay within the linearisation, or where most points lie behind the camera.
     """
     fitted = motion
     for _ in range(_ITERATIONS):
@@ -95,7 +111,7 @@ def fit_motion(K: Float64, motion: RigidMotion, sample: FlowSample) -> MotionFit
         information = np.einsum("nki,nkj->ij", jacobian, jacobian)
         scale = np.sqrt(np.maximum(np.diag(information), np.finfo(float).tiny))
         gradient = np.einsum("nki,nk->i", jacobian, residual)
-        # Columns are scaled to unit norm before the solution: radians and metres are then conditioned alike.
+        # Columns of J are scaled to unit norm, so that radians and metres are of the same size in the system.
         step: Float64 = np.linalg.lstsq(information / np.outer(scale, scale), gradient / scale, rcond=1e-12)[0] / scale
         if not np.all(np.isfinite(step)) or np.linalg.norm(step[:3]) > _LARGEST_TURN_RAD:
             return None
@@ -112,20 +128,23 @@ def fit_motion(K: Float64, motion: RigidMotion, sample: FlowSample) -> MotionFit
 
 
 def fit_most(K: Float64, motion: RigidMotion, sample: FlowSample, fit: MotionFit) -> MotionFit:
-    """Fit the motion to the half of the sample that it fits best: what a part of the image is off by does not count.
+    """Return the motion that fits the best half of the sample, so that a deviating part of the image has no effect.
 
     Concentration steps of least trimmed squares (P. J. Rousseeuw, K. Van Driessen, Data Min. Knowl. Discov. 12 (2006)
-    29), none of which makes the half's squares larger, from a fit to the whole sample and from each half of the image:
-    a part of a quarter leaves two of these whole.
+    29) never increase the sum of squares of the best half. They start from the fit to the whole sample and from a fit
+    to each half of the image. If a quarter of the image deviates, two of these halves contain none of it.
 
     Parameters
     ----------
+    K, motion, sample
+        As of ``fit_motion``.
     fit
         Of the whole sample, from ``fit_motion``.
 
     Returns
     -------
-    The best fit, with the residuals of the whole sample.
+    MotionFit
+        The best fit, with the residuals of the whole sample.
     """
     starts = [fit]
     for coordinates in (sample.columns, sample.rows):
@@ -164,11 +183,14 @@ def _trimmed_squares(fit: MotionFit) -> float:
 
 
 def _linearised(K: Float64, motion: RigidMotion, sample: FlowSample) -> tuple[Float64, Float64]:
-    """Return the residual (n, 2) and its Jacobian by twist (n, 2, 6); zero where a point falls behind the camera."""
+    """Return the residual (n, 2), px, and its Jacobian by the twist (n, 2, 6).
+
+    Both are zero where a point lies behind the camera.
+    """
     points1_m = np.stack(moved_points(K, motion, sample.columns, sample.rows, sample.depths_m), axis=-1)
     residual = sample.flow_px - rigid_flow(K, motion, sample.columns, sample.rows, sample.depths_m)
     in_front = np.logical_and(*np.isfinite(residual).T)
-    # Any depth before the camera keeps the Jacobian finite until it is multiplied by 0.
+    # A point in front of the camera keeps the Jacobian finite until it is multiplied by 0.
     points1_m[~in_front] = (0.0, 0.0, 1.0)
     jacobian = twist_jacobian(K, points1_m) * in_front[:, None, None]
     residual[~in_front] = 0.0
@@ -177,16 +199,18 @@ def _linearised(K: Float64, motion: RigidMotion, sample: FlowSample) -> tuple[Fl
 
 @dataclass(frozen=True, slots=True)
 class Evidence:
-    """Normal equations of templates against the residuals of fields, the pose correction eliminated.
+    """Normal equations of templates against the residuals of fields, with the pose correction eliminated.
 
-    Additive over fields.
+    Evidence of several fields is added.
 
     Attributes
     ----------
     matrix, vector
-        (m, m) and (m,), for m templates, weighted.
-    total, count
-        The weighted squares of the residuals that are to be explained, and how many these are.
+        (m, m) and (m,) for m templates, weighted by the inverse variance of the residuals.
+    total
+        Weighted sum of squares of the residuals.
+    count
+        Number of the residuals, two for each pixel or tile.
     """
 
     matrix: Float64
@@ -200,19 +224,19 @@ class Evidence:
         )
 
     def along(self, direction: Float64) -> "Evidence":
-        """Return the evidence for one template that is made of so much (m,) of each."""
+        """Return the evidence for the one template that is the sum of all templates times ``direction`` (m,)."""
         matrix, vector = direction @ self.matrix @ direction, direction @ self.vector
         return Evidence(np.array([[matrix]]), np.array([vector]), self.total, self.count)
 
     def explained_by(self, columns: slice) -> tuple[Float64, float]:
-        """Return the fitted sizes of some templates taken alone, and the share of the squares that they explain."""
+        """Return the sizes (k,) of some templates fitted alone, and the share of the squares that they explain."""
         matrix, vector = self.matrix[columns, columns], self.vector[columns]
         sizes: Float64 = np.asarray(np.linalg.lstsq(matrix, vector, rcond=1e-9)[0], dtype=np.float64)
         share = float(vector @ sizes) / self.total if self.total > 0 else 0.0
         return sizes, share
 
     def fit(self, columns: slice) -> "TemplateFit":
-        """Fit some templates alone; their error is larger where much of the residuals remains."""
+        """Return the fit of some templates alone; its error is larger where much of the residuals remains."""
         sizes, share = self.explained_by(columns)
         remaining = float(np.clip(1.0 - share, 0.0, 1.0))
         information = np.diag(self.matrix[columns, columns])
@@ -224,7 +248,17 @@ class Evidence:
 
 
 class TemplateFit(NamedTuple):
-    """Fitted sizes (m,), the share of the rms residual that they remove, 0 to 1, and the largest standard error."""
+    """Templates fitted to residuals.
+
+    Attributes
+    ----------
+    sizes
+        (m,) in the units of the templates.
+    removed_share
+        Share of the rms residual that the templates remove, 0 to 1.
+    standard_error
+        The largest standard error of a size.
+    """
 
     sizes: Float64
     removed_share: float
@@ -232,7 +266,7 @@ class TemplateFit(NamedTuple):
 
 
 def sum_of(evidences: Sequence[Evidence]) -> Evidence:
-    """Return the evidence of all fields together; there is at least one."""
+    """Return the sum of the evidence of all fields, of which there is at least one."""
     total = evidences[0]
     for evidence in evidences[1:]:
         total = total + evidence
@@ -247,22 +281,34 @@ def weigh_templates(
     fit: MotionFit | None,
     twist_covariance: Float64 | None,
 ) -> Evidence:
-    """Set up the normal equations of templates for one field.
+    """Return the normal equations of templates for one field.
 
     Parameters
     ----------
+    K
+        (3, 3) intrinsics, px.
+    motion
+        Given motion of points, from the camera frame at the start of the interval to that at its end.
+    sample
+        Pixels of the field.
     templates
-        (n, 2, m) px per unit of each; NaN where the point falls behind the camera.
+        (n, 2, m) px per unit of each; NaN where the point lies behind the camera.
     fit
         Of the same sample, from ``fit_motion``; None where the motion is not corrected.
     twist_covariance
-        (6, 6) prior covariance of the motion's twist, rad and metres; None where the motion is exact.
+        (6, 6) prior covariance of the twist of the motion, rad and m; None where the motion is exact.
+
+    Returns
+    -------
+    Evidence
+        With 2 n residuals.
 
     Notes
     -----
-    Without ``twist_covariance`` the pose is exact and nothing is eliminated. With it, the twist x of prior covariance
-    S is: minimising ``|e - J x - G a|^2 / sigma^2 + x^T S^-1 x`` over x leaves normal equations in a (Schur's
-    complement). The residual e is linearised about the fitted motion, whose second-order terms are then rounding.
+    Without ``twist_covariance`` the pose is exact and nothing is eliminated. With it, the twist x of prior covariance S
+    is eliminated: the minimum of ``|e - J x - G a|^2 / sigma^2 + x^T S^-1 x`` over x leaves normal equations in a
+    (Schur's complement). The residual e is linearised about the fitted motion, where its second-order terms are below
+    rounding.
     """
     if twist_covariance is None or fit is None:
         return _normal_equations(_linearised(K, motion, sample)[0], templates, sample.sigma_px)
@@ -283,11 +329,23 @@ def weigh_templates(
 
 
 def parallel_sum(covariance: Float64, information: Float64) -> Float64:
-    """Return ``(covariance^-1 + information)^-1`` of symmetric matrices without negative eigenvalues.
+    """Return ``(covariance^-1 + information)^-1``.
 
-    Either may be singular. With ``covariance = L L^T`` it is ``L (1 + L^T information L)^-1 L^T``. The eigenvalues are
-    taken apart: however large they are, none of what is inverted is less than 1.
+    With ``covariance = L L^T`` it is ``L (1 + L^T information L)^-1 L^T``. The bracket is inverted by its eigenvalues,
+    none of which is less than 1, so that matrices of any size can be inverted.
+
+    Parameters
+    ----------
+    covariance, information
+        (p, p) symmetric, without negative eigenvalues; either may be singular. Their units are inverse to each
+        other.
+
+    Returns
+    -------
+    ndarray of float64
+        (p, p) in the unit of ``covariance``.
     """
+    # L (1 + L^T information L)^-1 L^T with L = V sqrt(eigenvalues).
     eigenvalues, directions = np.linalg.eigh(covariance)
     L = directions * np.sqrt(np.maximum(eigenvalues, 0.0))
     gains, rotation = np.linalg.eigh(L.T @ information @ L)
@@ -297,10 +355,22 @@ def parallel_sum(covariance: Float64, information: Float64) -> Float64:
 
 
 def twist_statistic(fit: MotionFit, twist_covariance: Float64) -> tuple[float, float]:
-    """Return ``x^T (S + A^-1)^-1 x`` of the fitted twist x, and its expectation under the prior covariance S (6, 6).
+    """Return ``x^T (S + A^-1)^-1 x`` of the fitted twist x, and its expectation.
 
-    A is the information of the fit. The expectation, ``trace((S + A^-1)^-1 S)``, counts the determined directions:
-    under the prior the statistic is chi-square with about so many degrees of freedom.
+    A is the information of the fit. The expectation, ``trace((S + A^-1)^-1 S)``, counts the directions that the fit
+    determines. Under the prior the statistic is chi-square with about that number of degrees of freedom.
+
+    Parameters
+    ----------
+    fit
+        Of one field.
+    twist_covariance
+        (6, 6) prior covariance S of the twist, rad and m.
+
+    Returns
+    -------
+    statistic, expectation
+        Both without unit.
     """
     weight = parallel_sum(fit.information, twist_covariance)  # (S + A^-1)^-1
     return float(fit.twist @ weight @ fit.twist), float(np.trace(weight @ twist_covariance))

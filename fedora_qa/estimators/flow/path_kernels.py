@@ -1,8 +1,8 @@
-"""Compiled step of paths along a field of flow: interpolate it, bound the error of that, and keep clear of breaks.
+"""Compiled step of paths along a flow field: interpolation, a bound of its error, and a test for nearby breaks.
 
-Fields come as lines (H, 2 W): u and v of one pixel after another. Only the pixels about the paths are evaluated, so
-that a step costs what its paths cost, however large the image is. Where paths are many, `interpolation_errors`
-evaluates all pixels once, and a step reads its result.
+A field is given as lines (H, 2 W): u and v of one pixel after another. Only the pixels near the paths are evaluated, so
+that the cost of a step does not depend on the size of the image. For many paths, `interpolation_errors` evaluates all
+pixels once, and a step reads its result.
 """
 
 from typing import NamedTuple
@@ -20,35 +20,44 @@ Float64 = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
 _CELL_PX = 4
-"""Step between the pixels whose targets are entered, and side of the cells that they are entered in."""
+"""Distance, px, between the pixels whose targets are recorded, and side of the cells in which they are recorded."""
 
 _CELLS_DOUBLE = 4 * 220_000
-"""Pixels of a frame from which on cells are twice as wide: in the view they are no wider than those of 540x405, which
-separate its surfaces, and entering the targets takes a quarter of the time."""
+"""Number of pixels of a frame from which on cells are twice as wide. In angle they are then no wider than those of
+540x405, which separate the surfaces, and recording the targets takes a quarter of the time."""
 
 _OF_SECOND_DIFFERENCE = np.float32(0.25)
-"""Twice the error of bilinear interpolation, which is an eighth of the second differences (Lagrange's remainder)."""
+"""Twice the error of bilinear interpolation, an eighth of the second differences (Lagrange's remainder)."""
 
 _OF_THIRD_DIFFERENCE = np.float32(0.5)
-"""Where two surfaces meet, flow steps by s from one pixel to the next, and interpolation between them errs by up to s.
+"""Factor on third differences. At the border of two surfaces flow changes by s from one pixel to the next.
 
-The second difference is s before the step and -s behind it, the third 2 s; where flow is smooth it vanishes.
+Interpolation across that step errs by up to s. The second difference is s before the step and -s behind it, so that the
+third difference is 2 s; where flow is smooth it vanishes.
 """
 
 _CROWDED_PX = 0.5
-"""Flows that lead to one place and differ by more belong to different surfaces, where flow does not slope."""
+"""Flows that lead to one position and differ by more belong to different surfaces, if flow has no gradient there."""
 
 _REACH = 5
-"""Pixels about a path's that decide whether it keeps 4 px away from breaks: those themselves bend over three pixels."""
+"""Reach, px, of the pixels that decide whether a path is 4 px away from breaks: a break extends over three pixels."""
 
 _BREAK = np.float32(BREAK_PX)
 
 
 class PathStates(NamedTuple):
-    """Paths (n,) along fields: positions in px, error bounds in px, whether they are clear, whether they stay.
+    """States of n paths along fields.
 
-    A path is clear while flow is finite along it and no break or other surface is near; it stays while it lies within
-    the image.
+    Attributes
+    ----------
+    x, y
+        (n,) column and row, px.
+    bound_px
+        (n,) bound of the error of the position, px.
+    clear
+        (n,) whether flow is finite along the path, and no break and no other surface is near it.
+    stays
+        (n,) whether the path lies within the image.
     """
 
     x: Float64
@@ -68,24 +77,25 @@ def step(
     guarded: bool,
     paths: PathStates,
 ) -> None:
-    """Move paths along a field, in place: positions, bounds, and whether they are still clear and stay.
+    """Move paths along a field, in place.
 
     Parameters
     ----------
     lines
-        (H, 2 W) the field.
+        (H, 2 W) the field: u and v of one pixel after another, px.
     spans
-        Of `spans_at_targets`: paths that end where another surface does are not clear. Empty: not tested.
+        (h, w, 4) of `spans_at_targets`: paths to a position to which another surface leads too are not clear. Empty:
+        not tested.
     errors_px
-        Of `interpolation_errors`. Empty: the pixels about each path are evaluated.
+        (H, W) of `interpolation_errors`, px. Empty: the pixels about each path are evaluated.
     rounding_px
-        What single precision adds to the bound.
+        Rounding of single precision, which is added to the bound, px.
     first
-        Paths are at pixels: nothing is interpolated.
+        Paths are at pixels, so that nothing is interpolated.
     guarded
         Whether paths must keep away from breaks.
     paths
-        Changed in place.
+        Changed in place: positions, bounds, and whether the paths are still clear and stay.
     """
     x, y, bound_px, clear, stays = paths
     height, width = lines.shape[0], lines.shape[1] // 2
@@ -111,7 +121,7 @@ def step(
         bound_px[i] += rounding_px
         x[i] += u
         y[i] += v
-        stays[i] = 0 <= x[i] < width - 1 and 0 <= y[i] < height - 1  # so it does not where flow is infinite
+        stays[i] = 0 <= x[i] < width - 1 and 0 <= y[i] < height - 1  # False where flow is infinite
         clear[i] = clear[i] and stays[i]
         if clear[i] and len(spans):
             clear[i] = not _is_crowded(spans, cell_px, x[i], y[i], u, v, slope)
@@ -119,11 +129,11 @@ def step(
 
 @njit(cache=True)
 def _keeps_clear(lines: Float32, row: int, column: int) -> bool:
-    """Whether no break of the flow, no missing value and no border lies within 4 px of a pixel."""
+    """Return whether no break of the flow, no missing value and no border lies within 4 px of a pixel."""
     height, width = lines.shape[0], lines.shape[1] // 2
     if not (_REACH <= row < height - _REACH and _REACH <= column < width - _REACH):
         return False
-    # Unsigned indices, from 0 on: where one may be negative, each costs a comparison.
+    # Unsigned indices from 0 on: an index that may be negative costs a comparison.
     values, wide, most = lines.reshape(-1), np.uint64(2 * width), np.uint64(22)
     index = np.uint64((row - _REACH + 1) * 2 * width + 2 * (column - _REACH))
     for _ in range(2 * _REACH - 1):
@@ -136,7 +146,7 @@ def _keeps_clear(lines: Float32, row: int, column: int) -> bool:
         for i in range(18):
             # the discrete Laplacian of one component
             bend = above[i + 2] + below[i + 2] + centre[i] + centre[i + 4] - np.float32(4) * centre[i + 2]
-            breaks |= np.int32(not abs(bend) <= _BREAK)  # so it is, too, beside a missing value
+            breaks |= np.int32(not abs(bend) <= _BREAK)  # also 1 next to a missing value
         if breaks:
             return False
         index += wide
@@ -145,7 +155,7 @@ def _keeps_clear(lines: Float32, row: int, column: int) -> bool:
 
 @njit(cache=True, fastmath={"nnan", "nsz"})
 def _interpolation_error(lines: Float32, row: int, column: int) -> float:
-    """Return how far interpolating one component may err within a pixel of one that keeps clear, px."""
+    """Return a bound, px, of the error of interpolating one component within 1 px of a pixel far from breaks."""
     values, wide = lines.reshape(-1), np.uint64(lines.shape[1])
     index, largest = np.uint64((row - 1) * lines.shape[1] + 2 * (column - 3)), np.float32(0)
     for _ in range(3):
@@ -153,7 +163,7 @@ def _interpolation_error(lines: Float32, row: int, column: int) -> float:
         below, lowest = values[index + wide :], values[index + wide + wide :]
         for i in range(6):
             two = np.float32(2)
-            # second differences across and down, then those of the neighbours, whose differences are the third ones
+            # second differences across and down, then those of the neighbours; their differences are third differences
             across = centre[i + 2] - two * centre[i + 4] + centre[i + 6]
             down = above[i + 4] - two * centre[i + 4] + below[i + 4]
             left = centre[i] - two * centre[i + 2] + centre[i + 4]
@@ -168,7 +178,7 @@ def _interpolation_error(lines: Float32, row: int, column: int) -> float:
 
 
 def interpolation_errors(lines: Float32) -> Float32:
-    """Bound the error of interpolating a field within a pixel of each of its pixels.
+    """Return a bound of the error of interpolating a field within 1 px of each of its pixels.
 
     Parameters
     ----------
@@ -188,7 +198,7 @@ def interpolation_errors(lines: Float32) -> Float32:
 
 @njit(cache=True)
 def _breaks_and_errors(lines: Float32) -> tuple[NDArray[np.uint8], Float32]:
-    """Return where a field breaks (H, W), and the larger error of interpolation of both components."""
+    """Return where a field breaks (H, W), 1 there, and the larger interpolation error (H, W), px, of u and v."""
     height, width = lines.shape[0], lines.shape[1] // 2
     breaks, errors = np.ones((height, width), np.uint8), np.zeros((height, width), np.float32)
     bent, error = np.ones(2 * width, np.uint8), np.zeros(2 * width, np.float32)
@@ -196,7 +206,7 @@ def _breaks_and_errors(lines: Float32) -> tuple[NDArray[np.uint8], Float32]:
         above, centre, below = lines[row - 1], lines[row], lines[row + 1]
         for i in range(2, 2 * width - 2):
             bend = above[i] + below[i] + centre[i - 2] + centre[i + 2] - np.float32(4) * centre[i]
-            bent[i] = not abs(bend) <= _BREAK  # so it is, too, beside a missing value
+            bent[i] = not abs(bend) <= _BREAK  # also 1 next to a missing value
         for column in range(1, width - 1):
             breaks[row, column] = bent[2 * column] | bent[2 * column + 1]
         if not 2 <= row < height - 2:
@@ -219,10 +229,10 @@ def _breaks_and_errors(lines: Float32) -> tuple[NDArray[np.uint8], Float32]:
 
 @njit(cache=True)
 def _interpolated_flow(values: Float32, wide: int, x: float, y: float) -> tuple[float, float, float]:
-    """Return the bilinear flow at (x, y) and the sum of its absolute slopes; NaN where a value is missing.
+    """Return the bilinear flow at (x, y), px, and the sum of its absolute slopes; NaN where a value is missing.
 
-    Of a field whose lines of ``wide`` values follow one another. At a pixel its own value is returned, whatever its
-    neighbours are.
+    ``values`` are the lines of the field, of ``wide`` values each, one after the other. At a pixel its own value is
+    returned, for any values of its neighbours.
     """
     column, row = int(x), int(y)
     right, below = x - column, y - row
@@ -247,7 +257,10 @@ def _between(
     right: float,
     below: float,
 ) -> tuple[float, float, float]:
-    """Return the value between four pixels and how much it changes along columns and rows, 0 where that is missing."""
+    """Return the value between four pixels and its changes along columns and rows.
+
+    A change is 0 where a value is missing.
+    """
     a, b = np.float64(upper_left), np.float64(upper_right)
     c, d = np.float64(lower_left), np.float64(lower_right)
     above = a + right * (b - a) if right > 0 else a
@@ -259,15 +272,15 @@ def _between(
 
 @njit(cache=True)
 def _cell_px(height: int, width: int) -> int:
-    """Return the side of the cells of a frame."""
+    """Return the side, px, of the cells of a frame."""
     return _CELL_PX if height * width < _CELLS_DOUBLE else 2 * _CELL_PX
 
 
 @njit(cache=True)
 def spans_at_targets(lines: Float32) -> Float32:
-    """Return the range of the flows that lead to each cell of the second frame and to the eight cells about it.
+    """Return the range of the flows that lead to each cell of the second frame and to the eight cells around it.
 
-    Every fourth pixel of every fourth row is entered, in large frames every eighth.
+    Every fourth pixel of every fourth row is recorded, in large frames every eighth.
 
     Parameters
     ----------
@@ -288,10 +301,10 @@ def spans_at_targets(lines: Float32) -> Float32:
         for column in range(0, width, cell_px):
             u, v = line[2 * column], line[2 * column + 1]
             x, y = np.float32(column) + u, np.float32(row) + v
-            if 0 <= x < right and 0 <= y < bottom:  # so it is not where flow is NaN
+            if 0 <= x < right and 0 <= y < bottom:  # False where flow is NaN
                 span = spans[np.uint64(y * cells), np.uint64(x * cells)]
                 span[0] = u if u < span[0] else span[0]
-                # Negated: the largest flow is then a least too, and one minimum over neighbours gives both ends.
+                # Negated: the largest flow is then a minimum too, and one minimum over neighbours gives both ends.
                 span[1] = -u if -u < span[1] else span[1]
                 span[2] = v if v < span[2] else span[2]
                 span[3] = -v if -v < span[3] else span[3]
@@ -300,7 +313,7 @@ def spans_at_targets(lines: Float32) -> Float32:
 
 @njit(cache=True)
 def _least_about(spans: Float32) -> Float32:
-    """Return the least of each cell and the eight about it, (h, w, 4): along columns first, then along rows."""
+    """Return the minimum (h, w, 4) of each cell and the eight around it: along columns first, then along rows."""
     height, wide = len(spans), 4 * spans.shape[1]
     lines, least = spans.reshape(height, wide), np.empty((height, wide), np.float32)
     padded = np.full(wide + 8, np.inf, np.float32)
@@ -318,12 +331,12 @@ def _least_about(spans: Float32) -> Float32:
 
 @njit(cache=True)
 def _is_crowded(spans: Float32, cell_px: int, x: float, y: float, u: float, v: float, slope: float) -> bool:
-    """Whether points of another surface lead to the cells about (x, y), to which a point of flow (u, v) leads.
+    """Return whether points of another surface lead to the cells about (x, y), to which a point of flow (u, v) leads.
 
-    Points of the same surface whose targets lie within two cells come from within two cells / (1 - slope), over which
-    their flow changes by at most the slope times that.
+    Points of one surface whose targets lie within two cells start within two cells / (1 - slope). Over that distance
+    their flow changes by at most the slope times the distance.
     """
-    # Bound of the docstring. 1 - slope is limited to 1/2, as it vanishes where a surface folds onto itself.
+    # 2 cells slope / (1 - slope). 1 - slope is at least 1/2 here, as it vanishes where a surface folds onto itself.
     apart = 2 * cell_px * slope / max(1.0 - slope, 0.5) + _CROWDED_PX
     span = spans[np.uint64(y) // np.uint64(cell_px), np.uint64(x) // np.uint64(cell_px)]
     return bool(span[0] < u - apart or -span[1] > u + apart or span[2] < v - apart or -span[3] > v + apart)
@@ -331,7 +344,20 @@ def _is_crowded(spans: Float32, cell_px: int, x: float, y: float, u: float, v: f
 
 @njit(cache=True)
 def medians_of_parts(values: Float64, starts: NDArray[np.int64]) -> Float64:
-    """Return the median of each part of values (n,), of which part i is from ``starts[i]`` to the next; NaN of none."""
+    """Return the median of each part of an array.
+
+    Parameters
+    ----------
+    values
+        (n,) of any unit.
+    starts
+        (k + 1,) ascending: part i is ``values[starts[i] : starts[i + 1]]``.
+
+    Returns
+    -------
+    ndarray of float64
+        (k,); NaN for an empty part.
+    """
     medians = np.full(len(starts) - 1, np.nan)
     for i in range(len(medians)):
         if starts[i + 1] > starts[i]:

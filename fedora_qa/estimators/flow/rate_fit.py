@@ -1,4 +1,4 @@
-"""From the fits of all fields of one rate to the rate's mean residual flow, its gain, and its geometric templates."""
+"""From the fits of all fields of one rate to its mean residual flow, its gain, and its geometric templates."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -26,46 +26,55 @@ from fedora_qa.estimators.flow.motion_fit import Evidence, sum_of
 Float64 = NDArray[np.float64]
 
 _BIAS_PX: Final = 0.005
-"""Largest amplitude of the bias that aliases and interpolation give the estimate, as the sine of 2 pi times the flow.
+"""Largest amplitude of the bias by aliases and interpolation, which follows the sine of 2 pi times the flow.
 
-`field_fit.lock_in` derives the law; the amplitude is (energy at 2 pi - w over that at w) / w, averaged with the
-weight w^2 E(w) exp(-w^2) of the smoothed image. For a box-shaped pixel and amplitudes that fall as 1/frequency (edges
-do), the ratio is (w / (2 pi - w))^4: 0.0013 px at 1 rad/px, 0.0008 px in the mean; the spline read adds at most 0.0005
-px (see its test). 0.005 px leaves room for steeper mixes. For white noise, which no scene is, it would be 0.03 px.
+`field_fit.lock_in` derives the law. The amplitude is (energy at 2 pi - w over that at w) / w, averaged with the
+weight w^2 E(w) exp(-w^2) of the smoothed image. For a box-shaped pixel and amplitudes that fall as 1/frequency, as at
+edges, the ratio is (w / (2 pi - w))^4: 0.0013 px at 1 rad/px, 0.0008 px on average. Interpolation by the spline adds at
+most 0.0005 px (see its test). 0.005 px also covers images with more energy at high frequencies. For white noise, which
+no scene is, the amplitude would be 0.03 px.
 """
 
 _LEAST_COMMON_GAIN: Final = 0.005
-"""Gains that fields may have in common without a fault of all fields."""
+"""Largest common gain of all fields that is not taken for a fault of all fields."""
 
 _GAIN_ERROR: Final = 0.05
-"""Share of a gain by which linearisation and the derivative's taps misjudge it."""
+"""Relative error of a gain by the linearisation and by the finite differences of the derivative."""
 
 
 @dataclass(frozen=True, slots=True)
 class TemplateSizes:
-    """Sizes (p,) fitted to all fields of a rate, their standard errors, and bounds of the bias from aliases."""
+    """Sizes of templates, fitted to all fields of a rate.
+
+    Attributes
+    ----------
+    sizes, errors
+        (p,) in the units of the templates, and their standard errors.
+    biases
+        (p,) bounds of the bias by aliases and interpolation.
+    """
 
     sizes: Float64
     errors: Float64
     biases: Float64
 
     def scaled(self, factor: float) -> "TemplateSizes":
-        """Return the sizes in another unit."""
+        """Return the sizes in another unit, of which one old unit is ``factor``."""
         return TemplateSizes(factor * self.sizes, factor * self.errors, factor * self.biases)
 
 
 @dataclass(frozen=True, slots=True)
 class RateFit:
-    """All fields of one rate together.
+    """The common fit of all fields of one rate.
 
     Attributes
     ----------
     mean
         Mean residual flow (u, v), px.
     gain
-        Of the stored on the true flow, 1 is 100%.
+        Gain of the stored on the true flow; 1 is 100%.
     geometric
-        The templates of ``GEOMETRIC``, in their units; None where depth or motion is not known.
+        The templates of ``GEOMETRIC``, in their units; None where depth or motion is missing.
     """
 
     mean: TemplateSizes
@@ -74,17 +83,22 @@ class RateFit:
 
 
 def error_scales(spreads: Sequence[float], freedoms: Sequence[int]) -> list[float]:
-    """Return the factor by which formal errors of each field are to be multiplied, from the scatter of its tiles.
+    """Return the factors on the formal errors of each field, from the scatter of its tiles.
 
-    The usual factor is the median over fields, which a few deviating fields do not move. Fields may differ: two equal
-    frames leave no residual at all, and others of the same rate that of a fast turn. Where a field scatters by more
-    than the median explains, its own scatter counts.
+    The common factor is the median over fields, which a few deviating fields do not change. Fields may differ: two
+    equal frames leave no residual at all, a fast rotation a large one. Where a field scatters by more than the median
+    explains, its own scatter is used.
 
     Parameters
     ----------
     spreads, freedoms
-        By field, of ``FieldFit``: mean square of its tiles' deviations for their formal errors, and its degrees of
-        freedom, 0 where there is no fit.
+        For each field, of ``FieldFit``: mean square of the deviations of its tiles in units of their formal errors,
+        and its degrees of freedom, 0 where there is no fit.
+
+    Returns
+    -------
+    list of float
+        One factor for each field; 1 if no field has a fit.
     """
     fitted = [(spread, freedom) for spread, freedom in zip(spreads, freedoms, strict=True) if freedom > 0]
     if not fitted:
@@ -101,9 +115,10 @@ def error_scales(spreads: Sequence[float], freedoms: Sequence[int]) -> list[floa
 
 
 def fit_rate(evidences: Sequence[Evidence], scales: Sequence[float]) -> RateFit:
-    """Fit the templates of one rate to its fields, of which there is at least one.
+    """Return the fit of the templates of one rate to its fields, of which there is at least one.
 
-    Mean and gain are each fitted alone, and so is each geometric template: a fault is one of them, not all at once.
+    Mean and gain are each fitted alone, and so is each geometric template: a fault changes one of them, not all at
+    once.
 
     Parameters
     ----------
@@ -111,12 +126,17 @@ def fit_rate(evidences: Sequence[Evidence], scales: Sequence[float]) -> RateFit:
         Normal equations of each field.
     scales
         Factor on the formal errors of each field, see ``error_scales``.
+
+    Returns
+    -------
+    RateFit
+        With a bound of the bias by aliases beside each size.
     """
     total = sum_of(evidences)
 
     def fitted(columns: slice) -> TemplateSizes:
         matrix = total.matrix[columns, columns]
-        # A ridge keeps templates that no field shows invertible.
+        # A ridge keeps the matrix invertible for templates that are zero in all fields.
         matrix = matrix + np.eye(len(matrix)) * (1e-12 * np.trace(matrix) + 1e-12)
         sizes = np.linalg.solve(matrix, total.vector[columns])
         # Fields are the blocks of the empirical error.
@@ -143,7 +163,10 @@ def fit_rate(evidences: Sequence[Evidence], scales: Sequence[float]) -> RateFit:
 
 
 def gain_on_true_flow(total: Evidence) -> tuple[float, float, float]:
-    """Return a gain on the true flow, its formal error with that of linearisation, and the share that it explains."""
+    """Return a gain on the true flow, its standard error, and the share of the squares that it explains.
+
+    The error is the formal one and that of the linearisation.
+    """
     gain, explained_share = total.explained_by(GAIN)
     formal_error = max(float(total.matrix[GAIN, GAIN][0, 0]), 1e-300) ** -0.5
     gain_on_true, slope = gain_of_true(float(gain[0]))
@@ -152,22 +175,25 @@ def gain_on_true_flow(total: Evidence) -> tuple[float, float, float]:
 
 
 def have_common_gain(evidences: Sequence[Evidence]) -> bool:
-    """Whether most fields have a gain in common, which single frames cannot give them; False for fewer than two."""
+    """Return whether most fields have a common gain, so that single frames are not its cause.
+
+    For fewer than two fields the result is False.
+    """
     # Least squares of one template: vector over matrix, the share g of the stored flow.
     gains = np.array([field.vector[GAIN][0] / max(field.matrix[GAIN, GAIN][0, 0], 1e-300) for field in evidences])
     if len(gains) < 2:
         return False
     median_gain = float(np.median(gains))
-    # 1.5 MAD is the standard deviation of normal values, 1.25 the loss of the median against the mean.
+    # 1.5 MAD is the standard deviation of normal values; the standard error of a median is 1.25 times that of a mean.
     error = 1.5 * float(np.median(np.abs(gains - median_gain))) * 1.25 / float(np.sqrt(len(gains)))
     return abs(median_gain) > max(_LEAST_COMMON_GAIN, 5 * error)
 
 
 def own_mean_share(evidences: Sequence[Evidence]) -> float:
-    """Return the share of what the fields' templates explain that only a mean of each field explains, 0 to 1.
+    """Return the share, 0 to 1, of the squares explained by the flow's templates that needs a mean of each field.
 
-    What fields have in common is left out: one fault of all fields explains it, whichever explains most. Independent
-    noise of the poses leaves each field a mean of its own.
+    The part that fields have in common is left out: one fault of all fields explains it, namely the fault that explains
+    most. Independent noise of the poses gives each field a mean of its own.
     """
     if not evidences:
         return 0.0

@@ -1,8 +1,9 @@
-"""Residual flow of image tiles: how far, in pixels, a frame warped back by a flow still lies from the frame before it.
+"""Residual flow of image tiles: by how many pixels a frame warped back by a flow differs from the frame before it.
 
-Least squares on ``W - A = g . d + a + b (A + W)/2``, g being the gradient of (A + W)/2 and d the flow's error (stored
-minus true); a and b absorb changes of exposure and vignetting. B. D. Lucas, T. Kanade, IJCAI (1981) 674; the symmetric
-gradient after S. Birchfield (1997), whose noise is uncorrelated with the difference, so that noise does not bias d = 0.
+Least squares on ``W - A = g . d + a + b (A + W)/2``, with the earlier frame A, the warped later frame W, the gradient g
+of (A + W)/2 and the error d of the flow (stored minus true). The coefficients a and b absorb changes of exposure and
+vignetting. B. D. Lucas, T. Kanade, IJCAI (1981) 674. The symmetric gradient is that of S. Birchfield (1997): its noise
+is uncorrelated with the noise of the difference, so that noise does not bias d = 0.
 """
 
 from dataclasses import dataclass
@@ -18,10 +19,10 @@ Mask = NDArray[np.bool_]
 
 TILE_PX: Final = 32
 HALO_PX: Final = 2
-"""The derivative's reach."""
+"""Reach of the derivative."""
 
 _CORRELATED_PIXELS: Final = 4 * np.pi
-"""Sum of the autocorrelation of white noise smoothed by a kernel of variance 1 px^2: so many pixels count as one."""
+"""Sum of the autocorrelation of white noise smoothed by a kernel of variance 1 px^2: this many pixels count as one."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -31,16 +32,18 @@ class TileResiduals:
     Attributes
     ----------
     flow_errors_px
-        (n, 2) stored minus true flow.
+        (n, 2) stored minus true flow, px.
     noise_covariances_px2
-        (n, 2, 2) under the noise floor: an upper bound, see `tile_residuals`. The gate for texture.
+        (n, 2, 2) px^2, of the noise floor alone: an upper bound, see `tile_residuals`. It decides whether texture
+        suffices.
     covariances_px2
-        (n, 2, 2) from what the fit leaves, where that is more than the noise floor: unresolved detail, mostly.
+        (n, 2, 2) px^2, from the residual of the fit, where that exceeds the noise floor, mostly by unresolved
+        detail.
     mismatch, unexplained
-        (n,) squared difference of the frames, before and after the fit, over that of the image about its mean: about 0
-        for frames that match, 1 and more for frames that have nothing in common.
+        (n,) squared difference of the frames, before and after the fit, over the squared deviation of the image
+        from its mean: about 0 for frames that match, 1 and more for unrelated frames.
     valid_share
-        (n,) share of the tile's pixels that were used.
+        (n,) share of the pixels of the tile that were used.
     """
 
     flow_errors_px: Float64
@@ -54,22 +57,23 @@ class TileResiduals:
 def tile_residuals(
     before: Float32, warped: Float32, valid: NDArray[np.bool_], noise_variance_dn2: float
 ) -> TileResiduals:
-    """Estimate the flow's error in each tile.
+    """Return the error of the flow in each tile.
 
     Parameters
     ----------
     before, warped
-        (n, 36, 36) patches of A and W, smoothed by a kernel of variance 1 px^2: a tile of 32 px and a halo of 2.
+        (n, 36, 36) patches of A and W, DN, smoothed by a kernel of variance 1 px^2: a tile of 32 px and a halo of
+        2.
     valid
         (n, 32, 32) pixels to use.
     noise_variance_dn2
-        Variance of white noise of a pixel of either frame before smoothing. Smoothing correlates the noise, but nowhere
-        makes its spectral density larger, so ``2 variance (G^T G)^-1`` bounds the covariance.
+        Variance of white noise of a pixel of either frame before smoothing, DN^2. Smoothing correlates the noise
+        but never increases its spectral density, so that ``2 variance (G^T G)^-1`` bounds the covariance.
 
     Returns
     -------
     TileResiduals
-        One estimate for each tile, px; of a tile without texture its covariance is large, not infinite.
+        One estimate for each tile, px. The covariance of a tile without texture is large, not infinite.
     """
     sums = sums_of_tiles(before, warped, valid, HALO_PX)
     # W - A has the noise of both frames, hence twice the variance.
@@ -87,10 +91,24 @@ def tile_residuals(
 
 @njit(cache=True)
 def sums_of_tiles(before: Float32, warped: Float32, valid: Mask, halo: int) -> Float64:
-    """Return the sums (n, 5, 5) of products of five quantities over the valid pixels (n, s, s) of each tile.
+    """Return the sums of products of five quantities over the valid pixels of each tile.
 
-    The slopes of the mean of two patches along columns and rows; 1; that mean, less its own mean; the second patch less
-    the first. Patches (n, s + 2 halo, s + 2 halo) come with a halo of at least two pixels, the reach of the slopes.
+    The five quantities are: the slopes of the mean of both patches along columns and along rows; 1; that mean less its
+    average over the valid pixels; the second patch less the first.
+
+    Parameters
+    ----------
+    before, warped
+        (n, s + 2 halo, s + 2 halo) patches, DN.
+    valid
+        (n, s, s) pixels to use.
+    halo
+        Width of the halo, px; at least 2, the reach of the slopes.
+
+    Returns
+    -------
+    ndarray of float64
+        (n, 5, 5) symmetric.
     """
     count, size = valid.shape[:2]
     side = size + 2 * halo
@@ -119,8 +137,8 @@ def _products(
 ) -> tuple[np.float32, ...]:
     """Return the sums of the fifteen products of a tile, whose rows with their halo follow one another.
 
-    In one loop over all rows: the weights of the halo are 0. Slopes are of five taps, exact for quartics, 3% small at
-    1 rad/px.
+    One loop runs over all rows; the weights of the halo are 0. Slopes have five taps; they are exact for quartics and
+    3% too small at 1 rad/px.
     """
     near, far = np.float32(8 / 12), np.float32(1 / 12)
     pixels = total = np.float32(0)
@@ -160,11 +178,25 @@ def _products(
 
 @njit(cache=True)
 def solved(sums: Float64, floor: float, correlated: float) -> tuple[Float64, Float64, Float64, Float64]:
-    """Solve the normal equations of tiles, whose sums (n, 5, 5) are those of ``sums_of_tiles``.
+    """Solve the normal equations of tiles.
 
-    Returns the flow's error (n, 2), the part (n, 2, 2) of the inverse of the matrix that belongs to it, what is left of
-    the squares (n,), and the variance (n,) of a pixel: at least ``floor``, or what is left to each of the pixels, of
-    which so many (``correlated``) count as one. A ridge keeps tiles without texture invertible.
+    A ridge keeps the matrices of tiles without texture invertible.
+
+    Parameters
+    ----------
+    sums
+        (n, 5, 5) of ``sums_of_tiles``.
+    floor
+        Least variance of the difference of a pixel, DN^2.
+    correlated
+        Number of pixels that count as one, as their noise is correlated.
+
+    Returns
+    -------
+    errors_px, inverses, residual_squares, variances
+        (n, 2) error of the flow, px; (n, 2, 2) its part of the inverse matrix, px^2/DN^2; (n,) sum of squares of
+        the residuals, DN^2; (n,) variance of a pixel, DN^2: that of the residuals times ``correlated``, at least
+        ``floor``.
     """
     count = len(sums)
     errors, inverses = np.empty((count, 2)), np.empty((count, 2, 2))
@@ -186,14 +218,17 @@ def solved(sums: Float64, floor: float, correlated: float) -> tuple[Float64, Flo
             if a < 2:
                 errors[i, a], inverses[i, a, 0], inverses[i, a, 1] = size, inverse[a, 0], inverse[a, 1]
         left[i] = max(sums[i, 4, 4] - explained, 0.0)
-        # s^2 = |r|^2 / (n - 4) with four coefficients fitted, times the pixels that count as one.
+        # s^2 = |r|^2 / (n - 4) for four fitted coefficients, times the number of pixels that count as one.
         variances[i] = max(correlated * left[i] / max(sums[i, 2, 2] - 4, 1.0), floor)
     return errors, inverses, left, variances
 
 
 @njit(cache=True)
 def _invert(work: Float64, inverse: Float64) -> None:
-    """Invert a regular matrix (4, 4), which is lost, into another that comes as the identity: Gauss and Jordan."""
+    """Write the inverse of a regular matrix (4, 4), by Gauss-Jordan elimination with row pivoting.
+
+    ``work`` is overwritten; ``inverse`` must be the identity before.
+    """
     for a in range(4):
         pivot = a
         for b in range(a + 1, 4):

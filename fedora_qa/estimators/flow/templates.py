@@ -1,4 +1,4 @@
-"""How the recomputed flow changes with the parameters that it is recomputed from: templates of small errors."""
+"""Derivatives of the recomputed flow by the parameters that it is recomputed from: templates of small errors."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -21,11 +21,11 @@ class ParameterTemplate:
     Attributes
     ----------
     parameter, unit
-        Its name, and the unit of an error of it.
+        Its name, and the unit of its error.
     columns
         Of ``parameter_templates``.
     largest
-        Error beyond which the template, a derivative, is not the change of the flow any more.
+        Error, in that unit, above which the template, a derivative, no longer approximates the change of the flow.
     """
 
     parameter: str
@@ -34,7 +34,7 @@ class ParameterTemplate:
     largest: float
 
     def size(self, fitted: Float64) -> float:
-        """Return one signed number for an error of several components: their norm, with the largest one's sign."""
+        """Return the norm of an error (k,) of several components, with the sign of the largest one."""
         return float(np.copysign(np.linalg.norm(fitted), fitted[np.argmax(np.abs(fitted))]))
 
 
@@ -57,17 +57,25 @@ def parameter_templates(
     remounted: Callable[[Float64, Float64], RigidMotion],
     delayed: Callable[[float], RigidMotion | None],
 ) -> Float64:
-    """Return templates (n, 2, 11): stored minus recomputed flow in px per unit of each of ``PARAMETER_TEMPLATES``.
+    """Return the templates of all parameters: stored minus recomputed flow per unit of each error.
 
     Parameters
     ----------
     K, motion
-        As declared.
+        (3, 3) intrinsics, px, and motion of points between the camera frames, as declared.
+    sample
+        Pixels of the field.
     remounted
-        The motion when the camera is really mounted with ``R_body_camera Exp(-rotation)`` and its centre ``shift``
-        metres less along the body's axes, for a rotation vector (3,) and a shift (3,).
+        Gives the motion if the true mounting is ``R_body_camera Exp(-rotation)`` and the true centre of the camera
+        lies ``shift`` less along the axes of the body, for a rotation vector (3,), rad, and a shift (3,), m.
     delayed
-        The motion when the poses' timestamps are too late by so many seconds; None where no pose covers it.
+        Gives the motion if the timestamps of the poses are too late by a number of seconds; None where no pose
+        covers it.
+
+    Returns
+    -------
+    ndarray of float64
+        (n, 2, 11) px per unit of each of ``PARAMETER_TEMPLATES``; 0 for a time offset that no pose covers.
     """
 
     def flow(changed_K: Float64, changed_motion: RigidMotion) -> Float64:
@@ -83,7 +91,7 @@ def parameter_templates(
         changed[axis, 2] -= shift_px
         return changed
 
-    # Central differences: their error is of third order in steps of a thousandth.
+    # Central differences (f(x + h) - f(x - h)) / 2 h: their error is of second order in steps of a thousandth.
     step, step_s = 1e-3, 1e-3
     columns = [
         # A gain G adds G times the flow: the template needs no difference.

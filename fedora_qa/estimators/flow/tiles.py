@@ -1,4 +1,4 @@
-"""Tiles of an image, which of them to look at, and patches of them."""
+"""Tiles of an image, samples of them, and patches of the image in them."""
 
 from dataclasses import dataclass
 from functools import cache
@@ -15,12 +15,20 @@ Float64 = NDArray[np.float64]
 Int64 = NDArray[np.int64]
 Mask = NDArray[np.bool_]
 _MARGIN_PX: Final = 8
-"""Tiles keep clear of the border by this, where smoothing extrapolates."""
+"""Distance of tiles from the border, where smoothing extrapolates."""
 
 
 @dataclass(frozen=True, slots=True)
 class TileGrid:
-    """Whole tiles of an image, centred; ``origins`` (n, 2) are the columns and rows of their first pixels."""
+    """Whole tiles of an image, centred in it.
+
+    Attributes
+    ----------
+    height, width
+        Of the image, px.
+    origins
+        (n, 2) column and row of the first pixel of each tile.
+    """
 
     height: int
     width: int
@@ -29,7 +37,18 @@ class TileGrid:
     @classmethod
     @cache
     def of(cls, height: int, width: int) -> "TileGrid":
-        """Cut an image into tiles; none where it is too small."""
+        """Return the tiles of an image; none where the image is too small.
+
+        Parameters
+        ----------
+        height, width
+            Of the image, px.
+
+        Returns
+        -------
+        TileGrid
+            Cached: the same object for the same size.
+        """
         starts = []
         for size in (width, height):
             count = max((size - 2 * _MARGIN_PX) // TILE_PX, 0)
@@ -38,7 +57,20 @@ class TileGrid:
         return cls(height, width, np.stack((columns.ravel(), rows.ravel()), axis=-1))
 
     def sample(self, share: float, *seed: int) -> NDArray[np.int64]:
-        """Return the origins of a share of the tiles, at least one; which ones follows from ``seed`` alone."""
+        """Return a random share of the tiles, at least one if there is any.
+
+        Parameters
+        ----------
+        share
+            Of the tiles, 0 to 1.
+        seed
+            Determines the choice.
+
+        Returns
+        -------
+        ndarray of int64
+            (k, 2) origins of these tiles, in the order of the grid.
+        """
         count = len(self.origins)
         wanted = min(count, max(1, round(share * count)))
         if wanted == count:
@@ -49,7 +81,20 @@ class TileGrid:
 
 
 def pixels_of(origins: NDArray[np.int64], halo_px: int = HALO_PX) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """Return columns and rows (n, size, size) of each tile with its halo."""
+    """Return columns and rows of the pixels of tiles with their halo.
+
+    Parameters
+    ----------
+    origins
+        (n, 2) column and row of the first pixel of each tile.
+    halo_px
+        Width of the halo, px.
+
+    Returns
+    -------
+    columns, rows
+        (n, s, s) each, read-only, with s = ``TILE_PX`` + 2 ``halo_px``.
+    """
     offsets = np.arange(-halo_px, TILE_PX + halo_px, dtype=np.int64)
     size = len(offsets)
     columns = np.broadcast_to((origins[:, 0, None] + offsets)[:, None, :], (len(origins), size, size))
@@ -58,7 +103,22 @@ def pixels_of(origins: NDArray[np.int64], halo_px: int = HALO_PX) -> tuple[NDArr
 
 
 def patches_of(image: NDArray[Any], origins: NDArray[np.int64], halo_px: int = HALO_PX) -> NDArray[Any]:
-    """Return a copy (n, size, size, ...) of each tile of an image with its halo."""
+    """Return a copy of each tile of an image with its halo.
+
+    Parameters
+    ----------
+    image
+        (H, W) or (H, W, c) of any unit.
+    origins
+        (n, 2) column and row of the first pixel of each tile.
+    halo_px
+        Width of the halo, px; the image must contain it.
+
+    Returns
+    -------
+    ndarray
+        (n, s, s) or (n, s, s, c), with s = ``TILE_PX`` + 2 ``halo_px``.
+    """
     size = TILE_PX + 2 * halo_px
     windows = np.lib.stride_tricks.sliding_window_view(image, (size, size), axis=(0, 1))
     taken = windows[origins[:, 1] - halo_px, origins[:, 0] - halo_px]
@@ -67,23 +127,23 @@ def patches_of(image: NDArray[Any], origins: NDArray[np.int64], halo_px: int = H
 
 @njit(cache=True)
 def known_patches(flow_px: Float32, origins: Int64, size: int, halo: int, largest_px: float) -> tuple[Float32, Mask]:
-    """Cut tiles out of a flow, and mark the pixels that have a value.
+    """Return tiles of a flow, and the pixels that have a value.
 
     Parameters
     ----------
     flow_px
         (H, W, 2) px.
     origins
-        (n, 2) columns and rows of the tiles' first pixels.
+        (n, 2) columns and rows of the first pixels of the tiles.
     size, halo
-        Side of a tile, and width of the halo about it, px.
+        Side of a tile, and width of the halo around it, px.
     largest_px
-        A pixel has a value where neither component is as large as this.
+        A pixel has a value where both components are smaller than this, px.
 
     Returns
     -------
     patches_px, is_finite
-        (n, size + 2 halo, size + 2 halo, 2), 0 where there is no value; (n, size, size) without the halo.
+        (n, size + 2 halo, size + 2 halo, 2) px, 0 where there is no value; (n, size, size) without the halo.
     """
     side = size + 2 * halo
     patches = np.zeros((len(origins), side, side, 2), np.float32)
@@ -102,18 +162,18 @@ def known_patches(flow_px: Float32, origins: Int64, size: int, halo: int, larges
 
 @njit(cache=True)
 def places_of(patches_px: Float32, origins: Int64, halo: int, less_px: Float32) -> tuple[Float32, Float32]:
-    """Return the positions to which tiles of a flow lead.
+    """Return the positions to which the flow of tiles leads.
 
     Parameters
     ----------
     patches_px
-        (n, s, s, 2) flow of the tiles with their halo.
+        (n, s, s, 2) flow of the tiles with their halo, px.
     origins
-        (n, 2) columns and rows of the tiles' first pixels, without the halo.
+        (n, 2) columns and rows of the first pixels of the tiles, without the halo.
     halo
         Width of the halo, px.
     less_px
-        (n, 2) flow that is subtracted from that of each tile.
+        (n, 2) flow that is subtracted from that of each tile, px.
 
     Returns
     -------
@@ -131,22 +191,22 @@ def places_of(patches_px: Float32, origins: Int64, halo: int, less_px: Float32) 
 
 @njit(cache=True)
 def means_slopes_sines(flow_px: Float32, usable: Mask, halo: int, step: int) -> tuple[Float64, Float64, Float64]:
-    """Summarise the flow of tiles over their usable pixels, every ``step``-th of every ``step``-th row.
+    """Return means and slopes of the flow of tiles, and means of its sine, over usable pixels.
 
     Parameters
     ----------
     flow_px
-        (n, s + 2 halo, s + 2 halo, 2) flow of the tiles with their halo.
+        (n, s + 2 halo, s + 2 halo, 2) flow of the tiles with their halo, px.
     usable
         (n, s, s) without the halo.
     halo, step
-        Width of the halo, and distance of the pixels that are read, px.
+        Width of the halo, and distance of the rows and columns that are read, px.
 
     Returns
     -------
     means_px, slopes, sines
-        (n, 2) mean flow; (n, 2, 2) slopes of u and v (second axis) along columns and rows (third axis), px/px; (n, 2)
-        mean of sin(2 pi flow). 0 where no pixel is usable.
+        (n, 2) mean flow, px; (n, 2, 2) slopes of u and v (second axis) along columns and rows (third axis), px/px;
+        (n, 2) mean of sin(2 pi flow). 0 where no pixel is usable.
     """
     count, size = usable.shape[:2]
     means, sines, slopes = np.zeros((count, 2)), np.zeros((count, 2)), np.zeros((count, 2, 2))
@@ -175,7 +235,7 @@ def means_slopes_sines(flow_px: Float32, usable: Mask, halo: int, step: int) -> 
         n = max(pixels, 1.0)
         means[i, 0], means[i, 1] = u_sum / n, v_sum / n
         sines[i, 0], sines[i, 1] = u_sine / n, v_sine / n
-        # Slope of a line, cov(x, u) / var(x), along each axis by itself.
+        # Slope of a line, cov(x, u) / var(x), along each axis separately.
         across, down = max(xx - x_sum * x_sum / n, 1.0), max(yy - y_sum * y_sum / n, 1.0)
         slopes[i, 0, 0], slopes[i, 1, 0] = (xu - x_sum * u_sum / n) / across, (xv - x_sum * v_sum / n) / across
         slopes[i, 0, 1], slopes[i, 1, 1] = (yu - y_sum * u_sum / n) / down, (yv - y_sum * v_sum / n) / down
@@ -184,7 +244,7 @@ def means_slopes_sines(flow_px: Float32, usable: Mask, halo: int, step: int) -> 
 
 @njit(cache=True)
 def _sine_of_turns(turns: float) -> float:
-    """Return the sine of an angle in turns, to 4e-6: its series, once the angle is within a quarter of a turn."""
+    """Return sin(2 pi ``turns``) to 4e-6, by a power series for the angle folded into a quarter of a turn."""
     rest = turns - np.rint(turns)
     # sin(pi - x) = sin(x) folds the angle into a quarter of a turn, where a short series suffices.
     rest = rest if abs(rest) <= 0.25 else (0.5 if rest > 0 else -0.5) - rest
@@ -197,12 +257,30 @@ def _sine_of_turns(turns: float) -> float:
 def mean_derivatives(
     depth_m: Float32, origins: Int64, usable: Mask, first: int, step: int, K: Float64, R: Float64, t_m: Float64
 ) -> Float64:
-    """Return the mean derivatives (n, 2, 9) of the flow of tiles: by twist, logarithm of the focal length, and centre.
+    """Return the mean derivatives of the rigid flow of tiles by twist, logarithm of the focal length, and centre.
 
-    Of the rigid flow (``geometry.rigid_flow``) by the chain rule: px per rad, per metre, per unit of log f, and per px.
-    Over the usable pixels (n, s, s) of each tile that have a depth, every ``step``-th of every ``step``-th row from
-    ``first`` on; ``depth_m`` is (H, W), ``origins`` (n, 2) are first columns and rows. 0 where there is none, and of
-    pixels that end behind the camera.
+    The derivatives of ``geometry.rigid_flow`` follow by the chain rule.
+
+    Parameters
+    ----------
+    depth_m
+        (H, W) z-depth at the start of the interval, m.
+    origins
+        (n, 2) columns and rows of the first pixels of the tiles.
+    usable
+        (n, s, s) which pixels of each tile are usable.
+    first, step
+        First row and column of a tile that is read, and the distance to the next, px.
+    K
+        (3, 3) intrinsics, px.
+    R, t_m
+        (3, 3) and (3,) m: motion of points from the first to the second camera frame.
+
+    Returns
+    -------
+    ndarray of float64
+        (n, 2, 9) means over usable pixels with a depth: px per rad (3), px per metre (3), px per unit of log f, and
+        px per px (2). A pixel behind the camera counts as 0, and so does a tile without usable pixels.
     """
     fx, fy, skew = K[0, 0], K[1, 1], K[0, 1]
     means = np.zeros((len(origins), 2, 9))
@@ -224,21 +302,21 @@ def mean_derivatives(
                 if not Z > 0:
                     continue
                 for axis in range(2):
-                    # g: how the flow changes with the point; the point of a ray (x, y, 1) with depth and the ray.
+                    # g: derivative of the flow by the point (X, Y, Z). by_x, by_y: derivative by the ray (x, y, 1).
                     g_x, g_y = (fx / Z, skew / Z) if axis == 0 else (0.0, fy / Z)
                     g_z = -(g_x * X + g_y * Y) / Z
                     by_x = (g_x * R[0, 0] + g_y * R[1, 0] + g_z * R[2, 0]) / inverse
                     by_y = (g_x * R[0, 1] + g_y * R[1, 1] + g_z * R[2, 1]) / inverse
                     of_tile = means[i, axis]
-                    of_tile[0] += Y * g_z - Z * g_y  # a turn w moves the point by w x X1
+                    of_tile[0] += Y * g_z - Z * g_y  # a rotation w moves the point by w x X1
                     of_tile[1] += Z * g_x - X * g_z
                     of_tile[2] += X * g_y - Y * g_x
                     of_tile[3] += g_x
                     of_tile[4] += g_y
                     of_tile[5] += g_z
-                    # d flow / d log f: the projection grows with f, the slopes (x, y) of the ray shrink with it.
+                    # d flow / d log f: the projection is proportional to f, the slopes (x, y) of the ray to 1 / f.
                     of_tile[6] += g_x * X + g_y * Y - by_x * x - by_y * y
-                    # d flow / d centre: the projection moves by 1 px, the ray by 1 / f the other way.
+                    # d flow / d centre: the projection moves by 1 px, the slope of the ray changes by -1 / f.
                     of_tile[7] += (axis == 0) - by_x / fx
                     of_tile[8] += (axis == 1) + (by_x * skew / fx - by_y) / fy
         for axis in range(2):

@@ -1,4 +1,4 @@
-"""Compiled pass over a field of flow and its depth: pixels where one of them has a value and the other has none."""
+"""Compiled pass over a flow field and its depth: pixels where one of them has a value and the other has none."""
 
 import numpy as np
 from numba import njit
@@ -8,7 +8,7 @@ Float32 = NDArray[np.float32]
 
 _INFINITE = np.float32(np.inf)
 _INFINITE_BITS = np.int32(0x7F800000)
-"""Infinity in single precision; whatever else has these bits is infinite or no number."""
+"""Bits of infinity in single precision; any number whose exponent has these bits is infinite or NaN."""
 
 
 @njit(cache=True)
@@ -20,16 +20,17 @@ def compare_patterns(lines: Float32, depth_m: Float32, static_m: Float32) -> tup
     lines
         (H, 2 W) u and v of one pixel after another, px.
     depth_m, static_m
-        (H, W); valid where finite and positive. ``static_m`` is NaN where an object moves by itself.
+        (H, W) m; valid where finite and positive. ``static_m`` is NaN where an object moves by itself.
 
     Returns
     -------
-    The three counts, in this order.
+    unfounded, missing, infinite
+        The three counts, in pixels.
     """
     unfounded, missing, infinite = 0, 0, 0
     for row in range(len(depth_m)):
         line, depths, statics = lines[row], depth_m[row], static_m[row]
-        # Few rows have a wrong pixel: a pass without branches finds them, so that only these are counted.
+        # Few rows have a wrong pixel. A pass without branches finds these rows, and only their pixels are counted.
         if not _has_wrong_pixel(line, depths):
             continue
         for column in range(len(depths)):
@@ -44,7 +45,7 @@ def compare_patterns(lines: Float32, depth_m: Float32, static_m: Float32) -> tup
 
 @njit(cache=True)
 def _has_wrong_pixel(line: Float32, depths: Float32) -> bool:
-    """Whether any flow of a row is infinite, or present without a depth, or absent with one."""
+    """Return whether any flow of a row is infinite, or present without a depth, or missing with one."""
     wrong = np.int32(0)
     for column in range(len(depths)):
         u, v = abs(line[2 * column]), abs(line[2 * column + 1])
@@ -54,10 +55,22 @@ def _has_wrong_pixel(line: Float32, depths: Float32) -> bool:
 
 
 def depth_range_m(depth_m: Float32, static_m: Float32) -> tuple[float, float] | None:
-    """Return the least and the largest valid static depth (H, W), m; None where there is none.
+    """Return the least and the largest valid static depth.
 
-    Positive numbers of single precision are in the order of their bits, read as whole numbers, which a machine compares
-    many at a time; above all of them are infinity, and then those that are no number.
+    Positive numbers of single precision are in the order of their bits, read as integers, which are compared several at
+    a time. Infinity and then NaN are above all of them.
+
+    Parameters
+    ----------
+    depth_m
+        (H, W) m; valid where finite and positive.
+    static_m
+        (H, W) m; not finite where an object moves by itself.
+
+    Returns
+    -------
+    tuple of float, or None
+        Least and largest depth, m; None where no static depth is valid.
     """
     bits = (np.ascontiguousarray(values, dtype=np.float32).view(np.int32) for values in (depth_m, static_m))
     least, largest = _range_of_bits(*bits)

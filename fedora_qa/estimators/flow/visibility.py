@@ -1,9 +1,9 @@
-"""Which pixels show the same surface point in both frames, from depth and the camera's motion: never from the flow.
+"""Which pixels show the same surface point in both frames, from depth and camera motion, never from the flow.
 
 A pixel is visible where its point is away from edges of the depth in both frames, and where the second frame has the
-depth that the motion predicts. Two ways lead to the same result, to the bit: ``seen_in_both`` reads maps of whole
-frames, which serve all rates of flow; ``seen_in_few_tiles`` makes of each frame only the parts that it reads, which is
-faster for few tiles of large frames.
+depth that the motion predicts. Two functions give the same result, bit by bit. ``seen_in_both`` reads maps of whole
+frames, which serve all rates of flow. ``seen_in_few_tiles`` computes only the parts of each frame that it reads, which
+is faster for few tiles of large frames.
 """
 
 from typing import NamedTuple
@@ -22,19 +22,26 @@ Mask = NDArray[np.bool_]
 Edges = NDArray[np.uint8]
 
 _WIDENED = 4
-"""Pixels by which edges are widened on either side."""
+"""Number of pixels by which edges are widened on either side."""
 
 _REACH = _WIDENED + 1
-"""Pixels about a part that its edges depend on."""
+"""Distance, px, of the pixels around a part that its edges depend on."""
 
 _LARGEST_PART = 1 << 16
-"""Pixels of a part up to which it is read as a whole; a tile that is torn further apart is read pixel by pixel."""
+"""Most pixels of a part that is read as a whole. A tile whose targets spread further is read pixel by pixel."""
 
 
 class PixelTransfer(NamedTuple):
-    """Where a motion moves pixels: p of inverse depth w (1/m) to ``H p + w t_px``, homogeneously.
+    """Where a motion moves pixels: p of inverse depth w (1/m) to ``H p + w t_px``, in homogeneous coordinates.
 
-    ``H = K R K^-1`` (3, 3) and ``t_px = K t`` (3,); the third component is the ratio of the depths.
+    The third component of the result is the ratio of the depths, Z1 / Z0.
+
+    Attributes
+    ----------
+    H
+        (3, 3) ``K R K^-1``.
+    t_px
+        (3,) ``K t``, px m in the first two components, m in the third.
     """
 
     H: Float64
@@ -42,21 +49,37 @@ class PixelTransfer(NamedTuple):
 
 
 class DepthEdgeMap(NamedTuple):
-    """Inverse depth, 1/m, 0 where invalid, and 1 near its edges, else 0, of a frame (H, W) or a part of it."""
+    """Inverse depth of a frame (H, W) or of a part of it, and its edges.
+
+    Attributes
+    ----------
+    inverse_per_m
+        (H, W) 1/m, 0 where invalid.
+    edges
+        (H, W) 1 near edges, else 0.
+    """
 
     inverse_per_m: Float32
     edges: Edges
 
 
 class DepthAgreement(NamedTuple):
-    """When two inverse depths agree: relative mismatch, and how far the motion may misplace a pixel, px."""
+    """When two inverse depths agree.
+
+    Attributes
+    ----------
+    tolerance
+        Largest relative mismatch.
+    uncertainty_px
+        By how much the motion may misplace a pixel, px.
+    """
 
     tolerance: float
     uncertainty_px: float
 
 
 class _TileTransfer(NamedTuple):
-    """Where the pixels (h, w) of a tile are moved to in the second frame, and the ratios of their depths."""
+    """Targets in the second frame of the pixels (h, w) of a tile, px, and the ratios of their depths, Z1 / Z0."""
 
     columns: Float64
     rows: Float64
@@ -72,18 +95,19 @@ def seen_in_both(
     second: tuple[Float32, Edges],
     uncertainty_px: float,
 ) -> Mask:
-    """Return which pixels of tiles of the first frame reappear in the second, away from edges in either.
+    """Return which pixels of tiles of the first frame are visible in the second, away from edges in either.
 
     Parameters
     ----------
     K, motion
-        Camera matrix (3, 3), and the motion of points from the first to the second camera frame.
+        (3, 3) intrinsics, px, and the motion of points from the first to the second camera frame.
     origins, size
-        (n, 2) first columns and rows of tiles; height and width of each.
+        (n, 2) first columns and rows of tiles; height and width of each, px.
     first, second
-        Inverse depth, 1/m, 0 where invalid, and edges, both (H, W), of each frame.
+        Inverse depth, 1/m, 0 where invalid, and edges, 1 or 0, both (H, W), of each frame.
     uncertainty_px
-        How far the motion may misplace a pixel. Where the inverse depth slopes, so much is its value uncertain.
+        By how much the motion may misplace a pixel, px. Where the inverse depth has a gradient, its value is
+        uncertain by that gradient times this.
 
     Returns
     -------
@@ -103,9 +127,9 @@ def seen_in_few_tiles(
     uncertainty_px: float,
     fewest: int = 0,
 ) -> Mask:
-    """Return what `seen_in_both` does, from the depths (H, W) of both frames: edges are marked in parts of them only.
+    """Return the result of `seen_in_both` from the depths of both frames, with edges marked in parts of them only.
 
-    Faster where tiles are a few hundredths of a large frame.
+    This is faster where tiles are a few hundredths of a large frame.
 
     Parameters
     ----------
@@ -114,7 +138,12 @@ def seen_in_few_tiles(
     depths_m
         Depth (H, W) of the first and the second frame, m.
     fewest
-        Tiles of which surely fewer than so many pixels reappear may be left empty.
+        Tiles of which fewer pixels than this can be visible may be left empty.
+
+    Returns
+    -------
+    ndarray of bool
+        (n, h, w), by tile.
     """
     limits = np.float32(EDGE), np.float32(LONGEST_FOOTPRINT / K[0, 0])
     transfer, agreement = _transfer(K, motion), DepthAgreement(EDGE, uncertainty_px)
@@ -135,7 +164,7 @@ def _seen_in_maps(
     second: DepthEdgeMap,
     agreement: DepthAgreement,
 ) -> Mask:
-    """Return which pixels of tiles (n, h, w) reappear, by maps of whole frames."""
+    """Return which pixels of tiles (n, h, w) are visible, from maps of whole frames."""
     height, width = second.inverse_per_m.shape
     visible = np.zeros((len(origins), size[0], size[1]), np.bool_)
     columns, rows, ratios = np.empty(size[1]), np.empty(size[1]), np.empty(size[1])
@@ -168,10 +197,9 @@ def _seen_in_parts(
     agreement: DepthAgreement,
     fewest: int,
 ) -> Mask:
-    """Return which pixels of tiles (n, h, w) reappear, of each depth by the parts about the tiles and their targets.
+    """Return which pixels of tiles (n, h, w) are visible, from parts of each depth about the tiles and their targets.
 
-    ``limits`` are those of ``mask.mark_edges``. Tiles are left empty where so few pixels may reappear that they are
-    fewer than the ``fewest``.
+    ``limits`` are those of ``mask.mark_edges``. Tiles are left empty where fewer than ``fewest`` pixels can be visible.
     """
     depth0_m, depth1_m = depths_m
     shape = depth1_m.shape
@@ -238,8 +266,8 @@ def _project(
     to_rows: Float64,
     ratios: Float64,
 ) -> None:
-    """Write where pixels (w,) of a row are moved to, from the column ``left`` on, and the ratios of their depths."""
-    # Numbers that are the same for all pixels are taken out first: the compiler cannot know that they are not written.
+    """Write the targets of the pixels (w,) of a row from column ``left`` on, px, and the ratios of their depths."""
+    # Numbers that are the same for all pixels are read first: for the compiler, the writes below may change them.
     H, t_px = transfer.H, transfer.t_px
     a, b, c, to_a = H[0, 0], H[0, 1] * row, H[0, 2], t_px[0]
     d, e, f, to_d = H[1, 0], H[1, 1] * row, H[1, 2], t_px[1]
@@ -256,20 +284,20 @@ def _project(
 def _agrees(
     inverse_per_m: Float32, column: float, row: float, inverse: float, ratio: float, agreement: DepthAgreement
 ) -> bool:
-    """Whether the inverse depth at a position of the second frame is what it must be for a point of the first."""
+    """Return whether the inverse depth at a position of the second frame is that predicted for a point of the first."""
     interpolated, limit = _interpolated(inverse_per_m, column, row), agreement.tolerance
     if agreement.uncertainty_px > 0:
-        # Where the inverse depth slopes, a misplaced pixel has another one.
+        # Where the inverse depth has a gradient, a misplaced pixel has another inverse depth.
         across = abs(_interpolated(inverse_per_m, column + 1, row) - interpolated)
         down = abs(_interpolated(inverse_per_m, column, row + 1) - interpolated)
         limit += agreement.uncertainty_px * (across + down) / max(interpolated, 1e-6)
-    # 1/Z1 read there, times Z1/Z0 of the motion, must be 1/Z0 to a share of it.
+    # |w1 Z1/Z0 - 1/Z0| < limit / Z0, with w1 read in the second frame and Z1/Z0 of the motion.
     return bool(abs(interpolated * ratio - inverse) < limit * inverse)
 
 
 @njit(cache=True)
 def _interpolated(image: Float32, x: float, y: float) -> float:
-    """Return an image (H, W) bilinearly at a position; all beyond it is 0."""
+    """Return an image (H, W) at a position, by bilinear interpolation; the image is 0 beyond its border."""
     column, row = int(x), int(y)
     right, below = x - column, y - row
     if column + 1 < image.shape[1] and row + 1 < image.shape[0]:
@@ -289,10 +317,10 @@ def _interpolated(image: Float32, x: float, y: float) -> float:
 def _keep_agreeing(
     second: DepthEdgeMap, part: Int64, targets: _TileTransfer, inverses: Float32, tolerance: float, visible: Mask
 ) -> None:
-    """Leave out of the pixels (h, w) of a tile those near an edge of the second frame, or whose depth differs there.
+    """Remove from the pixels (h, w) of a tile those near an edge of the second frame or with another depth there.
 
-    ``second`` holds the inverse depth about a part of the second frame, and the edges in it. Each row takes two loops:
-    indices and weights of many positions at once and without a branch, then what lies there.
+    ``second`` holds the inverse depth about a part of the second frame, and the edges in it. Each row takes two loops.
+    The first computes indices and weights of many positions at once and without a branch, the second reads the values.
     """
     image, near = second.inverse_per_m, second.edges
     values, edges, wide = image.reshape(-1), near.reshape(-1), np.int32(image.shape[1])
@@ -309,7 +337,7 @@ def _keep_agreeing(
         for k in range(side):
             x, y = (columns[k] if visible_row[k] else any_column), (rows[k] if visible_row[k] else any_row)
             edge_indices[k] = (np.int32(y + 0.5) - first_row) * edges_wide + np.int32(x + 0.5) - first_column
-            x, y = min(x - left, last_column), min(y - top, last_row)  # what lies at the border is near an edge anyhow
+            x, y = min(x - left, last_column), min(y - top, last_row)  # a pixel at the border is near an edge anyway
             column, row = np.int32(x), np.int32(y)
             rights[k], belows[k], indices[k] = x - column, y - row, row * wide + column
         for k in range(side):
@@ -325,7 +353,7 @@ def _keep_agreeing(
 
 @njit(cache=True)
 def _widen(part: Int64, columns: Float64, rows: Float64, counts: Mask) -> None:
-    """Widen a part (left, top, right, bottom) by the pixels nearest to positions (w,) that count."""
+    """Widen a part (left, top, right, bottom) so that it contains the pixels nearest to positions (w,) that count."""
     left, top, right, bottom = np.int32(part[0]), np.int32(part[1]), np.int32(part[2]), np.int32(part[3])
     for k in range(len(counts)):
         column, row = np.int32(columns[k] + 0.5), np.int32(rows[k] + 0.5)
@@ -336,7 +364,10 @@ def _widen(part: Int64, columns: Float64, rows: Float64, counts: Mask) -> None:
 
 @njit(cache=True)
 def _inverse_about(depth_m: Float32, part: Int64) -> Float32:
-    """Return 1 / depth of a part (left, top, right, bottom) of a frame and of what lies about it, 0 where invalid."""
+    """Return 1 / depth, 1/m, of a part (left, top, right, bottom) of a frame and its surroundings.
+
+    It is 0 where depth is invalid.
+    """
     height, width = depth_m.shape
     left, right = max(part[0] - _REACH, 0), min(part[2] + _REACH, width)
     top, bottom = max(part[1] - _REACH, 0), min(part[3] + _REACH, height)
@@ -347,9 +378,10 @@ def _inverse_about(depth_m: Float32, part: Int64) -> Float32:
 def _edges_in(
     inverse_per_m: Float32, part: Int64, shape: tuple[int, int], limits: tuple[np.float32, np.float32]
 ) -> Edges:
-    """Return 1 where a part (left, top, right, bottom) of a frame is within reach of an edge or its border, else 0.
+    """Return 1 where a part of a frame is within reach of an edge or of the border, else 0.
 
-    ``inverse_per_m`` is that of the part and about it, ``shape`` that of the frame. Beyond it nothing is an edge.
+    ``inverse_per_m`` is that of the part (left, top, right, bottom) and its surroundings, ``shape`` that of the frame.
+    There are no edges beyond the frame.
     """
     height, width = shape
     first_column, first_row = max(part[0] - _REACH, 0), max(part[1] - _REACH, 0)
@@ -373,7 +405,7 @@ def _edges_in(
         inner = line[inner_start - left : inner_stop - left]
         for k in range(len(inner)):
             inner[k] = is_edge(here[k + 1], here[k], here[k + 2], above[k], below[k], limits[0], steepest)
-    # Widen by rows of which any pixel is marked, along columns, then along rows.
+    # Edges are widened in rows of which any pixel is marked: along columns, then along rows.
     near = np.zeros((part[3] - part[1], part[2] - part[0]), np.uint8)
     spread = np.empty(near.shape[1], np.uint8)
     for j in range(len(marked)):

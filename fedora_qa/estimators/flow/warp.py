@@ -1,11 +1,11 @@
-"""Read images between pixels, so smoothly that interpolation adds next to no error of its own.
+"""Read images between pixels, with a negligible error of interpolation.
 
-Both frames are read through one kernel: a Gaussian and a cubic B-spline, together of variance 1 px^2. A B-spline read
-of an image that was *not* prefiltered is the exact value, between the pixels too, of the image smoothed by that spline,
-up to aliases that the spline weakens by (w / (2 pi - w))^4 at frequency w. Bilinear interpolation weakens them by the
-square only, which shifts what it reads by some hundredths of a pixel at quarter-pixel positions.
+Both frames are read through one kernel: a Gaussian and a cubic B-spline, together of variance 1 px^2. If the image is
+*not* prefiltered, a B-spline gives the exact value, between the pixels too, of the image smoothed by that spline, up to
+aliases. The spline attenuates aliases by (w / (2 pi - w))^4 at frequency w. Bilinear interpolation attenuates them by
+the square only, which shifts values by some hundredths of a pixel at quarter-pixel positions.
 
-A compiled loop sums the spline's 16 coefficients. docs/flow-interpolation.md measures this and other ways to read.
+A compiled loop sums the 16 coefficients of the spline. docs/flow-interpolation.md compares this with other methods.
 """
 
 from collections.abc import Callable
@@ -24,7 +24,7 @@ Colours = NDArray[np.uint8]
 Image = TypeVar("Image", bound=NDArray[Any])
 
 REMAP_ROUNDING_PX: Final = 0.0 if int(cv2.__version__.split(".", maxsplit=1)[0]) >= 5 else 1 / 64
-"""OpenCV 4 rounds the coordinates of bilinear reads to 1/32 px; OpenCV 5 does not (a test holds it to that)."""
+"""OpenCV 4 rounds the coordinates of bilinear reads to 1/32 px; OpenCV 5 does not (a test checks this)."""
 
 SPLINE_VARIANCE_PX2: Final = 1.0 / 3.0
 """Variance of the cubic B-spline."""
@@ -36,59 +36,111 @@ _MOST_ROWS: Final = 32_766
 
 
 def smooth(image: Float32, sigma_px: float = 1.0) -> Float32:
-    """Return the image (H, W) blurred by the Gaussian that makes ``sigma_px`` together with the B-spline."""
+    """Return an image blurred by the Gaussian that has the width ``sigma_px`` together with the B-spline.
+
+    Parameters
+    ----------
+    image
+        (H, W) of any unit.
+    sigma_px
+        Standard deviation of Gaussian and B-spline together, px.
+
+    Returns
+    -------
+    ndarray of float32
+        (H, W), mirrored beyond the border.
+    """
     taps = smoothing_taps(sigma_px)
     return np.asarray(cv2.sepFilter2D(image, cv2.CV_32F, taps, taps, borderType=cv2.BORDER_REFLECT_101))
 
 
 @cache
 def smoothing_taps(sigma_px: float = 1.0) -> Float32:
-    """Return the weights of that Gaussian, four standard deviations to either side, of sum 1."""
-    # Variances of kernels that are applied in turn add up: that of the spline is taken off.
+    """Return the weights (n,), of sum 1, of the Gaussian of ``smooth``, cut at four standard deviations."""
+    # sigma^2 = sigma_px^2 - 1/3: variances of kernels that are applied in turn add up.
     sigma = float(np.sqrt(max(sigma_px**2 - SPLINE_VARIANCE_PX2, 1e-6)))
     return np.asarray(cv2.getGaussianKernel(round(8 * sigma + 1) | 1, sigma, cv2.CV_32F), dtype=np.float32)[:, 0]
 
 
 @cache
 def taps_at_pixels(sigma_px: float = 1.0) -> Float32:
-    """Return the weights, of sum 1, of Gaussian and B-spline together: the kernel of a read at a pixel centre."""
+    """Return the weights (n,), of sum 1, of Gaussian and B-spline together: the kernel of a read at a pixel centre."""
     return np.convolve(smoothing_taps(sigma_px), _SPLINE_AT_PIXELS)
 
 
 def read_at_pixels(smoothed: Float32) -> Float32:
-    """Return what `read_between` gives at every pixel centre, (H, W)."""
+    """Return the values (H, W) of `read_between` at all pixel centres of a smoothed image (H, W)."""
     spline = _SPLINE_AT_PIXELS
     read = cv2.sepFilter2D(smoothed, cv2.CV_32F, spline, spline, borderType=cv2.BORDER_REFLECT_101)
     return np.asarray(read, dtype=np.float32)
 
 
 def read_between(smoothed: Float32, columns: Float32, rows: Float32) -> Float32:
-    """Return the B-spline of ``smoothed`` at any positions (n, m); beyond the image, that of its border."""
+    """Return the B-spline of an image at any positions.
+
+    Parameters
+    ----------
+    smoothed
+        (H, W) coefficients of the B-spline: an image from `smooth`.
+    columns, rows
+        (n, m) positions, px; beyond the image those of its border are read.
+
+    Returns
+    -------
+    ndarray of float32
+        (n, m) in the unit of the image.
+    """
     return np.asarray(read_spline(smoothed, columns, rows), dtype=np.float32)
 
 
 def blur(image: Float32, sigma_px: float = 1.0) -> Float32:
-    """Return the image (H, W) blurred by a Gaussian, to be read by `read_bilinear`."""
+    """Return an image blurred by a Gaussian, as `read_bilinear` reads it.
+
+    Parameters
+    ----------
+    image
+        (H, W) of any unit.
+    sigma_px
+        Standard deviation of the Gaussian, px.
+
+    Returns
+    -------
+    ndarray of float32
+        (H, W), mirrored beyond the border.
+    """
     return np.asarray(cv2.GaussianBlur(image, (0, 0), sigma_px, borderType=cv2.BORDER_REFLECT_101), dtype=np.float32)
 
 
 def read_bilinear(image: Float32, columns: Float32, rows: Float32) -> Float32:
-    """Return an image bilinearly at any positions (n, m); positions must be finite, and read the border beyond it."""
+    """Return an image at any positions by bilinear interpolation.
+
+    Parameters
+    ----------
+    image
+        (H, W) of any unit.
+    columns, rows
+        (n, m) finite positions, px; the image is mirrored beyond its border.
+
+    Returns
+    -------
+    ndarray of float32
+        (n, m) in the unit of the image.
+    """
     return read_at(image, columns, rows, cv2.INTER_LINEAR, cv2.BORDER_REFLECT_101)
 
 
 @dataclass(frozen=True, slots=True)
 class Interpolator:
-    """One way to read frames between their pixels; docs/flow-interpolation.md measures them.
+    """A method of reading frames between their pixels; docs/flow-interpolation.md compares methods.
 
     Attributes
     ----------
     smoothed
-        Image (H, W) and width in px to the image that is read.
+        From an image (H, W) and a standard deviation in px to the image that is read.
     at_pixels
-        What ``between`` gives at every pixel centre of that, (H, W).
+        From that image to the values (H, W) of ``between`` at all pixel centres.
     between
-        That image and finite positions (n, m), columns and rows, px, to the values there.
+        From that image and finite positions (n, m), columns and rows, px, to the values there.
     """
 
     smoothed: Callable[[Float32, float], Float32]
@@ -104,7 +156,20 @@ SPLINE: Final = Interpolator(smooth, read_at_pixels, read_between)
 def read_spline(
     coefficients: NDArray[np.float32], columns: NDArray[np.float32], rows: NDArray[np.float32]
 ) -> NDArray[np.float32]:
-    """Return the B-spline of coefficients (H, W) at positions (n, m); beyond the image its border."""
+    """Return the B-spline of coefficients at positions.
+
+    Parameters
+    ----------
+    coefficients
+        (H, W) of any unit.
+    columns, rows
+        (n, m) positions, px; beyond the image those of its border are read, and 0 in place of NaN.
+
+    Returns
+    -------
+    ndarray of float32
+        (n, m) in the unit of the coefficients.
+    """
     height, width = coefficients.shape
     read = np.empty(columns.shape, np.float32)
     for i in range(columns.shape[0]):
@@ -118,9 +183,23 @@ def read_spline(
 def read_spline_at(
     coefficients: NDArray[np.float32], x: np.float32, y: np.float32, left: int, top: int, width: int, height: int
 ) -> np.float32:
-    """Return the B-spline at a place within an image (height, width), of whose coefficients a part is given.
+    """Return the B-spline at a position within an image of whose coefficients a part is given.
 
-    The part begins at ``left`` and ``top``, and holds a pixel before the place and two behind, where the image does.
+    Parameters
+    ----------
+    coefficients
+        (h, w) the part. It holds one pixel before the position and two after it, as far as these lie in the image.
+    x, y
+        Position in the image, px, at least 0.
+    left, top
+        First column and row of the part, px.
+    width, height
+        Of the image, px.
+
+    Returns
+    -------
+    float32
+        In the unit of the coefficients.
     """
     column, row = int(x), int(y)
     across, down = spline_weights(x - np.float32(column)), spline_weights(y - np.float32(row))
@@ -145,7 +224,20 @@ def read_spline_at(
 
 @njit(cache=True)
 def within(position: np.float32, size: int) -> np.float32:
-    """Return the position, or the border where it lies beyond; 0 where it is no number."""
+    """Return a position limited to the pixels of an image along one axis.
+
+    Parameters
+    ----------
+    position
+        Column or row, px.
+    size
+        Width or height of the image, px.
+
+    Returns
+    -------
+    float32
+        0 to ``size`` - 1; 0 where the position is NaN.
+    """
     if not position > np.float32(0):
         return np.float32(0)
     return position if position < np.float32(size - 1) else np.float32(size - 1)
@@ -153,7 +245,7 @@ def within(position: np.float32, size: int) -> np.float32:
 
 @njit(cache=True)
 def spline_weights(t: np.float32) -> tuple[np.float32, np.float32, np.float32, np.float32]:
-    """Return the weights of the pixels before and after a fraction t."""
+    """Return the weights of the pixels -1, 0, 1 and 2 for a position that is a fraction t, 0 to 1, after pixel 0."""
     rest = np.float32(1) - t
     # Cubic B-spline at t: (1 - t)^3 / 6, (3 t^3 - 6 t^2 + 4) / 6 and their mirror images; their sum is 1
     # (C. de Boor, A Practical Guide to Splines, 2001).
@@ -164,7 +256,20 @@ def spline_weights(t: np.float32) -> tuple[np.float32, np.float32, np.float32, n
 
 @njit(cache=True)
 def mirrored(index: int, size: int) -> int:
-    """Return the place of an index at most a few pixels outside."""
+    """Return the index of the pixel that stands for one at most a few pixels outside an image.
+
+    Parameters
+    ----------
+    index
+        Column or row.
+    size
+        Width or height of the image, px.
+
+    Returns
+    -------
+    int
+        0 to ``size`` - 1, mirrored about the first or last pixel.
+    """
     if size == 1:
         return 0
     index = abs(index)
@@ -173,9 +278,19 @@ def mirrored(index: int, size: int) -> int:
 
 @njit(cache=True)
 def parts_about(columns: Float32, rows: Float32, width: int, height: int) -> Int64:
-    """Return left, top, right, bottom (n, 4), half-open, of the part of an image that places (n, s, s) are read from.
+    """Return the part of an image that each tile of positions is read from.
 
-    Places beyond the image are those of its border.
+    Parameters
+    ----------
+    columns, rows
+        (n, s, s) positions, px; those beyond the image count as its border.
+    width, height
+        Of the image, px.
+
+    Returns
+    -------
+    ndarray of int64
+        (n, 4) left, top, right, bottom, half-open, px.
     """
     parts = np.empty((len(columns), 4), np.int64)
     for i in range(len(columns)):
@@ -195,10 +310,25 @@ def parts_about(columns: Float32, rows: Float32, width: int, height: int) -> Int
 def read_parts(
     rgb: Colours, of_codes: Float32, taps: Float32, parts: Int64, columns: Float32, rows: Float32
 ) -> Float32:
-    """Return the smoothed luma of a frame (H, W, 3) at places (n, s, s), each tile read from its part (n, 4).
+    """Return the smoothed luma of a frame at positions, each tile of them read from its part.
 
-    ``of_codes`` (3, 256) is what each code of a channel adds to the luma, ``taps`` the odd number of weights of the
-    Gaussian. Beyond the border the frame is mirrored.
+    Parameters
+    ----------
+    rgb
+        (H, W, 3) codes; the frame is mirrored beyond its border.
+    of_codes
+        (3, 256) contribution of each code of a channel to the luma, DN.
+    taps
+        Odd number of weights of the Gaussian.
+    parts
+        (n, 4) left, top, right, bottom of the part of each tile, of `parts_about`.
+    columns, rows
+        (n, s, s) positions, px.
+
+    Returns
+    -------
+    ndarray of float32
+        (n, s, s) DN.
     """
     height, width = rgb.shape[:2]
     read = np.empty(columns.shape, np.float32)
@@ -220,9 +350,10 @@ def read_parts(
 def _read_inside(
     smoothed: Float32, left: np.float32, top: np.float32, columns: Float32, rows: Float32, read: Float32
 ) -> None:
-    """Read a part of an image at places (s, s) of which all lie within it, away from the border.
+    """Read a part of an image at positions (s, s) all of which lie within it, away from the border.
 
-    Row by row first where and with what weights, of many places at once, then what lies there.
+    Each row takes two loops. The first computes indices and weights of many positions at once, the second reads the
+    values.
     """
     side, wide = columns.shape[1], np.uint64(smoothed.shape[1])
     values, firsts, weights = smoothed.reshape(-1), np.empty(side, np.uint32), np.empty((8, side), np.float32)
@@ -251,7 +382,26 @@ def _read_inside(
 
 @njit(cache=True)
 def smoothed_patches(rgb: Colours, of_codes: Float32, taps: Float32, corners: Int64, size: int) -> Float32:
-    """Return the smoothed luma (n, size, size) of patches of a frame, by their first columns and rows (n, 2)."""
+    """Return the smoothed luma of patches of a frame.
+
+    Parameters
+    ----------
+    rgb
+        (H, W, 3) codes; the frame is mirrored beyond its border.
+    of_codes
+        (3, 256) contribution of each code of a channel to the luma, DN.
+    taps
+        Odd number of weights of the Gaussian.
+    corners
+        (n, 2) first column and row of each patch.
+    size
+        Side of a patch, px.
+
+    Returns
+    -------
+    ndarray of float32
+        (n, size, size) DN.
+    """
     patches = np.empty((len(corners), size, size), np.float32)
     part = np.empty(4, np.int64)
     for i in range(len(corners)):
@@ -262,7 +412,7 @@ def smoothed_patches(rgb: Colours, of_codes: Float32, taps: Float32, corners: In
 
 @njit(cache=True)
 def _luma_about(rgb: Colours, of_codes: Float32, part: Int64, reach: int) -> Float32:
-    """Return the luma of a part of a frame and of ``reach`` pixels around it."""
+    """Return the luma of a part (left, top, right, bottom) of a frame and of ``reach`` pixels around it, DN."""
     height, width = rgb.shape[:2]
     red, green, blue = of_codes[0], of_codes[1], of_codes[2]
     luma = np.empty((part[3] - part[1] + 2 * reach, part[2] - part[0] + 2 * reach), np.float32)
@@ -282,10 +432,10 @@ def _luma_about(rgb: Colours, of_codes: Float32, part: Int64, reach: int) -> Flo
 
 @njit(cache=True, fastmath={"contract"})
 def _smooth(luma: Float32, taps: Float32, smoothed: Float32) -> None:
-    """Write an image less the reach of the taps on every side, convolved with them along both axes.
+    """Write an image less the reach of the taps on every side, convolved with the taps along both axes.
 
-    Taps are the same on both sides, so that two pixels share one. Slices begin at 0 and indices are none below, as a
-    comparison for each pixel would cost more than what is done with it.
+    The taps are symmetric, so that two pixels share one multiplication. Slices begin at 0 and indices are not negative:
+    a comparison for each pixel would cost more than its arithmetic.
     """
     reach = len(taps) // 2
     wide, middle = luma.shape[1] - 2 * reach, taps[reach]
@@ -317,15 +467,16 @@ def read_at(
     Parameters
     ----------
     image
-        (H, W).
+        (H, W) of any unit.
     columns, rows
-        (n, m) positions, of any n, and m below 32767.
+        (n, m) positions, px, of any n, and m below 32767.
     interpolation, border
-        Flags of OpenCV: how values between pixels, and beyond the image, are made.
+        Flags of OpenCV: method of interpolation, and values beyond the image.
 
     Returns
     -------
-    (n, m).
+    ndarray
+        (n, m), of the type of the image.
     """
     if not columns.size:
         return cast(Image, np.empty(columns.shape, image.dtype))

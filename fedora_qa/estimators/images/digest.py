@@ -1,8 +1,8 @@
-"""A digest of an image: eight lanes of 64 bits, each of which folds in every eighth word, and SHA-256 over them.
+"""A digest of an image: eight lanes of 64 bits, each of which combines every eighth word, and SHA-256 over the lanes.
 
-Each step of a lane is one to one in the lane and in the word, so that images that differ in one word of a lane never
-share it; of other images a lane is shared by chance, one in 2^64. It detects accidents, not forgery, in a seventh of
-the time that SHA-256 takes over all of an image.
+Each step of a lane is one-to-one in the lane and in the word. Images that differ in one word of a lane therefore always
+differ in that lane; other images have the same lane by chance once in 2^64. The digest detects accidents, not forgery.
+It takes a seventh of the time of SHA-256 over the whole image.
 """
 
 from hashlib import sha256
@@ -18,12 +18,12 @@ DIGEST_BYTES: Final = 16
 
 _LANES: Final = 8
 _ODD: Final = np.uint64(0x9E3779B97F4A7C15)
-"""2^64 over the golden ratio: an odd factor whose bits lie without order (D. E. Knuth, TAOCP 3, 6.4)."""
+"""2^64 over the golden ratio: an odd factor without a pattern in its bits (D. E. Knuth, TAOCP 3, 6.4)."""
 _HALF: Final = np.uint64(32)
 
 
 def digest_of(image: NDArray[np.uint8]) -> NDArray[np.uint8]:
-    """Return the digest of an image: of its shape and of all its bytes.
+    """Return the digest of the shape and of all bytes of an image.
 
     Parameters
     ----------
@@ -32,14 +32,15 @@ def digest_of(image: NDArray[np.uint8]) -> NDArray[np.uint8]:
 
     Returns
     -------
-    (16,).
+    ndarray of uint8
+        (16,).
     """
     flat = np.ascontiguousarray(image).reshape(-1)
     whole = flat.size // (8 * _LANES) * (8 * _LANES)
     words = flat[:whole].view(np.uint64)
     words = words.view() if words.flags.aligned else words.copy()
-    words.flags.writeable = False  # as decoded images are: compiled once
-    # Bytes that fill no row of lanes, and the shape, go into the last step as they are.
+    words.flags.writeable = False  # as in decoded images, so that the loop is compiled once
+    # Bytes that fill no row of lanes, and the shape, enter SHA-256 as they are.
     lanes = _fold_all(words).tobytes() + flat[whole:].tobytes() + repr(image.shape).encode()
     return np.frombuffer(sha256(lanes).digest()[:DIGEST_BYTES], np.uint8)
 

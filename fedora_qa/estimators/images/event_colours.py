@@ -1,20 +1,20 @@
 """Colours of frames regressed on events: weights of the channels, and the exponent of the transfer curve.
 
 Between two frame times at which the events of a pixel bracket its level (``events/levels.py``), the change of its
-signal S is known without rounding. With linear channels c_k of weights w_k, Y = sum of w_k c_k, and S = ln(Y + eps)
-or S = Y::
+signal S is given without rounding. With linear channels c_k of weights w_k, Y = sum of w_k c_k, and S = ln(Y + eps) or
+S = Y::
 
     C+ dP - C- dM + delta d(C+ rate+ - C- rate-) = dS = sum of beta_k D_k,     D_k = dc_k dS/dY,     beta_k = a w_k
 
-dS/dY being the secant between both frames, so that D is exact for the weights that are assumed and nearly so for
-others. The scale a is that of the thresholds; weights are the beta over their sum. Frames read by a wrong exponent,
-c to the power 1 + g with white fixed, add to first order::
+dS/dY is the secant between both frames, so that D is exact for the assumed weights and nearly exact for others. The
+scale a is that of the thresholds; the weights are the beta over their sum. If frames are read with a wrong exponent, c
+to the power 1 + g with white fixed, this adds to first order::
 
     a g dH,     H = S'(Y) sum of w_k c_k ln(c_k / 255)
 
-For S = ln Y that is almost dS itself (entirely so where pixels are grey): there a stands for the exponent. Frames
-explain and events are explained, since errors of the frames are the larger ones, and common to D and dS: regressed the
-other way round, weights would drift to wherever these errors cancel.
+For S = ln Y that is almost dS itself (exactly so where pixels are grey): there a stands for the exponent. Events are
+regressed on frames, since the errors of the frames are the larger ones and are common to D and dS. In the reverse
+regression, these errors would bias the weights towards values at which they cancel.
 """
 
 from collections.abc import Sequence
@@ -36,7 +36,7 @@ Int64 = NDArray[np.int64]
 CHANNELS: Final = (0, 1, 2)
 EXPONENT: Final = 3
 DELAY: Final = 4
-"""The columns of the regression: D of the three channels, dH, and the change of the events' rate."""
+"""The columns of the regression: D of the three channels, dH, and the change of the rate of the events."""
 
 PARAMETERS: Final = 5
 
@@ -48,12 +48,24 @@ _EXPONENT_FITTED: Final = 4
 
 _LEAST_DN: Final = 1e-3
 _SINGULAR: Final = 1e-9
-"""Share of a column that must be its own for its coefficient to be known at all."""
+"""Least eigenvalue of the scaled normal matrix. Below it columns are collinear and coefficients are not determined."""
 
 
 @dataclass(frozen=True, slots=True)
 class ColourBlocks:
-    """Robust normal equations of blocks of samples: X'WX (b, 5, 5), X'Wy (b, 5), y'Wy (b,), sum of weights (b,)."""
+    """Robust normal equations of b blocks of samples, with Huber's weights W.
+
+    Attributes
+    ----------
+    matrices
+        (b, 5, 5) X' W X.
+    vectors
+        (b, 5) X' W y.
+    squares
+        (b,) y' W y.
+    weights
+        (b,) sum of the weights.
+    """
 
     matrices: Float64
     vectors: Float64
@@ -66,21 +78,39 @@ class ColourBlocks:
 
 @dataclass(frozen=True, slots=True)
 class ColourEstimate:
-    """A value, its standard error, and a bound on the bias that the model is known to have."""
+    """An estimate with its error.
+
+    Attributes
+    ----------
+    value, standard_error
+        Without unit; NaN and infinite where the value is not determined.
+    bound
+        Bound of the bias of the model.
+    """
 
     value: float
     standard_error: float
     bound: float
 
     def widened(self, other: "ColourEstimate") -> "ColourEstimate":
-        """Return this estimate, its bound wider by how far another method moves it."""
+        """Return this estimate with its bound enlarged by its difference from that of another method."""
         difference = abs(self.value - other.value)
         return replace(self, bound=self.bound + (difference if np.isfinite(difference) else 0.0))
 
 
 @dataclass(frozen=True, slots=True)
 class ChannelWeightErrors:
-    """Joint errors of the weights: covariances (3, 3), formal and by the jackknife over blocks; biases (k, 3)."""
+    """Joint errors of the three weights.
+
+    Attributes
+    ----------
+    formal
+        (3, 3) formal covariance.
+    between_blocks
+        (3, 3) covariance by the jackknife over blocks.
+    biases
+        (k, 3) biases of the weights, one row for each of k causes.
+    """
 
     formal: Float64
     between_blocks: Float64
@@ -96,15 +126,17 @@ class ColourFit:
     weights
         Of each channel, of sum 1.
     contrasts
-        First less third, second less first, second less third weight: those that an exchange of channels changes most.
+        First less third, second less first, second less third weight: an exchange of channels changes these most.
     scale
         Sum of the coefficients: 1 where thresholds and curve are as declared.
     exponent
-        By which linear values would have to be taken; 1 where it was not fitted.
+        Power to which linear values would have to be raised; 1 where it was not fitted.
     weight_errors
         Of the weights together.
-    variance, unexplained
-        Of a sample's residual, in the unit of S squared; as a share of the events' variance.
+    variance
+        Of the residual of a sample, in the unit of S squared.
+    unexplained
+        Sum of squares of the residuals over that of the events, 0 to 1.
     """
 
     weights: tuple[ColourEstimate, ColourEstimate, ColourEstimate]
@@ -116,7 +148,7 @@ class ColourFit:
     unexplained: float
 
     def widened(self, other: "ColourFit") -> "ColourFit":
-        """Return this fit, all bounds wider by how far ``other`` lies away."""
+        """Return this fit with all bounds enlarged by its differences from another fit."""
         pairs = list(zip(self.weights, other.weights, strict=True))
         weights = tuple(weight.widened(other_weight) for weight, other_weight in pairs)
         contrasts = tuple(a.widened(b) for a, b in zip(self.contrasts, other.contrasts, strict=True))
@@ -133,19 +165,19 @@ class ColourFit:
 
 
 def colour_columns(earlier_dn: Float64, later_dn: Float64, model: Literal["log", "linear"], eps_dn: float) -> Float64:
-    """Return the columns of the regression but the delay.
+    """Return the columns of the regression without the delay.
 
     Parameters
     ----------
     earlier_dn, later_dn
-        (m, 3) linear R, G, B at two times, in DN.
+        (m, 3) linear R, G, B at two times, DN.
     model, eps_dn
-        As declared: whether S is ln(Y + eps) or Y.
+        As declared: S is ln(Y + eps) or Y; eps in DN.
 
     Returns
     -------
-    Float64
-        (m, 4): D of the channels, and dH.
+    ndarray of float64
+        (m, 4): D of the three channels, and dH, in the unit of S.
     """
     weights = np.array(LUMA_WEIGHTS_RGB)
     luma = [colours @ weights + eps_dn for colours in (earlier_dn, later_dn)]
@@ -164,16 +196,23 @@ def colour_columns(earlier_dn: Float64, later_dn: Float64, model: Literal["log",
 
 
 def colour_blocks(columns: Float64, events: Float64, block_of_sample: NDArray[np.intp], blocks: int) -> ColourBlocks:
-    """Return normal equations of events on columns, summed by block, under Huber's weights.
+    """Return normal equations of events on columns, summed by block, with Huber's weights.
 
     Parameters
     ----------
     columns
         (m, 5), those of ``CHANNELS``, ``EXPONENT`` and ``DELAY``.
-    events, block_of_sample
-        (m,): what the events of each sample sum to, in the unit of S; its block.
+    events
+        (m,) sum of the events of each sample, in the unit of S.
+    block_of_sample
+        (m,) index of the block of each sample.
     blocks
-        How many there are.
+        Number of blocks.
+
+    Returns
+    -------
+    ColourBlocks
+        Of all blocks; zero for those without samples.
     """
     weights = huber_regression_weights(columns, events)
     sums = ColourBlocks(
@@ -188,30 +227,35 @@ def colour_blocks(columns: Float64, events: Float64, block_of_sample: NDArray[np
 
 
 def concatenate_colours(sums: Sequence[ColourBlocks]) -> ColourBlocks:
-    """Return all blocks in order, those without samples left out."""
+    """Return all blocks in order, without those that have no samples."""
     fields = [np.concatenate([getattr(blocks, name) for blocks in sums]) for name in ColourBlocks.__slots__]
     present = fields[-1] > 0
     return ColourBlocks(*(values[present] for values in fields))
 
 
 def fit_colours(blocks: ColourBlocks, *, with_exponent: bool, frame_variance: float = np.inf) -> ColourFit:
-    """Fit weights and scale, and the exponent where asked for.
+    """Return the fit of weights and scale, and of the exponent if asked for.
 
-    Standard errors are the larger of the formal ones and the spread between blocks (delete-one jackknife); infinite
-    where a number is not known at all.
+    Standard errors are the larger of the formal ones and the spread between blocks (delete-one jackknife). They are
+    infinite where a value is not determined.
 
-    Errors e of the frames that are common to all channels (of footprints, mostly) move all columns together, by u e,
-    and attenuate the coefficients by (X'X)^-1 u n var(e) (u . beta). The residual of the events bounds (u . beta)^2
+    Errors e of the frames that are common to all channels, mostly of footprints, change all columns together, by u e.
+    They attenuate the coefficients by (X'X)^-1 u n var(e) (u . beta). The residual of the events bounds (u . beta)^2
     var(e), and so does ``frame_variance``.
 
     Parameters
     ----------
     blocks
-        Of all windows.
+        Of all windows; at least one.
     with_exponent
         Whether dH is a column.
     frame_variance
-        Residual variance of another fit of the same frames.
+        Residual variance of another fit of the same frames, in the unit of S squared.
+
+    Returns
+    -------
+    ColourFit
+        With the bound of the attenuation beside each value.
     """
     columns = np.array([*CHANNELS, DELAY, EXPONENT] if with_exponent else [*CHANNELS, DELAY])
     matrices, vectors = blocks.matrices[:, columns[:, np.newaxis], columns], blocks.vectors[:, columns]
@@ -222,14 +266,15 @@ def fit_colours(blocks: ColourBlocks, *, with_exponent: bool, frame_variance: fl
     total, count = float(blocks.squares.sum()), float(blocks.weights.sum())
     residual = max(total - float(vector @ coefficients), 0.0)
     variance = residual / max(count - len(columns), 1.0)
-    # Formal covariance J s^2 (X'X)^-1 J' of what is derived from the coefficients.
+    # Formal covariance J s^2 (X'X)^-1 J' of the values that are derived from the coefficients.
     formal = variance * slopes @ inverse @ slopes.T
-    # Covariance of the estimates that leave one block out each (Efron and Stein 1981), about the estimate of all.
+    # Jackknife covariance (n - 1) / n sum of (t_i - t)(t_i - t)', t_i without block i, t of all blocks (Efron and Stein
+    # 1981).
     left_out = np.array([_derived(_inverse(matrix - m) @ (vector - v)) for m, v in zip(matrices, vectors, strict=True)])
     deviations = left_out - values
     between: Float64 = (len(matrices) - 1) / len(matrices) * deviations.T @ deviations
     errors = np.sqrt(np.fmax(np.maximum(np.diag(formal), 0.0), np.diag(between)))
-    # u: by how much each column moves with an error of 1 in all channels; dH as it does with true changes.
+    # u: change of each column by an error of 1 in all channels; for dH, the change that a true change gives.
     luma_weights, common = np.array(LUMA_WEIGHTS_RGB), np.zeros(len(matrix))
     common[:3] = 1.0
     if with_exponent:
@@ -255,9 +300,9 @@ def fit_colours(blocks: ColourBlocks, *, with_exponent: bool, frame_variance: fl
 
 
 def _inverse(matrix: Float64) -> Float64:
-    """Return the inverse; NaN where columns are collinear."""
+    """Return the inverse of a normal matrix (p, p); NaN where its columns are collinear."""
     scale = np.sqrt(np.maximum(np.diag(matrix), 1e-300))
-    # A unit diagonal makes the limit a share of a column, whatever the units of the columns.
+    # With a unit diagonal the limit does not depend on the units of the columns.
     scaled = matrix / np.outer(scale, scale)
     if not np.linalg.eigvalsh(scaled)[0] > _SINGULAR:
         return np.full_like(matrix, np.nan)
@@ -266,7 +311,7 @@ def _inverse(matrix: Float64) -> Float64:
 
 
 def _derived(coefficients: Float64) -> Float64:
-    """Return weights, scale, exponent and contrasts (8,): g enters the events as scale times g."""
+    """Return weights, scale, exponent and contrasts (8,); the coefficient of dH is the scale times g."""
     scale = coefficients[:3].sum()
     bent = coefficients[_EXPONENT_FITTED] / scale if len(coefficients) > _EXPONENT_FITTED else 0.0
     weights = coefficients[:3] / scale
@@ -274,7 +319,7 @@ def _derived(coefficients: Float64) -> Float64:
 
 
 def _slopes(coefficients: Float64) -> Float64:
-    """Return how `_derived` changes (8, p) with each coefficient."""
+    """Return the derivatives (8, p) of ``_derived`` by each coefficient."""
     scale = coefficients[:3].sum()
     slopes = np.zeros((8, len(coefficients)))
     # w_k = beta_k / a gives dw_k / dbeta_j = (delta_kj - w_k) / a.
@@ -287,7 +332,15 @@ def _slopes(coefficients: Float64) -> Float64:
 
 
 class SeparableTaps(NamedTuple):
-    """Weights (n, k) of successive frame pixels, and the first of them (n,), along rows and columns."""
+    """Weights of n pixels of the event camera, along rows and along columns of the frame.
+
+    Attributes
+    ----------
+    first_rows, first_columns
+        (n,) first row, and first column, of the frame with a weight.
+    row_weights, column_weights
+        (n, k) weights of successive rows, and of successive columns.
+    """
 
     first_rows: Int64
     row_weights: Float64
@@ -298,23 +351,23 @@ class SeparableTaps(NamedTuple):
 def edge_aware_colours(
     footprints: Footprints, rgb: NDArray[np.uint8], linear_dn: Float64, pixels: NDArray[Any]
 ) -> Float64:
-    """Average a colour frame over the footprints of a few pixels, by the edge-aware reconstruction.
+    """Return the mean colour of a frame over the footprints of a few pixels, by the edge-aware reconstruction.
 
     Parameters
     ----------
     footprints
-        Separable in rows and columns; of a pixel some four by four weights are not zero.
+        Separable in rows and columns; about four by four weights of a pixel are not zero.
     rgb
         (H, W, 3) codes of a frame.
     linear_dn
-        (256,) what each code stands for.
+        (256,) linear value of each code, DN.
     pixels
         (m,) row * width + column in the event camera.
 
     Returns
     -------
-    Float64
-        (m, 3) linear R, G, B in DN.
+    ndarray of float64
+        (m, 3) linear R, G, B, DN, not negative.
     """
     rows, columns = footprints.rows.edge_aware, footprints.columns.edge_aware
     of_rows, of_columns = np.divmod(np.asarray(pixels, dtype=np.int64), len(columns.first))
@@ -328,7 +381,7 @@ def edge_aware_colours(
 def _average(
     rgb: NDArray[np.uint8], linear_dn: Float64, rows: Int64, columns: Int64, taps: SeparableTaps, means: Float64
 ) -> None:
-    """Write the means (m, 3) over the footprints of pixels (m,) at rows and columns."""
+    """Write the mean colours (m, 3), DN, over the footprints of the pixels at rows (m,) and columns (m,)."""
     for i in range(len(rows)):
         row, column = rows[i], columns[i]
         red = green = blue = 0.0

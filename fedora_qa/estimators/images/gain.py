@@ -1,17 +1,17 @@
 """Gains of brightness: of one frame over another, and of values that were multiplied after they had been rounded.
 
-Two frames that show the same points: the logarithm of the ratio of sums, tile by tile, and the median over tiles: what
-moved, appeared or shines spoils some tiles, exposure changes all. Sums, and not means of logarithms, since rounding
-averages out of them.
+Two frames that show the same points: in each tile, the logarithm of the ratio of sums; then the median over tiles.
+Moving, new or shining objects disturb some tiles, exposure changes all. Sums are used in place of means of logarithms,
+since rounding averages out of sums.
 
-One histogram of values of 8 bits: a gain after rounding leaves codes that then cannot occur. Codes k times a gain g,
-rounded again, leave out every code between rint(g k) and rint(g (k + 1)) where g > 1, and put two on one where g < 1.
-In a histogram of many values neighbouring codes are about as frequent, so that a code without any value among frequent
-ones, or one twice as frequent, is no accident; that all of them, and no others, are those of one gain, still less: m of
-n codes are one given set with probability one over n choose m.
+One histogram of values of 8 bits: a gain after rounding leaves codes that cannot occur. Codes k times a gain g, rounded
+again, omit every code between rint(g k) and rint(g (k + 1)) where g > 1, and put two codes on one where g < 1. In a
+histogram of many values neighbouring codes are about equally frequent. A code without any value among frequent ones, or
+one twice as frequent, is therefore no chance event. It is even less likely that all such codes, and no others, are
+those of one gain: m of n codes are one given set with probability one over n choose m.
 
-With g > 1 the j-th code c that is left out lies between those of k = c - j and k + 1; with g < 1 the j-th code that has
-two has those of k = c + j - 1 and k + 1. Rounding then bounds the gain, from each such code::
+With g > 1 the j-th omitted code c lies between those of k = c - j and k + 1. With g < 1 the j-th doubled code c has
+those of k = c + j - 1 and k + 1. Rounding then bounds the gain by each such code::
 
     (c + 1/2) / (c - j + 1) <= g <= (c - 1/2) / (c - j),        (c - 1/2) / (c + j - 1) <= g <= (c + 1/2) / (c + j)
 """
@@ -36,59 +36,70 @@ FEWEST_PIXELS: Final = 4
 """Tiles, and pixels in a tile, below which no gain is estimated."""
 
 LEVELS_DN: Final = (8.0, 240.0)
-"""Between which a pixel counts, by the geometric mean of both frames: neither rounded away nor clipped.
+"""Range of the geometric mean of both frames in which a pixel counts: it is then neither lost in rounding nor clipped.
 
-The mean of both and not one of them, so that the choice favours neither direction.
+The mean of both frames is used and not one of them, so that the choice favours neither direction.
 """
 
 _MEDIAN_EFFICIENCY: Final = float(np.sqrt(np.pi / 2))
-"""Standard error of a median over that of a mean, normal values."""
+"""Ratio of the standard error of a median to that of a mean, for normal values."""
 
 CODES: Final = 256
 
 _FREQUENT: Final = 50
-"""Values with which both neighbours of a code occur: the code itself then lacks by chance once in e^50 (Poisson)."""
+"""Least count of both neighbours of a code: the code itself is then absent by chance once in e^50 (Poisson)."""
 
 _FREQUENT_TWICE: Final = 400
-"""As many for a code to be doubled: counts scatter by 5%, once and twice lie some eight standard deviations apart."""
+"""Least count for a doubled code: counts scatter by 5%, so that once and twice differ by about eight standard
+deviations."""
 
 _FEWEST_CODES: Final = 40
 _FEWEST_MARKS: Final = 3
-"""Frequent codes, and those among them that must be marked: 40 choose 3 is 9880, a hundred gains are tried, and each
-code without any value among frequent ones is itself a rarity."""
+"""Least number of frequent codes, and of marked codes among them: 40 choose 3 is 9880, a hundred gains are tried, and
+each code without any value among frequent ones is itself rare."""
 
 _FIRST: Final = 2
-"""The first code that is used: at 0 and 255 values are clipped."""
+"""The first code that is used; values at 0 and 255 are clipped."""
 
 _TWICE: Final = 1.5
-"""Times as frequent as both neighbours: half-way, in squares about, between once and twice."""
+"""Ratio to the counts of both neighbours above which a code counts as doubled: about half-way between once and
+twice."""
 
 _LARGEST_RANK: Final = 100
-"""Codes left out, or doubled, up to the first frequent one: a gain of a factor 1.6 in a bright scene."""
+"""Largest number of omitted or doubled codes up to the first frequent one: a gain of a factor 1.6 in a bright scene."""
 
 _TIES: Final = 1 + 1e-12
-"""Gains of whole percents put codes exactly half-way, where the bounds meet but for the last bits."""
+"""Gains of whole percents put codes exactly half-way; the bounds are then equal except for the last bits."""
 
 
 @dataclass(frozen=True, slots=True)
 class BrightnessGain:
-    """Natural logarithm of later over earlier brightness, and its standard error from the spread over tiles."""
+    """Gain of brightness between two images.
+
+    Attributes
+    ----------
+    log_gain
+        Natural logarithm of later over earlier brightness.
+    standard_error
+        Of the logarithm, from the spread over tiles.
+    """
 
     log_gain: float
     standard_error: float
 
 
 def brightness_gain(before_dn: NDArray[np.floating], after_dn: NDArray[np.floating]) -> BrightnessGain | None:
-    """Estimate the gain between two images of the same points.
+    """Return the gain between two images of the same points.
 
     Parameters
     ----------
     before_dn, after_dn
-        (h, w), NaN where a point is not visible in both.
+        (h, w) DN, NaN where a point is not visible in both.
 
     Returns
     -------
-    The gain; None where too few tiles are bright and not clipped.
+    BrightnessGain or None
+        None where too few tiles are bright and not clipped.
     """
     before, after = (np.ascontiguousarray(image) for image in (before_dn, after_dn))
     pixels, before_sums, after_sums = _sums_of_tiles(before, after, TILES, LEVELS_DN[0] ** 2, LEVELS_DN[1] ** 2)
@@ -99,7 +110,7 @@ def brightness_gain(before_dn: NDArray[np.floating], after_dn: NDArray[np.floati
     log_gains = np.log(sums[1] / sums[0])
     median = float(np.median(log_gains))
     scatter = MAD_TO_SIGMA * float(np.median(np.abs(log_gains - median)))
-    # Where nothing moves, rounding remains: uniform over a step in either frame, of variance 1/12 a pixel.
+    # Where nothing moves, rounding remains: uniform over a step in either frame, of variance 1/12 DN^2 for each pixel.
     rounding = float(np.sqrt(np.mean(pixels[usable] * (1 / 12) * (1 / sums[0] ** 2 + 1 / sums[1] ** 2))))
     return BrightnessGain(median, _MEDIAN_EFFICIENCY * max(scatter, rounding) / float(np.sqrt(len(log_gains))))
 
@@ -108,9 +119,9 @@ def brightness_gain(before_dn: NDArray[np.floating], after_dn: NDArray[np.floati
 def _sums_of_tiles(
     before: NDArray[np.floating], after: NDArray[np.floating], tiles: tuple[int, int], least: float, most: float
 ) -> tuple[NDArray[np.int64], Float64, Float64]:
-    """Return how many pixels of each tile count, and the sums of both images over them: (tiles,), row by row.
+    """Return the number of pixels of each tile that count, and the sums of both images over them: (n,) each.
 
-    Pixels count where the product of both lies between two values.
+    Tiles are in order of rows. Pixels count where the product of both images lies between ``least`` and ``most``.
     """
     height, width = before.shape
     count = tiles[0] * tiles[1]
@@ -130,7 +141,15 @@ def _sums_of_tiles(
 
 @dataclass(frozen=True, slots=True)
 class CodeGain:
-    """A gain, and half the range of gains that leave the same codes out."""
+    """A gain after rounding.
+
+    Attributes
+    ----------
+    gain
+        Middle of the gains that give the same codes.
+    half_range
+        Half the range of these gains.
+    """
 
     gain: float
     half_range: float
@@ -143,16 +162,17 @@ def is_informative(counts: NDArray[np.integer]) -> bool:
 
 
 def gain_after_rounding(counts: NDArray[np.integer]) -> CodeGain | None:
-    """Estimate the gain that values had after they were rounded.
+    """Return the gain by which values were multiplied after they had been rounded.
 
     Parameters
     ----------
     counts
-        (256,) values of each code. The ends, 0 and 255, where values are clipped, are left out.
+        (256,) number of values of each code. The ends, 0 and 255, where values are clipped, are left out.
 
     Returns
     -------
-    The gain; None where the codes are those of no gain.
+    CodeGain or None
+        None where the codes are those of no gain.
     """
     if not is_informative(counts):
         return None
@@ -166,14 +186,17 @@ def gain_after_rounding(counts: NDArray[np.integer]) -> CodeGain | None:
 
 
 def _gain_of_pattern(marked: Bools, frequent: Bools, sign: int) -> CodeGain | None:
-    """Return the gain, above 1 for sign 1 and below for -1, whose marks are those of the frequent codes (2 to 253)."""
+    """Return the gain whose marks on the frequent codes are those of ``marked``; None where there is none.
+
+    Both masks are those of the codes 2 to 253. The gain is above 1 for sign 1 and below 1 for sign -1.
+    """
     codes = np.flatnonzero(marked & frequent) + _FIRST
     if len(codes) < _FEWEST_MARKS:
         return None
-    # The first marked code is the j-th of all: j is not known, as codes before it may be rare.
+    # The first marked code is the j-th of all: j is unknown, as codes before it may be rare.
     for first_rank in range(1, _LARGEST_RANK):
-        # Bounds of the gains at which all of the codes can be marked. The ranks of the rest follow, one by one, from
-        # the bounds so far: marks between them may be on rare codes.
+        # Bounds of the gains that can mark all of the codes. The rank of each further code follows from the bounds of
+        # the codes before it: there may be marks on rare codes between.
         low, high, rank = 0.0, np.inf, first_rank
         for code in codes.tolist():
             if high < np.inf:

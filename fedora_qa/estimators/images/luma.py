@@ -1,4 +1,4 @@
-"""Luma of colour frames, whole or at some pixels, and where a frame may be cut off: the only place of its weights."""
+"""Luma of colour frames, whole or at some pixels, and where frames may be clipped."""
 
 from typing import Any, Final
 
@@ -20,30 +20,37 @@ LUMA_ROUNDING_VARIANCE_DN2: Final = sum(weight**2 for weight in LUMA_WEIGHTS_RGB
 
 
 def luma_table(linear_dn: NDArray[np.floating[Any]]) -> Float32:
-    """Return what each code (3, 256) of a channel adds to the luma of linear R, G, B, in DN.
+    """Return the contribution of each code of a channel to the luma of linear R, G, B.
 
     Parameters
     ----------
     linear_dn
-        (256,) linear value that each code stands for, DN.
+        (256,) linear value of each code, DN.
+
+    Returns
+    -------
+    ndarray of float32
+        (3, 256) DN.
     """
+    # Y = 0.299 R + 0.587 G + 0.114 B (ITU-R BT.601).
     return np.outer(LUMA_WEIGHTS_RGB, linear_dn).astype(np.float32)
 
 
 @njit(cache=True)
 def luma_of(rgb: UInt8, table: Float32) -> Float32:
-    """Return the luma of a frame, in DN.
+    """Return the luma of a frame.
 
     Parameters
     ----------
     rgb
         (H, W, 3) codes.
     table
-        (3, 256) what each code of a channel adds to it.
+        (3, 256) contribution of each code of a channel to the luma, DN.
 
     Returns
     -------
-    (H, W).
+    ndarray of float32
+        (H, W) DN.
     """
     height, width = rgb.shape[:2]
     luma = np.empty((height, width), np.float32)
@@ -57,13 +64,26 @@ def luma_of(rgb: UInt8, table: Float32) -> Float32:
 
 @njit(cache=True)
 def luma_of_linear(rgb: UInt8, weights: Float64) -> Float32:
-    """Return the same, to the bit, of codes that are linear, by the weights (3,) of the channels: in half the time."""
+    """Return the luma of a frame of linear codes, in half the time of ``luma_of`` and equal to it bit by bit.
+
+    Parameters
+    ----------
+    rgb
+        (H, W, 3) codes, which are linear values in DN.
+    weights
+        (3,) of R, G, B.
+
+    Returns
+    -------
+    ndarray of float32
+        (H, W) DN.
+    """
     height, width = rgb.shape[:2]
     luma = np.empty((height, width), np.float32)
     red, green, blue = weights[0], weights[1], weights[2]
     for row in range(height):
         codes, luma_row = rgb[row].reshape(3 * width), luma[row]
-        for column in range(width):  # each is rounded before they are added, as a table of single precision holds them
+        for column in range(width):  # products are rounded before they are added, as in a table of single precision
             of_red = np.float32(red * np.float64(codes[3 * column]))
             of_green = np.float32(green * np.float64(codes[3 * column + 1]))
             luma_row[column] = of_red + of_green + np.float32(blue * np.float64(codes[3 * column + 2]))
@@ -72,9 +92,9 @@ def luma_of_linear(rgb: UInt8, weights: Float64) -> Float32:
 
 @njit(cache=True)
 def sampled_luma(rgb: UInt8, first: int, stride: int, weights: Float64) -> Float32:
-    """Return the luma of the codes of a frame (H, W, 3) at every ``stride``-th row and column from ``first`` on.
+    """Return the luma of the codes of a frame at every ``stride``-th row and column from ``first`` on.
 
-    Codes are taken as they are stored, whatever their transfer curve; sums are rounded once.
+    Codes are used as they are stored, for any transfer curve. Sums are rounded once.
 
     Parameters
     ----------
@@ -87,7 +107,8 @@ def sampled_luma(rgb: UInt8, first: int, stride: int, weights: Float64) -> Float
 
     Returns
     -------
-    (h, w), in codes.
+    ndarray of float32
+        (h, w), in codes.
     """
     rows, columns = len(range(first, rgb.shape[0], stride)), len(range(first, rgb.shape[1], stride))
     luma = np.empty((rows, columns), np.float32)
@@ -102,7 +123,7 @@ def sampled_luma(rgb: UInt8, first: int, stride: int, weights: Float64) -> Float
 
 @njit(cache=True)
 def cut_off(rgb: UInt8, luma: Float32, saturated: float) -> Bools:
-    """Return where any channel is at 255, or luma at least at a level.
+    """Return where any channel is 255, or luma is at least at a level.
 
     Parameters
     ----------
@@ -115,14 +136,15 @@ def cut_off(rgb: UInt8, luma: Float32, saturated: float) -> Bools:
 
     Returns
     -------
-    (H, W).
+    ndarray of bool
+        (H, W).
     """
     height, width = luma.shape
     clipped = np.empty((height, width), np.bool_)
     most, level = np.uint8(255), np.float32(saturated)
     for row in range(height):
         codes, values, clipped_row = rgb[row].reshape(3 * width), luma[row], clipped[row]
-        # Most rows have no such pixel. Without a way out of the loop several are compared at a time.
+        # Most rows have no such pixel. Without an exit from the loop several pixels are compared at a time.
         any_clipped = np.uint8(0)
         for i in range(len(codes)):
             any_clipped |= np.uint8(codes[i] == most)

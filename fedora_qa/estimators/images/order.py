@@ -1,11 +1,12 @@
-"""How far one frame lies from another along a flow: 1 where they are its ends, 0 where they are the same.
+"""Ratio of the displacement between two frames to a flow: 1 for the ends of the flow, 0 for equal frames.
 
-Least squares on ``W - A = s p + a + b (A + W)/2`` with p = -g . u, the change that the flow u makes by the gradient g
-of (A + W)/2; a and b absorb exposure. Frames are reduced first until most of the flow is about a pixel, so that s holds
-for large flows too. One number a pair of frames: flow of any shape will do, expansion as well as a pan.
+Least squares on ``W - A = s p + a + b (A + W)/2`` with the frames A and W and p = -g . u, the change that the flow u
+makes with the gradient g of (A + W)/2; a and b absorb exposure. Frames are reduced first until most of the flow is
+about a pixel, so that s is correct for large flows too. A pair of frames gives one number, for a flow of any shape:
+expansion as well as a pan.
 
 The model is that of B. D. Lucas and T. Kanade, "An iterative image registration technique", IJCAI (1981) 674, with the
-flow given and one unknown in place of two a window.
+flow given and one unknown in place of two for each window.
 """
 
 from collections.abc import Sequence
@@ -23,37 +24,37 @@ from fedora_qa.estimators.images.luma import LUMA_ROUNDING_VARIANCE_DN2
 Float32 = NDArray[np.float32]
 Bools = NDArray[np.bool_]
 Box = tuple[int, int, int, int]
-"""Left, top, right, bottom."""
+"""Left, top, right, bottom, px, half-open."""
 
 FEWEST_PIXELS: Final = 64
 """Reduced pixels below which no ratio is estimated."""
 
 SMOOTHING_PX: Final = 1.0
 CORRELATED_PIXELS: Final = 4 * pi * SMOOTHING_PX**2
-"""Sum of the autocorrelation of white noise behind that smoothing: so many pixels count as one."""
+"""Sum of the autocorrelation of white noise after that smoothing: this many pixels count as one."""
 
 _GAUSSIAN = np.exp(-0.5 * (np.arange(5) / SMOOTHING_PX) ** 2)
 _TAPS: Final = np.asarray(_GAUSSIAN / (2 * _GAUSSIAN.sum() - _GAUSSIAN[0]), dtype=np.float32)
-"""Weights (5,) of a Gaussian of ``SMOOTHING_PX``, cut at four of it: of its middle and of one side."""
+"""Weights (5,) of a Gaussian of ``SMOOTHING_PX``, cut at four standard deviations: of its middle and of one side."""
 
 LARGEST_PX: Final = 1.5
-"""Frames are reduced until most of the flow is no longer than this: what the smoothing keeps is then nearly linear."""
+"""Frames are reduced until most of the flow is no longer than this; the smoothed image is nearly linear over it."""
 
 _SPEED_SAMPLES: Final = 2_000
-"""About so many pixels give how long most of the flow is: its rank among all errs by less than a hundredth."""
+"""About this many pixels give the length of most of the flow: its rank among all errs by less than a hundredth."""
 
 _MOST_ROWS: Final = 3
-"""Of so many rows the mean of a reduced pixel is taken, of two where it has four.
+"""Most rows of which the mean of a reduced pixel is taken; of four rows it is taken of two.
 
-At 1440x1080 the standard error of the ratio is then 0.0122, of all rows 0.0111, and the least fault 0.8% larger, as
-half of a flow is allowed for.
+At 1440x1080 the standard error of the ratio is then 0.0122, with all rows 0.0111. The least detected fault is 0.8%
+larger, as the limit allows half of a flow.
 """
 
 _LEAST_STEP_OF_PARTS: Final = 3
-"""Parts of large frames are reduced by so many pixels at least.
+"""Least reduction of parts of large frames, px.
 
-Less costs more without a gain: of a slower flow at 1440x1080 the reduced pixels are then many all the same, and the
-least fault is 1083, without that 1084 thousandths of the flow; of a part 2.26 and 2.32.
+A smaller reduction takes more time without a benefit: for a slow flow at 1440x1080 there are still many reduced pixels.
+The least detected fault is 1.083 of the flow, without this limit 1.084; of a part it is 2.26 and 2.32.
 """
 
 
@@ -63,19 +64,20 @@ class ReductionSettings(NamedTuple):
     Attributes
     ----------
     speed_samples, speed_percentile
-        About so many lengths of the flow are taken, of which this percentile is as long as most of it.
+        Approximate number of lengths of the flow that are sampled, and their percentile that stands for most of the
+        flow.
     invalid_from_px
-        Flow from this length on is not valid.
+        Flow of this length or longer is not valid, px.
     reduced_flow_px, least_step_px
-        Frames are reduced until most of the flow is no longer than this, by so many pixels at least.
+        Frames are reduced until most of the flow is no longer than this, by at least this number of pixels.
     most_frame_rows, most_flow_rows
-        Of so many rows means are taken at most.
+        Largest number of rows of which a mean of the frame, and of the flow, is taken.
     taps
         (5,) weights of the smoothing, of its middle and of one side.
     fewest_pixels
-        Valid reduced pixels below which nothing is regressed.
+        Number of valid reduced pixels below which nothing is regressed.
     largest_condition
-        Of the normal matrix: beyond, brightness and motion cannot be separated.
+        Largest condition of the normal matrix: beyond it brightness and motion cannot be separated.
     """
 
     speed_samples: int
@@ -93,14 +95,26 @@ class ReductionSettings(NamedTuple):
 _WHOLE_FRAME: Final = ReductionSettings(
     _SPEED_SAMPLES, 90.0, 1e4, LARGEST_PX, 1, _MOST_ROWS, _MOST_ROWS, _TAPS, FEWEST_PIXELS, 1e10
 )
-# A quarter of the speeds and one row of the flow, which is smooth, give as much in a part of a large frame.
+# In a part of a large frame a quarter of the lengths and one row of the flow suffice, as the flow is smooth.
 _PART_OF_LARGE_FRAME: Final = _WHOLE_FRAME._replace(
     speed_samples=_SPEED_SAMPLES // 4, least_step_px=_LEAST_STEP_OF_PARTS, most_flow_rows=1
 )
 
 
 class RegressionSums(NamedTuple):
-    """Sums over valid pixels of predicted change p, level l and change c, of their products, and where levels begin."""
+    """Sums over valid pixels for the regression of the change of brightness.
+
+    Attributes
+    ----------
+    pixels
+        Number of valid pixels.
+    predicted, level, change
+        Sums of the predicted change p, the level l less ``base_level``, and the change c, DN.
+    pp, pl, ll, pc, lc, cc
+        Sums of their products, DN^2.
+    base_level
+        Level that is subtracted, DN.
+    """
 
     pixels: float
     predicted: float
@@ -119,9 +133,18 @@ _NO_SUMS: Final = RegressionSums(*(0.0,) * 11)
 
 
 class FlowRegression(NamedTuple):
-    """The ratio s, the diagonal element of the inverse normal matrix for it, and the mean square of the residuals.
+    """The solution of the regression.
 
-    Of these only ``is_determined`` holds where too little is valid, moves or has texture.
+    Attributes
+    ----------
+    is_determined
+        False where too little is valid, moves or has texture; the other values are then 0.
+    ratio
+        The ratio s of the displacement to the flow.
+    inverse_element
+        Diagonal element for s of the inverse normal matrix, 1/DN^2.
+    residual_dn2
+        Mean square of the residuals, DN^2.
     """
 
     is_determined: bool
@@ -136,10 +159,13 @@ class FlowRatio:
 
     Attributes
     ----------
+    ratio
+        1 where the frames are the ends of the flow.
     standard_error
-        From the residuals of the fit, where they are more than rounding.
+        From the residuals of the fit, where they exceed rounding.
     rounding_error
-        From rounding alone: whether motion and texture suffice, which a fault cannot change.
+        Standard error from rounding alone: it states whether motion and texture suffice, and does not depend on a
+        fault.
     """
 
     ratio: float
@@ -148,20 +174,21 @@ class FlowRatio:
 
 
 def flow_ratio(before: Float32, after: Float32, flow_px: Float32, box: Box | None = None) -> FlowRatio | None:
-    """Estimate how far ``after`` lies from ``before`` along the flow.
+    """Return the ratio of the displacement from ``before`` to ``after`` to the flow.
 
     Parameters
     ----------
     before, after
         (H, W) frames, DN.
     flow_px
-        (H, W, 2) from the first frame on, NaN where invalid.
+        (H, W, 2) from the first frame on, px, NaN where invalid.
     box
-        Left, top, right, bottom of the part that is used; None: all.
+        Left, top, right, bottom of the part that is used, px; None: all.
 
     Returns
     -------
-    The ratio; None where too little of the flow is valid.
+    FlowRatio or None
+        None where too little of the flow is valid, moves or has texture.
 
     Raises
     ------
@@ -176,21 +203,23 @@ def flow_ratio(before: Float32, after: Float32, flow_px: Float32, box: Box | Non
 def flow_ratios_of_parts(
     before: Float32, after: Float32, flow_px: Float32, boxes: Sequence[Box]
 ) -> tuple[FlowRatio | None, list[FlowRatio | None]]:
-    """Estimate the ratio of all parts together, with one gain and bias of brightness, and that of each by itself.
+    """Return the ratio of all parts together, with one gain and bias of brightness, and that of each part alone.
 
-    For large frames. Each part is reduced by as much as its own flow asks for: what is regressed is the change in DN,
-    whatever the size of a pixel.
+    This is for large frames. Each part is reduced according to its own flow. The regressed value is the change in DN,
+    for a reduced pixel of any size.
 
     Parameters
     ----------
     before, after, flow_px
         As in ``flow_ratio``.
     boxes
-        Left, top, right, bottom of each part.
+        Left, top, right, bottom of each part, px.
 
     Returns
     -------
-    The ratio of all, and one for each box; None where too little of the flow is valid.
+    total, parts
+        The ratio of all parts, and one for each box; None where too little of the flow is valid, moves or has
+        texture.
 
     Raises
     ------
@@ -217,7 +246,7 @@ def flow_ratios_of_parts(
 def _regress_in_box(
     before: Float32, after: Float32, flow_px: Float32, box: Box, settings: ReductionSettings
 ) -> tuple[FlowRegression, int, RegressionSums]:
-    """Return the regression within a box, of how many pixels a mean is, and the sums, none of them if too few."""
+    """Return the regression within a box, the number of pixels of each mean, and the sums, 0 if pixels are too few."""
     if not before.shape == after.shape == flow_px.shape[:2]:
         raise ValueError(f"Expected frames on the flow's grid {flow_px.shape[:2]}, got {before.shape}, {after.shape}")
     fit, pixels, sums = _regression_in_box(before, after, np.ascontiguousarray(flow_px), box, settings)
@@ -225,9 +254,12 @@ def _regress_in_box(
 
 
 def _with_errors(fit: FlowRegression, pixels: float) -> FlowRatio:
-    """Return a ratio with its errors; smoothing lowers the rounding's variance as it lowers the number of pixels."""
+    """Return a ratio with its errors.
+
+    Smoothing reduces the variance of rounding by the same factor as the number of independent pixels.
+    """
     rounding_dn2 = 2 * LUMA_ROUNDING_VARIANCE_DN2 / pixels
-    # Residuals are correlated by the smoothing: as many fewer of them are independent.
+    # Smoothing correlates the residuals: one in CORRELATED_PIXELS of them is independent.
     standard_error = sqrt(fit.inverse_element * max(CORRELATED_PIXELS * fit.residual_dn2, rounding_dn2))
     return FlowRatio(fit.ratio, standard_error, sqrt(fit.inverse_element * rounding_dn2))
 
@@ -245,7 +277,24 @@ def is_constant(image: Float32) -> bool:
 
 @njit(cache=True)
 def reduced(image: Float32, box: Box, step: int, skip: int) -> Float32:
-    """Return the means of ``step`` x ``step`` pixels of a box, as many as fit, by every ``skip``-th of their rows."""
+    """Return the means of a box of an image over blocks of ``step`` by ``step`` pixels, as many as fit.
+
+    Parameters
+    ----------
+    image
+        (H, W) DN.
+    box
+        Left, top, right, bottom, px.
+    step
+        Side of a block, px.
+    skip
+        Every ``skip``-th row of a block is read.
+
+    Returns
+    -------
+    ndarray of float32
+        (h, w) DN.
+    """
     left, top, right, bottom = box
     rows, columns = (bottom - top) // step, (right - left) // step
     means = np.zeros((rows, columns), np.float32)
@@ -267,17 +316,33 @@ def reduced(image: Float32, box: Box, step: int, skip: int) -> Float32:
 
 @njit(cache=True)
 def reduced_flow(flow_px: Float32, box: Box, step: int, skip: int, invalid_from_px: float) -> tuple[Float32, Bools]:
-    """Return the means (h, w, 2) of a flow over the pixels of ``reduced``, in px of its images; where all are valid.
+    """Return the means of a flow over the blocks of ``reduced``, and where all their pixels are valid.
 
-    Valid are components shorter than ``invalid_from_px``. Marked as valid is nothing on the rim, two pixels wide, whose
-    slopes reach beyond the image.
+    Parameters
+    ----------
+    flow_px
+        (H, W, 2) px, NaN where invalid.
+    box
+        Left, top, right, bottom, px.
+    step
+        Side of a block, px.
+    skip
+        Every ``skip``-th row of a block is read.
+    invalid_from_px
+        Flow with a component of this size or larger is not valid, px.
+
+    Returns
+    -------
+    means_px, valid
+        (h, w, 2) px of the reduced image, 0 where not valid; (h, w), False on the rim of two pixels, whose slopes
+        reach beyond the image.
     """
     left, top, right, bottom = box
     rows, columns = (bottom - top) // step, (right - left) // step
     means, valid = np.zeros((rows, columns, 2), np.float32), np.zeros((rows, columns), np.bool_)
     wide, weight = 2 * columns * step, np.float32(1.0 / (step * step * _rows_taken(step, skip)))
     most, sums = np.float32(invalid_from_px), np.empty(wide, np.float32)
-    lines = flow_px.reshape(flow_px.shape[0], 2 * flow_px.shape[1])  # u and v by turns
+    lines = flow_px.reshape(flow_px.shape[0], 2 * flow_px.shape[1])  # u and v alternate
     for row in range(2, rows - 2):
         sums[:] = 0
         for line in range(top + row * step, top + (row + 1) * step, skip):
@@ -297,7 +362,7 @@ def reduced_flow(flow_px: Float32, box: Box, step: int, skip: int, invalid_from_
 
 @njit(cache=True)
 def _rows_taken(step: int, skip: int) -> int:
-    """Return how many of ``step`` rows are every ``skip``-th."""
+    """Return the number of rows that are read if every ``skip``-th of ``step`` rows is."""
     return (step + skip - 1) // skip
 
 
@@ -305,7 +370,7 @@ def _rows_taken(step: int, skip: int) -> int:
 def _smooth(image: Float32, taps: Float32) -> Float32:
     """Return an image (h, w) smoothed along both axes by taps (5,), those of the middle and of one side.
 
-    Beyond the border the image is mirrored. The taps stand one by one, as loops over nine of them take four times as
+    Beyond the border the image is mirrored. The taps are written out, as loops over nine of them take four times as
     long.
     """
     height, width = image.shape
@@ -334,7 +399,7 @@ def _smooth(image: Float32, taps: Float32) -> Float32:
 
 @njit(cache=True)
 def _mirrored(place: int, size: int) -> int:
-    """Return the place within 0 ... size - 1 at which an image goes on beyond its border, mirrored about its end."""
+    """Return the index within 0 ... size - 1 of the pixel that continues an image beyond its border, mirrored."""
     if size == 1:
         return 0
     place = abs(place) % (2 * size - 2)
@@ -345,7 +410,7 @@ def _mirrored(place: int, size: int) -> int:
 def _regression_sums(before: Float32, after: Float32, flow_px: Float32, valid: Bools) -> tuple[float, ...]:
     """Return ``RegressionSums`` of two smooth images (h, w) and a flow (h, w, 2) between them.
 
-    Levels are from that of a pixel in the middle on, so that their squares lose no digits.
+    The level of a pixel in the middle is subtracted from all levels, so that their squares lose no digits.
     """
     rows, columns = valid.shape
     mean = np.empty((rows, columns))
@@ -372,25 +437,25 @@ def _regression_sums(before: Float32, after: Float32, flow_px: Float32, valid: B
 
 @njit(cache=True)
 def _slope(two_back: float, back: float, ahead: float, two_ahead: float) -> float:
-    """Return the derivative: five taps, exact for quartics, 3% small at 1 rad/px."""
+    """Return the derivative by five taps: exact for quartics, 3% too small at 1 rad/px."""
     return (8.0 * (ahead - back) - (two_ahead - two_back)) / 12.0
 
 
 @njit(cache=True)
 def _regression_of(sums: tuple[float, ...], fewest: int, largest_condition: float) -> tuple[bool, float, float, float]:
-    """Regress the change on what is predicted, gain and bias: the fields of ``FlowRegression``.
+    """Return the regression of the change on the predicted change, gain and bias: the fields of ``FlowRegression``.
 
     ``largest_condition`` bounds, within a factor of three, the condition of the scaled normal matrix.
     """
     count, p_sum, l_sum, c_sum, pp, pl, ll, pc, lc, cc, _ = sums
     if count < max(fewest, 1):
         return False, 0.0, 0.0, 0.0
-    middle = l_sum / count  # levels from their mean on, so that the condition is that of the image alone
+    middle = l_sum / count  # the mean level is subtracted, so that the condition is that of the image alone
     pl, ll, lc = pl - middle * p_sum, max(ll - middle * l_sum, 0.0), lc - middle * c_sum
     if pp <= 0.0 or ll <= 0.0:
         return False, 0.0, 0.0, 0.0
-    # Of 1, a, b / a, 1, 0 / b, 0, 1, the scaled matrix: its least eigenvalue is about the determinant by the sum of
-    # its minors.
+    # Scaled matrix with the rows (1, a, b), (a, 1, 0), (b, 0, 1): its least eigenvalue is about its determinant over
+    # the sum of its principal minors, 3 - a^2 - b^2.
     a, b = p_sum / np.sqrt(pp * count), pl / np.sqrt(pp * ll)
     determinant = 1.0 - a * a - b * b
     if not determinant * largest_condition >= 3.0 - a * a - b * b:
@@ -407,13 +472,13 @@ def _regression_of(sums: tuple[float, ...], fewest: int, largest_condition: floa
 def _regression_in_box(
     before: Float32, after: Float32, flow_px: Float32, box: Box, settings: ReductionSettings
 ) -> tuple[tuple[bool, float, float, float], int, tuple[float, ...]]:
-    """Return the regression of two frames (H, W), reduced and smoothed, within a box; of how many pixels a mean is.
+    """Return the regression of two frames within a box, the number of pixels of each mean, and the sums.
 
-    And the sums, of which the number is 0 where there are too few pixels. ``flow_px`` is (H, W, 2).
+    Frames (H, W) and flow (H, W, 2) are reduced and smoothed first. The sums are 0 where there are too few pixels.
     """
     left, top, right, bottom = box
     nothing = (False, 0.0, 0.0, 0.0), 0, (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
-    # How long most of the flow is, by the valid lengths at every so many-th pixel.
+    # Length of most of the flow, from the valid lengths at every ``stride``-th row and column.
     stride = max(1, int(np.sqrt((right - left) * (bottom - top) // settings.speed_samples)))
     lengths_px = np.empty(((bottom - top) // stride + 1) * ((right - left) // stride + 1))
     count = 0

@@ -1,10 +1,10 @@
-"""By how much two pictures of one thing are shifted: their cross-correlation against their autocorrelation.
+"""Shift between two pictures of one thing: their cross-correlation against an autocorrelation.
 
-Where the second picture is the first one moved by d, plus what is unrelated, the cross-correlation is the
-autocorrelation of the first moved by d. Correlations, unlike pictures, can be summed over frames, so that the shift is
-taken once from all of them: the two are registered by a discrete Fourier transform that is upsampled around its peak
-(M. Guizar-Sicairos, S. T. Thurman, J. R. Fienup, Opt. Lett. 33 (2008)), as scikit-image does. Both are tapered, which
-draws the result towards zero, so the reference is moved along until nothing is left.
+If the second picture is the first one moved by d, plus an unrelated part, the cross-correlation is the autocorrelation
+of the first moved by d. Correlations, unlike pictures, can be summed over frames, so that the shift is estimated once
+from all of them. The two are registered by a discrete Fourier transform that is upsampled around its peak (M.
+Guizar-Sicairos, S. T. Thurman, J. R. Fienup, Opt. Lett. 33 (2008)), with scikit-image. Both are tapered, which biases
+the result towards zero. Therefore the reference is moved until no shift is left.
 """
 
 from typing import Final
@@ -19,22 +19,29 @@ from fedora_qa.estimators.events.shift import Shift
 Float64 = NDArray[np.float64]
 
 UPSAMPLING: Final = 200
-"""Shifts are found to 1/200 px, a tenth of the error of those estimated from frames of a second."""
+"""Shifts are resolved to 1/200 px, a tenth of the error of those estimated from the frames of one second."""
 
 PEAK_RADIUS_PX: Final = 4
-"""Radius of the surroundings of a peak that are registered: beyond it texture matters, not the shift."""
+"""Radius of the part around a peak that is registered: beyond it the correlation depends on texture, not on the
+shift."""
 
 _ROUNDS: Final = 8
 """Each round leaves at most half of the residual shift."""
 
 
 def registered_shift(autocorrelation: Float64, crosscorrelation: Float64) -> Shift | None:
-    """Return by how much the second is shifted, px, to the right and down; None where it has no peak.
+    """Return the shift of the second correlation against the first.
 
     Parameters
     ----------
     autocorrelation, crosscorrelation
-        (2 R + 1, 2 R + 1) with no shift in the middle. Shifts of up to R - ``PEAK_RADIUS_PX`` are found.
+        (2 R + 1, 2 R + 1), zero shift in the middle, one element for each px. Shifts of up to R -
+        ``PEAK_RADIUS_PX`` px are found.
+
+    Returns
+    -------
+    Shift or None
+        To the right and down, px; None where the cross-correlation has no positive peak within that range.
     """
     radius = autocorrelation.shape[0] // 2
     row, column = (int(i) for i in np.unravel_index(int(np.argmax(crosscorrelation)), crosscorrelation.shape))
@@ -42,7 +49,7 @@ def registered_shift(autocorrelation: Float64, crosscorrelation: Float64) -> Shi
     if crosscorrelation[row, column] <= 0 or np.abs(whole).max() > radius - PEAK_RADIUS_PX:
         return None
     moved = _tapered(crosscorrelation, row, column)
-    # The taper draws the estimate towards zero: the reference is moved along until no shift remains.
+    # The taper biases the estimate towards zero: the reference is moved until no shift remains.
     fraction = np.zeros(2)
     for _ in range(_ROUNDS):
         reference = _tapered(moved_by(autocorrelation, fraction, order=3), radius, radius)
@@ -51,7 +58,7 @@ def registered_shift(autocorrelation: Float64, crosscorrelation: Float64) -> Shi
             reference, moved, upsample_factor=UPSAMPLING, normalization=None
         )
         back = np.asarray(registered, dtype=np.float64)
-        # The largest sample lies within a pixel of its peak: more than that belongs to another peak.
+        # The largest sample lies within a pixel of its peak: a larger shift would be that of another peak.
         fraction = np.clip(fraction - back, -1.0, 1.0)
         if np.abs(back).max() <= 1 / UPSAMPLING:
             break

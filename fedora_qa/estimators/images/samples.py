@@ -12,16 +12,17 @@ Float64 = NDArray[np.float64]
 
 _REACH: Final = 5
 _POINTS: Final = 5_000
-"""About so many points give how steep an image is: fifty of them are among its steepest hundredth."""
+"""Approximate number of points from which the steepness of an image is estimated: fifty lie in its steepest
+hundredth."""
 
 _DENSER: Final = 4
-"""Where points would lie at least twice as far apart, they lie so many times denser along so many times fewer rows.
+"""Factor by which points lie denser along rows, and rows farther apart, where points are at least 8 px apart.
 
-Rows are smoothed as a whole, which costs more than their points; at two pixels and more points differ.
+Whole rows are smoothed, which takes more time than their points. Points two pixels apart or more still differ.
 """
 
 _WHITE_NOISE_GAIN: Final = 36.0
-"""Sum of the squares of the operator's weights, 1 -2 1 by 1 -2 1."""
+"""Sum of the squares of the weights of the operator, (1, -2, 1) by (1, -2, 1)."""
 
 _GAUSSIAN = np.exp(-0.5 * np.arange(-_REACH + 1, _REACH) ** 2)
 _GAUSSIAN = np.pad(_GAUSSIAN / _GAUSSIAN.sum(), 2)
@@ -30,18 +31,19 @@ _SMOOTH, _SLOPE = _GAUSSIAN[1:-1], (_GAUSSIAN[:-2] - _GAUSSIAN[2:]) / 2
 
 
 def steepness(luma: Float32, percentile: float) -> float:
-    """Estimate how steep an image is, from some of its points.
+    """Return a percentile of the slopes of an image, estimated from some of its points.
 
     Parameters
     ----------
     luma
-        (H, W).
+        (H, W) DN.
     percentile
-        Of the slopes of the image, smoothed with sigma 1 px.
+        Of the slopes of the image, smoothed with sigma 1 px; 0 to 100.
 
     Returns
     -------
-    Slope in units of the image per px.
+    float
+        Slope, DN/px.
     """
     stride = max(1, isqrt(luma.size // _POINTS))
     denser = _DENSER if stride >= 2 * _DENSER else 1
@@ -50,7 +52,10 @@ def steepness(luma: Float32, percentile: float) -> float:
 
 @njit(cache=True)
 def _slopes(luma: Float32, strides: tuple[int, int], smooth: Float64, slope: Float64) -> Float64:
-    """Return the slopes at every so many-th row and column; beyond the border the image goes on as it ends."""
+    """Return the slopes at every ``strides[0]``-th row and ``strides[1]``-th column, row by row, DN/px.
+
+    Beyond the border the image has the values of the border.
+    """
     height, width = luma.shape
     reach, taps = len(smooth) // 2, len(smooth)
     across = (width + strides[1] - 1) // strides[1]
@@ -84,15 +89,16 @@ def along_the_flow(before: Float32, after: Float32, flow_px: Float32, step: int)
     Parameters
     ----------
     before, after
-        (H, W).
+        (H, W) DN.
     flow_px
-        (H, W, 2) from the first image to the second.
+        (H, W, 2) from the first image to the second, px.
     step
-        Points are every so many-th row and column of the first image.
+        Points are every ``step``-th row and column of the first image.
 
     Returns
     -------
-    (h, w) of each; NaN in the second where a point lies outside the image, or the flow is not finite.
+    before_dn, after_dn
+        (h, w) DN; NaN in the second where a point lies outside the image, or the flow is not finite.
 
     Raises
     ------
@@ -127,9 +133,9 @@ def _along_the_flow(before: Float32, after: Float32, flow_px: Float32, step: int
 
 @njit(cache=True)
 def _mean_within(pixels: Float32, width: int, x: float, y: float) -> float:
-    """Return the mean of 3 x 3 pixels of an image, row by row, around a place within it, bilinearly.
+    """Return the bilinear mean of 3 x 3 pixels around a position inside an image whose rows follow one another.
 
-    The four means share sixteen pixels.
+    The four means around it share sixteen pixels, which are read once.
     """
     left, top = int(x), int(y)
     right_weight, down_weight = x - left, y - top
@@ -146,7 +152,7 @@ def _mean_within(pixels: Float32, width: int, x: float, y: float) -> float:
 
 @njit(cache=True)
 def _mean_at_border(image: Float32, x: float, y: float) -> float:
-    """Return the same at a place near the border, from the four means."""
+    """Return the bilinear mean of 3 x 3 pixels around a position near the border, from the four means around it."""
     height, width = image.shape
     left, top = min(int(x), max(width - 2, 0)), min(int(y), max(height - 2, 0))
     right_weight, down_weight = x - left, y - top
@@ -175,23 +181,24 @@ def _mean_around(image: Float32, row: int, column: int) -> float:
 
 
 def noise_variances(patches: Float32) -> Float64:
-    """Estimate the variance of white noise that patches of an image may hold at most.
+    """Return an upper bound of the variance of white noise in patches of an image.
 
-    From their changes at the finest scale: the difference of two discrete Laplacians of white noise of variance s^2 has
-    the variance 36 s^2, and is zero for anything that bends along one axis only. Fine texture adds to it, so that this
-    is an upper bound.
+    The response is the difference of two discrete Laplacians. For white noise of variance s^2 it has the variance 36
+    s^2, and it is zero for any image that bends along one axis only. Fine texture adds to it, so that the result is an
+    upper bound.
 
-    From the mean of the absolute responses, sqrt(2 / pi) times the standard deviation for normal noise: few large
-    responses, at edges, count less than by their squares.
+    The mean of the absolute responses is sqrt(2 / pi) times the standard deviation for normal noise. A few large
+    responses, at edges, have less effect on it than on the mean square.
 
     Parameters
     ----------
     patches
-        (n, h, w), h and w at least 3.
+        (n, h, w), h and w at least 3, of any unit.
 
     Returns
     -------
-    (n,), in the square of their unit.
+    ndarray of float64
+        (n,), in the square of that unit.
 
     Sources
     -------

@@ -1,7 +1,7 @@
-"""Counts over all values of an image, in one pass, and of those that a correct file does not hold.
+"""Counts over all values of an image, in one pass, and over those that a correct file does not hold.
 
-Numbers of single precision are read as the integers that their bits are: those of positive numbers are in the same
-order, infinity is 0x7F800000, and what lies above is NaN. Integers are compared several at a time.
+Numbers of single precision are read as integers by their bits. Positive numbers are in the same order as these
+integers, infinity is 0x7F800000, and all larger ones are NaN. Integers are compared several at a time.
 """
 
 from collections.abc import Iterable, Sequence
@@ -23,7 +23,8 @@ _SIGN: Final = np.int32(0x7FFFFFFF)
 """All bits but that of the sign."""
 
 _SIGNS, _ONES, _TO_NAN = (np.uint64(number << 32 | number) for number in (0x7FFFFFFF, 1, 0x7FFFFFFF - 0x7F800000))
-"""The same for two numbers in one word; a one for each; what lifts just the bits of NaN to the bit of the sign."""
+"""For two numbers in one word: the bits without the signs; a one for each; a summand that carries into the sign bit for
+NaN only."""
 _SIGN_AT, _HALF = np.uint64(31), np.uint64(32)
 
 _FLOAT32_ROUNDING: Final = 2.0**-22
@@ -32,12 +33,12 @@ a range that was itself rounded."""
 
 
 def bits_of(values: NDArray[Any]) -> Bits:
-    """Return the bits of values, taken to single precision."""
+    """Return the bits, as int32, of values of any shape in single precision."""
     return np.ascontiguousarray(values, dtype=np.float32).view(np.int32)
 
 
 def is_of_one_code(image: NDArray[np.uint8]) -> bool:
-    """Return whether there are values (H, W, C), and all are the same; most images differ in their first row."""
+    """Return whether there are values (H, W, C), and all are equal; most images differ in their first row."""
     if not image.size:
         return False
     first = image.flat[0]
@@ -45,33 +46,71 @@ def is_of_one_code(image: NDArray[np.uint8]) -> bool:
 
 
 def count_codes(rgb: NDArray[np.uint8], every_px: int, counts: NDArray[np.int64]) -> int:
-    """Add to ``counts`` (256,) how often each code occurs in every so many-th row and column of a frame (H, W, 3).
+    """Add the number of values of each code to counts, and return the number of clipped pixels.
 
-    Returns how many of these pixels have a code of 255.
+    Parameters
+    ----------
+    rgb
+        (H, W, 3) codes of a frame.
+    every_px
+        Every ``every_px``-th row and column is read.
+    counts
+        (256,) changed in place.
+
+    Returns
+    -------
+    int
+        Number of these pixels with a code of 255 in any channel.
     """
     frame = np.ascontiguousarray(rgb).view()
-    frame.flags.writeable = False  # as decoded frames are: compiled once
+    frame.flags.writeable = False  # as in decoded frames, so that the loop is compiled once
     return int(_count_codes(frame, every_px, counts))
 
 
 def count_not_finite(values: NDArray[np.float32], most: float = inf) -> tuple[int, int, int]:
-    """Count the vectors (n, 2) of which any component is NaN, infinite, or finite and beyond ``most``."""
+    """Count the vectors of which any component is NaN, infinite, or finite and beyond a length.
+
+    Parameters
+    ----------
+    values
+        (..., 2) of any unit.
+    most
+        Largest size of a component, in the same unit.
+
+    Returns
+    -------
+    nan, infinite, beyond
+        Numbers of vectors; one vector may count more than once.
+    """
     most_bits = bits_of(np.minimum([most], np.finfo(np.float32).max))[0]
     bits = bits_of(values).reshape(-1, 2)
     words = bits.view(np.uint64).reshape(-1)
     if words.flags.aligned:
         words = words.view()
-        words.flags.writeable = False  # as decoded images are: compiled once
+        words.flags.writeable = False  # as in decoded images, so that the loop is compiled once
         above = int(_SIGN) - int(most_bits)
         nan, any_beyond = _count_nan(words, np.uint64(above << 32 | above))
-        if not any_beyond:  # as a rule
+        if not any_beyond:  # the usual case
             return int(nan), 0, 0
     nan, infinite, beyond = _count_not_finite(bits, most_bits)
     return int(nan), int(infinite), int(beyond)
 
 
 def count_outside(values: NDArray[Any], least: float, most: float) -> tuple[int, int]:
-    """Count the values that are NaN, and all others that are negative or not between two ends, both included."""
+    """Count the values that are NaN, and the other values outside a range.
+
+    Parameters
+    ----------
+    values
+        Of any shape and unit.
+    least, most
+        Ends of the range, both included; ends below 0 are taken as 0.
+
+    Returns
+    -------
+    nan, outside
+        Numbers of values; negative and infinite ones are outside.
+    """
     ends = bits_of(np.maximum([least, most], 0.0))
     nan, outside = _count_outside(bits_of(values).ravel(), ends[0], ends[1])
     return int(nan), int(outside)
@@ -80,12 +119,22 @@ def count_outside(values: NDArray[Any], least: float, most: float) -> tuple[int,
 def positive_extremes(
     values: NDArray[Any], near: Sequence[tuple[float, float]] = ()
 ) -> tuple[float, float, NDArray[np.float32]] | None:
-    """Return the least and the greatest of the values that are positive and finite; None where there are none.
+    """Return the least and the greatest of the positive finite values, and the values near them.
 
-    Beside them come the values within any of at most two ranges ``near`` (least and most, positive, both included), in
-    single precision.
+    Parameters
+    ----------
+    values
+        Of any shape and unit.
+    near
+        At most two ranges (least, most), positive, both ends included.
+
+    Returns
+    -------
+    least, most, within
+        Extremes, and the values (k,) within any of the ranges, in single precision. None in place of all where no
+        value is positive and finite.
     """
-    ends = np.array([[1, 0], [1, 0]], np.int32)  # nothing is between
+    ends = np.array([[1, 0], [1, 0]], np.int32)  # empty ranges
     for i, (low, high) in enumerate(near):
         ends[i] = bits_of(np.array([low, high]))
     flat = bits_of(values).ravel()
@@ -112,10 +161,11 @@ def _count_codes(rgb: NDArray[np.uint8], every_px: int, counts: NDArray[np.int64
 
 @njit(cache=True)
 def _count_nan(words: Words, to_most: np.uint64) -> tuple[int, bool]:
-    """Count the vectors of two numbers (n,) of which any is NaN; return whether any is beyond a bound as well.
+    """Count the vectors (n,) of which any of two numbers is NaN.
 
-    Both numbers of a word are compared in one step: what is added to their bits lifts those above a bound, and none
-    below it, to the bit of the sign, and no further. So eight numbers are compared in the time of four.
+    Return also whether any number that is not NaN is beyond a bound. Both numbers of a word are compared in one step. A
+    summand carries into the sign bit for numbers above a bound only, and no further. So eight numbers are compared in
+    the time of four.
     """
     nan, beyond = np.uint64(0), np.uint64(0)
     for i in range(len(words)):
@@ -150,9 +200,9 @@ def _count_outside(bits: Bits, least: np.int32, most: np.int32) -> tuple[int, in
 def _positive_extremes(
     bits: Bits, low: np.int32, high: np.int32, low_too: np.int32, high_too: np.int32
 ) -> tuple[np.int32, np.int32, Bits]:
-    """Return the extremes, and what lies between ``low`` and ``high``, or ``low_too`` and ``high_too``, both included.
+    """Return the extremes, and the values in one of two ranges, ``low`` to ``high`` and ``low_too`` to ``high_too``.
 
-    Blocks whose own extremes reach neither range are not searched for that.
+    All are bits of positive numbers; ends are included. Blocks whose own extremes reach neither range are not searched.
     """
     least, most = _INFINITY, np.int32(0)
     within, count = np.empty(0, np.int32), 0
@@ -170,7 +220,7 @@ def _positive_extremes(
                 longer = np.empty(2 * count + len(block), np.int32)
                 longer[:count] = within[:count]
                 within = longer
-            for i in range(len(block)):  # written without a branch: the next value overwrites one out of range
+            for i in range(len(block)):  # without a branch: the next value overwrites one out of range
                 value = block[i]
                 within[count] = value
                 count += ((low <= value) & (value <= high)) | ((low_too <= value) & (value <= high_too))
@@ -179,23 +229,26 @@ def _positive_extremes(
 
 @dataclass(frozen=True, slots=True)
 class DatasetCounts:
-    """Counts over some rows of one dataset. Adding keeps the earlier first place.
+    """Counts over some rows of one dataset. A sum keeps the first location of the earlier summand.
 
     Attributes
     ----------
+    key
+        Name of the dataset.
     values, nan, infinite
-        Values read (rows of samples, pixels of images); those that are NaN (of samples: not finite); infinite.
+        Number of values read (rows of samples, pixels of images); of those that are NaN (of samples: not finite);
+        of infinite ones.
     outside
-        Finite values that no correct file holds: depth not above zero, or out of the declared range; flow beyond a
-        length.
+        Number of finite values that no correct file holds: depth not above zero, or out of the declared range; flow
+        beyond a length.
     rescaled
-        Those of ``outside`` that lie in the range once they are multiplied by 1000.
+        Number of those of ``outside`` that lie in the range if they are multiplied by 1000.
     low, high
-        Least and greatest of ``outside``.
+        Least and greatest of ``outside``, in the unit of the file.
     first
-        Row, and flat index within the row, of the first value that is wrong; (-1, -1) where there is none.
+        Row, and flat index within the row, of the first wrong value; (-1, -1) where there is none.
     filled
-        Row and ratio of finite values of each image.
+        Row of each image, and the share of its values that are not NaN.
     """
 
     key: str
@@ -225,7 +278,7 @@ class DatasetCounts:
 
 
 def add_up(tallies: Iterable[DatasetCounts]) -> tuple[DatasetCounts, ...]:
-    """Add up tallies of the same dataset, in the order in which each first occurs."""
+    """Return the sums of the tallies of each dataset, in the order in which datasets first occur."""
     totals: dict[str, DatasetCounts] = {}
     for tally in tallies:
         totals[tally.key] = totals[tally.key] + tally if tally.key in totals else tally
@@ -233,14 +286,46 @@ def add_up(tallies: Iterable[DatasetCounts]) -> tuple[DatasetCounts, ...]:
 
 
 def tally_samples(key: str, start: int, samples: NDArray[np.float64]) -> DatasetCounts:
-    """Count samples, (n, columns) from row ``start``, in which any column is not finite."""
+    """Return counts of samples of which any column is not finite.
+
+    Parameters
+    ----------
+    key
+        Name of the dataset.
+    start
+        Row of the first sample in the dataset.
+    samples
+        (n, columns) of any unit.
+
+    Returns
+    -------
+    DatasetCounts
+        Samples that are not finite count as ``nan``.
+    """
     bad = ~np.isfinite(samples).all(axis=1)
     first = (start + int(np.argmax(bad)), 0) if bad.any() else (-1, -1)
     return DatasetCounts(key, len(samples), nan=int(np.count_nonzero(bad)), first=first)
 
 
 def tally_flow(key: str, row: int, flow_px: NDArray[np.float32], longest_px: float = inf) -> DatasetCounts:
-    """Count pixels of a field, (H, W, 2), that are NaN, infinite, or displaced by more than a length along an axis."""
+    """Return counts of pixels of a field that are NaN, infinite, or displaced by more than a length along an axis.
+
+    Parameters
+    ----------
+    key
+        Name of the dataset.
+    row
+        Of the field in the dataset.
+    flow_px
+        (H, W, 2) px.
+    longest_px
+        Largest size of a component of a correct flow, px.
+
+    Returns
+    -------
+    DatasetCounts
+        Of this field.
+    """
     pixels = flow_px.shape[0] * flow_px.shape[1]
     nan, infinite, beyond = count_not_finite(flow_px, longest_px)
     filled = ((row, 1.0 - nan / pixels),)
@@ -263,7 +348,24 @@ def tally_flow(key: str, row: int, flow_px: NDArray[np.float32], longest_px: flo
 
 
 def tally_depth(key: str, row: int, depth_mm: NDArray[Any], range_m: tuple[float, float] | None) -> DatasetCounts:
-    """Count pixels of a frame, (H, W) in mm, that are neither NaN nor within a range in metres (above 0 if None)."""
+    """Return counts of pixels of a depth frame that are NaN or outside a range.
+
+    Parameters
+    ----------
+    key
+        Name of the dataset.
+    row
+        Of the frame in the dataset.
+    depth_mm
+        (H, W) mm.
+    range_m
+        Declared range, m, both ends included; None: all positive values are inside.
+
+    Returns
+    -------
+    DatasetCounts
+        Of this frame.
+    """
     limits = np.finfo(np.float32)
     nearest_mm, farthest_mm = limits.smallest_subnormal, limits.max
     if range_m is not None:

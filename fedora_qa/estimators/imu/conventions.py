@@ -1,8 +1,8 @@
-"""Gross disagreements of IMU and poses: which exchange of axes, units or quaternions makes them agree.
+"""Find the convention of axes, units, quaternions and gravity under which IMU and poses agree.
 
-Asked only where the two disagree beyond what small faults explain: on clean files an explanation is always found. The
-simplest candidate whose residual is close to the least wins, because several fit alike: w, x, y, z fits about as well
-as an inverse with turned axes.
+The search runs only where both disagree by more than small faults explain, because some candidate always fits. Several
+candidates fit alike: the order w, x, y, z fits about as well as an inverse with turned axes. Therefore the simplest
+candidate whose residual is close to the least one is returned.
 """
 
 from dataclasses import dataclass, replace
@@ -29,48 +29,50 @@ _GRAVITY_FACTORS: Final[dict[GravityConvention, float]] = {"declared": 1.0, "mis
 
 _RATE_SPANS_S: Final = (0.02, 0.05, 0.1, 0.2)
 _FORCE_SPANS_S: Final = (0.02, 0.05, 0.1, 0.2, 0.3)
-"""Spans over which motion is averaged: the shortest at which noise is small beside it, or the longest."""
+"""Spans over which motion is averaged. The shortest one at which noise is small against the motion is used, else the
+longest."""
 
 _FEWEST_EDGES: Final = 4
-
+"""Poses at the ends of spans, below which nothing is compared."""
 _SMALL_NOISE: Final = 0.05
-"""Noise over motion that counts as small."""
+"""Ratio of noise to motion that counts as small."""
 
 _LONGEST_S: Final = 20.0
-"""As much of a sequence is enough to distinguish candidates that differ grossly."""
+"""Length of the part of a sequence that is compared. It is enough, as candidates differ grossly."""
 
 _EQUIVALENT_RATIO: Final = 2.0
-"""A candidate that leaves at most so many times what the best one leaves fits as well."""
+"""A candidate fits as well as the best one if its residual is at most this many times as large."""
 
 _COARSENESS: Final = 0.01
-"""Share of the motion by which the crude rates and accelerations here may be wrong."""
+"""Relative error of the coarse rates and accelerations that are computed here."""
 
 _LARGEST_RESIDUAL: Final = 25.0
-"""Mean square residual, in units of what noise and coarseness leave, beyond which a candidate explains nothing."""
+"""Mean square residual, over that expected of noise and coarseness, above which no candidate is accepted."""
 
 
 @dataclass(frozen=True, slots=True)
 class InertialConvention:
-    """The convention under which the file's IMU and poses would agree.
+    """The convention under which the IMU and the poses of a file would agree.
 
     Attributes
     ----------
     quaternions
         Order of their components, and the direction of the rotation.
     sensor_axes
-        Rows of the signed permutation P: the sensor wrote ``P v`` for the vector v in the body.
+        Rows of the signed permutation P: the stored vector is ``P v`` for the vector v in the body frame.
     world_axes
-        Likewise of the positions in the world.
+        The same for positions in the world frame.
     rate_unit, length_unit
-        Factor by which angular velocities and positions are too large.
+        Factor by which the stored angular velocities, and the stored positions, are too large.
     gravity
-        What part of gravity the accelerometer measures.
+        Which gravity the measured specific force contains: as declared, none, or the reverse.
     residual
-        Mean square residual under it, in units of what noise and the coarseness of the comparison leave.
+        Mean square residual under this convention, over that expected of noise and of the coarseness of the
+        comparison.
     declared_residual
         The same under the declared convention.
     count
-        Number of comparisons, three axes each.
+        Number of comparisons, of three axes each.
     """
 
     quaternions: QuaternionConvention = "xyzw"
@@ -85,7 +87,8 @@ class InertialConvention:
 
     @property
     def explained(self) -> float:
-        """Share (0 to 1) of what the declared convention leaves beyond noise that this one accounts for."""
+        """Share, 0 to 1, of the declared convention's residual beyond noise that this convention removes."""
+        # 1 - (residual - 1) / (declared residual - 1), as noise alone leaves 1.
         excess = max(self.declared_residual - 1.0, 1e-30)
         return max(0.0, 1.0 - max(self.residual - 1.0, 0.0) / excess) if self.declared_residual > 1.0 else 0.0
 
@@ -97,7 +100,10 @@ class InertialConvention:
 
     @property
     def complexity(self) -> float:
-        """Distance from the declared convention: one for each property that differs, more for turned axes."""
+        """Distance from the declared convention: the sum over the properties that differ.
+
+        Each property counts 1, but quaternions that are both reordered and inverted 2, axes up to 2, and gravity 1/2.
+        """
         return (
             float(self.quaternions != "xyzw")
             + float(self.quaternions == "wxyz inverse")
@@ -110,19 +116,19 @@ class InertialConvention:
 
 
 def explain_rates(samples: InertialSamples, sigma_rad: float) -> InertialConvention | None:
-    """Find the convention under which mean angular velocities of pose and gyro agree.
+    """Return the convention under which mean angular velocities of poses and gyro agree.
 
     Parameters
     ----------
     samples
         As declared; the first 20 s are used.
     sigma_rad
-        Noise of the orientations, as measured.
+        Measured noise of the orientations, standard deviation of each axis, rad.
 
     Returns
     -------
     InertialConvention or None
-        The simplest that fits; None where none does, or where there are too few samples.
+        The simplest one that fits; None where none fits, or where there are too few samples.
     """
     samples = samples.between(-np.inf, samples.pose_times_s[0] + _LONGEST_S)
     rates = samples.angular_velocities_body_rad_s
@@ -150,21 +156,21 @@ def explain_rates(samples: InertialSamples, sigma_rad: float) -> InertialConvent
 
 
 def explain_forces(samples: InertialSamples, gravity_m_s2: float, sigma_m: float) -> InertialConvention | None:
-    """Find the convention under which second differences of position agree with specific force.
+    """Return the convention under which second differences of position agree with specific force.
 
     Parameters
     ----------
     samples
         As declared; the first 20 s are used.
     gravity_m_s2
-        As declared.
+        As declared, m/s^2.
     sigma_m
-        Noise of the positions, as measured, in the file's own unit.
+        Measured noise of the positions, standard deviation of each axis, in the unit of the file.
 
     Returns
     -------
     InertialConvention or None
-        The simplest that fits; None where none does, or where there are too few samples.
+        The simplest one that fits; None where none fits, or where there are too few samples.
     """
     samples = samples.between(-np.inf, samples.pose_times_s[0] + _LONGEST_S)
     forces = samples.specific_forces_body_m_s2
@@ -189,8 +195,8 @@ def explain_forces(samples: InertialSamples, gravity_m_s2: float, sigma_m: float
             _under_convention(samples.orientations_xyzw, quaternions),
             at_ns=np.rint(samples.imu_times_s * NS_PER_S).astype(np.int64),
         )
-        # All exchanges of axes are sums of the products R[i, j] f[k], so that these are integrated once. Their means
-        # (n, 3, 3, 3) are those by which the second difference between the edges weighs them.
+        # Under every exchange of axes the force in the world is a sum of the products R[i, j] f[k], so that these are
+        # integrated once. ``turned`` (n, 3, 3, 3) holds their means, weighted as by the second difference of positions.
         products = R[..., None] * samples.specific_forces_body_m_s2[:, None, None, :]
         finite = np.isfinite(products).all(axis=(1, 2, 3))
         if np.count_nonzero(finite) < 4:
@@ -216,7 +222,7 @@ def explain_forces(samples: InertialSamples, gravity_m_s2: float, sigma_m: float
 
 
 def signed_permutations() -> list[tuple[tuple[int, ...], ...]]:
-    """Return the 48 matrices that exchange and reverse axes."""
+    """Return the 48 signed permutation matrices, as rows: they exchange and reverse axes."""
     rows = np.eye(3, dtype=int)
     return [
         tuple(tuple(int(v) for v in sign * rows[column]) for sign, column in zip(signs, order, strict=True))
@@ -226,20 +232,23 @@ def signed_permutations() -> list[tuple[tuple[int, ...], ...]]:
 
 
 def _averaging_span_s(spans_s: tuple[float, ...], noises: Float64, motion: Float64) -> float:
-    """Return the shortest span at which noise is small beside the motion, or the longest."""
+    """Return the shortest span, s, at which noise is small against the motion, else the longest."""
     size = float(np.sqrt(np.mean(np.square(motion)))) if motion.size else 0.0
     quiet = (span_s for span_s, noise in zip(spans_s, noises, strict=True) if noise <= _SMALL_NOISE * size)
     return next(quiet, spans_s[-1])
 
 
 def _normalised_residual(residuals: Float64, motion: Float64, noise: float) -> float:
-    """Return the mean square residual in units of noise (a variance) and of the coarseness of the comparison."""
+    """Return the mean square residual over the variance expected of noise and of the coarseness of the comparison."""
     coarse = _COARSENESS**2 * float(np.mean(np.square(motion)))
     return float(np.mean(np.square(residuals))) / max(noise + coarse, 1e-30)
 
 
 def _edges(samples: InertialSamples, span_s: float) -> NDArray[np.intp]:
-    """Return every so many-th pose within the IMU's span; none where IMU samples are too few for a spline."""
+    """Return the indices of poses that are about ``span_s`` apart and within the span of the IMU.
+
+    There are none where the samples are too few for a spline.
+    """
     times_s, imu_times_s = samples.pose_times_s, samples.imu_times_s
     if len(times_s) < 2 or len(imu_times_s) < 4:
         return np.empty(0, dtype=np.intp)
@@ -249,7 +258,7 @@ def _edges(samples: InertialSamples, span_s: float) -> NDArray[np.intp]:
 
 
 def _accelerations(times_s: Float64, values: Float64) -> Float64:
-    """Return (n - 2, ...) changes of slope of values (n, ...), over the mean of the two steps."""
+    """Return the second derivative (n - 2, ...) of values (n, ...): change of slope over the mean step."""
     steps_s = np.diff(times_s).reshape(-1, *[1] * (values.ndim - 1))
     slopes = np.diff(values, axis=0) / steps_s
     means: Float64 = np.diff(slopes, axis=0) / ((steps_s[1:] + steps_s[:-1]) / 2)
@@ -257,7 +266,7 @@ def _accelerations(times_s: Float64, values: Float64) -> Float64:
 
 
 def _simplest(candidates: list[InertialConvention]) -> InertialConvention | None:
-    """Return the simplest candidate that leaves at most twice what the best one leaves."""
+    """Return the simplest candidate whose residual is at most twice the least one; None where all are too large."""
     least = min((candidate.residual for candidate in candidates), default=np.inf)
     if least > _LARGEST_RESIDUAL:
         return None
@@ -268,7 +277,7 @@ def _simplest(candidates: list[InertialConvention]) -> InertialConvention | None
 
 
 def _under_convention(stored: Float64, quaternions: QuaternionConvention) -> Float64:
-    """Return x, y, z, w, body to world, of quaternions stored under a convention."""
+    """Return quaternions (n, 4) x, y, z, w, body to world, of those stored under a convention."""
     q = stored[:, [1, 2, 3, 0]] if quaternions.startswith("wxyz") else stored
     return so3.inverse(q) if quaternions.endswith("inverse") else q
 

@@ -1,8 +1,8 @@
 """White noise, jumps, repeats and straight lines among samples of a smooth motion, from each sample's neighbours.
 
-Everything here rests on short linear filters that give exactly zero for polynomials up to a degree, so that smooth
-motion vanishes whatever its speed, for even and for uneven timestamps. What the motion still leaves is not guessed: the
-same filter of a lower degree lets more of it through, and the difference of the two bounds it.
+All estimates use short linear filters that are exactly zero for polynomials up to a degree. A smooth motion therefore
+vanishes at any speed, for even and for uneven timestamps. What remains of the motion is bounded: the same filter of a
+lower degree passes more of it, and the difference of the two is the bound.
 """
 
 from collections.abc import Sequence
@@ -21,77 +21,128 @@ Int64 = NDArray[np.int64]
 Indices = NDArray[np.intp]
 
 _WIDEST_STEP: Final = 1.5
-"""Stencils with a step wider than so many median steps are left out: something is missing there."""
+"""Stencils with a step wider than this many median steps are left out, as samples are missing there."""
 
 _NS_PER_US: Final = 1_000
 
 _QUANTILE: Final = 0.9
 _QUANTILE_SIGMAS: Final = 1.644854
-"""Nine in ten normal values are smaller. One in ten may be spoilt by jumps without moving the estimate far."""
+"""Quantile of absolute differences that gives sigma, and its value for unit normal noise. Jumps in one tenth of the
+differences move the estimate little."""
 
 _QUANTILE_COST: Final = 1.25
-"""Standard error of a sigma from this quantile over that from the mean square, for normal values."""
+"""Ratio of the standard errors of sigma from this quantile and from the mean square, for normal values."""
 
 _BEYOND_NOISE_SIGMAS: Final = 5.0
-"""Standard errors by which filters of two degrees must differ for the motion, and not noise, to be the reason."""
+"""Difference of filters of two degrees, in standard errors, above which the motion causes it and not noise."""
 
 _TYPICAL_SHARE: Final = 0.1
-"""Of a typical change: a body that moves so much beside a repeat does not come to rest there."""
+"""Share of a typical change. A body that moves by more next to a repeat does not come to rest there."""
 
 _ROUNDINGS: Final = 16.0
-"""Units of rounding by which neighbours of a steady motion may differ: rotating a vector takes fifteen operations (nine
-products, six sums), each of which errs by half a unit at most, in either neighbour."""
+"""Units of rounding by which neighbours of a steady motion may differ. The rotation of a vector takes fifteen
+operations (nine products, six sums), each of which errs by at most half a unit, in either neighbour."""
 
 _FEWEST_PERIODS: Final = 16
 """Least number of knots for a median of the curvature at them."""
 
 _LARGEST_STRIDE: Final = 20
-
+"""Largest distance of knots that is tried, in samples."""
 _CURVATURE_ROUNDINGS: Final = 100.0
-"""Units of rounding that the curvature at knots must exceed: below it both medians are of rounding alone."""
+"""Units of rounding that the curvature at knots must exceed: below it both medians result from rounding alone."""
 
 
 class SampledCurve(Protocol):
-    """Samples of a motion, as vectors from one of them, between which differences have a meaning."""
+    """Samples (N) of a motion, given by vectors from one sample to another."""
 
     def relative_vectors(self, stencils: Indices, centre: int) -> Float64:
-        """Return the vectors (n, m, 3) of the samples ``stencils`` (n, m), relative to column ``centre``."""
+        """Return the vectors of samples relative to one sample of each stencil.
+
+        Parameters
+        ----------
+        stencils
+            (n, m) indices of samples.
+        centre
+            Column of ``stencils`` that holds the reference sample.
+
+        Returns
+        -------
+        ndarray of float64
+            (n, m, 3) in the unit of the curve.
+        """
         ...
 
     def lagged_differences(self, lag: int) -> Float64:
-        """Return the vectors (N - lag, 3) from each sample to the one ``lag`` after it; the way back is minus it."""
+        """Return the vectors (N - lag, 3) from each sample to the one ``lag`` after it.
+
+        The vectors in the reverse direction are minus these.
+        """
         ...
 
 
 @dataclass(frozen=True, slots=True)
 class VectorSamples:
-    """Samples (N, 3) of a space where differences are plain."""
+    """Samples of a vector space, such as positions.
+
+    Attributes
+    ----------
+    values
+        (N, 3) of any unit.
+    """
 
     values: Float64
 
     def relative_vectors(self, stencils: Indices, centre: int) -> Float64:
-        """Return differences from the centre."""
+        """Return the differences of samples from one sample of each stencil.
+
+        Parameters
+        ----------
+        stencils, centre
+            As of ``SampledCurve.relative_vectors``.
+
+        Returns
+        -------
+        ndarray of float64
+            (n, m, 3) in the unit of the values.
+        """
         return self.values[stencils] - self.values[stencils[:, centre, None]]
 
     def lagged_differences(self, lag: int) -> Float64:
-        """Return differences."""
+        """Return the differences (N - lag, 3) of each sample ``lag`` after another."""
         return self.values[lag:] - self.values[:-lag]
 
 
 @dataclass(frozen=True, slots=True)
 class OrientationSamples:
-    """Quaternions (N, 4) x, y, z, w, of any nonzero length."""
+    """Samples of an orientation.
+
+    Attributes
+    ----------
+    orientations_xyzw
+        (N, 4) quaternions x, y, z, w, of any nonzero length.
+    """
 
     orientations_xyzw: Float64
     _differences: dict[int, Float64] = field(default_factory=dict, compare=False, repr=False)
 
     def relative_vectors(self, stencils: Indices, centre: int) -> Float64:
-        """Return the rotation vectors ``Log(q_centre^-1 q)``, rad, in the frame of the centre."""
+        """Return the rotation vectors ``Log(q_centre^-1 q)`` of samples, in the frame of the centre.
+
+        Parameters
+        ----------
+        stencils, centre
+            As of ``SampledCurve.relative_vectors``.
+
+        Returns
+        -------
+        ndarray of float64
+            (n, m, 3) rad.
+        """
         q = self.orientations_xyzw
         return so3.log_quaternion(so3.compose(so3.inverse(q[stencils[:, centre]])[:, None], q[stencils]))
 
     def lagged_differences(self, lag: int) -> Float64:
-        """Return the rotation vectors ``Log(q_i^-1 q_i+lag)``, rad; computed once."""
+        """Return the rotation vectors ``Log(q_i^-1 q_i+lag)`` (N - lag, 3), rad; computed once for each lag."""
         if lag not in self._differences:
             q = self.orientations_xyzw
             self._differences[lag] = so3.log_quaternion(so3.compose(so3.inverse(q[:-lag]), q[lag:]))
@@ -105,11 +156,11 @@ class NoiseLevel:
     Attributes
     ----------
     sigma, standard_error
-        As measured, and its error if it is noise.
+        As measured, and its standard error for white noise, in the unit of the curve.
     motion
-        What the motion may have added to sigma.
+        Part of sigma that the motion may have added, in the same unit.
     count
-        Number of differences that it rests on, three axes each.
+        Number of differences that sigma is estimated from, of three axes each.
     """
 
     sigma: float
@@ -125,15 +176,15 @@ class StepEstimates:
     Attributes
     ----------
     before
-        (n,) index of the sample before each jump that was estimated.
+        (n,) index of the sample before each estimated jump.
     sizes
-        (n, 3) jump of all that follows, on each axis.
+        (n, 3) jump of all later samples, on each axis, in the unit of the curve.
     gains
-        (n,) standard deviation of a size for white noise of 1.
+        (n,) standard deviation of a size for white noise of standard deviation 1.
     motion
-        (n,) what the motion may have added to a size, each axis.
+        (n,) part of a size on any axis that the motion may have added, in the unit of the curve.
     reach
-        Samples on either side of a jump that its size rests on.
+        Number of samples on either side of a jump that its size is estimated from.
     """
 
     before: Indices
@@ -145,10 +196,15 @@ class StepEstimates:
 
 @dataclass(frozen=True, slots=True)
 class CurvatureEvenness:
-    """How unevenly the curvature of a motion is spread over every so many-th sample.
+    """Ratio of the curvature of a motion between every ``stride``-th sample to that at these samples.
 
-    ``evenness`` is the median curvature between these samples over that at them: near 1 for any smooth or noisy
-    motion, near 0 where samples were interpolated linearly from every ``stride``-th.
+    Attributes
+    ----------
+    evenness
+        Median curvature between these samples over the median at them. Near 1 for any smooth or noisy motion, near
+        0 where samples were interpolated linearly from every ``stride``-th.
+    stride
+        Distance of these samples, in samples.
     """
 
     evenness: float
@@ -156,19 +212,19 @@ class CurvatureEvenness:
 
 
 def noise_level(times_ns: Int64, curve: SampledCurve, *, order: int) -> NoiseLevel | None:
-    """Measure white noise by divided differences of an order, scaled to unit noise gain.
+    """Return the standard deviation of white noise, from divided differences scaled to unit noise gain.
 
-    Sigma comes from the 90% quantile, so that a few jumps do not raise it. The motion's share is what two orders more
-    take away.
+    Sigma comes from the 90% quantile, so that a few jumps do not raise it. The part of the motion is the decrease of
+    sigma when the order rises by two.
 
     Parameters
     ----------
     times_ns
-        (N,) strictly increasing.
+        (N,) timestamps, ns, strictly increasing.
     curve
         The N samples.
     order
-        Of the differences: a polynomial of a lower degree vanishes.
+        Of the differences; those of a polynomial of lower degree are zero.
 
     Returns
     -------
@@ -180,8 +236,9 @@ def noise_level(times_ns: Int64, curve: SampledCurve, *, order: int) -> NoiseLev
     if len(differences) < order or len(higher) < order:
         return None
     sigma = _sigma(differences)
-    # Neighbouring differences correlate; for even timestamps the variance of their mean square is
-    # sum_j (C(2d, d + j) / C(2d, d))^2 = C(4d, 2d) / C(2d, d)^2 times that of independent ones (Vandermonde).
+    # Neighbouring differences are correlated. For even timestamps and the order d, the variance of their mean square is
+    # sum_j (C(2d, d + j) / C(2d, d))^2 = C(4d, 2d) / C(2d, d)^2 times that of independent ones (Vandermonde's
+    # identity).
     correlation = comb(4 * order, 2 * order) / comb(2 * order, order) ** 2
     return NoiseLevel(
         sigma=sigma,
@@ -192,21 +249,29 @@ def noise_level(times_ns: Int64, curve: SampledCurve, *, order: int) -> NoiseLev
 
 
 def find_steps(times_ns: Int64, curve: SampledCurve, *, half_width: int, degree: int, sigma: float) -> StepEstimates:
-    """Estimate the jump between each sample and the next: the matched filter of a step.
+    """Estimate the jump between each sample and the next with the matched filter of a step.
 
-    Least squares of a polynomial plus a step. The same with a degree less by two lets more motion through: where the
-    two differ by more than noise can, anywhere within reach of the filter, that bounds the motion's share.
+    The estimate is the least-squares fit of a polynomial plus a step. The same fit with a degree less by two passes
+    more of the motion. Where the two differ by more than noise explains, anywhere within reach of the filter, the
+    difference bounds the part of the motion.
 
     Parameters
     ----------
-    times_ns, curve
-        (N,) strictly increasing, and the N samples.
+    times_ns
+        (N,) timestamps, ns, strictly increasing.
+    curve
+        The N samples.
     half_width
-        Samples on either side that a size rests on.
+        Number of samples on either side that a size is estimated from.
     degree
         Of the polynomial.
     sigma
-        White noise of a sample, in the unit of the curve.
+        Standard deviation of white noise of a sample, in the unit of the curve.
+
+    Returns
+    -------
+    StepEstimates
+        One for each pair of neighbours with ``half_width`` samples on either side and no gap among them.
     """
     size, centre = 2 * half_width, half_width - 1
     if _are_evenly_spaced(times_ns, size):
@@ -231,7 +296,20 @@ def find_steps(times_ns: Int64, curve: SampledCurve, *, half_width: int, degree:
 
 
 def most_precise_steps(candidates: Sequence[StepEstimates], sigma: float) -> StepEstimates:
-    """Return the steps with the least error at their 90th percentile, six standard errors and the motion's share."""
+    """Return the candidate with the least error: 90th percentile of six standard errors plus the part of the motion.
+
+    Parameters
+    ----------
+    candidates
+        Steps estimated with different filters; at least one.
+    sigma
+        Standard deviation of white noise of a sample, in the unit of the curve.
+
+    Returns
+    -------
+    StepEstimates
+        One of the candidates. A candidate without any step is returned only if all have none.
+    """
 
     def error(steps: StepEstimates) -> float:
         return float(np.quantile(steps.motion + 6.0 * sigma * steps.gains, 0.9)) if len(steps.before) else np.inf
@@ -240,12 +318,21 @@ def most_precise_steps(candidates: Sequence[StepEstimates], sigma: float) -> Ste
 
 
 def divided_differences(times_ns: Int64, curve: SampledCurve, order: int) -> Float64:
-    """Return the divided differences (n, 3) of an order, scaled such that unit white noise comes out as unit noise.
+    """Return the divided differences of an order, scaled so that unit white noise gives unit noise.
 
     Parameters
     ----------
-    times_ns, curve
-        (N,) strictly increasing, and the N samples. Runs with a wide step are left out, unless all steps are equal.
+    times_ns
+        (N,) timestamps, ns, strictly increasing.
+    curve
+        The N samples.
+    order
+        Of the differences; each is a weighted sum of ``order + 1`` neighbouring samples.
+
+    Returns
+    -------
+    ndarray of float64
+        (n, 3) in the unit of the curve. Runs of neighbours with a step wider than 1.5 median steps are left out.
     """
     centre = order // 2
     if _are_evenly_spaced(times_ns, order + 1):
@@ -261,18 +348,23 @@ def divided_differences(times_ns: Int64, curve: SampledCurve, order: int) -> Flo
 
 
 def repeated_samples(*samples: Float64, roundings: Sequence[float]) -> Indices:
-    """Return the indices of samples that repeat the one before exactly, in every array, in the midst of motion.
+    """Return the indices of samples that exactly repeat the one before, in every array, while the body moves.
 
-    A body that comes to rest slows down before: a run of repeats counts only where the change next to it, before or
-    after, is at least a tenth of a typical one. Where everything repeats nothing counts. Nor does it where values
-    change by no more than rounding makes of a steady motion.
+    A body that comes to rest slows down before. Therefore a run of repeats counts only where the change next to it,
+    before or after, is at least a tenth of a typical one, and larger than rounding makes of a steady motion. Where all
+    samples repeat, none counts.
 
     Parameters
     ----------
     samples
         Arrays (N, k) of the same N samples.
     roundings
-        Unit of rounding of each array.
+        Unit of rounding of each array, in its unit.
+
+    Returns
+    -------
+    ndarray of intp
+        (n,) ascending.
     """
     changes = [np.abs(np.diff(values, axis=0)).max(axis=-1, initial=0.0) for values in samples]
     repeats = np.all([change == 0 for change in changes], axis=0)
@@ -291,32 +383,37 @@ def repeated_samples(*samples: Float64, roundings: Sequence[float]) -> Indices:
 
 
 def find_interpolation(times_ns: Int64, curve: SampledCurve, *, resolution: float) -> CurvatureEvenness | None:
-    """Look for samples on straight lines between every 2nd to 20th.
+    """Return the stride of 2 to 20 for which samples lie most nearly on straight lines between every stride-th sample.
 
     Parameters
     ----------
-    times_ns, curve
-        (N,) strictly increasing, and the N samples.
+    times_ns
+        (N,) timestamps, ns, strictly increasing.
+    curve
+        The N samples.
     resolution
-        Rounding of a sample, in the unit of the curve: curvature within a hundred times that shows nothing.
+        Rounding of a sample, in the unit of the curve. Strides whose curvature at knots is below a hundred times
+        this are left out.
 
     Returns
     -------
     CurvatureEvenness or None
-        The least even, of equal ones that of the smallest stride; None where there is no curvature to compare.
+        The least even one, for equal evenness that of the smallest stride; None where there is no curvature to
+        compare.
     """
     bends = np.linalg.norm(divided_differences(times_ns, curve, 2), axis=-1)
     order = np.argsort(bends, kind="stable")
     ranked = bends[order]
     candidates = []
     for stride in range(2, min(_LARGEST_STRIDE, len(bends) // _FEWEST_PERIODS) + 1):
-        # All are sorted once: the members of a phase, in order of rank, give their median by their middle.
+        # The bends are sorted once. The members of a phase, in order of rank, have their median in the middle.
         phases = (order % stride).astype(np.uint8)
         by_phase, counts = np.argsort(phases, kind="stable"), np.bincount(phases)
         for ranks in np.split(by_phase, np.cumsum(counts)[:-1]):
             at_knots = _mean_of_two(ranked[ranks[_median_ranks(len(ranks))]])
             if at_knots > _CURVATURE_ROUNDINGS * resolution:
-                # The median of all that are not in ``ranks``: its rank among them, moved up by the members below it.
+                # Median of the bends that are not in ``ranks``: its rank among these, plus the members of ``ranks``
+                # below it.
                 among_rest = np.array(_median_ranks(len(bends) - len(ranks)))
                 of_rest = among_rest + np.searchsorted(ranks - np.arange(len(ranks)), among_rest, side="right")
                 candidates.append(CurvatureEvenness(_mean_of_two(ranked[of_rest]) / at_knots, stride))
@@ -324,7 +421,7 @@ def find_interpolation(times_ns: Int64, curve: SampledCurve, *, resolution: floa
 
 
 def _median_ranks(count: int) -> list[int]:
-    """Return the ranks whose mean is the median of so many numbers in order."""
+    """Return the ranks of the two of ``count`` sorted numbers whose mean is the median."""
     return [(count - 1) // 2, count // 2]
 
 
@@ -333,7 +430,7 @@ def _mean_of_two(pair: Float64) -> float:
 
 
 def _step_weights(offsets_us: Int64, degree: int) -> Float64:
-    """Return the weights (n, m) of the least-squares size of a step in the middle, beside a polynomial."""
+    """Return the weights (n, m) that give the size of a step in the middle, fitted together with a polynomial."""
     count, samples = offsets_us.shape
     middle = (offsets_us[:, samples // 2 - 1, None] + offsets_us[:, samples // 2, None]) / 2
     scaled = (offsets_us - middle) / max(1.0, float(np.abs(offsets_us).max(initial=1)))
@@ -345,13 +442,16 @@ def _step_weights(offsets_us: Int64, degree: int) -> Float64:
 
 
 def _are_evenly_spaced(times_ns: Int64, size: int) -> bool:
-    """Whether all steps are equal, so that all runs of neighbours of this size have one pattern."""
+    """Return whether all steps are equal, so that all runs of ``size`` neighbours have the same weights."""
     steps_ns = np.diff(times_ns)
     return len(times_ns) >= size and int(steps_ns.min()) == int(steps_ns.max())
 
 
 def _weighted_neighbours(curve: SampledCurve, weights: Float64, centre: int, count: int) -> Float64:
-    """Return (k, n, 3) sums, weighted by (k, m), over the first ``count`` runs of neighbours relative to ``centre``."""
+    """Return the sums (k, n, 3), weighted by (k, m), over the first n = ``count`` runs of m neighbours.
+
+    Samples are taken relative to the one in column ``centre`` of each run.
+    """
     sums = np.zeros((len(weights), count, 3))
     for column, weight in enumerate(weights.T):
         lag = column - centre
@@ -375,7 +475,7 @@ def _difference_weights(offsets_us: Int64) -> Float64:
 
 
 def _stencils(times_ns: Int64, size: int) -> Indices:
-    """Return runs of neighbours (n, size) without a gap among them."""
+    """Return indices (n, size) of runs of neighbours without a gap among them."""
     count = len(times_ns) - size + 1
     if count < 1:
         return np.empty((0, size), dtype=np.intp)
@@ -387,7 +487,10 @@ def _stencils(times_ns: Int64, size: int) -> Indices:
 
 
 def _patterns(times_ns: Int64, stencils: Indices) -> tuple[Int64, Indices]:
-    """Return the distinct patterns of offsets (p, m), whole microseconds, and the pattern of each stencil (n,)."""
+    """Return the distinct patterns of offsets (p, m), whole microseconds, and the index of the pattern (n,).
+
+    ``stencils`` are (n, m) indices of samples.
+    """
     offsets_us = _offsets_us(times_ns[stencils])
     if len(offsets_us) and np.array_equal(offsets_us.min(axis=0), offsets_us.max(axis=0)):
         return offsets_us[:1], np.zeros(len(stencils), dtype=np.intp)
@@ -402,5 +505,5 @@ def _offsets_us(times_ns: Int64) -> Int64:
 
 
 def _sigma(values: Float64) -> float:
-    """Return the standard deviation of normal values from the size that nine in ten stay below."""
+    """Return the standard deviation of normal values from the 90% quantile of their absolute values."""
     return float(np.quantile(np.abs(values), _QUANTILE)) / _QUANTILE_SIGMAS if values.size else 0.0

@@ -1,8 +1,8 @@
 """Rotation between poses from the gyro, and its residuals against the poses.
 
-Increments are the integral of a cubic spline through the samples plus the coning term of each substep,
-``h^2/12 w0 x w1``, fourth order (J. Bortz, IEEE Trans. AES 7 (1971) 61; P. Savage, J. Guidance 21 (1998) 19). At
-10.7 rad/s and 1 kHz that is 2e-10 rad over half a second, where a midpoint rule leaves 1e-5.
+An increment is the integral of a cubic spline through the samples plus the coning term of each substep,
+``h^2/12 w0 x w1``, of fourth order (J. Bortz, IEEE Trans. AES 7 (1971) 61; P. Savage, J. Guidance 21 (1998) 19). At
+10.7 rad/s and 1 kHz its error is 2e-10 rad over half a second; that of a midpoint rule is 1e-5 rad.
 """
 
 from dataclasses import dataclass
@@ -39,25 +39,30 @@ ROTATION_PARAMETERS: Final = FitParameters(
             "scale": (9,)},
     largest=(1.0, 0.1, 0.1, 10.0, 10.0, 10.0, 1.0, 1.0, 1.0, 1.0),
 )  # fmt: skip
-"""What is fitted: offset of the IMU's timestamps, s; rates by which its clock and that of the poses run fast, s/s;
-bias, rad/s; rotation of the gyro's axes against the body, rad; gain - 1.
+"""Fitted parameters: offset of the timestamps of the IMU, s; rates by which the clocks of the IMU and of the poses run
+fast, s/s; bias, rad/s; rotation of the axes of the gyro against the body, rad; gain less 1.
 
-A fast clock of the poses also makes the body seem to turn slower: that separates the two clocks."""
+A fast clock of the poses also reduces the angular velocity between poses: this separates the two clocks."""
 
 
 def rotation_increments(
     times_s: Float64, angular_velocities_rad_s: Float64, starts_s: Float64, stops_s: Float64, *, substeps: int
 ) -> Float64:
-    """Integrate body rates over intervals: unit quaternions (n, 4) with ``R(stop) = R(start) R(increment)``.
+    """Return the rotations of the body over intervals, integrated from its angular velocity.
 
     Parameters
     ----------
     times_s, angular_velocities_rad_s
-        (M,) strictly increasing, (M, 3) rad/s in the body; at least two.
+        (M,) timestamps, s, strictly increasing, and (M, 3) rad/s in the body frame; M > 1.
     starts_s, stops_s
-        (n,) intervals within the samples' span.
+        (n,) ends of the intervals, s, within the span of the samples.
     substeps
-        Into how many equal steps an interval is cut; one a sample is enough.
+        Number of equal steps that each interval is cut into; one for each sample is enough.
+
+    Returns
+    -------
+    ndarray of float64
+        (n, 4) unit quaternions with ``R(stop) = R(start) R(increment)``.
     """
     spline = CubicSpline(times_s, angular_velocities_rad_s)
     return _increments(spline, spline.antiderivative(), starts_s, stops_s, substeps)
@@ -68,7 +73,7 @@ def _increments(rate: CubicSpline, integral: PPoly, starts_s: Float64, stops_s: 
     rates, integrals = rate(edges_s), integral(edges_s)
     steps_s = np.diff(edges_s, axis=1)[..., None]
     before, after = rates[:, :-1], rates[:, 1:]
-    cross = np.empty_like(before)  # by components: np.cross takes several times as long
+    cross = np.empty_like(before)  # np.cross takes several times as long
     for i, j, k in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):
         cross[..., i] = before[..., j] * after[..., k] - before[..., k] * after[..., j]
     # Rotation vector of a substep: integral of w + h^2/12 w0 x w1 (Savage 1998, coning of two samples).
@@ -81,36 +86,54 @@ def _increments(rate: CubicSpline, integral: PPoly, starts_s: Float64, stops_s: 
 
 
 def without_rotation_faults(samples: InertialSamples, values: Float64) -> InertialSamples:
-    """Return the samples without faults (P,) of the sizes of ROTATION_PARAMETERS; the bias stays, being linear."""
-    # Inverse of the fault (1 + scale) Exp(tilt).
+    """Return the samples with faults of ``ROTATION_PARAMETERS`` removed, except for the bias.
+
+    The bias stays, as the residuals are linear in it.
+
+    Parameters
+    ----------
+    samples
+        With the faults.
+    values
+        (P,) sizes of the faults, in the order and units of ``ROTATION_PARAMETERS``.
+
+    Returns
+    -------
+    InertialSamples
+        With corrected timestamps of IMU and poses, and corrected axes and gain of the gyro.
+    """
+    # The fault is w' = (1 + scale) Exp(tilt) w; this is its inverse.
     mapping = so3.exp(-values[6:9]) / (1.0 + values[9])
     return samples.with_imu_earlier(*values[:2]).with_poses_earlier(values[2]).with_rates_mapped(mapping)
 
 
 def rotation_rows(samples: InertialSamples, noise: InertialNoise) -> ComparisonRows:
-    """Compare the gyro with consecutive poses.
+    """Return the comparison of the gyro with consecutive poses.
 
     Parameters
     ----------
-    samples, noise
-        Samples of both streams; noise as declared.
+    samples
+        Samples of both streams.
+    noise
+        As declared.
 
     Returns
     -------
     ComparisonRows
-        One row an interval between poses that the IMU covers; residuals in rad.
+        One row for each interval between neighbouring poses that the IMU covers; residuals in rad.
 
     Notes
     -----
-    The residual of an interval is ``R_k+1 Log(increment^-1 q_k^-1 q_k+1)``, rad, in the world. There it is the
-    difference ``R_k+1 n_k+1 - R_k n_k`` of the poses' own errors n, whatever the body turned between: neighbours share
-    one with opposite sign, and over a long time all but the first and last cancel. In the body's frame they would not.
-    Its covariance holds them, the gyro's white noise, and rounded timestamps.
+    The residual of an interval is ``R_k+1 Log(increment^-1 q_k^-1 q_k+1)``, rad, in the world frame. There it is the
+    difference ``R_k+1 n_k+1 - R_k n_k`` of the errors n of the poses, for any rotation of the body between them.
+    Neighbours share one of these errors with opposite sign, so that over a long time all but the first and the last
+    cancel. In the body frame they would not cancel. The covariance of the residuals contains these errors, the white
+    noise of the gyro, and rounded timestamps.
     """
     compared = _compare(samples, noise)
     imu_times_s, poses = samples.imu_times_s, compared.effects.poses
     starts_s, stops_s = samples.pose_times_s[poses], samples.pose_times_s[poses + 1]
-    # The error of fourth order, from every second sample and half the substeps (Richardson).
+    # Error of fourth order, from every second sample and half the substeps (Richardson): (fine - coarse) / 15.
     sparse = every_second(len(imu_times_s))
     gyro, substeps = samples.angular_velocities_body_rad_s[sparse], _substeps(imu_times_s, stops_s - starts_s)
     coarse = rotation_increments(imu_times_s[sparse], gyro, starts_s, stops_s, substeps=substeps // 2)
@@ -118,12 +141,12 @@ def rotation_rows(samples: InertialSamples, noise: InertialNoise) -> ComparisonR
     # The bands (3, 2, n), alike on each axis: every source of noise here is isotropic.
     steps_s = np.diff(samples.pose_times_s)
     rates = np.linalg.norm(so3.log_quaternion(compared.by_pose), axis=-1) / steps_s
-    # Of each pose the larger rate of the two steps beside it.
+    # For each pose, the larger rate of the two steps beside it.
     rates = np.maximum(np.append(rates, 0.0), np.insert(rates, 0, 0.0))
     variances = (
         noise.rotation_sigma_rad**2 + timestamp_scatter(rates) ** 2 + noise.rotation_rounding_rad**2 + _ROUNDING_RAD**2
     )
-    # The residual is n_k+1 - n_k and white noise of the gyro: neighbours share -var(n).
+    # The residual is n_k+1 - n_k plus white noise of the gyro, of variance density^2 dt: neighbours share -var(n).
     own = variances[poses] + variances[poses + 1] + noise.gyro_density**2 * steps_s[poses]
     shared = np.zeros(len(poses))
     shared[1:] = np.where(np.diff(poses) == 1, -variances[poses[1:]], 0.0)
@@ -141,13 +164,38 @@ def rotation_rows(samples: InertialSamples, noise: InertialNoise) -> ComparisonR
 
 
 def rotation_effects(samples: InertialSamples, noise: InertialNoise) -> RowEffects:
-    """Return what the samples alone make of the rows: residuals and jacobians."""
+    """Return the residuals and jacobians of ``rotation_rows`` alone.
+
+    Parameters
+    ----------
+    samples
+        Samples of both streams.
+    noise
+        As declared; gives the width of the mean before derivatives are taken.
+
+    Returns
+    -------
+    RowEffects
+        Residuals in rad, in the world; jacobians by ``ROTATION_PARAMETERS``.
+    """
     return _compare(samples, noise).effects
 
 
 @dataclass(frozen=True, slots=True)
 class _GyroComparison:
-    """Increments (n, 4) by the gyro, those of all steps by the poses (P - 1, 4), and R (n, 3, 3) after each."""
+    """Gyro and poses over the compared steps.
+
+    Attributes
+    ----------
+    effects
+        Residuals and jacobians of the rows.
+    increments
+        (n, 4) rotation of each compared step by the gyro.
+    by_pose
+        (P - 1, 4) rotation of every step by the poses.
+    R_world_end
+        (n, 3, 3) orientation at the end of each compared step.
+    """
 
     effects: RowEffects
     increments: Float64
@@ -159,7 +207,7 @@ def _compare(samples: InertialSamples, noise: InertialNoise) -> _GyroComparison:
     imu_times_s, gyro = samples.imu_times_s, samples.angular_velocities_body_rad_s
     starts_s, stops_s = samples.pose_times_s[:-1], samples.pose_times_s[1:]
     steps_s = stops_s - starts_s
-    # Across wider gaps between poses a few substeps are too coarse.
+    # Wider gaps between poses are left out: the number of substeps follows from the median gap.
     widest_s = WIDEST_GAP_STEPS * float(np.median(steps_s)) if len(steps_s) else 0.0
     poses = np.flatnonzero(covered(imu_times_s, starts_s, stops_s) & (steps_s <= widest_s))
     starts_s, stops_s = starts_s[poses], stops_s[poses]
@@ -168,16 +216,17 @@ def _compare(samples: InertialSamples, noise: InertialNoise) -> _GyroComparison:
     increments = _increments(rate, integral, starts_s, stops_s, _substeps(imu_times_s, stops_s - starts_s))
     by_pose = so3.compose(so3.inverse(samples.orientations_xyzw[:-1]), samples.orientations_xyzw[1:])
     R_world_end = so3.matrices_from_quaternions(samples.orientations_xyzw[poses + 1])
+    # r = Log(increment^-1 q_k^-1 q_k+1), in the body frame at the end of the step.
     residuals = so3.log_quaternion(so3.compose(so3.inverse(increments), by_pose[poses]))
     if noise.smoothing_s > 0:
         rate = CubicSpline(imu_times_s, smoothed(imu_times_s, gyro, noise.smoothing_s))
         integral = rate.antiderivative()
-    # Jacobians (n, 3, P) of the residuals by ROTATION_PARAMETERS. A measured rate
-    # (1 + scale) Exp(tilt) w(t - offset - drift t) + bias changes an increment by the integral of its change; the
-    # residual moves against it.
+    # Jacobians (n, 3, P) of the residuals by ROTATION_PARAMETERS. The measured rate is
+    # (1 + scale) Exp(tilt) w(t - offset - drift t) + bias. A parameter changes an increment by the integral of the
+    # change of the rate, and the residual by minus that.
     w0, w1 = rate(starts_s), rate(stops_s)
     turn = integral(stops_s) - integral(starts_s)
-    # The integral of t w'(t), by parts.
+    # Integral of t w'(t) dt = [t w] - integral of w dt, by parts.
     drift = stops_s[:, None] * w1 - starts_s[:, None] * w0 - turn
     unit = np.broadcast_to(np.eye(3), (len(w0), 3, 3))
     changes = np.concatenate(
@@ -191,7 +240,8 @@ def _compare(samples: InertialSamples, noise: InertialNoise) -> _GyroComparison:
         ),
         axis=-1,
     )
-    # Changes lie along the interval; the mean rotation from there to its end is half a turn, to first order.
+    # A change arises anywhere in the interval: on the mean, half of the interval's turn remains to its end, to first
+    # order.
     R_end_mean = unit - 0.5 * so3.cross_matrices(turn)
     jacobians = R_world_end @ (-R_end_mean @ changes)
     effects = RowEffects(poses, np.einsum("nij,nj->ni", R_world_end, residuals), jacobians)
@@ -199,7 +249,7 @@ def _compare(samples: InertialSamples, noise: InertialNoise) -> _GyroComparison:
 
 
 def _substeps(imu_times_s: Float64, steps_s: Float64) -> int:
-    """One substep a sample, and an even number, so that twice as coarse ones estimate the error."""
+    """Return the number of substeps: about one for each sample, and even, so that half as many estimate the error."""
     if not len(steps_s):
         return 2
     samples = float(np.median(steps_s)) / float(np.median(np.diff(imu_times_s)))

@@ -1,4 +1,4 @@
-"""What the inertial estimators work on: samples of IMU and pose, rows that compare them, and declared noise."""
+"""Data of the inertial estimators: samples of IMU and pose, rows that compare them, and declared noise."""
 
 from dataclasses import dataclass, replace
 from itertools import pairwise
@@ -13,15 +13,17 @@ from fedora_qa.conventions import STANDARD_GRAVITY_M_S2
 Float64 = NDArray[np.float64]
 
 TIMESTAMP_SIGMA_S: Final = 1e-6 / np.sqrt(12)
-"""Timestamps are whole microseconds: the instant meant is uniform within half a microsecond."""
+"""Timestamps are whole microseconds: the true instant is uniform within half a microsecond of them."""
 
 _SMOOTHING_S: Final = 0.02
+"""Width of the mean over IMU samples before derivatives are taken, where noise is declared."""
 
 RICHARDSON: Final = 15.0
-"""An error of fourth order grows by 16 when every second sample is left out."""
+"""Divisor of the difference between a coarse and a fine result, for the error of the fine one: an error of fourth order
+grows by 16 when every second sample is left out, and the difference is 15 times the error."""
 
 _WIDEST_STEP: Final = 2.5
-"""Steps of the IMU wider than so many median steps are gaps: a spline across them is a guess."""
+"""Steps of the IMU wider than this many median steps are gaps: a spline across them has no support."""
 
 _SHORTEST_SEGMENT_S: Final = 0.5
 _SHORTEST_SEGMENT_IN_NOISE_S: Final = 2.0
@@ -31,10 +33,20 @@ _MOST_SEGMENTS: Final = 8
 
 @dataclass(frozen=True, slots=True)
 class InertialNoise:
-    """Noise as declared, in the units of the file's metadata, and gravity.
+    """Declared noise, in the units of the metadata of a file, and declared gravity.
 
-    Densities are rad/s/sqrt(Hz) and m/s^2/sqrt(Hz), walks rad/s^2/sqrt(Hz) and m/s^3/sqrt(Hz). Rounding is the step
-    of the numbers in which poses are stored.
+    Attributes
+    ----------
+    gyro_density, accel_density
+        Densities of white noise, rad/s/sqrt(Hz) and m/s^2/sqrt(Hz).
+    gyro_walk, accel_walk
+        Densities of the random walks of the biases, rad/s^2/sqrt(Hz) and m/s^3/sqrt(Hz).
+    position_sigma_m, rotation_sigma_rad
+        Standard deviation of white noise of the poses on each axis, m and rad.
+    position_rounding_m, rotation_rounding_rad
+        Step of the numbers in which poses are stored, m and rad.
+    gravity_m_s2
+        Gravity, m/s^2.
     """
 
     gyro_density: float = 0.0
@@ -49,19 +61,21 @@ class InertialNoise:
 
     @property
     def smoothing_s(self) -> float:
-        """Over how long samples are averaged before derivatives are taken: 0 where no noise is declared.
+        """Width, s, of the mean over samples before derivatives are taken: 0 where no noise is declared.
 
-        Noisy derivatives would bias a fit towards 0. The average bends them by (w s)^2/24, 0.6% at 3 Hz.
+        Noise of the derivatives would bias a fit towards 0. For the width s the mean attenuates a motion of angular
+        frequency w by (w s)^2/24, which is 0.6% at 3 Hz.
         """
         return _SMOOTHING_S if max(self.gyro_density, self.accel_density) > 0 else 0.0
 
     @property
     def shortest_segment_s(self) -> float:
-        """Least length of the segments that a sequence is cut into.
+        """Least length, s, of the segments that a sequence is cut into.
 
-        Neighbouring rows share the noise of a pose, and a cut forgets that: alone, a segment of length T determines a
-        bias of the accelerometer to ``27 sigma / (T^2 sqrt(n))`` of its n positions (the quadratic term of a
-        least-squares parabola). Without such noise many short segments are better: they determine their spread best.
+        Neighbouring rows share the noise of a pose, and a cut between segments ignores this. Alone, a segment of length
+        T determines a bias of the accelerometer to ``27 sigma / (T^2 sqrt(n))`` from its n positions (quadratic term of
+        a least-squares parabola). Without noise of the poses many short segments are better: their spread is then
+        estimated best.
         """
         return (
             _SHORTEST_SEGMENT_IN_NOISE_S
@@ -77,12 +91,12 @@ class InertialSamples:
     Attributes
     ----------
     imu_times_s, angular_velocities_body_rad_s, specific_forces_body_m_s2
-        (M,), (M, 3), (M, 3).
+        (M,) s, (M, 3) rad/s, (M, 3) m/s^2.
     pose_times_s, positions_world_m, orientations_xyzw
-        (P,), (P, 3), (P, 4) body to world, of any nonzero length.
+        (P,) s, (P, 3) m, (P, 4) body to world, of any nonzero length.
     R_world_imu
-        (M, 3, 3) orientation at the IMU's instants, interpolated between the poses, NaN where these have a gap; None:
-        not yet interpolated. Samples whose timestamps move have none.
+        (M, 3, 3) orientation at the instants of the IMU, interpolated between the poses; NaN in gaps of the poses.
+        None where it is not interpolated yet, as in samples whose timestamps were moved.
     """
 
     imu_times_s: Float64
@@ -94,7 +108,18 @@ class InertialSamples:
     R_world_imu: Float64 | None = None
 
     def between(self, start_s: float, stop_s: float) -> "InertialSamples":
-        """Return the samples from ``start_s`` to ``stop_s``, both inclusive; the origin of time stays."""
+        """Return the samples of an interval of time, both ends included; the origin of time stays.
+
+        Parameters
+        ----------
+        start_s, stop_s
+            First and last instant, s.
+
+        Returns
+        -------
+        InertialSamples
+            Views of the samples of both streams.
+        """
         imu = slice(*np.searchsorted(self.imu_times_s, (start_s, np.nextafter(stop_s, np.inf))))
         pose = slice(*np.searchsorted(self.pose_times_s, (start_s, np.nextafter(stop_s, np.inf))))
         return InertialSamples(
@@ -108,7 +133,7 @@ class InertialSamples:
         )
 
     def with_imu_samples(self, rows: NDArray[np.intp]) -> "InertialSamples":
-        """Return the samples with some of the IMU's only."""
+        """Return the samples with some rows (m,) of the IMU only; all poses stay."""
         return replace(
             self,
             imu_times_s=self.imu_times_s[rows],
@@ -118,22 +143,45 @@ class InertialSamples:
         )
 
     def with_imu_earlier(self, offset_s: float, drift: float) -> "InertialSamples":
-        """Return the samples without an offset, and one that grows by ``drift`` s/s, of the IMU's timestamps."""
+        """Return the samples with an offset and a drift removed from the timestamps of the IMU.
+
+        Parameters
+        ----------
+        offset_s
+            By how much the timestamps are too late at time 0, s.
+        drift
+            By how much their offset grows, s/s.
+
+        Returns
+        -------
+        InertialSamples
+            With corrected timestamps of the IMU and without ``R_world_imu``.
+        """
         # The fault is t' = (1 + drift) t + offset; this solves for t.
         return replace(self, imu_times_s=(self.imu_times_s - offset_s) / (1.0 + drift), R_world_imu=None)
 
     def with_poses_earlier(self, drift: float) -> "InertialSamples":
-        """Return the samples without an offset of the poses' timestamps that grows by ``drift`` s/s."""
+        """Return the samples with an offset removed from the timestamps of the poses, which grows by ``drift`` s/s."""
         return replace(self, pose_times_s=self.pose_times_s / (1.0 + drift), R_world_imu=None)
 
     def with_rates_mapped(self, mapping: Float64) -> "InertialSamples":
-        """Return the samples with angular velocities multiplied by a (3, 3) matrix."""
+        """Return the samples with the angular velocities w replaced by ``mapping @ w``, with a (3, 3) matrix."""
         return replace(self, angular_velocities_body_rad_s=self.angular_velocities_body_rad_s @ mapping.T)
 
 
 @dataclass(frozen=True, slots=True)
 class RowEffects:
-    """What the samples alone make of rows: ``poses``, ``residuals`` and ``jacobians`` of ``ComparisonRows``."""
+    """The parts of ``ComparisonRows`` that follow from the samples alone, without the noise model.
+
+    Attributes
+    ----------
+    poses
+        (n,) index of the pose that each row belongs to.
+    residuals
+        (n, 3) rad or m/s, in the world.
+    jacobians
+        (n, 3, P) derivatives of the residuals by the parameters.
+    """
 
     poses: NDArray[np.intp]
     residuals: Float64
@@ -142,24 +190,26 @@ class RowEffects:
 
 @dataclass(frozen=True, slots=True)
 class ComparisonRows:
-    """Residuals with all that a fit needs, a row for each comparison between neighbouring poses.
+    """Residuals of a comparison of IMU and poses with all that a fit needs, one row for each comparison.
 
     Attributes
     ----------
     poses
         (n,) index of the pose, among those given, that the row belongs to.
     times_s
-        (n,) its time.
+        (n,) time of the row, s.
     spans_s
-        (n,) how long a time the row compares.
+        (n,) length of time that the row compares, s.
     residuals, model_errors
-        (n, 3) and an estimate of the integration's own error.
+        (n, 3) rad or m/s, in the world; (n, 3) estimate of the error of the integration itself, in the same unit.
     jacobians, bias_jacobians
         (n, 3, P) and (n, 3, 3): derivatives of the residuals by the parameters and by a bias of the sensor.
     covariance_bands
-        (3, u + 1, n) for each axis, in the upper form of ``scipy.linalg.solveh_banded``; axes are independent.
+        (3, u + 1, n): covariance of the residuals on each axis, as bands in the upper form of
+        ``scipy.linalg.solveh_banded``; axes are independent.
     scatter
-        The same rows with residuals and jacobians as the noise of the IMU alone makes them: see ``with_scatter``.
+        The same rows with the residuals and jacobians that the noise of the IMU alone gives, see ``with_scatter``;
+        None where no such noise is declared.
     """
 
     poses: NDArray[np.intp]
@@ -177,12 +227,12 @@ class ComparisonRows:
 
     @property
     def sigmas(self) -> Float64:
-        """Return (n, 3) the standard deviation of each residual."""
+        """Standard deviation (n, 3) of each residual, in its unit."""
         sigmas: Float64 = np.sqrt(self.covariance_bands[:, -1].T)
         return sigmas
 
     def select(self, rows: NDArray[np.bool_]) -> "ComparisonRows":
-        """Return some rows. Covariances across what is left out are taken for zero."""
+        """Return the rows where a mask (n,) is True. Covariances across omitted rows are set to zero."""
         bands = self.covariance_bands[:, :, rows].copy()
         upper = bands.shape[1] - 1
         indices = np.flatnonzero(rows)
@@ -197,14 +247,19 @@ class ComparisonRows:
 
 
 def covered(imu_times_s: Float64, starts_s: Float64, stops_s: Float64) -> NDArray[np.bool_]:
-    """Return which intervals (n,) lie within the IMU's span and touch no gap of it.
+    """Return which intervals lie within the span of the IMU and touch no gap of it.
 
     Parameters
     ----------
     imu_times_s
-        (M,) strictly increasing.
+        (M,) timestamps, s, strictly increasing, M > 1.
     starts_s, stops_s
-        (n,) ends of the intervals.
+        (n,) ends of the intervals, s.
+
+    Returns
+    -------
+    ndarray of bool
+        (n,).
     """
     steps_s = np.diff(imu_times_s)
     # Steps that count as gaps.
@@ -212,22 +267,28 @@ def covered(imu_times_s: Float64, starts_s: Float64, stops_s: Float64) -> NDArra
     inside = (starts_s >= imu_times_s[0]) & (stops_s <= imu_times_s[-1])
     gaps_before_start = np.searchsorted(imu_times_s[wide + 1], starts_s, side="right")
     gaps_before_stop = np.searchsorted(imu_times_s[wide], stops_s, side="left")
-    # An interval touches a gap where one begins before its stop that has not ended before its start.
+    # An interval touches a gap that begins before the interval stops and ends after the interval starts.
     without_gap: NDArray[np.bool_] = inside & (gaps_before_start == gaps_before_stop)
     return without_gap
 
 
 def segments_of(times_s: Float64, shortest_s: float) -> list[slice]:
-    """Cut rows into segments: eight, but none much shorter than a length or longer than five seconds.
+    """Cut rows into segments of about equal length in time.
 
-    There are no more of them than rows, whatever the timestamps.
+    There are eight segments, unless they would be much shorter than ``shortest_s`` or longer than 5 s. There are never
+    more segments than rows.
 
     Parameters
     ----------
     times_s
-        (n,) of the rows, increasing.
+        (n,) of the rows, s, increasing.
     shortest_s
-        Least length of a segment.
+        Least length of a segment, s.
+
+    Returns
+    -------
+    list of slice
+        Rows of each segment, in order; no segment is empty.
     """
     if not len(times_s):
         return []
@@ -241,17 +302,34 @@ def segments_of(times_s: Float64, shortest_s: float) -> list[slice]:
 
 
 def timestamp_scatter(speeds: Float64) -> Float64:
-    """Return how far rounded timestamps move samples of a motion at ``speeds`` (n,): never less than at its rms speed.
+    """Return the standard deviation (n,) that rounded timestamps give to samples of a motion at ``speeds`` (n,).
 
-    The floor keeps samples that do not move, frozen ones too, from outweighing all others.
+    It is never less than at the rms speed. Without this floor samples that do not move, frozen ones too, would outweigh
+    all others.
     """
+    # sigma = speed sigma_t.
     rms = float(np.sqrt(np.mean(np.square(speeds)))) if len(speeds) else 0.0
     scatter: Float64 = np.maximum(speeds, rms) * TIMESTAMP_SIGMA_S
     return scatter
 
 
 def smoothed(times_s: Float64, values: Float64, width_s: float) -> Float64:
-    """Return values (n, k) averaged over a width, or as they are where the width is 0 or samples are rarer."""
+    """Return the moving mean of samples over a width in time.
+
+    Parameters
+    ----------
+    times_s
+        (n,) timestamps, s, increasing.
+    values
+        (n, k) samples.
+    width_s
+        Width of the mean, s.
+
+    Returns
+    -------
+    ndarray of float64
+        (n, k); ``values`` themselves where the width is shorter than two median steps.
+    """
     half = int(width_s / float(np.median(np.diff(times_s))) / 2) if len(times_s) > 1 else 0
     size = 2 * half + 1  # odd: an even one would shift by half a sample
     mean: Float64 = uniform_filter1d(values, size, axis=0, mode="nearest") if size > 1 else values
@@ -259,5 +337,5 @@ def smoothed(times_s: Float64, values: Float64, width_s: float) -> Float64:
 
 
 def every_second(count: int) -> NDArray[np.intp]:
-    """Return every second index, and the last, so that the span stays."""
+    """Return every second index below ``count``, and the last one, so that the span stays the same."""
     return np.unique(np.append(np.arange(0, count, 2), count - 1))

@@ -1,4 +1,7 @@
-"""Fit IMU against poses over a whole sequence: segment by segment, iterated where the timestamps have to move."""
+"""Fit IMU against poses over a whole sequence, by segments.
+
+The fit is repeated where the timestamps have to be corrected.
+"""
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
@@ -29,17 +32,18 @@ from fedora_qa.estimators.imu.summary import FEWEST_ROWS, OUTLIER, InertialFit, 
 Float64 = NDArray[np.float64]
 
 _MARGIN_S: Final = 0.1
-"""Samples beyond a segment's ends: splines and interpolation forget their ends within it."""
+"""Length of time beyond the ends of a segment from which samples are used: splines and interpolation no longer depend
+on their end conditions there."""
 
 _MOST_ITERATIONS: Final = 12
 _CAPTURE_RANGE: Final = 0.5
-"""Share of its largest conceivable value beyond which a parameter is no longer followed."""
+"""Share of the largest conceivable value of a parameter above which the first fit is returned."""
 
 _LEAST_WALK_S: Final = 1e-3
-"""Keeps the prior of segments of hardly any length invertible."""
+"""Time that is added to the variance of each walk, s, so that the prior of very short segments can be inverted."""
 
 _MOST_OUTLIERS: Final = 0.1
-"""Where more rows than this share lie far out, it is the model that is wrong, and none is left out."""
+"""Largest share of outliers. Where more rows lie far out, the model is wrong, and no row is left out."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -49,15 +53,15 @@ class InertialComparison:
     Attributes
     ----------
     rows_of, effects_of
-        Make the rows, and of them what the noise of the samples disturbs.
+        Make the rows of samples under declared noise, and the parts of the rows that noise of the samples changes.
     prepared
-        Adds to samples what several of these need.
+        Adds to samples an intermediate result that several of these functions need.
     parameters
-        That are fitted.
+        The fitted parameters, P of them.
     without
-        Takes parameters (P,) out of samples.
+        Removes faults of the sizes of the parameters (P,) from samples.
     nonlinear
-        (P,) which parameters ``without`` takes out; residuals are linear in all others.
+        (P,) which parameters ``without`` removes; residuals are linear in all others.
     """
 
     rows_of: Callable[[InertialSamples, InertialNoise], ComparisonRows]
@@ -89,20 +93,23 @@ TRANSLATION: Final = InertialComparison(
 def fit_inertial(
     samples: InertialSamples, noise: InertialNoise, comparison: InertialComparison, *, bias_walk: float
 ) -> InertialFit | None:
-    """Fit the comparison's parameters to a whole sequence.
+    """Fit the parameters of a comparison to a whole sequence.
 
-    Freed parameters in which the residuals are not linear are taken out of the samples and all is fitted again, until
-    they settle (Gauss-Newton). Where they do not, the first fit stands, whose residuals show it.
+    Free parameters in which the residuals are not linear are removed from the samples, and all parameters are fitted
+    again, until they converge (Gauss-Newton). Where they do not converge, the first fit is returned; its residuals are
+    then large.
 
     Parameters
     ----------
-    samples, noise
-        Of the sequence; noise as declared.
+    samples
+        Of the sequence.
+    noise
+        As declared.
     comparison
         ``ROTATION`` or ``TRANSLATION``.
     bias_walk
-        Declared walk of the sensor's bias, rad/s^2/sqrt(Hz) or m/s^3/sqrt(Hz). Above 0 it gives each segment a bias of
-        its own: a random walk from zero.
+        Declared random walk of the bias of the sensor, rad/s^2/sqrt(Hz) or m/s^3/sqrt(Hz). If it is above 0, each
+        segment has a bias of its own, which follows a random walk from zero.
 
     Returns
     -------
@@ -117,7 +124,7 @@ def fit_inertial(
         if sum(map(len, segments)) < max(FEWEST_ROWS, 0 if first is None else first.rows // 2):
             return first
         fit, kept = _robust_fit(segments, comparison.parameters, linearised_at, bias_walk)
-        # Only what the residuals are not linear in has to be taken out of the samples.
+        # Only parameters in which the residuals are not linear have to be removed from the samples.
         free = np.where(comparison.nonlinear, fit.values_of_free(), 0.0)
         if first is None:
             disturbed = disturbed_interval(segments)
@@ -135,7 +142,7 @@ def fit_inertial(
 
 
 def _segments(samples: InertialSamples, noise: InertialNoise, comparison: InertialComparison) -> list[ComparisonRows]:
-    """Return the rows of each segment of time that has enough of them."""
+    """Return the rows of each segment of time that has enough rows."""
     times_s = samples.pose_times_s
     segments = []
     for segment in segments_of(times_s, noise.shortest_segment_s):
@@ -157,32 +164,37 @@ def with_scatter(
     noise: InertialNoise,
     effects_of: Callable[[InertialSamples, InertialNoise], RowEffects],
 ) -> ComparisonRows:
-    """Return the rows with what the IMU's own noise makes of them.
+    """Return the rows with the part of their residuals and jacobians that the noise of the IMU causes.
 
-    The regressor of a gain is the motion itself, as the gyro measures it: its noise is also in the residual (errors in
-    variables). Where nothing moves the regressor is all noise, and the fit finds a gain of any size. With J = J0 + j of
-    noise j, and residuals r0 + n, the expected score ``J^T C^-1 r`` is off by ``E[j^T C^-1 n]``, and the information
+    The regressor of a gain is the motion as the gyro measures it, and its noise is also in the residual (errors in
+    variables). Where nothing moves, the regressor is noise alone, and the fitted gain is arbitrary. With J = J0 + j of
+    noise j, and residuals r0 + n, the expected score ``J^T C^-1 r`` is biased by ``E[j^T C^-1 n]``, and the information
     ``J^T C^-1 J`` is too large by ``E[j^T C^-1 j]``.
 
-    Both are measured. Two halves of the samples, every other one, show one motion with independent noise of twice the
-    variance. Half the difference of what they give holds no motion and has the noise of what all samples give:
-    ``dJ = (J_even - J_odd)/2`` and ``dr = (r_even - r_odd)/2`` have the covariances of j and n, so ``dJ^T C^-1 dr`` and
-    ``dJ^T C^-1 dJ`` estimate the two without bias, whatever the noise's size. To subtract the first is to hold the
-    regressors of either half against the residuals of the other: (J_even r_odd + J_odd r_even)/2. In exact samples the
-    differences are the integration's own error, of fourth order, and vanish in the product.
+    Both biases are measured. Two halves of the samples, the even and the odd ones, hold the same motion with
+    independent noise of twice the variance. Half the difference of their results holds no motion and has the noise of
+    the result of all samples: ``dJ = (J_even - J_odd)/2`` and ``dr = (r_even - r_odd)/2`` have the covariances of j and
+    n. Hence ``dJ^T C^-1 dr`` and ``dJ^T C^-1 dJ`` estimate the two biases without bias, for noise of any size.
+    Subtracting the first one equals multiplying the regressors of either half by the residuals of the other, (J_even
+    r_odd + J_odd r_even)/2. For exact samples the differences are the error of the integration, of fourth order, and
+    vanish in the product.
 
     Parameters
     ----------
-    rows, samples, noise
-        The rows of the samples; noise as declared.
+    rows
+        The rows of the samples.
+    samples
+        Samples of both streams.
+    noise
+        As declared.
     effects_of
         Makes residuals and jacobians of samples.
 
     Returns
     -------
     ComparisonRows
-        As they are where no noise of the IMU is declared, or where the halves do not reach all rows, as at the ends of
-        very few samples.
+        With ``scatter``. The rows are unchanged where no noise of the IMU is declared, or where the halves do not
+        give all rows, as at the ends of very few samples.
 
     Sources
     -------
@@ -204,7 +216,10 @@ def with_scatter(
 
 
 def halves(samples: InertialSamples) -> tuple[InertialSamples, InertialSamples]:
-    """Return the samples with the even and the odd ones of the IMU; both keep its first and last: the span stays."""
+    """Return the samples with the even ones of the IMU only, and with the odd ones only.
+
+    Both halves keep the first and the last sample of the IMU, so that the span stays the same.
+    """
     last = len(samples.imu_times_s) - 1
     even, odd = (
         np.unique(np.concatenate(([0], np.arange(first, last, 2), [last])).astype(np.intp)) for first in (0, 1)
@@ -215,7 +230,7 @@ def halves(samples: InertialSamples) -> tuple[InertialSamples, InertialSamples]:
 def _robust_fit(
     segments: list[ComparisonRows], parameters: FitParameters, linearised_at: Float64, bias_walk: float
 ) -> tuple[GroupedFit, list[NDArray[np.bool_]]]:
-    """Fit all rows, then without those that lie far out of the fit of all parameters."""
+    """Fit all rows, then fit without the outliers of the fit of all parameters; return the fit and the rows kept."""
     kept = [np.ones(len(rows), dtype=np.bool_) for rows in segments]
     fit = _fit(segments, kept, parameters, linearised_at, bias_walk)
     for _ in range(3):
@@ -224,7 +239,7 @@ def _robust_fit(
         deviations = [
             (np.abs(rows.residuals - rows.jacobians @ values) / rows.sigmas).max(axis=-1) for rows in segments
         ]
-        # The median absolute residual over the normal quartile: robust against the outliers looked for.
+        # sigma = median / 0.674 for normal values. The median is robust against outliers.
         scale = max(1.0, float(np.median(np.concatenate(deviations))) / NORMAL_QUARTILE)
         clean = [deviation <= OUTLIER * scale for deviation in deviations]
         outliers = sum(int(np.count_nonzero(~rows)) for rows in clean)
@@ -242,16 +257,16 @@ def _fit(
     linearised_at: Float64,
     bias_walk: float,
 ) -> GroupedFit:
-    """Fit the rows that are kept, with a bias of each segment where it walks."""
+    """Fit the rows that are kept, with a bias for each segment if ``bias_walk`` is above 0."""
     used = [rows.select(keep) for rows, keep in zip(segments, kept, strict=True) if np.any(keep)]
     walks = bias_walk > 0
     scatters = [rows.scatter for rows in used if rows.scatter is not None]
     walk_covariance: Float64 | None = None
     if walks:
-        # Covariance (B, B) of what a random walk from zero adds to segments. Between them that is the walk's own, the
-        # time to the middle of the earlier one. The mean over a segment of length L varies by L/6 less than its middle
-        # does; the walk strays from that mean by L/6 in the mean square. Both disturb a fit, and together they are the
-        # time to the middle.
+        # Covariance (B, B) of the biases that a random walk from zero gives to segments. Between two segments it is
+        # the time to the middle of the earlier one. The variance of the mean over a segment of length L is smaller by
+        # L/6 than that at its middle, and the mean square deviation of the walk from that mean is L/6. Both disturb a
+        # fit; their sum is the time to the middle.
         middles_s = np.maximum([rows.times_s.mean() for rows in used], 0.0)
         # Wiener process: E[b(s) b(t)] = walk^2 min(s, t).
         shared_s = np.minimum(middles_s[:, None], middles_s)

@@ -1,7 +1,7 @@
 """Second differences of position against specific force and gravity, and their residuals.
 
-``p'' = R f + g``: specific force is turned into the world by the poses' own orientation, interpolated, so that the
-gyro has no part in it. A cubic spline through it is integrated twice; the second differences of that curve are compared
+In ``p'' = R f + g`` the interpolated orientation R of the poses transforms specific force into the world, so that the
+gyro is not used. A cubic spline through R f + g is integrated twice. The second differences of that curve are compared
 with those of the positions. No velocity is needed.
 """
 
@@ -32,10 +32,10 @@ from fedora_qa.geometry.motion import interpolate_poses
 Float64 = NDArray[np.float64]
 
 _ROUNDING: Final = 4.0
-"""Units in the last place that a position may be off."""
+"""Units in the last place by which rounding may change a position."""
 
 _FEWEST_KNOTS: Final = 4
-"""Fewer determine a parabola or a line, and no cubic spline."""
+"""Least number of knots of the cubic spline that is integrated here; fewer give a parabola or a line."""
 
 TRANSLATION_PARAMETERS: Final = FitParameters(
     names=("time_offset", "clock_rate", "pose_clock_rate", "bias_x", "bias_y", "bias_z", "gravity", "slope_x",
@@ -44,43 +44,63 @@ TRANSLATION_PARAMETERS: Final = FitParameters(
             "slope": (7, 8), "lever": (9, 10, 11)},
     largest=(1.0, 0.1, 0.1, 100.0, 100.0, 100.0, 100.0, 100.0, 100.0, 100.0, 100.0, 100.0),
 )  # fmt: skip
-"""What is fitted: offset of the IMU's timestamps, s; rates by which its clock and that of the poses run fast, s/s; bias
-in the body, m/s^2; excess of gravity over its declaration, and its horizontal part in the world, m/s^2; position of the
-IMU in the body, m."""
+"""Fitted parameters: offset of the timestamps of the IMU, s; rates by which the clocks of the IMU and of the poses run
+fast, s/s; bias in the body frame, m/s^2; excess of gravity over its declaration, and horizontal part of gravity in the
+world, m/s^2; position of the IMU in the body frame, m."""
 
 
 _DOWN_AND_LEVEL: Final = np.array([[0.0, 1.0, 0.0], [0.0, 0.0, 1.0], [-1.0, 0.0, 0.0]])
-"""Accelerations in the world, columns, by gravity and by its horizontal part."""
+"""Accelerations in the world, as columns: by 1 m/s^2 more gravity, and by 1 m/s^2 of its horizontal part, x and y."""
 
 
 def without_translation_faults(samples: InertialSamples, values: Float64) -> InertialSamples:
-    """Return the samples without offset and drift of timestamps; all else of TRANSLATION_PARAMETERS is linear."""
+    """Return the samples with offset and drift of the timestamps removed.
+
+    Parameters
+    ----------
+    samples
+        With the faults.
+    values
+        (P,) sizes of the faults, in the order and units of ``TRANSLATION_PARAMETERS``. Only the first three are
+        used, as residuals are linear in all others.
+
+    Returns
+    -------
+    InertialSamples
+        With corrected timestamps of IMU and poses.
+    """
     return samples.with_imu_earlier(*values[:2]).with_poses_earlier(values[2])
 
 
 def with_orientations(samples: InertialSamples) -> InertialSamples:
-    """Return the samples with the orientation at the IMU's instants: halves of them then share one interpolation."""
+    """Return the samples with the orientation at the instants of the IMU, interpolated between the poses.
+
+    Halves of these samples then share one interpolation.
+    """
     return replace(samples, R_world_imu=_orientations(samples))
 
 
 def translation_rows(samples: InertialSamples, noise: InertialNoise) -> ComparisonRows:
-    """Compare specific force with the second differences of consecutive positions.
+    """Return the comparison of specific force with the second differences of consecutive positions.
 
     Parameters
     ----------
-    samples, noise
-        Samples of both streams; noise and gravity as declared.
+    samples
+        Samples of both streams.
+    noise
+        Noise and gravity as declared.
 
     Returns
     -------
     ComparisonRows
-        One row a pose that the IMU covers from the pose before to the one after; residuals in m/s in the world.
+        One row for each pose that the IMU covers from the pose before to the pose after; residuals in m/s, in the
+        world.
 
     Notes
     -----
-    The residual at a pose is the change of mean velocity from the interval before it to the one after it: by position
-    less by force. Its covariance holds position noise (1, -2, 1), the white noise of the accelerometer, force turned by
-    noisy orientations, and rounded timestamps.
+    The residual at a pose is the change of mean velocity from the interval before the pose to the interval after it: by
+    position, less by force. Its covariance contains position noise with the weights (1, -2, 1), the white noise of the
+    accelerometer, the noise of the orientations that turn the force, and rounded timestamps.
     """
     samples = with_orientations(samples)
     times_s, columns = samples.pose_times_s, len(TRANSLATION_PARAMETERS.names)
@@ -93,7 +113,7 @@ def translation_rows(samples: InertialSamples, noise: InertialNoise) -> Comparis
         )  # fmt: skip
     accelerations, finite = _in_world(samples, noise.gravity_m_s2)
     by_force = _second_differences(times_s, samples.positions_world_m.T, poses) - effects.residuals
-    # The error of interpolation and integration, from every second sample and pose (Richardson).
+    # Error of interpolation and integration, from every second sample and pose (Richardson): difference / 15.
     imu, pose = every_second(len(samples.imu_times_s)), every_second(len(times_s))
     sparse = InertialSamples(
         samples.imu_times_s[imu],
@@ -121,7 +141,20 @@ def translation_rows(samples: InertialSamples, noise: InertialNoise) -> Comparis
 
 
 def translation_effects(samples: InertialSamples, noise: InertialNoise) -> RowEffects:
-    """Return what the samples alone make of the rows: residuals and jacobians."""
+    """Return the residuals and jacobians of ``translation_rows`` alone.
+
+    Parameters
+    ----------
+    samples
+        Samples of both streams.
+    noise
+        As declared; gravity, and the width of the mean before derivatives are taken, follow from it.
+
+    Returns
+    -------
+    RowEffects
+        Residuals in m/s, in the world; jacobians by ``TRANSLATION_PARAMETERS``.
+    """
     samples = with_orientations(samples)
     times_s, columns = samples.pose_times_s, len(TRANSLATION_PARAMETERS.names)
     accelerations, finite = _in_world(samples, noise.gravity_m_s2)
@@ -131,11 +164,11 @@ def translation_effects(samples: InertialSamples, noise: InertialNoise) -> RowEf
         poses = 1 + np.flatnonzero(covered(imu_times_s, times_s[:-2], times_s[2:]))
     if not len(poses):
         return RowEffects(poses, np.empty((0, 3)), np.empty((0, 3, columns)))
-    # Curves (27, M) that are integrated twice: acceleration, and its derivatives by TRANSLATION_PARAMETERS or their
-    # parts. With measured force f(t - offset - drift t) + bias and true gravity g + gravity the curve of the positions
-    # differs from that of the force by the double integral of the jerk, of the jerk times t, of -R, and of a constant.
-    # A sensor at lever l measures alpha x l + w x (w x l) besides. Poses whose clock runs fast by d are slower: p'' by
-    # 2 d.
+    # Curves (27, M) that are integrated twice: acceleration, and its derivatives by TRANSLATION_PARAMETERS or parts of
+    # these. The measured force is f(t - offset - drift t) + bias, true gravity is g + gravity. The curve of the
+    # positions then differs from that of the force by the double integral of the jerk, of the jerk times t, of -R, and
+    # of a constant. A sensor at lever l also measures alpha x l + w x (w x l). Where the clock of the poses runs fast
+    # by d, the motion of the poses is slower, and p'' is smaller by the share 2 d.
     R = _orientations(samples)
     both = np.concatenate((samples.specific_forces_body_m_s2, samples.angular_velocities_body_rad_s), axis=1)
     both = smoothed(samples.imu_times_s, both, noise.smoothing_s)
@@ -146,12 +179,12 @@ def translation_effects(samples: InertialSamples, noise: InertialNoise) -> RowEf
     curves[3:6] = np.einsum("nij,nj->in", R, slopes[:, :3])
     curves[6:9] = samples.imu_times_s * curves[3:6]
     curves[9:18] = R.reshape(-1, 9).T
-    # alpha x l + w x (w x l) = ([alpha]x + [w]x [w]x) l, turned into the world.
+    # alpha x l + w x (w x l) = ([alpha]x + [w]x [w]x) l, transformed into the world.
     curves[18:] = (R @ (so3.cross_matrices(slopes[:, 3:]) + W @ W)).reshape(-1, 9).T
     changes = _second_differences(times_s, integrated_twice(imu_times_s, curves[:, finite], times_s), poses)
     by_force, jerk, jerk_times_t = changes[:, 0:3], changes[:, 3:6], changes[:, 6:9]
     jacobians = np.empty((len(poses), 3, columns))
-    # A delay takes offset times jerk off the force; the residual is by position less by force, hence plus.
+    # A delay reduces the force by offset times jerk. The residual is position less force, hence the sign plus.
     jacobians[..., 0], jacobians[..., 1], jacobians[..., 2] = jerk, jerk_times_t, -jerk_times_t - 2 * by_force
     jacobians[..., 3:6] = -changes[:, 9:18].reshape(-1, 3, 3)
     jacobians[..., 6:9] = _DOWN_AND_LEVEL * ((times_s[poses + 1] - times_s[poses - 1]) / 2)[:, None, None]
@@ -161,7 +194,10 @@ def translation_effects(samples: InertialSamples, noise: InertialNoise) -> RowEf
 
 
 def _in_world(samples: InertialSamples, gravity_m_s2: float) -> tuple[Float64, NDArray[np.bool_]]:
-    """Return ``R f + g`` (M, 3) at the IMU's instants, and where it is finite (M,): outside gaps of the poses."""
+    """Return ``R f + g`` (M, 3), m/s^2, at the instants of the IMU, and where it is finite (M,).
+
+    It is not finite in gaps of the poses.
+    """
     R = _orientations(samples)
     accelerations = np.einsum("nij,nj->ni", R, samples.specific_forces_body_m_s2)
     accelerations[:, 2] -= gravity_m_s2
@@ -181,7 +217,8 @@ def _orientations(samples: InertialSamples) -> Float64:
 
 
 def _second_differences(times_s: Float64, values: Float64, poses: NDArray[np.intp]) -> Float64:
-    """Return (n, k) of k curves (k, P): by how much their slopes change at the poses."""
+    """Return the change of slope (n, k) of k curves (k, P) at n poses."""
+    # (p_k+1 - p_k) / T_k - (p_k - p_k-1) / T_k-1, with steps T.
     slopes = np.diff(values, axis=1) / np.diff(times_s)
     differences: Float64 = (slopes[:, poses] - slopes[:, poses - 1]).T
     return differences
@@ -190,7 +227,10 @@ def _second_differences(times_s: Float64, values: Float64, poses: NDArray[np.int
 def _covariance(
     samples: InertialSamples, noise: InertialNoise, poses: NDArray[np.intp], accelerations: Float64
 ) -> Float64:
-    """Return the bands (3, 3, n): position noise through 1/T, -2/T, 1/T, and white acceleration through a triangle."""
+    """Return the bands (3, 3, n) of the covariance, m^2/s^2.
+
+    Position noise enters with the weights 1/T, -2/T, 1/T for steps T, white noise of the acceleration with a triangle.
+    """
     times_s, positions_m = samples.pose_times_s, samples.positions_world_m
     steps_s = np.diff(times_s)
     speeds = np.linalg.norm(np.gradient(positions_m, times_s, axis=0), axis=-1)
@@ -198,19 +238,20 @@ def _covariance(
     variances = (
         noise.position_sigma_m**2 + timestamp_scatter(speeds) ** 2 + rounding_m**2 + noise.position_rounding_m**2
     )
-    # An orientation off by e turns the force f by e x f: with e of sigma on each axis the variance along i is
-    # sigma^2 (|f|^2 - f_i^2), on average over the samples. So gravity, being vertical, disturbs the level axes only.
+    # An error e of the orientation changes the force f by e x f. With e of sigma on each axis the variance along axis i
+    # is sigma^2 (|f|^2 - f_i^2), on average over the samples. Gravity is vertical and disturbs the horizontal axes
+    # only.
     upward = np.array([0.0, 0.0, noise.gravity_m_s2])
     squares = np.mean(np.square(accelerations + upward), axis=0)
     turned_squared = noise.rotation_sigma_rad**2 * (squares.sum() - squares)
-    # These errors are constant over a step of the poses: their density is their mean square times the step.
+    # These errors are taken as constant over a step of the poses: their density is their mean square times the step.
     density_squared = (noise.accel_density**2 + turned_squared * float(np.median(steps_s)))[:, None]
     before, after = 1 / steps_s[poses - 1], 1 / steps_s[poses]
     middle = -(before + after)
     bands = np.zeros((3, 3, len(poses)))
     bands[:, 2] = before**2 * variances[poses - 1] + middle**2 * variances[poses] + after**2 * variances[poses + 1]
-    # A second difference weighs acceleration by a triangle of height 1: its square integrates to a third of the base,
-    # the product of two that are a step apart to a sixth of the step.
+    # A second difference weights acceleration by a triangle of height 1. The square of a triangle integrates to a third
+    # of its base, the product of two triangles a step apart to a sixth of the step.
     bands[:, 2] += density_squared * (steps_s[poses - 1] + steps_s[poses]) / 3
     left, right = poses[:-1], poses[1:]
     neighbours = middle[:-1] * before[1:] * variances[left] + after[:-1] * middle[1:] * variances[right]
@@ -220,24 +261,24 @@ def _covariance(
 
 
 def integrated_twice(times_s: Float64, values: Float64, at_s: Float64) -> Float64:
-    """Integrate twice many cubic splines with the same knots.
+    """Return the double integrals of many cubic splines with the same knots.
 
-    As ``scipy.interpolate.CubicSpline(...).antiderivative(2)``, without the polynomials between: an interval's
-    integrals are closed forms of its two values and slopes (cubic Hermite interpolation).
+    The result is that of ``scipy.interpolate.CubicSpline(...).antiderivative(2)``, but no polynomials are built: the
+    integrals over an interval are closed forms of its two values and slopes (cubic Hermite interpolation).
 
     Parameters
     ----------
     times_s
-        (M,) knots, strictly increasing, at least two. Beyond them the outermost cubics go on.
+        (M,) knots, s, strictly increasing, M > 1. Beyond them the outermost cubics are continued.
     values
         (k, M) of the k curves at the knots.
     at_s
-        (n,) instants.
+        (n,) instants, s.
 
     Returns
     -------
-    ndarray
-        (k, n) double integrals from the first knot.
+    ndarray of float64
+        (k, n) double integrals from the first knot on, in the unit of the curves times s^2.
 
     Sources
     -------
@@ -257,7 +298,7 @@ def integrated_twice(times_s: Float64, values: Float64, at_s: Float64) -> Float6
     np.cumsum(steps_s * (once[:, :-1] + within), axis=1, out=twice[:, 1:])
     knot = np.clip(np.searchsorted(times_s, at_s, side="right") - 1, 0, len(times_s) - 2)
     beyond_s, step_s = at_s - times_s[knot], steps_s[knot]
-    # The double integrals of Hermite's four basis polynomials up to the share w of the interval.
+    # Double integrals of the four Hermite basis polynomials, from 0 to the fraction w of the interval.
     w = beyond_s / step_s
     of_right, of_right_slope = w**4 / 4 - w**5 / 10, w**5 / 20 - w**4 / 12
     of_left, of_left_slope = w**2 / 2 - of_right, w**3 / 6 - w**4 / 6 + w**5 / 20
@@ -269,7 +310,10 @@ def integrated_twice(times_s: Float64, values: Float64, at_s: Float64) -> Float6
 
 
 def _spline_slopes(steps_s: Float64, values: Float64) -> Float64:
-    """Return the slopes (k, M) at knots: second derivatives are continuous, and third ones at the outermost but one."""
+    """Return the slopes (k, M) of not-a-knot splines at their knots, for steps (M - 1,) and values (k, M).
+
+    Second derivatives are continuous everywhere, third derivatives at the second knot and at the last but one.
+    """
     chords = np.diff(values, axis=1) / steps_s
     before, after = steps_s[:-1], steps_s[1:]
     bands = np.empty((3, len(steps_s) + 1))
@@ -279,7 +323,7 @@ def _spline_slopes(steps_s: Float64, values: Float64) -> Float64:
     bands[0, 2:], bands[2, :-2] = before, after
     right = np.empty_like(values)
     right[:, 1:-1] = 3 * (after * chords[:, :-1] + before * chords[:, 1:])
-    # Not-a-knot: the third derivative is continuous at the outermost knots but one.
+    # Not-a-knot: the third derivative is continuous at the second knot and at the last but one.
     first, last = steps_s[0] + steps_s[1], steps_s[-1] + steps_s[-2]
     bands[1, 0], bands[0, 1] = steps_s[1], first
     bands[1, -1], bands[2, -2] = steps_s[-2], last

@@ -1,4 +1,4 @@
-"""The comparison of IMU and poses summed up: parameters, residuals, the worst row, local deviations."""
+"""Summary of a comparison of IMU and poses: parameters, residuals, the worst row, local deviations."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -14,21 +14,32 @@ Float64 = NDArray[np.float64]
 
 FEWEST_ROWS: Final = 8
 OUTLIER: Final = 8.0
-"""Standard deviations beyond which a row is left out of the fit."""
+"""Deviation in standard deviations above which a row is left out of the fit."""
 
 _FEWEST_SEGMENTS: Final = 3
 _SIMILAR_SCORE: Final = 0.7
-"""Share of the largest score from which on segments deviate by about as much."""
+"""Share of the largest score above which segments count as deviating by about as much."""
 
 _LEAST_OUTSIDE: Final = 0.1
-"""Share of the rows that must agree for a disturbance to be called local."""
+"""Least share of rows outside a disturbance that makes it local."""
 
 _COURSE_POINTS: Final = 1000
+"""Most points of the course of residuals."""
 
 
 @dataclass(frozen=True, slots=True)
 class WorstRow:
-    """The row that fits least: its value on its worst axis, the sigma it should have, its known error."""
+    """The row with the largest residual in units of its standard deviation, on its worst axis.
+
+    Attributes
+    ----------
+    time_s
+        Of the row, s.
+    value, sigma
+        Residual and its expected standard deviation on that axis, rad or m/s.
+    model_error
+        Largest error of the integration on any axis of the row, in the same unit.
+    """
 
     time_s: float
     value: float
@@ -43,13 +54,13 @@ class LocalDeviation:
     Attributes
     ----------
     start_s, stop_s
-        Of the segment.
+        First and last row of the segment, s.
     value
-        Of the parameter in it.
+        Of the parameter in the segment, in the unit of the parameter.
     deviation, standard_error, model_error
-        From its value in the whole sequence.
+        Difference from the value in the whole sequence, its standard error, and the error of the integration in it.
     tests
-        Of how many segments it is the worst.
+        Number of segments that were compared.
     """
 
     start_s: float
@@ -63,34 +74,36 @@ class LocalDeviation:
 
 @dataclass(frozen=True, slots=True)
 class InertialFit:
-    """The fit of a comparison of IMU and poses.
+    """The fit of a comparison of IMU and poses. Residuals are in rad (rotation) or m/s (translation).
 
     Attributes
     ----------
     parameters
         By name.
     settled
-        Whether the freed parameters converged. If not the two streams disagree in another way than these parameters
-        describe, and residuals are stated with none of them taken out.
+        Whether the free parameters converged. If not, the two streams disagree in a way that these parameters do
+        not describe, and the residuals are those of the samples as declared.
     misfit
         Root mean square of whitened residuals with all parameters fitted, each in units of its expected sigma.
     rms, expected_rms, rms_error
-        Of the residuals after the freed parameters: measured, expected of noise, and the standard error of the former.
+        Root mean square of the residuals after the free parameters: measured, expected of noise, and standard error
+        of the measured one.
     model_rms
-        Root mean square of the known error of the model.
+        Root mean square of the estimated error of the integration.
     smoothness
-        Correlation of neighbouring residuals: that of noise is not positive, that of another motion is near 1.
+        Correlation of neighbouring residuals: not positive for noise, near 1 for another motion.
     rows, outliers
-        How many comparisons were made, and how many lie so far out that they were left out of the fit.
+        Number of comparisons, and number of those that were left out of the fit as outliers.
     worst
-        Of all rows, after the freed parameters.
-    uneven
-        By name, where each parameter differs most from itself; none where there are few segments.
+        Of all rows, after the free parameters.
+    local_deviations
+        By name, the segment in which each parameter differs most from its value in the whole sequence; empty where
+        there are fewer than three segments.
     disturbed
-        From the first to the last instant, s, at which the streams as declared differ beyond all noise, if they agree
-        outside; None where they agree throughout, or nowhere.
+        First and last instant, s, at which the streams as declared differ by more than all noise, if they agree
+        outside; None where they agree everywhere or nowhere.
     course
-        (n, 2) instant in s and length of the residual, after the freed parameters: the longest of each of at most 1000
+        (n, 2) instant, s, and length of the residual after the free parameters: the longest of each of n <= 1000
         runs of rows.
     """
 
@@ -119,16 +132,25 @@ def summarise(
     *,
     settled: bool,
 ) -> InertialFit:
-    """Describe the fit; residuals are those of the freed parameters beyond ``linearised_at``.
+    """Return the summary of a fit.
+
+    Residuals are those of the rows less the free parameters beyond ``linearised_at``.
 
     Parameters
     ----------
-    fit, segments, kept
-        The fit, the rows of its segments, and which of them were fitted.
+    fit
+        Of the segments.
+    segments, kept
+        Rows of each segment, and which of them (n,) were fitted.
     linearised_at
-        (P,) what had been taken out of the samples.
+        (P,) sizes of the parameters that were removed from the samples before.
     disturbed, settled
         As of ``InertialFit``.
+
+    Returns
+    -------
+    InertialFit
+        Of the rows of all segments; ``rms`` counts fitted rows only.
     """
     free = fit.values_of_free()
     values = free - linearised_at
@@ -137,12 +159,12 @@ def summarise(
     squares = np.concatenate([np.square(r[keep]) for r, keep in zip(residuals, kept, strict=True)])
     expected = float(np.sqrt(np.mean(np.square(sigmas))))
     rms = float(np.sqrt(np.mean(squares)))
-    # The standard error of the rms of Gaussian rows whose neighbours correlate by -1/2 or -2/3: squares of neighbours
-    # correlate by the square of that, so that the variance of their mean is at most 1 + 2 (4/9 + 1/36) = 1.94 times
-    # that of independent ones.
+    # Standard error of the rms of Gaussian rows whose neighbours have the correlation -1/2 or -2/3. Squares of
+    # neighbours have the square of that as correlation, so that the variance of their mean is at most
+    # 1 + 2 (4/9 + 1/36) = 1.94 times that of independent ones.
     weights = np.square(sigmas) / np.mean(np.square(sigmas))
     rms_error = float(expected * np.sqrt(1.94 * np.mean(np.square(weights)) / (2 * sigmas.size)))
-    # Smoothness is the correlation of neighbouring rows (lag one), over all segments and axes.
+    # smoothness = sum of r_i r_i+1 / sum of r_i^2, over all segments and axes.
     products = sum(float(np.sum(rows[1:] * rows[:-1])) for rows in residuals)
     total = sum(float(np.sum(np.square(rows))) for rows in residuals)
     # The worst row deviates most in units of its sigma, on its worst axis.
@@ -157,7 +179,8 @@ def summarise(
                 model_error=float(np.abs(rows.model_errors[row]).max()),
             )
         )
-    # Where each parameter differs most; of segments that differ by about as much, where it is largest.
+    # The segment in which each parameter differs most. Of segments that differ by about as much, the one with the
+    # largest value is taken.
     used = [rows for rows, keep in zip(segments, kept, strict=True) if np.any(keep)]
     local_deviations: dict[str, LocalDeviation] = {}
     for column, name in enumerate(fit.parameters.names if len(used) >= _FEWEST_SEGMENTS else ()):
@@ -174,8 +197,8 @@ def summarise(
             model_error=float(local.model_errors[worst]),
             tests=len(used),
         )
-    # The course holds the longest residual of each run of rows. Runs are as long as one another, or longer by one row,
-    # those first.
+    # The course holds the longest residual of each run of rows. Runs have equal lengths; the first ones may be longer
+    # by one row.
     times_s = np.concatenate([rows.times_s for rows in segments])
     lengths = np.linalg.norm(np.concatenate(residuals), axis=1)
     count = min(len(lengths), _COURSE_POINTS)
@@ -202,7 +225,10 @@ def summarise(
 
 
 def disturbed_interval(segments: list[ComparisonRows]) -> tuple[float, float] | None:
-    """Return from when to when, s, rows as declared lie beyond all noise, if enough agree outside; else None."""
+    """Return the first and the last instant, s, at which residuals as declared exceed all noise.
+
+    The result is None where there is no such instant, or where too few rows outside that interval agree.
+    """
     times_s = np.concatenate([rows.times_s for rows in segments])
     outlying = np.concatenate(
         [(np.abs(rows.residuals) > OUTLIER * rows.sigmas + np.abs(rows.model_errors)).any(axis=1) for rows in segments]
