@@ -33,9 +33,9 @@ class BlockMoments:
     frames
         (n,) rows.
     steps
-        (n - 1, t, 8, 6) between successive frames: of each tile of the image, under the eight symmetries.
+        (n - 1, t, 8, 6) moments between successive frames, by tile of the image, under the eight symmetries.
     span
-        Between the first frame and the last, of the whole image.
+        Moments between the first frame and the last, of the whole image.
     """
 
     frames: NDArray[np.int64]
@@ -44,7 +44,13 @@ class BlockMoments:
 
 
 def block_moments(window: Window) -> BlockMoments | None:
-    """Return the moments of a window's frames and the next one; None where there are not two."""
+    """Return the moments of a window's frames and the next one; None where there are not two.
+
+    Returns
+    -------
+    BlockMoments or None
+        None where the window has fewer than two frames, or no event sensor is declared.
+    """
     return window.once("block_moments", lambda: _block_moments(window))
 
 
