@@ -112,6 +112,11 @@ def own(window: Window, events: Events) -> Events:
         A window of the sequence.
     events
         In the order of time, ns from the file's origin.
+
+    Returns
+    -------
+    Events
+        Events from the window's start to before its stop.
     """
     start, stop = np.searchsorted(events.times_ns, [window.span.start_ns, window.span.stop_ns])
     return Events(events.x[start:stop], events.y[start:stop], events.times_ns[start:stop], events.p[start:stop])
@@ -238,9 +243,14 @@ def event_footprints(window: Window, shape_frame: tuple[int, int]) -> Footprints
     Parameters
     ----------
     window
-        A window of the sequence.
+        A window of the sequence. It keeps both axes for the file.
     shape_frame
         Rows and columns of the colour frames.
+
+    Returns
+    -------
+    Footprints
+        One footprint for each pixel of the event camera, from row and column axes.
     """
     cameras, (height, width) = window.facts.declared.cameras, sensor_shape(window.facts.declared)
     K_frame, K_event = cameras["rgb"].K, cameras["events"].K
