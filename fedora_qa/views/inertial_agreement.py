@@ -107,7 +107,7 @@ class InertialConventionTrial(Feature):
 
     @property
     def is_certain(self) -> bool:
-        """Whether the disagreement exceeds ``_CERTAIN_SIGMAS`` standard errors: other measurements are then not needed."""
+        """Whether the disagreement exceeds ``_CERTAIN_SIGMAS`` standard errors: no other measurement is then needed."""
         value, error = self.convention.disagreement
         return value - 1.0 > _CERTAIN_SIGMAS * error
 
@@ -206,6 +206,11 @@ def coverage_of(streams: InertialStreams | str, facts: Facts) -> Coverage:
         Joined streams, or the reason why there are none.
     facts
         With the clock of the poses.
+
+    Returns
+    -------
+    Coverage
+        Compared poses of all poses.
     """
     compared = 0 if isinstance(streams, str) else len(streams.poses.times_ns)
     return Coverage(compared, len(facts.clocks["pose"].times_ns), "poses")

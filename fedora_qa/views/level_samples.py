@@ -268,6 +268,11 @@ def lower_variance_fit(equal: ThresholdFit | str, by_precision: ThresholdFit | s
         Fit to pairs of equal weight, or the reason why there is none.
     by_precision
         Fit to pairs weighted by precision, or the reason why there is none.
+
+    Returns
+    -------
+    ThresholdFit or str
+        A sentence where neither fit exists.
     """
     if isinstance(by_precision, str):
         return equal
@@ -421,7 +426,7 @@ def _summed(
 def _fit_at_offset(
     window: Window, frames: ResampledFrames, declared: EventModel, events: PixelEvents, offset_ns: int
 ) -> ResponseFit | None:
-    """Fit one window after subtraction of a clock offset from its events: the offset is added to the times of frames."""
+    """Fit one window after subtraction of a clock offset from its events, by frames that are later by the offset."""
     pairs = _pairs(window, frames, declared, events, offset_ns).tightest(ENOUGH_PAIRS)
     if len(pairs) < FEWEST_PAIRS:
         return None

@@ -160,7 +160,10 @@ def measured_pose_sigmas(poses: PoseSamples) -> tuple[float, float]:
 
 
 def stored_resolution(values: Float64) -> float:
-    """Return the spacing of stored numbers at the largest value: of float32 where all are float32 numbers, else of float64."""
+    """Return the spacing of stored numbers at the largest value.
+
+    The spacing is that of float32 where all values are float32 numbers but not all whole numbers, else that of float64.
+    """
     if not values.size:
         return 0.0
     largest = float(np.abs(values).max())

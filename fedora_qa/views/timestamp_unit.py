@@ -17,5 +17,8 @@ UNIT_WITHIN: Final = 0.2
 
 
 def unit_factor(ratio: float) -> float:
-    """Return the first factor of ``UNIT_FACTORS`` within ``UNIT_WITHIN`` of a ratio of durations; 1 where there is none."""
+    """Return the first factor of ``UNIT_FACTORS`` that a ratio of durations is near to; 1 where there is none.
+
+    Near means a relative difference of ``UNIT_WITHIN`` at most.
+    """
     return next((factor for factor in UNIT_FACTORS if abs(ratio / factor - 1) <= UNIT_WITHIN), 1.0)
