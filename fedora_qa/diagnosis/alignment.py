@@ -60,7 +60,7 @@ def _pairs(alarm: Alarm) -> list[CameraPairShift]:
 
 
 def shift_hypotheses(pairs: Sequence[CameraPairShift], cameras: Mapping[str, Camera]) -> tuple[Hypothesis, ...]:
-    """Return one shift for each camera; its support is the share of all pairs' shifts, in squared errors, that it explains.
+    """Return a shift of each camera, supported by the share of all pairs' shifts (squared errors) that it explains.
 
     Parameters
     ----------
@@ -97,7 +97,7 @@ def shift_hypotheses(pairs: Sequence[CameraPairShift], cameras: Mapping[str, Cam
 def _fitted_shift(
     cause: str, stream: str, prior: float, gains: Sequence[float], pairs: Sequence[CameraPairShift]
 ) -> Hypothesis:
-    """Fit one shift to all pairs by weighted least squares; its support is the explained share of the sum of squares."""
+    """Fit one shift to all pairs by weighted least squares; its support is the explained share of the squares."""
     # Weights 1 / sigma^2; the floor keeps a pair with an error of 0 from an infinite weight.
     precisions = np.array([1.0 / np.maximum(pair.error_px, _LEAST_ERROR_PX) ** 2 for pair in pairs])
     shifts_px = np.array([pair.shift_px for pair in pairs])

@@ -1,6 +1,7 @@
-"""What the hypotheses of all convention trials have in common: how their extent supports them, and their rank.
+"""Support of hypotheses of convention trials by their extent, and their rank.
 
-A convention trial is tried on single fields of flow or pairs of depth frames that are off; a cause must explain all.
+Convention trials are made on single deviating fields of flow or pairs of depth frames; a cause must explain all of
+these.
 """
 
 from collections.abc import Iterable, Sequence

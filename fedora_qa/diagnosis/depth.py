@@ -87,7 +87,7 @@ _CAUSES_OF_TRANSFORM: Final[Mapping[Transform, tuple[tuple[str, str, float, Size
 
 
 def propose_range(alarm: Alarm, facts: Facts) -> tuple[Hypothesis, ...]:
-    """Return the hypotheses for ``depth.range``: a unit with which both ends lie in the range, or values that are codes."""
+    """Return the hypotheses for ``depth.range``: a unit with which both ends lie in the range, or codes."""
     if alarm.finding.code.endswith("_end"):
         return (Hypothesis("invalid_encoding", "depth", support("depth.clipped_values")),)
     extent = only_feature(alarm.statistic.features, DepthExtent)
@@ -147,7 +147,7 @@ def propose_consistency(alarm: Alarm, facts: Facts) -> tuple[Hypothesis, ...]:
 
 
 def _of_pairs(alarm: Alarm) -> tuple[Hypothesis, ...]:
-    """Return the causes whose undoing lets the pairs agree, best supported first, and the causes that other checks measure."""
+    """Return the causes whose undoing lets the pairs agree, best supported first, then causes of other checks."""
     pairs = only_feature(alarm.statistic.features, PairsOff)
     if not pairs.off:
         return ()

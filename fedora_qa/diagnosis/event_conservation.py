@@ -160,7 +160,7 @@ def hypotheses_of_trials(trials: Sequence[InverseTrial], facts: Facts) -> tuple[
 
 
 def _dominant_hypotheses(trials: Sequence[InverseTrial], facts: Facts) -> tuple[Hypothesis, ...]:
-    """Return the cause whose inverse resolves by far the most violations of all windows; none where there is no such cause.
+    """Return the cause whose inverse resolves by far the most violations of all windows; none without such a cause.
 
     No transform resolves the violations of spurious events, so in noise the correct transform resolves less than
     ``_RESOLVED``. A wrong transform that resolves violations by chance is not much better than another wrong transform,
