@@ -1,4 +1,4 @@
-"""The scale of depth: how far points lie, measured by how they move when the camera does."""
+"""The scale of depth, from the parallax of points under the camera's motion."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -21,25 +21,25 @@ from fedora_qa.views.depth_pairs import DepthPair
 Parameter = TypeVar("Parameter", PairParameter, PooledParameter)
 
 _SIGNIFICANT: Final = 10.0
-"""Errors from 1 at which a pair's factor is wrong, whatever the file's false-alarm rate."""
+"""Standard errors from 1 at which the factor of a pair is wrong at any false-alarm rate of a file."""
 
 _RELATIVE_STEP: Final = 1e-3
-"""Share of the factor by which it is changed to differentiate by it."""
+"""Relative step of the numerical derivative by the factor."""
 
 _MATERIAL: Final = 0.5
-"""Metres, millimetres, feet, yards: units differ by more, but for the last of them."""
+"""Material error of the scale: units (m, mm, ft) differ by more."""
 
 
 @dataclass(frozen=True, slots=True)
 class PathScale(Feature):
-    """The scale as one of the camera's path.
+    """The scale if it is a fault of the camera's path.
 
     Attributes
     ----------
     factor
-        How many times too long the path would be, were the depths right; None where it could not be fitted.
+        Factor by which the path is too long if the depths are correct; None where it could not be fitted.
     depths_plausible
-        Whether most pairs' depths lie in the declared range.
+        Whether the depths of most pairs lie in the declared range.
     """
 
     factor: float | None
