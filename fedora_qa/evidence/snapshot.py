@@ -183,7 +183,7 @@ def _flow(window: Window, time_ns: int, rows: Mapping[str, int], width_px: int) 
 
 
 def _residual(window: Window, flow: Picture, width_px: int) -> Picture | None:
-    """Return the residual between the frames at both ends of a field's interval; None where there are no such frames."""
+    """Return the residual between the frames at both ends of a field's interval; None where the file has none."""
     clock = window.facts.clocks.get("rgb")
     if clock is None or not clock.usable or "rgb" not in window.facts.streams:
         return None

@@ -34,7 +34,7 @@ class StreamEnds(Feature):
 
 @dataclass(frozen=True, slots=True)
 class CutOfSeveralRates(Feature):
-    """Two or more rates of flow are cut at this end, and the period of each other rate is too long to detect the same cut.
+    """Two or more rates of flow are cut at this end, and no other rate has a period short enough to detect the cut.
 
     Attributes
     ----------

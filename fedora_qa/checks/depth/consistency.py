@@ -299,7 +299,7 @@ class DepthConsistency(WindowCheck[WindowAgreement]):
 
 
 def _corrections(pairs: Sequence[PairAgreement], facts: Facts, features: tuple[Feature, ...]) -> list[Statistic]:
-    """Return the statistics of the corrections against the declared noise: of every second pair together, and the worst.
+    """Return the statistics of the corrections against the declared noise: of every second pair, and of the worst.
 
     Every second pair, because neighbouring pairs share a pose. With Q chi-square of n degrees of freedom, (Q/n)^(1/3)
     is normal about 1 - 2/(9n) with variance 2/(9n) (Wilson and Hilferty, PNAS 17 (1931) 684); at n = 6 its five-sigma

@@ -289,7 +289,7 @@ class EventResponseTiming(WindowCheck[TimingSummary]):
 
 
 def delay_courses(local: LocalOffset, times_s: NDArray[np.float64], expected_s: float) -> DelayCourses:
-    """Return the probabilities of three courses of the delay over the windows, proportional to exp(-BIC / 2) (Schwarz 1978).
+    """Return the probabilities of three courses of the delay over the windows, by exp(-BIC / 2) (Schwarz 1978).
 
     An offset and a rate (delay 0 at the origin of the file) have one parameter each; a segment has three, with its
     ends. Residuals of the best course count as noise.

@@ -45,10 +45,12 @@ of gains are 0.4% with 25,000 events and 0.3% with all; limits, dominated by the
 
 LARGE_EVENTS: Final = 8_000
 LARGE_ROWS: Final = 0.25
-"""Of large frames so many events of a field are carried, of such a share of the rows where that has enough of them.
+"""Number of events of a field that are carried in large frames, and share of the rows that they come from if it holds
+enough events.
 
-Bands of rows keep the events of an edge together, which every third event would not. At 1440x1080, 1 s, limits are up
-to 13% larger; with 4,000 those of transforms would be 24%, and exchanged axes were no longer detected.
+Bands of rows keep the events of an edge together; a regular selection of events would not. At 1440x1080 over 1 s,
+limits are up to 13% larger. With 4,000 events, limits of transforms would be 24% larger, and exchanged axes were not
+detected.
 """
 
 FEWEST_EVENTS: Final = 500
