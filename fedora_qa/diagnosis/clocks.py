@@ -150,7 +150,7 @@ def propose_span(alarm: Alarm, facts: Facts) -> tuple[Hypothesis, ...]:
         # A shift s begins the stream s later and ends it s later, that is -s earlier: half the difference is the shift,
         # the sum is what is missing.
         shift_ns, missing_ns = (begins_later_ns - ends_earlier_ns) / 2, begins_later_ns + ends_earlier_ns
-        # Both ends moved alike, up to a tenth that may be cut off: an offset.
+        # Both ends moved equally, up to a tenth that may be cut off: an offset.
         if begins_later_ns * ends_earlier_ns < 0 and abs(missing_ns) < 0.1 * abs(shift_ns):
             shifted = support("clocks.shifted_span")
             hypotheses.append(Hypothesis("time_offset", stream, shifted, shift_ns / NS_PER_MS, "ms"))

@@ -142,6 +142,11 @@ def gain_hypothesis(
         Length of the interval, s.
     tolerance
         Largest relative difference from a sign or unit that counts as such.
+
+    Returns
+    -------
+    Hypothesis
+        ``flow_sign``, ``flow_unit``, or ``flow_gain`` with its size in percent.
     """
     factor = 1 + gain
     # 1 + gain = -1: vectors of the right length and the opposite sign.

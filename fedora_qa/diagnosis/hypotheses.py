@@ -96,6 +96,11 @@ def propose(alarms: Sequence[Alarm], facts: Facts) -> dict[str, tuple[Hypothesis
         Of one file.
     facts
         Of the same file.
+
+    Returns
+    -------
+    dict[str, tuple[Hypothesis, ...]]
+        Best supported first.
     """
     return {alarm.finding.id: hypotheses_of(alarm, facts) for alarm in alarms}
 
@@ -109,6 +114,11 @@ def hypotheses_of(alarm: Alarm, facts: Facts) -> tuple[Hypothesis, ...]:
         Its check has a row in ``PROPOSALS``.
     facts
         Of the same file.
+
+    Returns
+    -------
+    tuple
+        One at least for most checks.
     """
     # The code of a finding is ``<subject>.<property>.<rule>``: without the rule it is the name of the check.
     return PROPOSALS[alarm.finding.code.rpartition(".")[0]](alarm, facts)

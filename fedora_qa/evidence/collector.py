@@ -256,6 +256,11 @@ def timeline_of(facts: Facts, spans: Sequence[Span], bins: int) -> Timeline:
         All windows of the file, in the order of time.
     bins
         Number of bins.
+
+    Returns
+    -------
+    Timeline
+        One bin of 1 ns where no stream has samples.
     """
     present = [
         sum(start < stop and not stream.startswith("flow/") for stream, (start, stop) in span.owned.items())

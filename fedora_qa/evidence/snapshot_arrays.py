@@ -68,7 +68,7 @@ def _entries(snapshots: Sequence[Snapshot], facts: Facts, width_px: int) -> Entr
         present = [picture for picture in pictures if picture is not None]
         if not present:
             continue
-        # Start and end of what each picture shows (n, 2), on the file's clock; NaN where there is none.
+        # Start and end of the interval of each picture (n, 2), on the file's clock; NaN where there is none.
         bounds_ns = [
             (np.nan, np.nan) if picture is None else (picture.start_ns, picture.stop_ns) for picture in pictures
         ]

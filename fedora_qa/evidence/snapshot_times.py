@@ -99,6 +99,11 @@ def snapshot_bytes(facts: Facts, width_px: int) -> int:
         With the sizes of the images.
     width_px
         Largest width of pictures, px.
+
+    Returns
+    -------
+    int
+        Uncompressed size.
     """
     sizes: dict[str, int] = {}
     for key, bytes_per_px in _BYTES_PER_PX.items():

@@ -1,4 +1,4 @@
-"""Inverse transforms of depth, camera, timestamps and poses, tried on a pair of depth frames that is off.
+"""Inverse transforms of depth, camera, timestamps and poses, tried on a deviating pair of depth frames.
 
 Each trial applies one transform to the pair and measures how much of the typical residual it removes.
 """
@@ -32,8 +32,8 @@ Transform = Literal[
 ]  # fmt: skip
 """The transform that is undone. Parameters, where there are any: the factor by which depths are too large
 (``depth_scale``); px to the right or down (``image_shift``); the share by which the focal length is too short
-(``focal_length``); rows between the frames that are exchanged (``frame_order``); ms by which depth is stamped too late
-(``clock_offset``)."""
+(``focal_length``); rows between the frames that are exchanged (``frame_order``); ms by which timestamps of depth are
+too late (``clock_offset``)."""
 
 Extent = Literal["all", "part"]
 """What was changed: all of the depth; or a part, which is one frame of the pair or one tile of both."""

@@ -69,7 +69,7 @@ def _block_moments(window: Window) -> BlockMoments | None:
     if len(stored) > len(sensor_events(window)):
         shape = sensor_shape(window.facts.declared)
         columns = stored.x, stored.y, stored.times_ns, stored.p
-        # Events off the declared sensor are what exchanged axes leave: without them that symmetry would miss events.
+        # Exchanged axes put events outside of the declared sensor: without these, that symmetry would lack events.
         add_events_beyond(events, *columns, resampled.times_ns, shape, declared.threshold_on, declared.threshold_off)
     steps = step_moments(levels, events, GRID)
     # Between two frames there is but one step.

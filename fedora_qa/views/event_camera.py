@@ -33,7 +33,7 @@ WINDOW_NS: Final = NS_PER_S // 5
 """The usual window; those of large images are shorter."""
 
 GRID: Final = 4
-"""Tiles of the event camera's image along each side, in which checks look for what is local."""
+"""Number of tiles of the event camera's image along each side, for local deviations."""
 
 CENTRES_AGREE_M: Final = 1e-6
 AXES_AGREE: Final = 1e-6

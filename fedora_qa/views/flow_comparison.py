@@ -172,7 +172,7 @@ def compare_field(
     if region is not None:  # the motion by the rest of the image is taken as exact
         sample = replace(thinned(lattice.within(region)) or sample, sigma_px=sample.sigma_px)
         motion, fit = (fit.motion, None) if fit else (motion, None)
-    # Whether the field, or the depth at its start, equals its predecessor bit for bit in the part that is off.
+    # Whether the field, or the depth at its start, equals its predecessor bit for bit in the deviating part.
     left, top, right, bottom = region or (0, 0, None, None)
     part = (slice(top, bottom), slice(left, right))
     stream, row = interval.stream, interval.row

@@ -35,7 +35,7 @@ _INTERVAL_SHIFTS: Final = (-1, 1, -2, 2, -3, 3)
 
 @dataclass(frozen=True, slots=True)
 class ConventionTrial(Feature):
-    """An inverse transform of the data, tried on one field that is off.
+    """An inverse transform of the data, tried on one deviating field.
 
     Attributes
     ----------

@@ -71,6 +71,11 @@ def owned_intervals(window: Window, stream: str) -> Iterator[Interval]:
         A window of the sequence.
     stream
         ``flow/<rate>hz``.
+
+    Yields
+    ------
+    Interval
+        In the order of the file.
     """
     for row in window.owned(stream):
         yield interval_at(window.facts, stream, row)
@@ -364,6 +369,11 @@ def longest_interval_ns(facts: Facts, stream: str) -> int:
         With the clock of the stream.
     stream
         ``flow/<rate>hz``.
+
+    Returns
+    -------
+    int
+        Ns, 0 at least.
     """
     clock = facts.clocks[stream]
     if clock.ends_ns is None or not len(clock.times_ns):

@@ -50,7 +50,7 @@ class MedianEndpointError:
 
     @property
     def suspicion(self) -> float:
-        """Above 1 where most pixels are off by more than they may."""
+        """Ratio of error to bound: above 1 most pixels exceed their bounds."""
         return self.typical_px / self.bound_px
 
 
@@ -79,7 +79,7 @@ class RateAgreement:
 
     @property
     def suspicion(self) -> float:
-        """Above 1 where the segment, or a tile of it, is off."""
+        """Above 1 where the segment, or a tile of it, exceeds its bound."""
         suspicions = [self.lost / MOST_LOST]
         suspicions += [error.suspicion for error in (self.whole, self.worst_tile) if error is not None]
         return max(suspicions)

@@ -46,7 +46,7 @@ night, with noise of 1 DN, it would be more than 0.5.
 """
 
 FEWEST_VALID: Final = 0.4
-"""Share of a tile's pixels that both frames must show."""
+"""Least share of a tile's pixels that are visible in both frames."""
 
 FEWEST_TILES: Final = 4
 
@@ -178,7 +178,7 @@ class FieldResidual:
 
     @property
     def unmatched_share(self) -> float:
-        """Share of the textured tiles whose frames do not show the same thing."""
+        """Share of the textured tiles whose frames do not match."""
         return self.unmatched / self.textured if self.textured else 0.0
 
 

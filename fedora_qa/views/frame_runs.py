@@ -245,7 +245,7 @@ class FrameRuns:
                     joined.append(run)
             runs = joined
         elif self.groups and (len(self.groups) > 1 or self.from_start):
-            # Nothing can join the last group any more; the first one may still go on before.
+            # The last group cannot grow any more; windows before the first one may still join it.
             number, earlier = self.groups[-1]
             self.groups[-1] = number, self._summary(earlier)
         self.groups.append((group, runs))

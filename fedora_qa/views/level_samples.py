@@ -60,7 +60,7 @@ every few steps are left out."""
 FARTHEST_OFFSET_NS: Final = 100_000_000
 OFFSET_STEP_NS: Final = 5_000_000
 REFINEMENTS: Final = 3
-"""Fits by which the best offset of the ladder is refined."""
+"""Farthest offset and step of the ladder of offsets, and number of fits by which its best offset is refined."""
 
 CAPTURE_RANGE_S: Final = 3e-3
 """Largest offset, s, that one fit estimates without bias. Larger ones also bias the thresholds."""

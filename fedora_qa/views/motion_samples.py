@@ -167,7 +167,7 @@ def stored_resolution(values: Float64) -> float:
     if not values.size:
         return 0.0
     largest = float(np.abs(values).max())
-    # Whole numbers are float32 numbers as well, whatever their type was.
+    # Whole numbers are float32 numbers as well, with any stored type.
     single = values.astype(np.float32)
     if np.array_equal(single, values) and not np.array_equal(np.rint(values), values):
         return float(np.spacing(np.float32(largest)))

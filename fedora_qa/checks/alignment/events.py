@@ -1,4 +1,4 @@
-"""Events against colour: place in the image, whatever their polarity and thresholds."""
+"""Events against colour: place in the image, for any polarity and thresholds."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass

@@ -85,7 +85,8 @@ class ClocksGaps(FactsCheck):
         statistics: list[Statistic] = []
         notices: list[Notice] = []
         for stream, fit in fits_of(facts):
-            # With jitter above a tenth of the period or half a grid a late sample is not separable from a missing one.
+            # With jitter above a tenth of the period or half a grid, a late sample is not distinguishable from a
+            # missing one.
             if not fit.regular:
                 jitter = f"jitter {fit.jitter_ns / NS_PER_US:.3g} us of a period of {fit.period_ns / NS_PER_US:.4g} us"
                 message = f"{stream} is irregular ({jitter}): gaps cannot be told"

@@ -113,7 +113,7 @@ class ClocksResolution(WindowCheck[Comb]):
         return "" if facts.events is not None or facts.clocks else "the file has no stamps"
 
     def measure(self, window: Window) -> Comb | None:
-        """Return the comb that a part of the events keeps to, where a clean file shows none."""
+        """Return the comb of a part of the events, which correct files do not have."""
         facts, span = window.facts, window.span
         if facts.events is None or _why_events_show_none(facts):
             return None
@@ -174,7 +174,7 @@ class ClocksResolution(WindowCheck[Comb]):
         return replace(observation, measurements=(*grids, partial_grid))
 
     def examine(self, facts: Facts) -> Observation:
-        """Measure the grid of each stream whose timestamps show one."""
+        """Measure the grid of each stream whose timestamps determine one."""
         grids: list[Statistic] = []
         for stream, fit in fits_of(facts):
             # Equal steps are multiples of every divisor of the period; only unequal steps determine a grid.

@@ -94,6 +94,11 @@ def file_us(facts: Facts, times_ns: NDArray[np.int64], row: int | None) -> float
         (n,) timestamps of a stream, ns from the file's origin.
     row
         Row of the stream.
+
+    Returns
+    -------
+    float or None
+        Us.
     """
     return None if row is None or row >= len(times_ns) else facts.to_file_us(float(times_ns[row]))
 

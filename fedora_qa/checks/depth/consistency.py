@@ -215,17 +215,17 @@ class DepthConsistency(WindowCheck[WindowAgreement]):
         return tuple(chosen[:_MOST_FOLLOW_UPS])
 
     def follow_up(self, state: list[WindowAgreement], window: Window) -> None:
-        """Try inverse transforms on the middle one of the window's pairs that are off.
+        """Try inverse transforms on the middle one of the window's deviating pairs.
 
-        The worst pair may be one between whose frames a fault begins or ends.
+        A fault may begin or end between the frames of the worst pair.
         """
         of_window = [pair for summary in state if summary.window == window.span.index for pair in summary.pairs]
         off = sorted((pair for pair in of_window if pair.excess > 1), key=lambda pair: pair.excess)
-        # The median of the deviating pairs: a fault may begin or end between the frames of the worst one.
+        # The median of the deviating pairs (see the docstring).
         chosen = off[(len(off) - 1) // 2]
         for pair in owned_pairs(window):
             if pair is not None and pair.first == chosen.first:
-                # One tile that is off, in frames that agree otherwise, is tried by itself.
+                # A single deviating tile, in frames that agree otherwise, is tried alone.
                 local = chosen.whole.excess <= 1 and chosen.noise_square <= 0
                 residual, tile = (chosen.worst_tile.typical, chosen.tile) if local else (chosen.whole.typical, None)
                 trials = try_conventions(pair.whole(), residual, tile)
@@ -398,7 +398,7 @@ def compare(pair: DepthPair) -> PairAgreement | None:
         # The lattice has every ``every_px``-th pixel of the frame.
         tile_px = (pair.every_px * left, pair.every_px * top, pair.every_px * right, pair.every_px * bottom)
 
-    # Only pairs that are off are compared value by value.
+    # Only deviating pairs are compared value by value.
     repeats = max(whole.excess, worst_tile.excess) > 1 and np.array_equal(
         pair.window.depth_m(pair.first), pair.window.depth_m(pair.second), equal_nan=True
     )

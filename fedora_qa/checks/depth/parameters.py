@@ -103,10 +103,18 @@ class FittedParameter(WindowCheck[tuple[PairParameter, ...]]):
 
     @abstractmethod
     def family(self, pair: DepthPair) -> Family:
-        """Return the models of a pair by the parameter's value."""
+        """Return the models of a pair as a function of the parameter."""
 
     def path_factor(self, pair: DepthPair, fit: DepthFit) -> float:
-        """Return how many times too long the path would be instead of the depths; NaN where it has no such factor."""
+        """Return the factor by which the path is too long if the depths are correct; NaN for other parameters.
+
+        Parameters
+        ----------
+        pair
+            The pair of frames.
+        fit
+            Fit of the parameter to the pair.
+        """
         return float("nan")
 
     def pooled(self, fits: Sequence[PairParameter]) -> PooledParameter | None:
@@ -115,7 +123,15 @@ class FittedParameter(WindowCheck[tuple[PairParameter, ...]]):
 
     @abstractmethod
     def statistic(self, pooled: PooledParameter, fits: Sequence[PairParameter]) -> Statistic:
-        """State the parameter."""
+        """Return the statistic of the parameter.
+
+        Parameters
+        ----------
+        pooled
+            The parameter of all pairs together.
+        fits
+            The parameter of each pair, in the order of frames.
+        """
 
     def measure(self, window: Window) -> tuple[PairParameter, ...] | None:
         """Fit every pair that the window owns."""

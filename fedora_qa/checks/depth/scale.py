@@ -92,15 +92,26 @@ class DepthScale(FittedParameter):
         return pair.scaled
 
     def path_factor(self, pair: DepthPair, fit: DepthFit) -> float:
-        """Fit, where the factor is surely not 1, that of the positions instead: the lever arm does not scale with them.
+        """Return the factor by which the path is too long if the depths are correct; NaN where the scale is about 1.
 
-        The fit begins from the path that the factor of the depths asks for; a factor of zero, of positions beyond all
-        measure, asks for none.
+        The fit starts at the factor of the depths. The lever arm does not scale with the positions.
+
+        Parameters
+        ----------
+        pair
+            The pair of frames.
+        fit
+            Fit of the factor of the depths.
+
+        Returns
+        -------
+        float
+            NaN also where the factor of the depths is zero.
         """
         # A factor that is 1 within ten errors leaves no scale to assign to the path.
         if not fit.value or abs(fit.value - 1) <= _SIGNIFICANT * (fit.standard_error + fit.bound):
             return float("nan")
-        # Depths that are too large by a factor look like positions that are too small by it.
+        # Depths that are too large by a factor have the effect of positions that are too small by it.
         path_fit = fit_depth(
             pair.with_path, pair.lattice_to_fit(), pair.image1, pair.noise,
             start=fit.value, step=_RELATIVE_STEP * abs(fit.value),
@@ -108,12 +119,15 @@ class DepthScale(FittedParameter):
         return 1 / path_fit.value if path_fit is not None and path_fit.value else float("nan")
 
     def pooled(self, fits: Sequence[PairParameter]) -> PooledParameter | None:
-        """Pool reciprocals: noise of the positions is normal in the path over the depths, and skew the other way."""
+        """Pool the reciprocals of the factors.
+
+        With noise of the positions, the ratio of path to depths is normal, and its reciprocal is skewed.
+        """
         pooled = pool([_reciprocal(fit) for fit in fits if fit.value != 0])
         return None if pooled is None or pooled.value == 0 else _reciprocal(pooled)
 
     def statistic(self, pooled: PooledParameter, fits: Sequence[PairParameter]) -> Statistic:
-        """State the factor by which depths are too large beside the positions."""
+        """Return the factor by which depths are too large against the positions."""
         path_factors = np.array([fit.path_factor for fit in fits])
         fitted = path_factors[np.isfinite(path_factors)]
         path_scale = PathScale(

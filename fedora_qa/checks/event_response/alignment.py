@@ -232,8 +232,9 @@ class EventResponseAlignment(WindowCheck[ShiftCorrelations]):
         open_errors, lags = open_level_errors(slopes.mean(axis=0), threshold)
         errors = np.maximum(spread, open_errors)
         if far is None:
-            # How far pixels that have turned move the peak: those whose events turned, plus those yet to fire. Leaving
-            # them out bounds the drag by the data; the lag of the noise model bounds it as well.
+            # Shift of the peak by pixels whose change has changed sign: those whose events have, plus those whose
+            # events are still to come. The peak without them bounds this shift by the data; the lag of the noise model
+            # bounds it as well.
             drag_px = np.zeros(2)
             for by_window in ([window.with_turned for window in state], [window.settled for window in state]):
                 dragged = peak(np.sum([of_intervals.sum(axis=0) for of_intervals in by_window], axis=0))

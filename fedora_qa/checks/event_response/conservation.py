@@ -130,7 +130,7 @@ class EventResponseConservation(Check[ConservationState]):
     needs = ("events", "rgb")
     _MATTERS: Final = 0.05
     _MOST: Final = 0.5
-    """Share of the pixels in which events are lost, or of those that could show it where these are fewer."""
+    """Material share of violating pixels, of the informative pixels."""
     _TILE_MODEL_ERROR_BOUND: Final = 1 / TILE_PX
     """A structure one pixel wide runs through as many pixels of a tile as its side has."""
 
@@ -149,7 +149,7 @@ class EventResponseConservation(Check[ConservationState]):
         return ConservationState(FrameRuns(declared, declared.initial_phase == "zero" and events_follow))
 
     def update(self, state: ConservationState, window: Window) -> None:
-        """Join the window's frames to the last run, or begin another, and try inverse transforms where it is broken."""
+        """Join the window's frames to the last run, or begin another, and try inverse transforms on violations."""
         state.runs.follow(window)
         state.trials.extend(inverse_trials(window))
 
@@ -158,7 +158,7 @@ class EventResponseConservation(Check[ConservationState]):
         return ConservationState(state.runs.then(later.runs), state.trials + later.trials)
 
     def conclude(self, state: ConservationState, facts: Facts) -> Observation:
-        """Count the pixels that broke the law, in the worst two seconds and by tile."""
+        """Count the pixels that violate the law, in the worst two seconds and by tile."""
         groups, rgb_count = state.runs.summaries(), len(facts.clocks["rgb"].times_ns)
         coverage = Coverage(min(sum(group.frames for group in groups), rgb_count), rgb_count, "frames")
         if not groups:
@@ -238,13 +238,13 @@ class EventResponseConservation(Check[ConservationState]):
             # of the declared rate gives at least one event in this fraction of the pixels.
             seconds = float(times_ns[group.last_frame] - times_ns[group.first_frame]) / NS_PER_S
             spurious = -expm1(-declared.shot_rate_hz * seconds)
-            # A low-pass holds back events: pixels that fire within five time constants, 1 / (2 pi f) each, of a frame
+            # A low-pass delays events: pixels with events within five time constants, 1 / (2 pi f) each, of a frame
             # time may lag by more than their bound.
             lagging = 0.0
             if declared.bandwidth_hz > 0:
                 around_s = 10 / (2 * pi * declared.bandwidth_hz)
-                # Events a pixel within that time around all frames: an upper bound of the share of pixels that fire in
-                # it.
+                # Events a pixel within that time around all frames: an upper bound of the share of pixels with events
+                # in it.
                 lagging = group.events_per_pixel / max(seconds, 1e-9) * around_s * group.frames
             excused = min(spurious + lagging, 1.0)
             # As many violations are allowed as uneven frames alone make, with the Poisson error of so many and one.

@@ -75,6 +75,11 @@ def where_of(facts: Facts, event: EventRow | None) -> Where:
         With the scan of the events.
     event
         None for the stream as a whole.
+
+    Returns
+    -------
+    Where
+        Timestamp in us on the clock of the file, and the pixel.
     """
     if event is None:
         return Where(stream="events")

@@ -97,7 +97,7 @@ class EventStreamGaps(WindowCheck[SilenceCount]):
     """In practice one packet of the recorder is lost: 0.2 ms at least, 2 ms usually."""
 
     def measure(self, window: Window) -> SilenceCount:
-        """Return the least probable silence that ends here, whatever window it began in."""
+        """Return the least probable silence that ends in this window; it may begin in an earlier one."""
         events = all_events(window)
         times_ns = events.times_ns
         start_ns, stop_ns = window.span.start_ns, window.span.stop_ns

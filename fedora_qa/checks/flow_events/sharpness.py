@@ -178,7 +178,7 @@ class RateSharpness:
 
     @property
     def gain_model_error_bound(self) -> float:
-        """Bound of what pixels and bent paths do to the gain (see ``Sharpness``)."""
+        """Bound of the bias of the gain by the size of pixels and by bent paths (see ``FlowEventsSharpness``)."""
         way_px2 = float(np.mean(np.square([field.way_px for field in self.fields])))
         way_rad2 = float(np.mean(np.square([field.way_rad for field in self.fields])))
         # var(s) / var(u) = 1 / (12 w^2) by the pixel, 2 a^2 by the bent path (derivation in FlowEventsSharpness).
@@ -385,7 +385,8 @@ def _measure_field(window: Window, interval: Interval, events: Events) -> FieldS
     K_flow, K_event = (window.facts.declared.cameras[name].K for name in ("depth", "events"))
     across, down = (float(K_flow[i, i] / K_event[i, i]) for i in range(2))
     left, top = (float(K_flow[i, 2] - K_event[i, 2] * K_flow[i, i] / K_event[i, i]) for i in range(2))
-    # Both cameras look in one direction: u_flow = f_flow / f_event (u_event - c_event) + c_flow, along each axis.
+    # The optical axes of both cameras are parallel: u_flow = f_flow / f_event (u_event - c_event) + c_flow, along each
+    # axis.
     view = SensorView(across, left, down, top, 1 / across, 1 / down)
     shape = sensor_shape(window.facts.declared)
     focal_px = float(window.facts.declared.cameras["events"].K[0, 0])

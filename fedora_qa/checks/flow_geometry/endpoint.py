@@ -267,9 +267,9 @@ class FlowGeometryEndpoint(WindowCheck[WindowErrors]):
         return tuple(window for suspicion, window in worst[:_MOST_FOLLOW_UPS] if suspicion < -1)
 
     def follow_up(self, state: list[WindowErrors], window: Window) -> None:
-        """Try inverse transforms on a field of each rate: the middle one of those that the window has off.
+        """Try inverse transforms on a field of each rate: the middle one of the window's deviating fields.
 
-        The worst is often one in whose interval a fault begins or ends, and then half of it is as it should be.
+        A fault often begins or ends in the interval of the worst field, so half of that field may be correct.
         """
         track = pose_track(window, window.facts.declared.cameras["depth"])
         fields = [field for errors in state if errors.window == window.span.index for field in errors.fields]

@@ -49,9 +49,10 @@ _TILE_STEP: Final = 4
 
 _FEWEST_UNMATCHED: Final = 2
 _TWO_CHANGES: Final = 0.95
-"""Factor on what a mirrored grid with mirrored vectors removes: mirrored frames, one change, leave the same mismatch.
+"""Factor on the removed share of a mirrored grid with mirrored vectors: mirrored frames, a single change, have the same
+effect.
 
-Of two transforms that remove as much, the one with fewer changes comes first.
+Of two transforms with one effect, that with fewer changes is preferred.
 """
 
 _GAINS: Final = (2.0, 1.5, 0.67, 0.5)

@@ -40,7 +40,7 @@ _MATERIAL_PX: Final = 0.1
 """Material endpoint error, px."""
 
 _FEWEST_OFF: Final = 4 * FEWEST_PIXELS
-"""Least number of deviating pixels for a trial on these alone: three quarters of them may leave the image."""
+"""Least number of deviating pixels for a trial on these alone: a quarter of them suffices for a comparison."""
 
 _EVERY: Final = 4
 """Step between the tried pixels where pixels deviate in the whole image."""
@@ -297,10 +297,10 @@ def try_inverse_transforms(window: Window, segment: Segment) -> list[ConventionT
     columns, rows = path_starts(window, segment)
     slow, fast = (compose(window, chain, columns, rows) for chain in (segment.slow, segment.fast))
     compared = compared_pixels(slow, fast)
-    # Pixels that were not compared get 0 on both sides, and so do not count as off.
+    # Pixels that were not compared get 0 on both sides, and so do not deviate.
     apart_px = np.where(compared[:, None], slow.displacement_px - fast.displacement_px, 0.0)
     off = np.linalg.norm(apart_px, axis=-1) > np.where(compared, slow.bound_px + fast.bound_px, 0.0)
-    # Pixels that are off are tried alone where they are few: a fault of a part of the image.
+    # Few deviating pixels are tried alone: a fault of a part of the image.
     if _FEWEST_OFF <= np.count_nonzero(off) < 0.5 * np.count_nonzero(compared):
         columns, rows = columns[off], rows[off]
     else:
@@ -342,7 +342,8 @@ def _transform_residuals(
         units = (interval_s, 1 / interval_s) if interval_s > 0 else ()
         for factor in (*units, fitted) if fitted > 0 else units:
             gain = factor - 1
-            # Flow in px/s or px s is off by the interval or its reciprocal: near these a factor is a unit, not a gain.
+            # Flow in px/s or px s is wrong by the interval or its reciprocal: near these a factor is a unit, not a
+            # gain.
             unit = next((unit for unit in units if abs((1 + gain) / unit - 1) < _SAME_GAIN), None)
             residual_px = median_error_px(compose(window, chain, *pixels, _division_by(factor)), other)
             if unit is None:

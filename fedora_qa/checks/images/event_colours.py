@@ -191,7 +191,7 @@ class ColourCheck(WindowCheck[ColourSums]):
         return Observation(coverage, measured, unobservable=self.why_blind(response))
 
     def why_blind(self, response: ColourResponse) -> str:
-        """Return why the file could not show the least fault, beyond the detection limit of each measurement."""
+        """Return why the least fault is not detectable in the file, beyond the detection limit of each measurement."""
         return ""
 
     def state(self, response: ColourResponse, declared: EventModel, facts: Facts) -> tuple[Statistic, ...]:

@@ -271,11 +271,11 @@ def _where(first: int, stop: int, facts: Facts) -> Where:
 
 
 def _frames_with_gain(windows: Sequence[WindowExposure], codes: NDArray[np.int64], facts: Facts) -> Statistic:
-    """Return the count of frames whose codes show a gain: by the codes of all windows together, or else of each.
+    """Return the count of frames with a gain, by the codes of all windows together, or else by those of each.
 
     A gain of a part of the file is detected in that part only, as the codes that it leaves out occur elsewhere.
     """
-    # A gain of the whole file leaves the same codes out everywhere; one of a part shows in its own windows only.
+    # A gain of the whole file leaves out the same codes in all windows; one of a part does so in its own windows only.
     of_all = gain_after_rounding(codes)
     gains = [
         (w.frames, gain)

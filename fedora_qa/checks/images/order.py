@@ -81,7 +81,15 @@ class FramePairRatio:
 
 
 class FrameInterval(NamedTuple):
-    """Two frames (rows), and the ratio of their displacement to the flow, in units of the usual ratio."""
+    """Displacement of two frames along the flow.
+
+    Attributes
+    ----------
+    before, after
+        Rows of the frames.
+    relative_ratio
+        Ratio of the displacement to the flow, in units of the usual ratio.
+    """
 
     before: int
     after: int
@@ -241,6 +249,11 @@ def part_boxes(width: int, height: int) -> tuple[Box, ...]:
     ----------
     width, height
         Of the image, px.
+
+    Returns
+    -------
+    tuple
+        (``PARTS`` squared) boxes: left, top, right, bottom, px.
     """
     columns, rows = ([round(edge * size / PARTS) for edge in range(PARTS + 1)] for size in (width, height))
     return tuple((left, top, right, bottom) for top, bottom in pairwise(rows) for left, right in pairwise(columns))
@@ -251,7 +264,7 @@ def _is_informative(ratio: FlowRatio | None) -> TypeGuard[FlowRatio]:
 
 
 def _worst_part(pairs: Sequence[FramePairRatio], facts: Facts) -> Statistic | None:
-    """Return the statistic of the part with the largest deviation from its usual ratio; None where none is informative."""
+    """Return the statistic of the part whose ratio deviates most from its usual one; None where none is informative."""
     # Ratios and their errors, (pairs, parts) each.
     ratios, own_errors = np.moveaxis(np.array([pair.parts for pair in pairs]), -1, 0)
     usual = np.array([_median_of_finite(column) for column in ratios.T])

@@ -15,7 +15,7 @@ MATERIAL: Final = 0.5
 LEVEL_BIAS: Final = 0.04
 """Bias of the exponent by errors of the level between events: not derived, but measured.
 
-Clean files of all scenes give 0.963 to 0.992, whatever the model; closed-form frames and events give 1.002 to 1.006.
+Correct files of all scenes give 0.963 to 0.992 with either model; closed-form frames and events give 1.002 to 1.006.
 """
 
 EXPOSURE_BIAS: Final = 0.05

@@ -108,7 +108,7 @@ class _StoredMap:
 
     @property
     def deviations(self) -> Int64:
-        """By how many events each wrong entry is off."""
+        """Stored less correct entry, events, of each wrong entry."""
         deviations: Int64 = (self.index_map.stored - self.index_map.expected_left)[self.wrong]
         return deviations
 

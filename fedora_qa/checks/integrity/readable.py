@@ -182,12 +182,15 @@ def _rows_in_chunk(binding: Binding) -> int:
 
 
 def _chunks_beside(binding: Binding) -> int:
-    """Return the number of chunks that hold parts of the same rows: tiles of an image, columns that are stored apart."""
+    """Return the number of chunks that hold parts of the same rows: tiles of an image, or columns stored apart."""
     return prod(binding.chunk_grid[1:])
 
 
 def _damage(window: Window, binding: Binding, start: int, stop: int) -> Iterator[DamagedChunk]:
-    """Yield the chunks that do not decode, read block by block; whole chunks, also where the window owns a part of one."""
+    """Yield the chunks that do not decode; rows are read block by block.
+
+    Whole chunks are yielded, also where the window owns a part of one.
+    """
     rows, beside = _rows_in_chunk(binding), _chunks_beside(binding)
     together = max(rows, binding.chunk_rows)
     for block in range(start // together, ceil(stop / together)):

@@ -138,7 +138,7 @@ class MetadataCameras(FactsCheck):
 
 
 def _of_camera(name: str, camera: Camera, facts: Facts) -> Iterator[Statistic]:
-    """Yield the deviations of K and T_body_camera of a camera from their forms, and of its size from that of the images."""
+    """Yield the deviations of a camera's matrices from their forms, and of its size from that of the images."""
     K = camera.K
     # Skew is relative to the focal length, the last row absolute.
     scale = max(float(np.max(np.abs(K[:2, :2]))), 1.0)

@@ -72,7 +72,7 @@ class PoseOrientation(WindowCheck[QuaternionNorms]):
     needs = ("pose",)
 
     def measure(self, window: Window) -> QuaternionNorms | None:
-        """Measure the window's own rows, whatever their timestamps."""
+        """Measure the window's own rows, with any timestamps."""
         rows = window.owned("pose")
         if not len(rows):
             return None
