@@ -22,7 +22,7 @@ _ALL_LITTLE: Final = 1 / 2
 
 
 class SharedImages:
-    """Keeps the latest results within a limit of bytes. Dropped results are computed again, so outcomes do not change."""
+    """Keeps the latest results within a limit of bytes; dropped results are computed again and change no outcome."""
 
     def __init__(self, limit_bytes: int = _DEFAULT_BYTES) -> None:
         self.limit_bytes = limit_bytes
