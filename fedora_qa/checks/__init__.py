@@ -53,7 +53,7 @@ from fedora_qa.checks.pose.noise import PoseNoise
 from fedora_qa.checks.pose.orientation import PoseOrientation
 from fedora_qa.checks.protocol import Check
 
-# Integrity, metadata and clocks come first: every later check rests on what they establish.
+# Integrity, metadata and clocks come first: all later checks depend on them.
 CHECKS: Final[tuple[Check[Any], ...]] = (
     IntegrityLayout(),
     IntegrityReadable(),

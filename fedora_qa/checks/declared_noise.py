@@ -10,7 +10,15 @@ from fedora_qa.record.types import Where
 
 @dataclass(frozen=True, slots=True)
 class MeasuredNoise(Feature):
-    """Standard deviation of white noise, its standard error, and what is declared (0: none), in one unit."""
+    """Measured and declared white noise of a stream, in one unit.
+
+    Attributes
+    ----------
+    sigma, standard_error
+        Standard deviation of the noise, and its standard error.
+    declared
+        Declared standard deviation; 0 for none.
+    """
 
     sigma: float
     standard_error: float
@@ -28,26 +36,29 @@ def noise_against_declared(
     stream: str,
     features: tuple[Feature, ...] = (),
 ) -> Statistic:
-    """State the ratio of measured to declared noise, or the noise itself where none is declared.
+    """Return the ratio of measured to declared noise, or the noise itself where none is declared.
 
     Parameters
     ----------
     name, unit
-        Of the quantity whose noise it is.
+        Name of the quantity, and its unit.
     level
         The measured noise, in ``unit``.
     declared
         Standard deviation that the file declares, in ``unit``; 0 where it declares none.
     floor
         Scatter of exact samples by rounded timestamps and stored digits, in ``unit``.
-    check, stream
-        Name of the check that states it; stream of the samples.
+    check
+        Name of the check.
+    stream
+        Stream of the samples.
     features
-        Defects of the samples that look like noise.
+        Defects of the samples that have the effect of noise.
 
     Returns
     -------
-    The ratio to the declared noise, with 1 expected; without a declaration the noise in ``unit``, with 0 expected.
+    Statistic
+        With 1 expected for a ratio, and 0 for a noise in ``unit``.
     """
     features = (*features, MeasuredNoise(level.sigma, level.standard_error, declared))
     # A declared sigma is compared as a ratio; none declared means none allowed beyond rounding and motion.

@@ -1,4 +1,4 @@
-"""Measurements without noise: counts and declared numbers, which are right or wrong."""
+"""Measurements without noise: counts and declared numbers."""
 
 from fedora_qa.checks.protocol import Statistic
 from fedora_qa.features import Feature
@@ -16,7 +16,27 @@ def count_of_faults(
     severity: Severity = "error",
     features: tuple[Feature, ...] = (),
 ) -> Statistic:
-    """State a count that must be zero, and that was counted exactly."""
+    """Return the statistic of an exact count that must be zero.
+
+    Parameters
+    ----------
+    name
+        Name of the statistic.
+    value
+        The count.
+    unit
+        Unit of the count.
+    statement
+        Sentence for the reader of the finding.
+    code
+        ``<subject>.<property>.<rule>``.
+    where
+        Location of the faults; the whole file if None.
+    severity
+        Of the finding.
+    features
+        Of the faults.
+    """
     return Statistic(
         name=name,
         value=float(value),
@@ -32,5 +52,15 @@ def count_of_faults(
 
 
 def no_faults(name: str, unit: str, code: str) -> Statistic:
-    """State that the count of faults is zero."""
+    """Return the statistic of a count of zero.
+
+    Parameters
+    ----------
+    name
+        Name of the statistic.
+    unit
+        Unit of the count.
+    code
+        ``<subject>.<property>.<rule>``.
+    """
     return count_of_faults(name, 0, unit, statement="", code=code)

@@ -17,7 +17,17 @@ SECTIONS: Final = ("Why it matters", "How", "Noise model", "Cannot see", "Source
 
 @dataclass(frozen=True, slots=True)
 class Explanation:
-    """What a check asks, what it measures, and its sections by heading, in order."""
+    """The explanation of a check.
+
+    Attributes
+    ----------
+    question
+        First line of its docstring.
+    measured
+        Text before the first section.
+    sections
+        Text of each section by heading, in order.
+    """
 
     question: str
     measured: str

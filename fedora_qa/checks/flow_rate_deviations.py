@@ -1,4 +1,4 @@
-"""Which rates of flow deviate: a fault of all of them is one fault of the flow."""
+"""Deviations by rate of flow: an equal fault of all rates is one fault of the flow."""
 
 from collections.abc import Iterable, Set
 from dataclasses import dataclass, replace
@@ -9,14 +9,14 @@ from fedora_qa.features import Feature
 
 @dataclass(frozen=True, slots=True)
 class FlowRateDeviations(Feature):
-    """All statistics of a check that deviate, beside the rates of flow that could.
+    """All deviating statistics of a check, with the measured rates of flow.
 
     Attributes
     ----------
     rates
         The flow streams that the check measured.
     deviations
-        Every statistic of the check above zero, of whatever stream.
+        Every statistic of the check above zero, of any stream.
     """
 
     rates: frozenset[str]
@@ -24,7 +24,20 @@ class FlowRateDeviations(Feature):
 
 
 def with_flow_rate_deviations(statistics: Iterable[Statistic], rates: Set[str]) -> tuple[Statistic, ...]:
-    """Return the statistics, each with the feature ``FlowRateDeviations`` of all of them where there are rates."""
+    """Return the statistics, each with the feature ``FlowRateDeviations`` where there are two or more rates.
+
+    Parameters
+    ----------
+    statistics
+        Counts of one check.
+    rates
+        Streams of flow that the check measured.
+
+    Returns
+    -------
+    tuple
+        Unchanged where none deviates, or with fewer than two rates.
+    """
     statistics = tuple(statistics)
     deviations = tuple(statistic for statistic in statistics if statistic.value > 0)
     # A single rate shares no fault with others.

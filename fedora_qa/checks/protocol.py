@@ -1,7 +1,7 @@
-"""What a check is, and what it returns to judgement.
+"""The interface of checks, and the results that they return to judgement.
 
-A check measures; it gives no verdict. It accumulates over windows in a state that can be merged, so that a file can
-be cut in time over workers and the outcome does not depend on the cut.
+A check measures; it gives no verdict. It accumulates over windows in a state that can be merged, so a file can be
+divided in time among workers, and the outcome does not depend on the division.
 """
 
 from abc import ABC, abstractmethod
@@ -22,34 +22,40 @@ Summary = TypeVar("Summary")
 
 @dataclass(frozen=True, slots=True)
 class Statistic:
-    """A number with its error under the noise model, and how it is to be judged.
+    """A value with its error under the noise model, and the rule by which it is judged.
 
-    A value exceeds its limit when it differs from ``expected`` by more than
-    ``model_error_bound + z * standard_error``, with z from the false-alarm rate of the whole file. A count that must be
-    zero has no error and no bound.
+    A value exceeds its limit when it differs from ``expected`` by more than ``model_error_bound + z * standard_error``,
+    with z from the false-alarm rate of the whole file. A count that must be zero has no error and no bound.
 
     Attributes
     ----------
     name, value, unit
-        What was measured.
+        The measured quantity.
     standard_error
-        Of the value, under the noise model of a correct file.
+        Of the value, under the noise model of a correct file, in ``unit``.
     statement
-        A sentence that states the deviation in the user's units, shown when the value exceeds its limit.
+        A sentence that states the deviation in the user's units, for a value that exceeds its limit.
     code
-        The rule that is then broken: ``<subject>.<property>.<rule>``.
+        The rule that is then violated: ``<subject>.<property>.<rule>``.
+    where
+        Location of the deviation.
+    expected
+        The value that a correct file gives.
     model_error_bound
-        Bound on the known error of the model that the standard error does not cover, with its derivation in the check.
+        Bound on the systematic error of the method that the standard error does not cover, in ``unit``, with its
+        derivation in the check.
     side
         ``upper``: only values above ``expected`` count, ``lower``: only below, ``both``: either.
     resolution
-        The least step by which the value can change (1 for a count).
+        Least step by which the value can change (1 for a count).
     material
-        The largest deviation that may go undetected for the measurement still to be of use; None: any.
+        Largest deviation that may go undetected for the measurement to be of use; None: any.
     tests
-        How many independent comparisons the value is the worst of.
+        Number of independent comparisons of which the value is the worst.
+    severity
+        Of the finding.
     features
-        What the deviation looks like, for diagnosis.
+        Typed values that describe the deviation, for diagnosis.
     """
 
     name: str
@@ -71,7 +77,17 @@ class Statistic:
 
 @dataclass(frozen=True, slots=True)
 class Notice:
-    """Something legal but unusual, or a declaration whose absence weakens the check: the outcome becomes ``warned``."""
+    """Something legal but unusual, or a missing declaration that weakens the check: the outcome becomes ``warned``.
+
+    Attributes
+    ----------
+    code
+        ``<subject>.<property>.<rule>``.
+    message
+        A sentence for the reader of the report.
+    where
+        Its location.
+    """
 
     code: str
     message: str
@@ -80,16 +96,22 @@ class Notice:
 
 @dataclass(frozen=True, slots=True)
 class Observation:
-    """Everything that a check states.
+    """All results of a check.
 
     Attributes
     ----------
+    coverage
+        The share of the stream that was read.
+    measurements
+        Statistics, for judgement.
+    notices
+        Without effect on limits.
     unobservable
-        Why this sequence cannot show what was asked (hovering, no texture); empty where it can.
-    evidence
-        Small arrays for a reader of the report, by name; ``titles`` describes each.
+        Why the quantity cannot be measured in this sequence (hovering, no texture); empty where it can.
+    evidence, titles
+        Small arrays for a reader of the report, and their titles, by name.
     inferred
-        Facts that were inferred and not declared (the unit of the flow, say), for the record.
+        Facts that were inferred and not declared (as the unit of the flow), for the record.
     """
 
     coverage: Coverage
@@ -119,31 +141,71 @@ class Check(ABC, Generic[State]):
         return (self.__doc__ or "").strip().splitlines()[0]
 
     def not_applicable(self, facts: Facts) -> str:
-        """Return why the question cannot be asked of this file, beyond missing streams; empty where it can."""
+        """Return why the check does not apply to this file, beyond missing streams; empty where it applies."""
         return ""
 
     @abstractmethod
     def start(self, facts: Facts) -> State:
-        """Return the state of no window."""
+        """Return the state of no windows."""
 
     @abstractmethod
     def update(self, state: State, window: Window) -> None:
-        """Add what a window shows. Windows come in order."""
+        """Add a window to the state. Windows come in the order of time.
+
+        Parameters
+        ----------
+        state
+            Changed in place.
+        window
+            Decoded by the plan.
+        """
 
     @abstractmethod
     def merge(self, state: State, later: State) -> State:
-        """Return the state of the windows of both, ``later`` being of later ones. Exact: no rounding."""
+        """Return the state of the windows of both; exact, without rounding.
+
+        Parameters
+        ----------
+        state
+            Of earlier windows.
+        later
+            Of later windows.
+        """
 
     def follow_up_windows(self, state: State, facts: Facts) -> tuple[int, ...]:
-        """Return the numbers of the windows that the follow-up measures again; none for most checks."""
+        """Return the numbers of the windows that the follow-up measures again; none for most checks.
+
+        Parameters
+        ----------
+        state
+            Of all decoded windows.
+        facts
+            Of the file.
+        """
         return ()
 
     def follow_up(self, state: State, window: Window) -> None:
-        """Add what the follow-up measures in a window."""
+        """Add the measurements of the follow-up in a window.
+
+        Parameters
+        ----------
+        state
+            Of all decoded windows; changed in place.
+        window
+            One of ``follow_up_windows``.
+        """
 
     @abstractmethod
     def conclude(self, state: State, facts: Facts) -> Observation:
-        """State what was measured."""
+        """Return the results of the check.
+
+        Parameters
+        ----------
+        state
+            Of all decoded windows.
+        facts
+            Of the file.
+        """
 
 
 class WindowCheck(Check[list[Summary]], Generic[Summary]):
@@ -172,7 +234,15 @@ class WindowCheck(Check[list[Summary]], Generic[Summary]):
 
     @abstractmethod
     def conclude(self, state: Sequence[Summary], facts: Facts) -> Observation:
-        """State what the summaries together show."""
+        """Return the results of the check from the summaries of all windows.
+
+        Parameters
+        ----------
+        state
+            Summaries, in the order of time.
+        facts
+            Of the file.
+        """
 
 
 class FactsCheck(Check[None]):
@@ -189,8 +259,16 @@ class FactsCheck(Check[None]):
 
     @abstractmethod
     def examine(self, facts: Facts) -> Observation:
-        """State what the facts show."""
+        """Return the results of the check from the facts."""
 
     def conclude(self, state: None, facts: Facts) -> Observation:
-        """State what the facts show."""
+        """Return the results of the check from the facts.
+
+        Parameters
+        ----------
+        state
+            None.
+        facts
+            Of the file.
+        """
         return self.examine(facts)

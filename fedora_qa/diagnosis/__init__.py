@@ -1,1 +1,1 @@
-"""From the features of failed measurements to causes; runs only after an alarm."""
+"""Infer causes from the features of failed measurements; runs only after an alarm."""

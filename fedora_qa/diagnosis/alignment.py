@@ -1,6 +1,6 @@
-"""Which camera is shifted or mirrored, where the images of two cameras lie apart.
+"""Hypotheses of a shifted or mirrored camera, where the images of two cameras do not coincide.
 
-One shift of one camera must explain the shifts of all pairs of cameras.
+One shift of one camera explains the shifts of all pairs of cameras.
 """
 
 from collections.abc import Mapping, Sequence
@@ -19,13 +19,13 @@ _LEAST_SUPPORT: Final = 0.3
 """Cameras whose shift explains less than this are not proposed."""
 
 _LEAST_ERROR_PX: Final = 1e-3
-"""Standard error that a shift has at least: no pair alone decides by an error of zero."""
+"""Least standard error of a shift, px: without it a pair with an error of 0 px would decide alone."""
 
 
 def propose_depth(alarm: Alarm, facts: Facts) -> tuple[Hypothesis, ...]:
-    """Propose causes for ``alignment.depth``: which camera is mirrored, or which is shifted."""
+    """Return the hypotheses for ``alignment.depth``: a mirrored camera, or a shifted one."""
     if alarm.finding.code == "alignment.depth.mirrored":
-        # Weigh depth against colour by the events: where their edges lie at the steps of depth, depth is right.
+        # Events decide between depth and colour: where their edges lie at the steps of depth, depth is correct.
         events_at_steps = any(edges.significant for edges in alarm.statistic.features if isinstance(edges, EventEdges))
         if "events" not in facts.streams or "events" not in facts.declared.cameras:
             depth = rgb = support("alignment.mirrored_without_events")
@@ -36,7 +36,7 @@ def propose_depth(alarm: Alarm, facts: Facts) -> tuple[Hypothesis, ...]:
         return Hypothesis("mirrored", "depth", depth), Hypothesis("mirrored", "rgb", rgb)
     return (
         *shift_hypotheses(_pairs(alarm), facts.declared.cameras),
-        # Both move edges with the motion of the image.
+        # An offset or an exchange of frames moves edges along the motion of the image.
         Hypothesis("time_offset", "rgb", support("alignment.frame_time_offset")),
         Hypothesis("time_offset", "depth", support("alignment.frame_time_offset")),
         Hypothesis("swapped_frames", "rgb", support("alignment.swapped_frames")),
@@ -45,10 +45,10 @@ def propose_depth(alarm: Alarm, facts: Facts) -> tuple[Hypothesis, ...]:
 
 
 def propose_events(alarm: Alarm, facts: Facts) -> tuple[Hypothesis, ...]:
-    """Propose causes for ``alignment.events``: which camera is shifted, or which stream is late."""
+    """Return the hypotheses for ``alignment.events``: a shifted camera, or a late stream."""
     return (
         *shift_hypotheses(_pairs(alarm), facts.declared.cameras),
-        # Both shift events along the motion of the image.
+        # Offsets and rate errors of clocks shift events along the motion of the image.
         Hypothesis("time_offset", "events", support("alignment.event_time_offset")),
         Hypothesis("time_offset", "rgb", support("alignment.event_time_offset")),
         Hypothesis("clock_rate", "events", support("alignment.event_clock_rate")),
@@ -60,18 +60,18 @@ def _pairs(alarm: Alarm) -> list[CameraPairShift]:
 
 
 def shift_hypotheses(pairs: Sequence[CameraPairShift], cameras: Mapping[str, Camera]) -> tuple[Hypothesis, ...]:
-    """Support each camera's shift by the share of all pairs' shifts, in squared errors, that it explains.
+    """Return a shift of each camera, supported by the share of all pairs' shifts (squared errors) that it explains.
 
     Parameters
     ----------
     pairs
-        Measured shifts of pairs of cameras.
+        Measured shifts of pairs of cameras, px.
     cameras
-        Declared cameras by name: a shift in pixels of one camera is scaled by the focal lengths into the other.
+        Declared cameras by name. The ratio of focal lengths converts pixels of one camera into pixels of another.
 
     Returns
     -------
-    tuple[Hypothesis, ...]
+    tuple
         Best supported first; sizes in pixels of the shifted camera, along its larger component.
     """
     focal_px = {name: float(camera.K[0, 0]) for name, camera in cameras.items()}
@@ -86,7 +86,7 @@ def shift_hypotheses(pairs: Sequence[CameraPairShift], cameras: Mapping[str, Cam
         hypotheses.append(_fitted_shift("spatial_offset", name, support("alignment.spatial_offset"), gains, pairs))
     # The centre of each camera moves by the same number of its own pixels, the image of the second one back.
     differences = [1.0 - focal_px[pair.second] / focal_px[pair.first] for pair in pairs]
-    # With equal focal lengths a common move of all centres shifts no pair: nothing measured depends on it.
+    # With equal focal lengths a common move of all centres shifts no pair: it is not identifiable.
     if any(abs(difference) > 1e-6 for difference in differences):
         centre, gains = support("alignment.intrinsics_centre"), [-difference for difference in differences]
         hypotheses.append(_fitted_shift("intrinsics_centre", "metadata", centre, gains, pairs))
@@ -97,7 +97,7 @@ def shift_hypotheses(pairs: Sequence[CameraPairShift], cameras: Mapping[str, Cam
 def _fitted_shift(
     cause: str, stream: str, prior: float, gains: Sequence[float], pairs: Sequence[CameraPairShift]
 ) -> Hypothesis:
-    """Fit one shift to all pairs by weighted least squares; its support is the share of their squares it explains."""
+    """Fit one shift to all pairs by weighted least squares; its support is the explained share of the squares."""
     # Weights 1 / sigma^2; the floor keeps a pair with an error of 0 from an infinite weight.
     precisions = np.array([1.0 / np.maximum(pair.error_px, _LEAST_ERROR_PX) ** 2 for pair in pairs])
     shifts_px = np.array([pair.shift_px for pair in pairs])

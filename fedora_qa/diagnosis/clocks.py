@@ -1,4 +1,4 @@
-"""Causes of what the checks of clocks measure."""
+"""Hypotheses for alarms of the checks of clocks."""
 
 from dataclasses import replace
 
@@ -19,7 +19,7 @@ from fedora_qa.views.timestamp_unit import unit_factor
 
 
 def hypotheses_of_reset(reset: ClockReset) -> tuple[Hypothesis, ...]:
-    """Return what would set the clock of the events back for a while: another unit, an offset, or another rate."""
+    """Return the causes of a clock reset of the events: another unit, an offset, or another rate."""
     if reset.unit_factor != 1.0:
         return (Hypothesis("time_unit", "events", support("clocks.reset_by_unit"), reset.unit_factor, "1"),)
     # Without a step forwards neither size is measured, and none has a unit.
@@ -33,12 +33,12 @@ def hypotheses_of_reset(reset: ClockReset) -> tuple[Hypothesis, ...]:
         reset.offset_error_ms,
     )
     drift = Hypothesis("clock_rate", "events", reset.drift_agreement, reset.drift_ppm, "ppm" if sized else "")
-    # The contract of a proposal: best supported first.
+    # Best supported first, as for every proposal.
     return (drift, offset) if reset.drift_agreement >= reset.offset_agreement else (offset, drift)
 
 
 def propose_order(alarm: Alarm, facts: Facts) -> tuple[Hypothesis, ...]:
-    """Return what puts timestamps before or on their predecessors."""
+    """Return the causes of timestamps that are before, or equal to, their predecessors."""
     statistic, stream = alarm.statistic, alarm.finding.where.stream or ""
     if alarm.finding.code == "clocks.order.repeated_stamps":
         twice = Hypothesis("duplicated_samples", stream, support("clocks.repeats"), statistic.value, "samples")
@@ -57,7 +57,7 @@ def propose_order(alarm: Alarm, facts: Facts) -> tuple[Hypothesis, ...]:
                 hypotheses.append(Hypothesis("time_unit", stream, support("clocks.event_counter_wrap")))
             elif isinstance(feature, ClockReset):
                 hypotheses += hypotheses_of_reset(feature)
-                # The reset explains the step back: an exchange of events is less probable beside it.
+                # The reset explains the step back, so an exchange of events is less probable.
                 unsorted = support("clocks.event_steps_back_of_reset")
         return (
             *hypotheses,
@@ -75,13 +75,13 @@ def propose_order(alarm: Alarm, facts: Facts) -> tuple[Hypothesis, ...]:
 
 
 def propose_unit(alarm: Alarm, facts: Facts) -> tuple[Hypothesis, ...]:
-    """Return the unit that a stream, or a part of it, is written in."""
+    """Return another unit as the cause of wrong timestamps of a stream or of a part of it."""
     stream = alarm.finding.where.stream or ""
     return (Hypothesis("time_unit", stream, support("clocks.unit_factor"), alarm.statistic.value, "1"),)
 
 
 def propose_rate(alarm: Alarm, facts: Facts) -> tuple[Hypothesis, ...]:
-    """Return what moves a fitted period: another rate, or rounding."""
+    """Return the causes of a wrong fitted period: another rate, or rounding."""
     statistic, stream = alarm.statistic, alarm.finding.where.stream or ""
     for feature in statistic.features:
         if isinstance(feature, SegmentRate):
@@ -96,7 +96,7 @@ def propose_rate(alarm: Alarm, facts: Facts) -> tuple[Hypothesis, ...]:
 
 
 def propose_gaps(alarm: Alarm, facts: Facts) -> tuple[Hypothesis, ...]:
-    """Return what leaves gaps and odd steps: lost samples, samples that stand elsewhere, or a clock that was set."""
+    """Return the causes of gaps and irregular steps: lost samples, samples in wrong order, or a clock reset."""
     statistic, stream = alarm.statistic, alarm.finding.where.stream or ""
     for feature in statistic.features:
         if isinstance(feature, ClockJump):
@@ -117,7 +117,7 @@ def propose_gaps(alarm: Alarm, facts: Facts) -> tuple[Hypothesis, ...]:
 
 
 def propose_resolution(alarm: Alarm, facts: Facts) -> tuple[Hypothesis, ...]:
-    """Return what puts timestamps on a grid: rounding, or another unit of a part."""
+    """Return the causes of timestamps on a grid: rounding, or another unit of a part."""
     statistic, stream = alarm.statistic, alarm.finding.where.stream or ""
     grids = [feature for feature in statistic.features if isinstance(feature, PartialGrid)]
     if not grids:
@@ -137,7 +137,7 @@ def propose_resolution(alarm: Alarm, facts: Facts) -> tuple[Hypothesis, ...]:
 
 
 def propose_span(alarm: Alarm, facts: Facts) -> tuple[Hypothesis, ...]:
-    """Return what moves the ends of a stream: an offset, another unit, or a cut."""
+    """Return the causes of a wrong start or end of a stream: an offset, another unit, or a cut."""
     statistic, stream = alarm.statistic, alarm.finding.where.stream or ""
     hypotheses: list[Hypothesis] = []
     for feature in statistic.features:
@@ -150,14 +150,15 @@ def propose_span(alarm: Alarm, facts: Facts) -> tuple[Hypothesis, ...]:
         # A shift s begins the stream s later and ends it s later, that is -s earlier: half the difference is the shift,
         # the sum is what is missing.
         shift_ns, missing_ns = (begins_later_ns - ends_earlier_ns) / 2, begins_later_ns + ends_earlier_ns
-        # Both ends moved alike, up to a tenth that may be cut off: an offset.
+        # Both ends moved equally, up to a tenth that may be cut off: an offset.
         if begins_later_ns * ends_earlier_ns < 0 and abs(missing_ns) < 0.1 * abs(shift_ns):
             shifted = support("clocks.shifted_span")
             hypotheses.append(Hypothesis("time_offset", stream, shifted, shift_ns / NS_PER_MS, "ms"))
             continue
         # Streams of one sample each have a median duration of 0 ns.
         duration_ns = max(feature.median_duration_ns, 1.0)
-        # Duration over the median duration of the streams: near the factor of a unit it is a unit, not a cut.
+        # Ratio of the duration to the median duration of the streams: near the factor of a unit the cause is the unit,
+        # not a cut.
         factor = unit_factor(1 - missing_ns / duration_ns)
         if factor != 1.0:
             hypotheses.append(Hypothesis("time_unit", stream, support("clocks.span_in_other_unit"), factor, "1"))

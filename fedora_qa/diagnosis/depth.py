@@ -1,7 +1,7 @@
 """Hypotheses for alarms of depth: the range of values, and the agreement of depth frames with each other and the pose.
 
-Depth and pose contradict each other wherever either is wrong. So most alarms also name, with little support,
-every cause for which other checks have the stronger evidence.
+Depth and pose contradict each other where either is wrong. So most alarms also name, with little support, causes for
+which other checks have stronger evidence.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -46,7 +46,7 @@ _ANY_MISFIT: Final = tuple(
     for stream, causes in _MISFIT_CAUSES.items()
     for cause in causes
 )
-"""Whatever makes depth frames and poses contradict each other."""
+"""All causes of a contradiction between depth frames and poses."""
 
 
 def _no_size(_: float) -> None:
@@ -54,7 +54,7 @@ def _no_size(_: float) -> None:
 
 
 _ALL_OF_IT: Final = 1.0
-"""The one cause that has the effect of the transform explains all that undoing it removes."""
+"""Support of a cause that alone has the effect of the transform."""
 
 _CAUSES_OF_TRANSFORM: Final[Mapping[Transform, tuple[tuple[str, str, float, Size], ...]]] = MappingProxyType({
     "depth_scale": (
@@ -87,7 +87,7 @@ _CAUSES_OF_TRANSFORM: Final[Mapping[Transform, tuple[tuple[str, str, float, Size
 
 
 def propose_range(alarm: Alarm, facts: Facts) -> tuple[Hypothesis, ...]:
-    """Propose causes for ``depth.range``: a unit that brings both ends into the range, or values that are codes."""
+    """Return the hypotheses for ``depth.range``: a unit with which both ends lie in the range, or codes."""
     if alarm.finding.code.endswith("_end"):
         return (Hypothesis("invalid_encoding", "depth", support("depth.clipped_values")),)
     extent = only_feature(alarm.statistic.features, DepthExtent)
@@ -105,11 +105,11 @@ def propose_range(alarm: Alarm, facts: Facts) -> tuple[Hypothesis, ...]:
 
 
 def propose_scale(alarm: Alarm, facts: Facts) -> tuple[Hypothesis, ...]:
-    """Propose causes for ``depth.scale``: depths or positions in another unit."""
+    """Return the hypotheses for ``depth.scale``: depths or positions in another unit."""
     statistic, path_scale = alarm.statistic, only_feature(alarm.statistic.features, PathScale)
     # No change of unit gives lengths another sign.
     reduction = only_feature(alarm.statistic.features, ResidualReduction).share if statistic.value > 0 else 0.0
-    # Where only a reversed path would fit the depths, the unit of the positions is not what is wrong.
+    # Where only a reversed path fits the depths, the unit of the positions is not the cause.
     path_reversed = path_scale.factor is not None and path_scale.factor <= 0
     if path_scale.depths_plausible and not path_reversed:
         of_depth, of_pose = support("depth.scale_of_plausible_depths"), support("depth.scale_of_path")
@@ -123,13 +123,13 @@ def propose_scale(alarm: Alarm, facts: Facts) -> tuple[Hypothesis, ...]:
 
 
 def propose_projection(alarm: Alarm, facts: Facts) -> tuple[Hypothesis, ...]:
-    """Propose causes for ``depth.projection``: lengths of rays."""
+    """Return the hypotheses for ``depth.projection``: ray lengths in place of z-depth."""
     reduction = only_feature(alarm.statistic.features, ResidualReduction).share
     return (Hypothesis("depth_ray_not_z", "depth", support("depth.ray_exponent") * reduction), *_ANY_MISFIT)
 
 
 def propose_consistency(alarm: Alarm, facts: Facts) -> tuple[Hypothesis, ...]:
-    """Propose causes for ``depth.consistency``: transforms that let the pairs agree, or noise that was misdeclared."""
+    """Return the hypotheses for ``depth.consistency``: transforms that remove the deviation, or misdeclared noise."""
     of_pairs = _of_pairs(alarm)
     if alarm.finding.code not in ("depth.consistency.pose_correction", "depth.consistency.worst_pose_correction"):
         return of_pairs
@@ -147,12 +147,13 @@ def propose_consistency(alarm: Alarm, facts: Facts) -> tuple[Hypothesis, ...]:
 
 
 def _of_pairs(alarm: Alarm) -> tuple[Hypothesis, ...]:
-    """Return the causes whose undoing lets the pairs agree, best supported first, and those other checks measure."""
+    """Return the causes whose undoing lets the pairs agree, best supported first, then causes of other checks."""
     pairs = only_feature(alarm.statistic.features, PairsOff)
     if not pairs.off:
         return ()
     trials = [feature for feature in alarm.statistic.features if isinstance(feature, PairTrials)]
-    # What begins between the frames of the worst pair spoils that pair alone, whatever part of the file it has.
+    # A fault that begins between the frames of the worst pair affects that pair alone, so its share of the file does
+    # not count.
     averages = (
         *_by_trials(trials, "all", share_off=pairs.off / pairs.compared),
         *_by_trials(trials, "part", share_off=1.0),
@@ -163,12 +164,12 @@ def _of_pairs(alarm: Alarm) -> tuple[Hypothesis, ...]:
     if pairs.repeated:
         # Frames that are equal bit for bit are counted, not fitted.
         hypotheses.append(Hypothesis("frozen_frames", "depth", _ALL_OF_IT, float(pairs.repeated), "samples", 0.0))
-    # A free motion fits whatever befalls the two poses of a pair: no other fault of the poses explains more.
+    # A free motion fits any fault of the two poses of a pair: no other fault of the poses explains more.
     single_pose = max((h.support for h in hypotheses if (h.cause, h.stream) == ("teleport", "pose")), default=0.0)
-    # Depths or poses of another sequence agree in no pair; a few pairs that are off rule that out.
+    # Depths or poses of another sequence agree in no pair, so they are ruled out where few pairs deviate.
     if 2 * pairs.off > pairs.compared:
-        # Of a pair between frames of other sequences, a free motion explains as much as of one wrong pose, whose
-        # support is reduced where most pairs are off: this undoes the reduction.
+        # In a pair with another sequence, a free motion explains as much as with one wrong pose. The support of one
+        # wrong pose is reduced where most pairs deviate: the division reverses this reduction.
         another = support("depth.another_sequence_by_free_motion") / support("convention_trials.unlikely_extent")
         least = support("depth.another_sequence")
         hypotheses += [
@@ -184,9 +185,9 @@ def _of_pairs(alarm: Alarm) -> tuple[Hypothesis, ...]:
 
 
 def _by_trials(pairs: Sequence[PairTrials], extent: Extent, *, share_off: float) -> list[Hypothesis]:
-    """Average what each cause explains over the pairs on which its transform was tried.
+    """Return the mean support of each cause over the pairs on which its transform was tried.
 
-    ``share_off`` is the share of pairs that are off.
+    ``share_off`` is the share of deviating pairs.
     """
     by_cause: dict[tuple[str, str], list[tuple[float, float | None]]] = {}
     for pair in pairs:
@@ -196,7 +197,7 @@ def _by_trials(pairs: Sequence[PairTrials], extent: Extent, *, share_off: float)
             if trial.extent != extent:
                 continue
             for cause, stream, full_support, size_of in _CAUSES_OF_TRANSFORM[trial.transform]:
-                # Pose and camera are common to all pixels: what befalls a part of the depth is a fault of depth.
+                # Pose and camera are common to all pixels: a deviation of a part of the image is a fault of depth.
                 if extent == "part" and stream != "depth":
                     continue
                 explained = full_support * trial.residual_reduction
@@ -206,8 +207,8 @@ def _by_trials(pairs: Sequence[PairTrials], extent: Extent, *, share_off: float)
             by_cause.setdefault(key, []).append(of_pair)
     hypotheses = []
     for (cause, stream), of_pairs in by_cause.items():
-        # A cause must explain every pair that is off, hence the mean. Its size is that of the pair that it explains
-        # best: elsewhere another cause may take part.
+        # A cause must explain every deviating pair, hence the mean. Its size comes from the pair that it explains best:
+        # in other pairs further causes may contribute.
         mean_support = float(np.mean([of_pair[0] for of_pair in of_pairs]))
         mean_support *= support_of_extent(cause, share_off)
         _, size = max(of_pairs, key=lambda of_pair: of_pair[0])

@@ -1,10 +1,10 @@
-"""Name the causes behind a file's findings: the fewest that explain them all.
+"""Name the causes of a file's findings: the fewest that explain all of them.
 
 Each alarm has hypotheses: causes that would explain it, with their support. A cause that explains several alarms is
-preferred over several causes (Occam), so causes are taken greedily by the support they add to that of the causes
-before them: the classical approximation of a smallest weighted cover (Chvatal, "A greedy heuristic for the set-covering
-problem", 1979). Each check is one witness: where it states a disagreement for each rate of flow, as a mean and at its
-worst, that counts once. Diagnosis runs only after an alarm: on clean files it would always find something.
+preferred over several causes (Occam), so causes are taken greedily by the support they add to that of the causes before
+them: the classical approximation of a smallest weighted cover (Chvatal, "A greedy heuristic for the set-covering
+problem", 1979). Each check counts once, even if it states a disagreement for each rate of flow, as a mean and at its
+worst. Diagnosis runs only after an alarm: on clean files it would always name some cause.
 """
 
 from collections import Counter, defaultdict
@@ -20,30 +20,32 @@ from fedora_qa.record.types import Diagnosis
 from fedora_qa.sequence.facts import Facts
 
 _UNKNOWN = "unknown"
-"""No cause at all: it explains nothing, and is named where no hypothesis is."""
+"""Name of the cause of a finding without a hypothesis."""
 
 _ENOUGH = 0.05
-"""Support that a further cause must add to be named at all."""
+"""Least support that a further cause must add to be named."""
 
 _UNFORESEEN = 0.02
-"""Support of a cause by a check that has no hypothesis of it: none is so well studied that it could be ruled out."""
+"""Support of a cause by a check that has no hypothesis of it: the check does not rule the cause out."""
 
 _IN_EARNEST = 0.3
-"""Support from which on a cause that one check proposes may explain what other checks measure of its stream."""
+"""Least support of a cause by one check for it to explain findings of other checks about its stream."""
 
 SHARPNESS = 8.0
-"""Power to which products of support are raised before they are normalised. Support is a score, no likelihood: a cause
-that leaves a fifth of a deviation is given 0.8, though of a deviation of a hundred standard errors that fifth rules it
-out. One power for all, fitted to how often first diagnoses of planted faults are right, makes them probabilities
-(temperature scaling: Guo et al., "On calibration of modern neural networks", 2017). Of 146 diagnoses the log-likelihood
-is -50.7 without it, -24.5 with 8, and within half of that from 6 to 12 (``python -m tests.benchmarks.confidence``)."""
+"""Power to which products of support are raised before they are normalised. Support is a score and not a likelihood: a
+cause that leaves a fifth of a deviation has a support of 0.8, though with a deviation of 100 standard errors this fifth
+rules it out. One power for all products turns them into probabilities; it is fitted to the frequency of correct first
+diagnoses of planted faults (temperature scaling: Guo et al., "On calibration of modern neural networks", 2017). The
+log-likelihood of 146 diagnoses is -50.7 without the power, -24.5 with 8, and within half of that from 6 to 12 (``python
+-m tests.benchmarks.confidence``)."""
 
 UNTHOUGHT = 0.02
-"""Share of first diagnoses that are wrong although little rivals them (2 of 120): it is taken off any confidence."""
+"""Share of first diagnoses that are wrong although their rivals have little support (2 of 120). It reduces every
+confidence."""
 
 _FAIR_FIT = 0.5
-"""Share of the best fit from which on a cause's size is taken from where it is most precise: no derivation, but a worse
-fit mostly means that another cause takes part."""
+"""Least ratio of a hypothesis's support to the best support of its cause for its size to be used. The value is not
+derived: with less support, another cause mostly contributes to the size."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -56,7 +58,20 @@ class _CauseCandidate:
 
 
 def diagnose(alarms: Sequence[Alarm], facts: Facts) -> tuple[Diagnosis, ...]:
-    """Return the probable causes of the alarms of one file, the best supported first."""
+    """Return the probable causes of the alarms of one file, in the order in which they were chosen.
+
+    Parameters
+    ----------
+    alarms
+        Of one file.
+    facts
+        Of the same file.
+
+    Returns
+    -------
+    tuple
+        ``unknown`` last.
+    """
     return conclude(alarms, propose(alarms, facts))
 
 
@@ -74,35 +89,35 @@ def conclude(alarms: Sequence[Alarm], hypotheses: Mapping[str, Sequence[Hypothes
 
     Returns
     -------
-    tuple[Diagnosis, ...]
+    tuple
         In the order in which they were chosen, ``unknown`` last.
     """
     places = {alarm.finding.id: alarm.finding.where for alarm in alarms}
     checks = {alarm.finding.id: alarm.finding.code.rpartition(".")[0] for alarm in alarms}
     findings_of_check = Counter(checks.values())
     candidates = _candidates(hypotheses)
-    # What is left to explain of each finding: the demand of the set cover.
+    # Unexplained support of each finding: the demand of the set cover.
     unexplained = {alarm.finding.id: 1.0 for alarm in alarms}
 
     def gain(candidate: _CauseCandidate) -> float:
         return sum(_new_support(candidate, finding, unexplained) for finding in candidate.evidence)
 
     def gain_per_check(candidate: _CauseCandidate) -> float:
-        """Average over the findings of each check, sum over the checks: one check is one witness."""
+        """Average over the findings of each check, sum over the checks: each check counts once."""
         evidence = candidate.evidence
         return sum(_new_support(candidate, f, unexplained) / findings_of_check[checks[f]] for f in evidence)
 
     diagnoses: list[Diagnosis] = []
     explained: set[str] = set()
-    # Greedy step of the weighted cover (Chvatal 1979): the cause that adds most, counted by check; of equal ones that
-    # of more findings.
+    # Greedy step of the weighted cover (Chvatal 1979): the cause that adds most support, counted by check; among equal
+    # ones that of more findings.
     while supported := [candidate for candidate in candidates if gain(candidate) >= _ENOUGH]:
         best = max(supported, key=lambda candidate: (gain_per_check(candidate), len(candidate.evidence)))
         # Only causes of common findings compete; others belong to a diagnosis of their own.
         rivals = [rival for rival in candidates if rival is not best and set(rival.evidence) & set(best.evidence)]
         confidence = share_of_first(_plausibilities([best, *rivals], unexplained, checks))
-        # The size comes from the hypothesis that gives it best: with a magnitude, an error, a fair fit, the smaller
-        # error, the more support.
+        # The size comes from the best hypothesis: with a magnitude, with an error, with enough support, with a smaller
+        # error, with more support, in this order.
         fair = _FAIR_FIT * max(hypothesis.support for hypothesis in best.evidence.values())
         sized_by, of_size = min(
             best.evidence.items(),
@@ -129,10 +144,10 @@ def conclude(alarms: Sequence[Alarm], hypotheses: Mapping[str, Sequence[Hypothes
             )
         )
         for finding, hypothesis in best.evidence.items():
-            # What the best supported cause so far leaves: supports of several causes of one finding do not add.
+            # Rest after the best supported cause so far: supports of several causes of one finding do not add.
             unexplained[finding] = min(unexplained[finding], 1.0 - hypothesis.support)
         explained |= set(best.evidence)
-        # A cause all of whose findings are explained would be named beside the one that made it superfluous.
+        # A cause whose findings are all explained is superfluous.
         candidates = [candidate for candidate in candidates if not set(candidate.evidence) <= explained]
     without_cause: dict[str, list[Alarm]] = defaultdict(list)
     for alarm in alarms:
@@ -174,7 +189,8 @@ def _candidates(hypotheses: Mapping[str, Sequence[Hypothesis]]) -> list[_CauseCa
                 if other_cause == cause and other != stream and stream_family(other) == stream:
                     for finding, hypothesis in of_other.items():
                         evidence[cause, stream].setdefault(finding, hypothesis)
-    # A finding that any fault of a stream would explain is explained by each cause that some check supports well.
+    # A finding that any fault of a stream would explain is explained by each cause of this stream that one check
+    # supports well.
     for finding, of_finding in hypotheses.items():
         for any_cause in of_finding:
             if any_cause.cause != ANY_CAUSE:
@@ -208,9 +224,21 @@ def _new_support(candidate: _CauseCandidate, finding: str, unexplained: Mapping[
 
 
 def share_of_first(plausibilities: Sequence[float], sharpness: float = SHARPNESS) -> float:
-    """Return the probability that the first of several rivals is the cause, from the logarithms of their support.
+    """Return the probability that the first of several rivals is the cause.
 
-    It is below 1 where there is no rival at all: by ``UNTHOUGHT``.
+    It is at most 1 - ``UNTHOUGHT``, also without a rival.
+
+    Parameters
+    ----------
+    plausibilities
+        Logarithms of the support of the rivals, one or more; the first is the candidate.
+    sharpness
+        Power to which the supports are raised.
+
+    Returns
+    -------
+    float
+        0 to 1.
     """
     most = max(plausibilities)
     # Softmax at the temperature 1 / sharpness (Guo et al. 2017); less the maximum, so that exp cannot overflow.
@@ -221,10 +249,10 @@ def share_of_first(plausibilities: Sequence[float], sharpness: float = SHARPNESS
 def _plausibilities(
     rivals: Sequence[_CauseCandidate], unexplained: Mapping[str, float], checks: Mapping[str, str]
 ) -> list[float]:
-    """Return the logarithms of the rivals' support by the findings that the first would explain.
+    """Return the logarithms of the rivals' support for the findings that the first would explain.
 
-    Checks are taken as independent witnesses of what is still unexplained: the support that a cause has by each is
-    multiplied (Bayes, with equal priors). Findings of one check are one witness, and count by their mean.
+    The checks are taken as independent observations of the unexplained deviations: supports of a cause by several
+    checks are multiplied (Bayes, with equal priors). Findings of one check count once, by their mean.
     """
     of_check: dict[str, list[str]] = defaultdict(list)
     for finding in rivals[0].evidence:
@@ -236,5 +264,5 @@ def _plausibilities(
         # Without the floor one check that has no hypothesis of a cause would rule it out with log(0).
         return max(mean, _UNFORESEEN)
 
-    # ln of the product over checks: Bayes with equal priors and independent witnesses.
+    # ln of the product over checks: Bayes with equal priors and independent checks.
     return [sum(log(support_of(rival, findings)) for findings in of_check.values()) for rival in rivals]

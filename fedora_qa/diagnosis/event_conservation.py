@@ -1,4 +1,4 @@
-"""Hypotheses for pixels whose events contradict the frames."""
+"""Hypotheses for pixels whose events contradict the frames: alarms of ``event_response.conservation``."""
 
 from collections import Counter
 from collections.abc import Mapping, Sequence
@@ -16,24 +16,24 @@ from fedora_qa.sequence.facts import Facts
 from fedora_qa.views.conservation_trials import InverseTrial, Resolution, Transform
 
 _FEW: Final = 0.05
-"""Fraction of the pixels that some lost or doubled events spoil at most."""
+"""Largest fraction of violating pixels by single lost or doubled events."""
 
 _ONE_REGION: Final = 0.6
-"""Fraction of the violating pixels that lie together, and of those without an event, from which on a region is dead."""
+"""Least fraction of the violating pixels that lie together, and of those without an event, for a dead region."""
 
 _RESOLVED: Final = 0.8
-"""Fraction of the violations that an inverse transform must resolve, net. In 36 damaged files right transforms of a
-whole window or its half reached 0.8 to 1; wrong ones, where none was right, 0.6 of twenty pixels or more and 0.5 of
-fifty."""
+"""Fraction of the violations that an inverse transform must resolve, net. In 36 damaged files, correct transforms of a
+window or its half resolved 0.8 to 1. Wrong transforms, where none was correct, resolved up to 0.6 of 20 or more pixels,
+and up to 0.5 of 50."""
 
 _ENOUGH_VIOLATIONS: Final = 50
-"""Violations of a part from which on it is informative that no inverse transform resolves them."""
+"""Least number of violations of a part for a conclusion from the fact that no inverse transform resolves them."""
 
 _DOMINANT: Final = 3.0
-"""Times the violations that the next best transform resolves, over all windows, for the best to be the right one."""
+"""Least ratio of the violations that the best transform resolves, over all windows, to those of the next best one."""
 
 _PARTS: Final = 3
-"""A window and its halves."""
+"""Number of parts: a window and its halves."""
 
 _CAUSES: Final[Mapping[Transform, str]] = MappingProxyType(
     {
@@ -57,22 +57,22 @@ _BREAKS_THE_LAW: Final = (
       for cause in ("swapped_frames", "frozen_frames", "exposure_or_gamma", "channel_order", "time_offset",
                     "clock_rate", "mirrored", "other_sequence", "spatial_offset")),
 )  # fmt: skip
-"""Every fault of events or frames breaks the law of conservation."""
+"""Every fault of events or frames violates the law of conservation."""
 
 
 def propose_conservation(alarm: Alarm, facts: Facts) -> tuple[Hypothesis, ...]:
     """Return the hypotheses for an alarm of ``event_response.conservation``.
 
-    Where an inverse transform resolves the violations, other causes are left to what that does not explain. Where the
-    law is broken all over and no transform resolves it, events and frames may not belong together.
+    Where an inverse transform resolves the violations, other causes have reduced support. Where the law is violated in
+    many pixels and no transform resolves this, events and frames may be of different sequences.
     """
     features = alarm.statistic.features
     (violations,) = (feature for feature in features if isinstance(feature, Violations))
     (cluster,) = (feature for feature in features if isinstance(feature, ViolationCluster))
     trials = [feature for feature in features if isinstance(feature, InverseTrial)]
     few = violations.fraction < _FEW
-    # Violations of one dead region lie together, and without events; or, of a region that is dead for some time, so
-    # close together that no loss of single events could be: a lost packet spoils few pixels of any neighbourhood.
+    # Violations of a dead region lie together, in pixels without events. Violations of a region that is dead for some
+    # time lie closer together than those of lost events: a lost packet affects few pixels of any neighbourhood.
     no_events = facts.events is None or not facts.events.count
     if not no_events and min(cluster.fraction_nearby, cluster.fraction_without_events) > _ONE_REGION:
         dead = _support("dead_region")
@@ -92,8 +92,9 @@ def propose_conservation(alarm: Alarm, facts: Facts) -> tuple[Hypothesis, ...]:
         unrelated = tuple(
             Hypothesis("other_sequence", stream, _support("other_sequence")) for stream in ("events", "rgb")
         )
-    # Lost or doubled events spoil few pixels; what moves events or frames spoils most of those that fire. Doubled ones
-    # mostly share their timestamps as well, which ``event_stream.duplicates`` detects; lost ones leave no other trace.
+    # Lost or doubled events affect few pixels; a move of events or frames affects most pixels with events. Doubled
+    # events mostly have equal timestamps as well, which ``event_stream.duplicates`` detects; lost events are not
+    # detected otherwise.
     if no_events:
         samples: tuple[Hypothesis, ...] = (Hypothesis("dropped_samples", "events", _support("no_events")),)
     else:
@@ -116,11 +117,24 @@ def propose_conservation(alarm: Alarm, facts: Facts) -> tuple[Hypothesis, ...]:
 
 
 def hypotheses_of_trials(trials: Sequence[InverseTrial], facts: Facts) -> tuple[Hypothesis, ...]:
-    """Return the causes whose inverse resolves a part, of the part where most is; none where none resolves enough.
+    """Return the causes whose inverse resolves the violations of a part; none where no inverse resolves enough.
 
-    A transform that leaves more violations than the best one is less probable by exp(-1) for each twentieth of them.
-    Frames that were moved or mirrored have the effect of events that were. Where no part of many violations is
-    resolved, a few pixels at the end of a file that some transform resolves are chance.
+    The part with the most resolved violations counts. A transform that leaves more violations than the best one is less
+    probable by exp(-1) for each twentieth of the violations. A move or a mirror image of the frames has the effect of
+    that of the events. Where no part with many violations is resolved, resolved pixels of smaller parts are taken as
+    chance.
+
+    Parameters
+    ----------
+    trials
+        Of all tried windows and their halves.
+    facts
+        With the clocks of frames, depth and flow.
+
+    Returns
+    -------
+    tuple
+        Support by net resolved violations; sizes in px or ms.
     """
     if unresolved(trials):
         return ()
@@ -128,13 +142,14 @@ def hypotheses_of_trials(trials: Sequence[InverseTrial], facts: Facts) -> tuple[
     if not resolved:
         return _dominant_hypotheses(trials, facts)
     trial = max(resolved, key=lambda candidate: candidate.best)
-    # One twentieth of the violations (docstring), and one pixel at least: few violations decide nothing by a fraction.
+    # One twentieth of the violations (docstring), and one pixel at least: of few violations a fraction is less than a
+    # pixel.
     scale = max(1.0, 0.05 * trial.violations)
     weights = {
         resolution: _support("resolved") * exp((resolution.pixels - trial.best) / scale)
         for resolution in trial.resolutions
     }
-    # An offset of time larger than those tried shifts what moves evenly.
+    # An offset of time beyond the tried delays has the effect of a shift where the image moves evenly.
     larger_offset = _support("larger_time_offset") * max(
         weight for resolution, weight in weights.items() if resolution.transform == "shift"
     )
@@ -145,21 +160,21 @@ def hypotheses_of_trials(trials: Sequence[InverseTrial], facts: Facts) -> tuple[
 
 
 def _dominant_hypotheses(trials: Sequence[InverseTrial], facts: Facts) -> tuple[Hypothesis, ...]:
-    """Return the cause whose inverse resolves most over all windows, by far; none where there is no such.
+    """Return the cause whose inverse resolves by far the most violations of all windows; none without such a cause.
 
-    In noise, no transform resolves the violations of spurious events, so that the right one falls short of
-    ``_RESOLVED``. A wrong one that resolves by chance is followed closely by another wrong one, or by one of its kind
-    in another window.
+    No transform resolves the violations of spurious events, so in noise the correct transform resolves less than
+    ``_RESOLVED``. A wrong transform that resolves violations by chance is not much better than another wrong transform,
+    or than itself in another window.
     """
     whole: dict[int, InverseTrial] = {}
     for trial in trials:
-        # Of a window and its halves the whole one has the most violations.
+        # Of a window and its halves, the window has the most violations.
         if trial.window not in whole or trial.violations > whole[trial.window].violations:
             whole[trial.window] = trial
     violations = sum(trial.violations for trial in whole.values())
     resolved: Counter[str] = Counter()
     for trial in whole.values():
-        # Net counts can be negative: what a transform breaks in one window must not cancel what it resolves in another.
+        # Net counts can be negative: new violations in one window must not cancel resolved ones in another.
         resolved.update({resolution.transform: max(resolution.pixels, 0) for resolution in trial.resolutions})
     # Padded with empty pairs, as fewer than two transforms may have been tried.
     (transform, most), (_, next_best), *_ = (*resolved.most_common(2), ("", 0), ("", 0))
@@ -171,9 +186,9 @@ def _dominant_hypotheses(trials: Sequence[InverseTrial], facts: Facts) -> tuple[
 
 
 def unresolved(trials: Sequence[InverseTrial]) -> bool:
-    """Whether a window with many violations has some in both halves, and no transform resolves half of any such part.
+    """Whether a window has many violations, some in both halves, and no transform resolves half of those of any part.
 
-    A loss at one instant breaks one half only.
+    A loss at one instant causes violations in one half only.
     """
     informative = [trial for trial in trials if trial.violations >= _ENOUGH_VIOLATIONS]
     parts = Counter(trial.window for trial in trials)
@@ -182,12 +197,12 @@ def unresolved(trials: Sequence[InverseTrial]) -> bool:
 
 
 def _of(resolution: Resolution, weight: float, facts: Facts) -> tuple[Hypothesis, ...]:
-    """Return the fault that a transform undoes, of the events and where it may be theirs of the frames."""
+    """Return the fault of the events that a transform undoes, and that of the frames where it has the same effect."""
     cause, size = _CAUSES[resolution.transform], resolution.size
     of_events, of_frames = _support("events"), _support("frames")
     if cause == "time_offset":
         of_events, of_frames = whose_offset(size or 0.0, facts)
-    # The likelier of the two streams has the whole weight of the trial, the other its share.
+    # The more probable of the two streams has the whole weight of the trial, the other a share of it.
     events = Hypothesis(cause, "events", weight * of_events / max(of_events, of_frames), size)
     if cause not in _OF_FRAMES_TOO:
         return (events,)

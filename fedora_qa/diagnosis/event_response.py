@@ -1,6 +1,6 @@
 """Hypotheses for events that do not agree with the frames: orientation, model, threshold, clock, alignment, frames.
 
-Those for events that break the law of conservation stand in ``event_conservation``.
+Hypotheses for events that violate the law of conservation stand in ``event_conservation``.
 """
 
 from dataclasses import replace
@@ -25,10 +25,10 @@ from fedora_qa.views.event_clock_offset import ClockOffset
 from fedora_qa.views.level_samples import CAPTURE_RANGE_S
 
 _REVERSED_BELOW: Final = -0.5
-"""Step over expected step below which events step the other way, with half the contrast at least."""
+"""Ratio of fitted to expected step below which steps have the opposite sign, with at least half the contrast."""
 
 _DOMAIN_PREFERRED: Final = 3.0
-"""Standard errors by which the other domain must fit better to be suspected (after an alarm only)."""
+"""Standard errors by which the other domain must fit better to become a hypothesis (after an alarm only)."""
 
 _EVENTS: Final = support("event_response.clock_of_events")
 _FRAMES: Final = support("event_response.clock_of_frames")
@@ -39,7 +39,7 @@ _NO_COURSES: Final = DelayCourses(
     support("event_response.course_segment"),
     reaches_end=False,
 )
-"""In place of courses that were not compared."""
+"""Support of the courses of the delay where they were not compared."""
 
 
 def propose_orientation(alarm: Alarm, facts: Facts) -> tuple[Hypothesis, ...]:
@@ -61,7 +61,7 @@ def propose_orientation(alarm: Alarm, facts: Facts) -> tuple[Hypothesis, ...]:
 
 
 def hypotheses_of_symmetry(symmetry: EventSymmetry) -> tuple[Hypothesis, ...]:
-    """Return the causes that make events agree with the frames under a symmetry."""
+    """Return the causes for a symmetry under which events agree with the frames."""
     mirrored = symmetry.mirrored_columns or symmetry.mirrored_rows
     causes = (
         ("polarity_inverted", symmetry.inverted),
@@ -77,7 +77,7 @@ def hypotheses_of_symmetry(symmetry: EventSymmetry) -> tuple[Hypothesis, ...]:
 
 
 def propose_model(alarm: Alarm, facts: Facts) -> tuple[Hypothesis, ...]:
-    """Propose the other model, and frames whose transfer bends one domain into the other."""
+    """Return the other model as a cause, and frames whose transfer curve turns one domain into the other."""
     return (
         Hypothesis("event_model_misdeclared", "events", support("event_response.model_of_other_domain")),
         Hypothesis("exposure_or_gamma", "rgb", support("event_response.transfer_of_other_domain")),
@@ -85,7 +85,7 @@ def propose_model(alarm: Alarm, facts: Facts) -> tuple[Hypothesis, ...]:
 
 
 def propose_threshold(alarm: Alarm, facts: Facts) -> tuple[Hypothesis, ...]:
-    """Propose a misdeclared threshold with its size, and what else moves the step of events."""
+    """Return a misdeclared threshold as a cause, with its size, and other causes of a wrong step of events."""
     step = only_feature(alarm.statistic.features, EventStepSize)
     domains = only_feature(alarm.statistic.features, DomainPreference)
     ratio = step.fitted / step.expected
@@ -96,7 +96,7 @@ def propose_threshold(alarm: Alarm, facts: Facts) -> tuple[Hypothesis, ...]:
         if domains.log_residual_ratio > _DOMAIN_PREFERRED * domains.standard_error
         else ("threshold_where_declared_model_fits", "model_where_declared_model_fits")
     )
-    # Beyond the capture range of the fit an offset spoils thresholds.
+    # Beyond the capture range of the fit, an offset biases the thresholds.
     offset, offset_rgb = (
         ("gross_offset_spoils_thresholds", "gross_offset_of_frames_spoils_thresholds")
         if abs(step.delay_s) > CAPTURE_RANGE_S
@@ -118,11 +118,11 @@ def propose_threshold(alarm: Alarm, facts: Facts) -> tuple[Hypothesis, ...]:
 
 
 def propose_timing(alarm: Alarm, facts: Facts) -> tuple[Hypothesis, ...]:
-    """Propose an offset and a rate of either clock, each as far as its course over time explains the delays."""
+    """Return an offset and a rate of either clock, each supported by the course of the delay over time."""
     statistic, rule = alarm.statistic, alarm.finding.code.rpartition(".")[2]
     wrong_model = Hypothesis("event_model_misdeclared", "events", support("event_response.model_spoils_delays"))
     if rule == "region":
-        # A clock is one for all pixels: what moves a part of the image can only have moved its events.
+        # All pixels have one clock: only a move of events delays a part of the image.
         of_region = support("event_response.offset_of_region")
         offset = Hypothesis("time_offset", "events", of_region, statistic.value, "ms", statistic.standard_error)
         return offset, wrong_model
@@ -144,7 +144,7 @@ def propose_timing(alarm: Alarm, facts: Facts) -> tuple[Hypothesis, ...]:
             wrong_model,
         )
     size = only_feature(statistic.features, OffsetSize)
-    # The mean offset of a file is that of the fault only where all events have it.
+    # The mean offset of a file is that of the fault only where all events have the offset.
     sized = size.of_all_pixels and courses.constant > courses.segment
     error_ms = size.error_ms if sized else None
     return (
@@ -155,10 +155,22 @@ def propose_timing(alarm: Alarm, facts: Facts) -> tuple[Hypothesis, ...]:
 
 
 def with_clock_reset(courses: DelayCourses, reset: ClockReset | None) -> DelayCourses:
-    """Return the courses, that of a segment shared with drift as far as the steps of a reset clock say that it gained.
+    """Return the courses of the delay with part of the support of a segment moved to drift, by a clock reset.
 
-    Without a step forwards a segment that reaches an end of the known delays was late at once; others can only have
-    gained.
+    Without a step forwards, a segment that reaches an end of the measured delays has an offset, so its support stays.
+    Any other segment without such a step can only be due to a clock that runs fast.
+
+    Parameters
+    ----------
+    courses
+        Supports of a constant delay, of drift, and of a segment.
+    reset
+        Of the events' clock; None where there is none.
+
+    Returns
+    -------
+    DelayCourses
+        The sum of the supports is unchanged.
     """
     if reset is None or (reset.forwards is None and courses.reaches_end):
         return courses
@@ -168,10 +180,24 @@ def with_clock_reset(courses: DelayCourses, reset: ClockReset | None) -> DelayCo
 
 
 def whose_offset(offset_ms: float, facts: Facts) -> tuple[float, float]:
-    """Return the support of an offset of the events, and of the frames, which may keep in step with depth and flow.
+    """Return the support of a clock offset of the events, and of one of the frames.
 
-    A renderer draws colour, depth and flow at common times. Frames that leave them by the offset are moved themselves,
-    and frames that still meet them were not.
+    A renderer draws colour, depth and flow at common times. If the frames meet these times only after the offset is
+    subtracted, the frames have the offset; if they meet them as stored, the frames have none.
+
+    Parameters
+    ----------
+    offset_ms
+        Clock offset of the events against the frames, ms; positive where events are too late.
+    facts
+        With the clocks of colour, depth and flow.
+
+    Returns
+    -------
+    of_events
+        Support of an offset of the events.
+    of_frames
+        Support of an offset of the frames, of the opposite sign.
     """
     either = _EVENTS, _FRAMES
     clocks = [facts.clocks[stream] for stream in ("depth", *facts.flow_streams) if stream in facts.clocks]
@@ -179,11 +205,11 @@ def whose_offset(offset_ms: float, facts: Facts) -> tuple[float, float]:
     frames_ns = facts.clocks["rgb"].times_ns
     if len(common_ns) < 2 or not len(frames_ns):
         return either
-    # Ns per ms. A quarter of the offset separates a frame's place before the move from that after it.
+    # 1e6 ns per ms. A quarter of the offset separates timestamps with the offset from those without.
     near_ns = abs(offset_ms) * 1e6 / 4
     as_timestamped = _median_distance(frames_ns, common_ns) < near_ns
     moved_back = _median_distance(frames_ns + round(1e6 * offset_ms), common_ns) < near_ns
-    # Frames meet the common times with and without the move, or with neither: these times do not decide.
+    # Frames meet the common times with and without the offset, or in neither case: these times do not decide.
     if as_timestamped == moved_back:
         return either
     return either[::-1] if moved_back else (_EVENTS, support("event_response.clock_of_frames_in_step"))
@@ -197,7 +223,7 @@ def _median_distance(times_ns: NDArray[np.int64], grid_ns: NDArray[np.int64]) ->
 
 
 def _offsets(offset_ms: float, error_ms: float | None, facts: Facts, explained: float) -> tuple[Hypothesis, ...]:
-    """Return an offset of the events and of the frames, with its size where that has an error."""
+    """Return an offset of the events and one of the frames, with their size where its error is known."""
     of_events, of_frames = (explained * of_clock for of_clock in whose_offset(offset_ms, facts))
     if error_ms is None:
         return Hypothesis("time_offset", "events", of_events), Hypothesis("time_offset", "rgb", of_frames)
@@ -209,7 +235,7 @@ def _offsets(offset_ms: float, error_ms: float | None, facts: Facts, explained: 
 
 
 def _rates(estimate: ClockOffset, explained: float) -> tuple[Hypothesis, ...]:
-    """Return a clock rate of the events and of the frames, with its size."""
+    """Return a clock rate of the events and one of the frames, with their size."""
     # From s/s to ppm. Statistical error and bound of the model error add in squares.
     ppm, error = 1e6 * estimate.rate, 1e6 * hypot(estimate.rate_error, estimate.rate_bound)
     return (
@@ -222,7 +248,7 @@ def propose_alignment(alarm: Alarm, facts: Facts) -> tuple[Hypothesis, ...]:
     """Return the hypotheses for an alarm of ``event_response.alignment``, best supported first."""
     statistic = alarm.statistic
     (axis,) = (feature.axis for feature in statistic.features if isinstance(feature, ShiftAxis))
-    # The size of a spatial offset is that along the columns; of a shift down only the direction is not given.
+    # The size of a spatial offset is its component along the columns; a shift down only has no size.
     right_px = statistic.value if axis == "right" else None
     error_px = statistic.standard_error
     if alarm.finding.code == "event_response.alignment.shift":
@@ -239,7 +265,7 @@ def propose_alignment(alarm: Alarm, facts: Facts) -> tuple[Hypothesis, ...]:
         )  # fmt: skip
     of_frames: tuple[Hypothesis, ...] = ()
     if alarm.finding.code == "event_response.alignment.stretch":
-        # A region of events cannot come from frames; a segment of time can.
+        # A deviation of a region is due to events; one of a segment of time may be due to frames.
         of_frames = (
             Hypothesis("spatial_offset", "rgb", _of_alignment("part_frames_offset")),
             Hypothesis("swapped_frames", "rgb", _of_alignment("part_swapped_frames")),
@@ -257,7 +283,7 @@ def propose_alignment(alarm: Alarm, facts: Facts) -> tuple[Hypothesis, ...]:
 def propose_frames(alarm: Alarm, facts: Facts) -> tuple[Hypothesis, ...]:
     """Return the hypotheses for an alarm of ``event_response.frames``, best supported first."""
     (anomalies,) = (feature for feature in alarm.statistic.features if isinstance(feature, ChangeAnomalies))
-    # A repeated frame leaves an interval without any change; exchanged frames change against their events.
+    # A repeated frame causes an interval without any change; exchanged frames cause changes of the opposite sign.
     frozen = "frames.unchanged" if anomalies.unchanged else "frames.no_unchanged"
     swapped = "frames.reversed" if anomalies.reversed and not anomalies.unchanged else "frames.no_reversed"
     # At least one frame is wrong, as its interval caused the alarm.

@@ -1,4 +1,4 @@
-"""Causes of what the checks of the event stream measure."""
+"""Hypotheses for alarms of the checks of the event stream."""
 
 from math import sqrt
 from types import MappingProxyType
@@ -17,16 +17,17 @@ from fedora_qa.sequence.facts import Facts
 from fedora_qa.views.clock_resets import ClockReset
 
 _BY_CHANCE: Final = 3
-"""Repeats that a hot pixel may make: of 200 Hz among a thousand other events, 0.2 share their microsecond with it."""
+"""Largest number of repeats by a hot pixel: of a pixel with 200 Hz, 0.2 of a thousand events have the microsecond of
+another."""
 
 _CAUSE_OF_MOVE: Final = MappingProxyType(
     {"mirrored": "mirrored", "transposed": "axes_swapped", "shifted": "spatial_offset"}
 )
-"""The fault that moves all events, and with them the declared hot pixels, by a transform."""
+"""The fault that moves all events, and so the events of declared hot pixels, by a transform."""
 
 
 def propose_bounds(alarm: Alarm, facts: Facts) -> tuple[Hypothesis, ...]:
-    """Return what puts events off the sensor, or makes their polarity undefined."""
+    """Return the causes of events off the sensor, or of undefined polarities."""
     statistic = alarm.statistic
     if alarm.finding.code == "event_stream.bounds.polarity":
         supported = support("event_stream.polarity_undefined")
@@ -41,7 +42,7 @@ def propose_bounds(alarm: Alarm, facts: Facts) -> tuple[Hypothesis, ...]:
 
 
 def propose_duplicates(alarm: Alarm, facts: Facts) -> tuple[Hypothesis, ...]:
-    """Return what repeats events: a packet that was written twice, or a hot pixel by chance."""
+    """Return the causes of repeated events: a packet that was written twice, or a hot pixel by chance."""
     repeats = only_feature(alarm.statistic.features, RepeatedEvents).count
     if alarm.finding.code == "event_stream.duplicates.packet":
         supported = support("event_stream.doubled_ticks")
@@ -55,18 +56,18 @@ def propose_duplicates(alarm: Alarm, facts: Facts) -> tuple[Hypothesis, ...]:
 
 
 def propose_gaps(alarm: Alarm, facts: Facts) -> tuple[Hypothesis, ...]:
-    """Return what makes a silence: events that were lost, or a clock that was set and is set back by as much."""
+    """Return the causes of an interval without events: lost events, or a clock reset."""
     features = alarm.statistic.features
     lost = only_feature(features, ExpectedEvents).count
     resets = [feature for feature in features if isinstance(feature, ClockReset)]
     supported = support("event_stream.silence_of_reset") if resets else support("event_stream.silence")
-    # The number of lost events has the Poisson error of what is due.
+    # The number of lost events has the Poisson error of the expected number.
     dropped = Hypothesis("dropped_samples", "events", supported, float(lost), "samples", sqrt(lost))
     return *(hypothesis for reset in resets for hypothesis in hypotheses_of_reset(reset)), dropped
 
 
 def propose_rates(alarm: Alarm, facts: Facts) -> tuple[Hypothesis, ...]:
-    """Return what makes pixels fire without cause: hot pixels, or declared ones that a move of all events displaced."""
+    """Return the causes of high rates of pixels: hot pixels, or declared ones that a move of all events displaced."""
     statistic = alarm.statistic
     moves = tuple(
         Hypothesis(

@@ -18,9 +18,14 @@ def only_feature(features: Iterable[Feature], kind: type[FeatureType]) -> Featur
     kind
         The type; of several features of it the first is returned.
 
+    Returns
+    -------
+    FeatureType
+        The feature.
+
     Raises
     ------
     StopIteration
-        There is none: the check and its hypotheses contradict each other.
+        The statistic has no such feature: the check and its hypotheses contradict each other.
     """
     return next(feature for feature in features if isinstance(feature, kind))

@@ -1,4 +1,4 @@
-"""What the hypotheses of all checks of flow have in common: inverse transforms, and gains that have a name."""
+"""Hypotheses that all checks of flow share: inverse transforms, and gains that correspond to a cause."""
 
 from collections.abc import Mapping, Sequence
 from types import MappingProxyType
@@ -46,10 +46,10 @@ A transform without a row has the name of its cause ("mirrored").
 """
 
 _SUPPORT_OF_TRANSFORM: Final = MappingProxyType({"triangulated_depth": support("flow.triangulated_depth")})
-"""What the removed share is multiplied by; 1 for transforms without a row."""
+"""Factor on the removed share; 1 for transforms without a row."""
 
 _UNSIGNED: Final = ("swapped_frames",)
-"""Causes whose size is a distance, of whichever direction the transform is."""
+"""Causes whose size is a distance without a sign."""
 
 _OF_DISPLACED_FLOW: Final = (
     "flow_interval_shifted", "flow_rate_mixed", "mirrored", "spatial_offset", "frozen_frames", "swapped_frames",
@@ -62,27 +62,42 @@ DISPLACEMENTS: Final = (
     *((cause, "flow", support("flow.displacement")) for cause in _OF_DISPLACED_FLOW),
     *((cause, "depth", support("flow.displacement")) for cause in _OF_DISPLACED_DEPTH),
 )
-"""Causes that put flow and depth out of register: cause, stream, and a support that joins them to stronger evidence."""
+"""Causes that displace flow against depth: cause, stream, and a small support that adds to stronger evidence."""
 
 
 def spreads_over(stream: str, off: Mapping[str, bool]) -> str:
-    """Return ``flow`` where every rate is off, otherwise the one rate: all rates off alike are one fault."""
+    """Return ``flow`` where every rate deviates, otherwise the one rate: an equal deviation of all rates is one fault.
+
+    Parameters
+    ----------
+    stream
+        ``flow/<rate>hz``, the rate of the alarm.
+    off
+        Whether each rate deviates, by stream.
+    """
     return "flow" if all(off.values()) else stream
 
 
 def convention_hypotheses(
     rate: str, trials: Sequence[ConventionTrial], flow: str, *, share_off: float
 ) -> list[Hypothesis]:
-    """Average the removed shares of each inverse transform over the fields of one rate that it was tried on.
+    """Return the mean removed share of each inverse transform, over the fields of one rate on which it was tried.
 
     Parameters
     ----------
     rate
         Only trials of this rate count.
+    trials
+        Of any rates.
     flow
-        The stream to name in place of ``flow``: all rates or one.
+        Stream that is named for trials of the flow: ``flow`` or one rate.
     share_off
-        Share of fields that are off: faults of single frames spoil few, and other faults most.
+        Share of fields that deviate, 0 to 1. Faults of single frames affect few fields, other faults most.
+
+    Returns
+    -------
+    list[Hypothesis]
+        One for each cause and stream, in the order of the trials.
     """
     by_cause: dict[tuple[str, str], list[ConventionTrial]] = {}
     for trial in trials:
@@ -94,7 +109,7 @@ def convention_hypotheses(
         supports = [_SUPPORT_OF_TRANSFORM.get(trial.transform, 1.0) * trial.removed_share for trial in group]
         mean_support = float(np.mean(supports))
         mean_support *= support_of_extent(cause, share_off)
-        # The size comes from the field that the transform explains best: elsewhere another fault may take part.
+        # The size comes from the field that the transform explains best: in other fields another fault may contribute.
         magnitude = max(zip(supports, group, strict=True), key=lambda pair: pair[0])[1].magnitude
         if magnitude is not None and cause in _UNSIGNED:
             magnitude = abs(magnitude)
@@ -108,10 +123,30 @@ def convention_hypotheses(
 def gain_hypothesis(
     flow: str, gain: float, error: float | None, removed_share: float, seconds: float, tolerance: float
 ) -> Hypothesis:
-    """Name a gain: minus two is a sign, the reciprocal of the interval or the interval itself is another unit.
+    """Return the cause of a gain of the flow: another sign, another unit of time, or a gain.
 
-    ``gain`` and its ``error`` are shares (0.1 for 10% too large), ``seconds`` is the length of the interval; a gain
-    within the relative ``tolerance`` of a name has that name. ``removed_share`` becomes the support.
+    A gain of -2 is the opposite sign. A factor equal to the length of the interval, or to its reciprocal, is another
+    unit.
+
+    Parameters
+    ----------
+    flow
+        Stream that is named.
+    gain
+        Excess of the factor over 1 (0.1 for vectors that are 10% too long).
+    error
+        Standard error of ``gain``; None where it is not known.
+    removed_share
+        Share of the deviation that the gain explains, 0 to 1. It becomes the support.
+    seconds
+        Length of the interval, s.
+    tolerance
+        Largest relative difference from a sign or unit that counts as such.
+
+    Returns
+    -------
+    Hypothesis
+        ``flow_sign``, ``flow_unit``, or ``flow_gain`` with its size in percent.
     """
     factor = 1 + gain
     # 1 + gain = -1: vectors of the right length and the opposite sign.

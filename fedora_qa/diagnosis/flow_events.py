@@ -1,4 +1,4 @@
-"""Which causes would explain that events are sharper under another flow than the one that is stored."""
+"""Hypotheses for events that are sharper under another flow than under the stored one."""
 
 from typing import Final
 
@@ -10,11 +10,11 @@ from fedora_qa.judgement.judge import Alarm
 from fedora_qa.sequence.facts import Facts
 
 _GAIN_TOLERANCE: Final = 0.1
-"""Relative error of gains within which one with a name has that name."""
+"""Largest relative difference of a gain from a sign or a unit that counts as such."""
 
 
 def propose_sharpness(alarm: Alarm, facts: Facts) -> tuple[Hypothesis, ...]:
-    """Return the hypotheses for one rate against the events, most probable first."""
+    """Return the hypotheses for one rate against the events, best supported first."""
     (sharpest,) = (feature for feature in alarm.statistic.features if isinstance(feature, SharpestFlow))
     flow = spreads_over(sharpest.rate, sharpest.deviates_by_rate)
     interval_s = sharpest.interval_s
@@ -23,7 +23,7 @@ def propose_sharpness(alarm: Alarm, facts: Facts) -> tuple[Hypothesis, ...]:
         size = {"times_interval": 1 / interval_s, "divided_by_interval": interval_s}.get(sharpest.transform)
         (cause,) = CAUSES_OF_TRANSFORM[sharpest.transform]
         return (Hypothesis(cause, flow, support("flow_events.other_flow"), size, "1" if size else ""),)
-    # From percent to a share. The sign of the model error is unknown, so that its bound adds to the error.
+    # From percent to a share. The sign of the model error is unknown, so its bound adds to the error.
     error = 0.01 * (alarm.statistic.standard_error + alarm.statistic.model_error_bound)
     return (
         gain_hypothesis(flow, sharpest.gain - 1, error, support("flow_events.gain"), interval_s, _GAIN_TOLERANCE),

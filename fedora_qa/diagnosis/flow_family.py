@@ -1,4 +1,4 @@
-"""A fault that befalls all rates of flow alike is one fault of the flow."""
+"""Join equal faults of all rates of flow into one fault of the flow."""
 
 from collections.abc import Callable
 from dataclasses import replace
@@ -12,14 +12,19 @@ from fedora_qa.diagnosis.hypothesis import Hypothesis
 def over_all_rates(
     statistic: Statistic, hypotheses_of: Callable[[Statistic], tuple[Hypothesis, ...]]
 ) -> tuple[Hypothesis, ...]:
-    """Return the hypotheses for a statistic; of ``flow`` where every one of several rates has the same cause.
+    """Return the hypotheses for a statistic; with stream ``flow`` where all of several rates have the same cause.
 
     Parameters
     ----------
     statistic
         With the feature ``FlowRateDeviations`` where there is more than one rate.
     hypotheses_of
-        Gives the hypotheses for one statistic of the check, each of its own rate.
+        Returns the hypotheses for one statistic of the check, each of its own rate.
+
+    Returns
+    -------
+    tuple
+        In the order of ``hypotheses_of``.
     """
     hypotheses = hypotheses_of(statistic)
     for feature in statistic.features:
@@ -27,7 +32,7 @@ def over_all_rates(
             streams_of_cause: dict[str, set[str]] = {}
             for hypothesis in (h for deviation in feature.deviations for h in hypotheses_of(deviation)):
                 streams_of_cause.setdefault(hypothesis.cause, set()).add(hypothesis.stream)
-            # One measured rate without the cause is enough: then the fault is of single rates, and not of the flow.
+            # If one measured rate does not have the cause, the fault is one of single rates.
             common = {cause for cause, streams in streams_of_cause.items() if feature.rates <= streams}
             return tuple(
                 replace(h, stream="flow") if stream_family(h.stream) == "flow" and h.cause in common else h

@@ -1,4 +1,4 @@
-"""Which causes would explain that flow disagrees with the frames, and of what size they would be."""
+"""Hypotheses for flow that deviates from the frames, with their sizes."""
 
 from types import MappingProxyType
 from typing import Final
@@ -16,18 +16,18 @@ from fedora_qa.views.flow_comparison import is_noisy
 from fedora_qa.views.flow_conventions import ConventionTrial
 
 _GAIN_TOLERANCE: Final = 0.1
-"""Relative error of gains near the capture range, within which one with a name has that name."""
+"""Largest relative difference, near the capture range, of a gain from a sign or a unit that counts as such."""
 
 _FEW_FIELDS: Final = 0.5
-"""Share of deviating fields up to which a fault is one of single frames, and not of all fields."""
+"""Largest share of deviating fields for a fault of single frames."""
 
 _LARGEST_SHIFT_PX: Final = 10.0
-"""Beyond it a flow's slopes say little about its values."""
+"""Largest shift, px, for which the slopes of a flow predict its values."""
 
 _MS_PER_PERCENT_OF_S: Final = 10.0
 
 _LINEAR: Final = 1 / 3
-"""Share of the largest size of a fault up to which tiles, which capture 3 to 4 px, follow its template."""
+"""Share of the largest size of a fault up to which tiles, with a capture range of 3 to 4 px, follow its template."""
 
 _FAULT_OF_TEMPLATE: Final = MappingProxyType({
     "focal": ("intrinsics_focal", "percent", 30.0),
@@ -35,7 +35,7 @@ _FAULT_OF_TEMPLATE: Final = MappingProxyType({
     "mounting": ("extrinsic_rotation", "deg", 15.0),
     "time": ("time_offset", "ms", 50.0),
 })  # fmt: skip
-"""Cause, unit and largest size, beyond which the template, a derivative, says nothing."""
+"""Cause, unit and largest size; beyond it the template, a derivative, does not apply."""
 
 _DISPLACEMENTS: Final = tuple(
     (cause, stream)
@@ -47,11 +47,11 @@ _DISPLACEMENTS: Final = tuple(
     )
     for cause in causes
 )  # fmt: skip
-"""What leads the flow to other places than the frames."""
+"""Causes that displace the flow against the frames: cause and stream."""
 
 
 def propose_residual(alarm: Alarm, facts: Facts) -> tuple[Hypothesis, ...]:
-    """Return the hypotheses for one rate against the frames, most probable first."""
+    """Return the hypotheses for one rate against the frames, best supported first."""
     features = alarm.statistic.features
     (rate,) = (feature for feature in features if isinstance(feature, RateResidual))
     flow = spreads_over(rate.rate, rate.deviates_by_rate)
@@ -61,7 +61,7 @@ def propose_residual(alarm: Alarm, facts: Facts) -> tuple[Hypothesis, ...]:
     if not rate.deviating_fields:
         unknown = Hypothesis("unknown", flow, support("flow_photometric.unknown"))
         return most_probable(by_templates) or (unknown,)
-    # Single frames cannot give most fields the same gain.
+    # Faults of single frames do not cause one gain in most fields.
     deviating_share = 1.0 if rate.has_common_gain else rate.deviating_fields / rate.fields
     trials = [feature for feature in features if isinstance(feature, ConventionTrial)]
     by_trials = convention_hypotheses(rate.rate, trials, flow, share_off=deviating_share)
@@ -72,7 +72,7 @@ def propose_residual(alarm: Alarm, facts: Facts) -> tuple[Hypothesis, ...]:
     by_templates = weakened(by_templates, factor)
     noise = facts.declared.pose
     if noise and is_noisy(noise):
-        # Noise befalls all fields alike, frames out of place only few.
+        # Noise affects all fields equally; exchanged frames affect few.
         noisy = support("flow_photometric.noisy_pose") * rate.own_mean_share * rate.chance_of_largest_mean
         by_templates.append(Hypothesis("flow_from_noisy_pose", flow, noisy))
     displaced = support("flow_photometric.displacement")
@@ -83,7 +83,7 @@ def propose_residual(alarm: Alarm, facts: Facts) -> tuple[Hypothesis, ...]:
 
 
 def _template_hypotheses(rate: RateResidual, templates: dict[str, TemplateExplanation], flow: str) -> list[Hypothesis]:
-    """Rate gain, shift of an image, and geometry by the share of what all templates together explain."""
+    """Return gain, shift of an image, and faults of the geometry, by their share of what all templates explain."""
     if rate.explained_share <= 0:
         return []
     gain, shift = templates["gain"], templates["shift"]
@@ -96,7 +96,7 @@ def _template_hypotheses(rate: RateResidual, templates: dict[str, TemplateExplan
     hypotheses = [
         gain_hypothesis(flow, gain.sizes[0], gain.standard_error, gain_support, rate.interval_s, _GAIN_TOLERANCE),
         Hypothesis("spatial_offset", "rgb", by_shift, shift_px, "px"),
-        # A field that is moved by -d gives each pixel the vector that an image moved by d asks for.
+        # A field moved by -d assigns each pixel the vector of an image moved by d.
         Hypothesis("spatial_offset", flow, support("flow_photometric.image_shift_of_flow") * by_shift, -shift_px, "px"),
     ]
     for name, (cause, unit, largest) in _FAULT_OF_TEMPLATE.items():
@@ -113,5 +113,5 @@ def _template_hypotheses(rate: RateResidual, templates: dict[str, TemplateExplan
 
 
 def _signed_norm(sizes: np.ndarray[tuple[int], np.dtype[np.float64]]) -> float:
-    """Return one number for a fault of several components: their norm, with the sign of the largest."""
+    """Return the norm of the components of a fault, with the sign of the largest."""
     return float(np.copysign(np.linalg.norm(sizes), sizes[np.argmax(np.abs(sizes))]))

@@ -1,4 +1,4 @@
-"""Causes that would explain that fields of a faster rate do not compose to those of a slower one."""
+"""Hypotheses for fields of a faster rate that do not compose to those of a slower one."""
 
 from typing import Final
 
@@ -17,26 +17,27 @@ _CAUSES: Final = (
     "time_offset", "intrinsics_focal", "intrinsics_centre", "extrinsic_rotation", "nan_in_stream", "clock_rate",
     "time_unit", "unsorted", "duplicated_samples",
 )  # fmt: skip
-"""Causes that let rates disagree, though no inverse transform of theirs may have been tried."""
+"""Causes of a deviation between rates, also those whose inverse transform was not tried."""
 
 
 def propose_composition(alarm: Alarm, facts: Facts) -> tuple[Hypothesis, ...]:
-    """Return the hypotheses for one pair of rates, most probable first."""
+    """Return the hypotheses for one pair of rates, best supported first."""
     rates_off = next((feature for feature in alarm.statistic.features if isinstance(feature, RatePairsOff)), None)
     if rates_off is None or not rates_off.shares_off[rates_off.pair]:
         return ()
     pair, shares_off = rates_off.pair, rates_off.shares_off
     trials = [feature for feature in alarm.statistic.features if isinstance(feature, ConventionTrial)]
-    # A copy is equal bit for bit wherever it was tried, so that its removed share is exactly 1: no tolerance.
+    # A copy is equal bit for bit in every trial, so its removed share is exactly 1: no tolerance.
     shares: dict[tuple[str, str], list[float]] = {}
     for trial in trials:
         if trial.transform in COPIES:
             shares.setdefault((trial.stream, trial.transform), []).append(trial.removed_share)
     copied = {stream for (stream, _), of_transform in shares.items() if min(of_transform) == 1.0}
-    # Transforms that come near a copy are then not named.
+    # Transforms with nearly the effect of a copy are then not named.
     trials = [trial for trial in trials if trial.stream not in copied or trial.transform in COPIES]
     hypotheses: list[Hypothesis] = []
-    # Two rates that disagree do not show which one is wrong; one that agrees with a third rate is hardly the wrong one.
+    # A deviation between two rates does not determine which one is wrong; a rate that agrees with a third is rarely
+    # wrong.
     agrees = {rate: any(rate in another and not share for another, share in shares_off.items()) for rate in pair}
     for rate, other in (pair, pair[::-1]):
         if agrees[rate]:

@@ -1,4 +1,4 @@
-"""Which hypotheses each check's alarms give rise to: one function a check, in the module of its subject."""
+"""Hypotheses for the alarms of each check: one function a check, in the module of its subject."""
 
 from collections.abc import Callable, Mapping, Sequence
 from types import MappingProxyType
@@ -28,9 +28,9 @@ from fedora_qa.judgement.judge import Alarm
 from fedora_qa.sequence.facts import Facts
 
 Propose = Callable[[Alarm, Facts], tuple[Hypothesis, ...]]
-"""Gives the hypotheses for an alarm of one check, best supported first.
+"""Returns the hypotheses for an alarm of one check, best supported first.
 
-It reads the features of the alarm's statistic and the facts of the file, and no samples: diagnosis decodes nothing.
+It reads the features of the alarm's statistic and the facts of the file, no samples: diagnosis decodes nothing.
 """
 
 PROPOSALS: Final[Mapping[str, Propose]] = MappingProxyType({
@@ -88,11 +88,37 @@ PROPOSALS: Final[Mapping[str, Propose]] = MappingProxyType({
 
 
 def propose(alarms: Sequence[Alarm], facts: Facts) -> dict[str, tuple[Hypothesis, ...]]:
-    """Return the hypotheses for each alarm of one file, by the id of its finding."""
+    """Return the hypotheses for each alarm of one file, by the id of its finding.
+
+    Parameters
+    ----------
+    alarms
+        Of one file.
+    facts
+        Of the same file.
+
+    Returns
+    -------
+    dict[str, tuple[Hypothesis, ...]]
+        Best supported first.
+    """
     return {alarm.finding.id: hypotheses_of(alarm, facts) for alarm in alarms}
 
 
 def hypotheses_of(alarm: Alarm, facts: Facts) -> tuple[Hypothesis, ...]:
-    """Return the hypotheses for an alarm, best supported first; its check has a row in ``PROPOSALS``."""
+    """Return the hypotheses for an alarm, best supported first.
+
+    Parameters
+    ----------
+    alarm
+        Its check has a row in ``PROPOSALS``.
+    facts
+        Of the same file.
+
+    Returns
+    -------
+    tuple
+        One at least for most checks.
+    """
     # The code of a finding is ``<subject>.<property>.<rule>``: without the rule it is the name of the check.
     return PROPOSALS[alarm.finding.code.rpartition(".")[0]](alarm, facts)

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 from typing import Final
 
 ANY_CAUSE: Final = "any"
-"""In place of a cause: whatever else is wrong with the stream would explain the finding as well."""
+"""In place of a cause: any other fault of the stream would explain the finding as well."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -18,7 +18,8 @@ class Hypothesis:
     support
         How well the cause explains the deviation, 0 (not at all) to 1 (entirely).
     magnitude, unit, standard_error
-        The fitted size in the unit of the cause, positive where timestamps are too late or values too large.
+        Fitted size in the unit of the cause, and its standard error. Positive where timestamps are too late or values
+        too large; None where the cause has no size.
     """
 
     cause: str

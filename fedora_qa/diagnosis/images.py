@@ -20,10 +20,11 @@ _FLOW_RIVALS_OF_ORDER: Final = (
     "flow_unit",
     "other_sequence",
 )
-"""Flow that is wrong in single intervals is contradicted by frames in order as frames out of order are."""
+"""Causes in the flow: a wrong flow in single intervals deviates from correct frames as a correct flow deviates from
+exchanged frames."""
 
 EXPONENTS_OF_DISPLAYS: Final = (1.7, 2.6)
-"""What sRGB (2.4 at white, 1 in the dark, 2.2 on the whole) and gamma 2.2 look like."""
+"""Range of fitted exponents of sRGB (2.4 at white, 1 in the dark, 2.2 on average) and of gamma 2.2."""
 
 
 def propose_repeats(alarm: Alarm, facts: Facts) -> tuple[Hypothesis, ...]:
@@ -36,16 +37,16 @@ def propose_repeats(alarm: Alarm, facts: Facts) -> tuple[Hypothesis, ...]:
 
 
 def propose_order(alarm: Alarm, facts: Facts) -> tuple[Hypothesis, ...]:
-    """Return the hypotheses for frames, or parts of them, that do not lie where the flow carries them."""
+    """Return the hypotheses for frames, or parts of frames, that the flow does not map onto the next frame."""
     return hypotheses_of_order(only_feature(alarm.statistic.features, OutOfOrderIntervals))
 
 
 def hypotheses_of_order(intervals: OutOfOrderIntervals) -> tuple[Hypothesis, ...]:
     """Return the hypotheses for intervals out of order.
 
-    Exchanged frames turn a motion round: frames that are d apart leave d + 2 intervals out of order. Frozen ones stop
-    it, once for each. Where no frame left its place and returned to it, the image itself was moved, for one interval,
-    or turned, for many.
+    An exchange of frames reverses the motion: frames exchanged over a distance d leave d + 2 intervals out of order. A
+    frozen frame stops the motion in one interval. Where no frame was moved to another place and back, the image itself
+    was moved (in one interval) or mirrored (in many intervals).
     """
     ratios = intervals.relative_ratios
     # Displacement over that of the flow: 1 in order, 0 for a frame that stands still, negative in reversed order.
@@ -53,7 +54,7 @@ def hypotheses_of_order(intervals: OutOfOrderIntervals) -> tuple[Hypothesis, ...
     stopped = sum(abs(ratio) < ALLOWED for ratio in ratios)
     # Frames that are d apart leave d + 2 intervals out of order (docstring).
     exchanged_by = float(max(len(ratios) - 2, 1)) if turned else None
-    # How far frames out of their places explain the intervals; the rest is a change of the image itself.
+    # Share of the intervals that exchanged frames explain; the rest is a change of the image itself.
     displaced = {True: 1.0, False: 0.0, None: support("images.order_return_unmeasured")}[intervals.frames_return]
     swapped, frozen = displaced * turned, displaced * (stopped > 0 and not turned)
     moved, rival = 1 - displaced, support("images.order_other")
@@ -109,7 +110,7 @@ def propose_exposure(alarm: Alarm, facts: Facts) -> tuple[Hypothesis, ...]:
 
 
 def propose_channels(alarm: Alarm, facts: Facts) -> tuple[Hypothesis, ...]:
-    """Propose another order of channels, and whatever spoils levels."""
+    """Return another order of channels as a cause, and causes of wrong levels."""
     nearest = only_feature(alarm.statistic.features, NearestChannelOrder)
     order = "order_where_declared_is_nearest" if nearest.order == "RGB" else "order_where_another_is_nearest"
     spoils = support("images.fault_spoils_weights")
@@ -124,11 +125,11 @@ def propose_channels(alarm: Alarm, facts: Facts) -> tuple[Hypothesis, ...]:
 
 
 def propose_transfer(alarm: Alarm, facts: Facts) -> tuple[Hypothesis, ...]:
-    """Propose another transfer curve; where its exponent is confounded with the threshold, that as well."""
+    """Return another transfer curve as a cause, and the threshold where it has the effect of the fitted exponent."""
     exponent, (low, high) = alarm.statistic.value, EXPONENTS_OF_DISPLAYS
     # Either direction of the curve: linear light encoded for a display (1 / 2.2), or such codes taken as linear (2.2).
     of_a_display = low <= exponent <= high or 1 / high <= exponent <= 1 / low
-    # In the linear model an exponent bends steps by their level, which no threshold does.
+    # In the linear model an exponent changes steps by their level; a threshold does not.
     bent = of_a_display or alarm.statistic.name == "exponent"
     spoils = support("images.fault_spoils_exponent")
     transfer = "transfer_of_a_display" if bent else "transfer_of_no_display"

@@ -17,17 +17,18 @@ from fedora_qa.sequence.facts import Facts
 from fedora_qa.views.inertial_agreement import InertialConventionTrial, MotionKind
 
 _LEAST_EXPLAINED: Final = 0.5
-"""Share of what can be explained from which on a group rivals the one that was freed."""
+"""Explained share above which a group of parameters becomes a rival of the freed one."""
 
 # The fit is in s and s/s, the causes are in ms and ppm.
 _MS, _PPM = 1e3, 1e6
 
 _ROUNDED_S: Final = 1e-6 / sqrt(12.0)
-"""Timestamps are whole microseconds: all those of an even clock are rounded by the same part of one."""
+"""Standard deviation of rounding to whole microseconds, s. All timestamps of an even clock have the same rounding
+error."""
 
 
 def propose_noise(alarm: Alarm, facts: Facts) -> tuple[Hypothesis, ...]:
-    """Return the causes of noise that is not as declared, or of repeated samples."""
+    """Return the causes of noise that differs from its declaration, or of repeated samples."""
     if alarm.finding.code == "imu.noise.frozen":
         return (Hypothesis("frozen_frames", "imu", support("imu.repeats_counted"), alarm.statistic.value, "samples"),)
     # A gyro written in deg/s has 180 / pi = 57.3 times its noise in rad/s.
@@ -36,17 +37,17 @@ def propose_noise(alarm: Alarm, facts: Facts) -> tuple[Hypothesis, ...]:
 
 
 def propose_timing(alarm: Alarm, facts: Facts) -> tuple[Hypothesis, ...]:
-    """Return the causes of two clocks that disagree: what the timestamps show by themselves, then those of the fit."""
+    """Return the causes of a deviation of both clocks: defects of the timestamps, then the parameters of the fit."""
     return (*defect_hypotheses(alarm.statistic.features), *_of_parameter(alarm, facts))
 
 
 def propose_rotation(alarm: Alarm, facts: Facts) -> tuple[Hypothesis, ...]:
-    """Return the causes of a disagreement of gyro and orientations."""
+    """Return the causes of a deviation between angular velocities and orientations."""
     return _of_agreement("rotation", alarm, facts)
 
 
 def propose_translation(alarm: Alarm, facts: Facts) -> tuple[Hypothesis, ...]:
-    """Return the causes of a disagreement of accelerometer and positions."""
+    """Return the causes of a deviation between specific forces and positions."""
     return _of_agreement("translation", alarm, facts)
 
 
@@ -59,12 +60,12 @@ def _of_agreement(kind: MotionKind, alarm: Alarm, facts: Facts) -> tuple[Hypothe
     if rule == "disagreement":
         return conventions
     if rule not in ("residual", "worst"):
-        # A fit that did not converge bends one motion into another: its parameters are of neither.
+        # A fit that did not converge turns one motion into another: its parameters have no meaning.
         other = _other_sequence(1.0) if any(isinstance(feature, UnsettledFit) for feature in features) else ()
         return (*defects, *other, *_of_parameter(alarm, facts))
 
-    # What another motion leaves is as smooth as that motion, and noise is not: the correlation of neighbours divides
-    # the support between the two. Noise may be that of either stream.
+    # Residuals of another motion are as smooth as that motion; residuals of noise are not. The correlation of
+    # neighbours divides the support between the two. Noise may be that of either stream.
     smooth = only_feature(features, ResidualSmoothness).correlation
     if rule == "residual":
         noise = support("imu.residual_noise") * (1 - smooth)
@@ -75,7 +76,7 @@ def _of_agreement(kind: MotionKind, alarm: Alarm, facts: Facts) -> tuple[Hypothe
             *_any_cause(support("imu.residual_of_any_cause") * (1 - smooth)),
             *_other_sequence(smooth),
         )
-    # One instant: samples that repeat there, else a jump, which moves positions more often, else lost samples.
+    # Causes at one instant: repeated samples, a jump (more often of positions), lost samples.
     teleport = support("imu.worst_translation_jump" if kind == "translation" else "imu.worst_rotation_jump")
     repeats = tuple(
         Hypothesis("frozen_frames", feature.stream, support("imu.worst_at_repeats"), float(feature.count), "samples")
@@ -99,12 +100,25 @@ def _other_sequence(smooth: float) -> tuple[Hypothesis, ...]:
 
 
 def _any_cause(strength: float) -> tuple[Hypothesis, ...]:
-    """Return whatever else is wrong with either stream, at the edges of a part or all along."""
+    """Return any other fault of either stream, of a part or of the whole sequence."""
     return tuple(Hypothesis(ANY_CAUSE, stream, strength) for stream in ("pose", "imu"))
 
 
 def convention_hypotheses(kind: MotionKind, convention: InertialConvention) -> tuple[Hypothesis, ...]:
-    """Return the causes of a convention that differs from the declared one, by the share of residuals it explains."""
+    """Return the causes of a convention that differs from the declared one.
+
+    Parameters
+    ----------
+    kind
+        ``rotation`` or ``translation``: which samples were compared.
+    convention
+        Under which the streams agree. Its share of explained residuals gives the support.
+
+    Returns
+    -------
+    tuple
+        One for each difference from the declared convention.
+    """
     declared, strength = InertialConvention(), support("imu.convention") * convention.explained
     hypotheses: list[Hypothesis] = []
     if "wxyz" in convention.quaternions:
@@ -118,7 +132,7 @@ def convention_hypotheses(kind: MotionKind, convention: InertialConvention) -> t
     if convention.world_axes != declared.world_axes:
         hypotheses.append(Hypothesis(axes_cause(convention.world_axes), "pose", strength))
     if convention.sensor_axes != declared.sensor_axes:
-        # The sensor is turned, or the body of the poses: that turns gravity over in the world as well.
+        # Either the sensor is rotated, or the body of the poses, which also rotates gravity in the world.
         cause = axes_cause(convention.sensor_axes)
         of_imu, of_pose = Hypothesis(cause, "imu", strength), Hypothesis("frame_convention", "pose", strength)
         if kind == "rotation":
@@ -140,11 +154,12 @@ def _of_parameter(alarm: Alarm, facts: Facts) -> tuple[Hypothesis, ...]:
 def parameter_hypotheses(
     parameter: InertialParameter, timing_cues: TimingCues, gravity_m_s2: float
 ) -> tuple[Hypothesis, ...]:
-    """Return the causes behind a parameter that is off: its own, and those of groups that explain the data as well.
+    """Return the causes of a deviating parameter: those of its group, and of groups that explain the data as well.
 
-    Support is the share of what can be explained at all that the group explains alone, reduced for a component that is
-    smaller than others of its group's vector: the largest component shows the size of the fault. A group that leaves
-    more than this one is less likely. Where either of two streams could be the cause, the cues decide.
+    The support is the share of the explainable deviation that the group explains alone. It is reduced for a component
+    that is smaller than others of its group's vector, since the largest component gives the size of the fault. A group
+    that leaves larger residuals than the parameter's own group is less probable. Where either of two streams could be
+    the cause, the timing cues decide.
 
     Parameters
     ----------
@@ -153,7 +168,12 @@ def parameter_hypotheses(
     timing_cues
         Of the file.
     gravity_m_s2
-        As declared.
+        Declared gravity, m/s^2.
+
+    Returns
+    -------
+    tuple
+        Those of the parameter's own group first.
     """
     kind, group = parameter.kind, group_of(parameter.name)
     own = parameter.explained.get(group, support("imu.parameter_not_freed"))
@@ -164,9 +184,9 @@ def parameter_hypotheses(
     hypotheses = list(_group_hypotheses(kind, group, value, error, strength, timing_cues, gravity_m_s2))
     for rival, explained in parameter.explained.items():
         if rival != group and explained > _LEAST_EXPLAINED:
-            # With an unknown size of the noise the likelihood of n samples goes as the squares S = 1 - explained that
-            # are left to the power -n / 2, so that a rival is (S_own / S_rival)^(n / 2) as likely. What a model leaves
-            # is alike in neighbouring samples: all count as one, n = 1, the fewest there can be.
+            # With noise of unknown size, the likelihood of n samples is proportional to S^(-n / 2), where S = 1 -
+            # explained is the remaining share of squares. So a rival has (S_own / S_rival)^(n / 2) of the likelihood.
+            # Residuals of neighbouring samples are correlated: all count as one sample, n = 1.
             likelihood = sqrt(max(1.0 - own, 0.0) / (1.0 - explained)) if explained < own else 1.0
             of_rival = support("imu.rival_group") * explained * likelihood
             hypotheses += [
@@ -189,7 +209,7 @@ def _group_hypotheses(
     hypotheses: tuple[Hypothesis, ...] = ()
     match group:
         case "time_offset":
-            # Two clocks alone do not show which of them is late, nor which part of a delay is in the timestamps.
+            # Two clocks alone do not determine which of them is late, nor which part of a delay is in the timestamps.
             # Rounding to whole us is uniform, sigma = 1 us / sqrt(12), and independent of the errors of the fit.
             error_ms = _MS * hypot(error, _ROUNDED_S)
             of_imu, of_pose = timing_cues.imu_offset * strength, timing_cues.pose_offset * strength
@@ -206,7 +226,8 @@ def _group_hypotheses(
         case "bias":
             hypotheses = (Hypothesis("accel_bias", "imu", strength, value, "m/s^2", error),)
         case "tilt":
-            # Another convention, or an exchange of axes, of which a turn is but a part: forces then show which.
+            # Another convention, or an exchange of axes, of which a rotation is only a part: specific forces separate
+            # these.
             hypotheses = (
                 Hypothesis("frame_convention", "imu", strength),
                 Hypothesis("axes_swapped", "imu", support("imu.tilt_of_swapped_axes") * strength),
@@ -219,17 +240,18 @@ def _group_hypotheses(
             of_metadata = support("imu.gravity_of_declaration") * declaration * strength
             hypotheses = (
                 Hypothesis("gravity_magnitude", "imu", sensor * strength, value, "m/s^2", error),
-                # What the sensor measures too large is declared too small by the same amount.
+                # An excess of the sensor has the effect of a declaration that is too small by the same amount.
                 Hypothesis("gravity_magnitude", "metadata", of_metadata, -value, "m/s^2", error),
             )
         case "slope":
-            # A world that is not level, or a turned sensor: rarer than its bias, which is the same in level flight.
+            # A world that is not level, or a rotated sensor; both are rarer than a bias, which has the same effect in
+            # level flight.
             hypotheses = (
                 Hypothesis("frame_convention", "pose", support("imu.slope_of_world") * strength),
                 Hypothesis("frame_convention", "imu", support("imu.slope_of_sensor") * strength),
             )
         case "lever":
-            # The unit is off the body's origin, or the poses are, the other way.
+            # The IMU is displaced from the body's origin, or the point of the poses is, by the opposite vector.
             hypotheses = (
                 Hypothesis("lever_arm", "imu", strength, value, "m", error),
                 Hypothesis("lever_arm", "pose", strength, -value, "m", error),

@@ -1,4 +1,4 @@
-"""Causes of wrong entries in the maps from frames to events."""
+"""Hypotheses for wrong entries in the index maps from frames to events."""
 
 from collections.abc import Iterator
 from typing import Final
@@ -13,11 +13,11 @@ from fedora_qa.sequence.facts import Facts
 from fedora_qa.views.clock_resets import ClockReset
 
 _MOSTLY_ZERO: Final = 0.9
-"""Ratio of wrong entries from which on a map of zeros was not merely cut short."""
+"""Least ratio of wrong entries for a map of zeros that was not only cut short."""
 
 
 def propose_frame_to_event(alarm: Alarm, facts: Facts) -> tuple[Hypothesis, ...]:
-    """Return what makes a map follow the rule of its wrong entries; first a clock of the events that was set."""
+    """Return the causes of the rule that wrong entries follow; a clock reset of the events comes first."""
     features = alarm.statistic.features
     entries = only_feature(features, WrongEntries)
     rule = only_feature(features, MapRule)
@@ -47,7 +47,7 @@ def propose_frame_to_event(alarm: Alarm, facts: Facts) -> tuple[Hypothesis, ...]
             hypotheses.append(
                 Hypothesis("index_off_by_one", stream, support("index_maps.constant_shift"), size, "events", error)
             )
-            # A shift that begins at some frame: events were lost or doubled there after the map was made.
+            # A shift begins at a frame: events were lost or doubled there after the map was made.
             if entries.begins_within and entries.reaches_end and size is not None and abs(size) > 1:
                 # Entries that are too large count events that the stream no longer has.
                 cause = "dropped_samples" if size > 0 else "duplicated_samples"
@@ -66,7 +66,7 @@ def propose_frame_to_event(alarm: Alarm, facts: Facts) -> tuple[Hypothesis, ...]
             slow = None if size is None else -size
             hypotheses.append(Hypothesis("clock_rate", frames, support("index_maps.slow_frames"), slow, "ppm", error))
         case "none":
-            # Whatever changed the timestamps, or the events, after the map was made.
+            # Causes of timestamps, or events, that were changed after the map was made.
             hypotheses += _of_changed_timestamps(entries)
             for cause in ("unsorted", "dropped_samples", "duplicated_samples"):
                 hypotheses.append(Hypothesis(cause, "events", support("index_maps.changed_events")))
@@ -75,7 +75,7 @@ def propose_frame_to_event(alarm: Alarm, facts: Facts) -> tuple[Hypothesis, ...]
 
 
 def _of_changed_timestamps(entries: WrongEntries) -> Iterator[Hypothesis]:
-    """Yield what changes the timestamps of the frames, or of events, after the map was made."""
+    """Yield the causes of timestamps of frames, or of events, that were changed after the map was made."""
     if entries.all_at_one_event:
         yield Hypothesis("time_unit", entries.frames, support("index_maps.unit_of_frames"))
         yield Hypothesis("time_unit", "events", support("index_maps.unit_of_events"))

@@ -1,4 +1,4 @@
-"""Causes of values that are no numbers, of layouts that do not hold, and of chunks that do not decode."""
+"""Hypotheses for values that are not finite, for defects of the layout, and for chunks that do not decode."""
 
 from typing import Final
 
@@ -13,21 +13,22 @@ from fedora_qa.judgement.judge import Alarm
 from fedora_qa.sequence.facts import Facts
 
 _MOST: Final = 0.9
-"""Ratio of the values that a wrong unit must explain: it befalls all of them, edge cases aside."""
+"""Least ratio of the values that a wrong unit must explain: it affects all values but a few at the ends of the
+range."""
 
 
 def propose_finite(alarm: Alarm, facts: Facts) -> tuple[Hypothesis, ...]:
-    """Return what puts values that are no numbers, or out of range, into a stream."""
+    """Return the causes of values in a stream that are not finite, or out of range."""
     return over_all_rates(alarm.statistic, _of_values)
 
 
 def propose_layout(alarm: Alarm, facts: Facts) -> tuple[Hypothesis, ...]:
-    """Return what breaks the layout: each problem names it."""
+    """Return the causes of defects of the layout; each problem names its cause."""
     return over_all_rates(alarm.statistic, _of_layout)
 
 
 def propose_readable(alarm: Alarm, facts: Facts) -> tuple[Hypothesis, ...]:
-    """Return damage to the chunks that do not decode."""
+    """Return damage as the cause of chunks that do not decode."""
     return over_all_rates(alarm.statistic, _of_chunks)
 
 

@@ -1,4 +1,4 @@
-"""Causes of declarations that are missing, impossible, or contradict the file."""
+"""Hypotheses for declarations that are missing, impossible, or contradict the file."""
 
 from collections.abc import Mapping
 from types import MappingProxyType
@@ -19,11 +19,11 @@ from fedora_qa.sequence.facts import Facts
 _CAUSE_OF_UNIT: Final[Mapping[str, str]] = MappingProxyType(
     {"mm": "unit_mm_m", "m": "unit_mm_m", "rad/s": "unit_deg_rad"}
 )
-"""What a dataset suffers from that is in another unit than this one, its own."""
+"""Cause of values in another unit than this one, by the expected unit."""
 
 
 def propose_complete(alarm: Alarm, facts: Facts) -> tuple[Hypothesis, ...]:
-    """Return what each problem of a declaration names; without one the group of the metadata is missing."""
+    """Return the cause that a declaration's problem names; without a problem the group of the metadata is missing."""
     for feature in alarm.statistic.features:
         if isinstance(feature, DeclarationDefect):
             return (Hypothesis(feature.problem.cause, "metadata", support("metadata.declaration_problem")),)
@@ -31,7 +31,7 @@ def propose_complete(alarm: Alarm, facts: Facts) -> tuple[Hypothesis, ...]:
 
 
 def propose_units(alarm: Alarm, facts: Facts) -> tuple[Hypothesis, ...]:
-    """Return the faults that a label, if it is right, implies for the values."""
+    """Return the faults of the values that follow from a label if the label is correct."""
     return over_all_rates(alarm.statistic, _of_label)
 
 
@@ -52,7 +52,7 @@ def _of_label(statistic: Statistic) -> tuple[Hypothesis, ...]:
 
 
 def propose_cameras(alarm: Alarm, facts: Facts) -> tuple[Hypothesis, ...]:
-    """Return what makes a declared camera impossible, or contradict the images."""
+    """Return the causes of a declared camera that is impossible or contradicts the images."""
     statistic = alarm.statistic
     match alarm.finding.code.rpartition(".")[2]:
         case "focal_lengths_not_positive":
@@ -78,7 +78,7 @@ def propose_cameras(alarm: Alarm, facts: Facts) -> tuple[Hypothesis, ...]:
 
 
 def propose_profile(alarm: Alarm, facts: Facts) -> tuple[Hypothesis, ...]:
-    """Return what makes a file differ from the profile that it promises."""
+    """Return the causes of a file that differs from its declared profile."""
     stream = alarm.finding.where.stream or ""
     wrong_profile = Hypothesis("unknown", "metadata", support("metadata.wrong_profile"))
     match alarm.finding.code.rpartition(".")[2]:

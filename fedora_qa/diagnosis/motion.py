@@ -1,4 +1,4 @@
-"""Hypotheses that IMU and poses share: defects of their samples, noise against its declaration, exchanged axes."""
+"""Hypotheses that IMU and poses share: defects of samples, noise that differs from its declaration, exchanged axes."""
 
 from collections.abc import Mapping, Sequence
 
@@ -21,7 +21,8 @@ from fedora_qa.views.sample_defects import (
 )
 
 _SAME_FACTOR = 0.2
-"""Noise is measured to some percent: a ratio this close to a unit's factor is that unit."""
+"""Largest relative difference of a ratio of noise from the factor of a unit that counts as that unit: noise is measured
+to a few percent."""
 
 
 def defect_hypotheses(features: Sequence[Feature]) -> tuple[Hypothesis, ...]:
@@ -48,16 +49,21 @@ def defect_hypotheses(features: Sequence[Feature]) -> tuple[Hypothesis, ...]:
 
 
 def noise_hypotheses(alarm: Alarm, stream: str, unit_causes: Mapping[str, float]) -> tuple[Hypothesis, ...]:
-    """Return the causes of noise that is not as declared.
+    """Return the causes of noise that differs from its declaration.
 
     Parameters
     ----------
     alarm
         Of a statistic with a ``MeasuredNoise`` among its features.
     stream
-        Of the samples.
+        Of the samples, ``imu`` or ``pose``.
     unit_causes
-        Causes that would multiply all values by a factor: noise that is too large by just that is none.
+        Factor by cause, for causes that multiply all values, and so the noise, by the factor.
+
+    Returns
+    -------
+    tuple
+        Defects of samples first.
     """
     features = alarm.statistic.features
     defects = defect_hypotheses(features)

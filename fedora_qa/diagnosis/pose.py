@@ -16,7 +16,7 @@ from fedora_qa.views.sample_defects import LinearInterpolation
 
 
 def propose_orientation(alarm: Alarm, facts: Facts) -> tuple[Hypothesis, ...]:
-    """Return the cause of quaternions that are not of unit length, or not finite."""
+    """Return the cause of quaternions that do not have unit length, or are not finite."""
     statistic = alarm.statistic
     if alarm.finding.code == "pose.orientation.length":
         return (Hypothesis("quaternion_not_unit", "pose", support("pose.length"), statistic.value, "1"),)
@@ -54,7 +54,7 @@ def propose_continuity(alarm: Alarm, facts: Facts) -> tuple[Hypothesis, ...]:
             case PairedSteps(length_m, standard_error_m):
                 paired = support("pose.paired_steps")
                 transforms.append(Hypothesis("lever_arm", "pose", paired, length_m, "m", standard_error_m))
-    # A jump that a transform, a point of the body or a repeated pose explains is not one of the body itself.
+    # A jump that a transform, a lever arm or a repeated pose explains is not a jump of the body itself.
     beside_repeats = any(isinstance(f, PoseJump) and f.beside_repeated_samples for f in statistic.features)
     explained = bool(transforms) or beside_repeats
     repeats = support("pose.jump_at_repeats" if beside_repeats else "pose.jump_without_repeats")
@@ -77,9 +77,10 @@ def propose_continuity(alarm: Alarm, facts: Facts) -> tuple[Hypothesis, ...]:
 
 
 def propose_noise(alarm: Alarm, facts: Facts) -> tuple[Hypothesis, ...]:
-    """Return the causes of noise that is not as declared.
+    """Return the causes of noise that differs from its declaration.
 
-    Of positions also a point far from the body's origin: noise of the orientation swings it about.
+    Noise of positions may also be due to a lever arm: noise of the orientation moves a point far from the body's
+    origin.
     """
     hypotheses = noise_hypotheses(alarm, "pose", {"unit_mm_m": MM_PER_M})
     if alarm.finding.code != "pose.noise.position":

@@ -10,7 +10,15 @@ from typing import Final
 
 @dataclass(frozen=True, slots=True)
 class Support:
-    """A number between 0 and 1, and why it is not another."""
+    """Support by a rule, with the reason for its value.
+
+    Attributes
+    ----------
+    value
+        0 to 1.
+    reason
+        Why the value is not another.
+    """
 
     value: float
     reason: str

@@ -1,4 +1,4 @@
-"""What a file shows beside IMU and pose of which of the two a deviation belongs to."""
+"""Cues, from other streams, to which of IMU and pose a deviation belongs."""
 
 from dataclasses import dataclass
 from typing import Final
@@ -13,22 +13,28 @@ from fedora_qa.sequence.facts import Facts
 Int64 = NDArray[np.int64]
 
 USUAL_GRAVITIES_M_S2: Final = (9.8, 9.806, 9.8066, STANDARD_GRAVITY_M_S2, 9.807, 9.81)
-"""What simulators and datasets set and declare."""
+"""Magnitudes of gravity that simulators and datasets use, m/s^2."""
 
 _USUAL_SIGMAS: Final = 3.0
 """Standard errors within which a measured gravity is a usual one."""
 
 _EXACT_M_S2: Final = 1e-9
-"""A declared gravity is a usual one only where it is written so."""
+"""Largest difference of a declared gravity from a usual one, m/s^2: rounding of float64 only."""
 
 _IN_PLACE, _OUT_OF_PLACE = 0.9, 0.75
-"""Shares of coincidences: one clock stayed and the other moved where one is above the first, the other below the
-second."""
+"""Shares of coincidences: one clock is correct and the other has an offset where the share of the one is at least the
+first number, and that of the other at most the second."""
 
 
 @dataclass(frozen=True, slots=True)
 class TimingCues:
-    """Likelihoods, up to a common factor, of what timestamps show under an offset of the one or the other clock."""
+    """Likelihoods of the timestamps, up to a common factor, under an offset of either clock.
+
+    Attributes
+    ----------
+    imu_offset, pose_offset
+        Likelihood if the clock of the IMU, or that of the poses, has the offset.
+    """
 
     imu_offset: float = 1.0
     pose_offset: float = 1.0
@@ -37,9 +43,9 @@ class TimingCues:
 def timing_cues_of(facts: Facts) -> TimingCues:
     """Compare the timestamps of IMU and poses with those of all other streams.
 
-    A simulator, and a good recorder, has one grid for all timestamps: those of frames are also timestamps of IMU and
-    pose. A clock that was moved by a whole number of microseconds at random is still in place with a chance of 1 us
-    over its period.
+    Simulators and good recorders have one grid for all timestamps: the timestamps of frames are also timestamps of IMU
+    and poses. After a random offset of a whole number of microseconds, a clock is on the grid with a probability of 1
+    us over its period.
     """
     if "imu" not in facts.clocks or "pose" not in facts.clocks:
         return TimingCues()
@@ -51,12 +57,13 @@ def timing_cues_of(facts: Facts) -> TimingCues:
     if frames_ns and len(imu_ns) and len(pose_ns):
         all_ns = np.concatenate(frames_ns)
         cues.append((_share_among(all_ns, imu_ns), _share_among(all_ns, pose_ns)))
-        # Of streams that begin together the one that was moved begins elsewhere.
+        # Streams begin together; one with an offset begins at another time.
         firsts_ns = np.array([times_ns[0] for times_ns in frames_ns])
         cues.append((float(np.mean(firsts_ns == imu_ns[0])), float(np.mean(firsts_ns == pose_ns[0]))))
     cues.append((_on_own_grid(facts, imu_ns), _on_own_grid(facts, pose_ns)))
     for imu_share, pose_share in cues:
-        # IMU in place, poses not: the poses were moved, or the IMU was and is back on the grid by chance.
+        # The IMU is on the grid and the poses are not: the poses have the offset, or the IMU has it and is on the grid
+        # by chance.
         if imu_share >= _IN_PLACE and pose_share <= _OUT_OF_PLACE:
             return TimingCues(imu_offset=_chance_of_coincidence(imu_ns))
         if pose_share >= _IN_PLACE and imu_share <= _OUT_OF_PLACE:
@@ -65,10 +72,26 @@ def timing_cues_of(facts: Facts) -> TimingCues:
 
 
 def gravity_likelihoods(declared_m_s2: float, excess_m_s2: float, error_m_s2: float) -> tuple[float, float]:
-    """Return the likelihoods that the sensor, and that the declaration, is what deviates.
+    """Return the likelihoods of a deviating gravity under a fault of the sensor, and under a wrong declaration.
 
-    If the sensor deviates the declaration is correct, and mostly a usual number; if the declaration does, the measured
-    gravity is, as far as its error allows to say.
+    Under a fault of the sensor the declaration is correct, and mostly a usual number. Under a wrong declaration the
+    measured gravity is mostly a usual number, within its error.
+
+    Parameters
+    ----------
+    declared_m_s2
+        Declared gravity, m/s^2.
+    excess_m_s2
+        Measured less declared gravity, m/s^2.
+    error_m_s2
+        Its standard error, m/s^2.
+
+    Returns
+    -------
+    sensor
+        Likelihood under a fault of the sensor: 1, or less for an unusual number.
+    declaration
+        Likelihood under a wrong declaration, likewise.
     """
     unusual = support("imu.unusual_gravity")
     sensor = 1.0 if _is_usual(declared_m_s2, _EXACT_M_S2) else unusual
@@ -77,7 +100,7 @@ def gravity_likelihoods(declared_m_s2: float, excess_m_s2: float, error_m_s2: fl
 
 
 def _share_among(times_ns: Int64, timestamps_ns: Int64) -> float:
-    """Return which share of instants, of those within the span of the timestamps, is among these."""
+    """Return the share of instants, within the span of the timestamps, that equal one of the timestamps."""
     within = times_ns[(times_ns >= timestamps_ns[0]) & (times_ns <= timestamps_ns[-1])]
     if not len(within):
         return 0.0
@@ -100,7 +123,7 @@ def _on_own_grid(facts: Facts, timestamps_ns: Int64) -> float:
 
 
 def _chance_of_coincidence(timestamps_ns: Int64) -> float:
-    """Return the chance that a clock moved by whole microseconds is in place: one in its period."""
+    """Return the probability that a clock with an offset of whole microseconds is on the grid: 1 us over its period."""
     return NS_PER_US / max(float(np.median(np.diff(timestamps_ns))), NS_PER_US) if len(timestamps_ns) > 1 else 1.0
 
 

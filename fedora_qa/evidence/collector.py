@@ -32,7 +32,15 @@ Int64 = NDArray[np.int64]
 
 @dataclass(frozen=True, slots=True)
 class Timeline:
-    """Equal bins from ``start_ns`` to ``stop_ns``, both included."""
+    """Equal bins of time.
+
+    Attributes
+    ----------
+    start_ns, stop_ns
+        Ends of the first and of the last bin, both included, ns from the file's origin.
+    bins
+        Number of bins.
+    """
 
     start_ns: int
     stop_ns: int
@@ -44,7 +52,7 @@ class Timeline:
         return np.linspace(self.start_ns, self.stop_ns, self.bins + 1)
 
     def count(self, times_ns: Int64) -> Int64:
-        """Count timestamps in each bin, those outside in none; in whole numbers, so that none moves by rounding."""
+        """Count timestamps (n,) in each bin (bins,), in integers without rounding; timestamps outside do not count."""
         within = times_ns[(times_ns >= self.start_ns) & (times_ns <= self.stop_ns)]
         length_ns = self.stop_ns - self.start_ns
         coarser = max(0, (length_ns * self.bins).bit_length() - 63)  # of decades the product would leave int64
@@ -52,7 +60,20 @@ class Timeline:
         return np.bincount(np.minimum(numbers, self.bins - 1), minlength=self.bins).astype(np.int64)
 
     def spread(self, count: int, span: Span) -> Int64:
-        """Spread samples of unknown times evenly over a window."""
+        """Spread samples of unknown times evenly over a window.
+
+        Parameters
+        ----------
+        count
+            Number of samples.
+        span
+            Of the window.
+
+        Returns
+        -------
+        ndarray of int64
+            (bins,) samples in each bin.
+        """
         upto = np.interp(self.edges_ns, [span.start_ns, span.stop_ns], [0, count])
         upto[-1] = count if span.stop_ns > self.stop_ns >= span.start_ns else upto[-1]
         return cast(Int64, np.diff(np.rint(upto)).astype(np.int64))
@@ -60,7 +81,17 @@ class Timeline:
 
 @dataclass(frozen=True, slots=True)
 class EvidencePlan:
-    """What is kept: times of snapshots by number of their window, the width of pictures, the bins of the timeline."""
+    """Plan of the evidence of a file.
+
+    Attributes
+    ----------
+    snapshot_times_ns
+        Times of snapshots, ns from the file's origin, by the number of their window.
+    width_px
+        Largest width of pictures, px.
+    timeline
+        Bins of the timeline.
+    """
 
     snapshot_times_ns: Mapping[int, tuple[int, ...]]
     width_px: int
@@ -69,16 +100,20 @@ class EvidencePlan:
 
 @dataclass(slots=True)
 class EvidenceState:
-    """Evidence of some windows. All of it is whole numbers or in the order of time, so that it merges exactly.
+    """Evidence of some windows, in integers or in the order of time, so that states merge exactly.
 
     Attributes
     ----------
     plan
         The same for all windows.
+    snapshots
+        In the order of time.
     values
         Counts of sampled pixels by quantity.
     pixels
-        Events of each pixel, of the windows in ``counted_ns`` (start, stop).
+        (H, W) events of each pixel, of the windows in ``counted_ns``; None without events.
+    counted_ns
+        Start and stop of each window whose events were counted, ns from the file's origin.
     events
         Events in each bin of the timeline, by number of the window.
     """
@@ -130,7 +165,15 @@ class EvidenceCollector:
         )
 
     def update(self, state: EvidenceState, window: Window) -> None:
-        """Add what a window shows. Windows come in order."""
+        """Add the evidence of a window. Windows come in the order of time.
+
+        Parameters
+        ----------
+        state
+            Changed in place.
+        window
+            Decoded by the plan.
+        """
         times_ns = state.plan.snapshot_times_ns.get(window.span.index, ())
         width_px, families = state.plan.width_px, self._families
         state.snapshots += [take_snapshot(window, time_ns, width_px, families=families) for time_ns in times_ns]
@@ -147,7 +190,15 @@ class EvidenceCollector:
             state.counted_ns.append((window.span.start_ns, window.span.stop_ns))
 
     def merge(self, state: EvidenceState, later: EvidenceState) -> EvidenceState:
-        """Return the state of the windows of both, ``later`` being of later ones."""
+        """Return the state of the windows of both; neither state is changed.
+
+        Parameters
+        ----------
+        state
+            Of earlier windows.
+        later
+            Of later windows.
+        """
         both = EvidenceState(
             state.plan,
             snapshots=state.snapshots + later.snapshots,
@@ -162,7 +213,20 @@ class EvidenceCollector:
         return both
 
     def conclude(self, state: EvidenceState, facts: Facts) -> TitledArrays:
-        """Return everything that was kept, as arrays with titles."""
+        """Return all evidence as arrays with titles.
+
+        Parameters
+        ----------
+        state
+            Of all decoded windows.
+        facts
+            Of the file.
+
+        Returns
+        -------
+        TitledArrays
+            By the names of ``record/evidence.py``.
+        """
         snapshots = keep_snapshots(MOMENTS, state.snapshots, facts, state.plan.width_px)
         timeline = state.plan.timeline
         edges_us = facts.origin_us + timeline.edges_ns / NS_PER_US
@@ -179,10 +243,24 @@ class EvidenceCollector:
 
 
 def timeline_of(facts: Facts, spans: Sequence[Span], bins: int) -> Timeline:
-    """Lay bins over the time in which at least half of the streams have samples.
+    """Return bins over the time in which at least half of the streams have samples.
 
-    A timestamp in the far future, or a stream on another clock, does not put all other samples into one bin. Flow does
-    not count, because it ends an interval before the rest.
+    So a single timestamp far in the future, or a stream on another clock, does not put all other samples into one bin.
+    Flow does not count, because it ends one interval before the other streams.
+
+    Parameters
+    ----------
+    facts
+        With clocks and events of the file.
+    spans
+        All windows of the file, in the order of time.
+    bins
+        Number of bins.
+
+    Returns
+    -------
+    Timeline
+        One bin of 1 ns where no stream has samples.
     """
     present = [
         sum(start < stop and not stream.startswith("flow/") for stream, (start, stop) in span.owned.items())
@@ -207,15 +285,24 @@ def timeline_of(facts: Facts, spans: Sequence[Span], bins: int) -> Timeline:
 def stream_counts(
     timeline: Timeline, facts: Facts, spans: Iterable[Span], event_counts: Mapping[int, Int64]
 ) -> dict[str, Int64]:
-    """Return the samples of each stream in each bin.
+    """Return the number of samples of each stream in each bin.
 
     Parameters
     ----------
+    timeline
+        The bins.
+    facts
+        With the clocks of the file.
     spans
         All windows of the file.
     event_counts
-        Events in each bin, by the number of each window whose timestamps were read. Of other windows only the number
-        of events is known: they are spread evenly.
+        (bins,) events in each bin, by the number of each window whose timestamps were read. Only the number of events
+        is known of other windows: they are spread evenly over the window.
+
+    Returns
+    -------
+    dict[str, Int64]
+        (bins,) by stream.
     """
     counts = {stream: timeline.count(clock.times_ns) for stream, clock in sorted(facts.clocks.items())}
     if "events" in facts.streams:

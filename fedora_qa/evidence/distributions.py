@@ -1,7 +1,7 @@
-"""How depth, light, flow and events are distributed in each block of time: what comparisons are made from.
+"""Distributions of depth, luma, flow and events in each block of time, for comparisons of files.
 
-Counts in fixed bins, 16 an octave, are whole numbers, so that windows merge exactly, blocks of time nest, and any two
-files have the same edges.
+Counts in fixed bins, 16 an octave, are integers. So windows merge exactly, blocks of time nest, and all files have the
+same edges.
 """
 
 from collections.abc import Mapping, Sequence
@@ -27,13 +27,13 @@ Blocks = dict[int, dict[str, Int64]]
 """Counts by quantity, by number of the block of time."""
 
 LONGEST_INTERVAL_NS: Final = 100 * NS_PER_MS
-"""Longer times between events of a pixel are not counted: a window looks no further back."""
+"""Longest counted time between events of a pixel, ns: a window reads events up to this time before its start."""
 
 _NEVER_NS: Final = np.iinfo(np.int64).min
 _MOST_BLOCKS: Final = 128
 _MOST_PIXELS: Final = 1 << 22
 _RATE_BIN_NS: Final = 5 * NS_PER_MS
-"""Divides every length that windows have down to 25 ms."""
+"""Length of a bin of the event rate, ns. It divides all lengths of windows down to 25 ms."""
 
 
 class DistributionsCollector:
@@ -60,21 +60,48 @@ class DistributionsCollector:
         return {}
 
     def update(self, state: Blocks, window: Window) -> None:
-        """Add what a window shows."""
+        """Add the counts of a window.
+
+        Parameters
+        ----------
+        state
+            Changed in place.
+        window
+            Decoded by the plan.
+        """
         counts = window_values(window, self._families)
         if in_families("events", self._families):
             counts = {**counts, **_event_counts(window)}
         _add(state, window.span.start_ns // self._block_ns, counts)
 
     def merge(self, state: Blocks, later: Blocks) -> Blocks:
-        """Return the state of the windows of both."""
+        """Return the counts of the windows of both; neither state is changed.
+
+        Parameters
+        ----------
+        state, later
+            Of different windows.
+        """
         both = {block: dict(counts) for block, counts in state.items()}
         for block, counts in later.items():
             _add(both, block, counts)
         return both
 
     def conclude(self, state: Blocks, facts: Facts) -> TitledArrays:
-        """Return the counts of every quantity that has any, (blocks, bins), with their edges."""
+        """Return the counts of every quantity that has any, with their edges.
+
+        Parameters
+        ----------
+        state
+            Of all decoded windows.
+        facts
+            Of the file.
+
+        Returns
+        -------
+        TitledArrays
+            Counts (blocks, bins) and edges (bins + 1,) by quantity, and the start and stop of each block.
+        """
         blocks = sorted(state)
         starts_ns = np.array(blocks, np.int64) * self._block_ns
         entries: dict[str, tuple[NDArray[Any], str]] = {}
@@ -82,7 +109,7 @@ class DistributionsCollector:
             of_blocks = [state[block].get(quantity) for block in blocks]
             no_counts = np.zeros_like(next(counts for counts in of_blocks if counts is not None))
             by_block = octave_counts(np.stack([no_counts if counts is None else counts for counts in of_blocks]))
-            # Of the bins that hold anything.
+            # Only the bins from the first to the last with a count are kept.
             filled = np.flatnonzero(by_block.any(axis=0))
             if len(filled):
                 first, last = int(filled[0]), int(filled[-1]) + 1
@@ -103,14 +130,21 @@ def pixel_intervals_ms(pixels: NDArray[np.integer[Any]], times_ns: Int64, start_
     Parameters
     ----------
     pixels
-        (N,) whole numbers, one for each pixel, of events in the order of time.
+        (N,) number of the pixel of each event, in the order of time.
     times_ns
-        (N,) their timestamps.
+        (N,) timestamps, ns.
+    start_ns
+        Only intervals that end at this time or later count, ns.
+
+    Returns
+    -------
+    ndarray of float64
+        (M,) ms, at most ``LONGEST_INTERVAL_NS``.
     """
     count = int(pixels.max(initial=-1)) + 1
     if count <= _MOST_PIXELS and int(pixels.min(initial=0)) >= 0:
         numbers = pixels.astype(np.int32, copy=False)
-    else:  # a table by these numbers would not fit: number the pixels that have events anew
+    else:  # a table by these numbers would be too large: pixels with events are renumbered
         distinct, inverse = np.unique(pixels, return_inverse=True)
         count, numbers = len(distinct), inverse.astype(np.int32)
     return _intervals_ns(numbers, times_ns, count, start_ns, LONGEST_INTERVAL_NS) / NS_PER_MS
@@ -123,7 +157,7 @@ def _add(state: Blocks, number: int, counts: Mapping[str, Int64]) -> None:
 
 
 def _event_counts(window: Window) -> dict[str, Int64]:
-    """Count rates of the whole sensor in 5 ms, and times between events of a pixel; nothing where unreadable."""
+    """Count event rates of the whole sensor in 5 ms, and times between events of a pixel; nothing where unreadable."""
     scan = window.facts.events
     if "events" not in window.facts.streams or scan is None:
         return {}
@@ -144,7 +178,7 @@ def _event_counts(window: Window) -> dict[str, Int64]:
     # As in np.histogram the last bin includes its right edge.
     before[-1:] = np.searchsorted(times_ns, edges_ns[-1:], side="right")
     counts = np.diff(before)
-    # A bin that the stream covers in part would show too low a rate.
+    # A bin that the stream covers in part has too low a rate.
     within = (edges_ns[:-1] >= scan.first_ns) & (edges_ns[1:] <= scan.last_ns)
     rates_per_ms = np.asarray(counts[within] * (NS_PER_MS / _RATE_BIN_NS))
     return {

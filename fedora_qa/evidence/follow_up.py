@@ -1,6 +1,6 @@
-"""What the streams show where findings are worst: a window, an instant, images, and a box in the picture.
+"""Pictures of the streams where findings are worst: a window, an instant, images, and a box in the picture.
 
-The images are decoded once more, bounded, after judgement.
+The images are decoded once more after judgement, up to a limit.
 """
 
 from collections.abc import Iterable, Mapping, Sequence
@@ -32,12 +32,18 @@ _FRAMES: Final = ("rgb", "depth")
 
 @dataclass(frozen=True, slots=True)
 class WorstLocation:
-    """The window, instant and images that show a finding.
+    """The window, instant and images of a finding.
 
     Attributes
     ----------
+    finding
+        The finding.
+    span
+        The window.
+    time_ns
+        The instant, ns from the file's origin.
     rows
-        The image to show of a stream, where the finding names it.
+        Row of the image by stream, where the finding names it.
     """
 
     finding: Finding
@@ -58,11 +64,19 @@ def keep_worst_locations(
 
     Parameters
     ----------
+    findings
+        Of one file.
     spans
         All windows of the file.
+    facts
+        Of the file.
+    source
+        Decodes rows of the file.
+    options
+        Number of locations, and size of the pictures.
     images
-        How many images may be decoded for it; one location needs one of each stream of images, and the frame at the end
-        of the flow. What the locations leave of it is spent on the frames before and after them, the gravest first.
+        Largest number of images that may be decoded. One location needs one image of each stream, and the frame at the
+        end of the flow. The rest is used for the frames before and after the locations, the gravest first.
 
     Returns
     -------
@@ -83,7 +97,7 @@ def keep_worst_locations(
         if not snapshot.pictures:
             continue
         where, group = location.finding.where, named(PLACES, location.finding.id)
-        # The box lies in the picture of the stream named; where that shows nothing, in that of depth or colour.
+        # The box lies in the picture of the named stream; where that stream has no picture, in that of depth or colour.
         family = (where.stream or "").split("/")[0]
         picture = snapshot.pictures.get(family) or snapshot.pictures.get("depth") or snapshot.pictures.get("rgb")
         box = WHOLE
@@ -122,7 +136,24 @@ def images_of(spans: Iterable[Span]) -> int:
 def worst_locations(
     findings: Iterable[Finding], spans: Sequence[Span], facts: Facts, most: int
 ) -> tuple[WorstLocation, ...]:
-    """Return the locations of the gravest findings that have one, each location once, at most so many."""
+    """Return the locations of the gravest findings that have one, each location once.
+
+    Parameters
+    ----------
+    findings
+        Of one file.
+    spans
+        All windows of the file.
+    facts
+        Of the file.
+    most
+        Largest number of locations.
+
+    Returns
+    -------
+    tuple
+        The gravest first.
+    """
     locations: dict[object, WorstLocation] = {}
     for finding in sorted(findings, key=lambda finding: _SEVERITY_RANK[finding.severity]):
         location = location_of(finding, spans, facts)
@@ -133,7 +164,17 @@ def worst_locations(
 
 
 def location_of(finding: Finding, spans: Sequence[Span], facts: Facts) -> WorstLocation | None:
-    """Return the location of a finding; None where it is of the whole file, or no window shows it."""
+    """Return the location of a finding; None where the finding concerns the whole file, or lies in no window.
+
+    Parameters
+    ----------
+    finding
+        With its stream, rows, time, pixel or tile.
+    spans
+        All windows of the file.
+    facts
+        Of the file.
+    """
     where = finding.where
     # The frame that the finding names, of its stream or else of colour.
     rows: dict[str, int] = {}
@@ -144,13 +185,13 @@ def location_of(finding: Finding, spans: Sequence[Span], facts: Facts) -> WorstL
         rows[frames] = frame
     time_ns = _instant_ns(where, rows, facts)
     if time_ns is None and not rows and where.index_start is None:
-        # A pixel of no time: in the middle of the file.
+        # A pixel without a time is taken in the middle of the file.
         middles_ns = snapshot_times_ns(spans, facts, 1) if where.pixel or where.tile else {}
         for span in spans:
             if span.index in middles_ns:
                 return WorstLocation(finding, span, middles_ns[span.index][0])
         return None
-    # The field of flow to show: of those that the finding names the one nearest to the instant.
+    # The field of flow is the one nearest to the instant, of those that the finding names.
     if where.stream in facts.flow_streams and where.index_start is not None:
         first = max(where.index_start, 0)
         stop = where.index_start + 1 if where.index_stop is None else where.index_stop
@@ -169,9 +210,20 @@ def location_of(finding: Finding, spans: Sequence[Span], facts: Facts) -> WorstL
 
 
 def location_beside(location: WorstLocation, step: int, spans: Sequence[Span], facts: Facts) -> WorstLocation | None:
-    """Return the location so many frames later, or earlier; None where there is no such frame or timestamp.
+    """Return the location a number of frames later or earlier; None where there is no such frame or timestamp.
 
-    Of a field of flow that the finding names the neighbour nearest to that frame is shown.
+    If the finding names a field of flow, the field nearest to that frame is taken.
+
+    Parameters
+    ----------
+    location
+        Of the finding.
+    step
+        Number of frames, negative for earlier ones.
+    spans
+        All windows of the file.
+    facts
+        Of the file.
     """
     stream = next((name for name in _FRAMES if name in facts.clocks and facts.clocks[name].usable), None)
     if stream is None:
@@ -190,10 +242,22 @@ def location_beside(location: WorstLocation, step: int, spans: Sequence[Span], f
 
 
 def box_of(where: Where, height: int, width: int) -> Box:
-    """Return a finding's tile or pixel as shares of an image of the stream named: left, top, right, bottom.
+    """Return a finding's tile or pixel as shares of an image of the named stream.
 
-    It is clipped to the image, and the whole image where nothing of it lies within. The cameras of a file have one
-    field of view, so that the shares hold for the pictures of all streams.
+    The cameras of a file have one field of view, so the shares hold for the pictures of all streams.
+
+    Parameters
+    ----------
+    where
+        With a tile or a pixel, px.
+    height, width
+        Of the stored image, px.
+
+    Returns
+    -------
+    Box
+        Left, top, right, bottom, 0 to 1, clipped to the image. The whole image where the finding names no part, or one
+        outside the image.
     """
     tile = where.tile or (where.pixel and (*where.pixel, where.pixel[0] + 1, where.pixel[1] + 1))
     if not tile:
@@ -204,7 +268,7 @@ def box_of(where: Where, height: int, width: int) -> Box:
 
 
 def _instant_ns(where: Where, rows: Mapping[str, int], facts: Facts) -> int | None:
-    """Return the timestamp of the frame that is named, or else the time of the finding: the middle of an interval."""
+    """Return the timestamp of the named frame, or else the middle of the finding's interval; None without either."""
     for stream, row in rows.items():
         if facts.clocks[stream].usable:
             return int(facts.clocks[stream].times_ns[row])
@@ -220,7 +284,7 @@ def _instant_ns(where: Where, rows: Mapping[str, int], facts: Facts) -> int | No
 
 
 def _owner(rows: Mapping[str, int], spans: Iterable[Span]) -> Span | None:
-    """Return the window that owns the first of these rows; rows lead to a window even where clocks are broken."""
+    """Return the window that owns the first of these rows; it exists also where clocks are not usable."""
     for stream, row in rows.items():
         for span in spans:
             if row in range(*span.owned.get(stream, (0, 0))):

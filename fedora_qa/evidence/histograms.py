@@ -1,4 +1,4 @@
-"""How depth, flow, brightness and event rates are distributed over the windows that are decoded."""
+"""Histograms of depth, flow, brightness and event rates over the decoded windows."""
 
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from functools import partial
@@ -30,9 +30,19 @@ _TITLES: Final = {
 
 
 def window_values(window: Window, families: frozenset[str] | None = None) -> dict[str, Int64]:
-    """Count sampled pixels of the images that a window owns, by quantity: ``depth_m``, ``luma_dn``, ``flow/10hz``.
+    """Count sampled pixels of the images that a window owns, in the bins of ``value_counts``.
 
-    Of the streams of these ``families`` (``flow`` is every rate); None: all.
+    Parameters
+    ----------
+    window
+        A window of the sequence. It keeps the counts.
+    families
+        Streams that are counted (``flow`` is every rate); None: all.
+
+    Returns
+    -------
+    dict[str, Int64]
+        (bins,) by quantity: ``depth_m``, ``luma_dn``, ``flow/10hz``, ...
     """
     return window.once(("value counts", families), lambda: _count_window(window, families))
 
@@ -49,9 +59,24 @@ def _count_window(window: Window, families: frozenset[str] | None) -> dict[str, 
 
 
 def with_events(counts: UInt32 | None, window: Window) -> UInt32:
-    """Return counts of the events of each pixel (H, W), grown where needed, with those of a window.
+    """Add the events of a window to the counts of their pixels.
 
-    ``counts`` are changed in place where they reach far enough. Raises if the events are unreadable.
+    Parameters
+    ----------
+    counts
+        (H, W) counts, changed in place where they are large enough; None for no counts.
+    window
+        A window with readable events.
+
+    Returns
+    -------
+    ndarray of uint32
+        (H, W), larger than ``counts`` where events lie outside of them.
+
+    Raises
+    ------
+    UnreadableRowsError
+        The events cannot be decoded.
     """
     rows = window.owned("events")
     x, y = (window.rows(f"path/events/{axis}", rows.start, rows.stop) for axis in "xy")
@@ -64,7 +89,20 @@ def with_events(counts: UInt32 | None, window: Window) -> UInt32:
 
 
 def grown(counts: UInt32, height: int, width: int) -> UInt32:
-    """Return counts of pixels that reach so far at least: the same ones where they do."""
+    """Return counts of pixels that cover a size at least: the same array where it does.
+
+    Parameters
+    ----------
+    counts
+        (H, W), not changed.
+    height, width
+        Least rows and columns.
+
+    Returns
+    -------
+    ndarray of uint32
+        Zero in added pixels.
+    """
     if counts.shape[0] >= height and counts.shape[1] >= width:
         return counts
     larger = np.zeros((max(height, counts.shape[0]), max(width, counts.shape[1])), np.uint32)
@@ -73,7 +111,22 @@ def grown(counts: UInt32, height: int, width: int) -> UInt32:
 
 
 def keep_histograms(values: Mapping[str, Int64], pixels: UInt32 | None, seconds: float) -> TitledArrays:
-    """Return the histograms of everything that was counted; ``seconds`` is how long events were counted."""
+    """Return the histograms of all counted quantities.
+
+    Parameters
+    ----------
+    values
+        (bins,) counts by quantity.
+    pixels
+        (H, W) events of each pixel; None where none were counted.
+    seconds
+        Time over which events were counted, s.
+
+    Returns
+    -------
+    TitledArrays
+        By the names of ``record/evidence.py``.
+    """
     histograms = []
     for quantity, counts in values.items():
         if counts.any():
@@ -88,7 +141,15 @@ def keep_histograms(values: Mapping[str, Int64], pixels: UInt32 | None, seconds:
 
 
 def seconds_of(facts: Facts, bounds_ns: Iterable[tuple[int, int]]) -> float:
-    """Return how much of the time between the first and the last event lies in these windows."""
+    """Return the part of the time from the first to the last event that lies in some windows, s.
+
+    Parameters
+    ----------
+    facts
+        With the scan of events.
+    bounds_ns
+        Start and stop of each window, ns from the file's origin.
+    """
     if facts.events is None:
         return 0.0
     first, last = facts.events.first_ns, facts.events.last_ns
@@ -96,7 +157,18 @@ def seconds_of(facts: Facts, bounds_ns: Iterable[tuple[int, int]]) -> float:
 
 
 def padded_sum(earlier: UInt32, later: UInt32) -> UInt32:
-    """Add counts of pixels; the sensor reaches as far as the larger of both. Neither is changed."""
+    """Add counts of pixels; neither array is changed.
+
+    Parameters
+    ----------
+    earlier, later
+        (H, W) of any sizes.
+
+    Returns
+    -------
+    ndarray of uint32
+        (H, W) of the larger height and the larger width.
+    """
     total = grown(earlier, *later.shape)
     # ``grown`` returns its argument where that is large enough: states of two windows must not share an array.
     total = total.copy() if total is earlier else total
@@ -119,7 +191,7 @@ def _histogram(quantity: str, title: str, counts: Int64) -> TitledArrays:
 def _readable(
     window: Window, stream: str, read: Callable[[int], Image], families: frozenset[str] | None
 ) -> Iterator[Image]:
-    """Yield the images of a stream that a window owns and that can be decoded, if it is wanted."""
+    """Yield the decodable images of a stream that a window owns, if the stream is among ``families``."""
     for row in window.owned(stream) if stream in window.facts.streams and in_families(stream, families) else ():
         try:
             yield read(row)

@@ -1,4 +1,4 @@
-"""How much evidence is kept."""
+"""Amount of evidence that is kept."""
 
 from dataclasses import dataclass
 
@@ -7,20 +7,20 @@ MEBIBYTE = 1 << 20
 
 @dataclass(frozen=True, slots=True)
 class EvidenceOptions:
-    """How much is kept of one file.
+    """Amount of evidence of one file.
 
     Attributes
     ----------
     size_bytes
-        Uncompressed size of the pictures that the pass keeps, and again of those of the worst
-        locations and beside them.
-        What else is kept (series, histograms, distributions, trajectory) stays below 3 MiB.
+        Uncompressed size of the pictures that the pass keeps, and again of the pictures of and beside the worst
+        locations. All other evidence (series, histograms, distributions, trajectory) takes less than 3 MiB.
     picture_width_px
-        Width that pictures do not exceed; they are smaller where the size would not hold them.
+        Largest width of pictures, px; they are smaller where the size requires it.
     snapshots, worst_locations, beside
-        How many snapshots are kept, at most how many worst locations, and at how many of these the frames beside them.
+        Number of snapshots, largest number of worst locations, and number of locations for which the frames beside them
+        are kept.
     timeline_bins, trajectory_points
-        How finely the samples of the streams are counted over time, and at most how many poses are kept.
+        Number of bins of the timeline, and largest number of poses.
     """
 
     size_bytes: int = 28 * MEBIBYTE

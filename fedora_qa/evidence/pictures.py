@@ -15,24 +15,71 @@ _MOST_EVENTS: Final = np.iinfo(np.uint16).max
 
 
 def block_px(width: int, picture_width_px: int) -> int:
-    """Return the side of the least blocks that make an image no wider than a picture may be."""
+    """Return the side of the smallest blocks with which a picture is no wider than allowed, px.
+
+    Parameters
+    ----------
+    width
+        Of the image, px.
+    picture_width_px
+        Largest width of the picture, px.
+    """
     return max(1, -(-width // picture_width_px))
 
 
 def picture_shape(height: int, width: int, block: int) -> tuple[int, int]:
-    """Return rows and columns of a picture; pixels that fill no whole block are left out."""
+    """Return rows and columns of a picture; pixels that fill no whole block are left out.
+
+    Parameters
+    ----------
+    height, width
+        Of the image, px.
+    block
+        Side of a block, px.
+
+    Returns
+    -------
+    tuple
+        (rows, columns), 1 at least.
+    """
     return max(height // block, 1), max(width // block, 1)
 
 
 def mean_codes(image: UInt8, block: int) -> UInt8:
-    """Return the mean of each block of an image of 8-bit codes (H, W, C), rounded to codes."""
+    """Return the mean of each block of an image of 8-bit codes, rounded to codes.
+
+    Parameters
+    ----------
+    image
+        (H, W, C).
+    block
+        Side of a block, px.
+
+    Returns
+    -------
+    ndarray of uint8
+        (h, w, C).
+    """
     rows, columns = picture_shape(image.shape[0], image.shape[1], block)
     height, width = _side(image.shape[0], block), _side(image.shape[1], block)
     return _code_means(_as_decoded(np.ascontiguousarray(image)), rows, columns, height, width)
 
 
 def mean_values(image: NDArray[Any], block: int) -> Float32:
-    """Return the mean of the finite values of each block of an image (H, W) or (H, W, C); NaN where there are none."""
+    """Return the mean of the finite values of each block of an image.
+
+    Parameters
+    ----------
+    image
+        (H, W) or (H, W, C), in any unit.
+    block
+        Side of a block, px.
+
+    Returns
+    -------
+    ndarray of float32
+        (h, w) or (h, w, C) in the unit of the image; NaN for blocks without a finite value.
+    """
     rows, columns = picture_shape(image.shape[0], image.shape[1], block)
     height, width = _side(image.shape[0], block), _side(image.shape[1], block)
     values = _as_decoded(np.ascontiguousarray(image, dtype=np.float32).reshape(*image.shape[:2], -1))
@@ -41,16 +88,30 @@ def mean_values(image: NDArray[Any], block: int) -> Float32:
 
 
 def _as_decoded(values: NDArray[Any]) -> NDArray[Any]:
-    """Return an image that cannot be written to, as decoded ones: kernels are compiled once."""
+    """Return a read-only view of an image, as decoded images are: kernels are compiled for one kind of array."""
     view = values.view()
     view.flags.writeable = False
     return view
 
 
 def events_of_pixels(x: NDArray[Any], y: NDArray[Any], p: NDArray[Any], size: tuple[int, int], block: int) -> UInt16:
-    """Return how many events (n,) of each polarity lie in each block of a sensor's pixels, (2, h, w), at most 65535.
+    """Return the number of events of each polarity in each block of a sensor's pixels.
 
-    ``size`` is its height and width: ``summed_counts`` of the events of each pixel.
+    Parameters
+    ----------
+    x, y
+        (n,) columns and rows; events outside of the sensor do not count.
+    p
+        (n,) polarity, 0 darker, 1 brighter.
+    size
+        Height and width of the sensor, px.
+    block
+        Side of a block, px.
+
+    Returns
+    -------
+    ndarray of uint16
+        (2, h, w), at most 65535.
     """
     counts = np.zeros((2, *picture_shape(*size, block)), np.uint16)
     _events_of_blocks(_as_decoded(x), _as_decoded(y), _as_decoded(p), size, block, _MOST_EVENTS, counts)
@@ -58,7 +119,20 @@ def events_of_pixels(x: NDArray[Any], y: NDArray[Any], p: NDArray[Any], size: tu
 
 
 def summed_counts(counts: NDArray[np.integer[Any]], block: int) -> UInt16:
-    """Return the sum of each block of counts (..., H, W), at most 65535."""
+    """Return the sum of each block of counts.
+
+    Parameters
+    ----------
+    counts
+        (..., H, W).
+    block
+        Side of a block, px.
+
+    Returns
+    -------
+    ndarray of uint16
+        (..., h, w), at most 65535.
+    """
     *before, height, width = counts.shape
     rows, columns = picture_shape(height, width, block)
     high, wide = _side(height, block), _side(width, block)
@@ -128,7 +202,15 @@ def _code_means(image: UInt8, rows: int, columns: int, height: int, width: int) 
 
 @njit(cache=True)
 def add_events(counts: UInt32, columns: NDArray[Any], rows: NDArray[Any]) -> None:
-    """Add events (n,) to the counts of their pixels (H, W); those that lie beyond are left out."""
+    """Add events to the counts of their pixels, in place.
+
+    Parameters
+    ----------
+    counts
+        (H, W).
+    columns, rows
+        (n,); events outside of the array do not count.
+    """
     height, width = counts.shape
     for i in range(len(rows)):
         if 0 <= columns[i] < width and 0 <= rows[i] < height:

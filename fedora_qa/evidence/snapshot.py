@@ -1,4 +1,4 @@
-"""Snapshots: pictures of all streams at one instant, and what the flow does not explain."""
+"""Snapshots: pictures of all streams at one instant, and the residual of the flow."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
@@ -17,18 +17,32 @@ from fedora_qa.sequence.window import Window
 T = TypeVar("T")
 
 EVENTS_NS: Final = 20_000_000
-"""Events are accumulated over one period of the cameras of 50 frames/s, half before and half after the instant."""
+"""Time over which events are counted, ns: one period at 50 frames/s, half before and half after the instant."""
 
 _LARGEST_SENSOR_PX: Final = 4096
 """Events of an undeclared sensor that lie farther out are left out of its picture."""
 
 _OUTSIDE: Final = -10.0
-"""A place that lies in no picture, for pixels whose flow is unknown."""
+"""Coordinate outside of all pictures, px, for pixels without a finite flow."""
 
 
 @dataclass(frozen=True, slots=True)
 class Picture:
-    """A picture, the row of its stream, and the start and end of what it shows (equal where it is an instant)."""
+    """A picture of one stream.
+
+    Attributes
+    ----------
+    image
+        As in ``Snapshot``.
+    stream
+        Stream of the image.
+    row
+        Row of the image in its stream; 0 for events.
+    block
+        Side of the blocks over which pixels were averaged or summed, px.
+    start_ns, stop_ns
+        Start and end of its interval, ns from the file's origin; equal for an instant.
+    """
 
     image: NDArray[Any]
     stream: str
@@ -40,14 +54,16 @@ class Picture:
 
 @dataclass(frozen=True, slots=True)
 class Snapshot:
-    """Pictures of the streams around an instant; a stream without one is left out.
+    """Pictures of the streams around an instant; streams without a picture are left out.
 
     Attributes
     ----------
+    time_ns
+        The instant, ns from the file's origin.
     pictures
-        By family: ``rgb`` (h, w, 3) codes, ``depth`` (h, w) m, ``flow`` (h, w, 2) px, all made smaller; ``residual``
-        (h, w) DN, the residual of that flow between the frames at both its ends; ``events`` (2, h, w) darker and
-        brighter events, of each pixel where the size of the sensor is not declared.
+        By family, averaged or summed over blocks of pixels: ``rgb`` (h, w, 3) codes, ``depth`` (h, w) m, ``flow`` (h,
+        w, 2) px, ``residual`` (h, w) DN of that flow between the frames at both its ends, ``events`` (2, h, w) darker
+        and brighter events (of each pixel where the size of the sensor is not declared).
     """
 
     time_ns: int
@@ -66,18 +82,20 @@ def take_snapshot(
     Parameters
     ----------
     window
-        The images that it owns are used; events from before and after it as well.
+        Its own images are used, and events from before and after it.
+    time_ns
+        The instant, ns from the file's origin.
     width_px
-        Width that pictures do not exceed.
+        Largest width of pictures, px.
     rows
-        The image to take of a stream, where one is given; else the nearest in time.
+        Row of the image by stream; for other streams the nearest in time.
     families
         The streams to take (``flow`` is every rate); None: all.
 
     Returns
     -------
     Snapshot
-        Of the streams that have a picture; rows that cannot be decoded cost their own picture alone.
+        Without the pictures of rows that cannot be decoded.
     """
     rows = rows or {}
     draw: dict[str, Callable[[], Picture | None]] = {
@@ -94,9 +112,18 @@ def take_snapshot(
 
 
 def nearest_row(window: Window, stream: str, time_ns: int) -> int | None:
-    """Return the row of a stream that a window owns nearest to an instant; None where it owns none.
+    """Return the row nearest to an instant, of those of a stream that a window owns; None where it owns none.
 
-    Where the timestamps of a stream are not usable, the rows are taken to be evenly spread over the window.
+    Where the timestamps of a stream are not usable, its rows are taken as evenly spread over the window.
+
+    Parameters
+    ----------
+    window
+        A window of the sequence.
+    stream
+        Any stream but events.
+    time_ns
+        Ns from the file's origin.
     """
     rows, clock = window.owned(stream), window.facts.clocks.get(stream)
     if clock is None or not rows:
@@ -108,7 +135,7 @@ def nearest_row(window: Window, stream: str, time_ns: int) -> int | None:
 
 
 def _readable(read: Callable[[], T | None]) -> T | None:
-    """Return a picture; None where it cannot be decoded. Rows that cannot cost their own picture alone."""
+    """Return a picture; None where its rows cannot be decoded. Other pictures are not affected."""
     try:
         return read()
     except UnreadableRowsError:
@@ -131,7 +158,10 @@ def _frame(
 
 
 def _flow(window: Window, time_ns: int, rows: Mapping[str, int], width_px: int) -> Picture | None:
-    """Draw the field named, or that of the fastest rate whose interval begins within half of itself."""
+    """Return the picture of the named field, or of the fastest rate whose nearest field begins close to the instant.
+
+    Close means within half the length of the field's interval.
+    """
     for stream in reversed(window.facts.flow_streams):
         row = rows.get(stream)
         if row is None and any(name.startswith("flow/") for name in rows):
@@ -153,7 +183,7 @@ def _flow(window: Window, time_ns: int, rows: Mapping[str, int], width_px: int) 
 
 
 def _residual(window: Window, flow: Picture, width_px: int) -> Picture | None:
-    """Compare the frames at both ends of a field's interval; None where there are none, or of another size."""
+    """Return the residual between the frames at both ends of a field's interval; None where the file has none."""
     clock = window.facts.clocks.get("rgb")
     if clock is None or not clock.usable or "rgb" not in window.facts.streams:
         return None
@@ -175,10 +205,10 @@ def _residual(window: Window, flow: Picture, width_px: int) -> Picture | None:
 def carried_back_dn(
     earlier: NDArray[Any], later: NDArray[Any], flow_px: NDArray[Any], block: int
 ) -> NDArray[np.float16]:
-    """Return the luma of ``later``, looked up where the flow leads, minus the luma of ``earlier``, DN.
+    """Return the luma of ``later`` at the positions to which the flow leads, minus the luma of ``earlier``.
 
-    For a picture, not for a measurement: pixels that are covered or uncovered meanwhile, and the averaging over blocks,
-    leave residuals too.
+    The residual is for a picture, not for a measurement: pixels that are covered or uncovered during the interval, and
+    the averaging over blocks, also cause residuals.
 
     Parameters
     ----------
@@ -187,11 +217,12 @@ def carried_back_dn(
     flow_px
         (h, w, 2), u right and v down, px of the stored image; NaN where unknown.
     block
-        Px of the stored image that one px of these pictures stands for, in each direction.
+        Side of a block in the stored image, px.
 
     Returns
     -------
-    (h, w); NaN where the flow is unknown or leads out of the picture.
+    ndarray of float16
+        (h, w) DN; NaN where the flow is unknown or leads out of the picture.
     """
     weights = LUMA_WEIGHTS.astype(np.float32)
     before, after = ((image.astype(np.float32) @ weights).astype(np.float32) for image in (earlier, later))
@@ -201,7 +232,7 @@ def carried_back_dn(
         x, y = columns + flow_px[..., 0] / block, rows + flow_px[..., 1] / block
     height, width = before.shape
     within = (x >= 0) & (x <= width - 1) & (y >= 0) & (y <= height - 1)  # False for NaN
-    # cv2.remap is given finite coordinates everywhere; what they hold outside is masked below.
+    # cv2.remap gets finite coordinates everywhere; values outside are masked below.
     to_column, to_row = (np.where(within, axis, _OUTSIDE).astype(np.float32) for axis in (x, y))
     warped = cv2.remap(after, to_column, to_row, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
     # float16 resolves a difference of 255 DN to 0.125 DN, finer than the codes of a frame.
@@ -229,7 +260,7 @@ def _events(window: Window, time_ns: int, width_px: int) -> Picture | None:
 
 
 def _small_codes(window: Window, frame: int, width_px: int) -> tuple[NDArray[Any], int]:
-    """Return a colour frame made smaller, once a window: a frame at an instant often begins the flow as well."""
+    """Return a colour frame averaged over blocks, once a window: the frame of an instant often also begins the flow."""
     image = window.rgb(frame)
     block = block_px(image.shape[1], width_px)
     return window.once(("small codes", frame, block), lambda: mean_codes(image, block)), block

@@ -20,16 +20,42 @@ _ON_CLOCK: Final = "us on the file's clock"
 
 
 def keep_snapshots(group: str, snapshots: Sequence[Snapshot], facts: Facts, width_px: int) -> TitledArrays:
-    """Return the snapshots as arrays whose first axis is the snapshot; a picture that one lacks is NaN, or 0.
+    """Return snapshots as arrays whose first axis is the snapshot; a missing picture is NaN, or 0 for codes and counts.
 
-    Nothing where none of them has any picture.
+    Parameters
+    ----------
+    group
+        Prefix of the names.
+    snapshots
+        In the order of time.
+    facts
+        Convert times to the clock of the file.
+    width_px
+        Largest width of pictures, px.
+
+    Returns
+    -------
+    TitledArrays
+        Empty where no snapshot has a picture.
     """
     entries = _entries(snapshots, facts, width_px) if any(snapshot.pictures for snapshot in snapshots) else {}
     return TitledArrays.titled({named(group, name): entry for name, entry in entries.items()})
 
 
 def keep_snapshot(group: str, snapshot: Snapshot, facts: Facts, width_px: int) -> TitledArrays:
-    """Return one snapshot as arrays without an axis of snapshots."""
+    """Return one snapshot as arrays without an axis of snapshots.
+
+    Parameters
+    ----------
+    group
+        Prefix of the names.
+    snapshot
+        With one picture at least.
+    facts
+        Convert times to the clock of the file.
+    width_px
+        Largest width of pictures, px.
+    """
     entries = _entries([snapshot], facts, width_px)
     return TitledArrays.titled({named(group, name): (array[0], title) for name, (array, title) in entries.items()})
 
@@ -42,7 +68,7 @@ def _entries(snapshots: Sequence[Snapshot], facts: Facts, width_px: int) -> Entr
         present = [picture for picture in pictures if picture is not None]
         if not present:
             continue
-        # Start and end of what each picture shows (n, 2), on the file's clock; NaN where there is none.
+        # Start and end of the interval of each picture (n, 2), on the file's clock; NaN where there is none.
         bounds_ns = [
             (np.nan, np.nan) if picture is None else (picture.start_ns, picture.stop_ns) for picture in pictures
         ]

@@ -1,4 +1,4 @@
-"""At which times snapshots are taken, and how large their pictures may be."""
+"""Times of snapshots, and the size of their pictures."""
 
 from collections.abc import Mapping, Sequence
 from itertools import pairwise
@@ -28,8 +28,22 @@ _USUAL_SENSOR: Final = (480, 640)
 def snapshot_times_ns(spans: Sequence[Span], facts: Facts, count: int) -> Mapping[int, tuple[int, ...]]:
     """Return times by the number of their window, evenly spread over the images of the windows.
 
-    They are timestamps of the slowest stream of images that has enough, so that faster ones have an image there as
-    well. Where there are no images they are the middles of windows.
+    They are timestamps of the slowest stream of images that has enough images, so that faster streams have an image
+    near them. Without images they are the middles of windows.
+
+    Parameters
+    ----------
+    spans
+        Windows over which the times are spread.
+    facts
+        With the clocks of the file.
+    count
+        Number of times; fewer where there are fewer images.
+
+    Returns
+    -------
+    Mapping[int, tuple[int, ...]]
+        Ns from the file's origin.
     """
     # The stream of images with the fewest rows that are enough; the one with the most where none has.
     streams = [name for name in ("rgb", "depth", *facts.flow_streams) if name in facts.clocks]
@@ -55,14 +69,42 @@ def snapshot_times_ns(spans: Sequence[Span], facts: Facts, count: int) -> Mappin
 
 
 def fitting_width_px(facts: Facts, options: EvidenceOptions, snapshots: int) -> int:
-    """Return the greatest width of pictures with which so many snapshots fit into the size."""
+    """Return the greatest width of pictures, px, with which a number of snapshots fits into the size.
+
+    Parameters
+    ----------
+    facts
+        With the sizes of the images.
+    options
+        Size of the pictures, and their largest width.
+    snapshots
+        Number of snapshots.
+
+    Returns
+    -------
+    int
+        16 px at least.
+    """
     widths = range(options.picture_width_px, _LEAST_WIDTH_PX, -1)
     fits = (width for width in widths if snapshots * snapshot_bytes(facts, width) <= options.size_bytes)
     return next(fits, _LEAST_WIDTH_PX)
 
 
 def snapshot_bytes(facts: Facts, width_px: int) -> int:
-    """Return the size of the pictures of one snapshot, the largest flow among them."""
+    """Return the size of the pictures of one snapshot in bytes, with the largest flow.
+
+    Parameters
+    ----------
+    facts
+        With the sizes of the images.
+    width_px
+        Largest width of pictures, px.
+
+    Returns
+    -------
+    int
+        Uncompressed size.
+    """
     sizes: dict[str, int] = {}
     for key, bytes_per_px in _BYTES_PER_PX.items():
         binding = facts.layout.bindings.get(key)

@@ -9,7 +9,15 @@ from numpy.typing import NDArray
 
 @dataclass(frozen=True, slots=True)
 class TitledArrays:
-    """Arrays by name, and for each a title that can serve as a caption: what it shows, and its unit."""
+    """Arrays with titles that can serve as captions.
+
+    Attributes
+    ----------
+    arrays
+        By name.
+    titles
+        Content and unit of each array, by name.
+    """
 
     arrays: Mapping[str, NDArray[Any]] = field(default_factory=dict)
     titles: Mapping[str, str] = field(default_factory=dict)

@@ -1,4 +1,4 @@
-"""The flight: positions as stored, speeds smoothed as the statistics are, and where the body looks."""
+"""The trajectory: positions as stored, speeds smoothed as in the statistics, and directions of the body."""
 
 from typing import Final
 
@@ -22,7 +22,8 @@ _BLOCK_ROWS: Final = 1 << 14
 def keep_trajectory(facts: Facts, source: RowSource, points: int) -> TitledArrays:
     """Return at most ``points`` poses, evenly chosen, as arrays of the record.
 
-    All poses are read, whatever the plan: a second of them is no larger than a few rows of one picture.
+    All poses are read, also those outside of the plan: the poses of 1 s take less memory than a few rows of one
+    picture.
 
     Parameters
     ----------
@@ -34,8 +35,8 @@ def keep_trajectory(facts: Facts, source: RowSource, points: int) -> TitledArray
     Returns
     -------
     TitledArrays
-        Times (us, clock of the file), positions (m, world), speeds (m/s) and forward directions (world); nothing where
-        no pose advances and is finite.
+        Times (us, clock of the file), positions (m, world), speeds (m/s) and forward directions (world); empty where no
+        pose advances and is finite.
     """
     if "pose" not in facts.clocks:
         return TitledArrays()
@@ -57,7 +58,7 @@ def keep_trajectory(facts: Facts, source: RowSource, points: int) -> TitledArray
     if not parts:
         return TitledArrays()
     times_ns, positions_m, orientations_xyzw = (np.concatenate(column) for column in zip(*parts, strict=True))
-    # Speeds (n,); NaN where too few poses are there to smooth.
+    # Speeds (n,); NaN where there are too few poses to smooth.
     fitted = velocities((times_ns - times_ns[0]) / NS_PER_S, positions_m)
     speeds_m_s = np.full(len(times_ns), np.nan) if fitted is None else np.linalg.norm(fitted, axis=1)
     chosen = np.unique(np.linspace(0, len(times_ns) - 1, min(points, len(times_ns))).round().astype(np.intp))

@@ -1,4 +1,4 @@
-"""Histograms of values whose range is not known beforehand, counted exactly whatever the order.
+"""Histograms of values whose range is not known beforehand, counted exactly in any order.
 
 Each octave is cut into 64 bins of equal width, which are the leading bits of a float32: its exponent and the first six
 bits of its fraction. Such bins nest in wider bins of equal width, so that a histogram with at most 128 of those can be
@@ -21,16 +21,16 @@ _MOST_BINS: Final = 2 << _FRACTION_BITS
 _FINE_PER_WIDE: Final = 4
 _FLOAT32_FRACTION_BITS, _FLOAT32_BIAS = 23, 127
 _OUTSIDE: Final = 1e-3
-"""Share of the values that may lie beyond the histogram, so that a few far ones do not flatten the rest."""
+"""Largest share of the values beyond the histogram, so that a few large ones do not widen the bins of the rest."""
 
 
 def no_values() -> Int64:
-    """Return the counts of nothing."""
+    """Return the counts (bins,) of no values."""
     return np.zeros(_BINS, np.int64)
 
 
 def count_values(values: NDArray[Any]) -> Int64:
-    """Count the values that are finite and not negative; those under 2^-10 in one bin, from 2^21 on in the last."""
+    """Count the finite values that are not negative; those below 2^-10 in the first bin, from 2^21 on in the last."""
     single_precision = np.array(values, dtype=np.float32, order="C").ravel() + np.float32(0)  # no minus zero
     first = (_FLOAT32_BIAS + _LEAST_EXPONENT) << _FRACTION_BITS
     counts = no_values()
@@ -50,7 +50,7 @@ def _count_bits(bits: NDArray[np.int32], shift: int, before: int, counts: Int64)
 
 
 def added(parts: Iterable[Int64]) -> Int64:
-    """Return the counts of all parts together."""
+    """Return the sum of the counts of all parts."""
     total = no_values()
     for part in parts:
         total = total + part
@@ -58,9 +58,9 @@ def added(parts: Iterable[Int64]) -> Int64:
 
 
 def histogram(counts: Int64) -> tuple[NDArray[np.float64], Int64, int]:
-    """Return edges (b + 1,) of equal bins from 0 on, counts (b,), and how many values lie beyond.
+    """Return edges (b + 1,) of equal bins from 0 on, counts (b,), and the number of values beyond.
 
-    The bins are as narrow as they can be without leaving more than 0.1% of the values beyond 128 of them.
+    The bins are as narrow as possible with at most 0.1% of the values beyond 128 bins.
     """
     total = int(counts.sum())
     starts = _bin_starts()
@@ -85,7 +85,7 @@ def octave_counts(counts: Int64) -> Int64:
 
 
 def octave_edges() -> NDArray[np.float64]:
-    """Return the edges of the wide bins; the last is 2^21, and the last bin holds what lies above as well."""
+    """Return the edges of the wide bins. The last edge is 2^21; the last bin also holds larger values."""
     starts = _bin_starts()
     return np.concatenate([starts[:1], starts[1::_FINE_PER_WIDE], [2.0 ** (_GREATEST_EXPONENT + 1)]])
 

@@ -1,1 +1,1 @@
-"""The file in canonical units: lazy, read-only, timestamps first, read through windows."""
+"""Access to a file in canonical units: lazy, read-only, timestamps first, by windows."""

@@ -1,4 +1,4 @@
-"""What a file declares about itself, as typed values."""
+"""Declarations of a file, as typed values."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -18,10 +18,16 @@ class Camera:
 
     Attributes
     ----------
+    width, height
+        Of the images, px.
     K
         (3, 3) intrinsics, px.
     T_body_camera
-        (4, 4), ``p_body = T_body_camera p_optical``, metres.
+        (4, 4), ``p_body = T_body_camera p_optical``, m; optical frame Z forward, X right, Y down.
+    exposure_us
+        Exposure time, us.
+    model
+        Camera model as declared.
     """
 
     width: int
@@ -34,7 +40,31 @@ class Camera:
 
 @dataclass(frozen=True, slots=True)
 class EventModel:
-    """The declared event sensor. Thresholds in nat (``log``) or DN (``linear``)."""
+    """The declared event sensor.
+
+    Attributes
+    ----------
+    model
+        Response model.
+    threshold_on, threshold_off
+        Contrast thresholds of brighter and of darker events, nat (``log``) or DN (``linear``).
+    log_eps_dn
+        Added to luma before the logarithm, DN.
+    packet_interval_us
+        Interval of packets, us; 0 for none.
+    threshold_sigma
+        Standard deviation of the thresholds over the pixels, in their unit.
+    leak_rate_hz, shot_rate_hz
+        Rates of leak events and of shot noise events of a pixel, Hz.
+    bandwidth_hz
+        Cut-off of the low-pass of a pixel, Hz; 0 for none.
+    refractory_us
+        Refractory period of a pixel, us.
+    hot_pixels, hot_pixel_rate_hz
+        (column, row) of hot pixels, and their rate, Hz.
+    initial_phase
+        ``zero``: the first reference is the signal at the first frame.
+    """
 
     model: Literal["log", "linear"]
     threshold_on: float
@@ -49,12 +79,23 @@ class EventModel:
     hot_pixels: tuple[tuple[int, int], ...] = ()
     hot_pixel_rate_hz: float = 0.0
     initial_phase: str = "uniform"
-    """``zero``: the first reference is the signal at the first frame."""
 
 
 @dataclass(frozen=True, slots=True)
 class ImuModel:
-    """The declared IMU: noise densities, bias walks, gravity, and how samples are taken."""
+    """The declared IMU.
+
+    Attributes
+    ----------
+    gyro_noise_density, accel_noise_density
+        Noise densities, rad/s/sqrt(Hz) and m/s^2/sqrt(Hz).
+    gyro_bias_walk, accel_bias_walk
+        Random walks of the biases, rad/s^2/sqrt(Hz) and m/s^3/sqrt(Hz).
+    gravity
+        Magnitude of gravity, m/s^2.
+    sampling
+        Whether a sample is the value at its timestamp, or the mean over the interval before it.
+    """
 
     gyro_noise_density: float = 0.0
     accel_noise_density: float = 0.0
@@ -66,7 +107,15 @@ class ImuModel:
 
 @dataclass(frozen=True, slots=True)
 class PoseModel:
-    """The declared pose noise: metres per axis (world), radians per axis (body)."""
+    """The declared pose noise.
+
+    Attributes
+    ----------
+    position_sigma_m
+        Standard deviation of each coordinate in the world, m.
+    rotation_sigma_rad
+        Standard deviation of a rotation about each axis of the body, rad.
+    """
 
     position_sigma_m: float = 0.0
     rotation_sigma_rad: float = 0.0
@@ -74,7 +123,19 @@ class PoseModel:
 
 @dataclass(frozen=True, slots=True)
 class DeclarationProblem:
-    """Something in the metadata that cannot be used as it stands."""
+    """A part of the metadata that cannot be used as stored.
+
+    Attributes
+    ----------
+    owner
+        Path of the object of the metadata.
+    name
+        Name of the attribute; empty for the object as a whole.
+    message
+        A sentence.
+    cause
+        As in ``fedora_qa.causes``.
+    """
 
     owner: str
     name: str
@@ -84,7 +145,29 @@ class DeclarationProblem:
 
 @dataclass(frozen=True, slots=True)
 class Declared:
-    """All declarations that could be read; what is absent or unusable is None or missing, and named in ``problems``."""
+    """All declarations that could be read; others are None or missing, and named in ``problems``.
+
+    Attributes
+    ----------
+    cameras
+        By name: ``rgb``, ``depth``, ``events``.
+    events
+        The event sensor.
+    imu, pose
+        The IMU, and the noise of the poses.
+    flow_model
+        ``rigid`` where nothing moves by itself, ``scene`` where objects may.
+    depth_range_m
+        Nearest and farthest valid depth, m.
+    transfer
+        Transfer curve of the colour frames.
+    profile
+        The profile that the file keeps.
+    units
+        The ``units`` label of each dataset that has one, by canonical key.
+    problems
+        Declarations that are absent or unusable.
+    """
 
     cameras: Mapping[str, Camera] = field(default_factory=dict)
     events: EventModel | None = None
@@ -95,5 +178,4 @@ class Declared:
     transfer: Literal["linear", "srgb", "gamma2.2"] = "linear"
     profile: str | None = None
     units: Mapping[str, str] = field(default_factory=dict)
-    """The ``units`` label of each dataset that has one, by canonical key."""
     problems: tuple[DeclarationProblem, ...] = ()

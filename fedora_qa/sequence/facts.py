@@ -1,4 +1,4 @@
-"""What is known of a file before any window is decoded: streams, timestamps, declarations."""
+"""Facts of a file that are known before any window is decoded: streams, timestamps, declarations."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -20,11 +20,11 @@ class Clock:
     Attributes
     ----------
     times_ns
-        (N,) instants from the file's origin; for flow the start of each interval.
+        (N,) timestamps, ns from the file's origin; for flow the start of each interval.
     ends_ns
-        (N,) ends of the intervals of flow, otherwise None.
+        (N,) ends of the intervals of flow, ns; None for other streams.
     advancing
-        (N,) True where a timestamp is later than every one before it. Only these samples may be interpolated between.
+        (N,) True where a timestamp is later than all before it. Only these samples may be used for interpolation.
     """
 
     times_ns: Int64
@@ -41,7 +41,15 @@ class Clock:
 
 @dataclass(frozen=True, slots=True)
 class EventStep:
-    """Two successive event timestamps, from the file's origin; ``row`` is that of the second."""
+    """Two successive event timestamps.
+
+    Attributes
+    ----------
+    row
+        Row of the second event.
+    before_ns, after_ns
+        Timestamps of both, ns from the file's origin.
+    """
 
     row: int
     before_ns: int
@@ -49,7 +57,7 @@ class EventStep:
 
     @property
     def length_ns(self) -> int:
-        """By how much time advances; negative where it steps back."""
+        """Length of the step, ns; negative for a step back."""
         return self.after_ns - self.before_ns
 
 
@@ -62,21 +70,21 @@ class EventScan:
     count
         Number of events.
     first_ns, last_ns
-        Earliest and latest timestamp from the file's origin (0 where there are none).
+        Earliest and latest timestamp, ns from the file's origin (0 without events).
     decreases
-        How often a timestamp is earlier than the one before it.
+        Number of timestamps that are earlier than the one before them.
     first_decrease
-        Index of the first such event, -1 where there is none.
-    largest_decrease_ns
-        By how much the earliest of them lies before its predecessor, 0 where there is none.
-    behind
-        Events that are earlier than one before them, whether or not it is the one just before.
-    longest_steps
-        Of either direction up to eight, in the order of the file.
+        Row of the first such event, -1 without one.
     grid_ns
-        Greatest common divisor of all steps between timestamps (0 where all are equal).
+        Greatest common divisor of all steps between timestamps, ns (0 where all are equal).
     unreadable
         Rows (start, stop) that could not be decoded.
+    largest_decrease_ns
+        Length of the largest step back, ns, 0 without one.
+    behind
+        Number of events that are earlier than any event before them.
+    longest_steps
+        Up to eight of either direction, in the order of the file.
     """
 
     count: int
@@ -93,10 +101,16 @@ class EventScan:
 
 @dataclass(frozen=True, slots=True)
 class IndexMap:
-    """A frame-to-event map as stored, and what it should be.
+    """A frame-to-event map as stored, with its correct entries.
 
-    ``expected_left[i]`` is the number of events earlier than frame i, ``expected_right[i]`` the number of events not
-    later; both on the raw timestamps.
+    Attributes
+    ----------
+    stored
+        (n,) entries as stored.
+    expected_left
+        (n,) number of events earlier than each frame, by the stored timestamps.
+    expected_right
+        (n,) number of events not later than each frame.
     """
 
     stored: Int64
@@ -106,22 +120,28 @@ class IndexMap:
 
 @dataclass(frozen=True, slots=True)
 class Facts:
-    """Everything that is cheap to know.
+    """Facts of a file that need no window.
 
     Attributes
     ----------
     layout
-        Where each dataset lies, and what is malformed.
+        Paths of the datasets, and defects of the layout.
+    declared
+        Declarations of the metadata.
     streams
-        The streams that are there and whole enough to be read.
+        Streams that exist and can be read.
     absent
-        Why each other stream is not there, by stream.
+        Reason why each other stream is absent, by stream.
     origin_us
-        The file's origin on its own clock.
+        The file's origin on its own clock, us.
     clocks
-        By stream (not events).
+        By stream, without events.
+    events
+        Scan of the event timestamps; None without events.
+    index_maps
+        ``rgb_to_event`` and ``depth_to_event``, where they exist.
     sizes
-        Rows of each dataset by key.
+        Number of rows of each dataset by key.
     """
 
     layout: Layout
@@ -135,12 +155,12 @@ class Facts:
     sizes: Mapping[str, int] = field(default_factory=dict)
 
     def to_file_us(self, time_ns: float) -> float:
-        """Turn internal time into microseconds on the file's own clock."""
+        """Return a time from the origin, ns, as us on the file's own clock."""
         return self.origin_us + time_ns / NS_PER_US
 
     @property
     def flow_streams(self) -> tuple[str, ...]:
-        """The flow streams that are there, slowest first."""
+        """The flow streams of the file, the lowest rate first."""
         names = [name for name in self.streams if name.startswith("flow/")]
         # By number: as text, 10hz would come before 5hz.
         return tuple(sorted(names, key=lambda name: int(name.removeprefix("flow/").removesuffix("hz"))))

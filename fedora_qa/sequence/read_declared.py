@@ -1,4 +1,4 @@
-"""Read what a file declares about itself: each attribute as a typed value, or the problem with it."""
+"""Read the declarations of a file: each attribute as a typed value, or as a problem."""
 
 from collections.abc import Callable, Mapping
 from contextlib import suppress
@@ -24,25 +24,26 @@ Values = Mapping[str, Any]
 
 CAMERAS: Final = ("rgb", "depth", "events")
 NEAREST_DEPTH_M: Final = 1e-6
-"""No light shows a surface that is nearer to a lens than about its wavelength."""
+"""Least valid depth, m: about the wavelength of light."""
 
 FARTHEST_DEPTH_M: Final = 12_742_000.0
-"""Diameter of the Earth: what surfaces a camera above it can see lie nearer."""
+"""Largest valid depth, m: the diameter of the Earth."""
 
 POSITIVE: Final = frozenset({"width", "height", "threshold_on", "threshold_off", "gravity"})
 """Numbers that must exceed zero; every other number of the layout must not be negative, but for the seed."""
 
 MOST_PIXELS_ALONG: Final = 1 << 16
-"""Of a camera's columns or rows: events count theirs in 16 bits."""
+"""Largest number of columns or rows of a camera: coordinates of events have 16 bits."""
 
 LEAST_NUMBER: Final = 1e-30
 LARGEST_NUMBER: Final = 1e12
-"""Beyond these no unit of the layout has a meaning, and squares and nanoseconds leave float64 and int64."""
+"""Range of numbers: beyond it no unit of the layout has a meaning, and squares and nanoseconds overflow float64 and
+int64."""
 
 LARGEST_ENTRY: Final = 1e9
 WORST_CONDITION: Final = 1e12
-"""Of a matrix of a camera, in px or m. A focal length of 8000 px comes to 1e8, a camera a kilometre off to 1e6; beyond,
-nothing is left of a float64 that goes through the matrix and back."""
+"""Largest condition number of a camera's matrix, in px or m. A focal length of 8000 px gives 1e8, a camera at 1 km
+gives 1e6. Beyond it the inverse has no correct digit in float64."""
 
 _OWNERS: Final = tuple(dict.fromkeys(owner for owner, _ in ATTRIBUTES))
 
@@ -56,11 +57,25 @@ class MalformedError(Exception):
 
 
 def read_declared(file: h5py.File, layout: Layout, elsewhere: Elsewhere | None = None) -> Declared:
-    """Read every attribute of the layout. Raises nothing: whatever cannot be used becomes a problem.
+    """Read every attribute of the layout; attributes that cannot be used become problems.
 
-    A group that is absent as a whole gives one problem with an empty ``name``; a required attribute that is absent,
-    or any that is malformed, gives one of its own. Only the root of a file in the canonical dialect must carry
+    A group that is absent as a whole gives one problem with an empty ``name``. A required attribute that is absent, or
+    any that is malformed, gives one problem each. Only the root of a file in the canonical dialect must carry
     ``format``.
+
+    Parameters
+    ----------
+    file
+        The open file.
+    layout
+        Paths of its objects.
+    elsewhere
+        Other files that it links to; None where these may not be read.
+
+    Returns
+    -------
+    Declared
+        Problems are in the order of the layout.
     """
     reader = _Reader(file, layout, elsewhere)
     values = {owner: reader.read(owner) for owner in _OWNERS}
@@ -131,7 +146,7 @@ class _Reader:
         return values
 
     def cameras(self, values: Mapping[str, Values | None]) -> dict[str, Camera]:
-        """Return the cameras that are declared in full, and not beyond what checks can hold an image of."""
+        """Return the cameras that are declared in full, without those whose images are too large for checks."""
         cameras = {}
         for name in CAMERAS:
             given = values[f"metadata/cameras/{name}"]
@@ -153,7 +168,7 @@ class _Reader:
         return cameras
 
     def depth_range_m(self) -> tuple[float, float] | None:
-        """Return nearest and farthest valid depth, if declared."""
+        """Return nearest and farthest valid depth, m, if declared."""
         binding = self.layout.bindings.get("metadata/depth_range")
         if binding is None:
             return None
@@ -190,9 +205,20 @@ class _Reader:
 
 
 def read_attribute(holder: h5py.Group | h5py.Dataset, spec: AttributeSpec) -> Any:
-    """Return the value of an attribute in the type of its kind, or None where it is absent.
+    """Return the value of an attribute in the type of its kind.
 
-    Text is str, numbers are int and float, matrices float64, pixels a tuple of (column, row).
+    Parameters
+    ----------
+    holder
+        Object that carries the attribute.
+    spec
+        Name, kind and choices of the attribute.
+
+    Returns
+    -------
+    Any
+        Text is str, numbers are int and float, matrices float64, pixels a tuple of (column, row); None where the
+        attribute is absent.
 
     Raises
     ------

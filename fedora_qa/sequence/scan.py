@@ -1,7 +1,7 @@
 """Timestamps first: one cheap pass over all timestamps and index maps, before windows are cut.
 
-Broken clocks can then not break the windows: every item is given a place on the grid by its *envelope*, the latest
-timestamp up to it, which never decreases.
+Windows do not depend on broken clocks: every item gets its cell of the grid by its *envelope*, the latest timestamp up
+to it, which never decreases.
 """
 
 from collections.abc import Iterable, Mapping
@@ -19,23 +19,35 @@ from fedora_qa.sequence.sequence import SequenceRows
 Int64 = NDArray[np.int64]
 
 BLOCK_ROWS = 1 << 20
-"""Event timestamps looked at together."""
+"""Number of event timestamps in a block."""
 
 MOST_CELLS: Final = 1 << 14
-"""Cells that become windows: 54 minutes of 0.2 s. Longer sequences, and timestamps far apart, get longer cells."""
+"""Largest number of cells that become windows: 54 minutes of 0.2 s. Longer sequences, and timestamps far apart, get
+longer cells."""
 
 FARTHEST_INDEX: Final = 1 << 53
-"""Stored indices saturate here, so that differences of two fit int64, and float64 holds them."""
+"""Largest stored index: larger ones are clipped, so that differences fit int64 and are exact in float64."""
 
 KEPT_STEPS: Final = 8
-"""Longest steps of either direction that are kept. A clock that was set makes two; the others show what is usual."""
+"""Number of longest steps of either direction that are kept. A clock reset has two; the others give the usual
+length."""
 
 FRAMES_OF_MAP = {"rgb_to_event": "rgb", "depth_to_event": "depth"}
 
 
 @dataclass(frozen=True, slots=True)
 class Runs:
-    """Which grid cell each row of a stream falls into: cell ``cells[i]`` begins at row ``starts[i]``."""
+    """The grid cell of each row of a stream, as runs of rows.
+
+    Attributes
+    ----------
+    cells
+        (r,) numbers of the cells, not decreasing.
+    starts
+        (r,) first row of each run.
+    count
+        Number of rows.
+    """
 
     cells: Int64
     starts: Int64
@@ -44,9 +56,18 @@ class Runs:
 
 @dataclass(frozen=True, slots=True)
 class Scan:
-    """What the scan found: the facts, each stream's place on the grid, and an index of event times.
+    """Results of the scan.
 
-    ``block_first_ns[i]`` is the latest timestamp up to the first event of block i.
+    Attributes
+    ----------
+    facts
+        The facts of the file.
+    runs
+        Cells of the rows, by stream.
+    cell_ns
+        Length of a cell, ns.
+    block_first_ns
+        (b,) latest timestamp up to the first event of each block, ns from the file's origin.
     """
 
     facts: Facts
@@ -57,7 +78,7 @@ class Scan:
 
 @dataclass
 class _EventTally:
-    """Counts over the blocks of event timestamps seen so far."""
+    """Counts over the scanned blocks of event timestamps."""
 
     cell_ns: int
     frame_timestamps: Mapping[str, Int64]
@@ -79,7 +100,7 @@ class _EventTally:
     unreadable: list[tuple[int, int]] = field(default_factory=list)
 
     def add(self, start: int, times_ns: Int64) -> None:
-        """Take in the timestamps of one block, whose first row is ``start``."""
+        """Add the timestamps of one block, whose first row is ``start``."""
         # The step between two blocks counts too. The first event of a file gets a step of 0, which alters no count.
         previous = int(times_ns[0]) if self.previous is None else self.previous
         steps = np.diff(times_ns, prepend=previous)
@@ -111,7 +132,8 @@ class _EventTally:
         for name, frames in self.frame_timestamps.items():
             left = self.left.setdefault(name, np.zeros(len(frames), np.int64))
             right = self.right.setdefault(name, np.zeros(len(frames), np.int64))
-            # A frame after the block counts all its events, a frame before it none; only frames within need a search.
+            # For frames after the block all its events count, for frames before it none; only frames within need a
+            # search.
             after = frames > high
             left[after] += len(times_ns)
             right[after] += len(times_ns)
@@ -127,7 +149,7 @@ class _EventTally:
         self.count += len(times_ns)
 
     def skip(self, start: int, stop: int) -> None:
-        """Note a block that cannot be decoded; its events have no place in time."""
+        """Add a block that cannot be decoded; its events have no place in time."""
         self.unreadable.append((start, stop))
         self.block_first.append(self.latest or 0)
 
@@ -141,6 +163,11 @@ def scan(sequence: SequenceRows, cell_ns: int) -> Scan:
         The open file.
     cell_ns
         Length of the windows that will be cut, on a grid that begins at the file's origin.
+
+    Returns
+    -------
+    Scan
+        Facts, cells of all rows, and an index of event times.
     """
     streams = set(sequence.layout.streams)
     absent = dict(sequence.layout.absent)
@@ -233,7 +260,7 @@ def _runs(facts: Facts, tally: _EventTally, cell_ns: int) -> tuple[dict[str, Run
         if not clock.usable and count:
             # Rows whose timestamps are not usable are given to the cells in turn, so that they are still decoded.
             runs[stream] = _runs_of(everywhere[np.arange(count) * len(everywhere) // count])
-    # The sum is an upper bound of the distinct cells and needs no union.
+    # The sum is an upper bound of the number of distinct cells, without a union.
     if sum(len(run.cells) for run in runs.values()) <= MOST_CELLS:
         return runs, cell_ns
     # Cells are joined by two, four and so on, as timestamps may be a day apart each. Whole multiples of ``cell_ns``
@@ -264,9 +291,14 @@ def longest_steps(earlier: Iterable[EventStep], start: int, previous_ns: int, ti
     start
         First row of the block.
     previous_ns
-        Stamp before the block.
+        Timestamp before the block, ns from the file's origin.
     times_ns
-        (n,) timestamps of the block.
+        (n,) timestamps of the block, ns from the file's origin.
+
+    Returns
+    -------
+    tuple
+        Up to ``KEPT_STEPS`` of either direction.
     """
     before_ns = np.concatenate([[previous_ns], times_ns[:-1]])
     steps_ns = times_ns - before_ns
@@ -282,7 +314,7 @@ def longest_steps(earlier: Iterable[EventStep], start: int, previous_ns: int, ti
 
 
 def _largest(values: Int64) -> NDArray[np.intp]:
-    """Return where the largest values lie, those above zero only, earlier ones first among equals."""
+    """Return the positions of the largest values above zero; among equal values the earlier ones."""
     rows: NDArray[np.intp] = np.flatnonzero(values > 0)
     if len(rows) > KEPT_STEPS:
         # Selection in linear time: a block holds 2^20 steps, of which eight are needed.

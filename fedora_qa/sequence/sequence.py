@@ -29,29 +29,49 @@ from fedora_qa.storage.traffic import NO_TRAFFIC, Traffic
 from fedora_qa.storage.version import Version
 
 _NO_CHUNKS: Final = 0
-"""Bytes of chunks that HDF5 keeps, of each dataset: whole chunks are asked for, and kept by who asks."""
+"""Bytes of chunks that HDF5 keeps of each dataset: callers read whole chunks and keep them."""
 
 
 class SequenceRows(Protocol):
-    """What is read of a sequence. ``Sequence`` says what each means; a view may stand in for the file."""
+    """Interface to the rows of a sequence: a file (``Sequence``, which describes each member), or a view of one."""
 
     @property
     def layout(self) -> Layout:
-        """Where each dataset lies."""
+        """Paths of the datasets."""
         ...
 
     @property
     def declared(self) -> Declared:
-        """What the metadata declare."""
+        """Declarations of the metadata."""
         ...
 
     @property
     def origin_ns(self) -> int:
-        """The file's origin on its own clock."""
+        """The file's origin on its own clock, ns."""
         ...
 
     def rows(self, key: str, start: int, stop: int, memory: Memory | None = None) -> NDArray[Any]:
-        """Return rows of a dataset in canonical units, in ``memory`` or not; raises ``UnreadableRowsError``."""
+        """Return rows of a dataset in canonical units.
+
+        Parameters
+        ----------
+        key
+            Canonical key of the dataset.
+        start, stop
+            First row, and the row after the last.
+        memory
+            Memory for images; None for new memory.
+
+        Returns
+        -------
+        ndarray
+            (stop - start, ...).
+
+        Raises
+        ------
+        UnreadableRowsError
+            The rows cannot be decoded.
+        """
         ...
 
     def chunk_rows(self, key: str) -> int:
@@ -61,7 +81,17 @@ class SequenceRows(Protocol):
 
 @dataclass(frozen=True, slots=True)
 class OpeningFacts:
-    """What opening a file finds out, for whoever opens the same version again. ``Sequence`` says what each means."""
+    """Results of opening a file, for opening the same version again.
+
+    Attributes
+    ----------
+    layout
+        Paths of the datasets, with defects of the layout.
+    declared
+        Declarations of the metadata.
+    origin_ns
+        The file's origin on its own clock, ns.
+    """
 
     layout: Layout
     declared: Declared
@@ -76,9 +106,9 @@ class Sequence:
     path
         The file.
     version
-        Which version of it was opened.
+        Version of the file that was opened.
     layout
-        Where each dataset lies, and what is absent or malformed.
+        Paths of the datasets, and defects of the layout.
     declared
         What the metadata declare.
     origin_ns
@@ -138,30 +168,44 @@ class Sequence:
 
     @property
     def opening_facts(self) -> OpeningFacts:
-        """What opening it has found out."""
+        """Results of opening the file."""
         return OpeningFacts(self.layout, self.declared, self.origin_ns)
 
     @property
     def traffic(self) -> Traffic:
-        """What has been asked of a server so far."""
+        """Requests to a server so far."""
         return self._remote.traffic if self._remote else NO_TRAFFIC
 
     def require_unchanged(self) -> None:
-        """Raise ``StorageError`` where a file behind a URL could not be read, or is another than it was."""
+        """Raise ``StorageError`` where a file behind a URL cannot be read, or has changed since it was opened."""
         if self._remote:
             self._remote.require_unchanged()
 
     def rows(self, key: str, start: int, stop: int, memory: Memory | None = None) -> NDArray[Any]:
         """Return rows of a dataset in canonical units, timestamps as int64 ns from the origin.
 
-        Images with nothing to convert are decoded into ``memory``, if any is given.
+        Images without any conversion are decoded into ``memory``, if it is given.
+
+        Parameters
+        ----------
+        key
+            Canonical key of the dataset.
+        start, stop
+            First row, and the row after the last.
+        memory
+            Memory for images; None for new memory.
+
+        Returns
+        -------
+        ndarray
+            (stop - start, ...).
 
         Raises
         ------
         UnreadableRowsError
             The rows cannot be decoded.
         StorageError
-            The server does not give them, which says nothing of the file.
+            The server does not return the rows; this is no defect of the file.
         """
         try:
             binding = self.layout.bindings[key]
@@ -171,7 +215,27 @@ class Sequence:
             raise
 
     def raw_rows(self, key: str, start: int, stop: int) -> NDArray[Any]:
-        """Return rows of a dataset as stored; raises as ``rows`` does."""
+        """Return rows of a dataset as stored.
+
+        Parameters
+        ----------
+        key
+            Canonical key of the dataset.
+        start, stop
+            First row, and the row after the last.
+
+        Returns
+        -------
+        ndarray
+            (stop - start, ...).
+
+        Raises
+        ------
+        UnreadableRowsError
+            The rows cannot be decoded.
+        StorageError
+            The server does not return the rows; this is no defect of the file.
+        """
         try:
             binding = self.layout.bindings[key]
             return raw_rows(self._holding(binding), binding, start, stop, self._opened)
@@ -180,7 +244,7 @@ class Sequence:
             raise
 
     def chunk_rows(self, key: str) -> int:
-        """Return how many rows are stored, and so decoded, together (about a megabyte where storage sets none)."""
+        """Return the number of rows that are stored, and so decoded, together; about 1 MiB where storage sets none."""
         binding = self.layout.bindings[key]
         if binding.chunk_rows:
             return binding.chunk_rows
@@ -197,7 +261,7 @@ class Sequence:
             raise UnreadableRowsError(binding.key, 0, binding.rows, str(error)) from error
 
     def _require_sound(self) -> None:
-        """Raise what ended the reading of a file behind a URL: HDF5 reports damage instead."""
+        """Raise the error that ended the reading of a file behind a URL: HDF5 reports it as damage."""
         if self._remote:
             self._remote.require_sound()
 
@@ -215,11 +279,16 @@ def open_sequence(
     path
         An HDF5 file, on this machine or behind a URL.
     dialect
-        How the file names and scales things; recognised from the file when None.
+        Names and scales of the file; recognised from the file if None.
     opening_facts
-        What opening this version of the file has found out before, to be held to that version by the caller.
+        Results of opening this version of the file before. The caller ensures that the version is the same.
     allow_external
-        Folders in which other files may be read that a local file links to, or is made of; none where empty.
+        Folders with other files that a local file may link to, or consist of; none if empty.
+
+    Returns
+    -------
+    Sequence
+        Open until it is closed.
 
     Raises
     ------
@@ -247,7 +316,7 @@ def open_sequence(
             return sequence
     require_signature(path)
     elsewhere = Elsewhere(folders) if (folders := tuple(allow_external)) else None
-    try:  # HDF5 looks for other files beside the name by which it knows this one
+    try:  # HDF5 searches linked files beside the name under which this one is opened
         name = os.path.realpath(path) if elsewhere else path
         file = h5py.File(name, "r", locking="best-effort", rdcc_nbytes=_NO_CHUNKS)
     except OSError as error:

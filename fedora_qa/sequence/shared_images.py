@@ -1,7 +1,7 @@
-"""What is computed of single images, shared by all checks and by neighbouring windows, within a limit of bytes.
+"""Results computed from single images, shared by all checks and by neighbouring windows, within a limit of bytes.
 
-Windows look at the image after their last one; what was computed of it serves the next window as well. Where not all
-fits, what is made in a moment goes first, and what takes little room last: among each, the longest unused first.
+Windows read the image after their last one; its results are used in the next window as well. When the limit is reached,
+results that are cheap to compute are dropped first, and small results last; among each, the longest unused first.
 """
 
 from collections import OrderedDict
@@ -15,14 +15,14 @@ Image = TypeVar("Image", bound=NDArray[Any])
 _DEFAULT_BYTES: Final = 256 << 20
 
 _LITTLE: Final = 1 / 256
-"""Share of the limit up to which a result takes little room: to drop it makes room for nothing."""
+"""Largest share of the limit for a small result: dropping it frees too little memory."""
 
 _ALL_LITTLE: Final = 1 / 2
-"""Share of the limit that those together may fill."""
+"""Share of the limit that small results together may fill."""
 
 
 class SharedImages:
-    """Keeps the latest results within a limit; what was dropped is computed again, so that no outcome depends on it."""
+    """Keeps the latest results within a limit of bytes; dropped results are computed again and change no outcome."""
 
     def __init__(self, limit_bytes: int = _DEFAULT_BYTES) -> None:
         self.limit_bytes = limit_bytes
@@ -30,12 +30,20 @@ class SharedImages:
         self._kept_bytes = 0
         self._little_bytes = 0
         self.last_turns: dict[Hashable, int] = {}
-        """The latest check, by its turn, that has asked for what is shared within a window, by kind: ``Window``."""
+        """The number of the latest check that requested a result shared within a window, by kind of the result
+        (``Window``)."""
 
     def get(self, key: Hashable, compute: Callable[[], Image], *, in_a_moment: bool = False) -> Image:
-        """Return what ``compute`` gives, computed at most once while it is kept.
+        """Return a result, computed at most once while it is kept.
 
-        What takes no longer to compute than to write is said to be made ``in_a_moment``.
+        Parameters
+        ----------
+        key
+            Key of the result.
+        compute
+            Computes it.
+        in_a_moment
+            Whether computing it takes no longer than writing it to memory.
         """
         for kept in (self._large, self._little, self._passing):
             if key in kept:
@@ -50,7 +58,7 @@ class SharedImages:
                 self._drop_little()
         else:
             (self._passing if in_a_moment else self._large)[key] = value
-        # The new result stays: its caller holds it, so that dropping it would free nothing.
+        # The new result stays: its caller refers to it, so dropping it would free no memory.
         while self._kept_bytes > self.limit_bytes:
             # Results that are cheap to compute again are dropped first.
             for kept in (self._passing, self._large):

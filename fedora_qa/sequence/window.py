@@ -1,7 +1,7 @@
-"""The view through which a check reads a window of a sequence.
+"""Access of a check to a window of a sequence.
 
-A window owns the items whose timestamps lie in it, and may look beyond its edges for context (halos). It decodes only
-what is asked for, and keeps what several checks share.
+A window owns the items whose timestamps lie in it, and may read items beyond its ends (halos). It decodes only
+requested rows, and keeps results that several checks share.
 """
 
 from collections.abc import Callable, Hashable, Mapping
@@ -20,10 +20,28 @@ T = TypeVar("T")
 
 
 class RowSource(Protocol):
-    """Decodes rows of a dataset into canonical units. Raises ``UnreadableRowsError``."""
+    """Decodes rows of a dataset into canonical units."""
 
     def rows(self, key: str, start: int, stop: int) -> NDArray[Any]:
-        """Return rows ``start`` to ``stop`` of the dataset ``key``; timestamps as int64 nanoseconds from the origin."""
+        """Return rows of a dataset in canonical units; timestamps as int64 ns from the origin.
+
+        Parameters
+        ----------
+        key
+            Canonical key of the dataset.
+        start, stop
+            First row, and the row after the last.
+
+        Returns
+        -------
+        ndarray
+            (stop - start, ...).
+
+        Raises
+        ------
+        UnreadableRowsError
+            The rows cannot be decoded.
+        """
         ...
 
     def event_index(self, time_ns: int) -> int:
@@ -33,7 +51,17 @@ class RowSource(Protocol):
 
 @dataclass(frozen=True, slots=True)
 class Span:
-    """A window's place: its number on the grid, its time, and the rows it owns of each stream."""
+    """Place of a window in the sequence.
+
+    Attributes
+    ----------
+    index
+        Number of the window on the grid.
+    start_ns, stop_ns
+        Its ends, ns from the file's origin.
+    owned
+        First row, and row after the last, that the window owns of each stream.
+    """
 
     index: int
     start_ns: int
@@ -42,7 +70,8 @@ class Span:
 
 
 USUAL_PIXELS: Final = 220_000
-"""Frames of more pixels than 540 x 405 are large: they have more than are needed to detect a fault of a whole field."""
+"""Number of pixels above which frames are large (540 x 405): they have more pixels than the detection of a fault of a
+whole field needs."""
 
 _DEPTHS_AT_HAND: Final = 2
 """Depth frames in metres that a window keeps itself: both ends of an interval."""
@@ -50,14 +79,14 @@ _DEPTHS_AT_HAND: Final = 2
 
 @dataclass(frozen=True, slots=True)
 class Sampling:
-    """How densely a window is to be looked at, as the plan decides.
+    """Density at which a window is measured, by the plan.
 
     Attributes
     ----------
     tile_share
-        Share of image tiles that dense checks look at, 0 to 1.
+        Share of image tiles that dense checks measure, 0 to 1.
     field_stride
-        Every how many-th flow field of a rate is measured against frames.
+        Step between the measured flow fields of a rate.
     """
 
     tile_share: float = 1.0
@@ -66,7 +95,17 @@ class Sampling:
 
 @dataclass(frozen=True, slots=True)
 class Events:
-    """Events in the order of time: columns, rows, instants from the origin, polarity (1 brighter, 0 darker)."""
+    """Events in the order of time.
+
+    Attributes
+    ----------
+    x, y
+        (n,) columns and rows.
+    times_ns
+        (n,) timestamps, ns from the file's origin.
+    p
+        (n,) polarity, 1 brighter, 0 darker.
+    """
 
     x: NDArray[np.uint16]
     y: NDArray[np.uint16]
@@ -79,7 +118,17 @@ class Events:
 
 @dataclass(frozen=True, slots=True)
 class ImuSamples:
-    """IMU samples with advancing timestamps: (M,) ns, (M, 3) rad/s, (M, 3) m/s^2 specific force, body frame."""
+    """IMU samples with advancing timestamps.
+
+    Attributes
+    ----------
+    times_ns
+        (M,) timestamps, ns from the file's origin.
+    angular_velocities_body_rad_s
+        (M, 3) rad/s in the body frame.
+    specific_forces_body_m_s2
+        (M, 3) m/s^2 in the body frame.
+    """
 
     times_ns: NDArray[np.int64]
     angular_velocities_body_rad_s: NDArray[np.float64]
@@ -88,7 +137,17 @@ class ImuSamples:
 
 @dataclass(frozen=True, slots=True)
 class PoseSamples:
-    """Poses with advancing timestamps: (P,) ns, (P, 3) m in the world, (P, 4) quaternions x, y, z, w, body to world."""
+    """Poses with advancing timestamps.
+
+    Attributes
+    ----------
+    times_ns
+        (P,) timestamps, ns from the file's origin.
+    positions_world_m
+        (P, 3) positions in the world, m.
+    orientations_xyzw
+        (P, 4) quaternions x, y, z, w, body to world.
+    """
 
     times_ns: NDArray[np.int64]
     positions_world_m: NDArray[np.float64]
@@ -98,7 +157,7 @@ class PoseSamples:
 class Window:
     """One window of a sequence, with lazy access to its streams.
 
-    Types of arrays are named in quotes where it is asked often: to make one takes longer than to find an image.
+    Types of arrays are quoted in frequent casts: to build such a type takes longer than to find a kept image.
     """
 
     def __init__(
@@ -117,14 +176,40 @@ class Window:
         return range(*self.span.owned.get(stream, (0, 0)))
 
     def rows(self, key: str, start: int, stop: int) -> NDArray[Any]:
-        """Return rows of a dataset in canonical units; raises ``UnreadableRowsError``."""
+        """Return rows of a dataset in canonical units.
+
+        Parameters
+        ----------
+        key
+            Canonical key of the dataset.
+        start, stop
+            First row, and the row after the last.
+
+        Returns
+        -------
+        ndarray
+            (stop - start, ...).
+
+        Raises
+        ------
+        UnreadableRowsError
+            The rows cannot be decoded.
+        """
         return self._source.rows(key, start, stop)
 
     def once(self, key: Hashable, compute: Callable[[], T]) -> T:
-        """Return what ``compute`` gives, shared by all checks of this window.
+        """Return a result, computed once and shared by all checks of this window.
 
-        It is dropped when no later check has ever asked for its kind (the key, or the first entry of a key of several).
-        Where one does for the first time, it is computed again, and kept longer in the windows to come.
+        The kind of a result is its key, or the first entry of a key of several. A result is dropped when no later check
+        has requested its kind so far. When a later check does so for the first time, the result is computed again, and
+        kept longer in the next windows.
+
+        Parameters
+        ----------
+        key
+            Key of the result.
+        compute
+            Computes it.
         """
         last, kind = self._images.last_turns, _kind(key)
         last[kind] = max(last.get(kind, 0), self._turn)
@@ -133,16 +218,23 @@ class Window:
         return cast(T, self._shared[key])
 
     def take_turn(self, turn: int) -> None:
-        """Begin the turn of a check, by its number; drop what only earlier checks ask for."""
+        """Begin the turn of a check, by its number; drop results that only earlier checks request."""
         self._turn = turn
         last = self._images.last_turns
         for key in [key for key in self._shared if last[_kind(key)] < turn]:
             del self._shared[key]
 
     def of_image(self, name: str, row: int, compute: Callable[[], Image]) -> Image:
-        """Return what ``compute`` gives for one image, shared by all checks and with neighbouring windows.
+        """Return a result of one image, shared by all checks and with neighbouring windows.
 
-        The result must follow from the image and the file alone, never from the window.
+        Parameters
+        ----------
+        name
+            Name of the result.
+        row
+            Row of the image.
+        compute
+            Computes it from the image and the file alone, never from the window.
         """
         return self._images.get((name, row), compute)
 
@@ -151,10 +243,10 @@ class Window:
         return cast("NDArray[np.uint8]", self.rows("path/rgb", frame, frame + 1)[0])
 
     def depth_m(self, frame: int) -> NDArray[np.float32]:
-        """Return a depth frame, (H, W), metres along the optical axis, NaN where invalid.
+        """Return a depth frame (H, W), m along the optical axis, NaN where invalid.
 
-        It is made in a moment, and goes first where there is little room; but two of them are asked for by turns, many
-        times over, so that a window keeps its latest two.
+        A depth frame is cheap to compute, and is dropped first when the limit of bytes is reached. But two of them are
+        often requested in turn, so a window keeps its latest two.
         """
         at_hand: dict[int, NDArray[np.float32]] = self.once("depth at hand", dict)
         metres = at_hand.pop(frame, None)
@@ -172,18 +264,57 @@ class Window:
         return metres
 
     def flow_px(self, stream: str, field: int) -> NDArray[np.float32]:
-        """Return a flow field of the stream (``flow/10hz``), (H, W, 2), px over its interval, NaN where invalid."""
+        """Return a flow field, NaN where invalid.
+
+        Parameters
+        ----------
+        stream
+            ``flow/<rate>hz``.
+        field
+            Row of the field.
+
+        Returns
+        -------
+        ndarray of float32
+            (H, W, 2) px over its interval, u right and v down.
+        """
         return cast("NDArray[np.float32]", self.rows(f"path/{stream}", field, field + 1)[0])
 
     def moving(self, stream: str, field: int) -> NDArray[np.bool_] | None:
-        """Return which pixels of a flow field move by themselves, (H, W); None where the file does not say."""
+        """Return the pixels of a flow field that move by themselves; None where the file has no mask.
+
+        Parameters
+        ----------
+        stream
+            ``flow/<rate>hz``.
+        field
+            Row of the field.
+
+        Returns
+        -------
+        ndarray of bool or None
+            (H, W).
+        """
         key = f"path/{stream}_moving"
         if key not in self.facts.sizes:
             return None
         return cast("NDArray[np.bool_]", self.rows(key, field, field + 1)[0] > 0)
 
     def events(self, before_ns: int = 0, after_ns: int = 0) -> Events:
-        """Return the window's events, and those up to a margin before its start and after its stop, sorted by time."""
+        """Return the window's events, with margins.
+
+        Parameters
+        ----------
+        before_ns
+            Margin before the window's start, ns.
+        after_ns
+            Margin after the window's stop, ns.
+
+        Returns
+        -------
+        Events
+            In the order of time; events of one timestamp in the order of the file.
+        """
         return self.once(("events", before_ns, after_ns), lambda: self._read_events(before_ns, after_ns))
 
     def imu(self, margin_ns: int = 0) -> ImuSamples:
@@ -220,7 +351,7 @@ class Window:
     def _read_events(self, before_ns: int, after_ns: int) -> Events:
         start, stop = self.span.owned.get("events", (0, 0))
         if before_ns:
-            # ``event_index`` presumes order; ``min`` and ``max`` keep owned events where the clock is broken.
+            # ``event_index`` presumes order; ``min`` and ``max`` keep owned events where the clock is not usable.
             start = min(start, self._source.event_index(self.span.start_ns - before_ns))
         if after_ns:
             stop = max(stop, self._source.event_index(self.span.stop_ns + after_ns))

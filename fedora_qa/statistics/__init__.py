@@ -1,4 +1,4 @@
-"""What a sequence is like: the paper's sequence and flow tables, and more. Numbers, no verdicts."""
+"""Statistics of a sequence: the paper's sequence and flow tables, and more; no verdicts."""
 
 from fedora_qa.statistics.collector import StatisticsCollector, WindowStatistics
 

@@ -27,9 +27,28 @@ _DURATION_FROM = ("pose", "rgb", "depth", "imu")
 
 @dataclass(frozen=True, slots=True)
 class WindowStatistics:
-    """Statistics of one window. Poses are kept as they are, because they are smoothed over the whole sequence.
+    """Statistics of one window. Poses are kept unchanged, because they are smoothed over the whole sequence.
 
-    ``poses`` counts those whose timestamp advances; of these the arrays hold the ones that are finite.
+    Attributes
+    ----------
+    poses
+        Number of poses whose timestamp advances; the arrays hold the finite ones of these.
+    pose_times_ns
+        (n,) ns from the file's origin.
+    positions_world_m
+        (n, 3) m in the world.
+    orientations_xyzw
+        (n, 4) quaternions, body to world.
+    events, brighter_events
+        Number of events, and of those with polarity 1; 0 where they cannot be decoded.
+    speeds_px
+        Lengths of flow vectors by stream, px.
+    depth_m
+        Valid depths, m.
+    disparity_per_m
+        Inverse depths, 1/m.
+    luma_dn
+        Luma of the stored codes, DN.
     """
 
     poses: int = 0
@@ -47,10 +66,10 @@ class WindowStatistics:
 class StatisticsCollector:
     """The paper's sequence table (T, D, v max, w max, mean event rate) and flow table, and more.
 
-    Images, depth and flow are sampled at every fourth column and row (small ones whole, large ones at fewer places
-    where not everything is used), in every frame of the windows that it is given. Rows that cannot be decoded are
-    left out here; the check ``integrity.readable`` names them. Of streams beyond ``families`` (``flow`` is every rate)
-    only the timestamps count, and nothing is decoded; None: all.
+    Images, depth and flow are sampled at every fourth column and row, in every frame of the given windows. Small images
+    are used whole; large images are sampled less densely unless the effort asks for all. Rows that cannot be decoded
+    are left out; the check ``integrity.readable`` names them. Of streams outside of ``families`` (``flow`` is every
+    rate; None: all) only the timestamps count, and nothing is decoded.
     """
 
     name = "statistics"
@@ -63,7 +82,15 @@ class StatisticsCollector:
         return []
 
     def update(self, state: list[WindowStatistics], window: Window) -> None:
-        """Add what a window shows. Windows come in order."""
+        """Add the statistics of a window. Windows come in the order of time.
+
+        Parameters
+        ----------
+        state
+            Changed in place.
+        window
+            Decoded by the plan.
+        """
         streams = self._streams(window.facts)
         depths_m = list(_readable(window, "depth", partial(sampled_depth_m, window), streams))
         rows = window.owned("events") if "events" in streams else range(0)
@@ -98,13 +125,28 @@ class StatisticsCollector:
         return frozenset(stream for stream in facts.streams if in_families(stream, self._families))
 
     def merge(self, state: list[WindowStatistics], later: list[WindowStatistics]) -> list[WindowStatistics]:
-        """Return the state of the windows of both, ``later`` being of later ones."""
+        """Return the state of the windows of both.
+
+        Parameters
+        ----------
+        state
+            Of earlier windows.
+        later
+            Of later windows.
+        """
         return state + later
 
     def conclude(self, state: Sequence[WindowStatistics], facts: Facts) -> Statistics:
         """Return the statistics by group and name; units are the ends of the names.
 
-        Distance and speeds are null where not every pose was read, or there are too few.
+        Distance and speeds are None where not every pose was read, or there are too few.
+
+        Parameters
+        ----------
+        state
+            Of all decoded windows.
+        facts
+            Of the file.
         """
         groups: dict[str, Mapping[str, Scalar]] = {"sequence": _sequence(state, facts), "motion": _motion(state, facts)}
         streams = self._streams(facts)
@@ -153,7 +195,7 @@ class StatisticsCollector:
 
 
 def _poses(window: Window) -> WindowStatistics:
-    """Return the window's own poses that can be placed in time; nothing where they cannot be decoded."""
+    """Return the window's own finite poses with advancing timestamps; nothing where they cannot be decoded."""
     clock, rows = window.facts.clocks.get("pose"), window.owned("pose")
     if clock is None or not rows:
         return WindowStatistics()

@@ -16,18 +16,30 @@ _STRIDE: Final = 4
 _SMALL_IMAGE_PX: Final = 128
 
 _ENOUGH: Final = 14_000
-"""Sampled pixels of a large image that are used, about: as many as 540x405 has.
+"""Approximate number of sampled pixels of a large image: that of 540x405.
 
-Of more, every second, third ... row and column of the sample, but where everything is used (``exhaustive``,
-``fedora-qa stats``): of 1440x1080 one in nine. What a histogram shows is as smooth with a ninth of 5 million values a
-second; over 1 s of park-day means differ by 3 in 10,000 at most from those of the whole sample, the greatest flow and
-the least depth by 9 in 1000.
+Larger images use every second, third ... row and column of the sample, unless all is used (``exhaustive``, ``fedora-qa
+stats``): one ninth of 1440x1080. Histograms are as smooth with a ninth of 5 million values a second. Over 1 s of
+park-day, means differ by 3 in 10,000 at most from those of the whole sample, the greatest flow and the least depth by 9
+in 1000.
 """
 
 
 @dataclass(frozen=True, slots=True)
 class ValueMoments:
-    """Count, sum, sum of squares and extremes of the valid values, and how many values were sampled."""
+    """Sums over sampled values.
+
+    Attributes
+    ----------
+    sampled
+        Number of sampled values.
+    count
+        Number of valid values among them.
+    total, squares
+        Sum and sum of squares of the valid values.
+    least, greatest
+        Extremes of the valid values; infinite where there are none.
+    """
 
     sampled: int = 0
     count: int = 0
@@ -38,7 +50,15 @@ class ValueMoments:
 
     @classmethod
     def of(cls, values: NDArray[np.floating[Any]], *, positive: bool = False) -> "ValueMoments":
-        """Sum the values of an array that are finite, and positive if asked, in double precision."""
+        """Sum the valid values of an array, in double precision.
+
+        Parameters
+        ----------
+        values
+            Of any shape and unit.
+        positive
+            Whether only values above zero are valid; values that are not finite never are.
+        """
         flat = np.ascontiguousarray(values).ravel()
         return cls(flat.size, *_sums_of(flat, positive))
 
@@ -75,20 +95,60 @@ def added(parts: Iterable[ValueMoments]) -> ValueMoments:
 
 
 def sampled_depth_m(window: Window, frame: int) -> NDArray[np.float32]:
-    """Return depth at the sampled pixels of a frame: every fourth column of every fourth row, as a rule; once a window.
+    """Return the depth at the sampled pixels of a frame, once a window.
 
-    All pixels of small images are used, fewer of large ones.
+    These are every fourth column of every fourth row, all pixels of small images, and fewer of large ones.
+
+    Parameters
+    ----------
+    window
+        A window of the sequence. It keeps the result.
+    frame
+        Row of the depth stream.
+
+    Returns
+    -------
+    ndarray of float32
+        (h, w) m; NaN where invalid.
     """
     return window.once(("sampled depth", frame), lambda: _sampled(window.depth_m(frame), window))
 
 
 def sampled_speeds_px(window: Window, stream: str, field: int) -> NDArray[np.float32]:
-    """Return the length of the flow at the sampled pixels of a field; made once a window."""
+    """Return the length of the flow at the sampled pixels of a field, once a window.
+
+    Parameters
+    ----------
+    window
+        A window of the sequence. It keeps the result.
+    stream
+        ``flow/<rate>hz``.
+    field
+        Row of the field.
+
+    Returns
+    -------
+    ndarray of float32
+        (h, w) px over the interval; NaN where invalid.
+    """
     return window.once(("sampled speeds", stream, field), lambda: _speeds_px(window.flow_px(stream, field), window))
 
 
 def sampled_luma_dn(window: Window, frame: int) -> NDArray[np.float32]:
-    """Return the luma of the stored codes at the sampled pixels of a colour frame; made once a window."""
+    """Return the luma of the stored codes at the sampled pixels of a colour frame, once a window.
+
+    Parameters
+    ----------
+    window
+        A window of the sequence. It keeps the result.
+    frame
+        Row of the colour frame.
+
+    Returns
+    -------
+    ndarray of float32
+        (h, w) DN.
+    """
     return window.once(("sampled luma", frame), lambda: _luma_dn(window.rgb(frame), window))
 
 
@@ -113,7 +173,7 @@ def _lattice(image: NDArray[Any], window: Window) -> tuple[int, int]:
     fewer = height * width > USUAL_PIXELS and window.sampling.tile_share < 1.0
     # A whole multiple of the usual stride: about _ENOUGH pixels of the image are left.
     stride = _STRIDE * (max(1, round(sqrt(height * width / _STRIDE**2 / _ENOUGH))) if fewer else 1)
-    # Begins half a stride from the edge, so that the lattice lies about the middle of the image.
+    # The lattice begins half a stride from the edge, so that it is centred in the image.
     return stride // 2, stride
 
 

@@ -4,13 +4,13 @@ Summing the steps between noisy 200 Hz poses measures the noise: 5 mm add some 2
 quintic splines are fitted to segments of 2 s, each with a margin of 0.5 s on both sides, and their derivatives are
 measured. The spacing of the knots decides how much is smoothed. It is chosen for each segment by generalised
 cross-validation (Craven and Wahba 1979) with the degrees of freedom weighted by 1.4 against too fine a choice (Kim and
-Gu 2004). So it follows the data: exact poses keep a knot every second sample, noisy ones get as few as the motion
-allows, and a long quiet flight does not smooth away its one fast turn.
+Gu 2004). So exact poses have a knot every second sample, noisy poses have as few knots as the motion allows, and a
+single fast turn in a long quiet flight is not smoothed away.
 
-Lengths and maxima of a noisy curve are still too large. By how much, and with what spread, a parametric bootstrap
-estimates (Efron and Tibshirani 1993, ch. 6): white noise of the fitted size is added to the fitted curves, fitted with
-the same knots and measured again. The mean excess is subtracted; the error bar holds the spread, the whole excess, and
-what twice as many knots would change, because that is what smoothing may have taken away.
+Lengths and maxima of a noisy curve are still too large. A parametric bootstrap estimates the excess and its spread
+(Efron and Tibshirani 1993, ch. 6): white noise of the fitted size is added to the fitted curves, fitted with the same
+knots and measured again. The mean excess is subtracted; the standard error includes the spread, the whole excess, and
+the change by twice as many knots, which is the part that smoothing may have removed.
 """
 
 from collections.abc import Callable, Sequence
@@ -28,7 +28,8 @@ _DEGREE: Final = 5
 _SAMPLES_PER_KNOT: Final = (2, 3, 4, 6, 8, 12, 16, 24, 32, 48, 64, 96, 128, 192, 256, 384)
 _DEGREES_OF_FREEDOM_WEIGHT: Final = 1.4
 _LARGEST_FREEDOM: Final = 0.6
-"""Degrees of freedom a sample beyond which too few residuals remain to separate noise from motion."""
+"""Largest number of degrees of freedom per sample: with more, too few residuals remain to separate noise from
+motion."""
 _SEGMENT_SAMPLES: Final = 400
 _MARGIN_SAMPLES: Final = 100
 _REPETITIONS: Final = 24
@@ -46,7 +47,15 @@ _Noise = Callable[[Float64, np.random.Generator], Float64]
 
 @dataclass(frozen=True, slots=True)
 class CurveEstimate:
-    """A value and its standard error."""
+    """A value and its standard error.
+
+    Attributes
+    ----------
+    value
+        In the unit of the quantity.
+    standard_error
+        In the same unit.
+    """
 
     value: float
     standard_error: float
@@ -54,16 +63,18 @@ class CurveEstimate:
 
 @dataclass(frozen=True, slots=True)
 class CurveMotion:
-    """How far and how fast a curve went.
+    """Length, greatest speed and noise of a curve.
 
     Attributes
     ----------
     length
-        Speed integrated over time, ``speed_max`` its greatest value.
+        Integral of the speed over time.
+    speed_max
+        Greatest speed.
     noise
         Standard deviation of the samples about the curve, each axis.
     knot_spacing_s
-        Mean distance of the knots: what is shorter has been smoothed away.
+        Mean distance of the knots, s: shorter motion is smoothed away.
     """
 
     length: CurveEstimate
@@ -93,8 +104,8 @@ def translation(times_s: Float64, positions_m: Float64) -> CurveMotion | None:
 def rotation(times_s: Float64, orientations_xyzw: Float64) -> CurveMotion | None:
     """Estimate the angle turned and the greatest angular speed from orientations.
 
-    The spline is fitted to the components; the angular velocity of the curve it traces on the sphere is
-    2 Im(q* dq/dt) / |q|^2, in which a change of length drops out.
+    The spline is fitted to the components of the quaternions. The angular velocity of its curve on the unit sphere is 2
+    Im(q* dq/dt) / |q|^2, which a change of the length of q does not affect.
 
     Parameters
     ----------
@@ -185,11 +196,11 @@ class _SegmentFit:
         return min((cls.to(segment, n) for n in numbers if _allowed(segment, n)), key=lambda fit: fit.score)
 
     def finer(self) -> Self:
-        """Fit with twice the pieces; with no more than there are where that leaves too few residuals."""
+        """Return the fit with twice the pieces, or this fit where that leaves too few residuals."""
         return self.to(self.segment, 2 * self.pieces) if _allowed(self.segment, 2 * self.pieces) else self
 
     def repeated(self, noise: _Noise, random: np.random.Generator) -> BSpline:
-        """Return the curves (repetitions, d) as fitted with other noise; the fit is linear in the data."""
+        """Return the curves (repetitions, d) fitted with other noise; the fit is linear in the data."""
         times_s = self.segment.times_s
         fitted = np.repeat(self.curve(times_s)[:, None], _REPETITIONS, axis=1)
         of_noise = make_lsq_spline(times_s, self.sigma * noise(fitted, random), self.curve.t, _DEGREE)
@@ -229,7 +240,7 @@ def _segments(times_s: Float64, values: Float64) -> list[_Segment]:
 
 
 def _without_noise(fits: Sequence[_SegmentFit], speeds: _Speeds, noise: _Noise) -> tuple[Float64, Float64]:
-    """Return length and maximum (2,) less the excess that noise leaves, and their errors (2,)."""
+    """Return length and maximum (2,) less the excess by noise, and their errors (2,)."""
     measured = _length_and_maximum(fits, [fit.curve for fit in fits], speeds)
     # A fixed seed: the record of a file must not depend on the run.
     random = np.random.default_rng(0)
@@ -256,7 +267,7 @@ def _length_and_maximum(fits: Sequence[_SegmentFit], curves: Sequence[BSpline], 
 
 def _angular_speeds(q: Float64, rates: Float64) -> Float64:
     squared = np.sum(q**2, axis=-1)
-    # The part of dq/dt across q is what turns the curve on the sphere: omega = 2 |across| / |q|.
+    # Only the part of dq/dt across q is a rotation: omega = 2 |across| / |q|.
     across = rates - q * (np.sum(q * rates, axis=-1) / squared)[..., None]
     return cast(Float64, 2.0 * np.linalg.norm(across, axis=-1) / np.sqrt(squared))
 
@@ -266,7 +277,7 @@ def _isotropic(fitted: Float64, random: np.random.Generator) -> Float64:
 
 
 def _tangential(fitted: Float64, random: np.random.Generator) -> Float64:
-    """Noise of a rotation moves a quaternion on its sphere, never along itself."""
+    """Return noise of unit size across the quaternions: noise of a rotation does not change their length."""
     unit = fitted / np.linalg.norm(fitted, axis=-1, keepdims=True)
     noise = random.standard_normal(fitted.shape)
     return cast(Float64, noise - unit * np.sum(unit * noise, axis=-1, keepdims=True))

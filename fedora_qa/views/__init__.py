@@ -1,1 +1,1 @@
-"""What several checks look at, derived once per window; no verdicts."""
+"""Quantities that several checks use, derived once per window; no verdicts."""

@@ -17,14 +17,19 @@ _FARTHEST_TURN_RAD: Final = np.deg2rad(10.0)
 
 
 def why_not_comparable(facts: Facts, first: str, second: str) -> str:
-    """Return why steps in one camera cannot be looked for in the other; empty where they can.
+    """Return why depth steps in one camera cannot be located in the other; empty where they can.
 
     Parameters
     ----------
     facts
-        The declared cameras are compared.
+        With the declared cameras.
     first, second
         Names of the cameras.
+
+    Returns
+    -------
+    str
+        A sentence, or an empty string.
     """
     cameras = facts.declared.cameras
     missing = [name for name in (first, second) if name not in cameras]
@@ -46,7 +51,18 @@ def why_not_comparable(facts: Facts, first: str, second: str) -> str:
 def why_not_one_view(facts: Facts, first: str, second: str) -> str:
     """Return why the images of two cameras differ by more than a scale; empty where they do not.
 
-    Parameters are those of ``why_not_comparable``.
+    Parameters
+    ----------
+    facts
+        With the declared cameras.
+    first, second
+        Names of the cameras.
+
+    Returns
+    -------
+    str
+        A sentence, or an empty string. Besides the conditions of ``why_not_comparable``, the centres must agree within
+        ``CENTRES_AGREE_M`` and the elements of the rotations within ``AXES_AGREE``, without skew.
     """
     reason = why_not_comparable(facts, first, second)
     if reason:
@@ -67,9 +83,9 @@ def outlines_in_camera(source: Camera, target: Camera, steps: DepthSteps) -> tup
     Parameters
     ----------
     source, target
-        The camera of the depth, and the other one.
+        The camera of the depth, and the camera into which the outlines are projected.
     steps
-        Outlines. Each belongs to the nearer surface, whose depth takes it to a camera that sits elsewhere.
+        Outlines with n points. Each belongs to the nearer surface; its depth gives the point that is projected.
 
     Returns
     -------

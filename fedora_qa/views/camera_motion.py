@@ -11,21 +11,23 @@ from fedora_qa.sequence.window import Window
 from fedora_qa.views.flow_intervals import Interval, Pose, PoseTrack, owned_intervals
 
 DELAY_NS: Final = NS_PER_S // 1000
-"""By which instants are moved to differentiate a motion by time."""
+"""Step of the central difference of a motion by time, ns."""
 
 
 def motion_over(window: Window, track: PoseTrack, interval: Interval) -> RigidMotion | None:
     """Return how points move over an interval in the camera of a window's own track; None where no pose covers it.
 
     Poses at all ends of the window's intervals, and ``DELAY_NS`` before and after them, are interpolated at once. The
-    track is that of the depth camera, on whose grid flow lies; the motion is kept for the window.
+    track is that of the depth camera, on whose grid flow lies.
 
     Parameters
     ----------
+    window
+        A window of the sequence. It keeps the motion.
     track
         Poses, with the depth camera.
     interval
-        From one instant to another, ns from the file's origin.
+        Start and end, ns from the file's origin.
 
     Returns
     -------

@@ -18,15 +18,15 @@ _AGREES: Final = 0.97
 _DISAGREES: Final = 0.3
 _GAINED: Final = 0.9
 _ONE_SIDED: Final = 0.6
-"""How well the steps agree with an offset and with another rate of the part, which ``diagnosis`` takes for the support
-of these causes. The values are set by hand; what the steps show gives their order.
+"""Agreement of the steps with an offset and with another rate of the part. ``diagnosis`` uses these numbers as the
+support of both causes. They are set by hand; their order follows from the cases below.
 
-Two steps that stand out decide between both (0.97 and 0.3): by an offset their lengths differ by no more than usual
-steps do, by another rate they differ by more. 0.97 is also the support of a known factor of units
-(``clocks.reset_by_unit``). A step back alone decides less. A clock that gained what it was then set back by leaves no
-other step (0.9). An offset leaves one as long: where a step forwards is that long, though it does not stand out, both
-causes are alike (0.9); where none is, the clock was late from the first event on, or is early to the last one, and the
-part reaches to an end of the file (0.6)."""
+Two steps that stand out decide between both causes (0.97 and 0.3). With an offset the lengths of the steps differ by no
+more than usual steps do; with another rate they differ by more. 0.97 is also the support of a known factor of units
+(``clocks.reset_by_unit``). A step back alone decides less. A clock that ran fast and was then set back leaves no other
+step (0.9). An offset leaves a step forwards of the same length. Where there is such a step that does not stand out,
+both causes are equally supported (0.9). Where there is none, an offset is possible only if the part begins or ends with
+the file (0.6)."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -40,14 +40,15 @@ class ClockReset(Feature):
     forwards
         The step forwards that begins or ends the part; None where no step stands out.
     unit_factor
-        By what known factor of units the part lasts too long; 1 where by none.
+        Known factor of units by which the part lasts too long; 1 where there is none.
     offset_agreement, drift_agreement
-        How well the steps agree with a constant offset of the part, and with a clock of another rate, 0 to 1; both 0
+        Agreement of the steps with a constant offset of the part, and with a clock of another rate, 0 to 1. Both are 0
         where the part is in another unit.
     offset_ms, offset_error_ms
-        By how much the part is late, and its error; None where there is no step forwards, or another unit.
+        Clock offset of the part (positive: timestamps too late) and its error, ms. None without a step forwards, and
+        for a part in another unit.
     drift_ppm
-        By how much the clock of the part runs fast; None where that is not measured.
+        Rate error of the clock of the part, ppm, positive where the clock runs fast; None where it is not measured.
     """
 
     back: EventStep
@@ -60,14 +61,20 @@ class ClockReset(Feature):
     drift_ppm: float | None = None
 
     def covers(self, times_ns: NDArray[np.int64]) -> bool:
-        """Whether all instants (n,) lie where a map or a count of the right timestamps would now be wrong."""
+        """Whether all instants (n,) lie where the reset makes an index map or a count of correct timestamps wrong."""
         steps = [self.back] if self.forwards is None else [self.back, self.forwards]
         timestamps = [timestamp for step in steps for timestamp in (step.before_ns, step.after_ns)]
         from_ns = min(timestamps) if self.forwards is not None else np.iinfo(np.int64).min
         return bool(len(times_ns) and np.all((times_ns >= from_ns) & (times_ns <= max(timestamps))))
 
     def has_step_between(self, start_ns: int, stop_ns: int) -> bool:
-        """Whether a silence is the step forwards of the part."""
+        """Whether the step forwards of the part overlaps an interval without events.
+
+        Parameters
+        ----------
+        start_ns, stop_ns
+            Ends of the interval, ns from the file's origin.
+        """
         step = self.forwards
         return step is not None and step.before_ns < stop_ns and step.after_ns > start_ns
 
@@ -75,15 +82,21 @@ class ClockReset(Feature):
 def clock_reset(events: EventScan | None) -> ClockReset | None:
     """Return how the clock of the events was set back; None where it was not, or where single events are out of order.
 
-    A part that is late by d begins with a step of d and the time to the next event, a, and ends with one of -d and the
-    time b: both are alike but for a + b, and a and b are no longer than the longest step besides. A part in
-    another unit lasts longer, by the factor, than the time between its neighbours. A clock that gains has no step
-    forwards: where none is as long as the one back, it was not late by so much at once.
+    Let d be the clock offset of a part, and a and b the times to the next event at its two ends. The part begins with a
+    step of d + a and ends with a step of -d + b, so the lengths of the two steps differ by a + b only; a and b are at
+    most the longest step elsewhere. A part in another unit lasts longer than the time between its neighbours, by the
+    factor of the unit. A clock that runs fast causes no step forwards: the part has a constant offset only where a step
+    forwards is as long as the step back.
 
     Parameters
     ----------
     events
-        The scan of the event timestamps, None where the file has no events.
+        The scan of the event timestamps; None where the file has no events.
+
+    Returns
+    -------
+    ClockReset or None
+        None where no clock reset is detected.
     """
     if events is None:
         return None

@@ -1,9 +1,9 @@
-"""How many violations of conservation an inverse transform of the events resolves: tried where the law is broken.
+"""How many violations of conservation an inverse transform of the events resolves: tried where the law is violated.
 
-The law of conservation is certain, so that a wrong transform breaks it at other pixels as often as it resolves
-violations. What counts is the violations that are gone less those that are new, in the rectangle of tiles where this is
-most: a fault of a part of the image is resolved there and nowhere else. A window is tried as a whole and by halves, as
-a fault may begin or end within it.
+The law of conservation is certain, so a wrong transform violates it at other pixels as often as it resolves violations.
+Counted is the number of resolved violations less that of new ones, in the rectangle of tiles where the difference is
+largest: a fault of a part of the image is resolved in that part only. A window is tried as a whole and by halves, as a
+fault may begin or end within it.
 """
 
 from collections.abc import Iterator
@@ -43,13 +43,15 @@ _TRIED_PX: Final = 12_000
 
 _FIRST_WINDOWS: Final = 8
 _WINDOW_STEP: Final = 8
-"""The first windows are tried, and every eighth of the others: which ones must not depend on the result of others."""
+"""The first windows are tried, and every eighth of the others. The choice must not depend on the result of other
+windows."""
 
 _DELAYS_MS: Final = tuple(float(delay_ms) for delay_ms in range(-30, 31, 2) if delay_ms)
-"""Delays that are tried, as far as the halo of a window reaches. One off by a millisecond still resolves most."""
+"""Delays that are tried, ms, up to the halo of a window. A delay that is wrong by 1 ms still resolves most
+violations."""
 
 _END_NS: Final = 2 * NS_PER_MS
-"""From an end of the events to the next frame: a step of the ladder of delays."""
+"""Largest time from an end of the events to the next frame: one step of the list of delays, ns."""
 
 _PEAKS: Final = 3
 """Shifts that are tried: the highest values of the cross-correlation."""
@@ -61,11 +63,13 @@ class Resolution:
 
     Attributes
     ----------
+    transform
+        What was done to the events.
     pixels
-        Violations that are gone less those that are new.
+        Violations that are resolved less violations that are new.
     size
-        By how much the events are off if the transform is right: px to the right, or ms late; None where it has no size
-        or the shift is not along the columns.
+        Size of the fault that the transform would undo: px to the right for ``shift``, ms of delay for ``delay``. None
+        where the transform has no size or the shift is not along the columns.
     """
 
     transform: Transform
@@ -80,7 +84,11 @@ class InverseTrial(Feature):
     Attributes
     ----------
     window
-        Its number.
+        Number of the window.
+    violations
+        Number of tried pixels of the part that violate the law.
+    resolutions
+        The best resolution of each transform.
     """
 
     window: int
@@ -112,7 +120,9 @@ def inverse_trials(window: Window) -> list[InverseTrial]:
 
     Returns
     -------
-    A trial for each part with ``FEWEST_VIOLATIONS``; none of windows that are not tried: most beyond the first ones.
+    list[InverseTrial]
+        A trial for each part with ``FEWEST_VIOLATIONS`` or more. Empty for windows that are not tried, which are most
+        windows beyond the first ones.
     """
     resampled, declared = resampled_frames(window), window.facts.declared.events
     is_tried = window.span.index < _FIRST_WINDOWS or window.span.index % _WINDOW_STEP == 0
@@ -131,7 +141,7 @@ def inverse_trials(window: Window) -> list[InverseTrial]:
         best: dict[Transform, Resolution] = {}
         for candidate in candidates:
             after = _violations(replace(sampled, counts=candidate.counts), *part, declared, rounding_dn)
-            # Where the transform has no counts, nothing is resolved and nothing broken.
+            # Pixels without counts after the transform keep their state.
             net = most_resolved(pixels, np.where(candidate.defined, after, pixels), candidate.symmetry)
             if candidate.transform not in best or net > best[candidate.transform].pixels:
                 best[candidate.transform] = Resolution(candidate.transform, net, candidate.size)
@@ -140,10 +150,10 @@ def inverse_trials(window: Window) -> list[InverseTrial]:
 
 
 def most_resolved(before: Bool, after: Bool, symmetry: Symmetry = UPRIGHT) -> int:
-    """Return by how much fewer pixels (h, w) are violated after than before, in the rectangle of tiles of most.
+    """Return by how much the number of violating pixels falls in the rectangle of tiles where it falls most.
 
-    Events that a ``symmetry`` moves to the other side of the image break the law there if they do not belong there:
-    rectangles are those that it leaves in their place.
+    A ``symmetry`` moves events to the other side of the image, where they violate the law if they do not belong there.
+    So only rectangles that the symmetry maps onto themselves are counted.
 
     Parameters
     ----------
@@ -188,14 +198,14 @@ def _transformed(window: Window, resampled: ResampledFrames, declared: EventMode
     swapped[..., :side, :side] = counts[..., :side, :side].swapaxes(2, 3)
     in_square[:side, :side] = True
     yield _TransformedCounts("swap_axes", _every_few(swapped), _every_few(in_square), (True, False, False))
-    # The shifts, right and down, at which events correlate best with the frames; without that of nothing.
+    # The shifts, right and down, at which events correlate best with the frames, without the shift of 0 px.
     levels, lit = signal(resampled, declared)
     # Change of the signal by the events, E = C+ n+ - C- n-, as the declared model states it.
     signed = declared.threshold_on * resampled.counts[:, 1] - declared.threshold_off * resampled.counts[:, 0]
     usable = lit[:-1] & lit[1:]
     changes = np.where(usable, np.diff(levels, axis=0), 0.0)
     patch = np.sum([cross_correlation(*each) for each in zip(changes, signed, usable, strict=True)], axis=0)
-    # No shift is what the events have as they are.
+    # A shift of 0 px leaves the events as stored.
     patch[RADIUS_PX, RADIUS_PX] = -np.inf
     highest = np.argsort(-patch, axis=None)[:_PEAKS]
     likely_shifts = [(int(column) - RADIUS_PX, int(row) - RADIUS_PX)
@@ -213,8 +223,8 @@ def _transformed(window: Window, resampled: ResampledFrames, declared: EventMode
         advanced = np.zeros_like(resampled.counts)
         count_between_frames(events.x, events.y, events.times_ns - delay_ns, events.p, resampled.times_ns, advanced)
         if scan is not None:
-            # An interval that no event can have been moved from would be emptied, and nothing that contradicts a frame
-            # be left: intervals beyond the ends of the file keep their own events.
+            # Intervals beyond the ends of the file keep their own events: the delay would leave them without events,
+            # and without events no frame is contradicted.
             start_ns, stop_ns = resampled.times_ns[:-1] + delay_ns, resampled.times_ns[1:] + delay_ns
             beyond_file = (start_ns < scan.first_ns - _END_NS) | (stop_ns > scan.last_ns + _END_NS)
             advanced[beyond_file] = counts[beyond_file]

@@ -1,4 +1,4 @@
-"""Inverse transforms of depth, camera, timestamps and poses, tried on a pair of depth frames that is off.
+"""Inverse transforms of depth, camera, timestamps and poses, tried on a deviating pair of depth frames.
 
 Each trial applies one transform to the pair and measures how much of the typical residual it removes.
 """
@@ -30,16 +30,18 @@ Transform = Literal[
     "depth_scale", "ray_length", "mirrored", "image_shift", "focal_length", "frame_order", "clock_offset",
     "conjugate_quaternion", "scalar_first_quaternion", "exchanged_axes", "north_east_down", "mounting", "free_motion",
 ]  # fmt: skip
-"""What is undone. Parameters, where there are any: the factor by which depths are too large (``depth_scale``); px to
-the right or down (``image_shift``); the share by which the focal length is too short (``focal_length``); rows between
-the frames that are exchanged (``frame_order``); ms by which depth is stamped too late (``clock_offset``)."""
+"""The transform that is undone. Parameters, where there are any: the factor by which depths are too large
+(``depth_scale``); px to the right or down (``image_shift``); the share by which the focal length is too short
+(``focal_length``); rows between the frames that are exchanged (``frame_order``); ms by which timestamps of depth are
+too late (``clock_offset``)."""
 
 Extent = Literal["all", "part"]
 """What was changed: all of the depth; or a part, which is one frame of the pair or one tile of both."""
 
 _NEIGHBOURS: Final = (-2, -1, 1, 2)
 _OFFSETS_MS: Final = (-80.0, -40.0, -20.0, -10.0, 0.0, 10.0, 20.0, 40.0, 80.0)
-"""Offsets of the timestamps that the fit starts from: it converges from where the motion still is about the same."""
+"""Clock offsets, ms, at which the fit starts: the fit converges where the motion changes little between start and
+solution."""
 
 _SHIFTS_PX: Final = (-4, -3, -2, -1, 1, 2, 3, 4)
 """Shifts of one frame against the other that are tried."""
@@ -55,8 +57,10 @@ class DepthTrial:
 
     Attributes
     ----------
-    transform, extent
-        What was undone, and in which part of the depth.
+    transform
+        What was undone.
+    extent
+        The part of the depth in which it was undone.
     residual_reduction
         Share of the typical residual that undoing it removes, 0 to 1.
     parameter
@@ -87,10 +91,10 @@ class PairTrials(Feature):
 
 @dataclass(frozen=True, slots=True)
 class _Candidate:
-    """A pair after one transform: its frames, and the family of models by which they hang together.
+    """A pair after one transform: its frames, and the family of models that relates them.
 
     The family has a free parameter where ``step`` is set; otherwise ``parameter`` is the size that is tried.
-    ``possible`` tells which fitted parameters a file can have.
+    ``possible`` decides whether a file can have the fitted parameter.
     """
 
     transform: Transform
@@ -112,15 +116,15 @@ def try_conventions(pair: DepthPair, residual_as_stored: float, tile: Tile | Non
     pair
         The frames, with all of their pixels.
     residual_as_stored
-        Their typical relative residual; infinite where they could not be compared as they stand.
+        Typical relative residual of the pair as stored; infinite where the frames could not be compared.
     tile
-        The part of the first frame that is compared; all of it where None. In a tile only transforms of the depth are
-        tried, on both frames: pose and camera are common to all pixels.
+        Left, top, right, bottom, px, of the part of the first frame that is compared; the whole frame where None. In a
+        tile only transforms of the depth are tried, on both frames: pose and camera are common to all pixels.
 
     Returns
     -------
     PairTrials
-        Trials without a fit, or with an impossible parameter, are left out.
+        One trial for each candidate. Candidates without a fit, or with an impossible parameter, are left out.
     """
     if tile is None:
 
@@ -212,7 +216,6 @@ def _with_other_motion(pair: DepthPair) -> Iterator[_Candidate]:
         motion = pair.track.motion(pair.start_ns - offset_ns, pair.end_ns - offset_ns)
         return None if motion is None else replace(pair.model(), motion=motion)
 
-    # Each start converges only from where the motion is still about the same.
     for start_ms in _OFFSETS_MS:
         yield _Candidate("clock_offset", pair.images, with_clock_offset, start=start_ms, step=0.1)
     exchanged_axes = pair.track.transformed(

@@ -27,17 +27,18 @@ FRAMES: Final = 2
 _SHORT_NS: Final = NS_PER_S // 10
 
 _EVERY_NS: Final = NS_PER_S // 20
-"""Of windows shorter than that a frame is used for each point of this grid in time.
+"""Windows shorter than 0.1 s use one frame for each point of a grid of 0.05 s.
 
-Standard errors are of texture, which differs from place to place and hardly over time: over 1 s at 1440x1080 those of
-20 frames are those of 41 to 1%; of 10 frames, as of windows of the usual length, they are 9 to 15% larger. So it is of
-large frames: with half the lines as well, the limit to the right is 9% larger, and that down the same.
+Texture causes the standard errors; it differs from place to place and hardly over time. Over 1 s at 1440x1080, 20
+frames give the standard errors of 41 frames within 1%. With 10 frames, as with windows of the usual length, standard
+errors are 9 to 15% larger. Large frames use a grid of 0.1 s and half the lines: the limit to the right is 9% larger,
+the limit down is the same.
 """
 
 LINES: Final = 270
-"""At least so many lines of pixels are searched along each axis of a frame, evenly spread.
+"""Least number of lines of pixels that are searched along each axis of a frame, evenly spread.
 
-Of large frames half as many. An outline, and the texture beside it, is much the same a few pixels on: at 1440x1080
+Large frames use half as many. An outline, and the texture beside it, changes little over a few pixels: at 1440x1080
 every fourth line gives the same standard error as all of them, to 1%.
 """
 
@@ -48,7 +49,7 @@ DARK_DN: Final = 8.0
 """Added before the logarithm: below it rounding to 8 bits is more than 6% of the signal."""
 
 _EVENTS_AROUND_NS: Final = 10_000_000
-"""Events from so long before to so long after a frame lie on both sides of its edges alike."""
+"""Events from 10 ms before to 10 ms after a frame lie on both sides of its edges equally often."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -58,11 +59,12 @@ class DepthEdges:
     Attributes
     ----------
     colour
-        (3, 2, 2, tiles, 2 R + 1): as stored and mirrored in two ways; to the right and down; far and near side first.
+        (3, 2, 2, tiles, 2 R + 1) by variant (as stored, and mirrored in two ways), by direction (right, down), by side
+        (far, near), by tile and by distance in px.
     events
-        (2, 2, tiles, 2 R + 1): of event counts, in pixels of the event camera.
+        (2, 2, tiles, 2 R + 1) of event counts, without the axis of variants; distances in px of the event camera.
     frames
-        Depth frames that went in.
+        Number of depth frames that were summed.
     """
 
     colour: Float64
@@ -78,7 +80,10 @@ def why_depth_and_colour_do_not_meet(facts: Facts) -> str:
 def depth_edges(window: Window) -> DepthEdges | None:
     """Return the sums of edge profiles of a window, computed once for all checks.
 
-    None where no depth frame has the timestamp of a colour frame.
+    Returns
+    -------
+    DepthEdges or None
+        None where no depth frame has the timestamp of a colour frame.
     """
     return window.once("depth edges against colour", lambda: _measure(window))
 

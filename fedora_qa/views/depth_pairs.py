@@ -1,7 +1,7 @@
 """Neighbouring depth frames and the camera's motion between them.
 
-A pair belongs to the window of its second frame. Of the first one only some pixels are needed, which the window before
-has computed: each frame is prepared once.
+A pair belongs to the window of its second frame. Only some pixels of the first frame are needed; the window before has
+computed them, so each frame is prepared once.
 """
 
 from collections.abc import Iterator
@@ -31,17 +31,17 @@ FIT_PIXELS: Final = 2000
 """Pixels that a parameter is fitted to: plenty for seven numbers, since what remains is rounding."""
 
 FIT_PIXELS_OF_LARGE: Final = FIT_PIXELS // 2
-"""Of frames that are sampled at some rows and columns. Limits are those of what all pixels may err by together: at
+"""Pixels of frames that are sampled at some rows and columns. Errors common to all pixels dominate the limits: at
 1440x1080 standard errors grow by 41%, the limits of scale and ray by 1.6% and 0.9%."""
 
 _PIXELS: Final = USUAL_PIXELS
-"""Pixels of a frame that are sampled, about: of larger ones every second, third ... row and column.
+"""Approximate number of pixels of a frame that are sampled: every second, third ... row and column of larger frames.
 
-The same view in 540x405 px constrains no less: values between two pixels are read from both, and their error is bounded
-by second differences of the sampled pixels. Distances from edges are measured by blocks of two of these, as they are in
+A frame of 540x405 px constrains as much: values between two pixels are interpolated, and their error is bounded by
+second differences of the sampled pixels. Distances from edges are measured by blocks of two of these, as they are in
 540x405. At 1440x1080, every third pixel both ways, frames take a seventh of the time; in park-day the limit of the
-whole frame grows by 1%, that of the worst tile by 11%, of the scale by 9%, of the ray's exponent by 4%.
-``exhaustive`` samples all.
+whole frame grows by 1%, that of the worst tile by 11%, of the scale by 9%, of the ray's exponent by 4%. ``exhaustive``
+samples all.
 """
 
 _FREE_MOTION_M, _FREE_MOTION_RAD = 1.0, 1.0
@@ -54,18 +54,22 @@ class DepthPair:
 
     Attributes
     ----------
+    window
+        The window that owns the second frame.
+    track
+        Poses, with the depth camera.
     first, second
         Rows of the depth stream.
     start_ns, end_ns
         Their timestamps, ns from the file's origin.
     motion
-        How points move in the camera from the first to the second.
+        How points move in the camera frame (Z forward, X right, Y down) from the first to the second.
     motion_error
-        Twist (6,) by which interpolating the pose between its samples may err.
+        (6,) bound of the twist by which interpolating the pose between its samples errs, rad and m.
     noise
         (6, k) independent directions of the motion's noise, one standard deviation long; k = 0 where it is exact.
     every_px
-        Every how many-th row and column of the frames is sampled: pixels of images and lattices are so far apart.
+        Step between the sampled rows and columns of the frames, px; images and lattices have one value for each.
     """
 
     window: Window
@@ -100,15 +104,15 @@ class DepthPair:
         return DepthModel(to_sampled * self.track.camera.K, self.motion, motion_error=self.motion_error)
 
     def scaled(self, factor: float) -> DepthModel:
-        """Return the same with depths that are too large by a factor."""
+        """Return the declared model with depths that are too large by a factor."""
         return replace(self.model(), scale=factor)
 
     def as_rays(self, share: float) -> DepthModel:
-        """Return the same with depths that are lengths of the ray (1), z (0), or between."""
+        """Return the declared model with depths that are lengths of the ray (1), z (0), or between."""
         return replace(self.model(), ray=share)
 
     def with_path(self, factor: float) -> DepthModel | None:
-        """Return the same with positions that are too small by a factor; None where no pose covers the pair."""
+        """Return the declared model with positions that are too small by a factor; None without poses at both ends."""
         track = self.track.transformed(lambda poses: replace(poses, positions_world_m=factor * poses.positions_world_m))
         motion = track.motion(self.start_ns, self.end_ns)
         return None if motion is None else replace(self.model(), motion=motion)
@@ -118,7 +122,7 @@ class DepthPair:
         return lattice_of_frame(self.window, self.first)
 
     def lattice_to_fit(self) -> DepthLattice:
-        """Return some of these, evenly spread, as many as a parameter is fitted to."""
+        """Return evenly spread pixels of ``lattice``, as many as a parameter is fitted to."""
         return self.lattice().thinned(FIT_PIXELS if self.every_px == 1 else FIT_PIXELS_OF_LARGE)
 
     def fit_as_declared(self) -> DepthFit | None:
@@ -132,7 +136,7 @@ class DepthPair:
 
 
 def owned_pairs(window: Window) -> Iterator[DepthPair | None]:
-    """Yield the pairs whose second frame the window owns and the plan wants; None where no pose covers one."""
+    """Yield the planned pairs whose second frame the window owns; None for a pair that no pose covers."""
     facts = window.facts
     clock = facts.clocks["depth"]
     rows, owned = np.flatnonzero(clock.advancing), window.owned("depth")
@@ -154,14 +158,21 @@ def pair_between(window: Window, track: PoseTrack, first: int, second: int) -> D
 
     Parameters
     ----------
+    window
+        A window of the sequence. It keeps the motion.
     track
         Poses, with the depth camera.
     first, second
         Rows of the depth stream.
+
+    Returns
+    -------
+    DepthPair or None
+        None where no pose covers an end of the interval.
     """
     times_ns = window.facts.clocks["depth"].times_ns
     start_ns, end_ns = int(times_ns[first]), int(times_ns[second])
-    # Kept is the motion alone: a pair that the window kept would keep the window in turn, and all its images.
+    # Only the motion is kept: a pair refers to its window, so a kept pair would keep the window and all its images.
     motion = window.once(("depth motion", first, second), lambda: _motion(window, track, first, second))
     if motion is None:
         return None
@@ -186,7 +197,20 @@ def _motion(window: Window, track: PoseTrack, first: int, second: int) -> tuple[
 
 
 def lattice_of_frame(window: Window, frame: int) -> DepthLattice:
-    """Return the pixels of a frame that are carried to the next one, made once for neighbouring windows."""
+    """Return the pixels of a frame that are carried to the next one, made once for neighbouring windows.
+
+    Parameters
+    ----------
+    window
+        The share of pixels follows from its sampling.
+    frame
+        Row of the depth stream.
+
+    Returns
+    -------
+    DepthLattice
+        Depths in m; their relative error is half a step of the stored depths.
+    """
     share, every_px = window.sampling.tile_share, _every_px(window)
 
     def make() -> Float64:
@@ -204,10 +228,17 @@ def image_of(window: Window, frame: int, every_px: int) -> DepthImage:
 
     Parameters
     ----------
+    window
+        A window of the sequence. It keeps the image.
     frame
         Row of the depth stream.
     every_px
-        Step between the rows and columns that are taken.
+        Step between the sampled rows and columns, px.
+
+    Returns
+    -------
+    DepthImage
+        Static depth in m, prepared for reading between pixels.
     """
 
     def make() -> DepthImage:
@@ -227,7 +258,20 @@ def _every_px(window: Window) -> int:
 
 
 def static_depth_of_frame_m(window: Window, frame: int) -> NDArray[np.float32]:
-    """Return the depth of static surfaces (H, W), m; NaN elsewhere, and everywhere if motion is not declared."""
+    """Return the depth of static surfaces in a frame.
+
+    Parameters
+    ----------
+    window
+        A window of the sequence.
+    frame
+        Row of the depth stream.
+
+    Returns
+    -------
+    ndarray of float32
+        (H, W) m; NaN where an object moves by itself, and in all pixels where no mask marks such objects.
+    """
     depth_m = static_depth_m(window, frame)
     return np.full_like(window.depth_m(frame), np.nan) if depth_m is None else depth_m
 
@@ -239,13 +283,16 @@ def step_share(window: Window) -> float:
 
 
 def step_of(window: Window) -> DepthStep | None:
-    """Return the step of the first depth frame that the window owns: how depths were stored changes in no window."""
+    """Return the step of stored depths, from the first depth frame that the window owns.
+
+    The step of storage is the same within a window.
+    """
     owned = window.owned("depth")
     return window.once("depth step", lambda: depth_step(window.depth_m(owned[0])) if owned else None)
 
 
 def why_no_geometry(facts: Facts) -> str:
-    """Return what of the model does not hold: intrinsics, a pinhole, a world whose static surfaces are declared."""
+    """Return why depth frames cannot be compared by the declared geometry; empty where they can."""
     camera = facts.declared.cameras.get("depth")
     if camera is None:
         return "the depth camera's intrinsics and mounting are not declared"
@@ -260,12 +307,19 @@ def where_of_frames(facts: Facts, first: int, last: int, pixel: tuple[int, int] 
 
     Parameters
     ----------
+    facts
+        With the depth clock.
     first, last
         Rows of the depth stream.
     pixel
         Column and row, px, in the first frame.
     tile
         Left, top, right, bottom, px, half-open.
+
+    Returns
+    -------
+    Where
+        Timestamps in microseconds as the file states them.
     """
     times_ns = facts.clocks["depth"].times_ns
     return Where(

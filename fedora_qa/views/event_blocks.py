@@ -33,9 +33,9 @@ class BlockMoments:
     frames
         (n,) rows.
     steps
-        (n - 1, t, 8, 6) between successive frames: of each tile of the image, under the eight symmetries.
+        (n - 1, t, 8, 6) moments between successive frames, by tile of the image, under the eight symmetries.
     span
-        Between the first frame and the last, of the whole image.
+        Moments between the first frame and the last, of the whole image.
     """
 
     frames: NDArray[np.int64]
@@ -44,7 +44,13 @@ class BlockMoments:
 
 
 def block_moments(window: Window) -> BlockMoments | None:
-    """Return the moments of a window's frames and the next one; None where there are not two."""
+    """Return the moments of a window's frames and the next one; None where there are not two.
+
+    Returns
+    -------
+    BlockMoments or None
+        None where the window has fewer than two frames, or no event sensor is declared.
+    """
     return window.once("block_moments", lambda: _block_moments(window))
 
 
@@ -63,7 +69,7 @@ def _block_moments(window: Window) -> BlockMoments | None:
     if len(stored) > len(sensor_events(window)):
         shape = sensor_shape(window.facts.declared)
         columns = stored.x, stored.y, stored.times_ns, stored.p
-        # Events off the declared sensor are what exchanged axes leave: without them that symmetry would miss events.
+        # Exchanged axes put events outside of the declared sensor: without these, that symmetry would lack events.
         add_events_beyond(events, *columns, resampled.times_ns, shape, declared.threshold_on, declared.threshold_off)
     steps = step_moments(levels, events, GRID)
     # Between two frames there is but one step.

@@ -1,4 +1,4 @@
-"""What the checks of events share of a window: events on the sensor, and frames resampled to its pixels."""
+"""Events of a window on the sensor, and frames resampled to its pixels, shared by the checks of events."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -21,7 +21,7 @@ from fedora_qa.views.large_frames import is_large
 from fedora_qa.views.luma import clipped, luma_dn
 
 HALO_NS: Final = 30_000_000
-"""Events before and after a window that its checks may read: longer than any gap over which a level is known."""
+"""Time before and after a window whose events its checks may read: longer than any gap over which a level is known."""
 
 FARTHEST_NEXT_FRAME_NS: Final = 100_000_000
 """A window reads the frame after its last one if that is not farther behind its end."""
@@ -33,7 +33,7 @@ WINDOW_NS: Final = NS_PER_S // 5
 """The usual window; those of large images are shorter."""
 
 GRID: Final = 4
-"""Tiles of the event camera's image along each side, in which checks look for what is local."""
+"""Number of tiles of the event camera's image along each side, for local deviations."""
 
 CENTRES_AGREE_M: Final = 1e-6
 AXES_AGREE: Final = 1e-6
@@ -51,7 +51,7 @@ def all_events(window: Window) -> Events:
 
 
 def _read_only(events: Events) -> Events:
-    """Return the events as views that cannot be written: some are such, and loops are compiled for one kind."""
+    """Return the events as read-only views. Some stored columns are read-only, and loops are compiled for one kind."""
     views = Events(events.x.view(), events.y.view(), events.times_ns.view(), events.p.view())
     for column in (views.x, views.y, views.times_ns, views.p):
         column.flags.writeable = False
@@ -64,21 +64,60 @@ def sensor_events(window: Window) -> Events:
 
 
 def events_around(window: Window, margin_ns: int) -> Events:
-    """Return the events on the sensor within a margin of a window, for a follow-up."""
+    """Return the events on the sensor within a margin of a window, for a follow-up.
+
+    Parameters
+    ----------
+    window
+        A window of the sequence.
+    margin_ns
+        Time before the start and after the stop of the window, ns.
+
+    Returns
+    -------
+    Events
+        Events on the declared sensor with a polarity of 0 or 1, in the order of the file.
+    """
     return _on_sensor(window.events(margin_ns, margin_ns), window.facts.declared)
 
 
 def corrected_events(window: Window, offset_ns: int) -> Events:
-    """Return ``sensor_events`` as they would be without a clock offset (positive: timestamps are too late)."""
+    """Return ``sensor_events`` with a clock offset subtracted from their timestamps.
+
+    Parameters
+    ----------
+    window
+        A window of the sequence.
+    offset_ns
+        Clock offset of the events, ns; positive where timestamps are too late.
+
+    Returns
+    -------
+    Events
+        Events with ``HALO_NS`` on both sides of the window, by their corrected timestamps.
+    """
     events = events_around(window, HALO_NS + abs(offset_ns))
     times_ns = events.times_ns - offset_ns
-    # The margin was widened by the offset: cut to the same halo, so that windows compare like with like.
+    # The margin was widened by the offset: cut to the halo of ``sensor_events``.
     near = slice(*np.searchsorted(times_ns, [window.span.start_ns - HALO_NS, window.span.stop_ns + HALO_NS]))
     return _read_only(Events(events.x[near], events.y[near], times_ns[near], events.p[near]))
 
 
 def own(window: Window, events: Events) -> Events:
-    """Return the events that the window owns, without the halo."""
+    """Return the events within a window, without the halo.
+
+    Parameters
+    ----------
+    window
+        A window of the sequence.
+    events
+        In the order of time, ns from the file's origin.
+
+    Returns
+    -------
+    Events
+        Events from the window's start to before its stop.
+    """
     start, stop = np.searchsorted(events.times_ns, [window.span.start_ns, window.span.stop_ns])
     return Events(events.x[start:stop], events.y[start:stop], events.times_ns[start:stop], events.p[start:stop])
 
@@ -96,7 +135,12 @@ def sorted_by_pixel(events: Events, declared: Declared) -> PixelEvents:
     events
         All on the sensor, in the order of time; timestamps in ns from the file's origin.
     declared
-        Of which the event camera's size is taken.
+        With the size of the event camera.
+
+    Returns
+    -------
+    PixelEvents
+        The events of each pixel in the order of time.
     """
     return by_pixel(events.x, events.y, events.times_ns, events.p, sensor_shape(declared))
 
@@ -108,14 +152,19 @@ def sensor_shape(declared: Declared) -> tuple[int, int]:
 
 
 def tile_around(chosen: NDArray[np.bool_], shape: tuple[int, int]) -> tuple[int, int, int, int]:
-    """Return left, top, right, bottom in pixels of the least rectangle around tiles (GRID^2,), rows first.
+    """Return the smallest rectangle around tiles.
 
     Parameters
     ----------
     chosen
-        (GRID^2,) True for the tiles.
+        (GRID^2,) True for the tiles, rows first.
     shape
         Rows and columns of the image.
+
+    Returns
+    -------
+    tuple
+        Left, top, right, bottom, px, half-open.
     """
     rows, columns = np.nonzero(chosen.reshape(GRID, GRID))
     height, width = shape
@@ -125,7 +174,7 @@ def tile_around(chosen: NDArray[np.bool_], shape: tuple[int, int]) -> tuple[int,
 
 
 def is_large_sensor(window: Window) -> bool:
-    """Whether checks may sample the event camera, as it is large; not where the user asks for all of it."""
+    """Whether the event camera is so large that checks may sample it; False where the user asks for all pixels."""
     height, width = sensor_shape(window.facts.declared)
     return is_large(height * width, window)
 
@@ -143,7 +192,15 @@ def _on_sensor(events: Events, declared: Declared) -> Events:
 
 
 def all_on_sensor(events: Events, shape: tuple[int, int]) -> bool:
-    """Whether all events lie on a sensor (rows, columns), with a polarity of 0 or 1."""
+    """Whether all events lie on a sensor, with a polarity of 0 or 1.
+
+    Parameters
+    ----------
+    events
+        With any integer coordinates.
+    shape
+        Rows and columns of the sensor.
+    """
     columns: tuple[tuple[NDArray[Any], int], ...] = ((events.y, shape[0]), (events.x, shape[1]), (events.p, 2))
     return not len(events) or all(column.min() >= 0 and column.max() < end for column, end in columns)
 
@@ -155,13 +212,13 @@ class ResampledFrames:
     Attributes
     ----------
     frames, times_ns
-        (n,) rows and instants.
+        (n,) rows and timestamps, ns from the file's origin.
     edge_aware_dn, uniform_dn
         (n, h, w) luma by the two reconstructions of ``footprint``, in single precision: 1e-4 DN.
     error_dn
-        (n, h, w) bound of the error of ``uniform_dn``; infinite where a pixel is saturated or outside the frame.
+        (n, h, w) bound of the error of ``uniform_dn``, DN; infinite where a pixel is saturated or outside the frame.
     counts
-        (n - 1, 2, h, w) darker and brighter events between the frames.
+        (n - 1, 2, h, w) numbers of darker and brighter events between the frames.
     """
 
     frames: NDArray[np.int64]
@@ -181,7 +238,20 @@ def resampled_frames(window: Window) -> ResampledFrames:
 
 
 def event_footprints(window: Window, shape_frame: tuple[int, int]) -> Footprints:
-    """Return the footprints of the event camera's pixels in frames of a shape (rows, columns): those of a file."""
+    """Return the footprints of the event camera's pixels in colour frames, computed once a file.
+
+    Parameters
+    ----------
+    window
+        A window of the sequence. It keeps both axes for the file.
+    shape_frame
+        Rows and columns of the colour frames.
+
+    Returns
+    -------
+    Footprints
+        One footprint for each pixel of the event camera, from row and column axes.
+    """
     cameras, (height, width) = window.facts.declared.cameras, sensor_shape(window.facts.declared)
     K_frame, K_event = cameras["rgb"].K, cameras["events"].K
 
@@ -199,17 +269,24 @@ def event_footprints(window: Window, shape_frame: tuple[int, int]) -> Footprints
 
 
 def intervals_due(window: Window, resampled: ResampledFrames, per_window: int) -> int:
-    """Return how many intervals of two frames or more are due, ``per_window`` of a window of the usual length.
+    """Return how many intervals of two frames or more are due, ``per_window`` in a window of the usual length.
 
-    Of windows much shorter than that an interval is due for each point of a grid in time since the frame before its
-    first: most have none, and where frames are few each has some.
+    Much shorter windows follow a grid in time with ``per_window`` points in each ``WINDOW_NS``: an interval is due for
+    each point between the frame before the window and its second to last frame. Most such windows have none.
 
     Parameters
     ----------
+    window
+        The window of the frames.
     resampled
-        The window's frames.
+        The window's frames, two or more.
     per_window
         Intervals of a window of the usual length.
+
+    Returns
+    -------
+    int
+        Number of intervals, 0 or more.
     """
     length_ns = window.span.stop_ns - window.span.start_ns
     if 2 * length_ns >= WINDOW_NS:
@@ -221,7 +298,20 @@ def intervals_due(window: Window, resampled: ResampledFrames, per_window: int) -
 
 
 def events_before(resampled: ResampledFrames, window: Window) -> NDArray[np.int32]:
-    """Return the darker and brighter events (2, h, w) before a window's first frame, as far back as to the second."""
+    """Count the events before a window's first frame, over an interval as long as that to its second frame.
+
+    Parameters
+    ----------
+    resampled
+        The window's frames, two or more.
+    window
+        The window of the frames.
+
+    Returns
+    -------
+    ndarray of int32
+        (2, h, w) darker and brighter events.
+    """
     first_ns, second_ns = resampled.times_ns[:2].tolist()
     events, counts = sensor_events(window), np.zeros((1, *resampled.counts.shape[1:]), np.int32)
     # The interval before the first frame, as long as the one after it.
@@ -232,7 +322,9 @@ def events_before(resampled: ResampledFrames, window: Window) -> NDArray[np.int3
 
 
 def signal(resampled: ResampledFrames, declared: EventModel) -> tuple[NDArray[np.float32], NDArray[np.bool_]]:
-    """Return the signal of the declared model (n, h, w), and where it is lit: its error is below half of the light.
+    """Return the signal of the declared model, and where pixels are lit.
+
+    A pixel is lit where the error of its luma is below half of the luma.
 
     Parameters
     ----------
@@ -244,7 +336,7 @@ def signal(resampled: ResampledFrames, declared: EventModel) -> tuple[NDArray[np
     Returns
     -------
     levels
-        (n, h, w): the natural logarithm of the light of the model ``log``, linear DN of the model ``linear``.
+        (n, h, w): natural logarithm of luma + log_eps (model ``log``), or luma in linear DN (model ``linear``).
     lit
         (n, h, w).
     """
@@ -261,10 +353,19 @@ def signal_of(
 
     Parameters
     ----------
-    resampled, declared
-        As of ``signal``.
+    resampled
+        Luma in linear DN at the pixels of the event camera.
+    declared
+        The model, ``log`` or ``linear``.
     frame
-        Number of the frame among those of the window.
+        Number of the frame among those of the window, 0 to n - 1.
+
+    Returns
+    -------
+    levels
+        (h, w), as of ``signal``.
+    lit
+        (h, w).
     """
     uniform_dn = resampled.uniform_dn[frame]
     lit = np.greater(uniform_dn, 2 * resampled.error_dn[frame])

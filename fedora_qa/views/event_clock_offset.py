@@ -1,11 +1,11 @@
-"""The offset of the events' clock from that of the frames: over a file, over segments of time, over parts of the image.
+"""The clock offset of the events against the frames: over a file, over segments of time, over parts of the image.
 
-Two estimates compete: by frames interpolated at events (``frame_interpolation``), and by bracketed level samples
-(``level_samples``). Beyond its capture range one fit underestimates an offset, since light does not change evenly for
-long. Some windows are then fitted again with the offset undone as far as it is known, and so on until none is left
-(Gauss and Newton's way). That begins at the fit of all windows, and at the best of a ladder of offsets by level
-samples; where these end at different offsets, the one with the smaller residual is taken. Further windows are
-interpolated with the same offset undone, and all are fitted together, so that their scatter is in the error.
+There are two estimates: from frames interpolated at events (``frame_interpolation``), and from bracketed level samples
+(``level_samples``). Beyond its capture range one fit underestimates an offset, since intensity is not linear in time
+for long. Some windows are then fitted again after subtraction of the estimated offset, until the fit gives no further
+offset (Gauss-Newton). This iteration starts at the fit of all windows, and at the best of a ladder of offsets by level
+samples; where both converge to different offsets, the one with the smaller residual is taken. The same offset is
+subtracted in further windows, and all are fitted together, so that the error includes their scatter.
 """
 
 from collections.abc import Sequence
@@ -57,24 +57,25 @@ Float64 = NDArray[np.float64]
 METHODS: Final = ("fine", "coarse", "uniform")
 
 INTERPOLATION_CAPTURE_RANGE_S: Final = 10e-3
-"""Half a frame interval at 50 Hz: where levels can be interpolated between frames, their slope changes little in that
-time."""
+"""Half a frame interval at 50 Hz, s: where levels can be interpolated between frames, their slope changes little in
+that time."""
 
 INTERPOLABLE: Final = 0.3
-"""Residual, in thresholds, beyond which frames are too far apart to determine a level between them (or events do not
-follow them): a level at random within its thresholds leaves 0.3 to 0.6."""
+"""Residual, in thresholds, beyond which the frames do not determine the level between them, or events do not follow the
+frames. A random level within its thresholds leaves a residual of 0.3 to 0.6."""
 
 FEWEST_PARTS: Final = 4
-"""Windows or tiles of known delay below which none stands out."""
+"""Least number of windows or tiles with an estimated delay for a comparison of them."""
 
 ROUNDS: Final = 5
-"""Fits of a window: each leaves a third of what the last one left, or less, so that 20 ms become 0.2 ms."""
+"""Fits of a window. Each leaves at most a third of the offset that the last one left, so 20 ms become 0.2 ms."""
 
 _CONVERGED_S: Final = 3e-3
-"""Largest offset that a last fit may give: so much one fit estimates without bias, as of level samples."""
+"""Largest offset that a last fit may give, s: one fit of level samples estimates up to this offset without bias."""
 
 _PREFERRED_WITHIN: Final = 2.0
-"""Times the error of one fit of all windows that the search of a few may have, and still be stated instead."""
+"""Largest ratio of the error of the search, in a few windows, to that of one fit of all windows at which the search is
+stated."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -84,13 +85,13 @@ class InterpolationSums:
     Attributes
     ----------
     fine
-        The edge-aware reconstruction of frames is interpolated through six of them.
+        From the edge-aware reconstruction of frames, interpolated through six frames.
     coarse
-        As ``fine``, through four.
+        As ``fine``, interpolated through four frames.
     uniform
-        The uniform reconstruction is interpolated through six.
+        From the uniform reconstruction, interpolated through six frames.
     start_ns, stop_ns
-        Of the window, ns from the file's origin.
+        Ends of the window, ns from the file's origin.
     """
 
     fine: NormalBlocks
@@ -107,11 +108,11 @@ class InterpolationFits:
     Attributes
     ----------
     fit
-        By the edge-aware reconstruction of frames, six of them.
+        From the edge-aware reconstruction, interpolated through six frames.
     coarse
-        By four frames in place of six.
+        As ``fit``, interpolated through four frames.
     uniform
-        By the uniform reconstruction.
+        From the uniform reconstruction, interpolated through six frames.
     """
 
     fit: ResponseFit
@@ -121,18 +122,18 @@ class InterpolationFits:
 
 @dataclass(frozen=True, slots=True)
 class ClockOffset(Feature):
-    """By how much events are late at the middle of a file, and how that grows; standard errors and bounds on bias.
+    """Clock offset of the events at the middle of a file, and its growth; standard errors and bounds on bias.
 
-    Beyond ``capture_range_s`` the offset is underestimated.
+    Beyond ``capture_range_s`` the fit underestimates the offset.
 
     Attributes
     ----------
     offset_s, error_s, bound_s
-        Positive where timestamps of events are too late; standard error; bound on bias.
+        Clock offset (positive: timestamps of events too late), its standard error, and a bound on its bias, s.
     rate, rate_error, rate_bound
-        Growth of the offset, s/s, likewise.
+        Growth of the offset with its standard error and bound on bias, s/s.
     capture_range_s
-        Infinite where the offset was searched for.
+        Largest offset that the fit estimates without bias, s; infinite where the offset was found by a search.
     """
 
     offset_s: float
@@ -146,14 +147,14 @@ class ClockOffset(Feature):
 
 @dataclass(frozen=True, slots=True)
 class LocalOffset:
-    """A part whose delay differs from the rest; delays and errors (k,) of all parts.
+    """A part whose delay differs from the rest, with the delays of all parts.
 
     Attributes
     ----------
     step
-        The part, and by how much its delay differs.
+        The part, and the difference of its delay.
     delays_s, errors_s
-        (k,) by window or by tile; NaN where no delay is known.
+        (k,) delays and standard errors by window or by tile, s; NaN where no delay is estimated.
     """
 
     step: DelayStep
@@ -163,14 +164,14 @@ class LocalOffset:
 
 @dataclass(frozen=True, slots=True)
 class OffsetTrial:
-    """A window's sums with events taken to be late by an offset, and that undone.
+    """Sums of a window after subtraction of a clock offset from the timestamps of its events.
 
     Attributes
     ----------
     offset_ns
-        The offset that was undone; positive where timestamps of events are too late.
+        The subtracted offset, ns; positive where timestamps of events are too late.
     sums
-        With events moved by it.
+        Normal equations of the corrected events.
     """
 
     offset_ns: int
@@ -178,11 +179,11 @@ class OffsetTrial:
 
 
 OffsetSearch = LadderOffset | OffsetTrial
-"""What the search of a window ends with."""
+"""Result of the search in a window."""
 
 
 def interpolation_sums(window: Window) -> InterpolationSums | None:
-    """Return the sums of a window; None where it has too few events at which frames can be interpolated."""
+    """Return the normal equations of a window; None where frames can be interpolated at too few events."""
     return _sums_of(window, pixel_events(window))
 
 
@@ -190,7 +191,8 @@ def fit_all(state: Sequence[InterpolationSums]) -> InterpolationFits | None:
     """Fit a file; None where it has too few samples.
 
     Errors of the frames may be common to a window, to a tile throughout, or to a row or column of a window's tiles,
-    along which a straight edge lies: the standard errors are the largest of those that leave one of them out at a time.
+    along which a straight edge lies. The standard errors are the largest of four jackknives that leave out one such
+    group at a time.
     """
     if not state:
         return None
@@ -207,7 +209,22 @@ def fit_all(state: Sequence[InterpolationSums]) -> InterpolationFits | None:
 
 
 def expected_delay_ms(declared: EventModel | None, facts: Facts) -> tuple[float, float]:
-    """Return the mean delay of events of a correct file, and the error of that expectation."""
+    """Return the mean delay of events of a correct file, and the error of that expectation.
+
+    Parameters
+    ----------
+    declared
+        The event sensor; None where none is declared.
+    facts
+        With the tick of the event timestamps.
+
+    Returns
+    -------
+    delay_ms
+        Mean time from a change of light to the timestamp of its event, ms.
+    error_ms
+        Bound of its error, ms: 0 where the tick is declared.
+    """
     if declared is None:
         return 0.0, 0.0
     # A first-order low-pass of cut-off f (Hz) delays slow changes by its time constant 1 / (2 pi f).
@@ -216,27 +233,32 @@ def expected_delay_ms(declared: EventModel | None, facts: Facts) -> tuple[float,
     if declared.model == "linear":
         return low_pass_ms, 0.0
     declared_ms = max(declared.packet_interval_us, 1) * NS_PER_US / 1e6
-    # A grid that nobody declared may come from rounding up, down or to the nearest tick.
+    # An undeclared grid may come from rounding up, down or to the nearest tick.
     return declared_ms / 2 + low_pass_ms, max(tick_ms - declared_ms, 0.0)
 
 
 def offset_error_ms(estimate: ClockOffset, offset_ms: float, bound_ms: float, facts: Facts) -> float:
-    """Return the error of an offset: its own, that of ``bound_ms``, and by how much it is underestimated.
+    """Return the error of a clock offset: standard error, bound on bias, and underestimation beyond the capture range.
 
-    Light does not change evenly for long. A change of angular frequency w, moved by d, is read as sin(w d) / w in place
-    of d. Frames an interval h apart show changes up to w = pi / h; half of that is taken for what edges are made of.
-    Offsets that were searched for are undone before they are fitted.
+    Let an intensity change have the angular frequency w. A linear fit of such a change that is displaced by d gives
+    sin(w d) / w in place of d. Frames at intervals of h resolve changes up to w = pi / h; half of that is assumed for
+    edges. An offset that was found by a search is subtracted before the fit, so the fit does not underestimate it.
 
     Parameters
     ----------
     estimate
         With the standard error and the capture range.
     offset_ms
-        The offset, or its difference from that of a correct file.
+        The offset, or its difference from that of a correct file, ms.
     bound_ms
-        Bound on its bias.
+        Bound on its bias, ms.
     facts
-        Of which the interval between colour frames is taken.
+        With the interval between colour frames.
+
+    Returns
+    -------
+    float
+        Root of the sum of squares of the three errors, ms.
     """
     interval_ms = float(np.median(np.diff(facts.clocks["rgb"].times_ns))) / 1e6
     fraction = 1.0
@@ -247,10 +269,11 @@ def offset_error_ms(estimate: ClockOffset, offset_ms: float, bound_ms: float, fa
 
 
 def offset_by_levels(fitted: ThresholdFit, declared: EventModel) -> ClockOffset:
-    """Return the offset by bracketed level samples.
+    """Return the clock offset from bracketed level samples.
 
-    Levels of the linear model jump at events and hold until the next where edges pass within a few rendered steps:
-    such errors scatter about the fit, and may act as one by ``HELD_LEVEL_BIAS`` times their scatter.
+    With the linear model, levels jump at events and hold until the next event. Where edges pass within a few rendered
+    steps, this causes errors that scatter about the fit and may have a common part of up to ``HELD_LEVEL_BIAS`` times
+    their scatter.
 
     Parameters
     ----------
@@ -258,6 +281,11 @@ def offset_by_levels(fitted: ThresholdFit, declared: EventModel) -> ClockOffset:
         Thresholds and delay of the file.
     declared
         The model, ``log`` or ``linear``.
+
+    Returns
+    -------
+    ClockOffset
+        Capture range ``CAPTURE_RANGE_S``.
     """
     fit, bounds = fitted.fit, fitted.model_errors
     held_s = HELD_LEVEL_BIAS * fit.coherent_delay_s if declared.model == "linear" else 0.0
@@ -274,13 +302,13 @@ def offset_by_levels(fitted: ThresholdFit, declared: EventModel) -> ClockOffset:
 
 
 def offset_by_interpolation(fits: InterpolationFits) -> ClockOffset | None:
-    """Return the offset by frames interpolated at events; None where events do not follow the frames."""
+    """Return the clock offset from frames interpolated at events; None where events do not follow the frames."""
     fit, coarse, uniform = fits.fit, fits.coarse, fits.uniform
     if fit.relative_sigma > INTERPOLABLE or min(fit.threshold_on, fit.threshold_off) <= 0:
         return None
 
     def bound(name: str) -> float:
-        """Add up how far four frames in place of six, and the uniform reconstruction, move an estimate."""
+        """Return the change of an estimate by four frames in place of six, plus that by the uniform reconstruction."""
         own = getattr(fit, name)
         return float(abs(own - getattr(coarse, name)) + LEFT_BY_SHARP * abs(own - getattr(uniform, name)))
 
@@ -307,14 +335,22 @@ def region_offset(state: Sequence[InterpolationSums]) -> LocalOffset | None:
 
 
 def search_window(window: Window, start_s: float | None, searched: Sequence[OffsetSearch]) -> OffsetSearch | None:
-    """Return a window's sums with their offset undone, or the offset alone; None where events follow at none.
+    """Search the clock offset of a window's events; None where the events follow the frames at no offset.
 
     Parameters
     ----------
+    window
+        A window of the sequence.
     start_s
-        Offset by one fit of all windows, where it gave one.
+        Offset by one fit of all windows, s; None where the fit gave none.
     searched
-        What the search of other windows ended with.
+        Results of the search in other windows.
+
+    Returns
+    -------
+    OffsetSearch or None
+        The window's sums with the offset subtracted; the offset alone where no fit converges; None where no offset is
+        found.
     """
     trials = [search.offset_ns for search in searched if isinstance(search, OffsetTrial)]
     # Sums can be fitted together only if the same offset is undone in all of them.
@@ -322,8 +358,7 @@ def search_window(window: Window, start_s: float | None, searched: Sequence[Offs
         return _trial(window, trials[0])
     by_ladder = search_offset(window)
     starts_s = [start for start in (start_s, None if by_ladder is None else by_ladder.offset_s) if start is not None]
-    # Gauss-Newton from each start: the fitted offset is undone too, ROUNDS times. It has converged if the last fit
-    # leaves none.
+    # Gauss-Newton from each start, ROUNDS times. It has converged if the last fit gives almost no further offset.
     converged: list[tuple[OffsetTrial, float]] = []
     for offset_s in starts_s:
         estimate_s = offset_s
@@ -344,7 +379,7 @@ def search_window(window: Window, start_s: float | None, searched: Sequence[Offs
 
 
 def searched_offset(searched: Sequence[OffsetSearch]) -> ClockOffset | None:
-    """Return the offset of all events by a fit of all trials, or else the mean of the offsets of the ladder."""
+    """Return the clock offset of all events from a fit of all trials, or else the mean of the offsets of the ladder."""
     trials = [search for search in searched if isinstance(search, OffsetTrial)]
     fits = fit_all([trial.sums for trial in trials])
     residual = offset_by_interpolation(fits) if fits is not None else None
@@ -357,21 +392,24 @@ def searched_offset(searched: Sequence[OffsetSearch]) -> ClockOffset | None:
     if not ladder:
         return None
     each_s = np.array([offset.offset_s for offset in ladder])
-    # Half the range covers the scatter between few windows, which each formal error leaves out.
+    # Half the range covers the scatter between a few windows, which the formal errors do not include.
     error_s = max(float(np.ptp(each_s)) / 2, *(offset.standard_error_s for offset in ladder))
     bound_s = max(offset.bound_s for offset in ladder)
     return ClockOffset(float(each_s.mean()), error_s, bound_s, 0.0, np.inf, np.inf, np.inf)
 
 
 def search_is_preferred(searched: ClockOffset, fitted: ClockOffset, facts: Facts) -> bool:
-    """Whether the offset by search has an error as small as that by one fit of all windows, nearly.
+    """Whether the clock offset by search is stated in place of that by one fit of all windows.
 
-    That one underestimates it, by more than it states where light changes from frame to frame.
+    The search is preferred where its error is below ``_PREFERRED_WITHIN`` times that of the fit: the fit underestimates
+    the offset where light changes from frame to frame, by more than its error states.
 
     Parameters
     ----------
     searched, fitted
-        The offset by search, and that by one fit of all windows.
+        Clock offset by search, and clock offset by one fit of all windows.
+    facts
+        With the interval between colour frames.
     """
     fitted_ms = offset_error_ms(fitted, 1e3 * fitted.offset_s, 1e3 * fitted.bound_s, facts)
     return offset_error_ms(searched, 1e3 * searched.offset_s, 1e3 * searched.bound_s, facts) < (
@@ -432,7 +470,7 @@ def _local_offset(state: Sequence[InterpolationSums], summed: int) -> LocalOffse
     fine, coarse, uniform = cell_sums
     parts = delays_of_parts(fine, summed)
     values = np.where(parts.follows_frames & (parts.relative_sigmas <= INTERPOLABLE), parts.seconds, np.nan)
-    # What bounds the bias of a whole file differs from part to part, and is noise to their comparison.
+    # The bias that the other methods bound for a whole file differs from part to part: in their comparison it is noise.
     by_time = values - delays(coarse.over(summed)).seconds
     by_place = LEFT_BY_SHARP * (values - delays(uniform.over(summed)).seconds)
     # Standard error and both differences of methods add in squares, as both differences scatter from part to part.
@@ -449,6 +487,6 @@ def _local_offset(state: Sequence[InterpolationSums], summed: int) -> LocalOffse
 
 
 def _trial(window: Window, offset_ns: int) -> OffsetTrial | None:
-    """Return the sums of a window whose events are late by an offset, with that undone."""
+    """Return the sums of a window after subtraction of a clock offset from the timestamps of its events."""
     sums = _sums_of(window, sorted_by_pixel(corrected_events(window, offset_ns), window.facts.declared))
     return None if sums is None else OffsetTrial(offset_ns, sums)

@@ -10,7 +10,8 @@ from fedora_qa.views.event_camera import all_events
 def local_tick_ns(window: Window) -> int:
     """Return the step of the event timestamps in a window, though a few events lie off the grid.
 
-    Where nine events of ten share their timestamp with many others, the usual distance of those timestamps is the tick.
+    Where nine events of ten share their timestamp with many others, the tick is the usual distance between such
+    timestamps.
     """
     return window.once(
         "local_tick_ns", lambda: max(tick_ns(window.facts), crowded_step_ns(all_events(window).times_ns))

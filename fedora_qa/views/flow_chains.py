@@ -16,13 +16,14 @@ Float32 = NDArray[np.float32]
 Float64 = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 FieldTransform = Callable[[Float32], NDArray[np.floating]]
-"""What is done to a stored field (H, W, 2) before it is composed."""
+"""Change of a stored field (H, W, 2) before it is composed."""
 
 _MOST_FIELDS: Final = 12
-"""Fields that may make up a common interval: five of 50 Hz, or five of 25 Hz against two of 10 Hz, with room."""
+"""Most fields of a common interval: five of 50 Hz, or five of 25 Hz against two of 10 Hz, with a margin."""
 
 _MANY: Final = 1 / 16
-"""Paths a pixel from which on it costs less to evaluate all pixels of a field than those about each path."""
+"""Number of paths per pixel above which evaluating all pixels of a field is faster than evaluating those about each
+path."""
 
 _ROUNDING_PX: Final = 18 * 2.0**-24
 """Single-precision rounding of a flow, for each pixel of width and height; ``geometry.rigid_flow`` derives it in full.
@@ -47,18 +48,18 @@ class Chain:
     rows: tuple[int, ...]
 
     def shifted(self, fields: int) -> "Chain":
-        """Return the chain of the fields so many rows later."""
+        """Return the chain of the fields whose rows are larger by a number."""
         return Chain(self.stream, tuple(row + fields for row in self.rows))
 
 
 @dataclass(frozen=True, slots=True)
 class Segment:
-    """An interval that two rates cover by whole fields, the slower one first; in ns from the file's origin.
+    """An interval that two rates cover by whole fields.
 
     Attributes
     ----------
     slow, fast
-        Fields of either rate, from the start to the end.
+        Fields of the lower and of the higher rate, from the start to the end.
     start_ns, end_ns
         Ns from the file's origin.
     """
@@ -76,12 +77,12 @@ class ComposedPaths:
     Attributes
     ----------
     displacement_px
-        (n, 2) sum of the fields along each pixel's path; worthless where the path does not stay.
+        (n, 2) sum of the fields along each pixel's path, px (u right, v down); invalid where the path does not stay.
     bound_px
-        (n,) how far it may err by interpolation and rounding.
+        (n,) bound of its error by interpolation and rounding, px.
     clear
-        (n,) whether flow is known all along the path, which keeps away from breaks of the flow and from places where
-        surfaces meet. A single field is read at its pixels: there nothing need be kept away from.
+        (n,) whether the flow is finite all along the path, and the path keeps away from breaks of the flow and from
+        places where surfaces meet. A single field is read at its pixels, so its path need not keep away from either.
     stays
         (n,) whether the path ends, and lies, within the image.
     """
@@ -97,8 +98,15 @@ def segments(window: Window, slow: str, fast: str) -> Iterator[Segment]:
 
     Parameters
     ----------
+    window
+        Owns the slower fields at which the segments begin.
     slow, fast
         Streams of flow, of the lower and of the higher rate.
+
+    Yields
+    ------
+    Segment
+        Segments of at most ``_MOST_FIELDS`` fields, in the order of time.
     """
     slow_clock, fast_clock = window.facts.clocks[slow], window.facts.clocks[fast]
     if slow_clock.ends_ns is None or fast_clock.ends_ns is None:
@@ -125,21 +133,38 @@ def segments(window: Window, slow: str, fast: str) -> Iterator[Segment]:
 
 
 def exists(facts: Facts, chain: Chain) -> bool:
-    """Whether the file holds every field of a chain."""
+    """Whether the file holds every field of a chain.
+
+    Parameters
+    ----------
+    facts
+        With the number of fields of each stream.
+    chain
+        Its rows may lie outside the file.
+    """
     return chain.rows[0] >= 0 and chain.rows[-1] < facts.sizes[f"path/{chain.stream}"]
 
 
 def compose(
     window: Window, chain: Chain, columns: Float64, rows: Float64, transform: FieldTransform | None = None
 ) -> ComposedPaths:
-    """Follow pixels along a chain.
+    """Follow pixels along a chain of fields.
 
     Parameters
     ----------
+    window
+        The fields are read from it.
+    chain
+        Fields in the order of time.
     columns, rows
-        (n,) integer coordinates, px.
+        (n,) integer coordinates of the pixels in the first field, px.
     transform
-        Of each stored field (H, W, 2), before it is composed; none if None.
+        Applied to each stored field (H, W, 2) before it is composed; none if None.
+
+    Returns
+    -------
+    ComposedPaths
+        Paths of the n pixels.
     """
     n = len(columns)
     paths = PathStates(columns.copy(), rows.copy(), np.zeros(n), np.ones(n, np.bool_), np.ones(n, np.bool_))
@@ -166,7 +191,7 @@ def compose(
 def _of_field(
     window: Window, name: str, field: tuple[str, int] | None, compute: Callable[[Float32], Float32], lines: Float32
 ) -> Float32:
-    """Return what is computed of a field, kept for the window if it is one as stored."""
+    """Return a result computed from a field. The window keeps the results of stored fields."""
     return compute(lines) if field is None else window.once((name, *field), lambda: compute(lines))
 
 

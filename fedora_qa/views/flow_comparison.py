@@ -30,34 +30,43 @@ Float64 = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
 _LARGEST_BOUND_PX: Final = 1.0
-"""Pixels whose rounding bound is larger end so near the camera's plane that their flow is not compared."""
+"""Pixels with a larger rounding bound, px, are not compared: their points end too near the camera's plane."""
 
 _USUAL_RATIO: Final = 2.0
-"""Corrections of up to this multiple of the expected square are not fitted further: 93% of those by noise alone."""
+"""Corrections with a chi^2 of up to this multiple of the degrees of freedom are not fitted further: 93% of corrections
+by noise alone lie below."""
 
 
 @dataclass(frozen=True, slots=True)
 class FieldError:
-    """How far one field lies from the recomputed one, after the correction that declared pose noise permits.
+    """Difference of one field from the recomputed one, after the correction that declared pose noise permits.
 
     Attributes
     ----------
+    interval
+        Of the field.
+    frame
+        Row of the depth frame at the start of the interval.
+    pixels
+        Number of compared pixels.
     squares, bound_squares
         Sums over pixels of the squared endpoint error and of the square of its rounding bound, px^2.
     worst_px, worst_bound_px, worst_pixel
-        Endpoint error, bound, and (column, row) where the error exceeds its bound most.
+        Endpoint error and bound, px, and (column, row) of the pixel where the error exceeds its bound most.
     twist_chi2, twist_dof
-        The correction against the declared noise; 0 without declared noise, or between poses.
-    free_squares
-        As ``squares``, over the pixels of the fit only, after the best correction whatever the noise; NaN if not asked.
+        chi^2 of the correction under the declared noise, and its degrees of freedom; 0 without declared noise, or
+        between poses.
+    free_squares, free_pixels
+        As ``squares`` and ``pixels``, for the pixels of the fit only, after the best correction without regard to the
+        noise; NaN and 0 if not computed.
     free_twist
-        That correction: rotation vector in rad and translation in m; empty if not asked.
+        That correction: rotation vector in rad and translation in m; empty if not computed.
     region
-        Left, top, right, bottom of the part of the image that is off; None where all of it is, or none, or scattered
-        pixels are.
+        Left, top, right, bottom, px, of the deviating part of the image; None where the whole image, no pixel, or
+        scattered pixels deviate.
     repeats
-        ``flow`` or ``depth`` where what is off of a field, or of the depth at its start, equals the one before it bit
-        for bit.
+        ``flow`` or ``depth`` where the deviating part of the field, or of the depth at its start, equals that of the
+        row before bit for bit.
     evidence
         Normal equations of the parameter templates; None where the field lies within its bounds.
     """
@@ -87,7 +96,7 @@ class FieldError:
 
 
 def is_noisy(noise: PoseModel | None) -> bool:
-    """Whether the relative pose of a field may be corrected: noise is declared, or nothing is declared about it."""
+    """Whether the relative pose of a field may be corrected: pose noise is declared, or no declaration exists."""
     return noise is None or noise.position_sigma_m > 0 or noise.rotation_sigma_rad > 0
 
 
@@ -98,16 +107,22 @@ def compare_field(
 
     Parameters
     ----------
+    window
+        A window of the sequence.
     track
-        Poses of the depth camera.
+        Poses, with the depth camera.
+    interval
+        Of the field.
     frame
-        Depth frame at the start of the interval.
+        Row of the depth frame at the start of the interval.
     motion
-        Of points in the depth camera's frame, from the start of the interval to its end, as declared.
+        Of points in the depth camera's frame (Z forward, X right, Y down), from the start of the interval to its end,
+        as declared.
 
     Returns
     -------
-    None where too few pixels are valid or the shapes differ.
+    FieldError or None
+        None where too few pixels are valid, or flow and depth have different sizes.
     """
     K, noise = track.camera.K, window.facts.declared.pose
     lattice = lattice_of(window, interval, frame)
@@ -129,7 +144,7 @@ def compare_field(
     if np.count_nonzero(compared) < FEWEST_PIXELS:
         return None
     if fit and np.any(error[compared] > bound[compared]):
-        # What a part of the image is off by must not enter the correction of the rest.
+        # The deviation of a part of the image must not enter the correction of the rest.
         of_most = fit_most(K, motion, sample, fit)
         error_of_most, _ = _errors(K, of_most.motion, lattice, bound)
         if 2 * np.count_nonzero(error_of_most[compared] <= bound[compared]) > np.count_nonzero(compared):
@@ -145,7 +160,7 @@ def compare_field(
         worst_bound_px=float(bound[worst]),
         worst_pixel=(int(columns[0, worst[1]]), int(rows[worst[0], 0])),
     )
-    # Between pose samples interpolation makes the noise smaller: there the correction is not held to it.
+    # Between pose samples interpolation reduces the noise: there the correction is not compared with it.
     if fit and noise and track.on_samples(interval.start_ns, interval.end_ns):
         covariance = field_covariance(track, interval, noise)
         if covariance is not None:
@@ -154,10 +169,10 @@ def compare_field(
     if result.suspicion <= 1 and result.twist_chi2 <= _USUAL_RATIO * result.twist_dof:
         return result
     region = region_of(lattice, np.where(compared, error / bound, np.nan))
-    if region is not None:  # the motion that the rest of the image gives is good enough to be exact
+    if region is not None:  # the motion by the rest of the image is taken as exact
         sample = replace(thinned(lattice.within(region)) or sample, sigma_px=sample.sigma_px)
         motion, fit = (fit.motion, None) if fit else (motion, None)
-    # Whether the field, or the depth at its start, equals its predecessor bit for bit in the part that is off.
+    # Whether the field, or the depth at its start, equals its predecessor bit for bit in the deviating part.
     left, top, right, bottom = region or (0, 0, None, None)
     part = (slice(top, bottom), slice(left, right))
     stream, row = interval.stream, interval.row
@@ -166,12 +181,13 @@ def compare_field(
         repeats = "flow"
     elif frame and equal_bits(window.depth_m(frame)[part], window.depth_m(frame - 1)[part]):
         repeats = "depth"
-    # The evidence of the parameter templates, and the best correction of the motion whatever the noise.
+    # The evidence of the parameter templates, and the best correction of the motion without regard to the noise.
     covariance = None if region else field_covariance(track, interval, noise)
     templates = templates_of(track, interval, motion, sample, fit.twist if fit else np.zeros(6))
     evidence = weigh_templates(K, motion, sample, templates, fit, covariance)
     result = replace(result, region=region, repeats=repeats, evidence=evidence)
-    # From poses that are far from the truth the fit does not converge; the motion over a field is small.
+    # The fit does not converge from poses with large errors. The motion over a field is small, so the identity is a
+    # second start.
     starts = (motion, RigidMotion(np.eye(3), np.zeros(3)))
     free = fit or next(filter(None, (fit_motion(K, start, sample) for start in starts)), None)
     if free is None:
@@ -192,26 +208,31 @@ def _errors(K: Float64, motion: RigidMotion, lattice: FlowLattice, bound_px: Flo
 
 
 def _lengths(vectors: Float64) -> Float64:
-    """Return the lengths (h, w) of vectors (h, w, 2): a norm along so short an axis takes four times as long."""
+    """Return the lengths (h, w) of vectors (h, w, 2).
+
+    ``np.linalg.norm`` along an axis of two takes four times as long.
+    """
     return np.asarray(np.sqrt(np.square(vectors[..., 0]) + np.square(vectors[..., 1])))
 
 
 def field_covariance(track: PoseTrack, interval: Interval, noise: PoseModel | None) -> Float64 | None:
     """Return the covariance of the motion's twist under declared noise; None where the pose is declared exact.
 
-    Where nothing is declared, a metre and a radian stand for anything.
+    Where nothing is declared, standard deviations of 1 m and 1 rad leave the motion free.
 
     Parameters
     ----------
-    track, interval
-        The motion is that of the camera of the track over the interval.
+    track
+        Poses, with the camera whose motion is meant.
+    interval
+        Start and end of the motion.
     noise
         Declared noise of the poses; None where nothing is declared.
 
     Returns
     -------
-    ndarray of float64, or None
-        (6, 6): rotation in rad, translation in m.
+    ndarray of float64 or None
+        (6, 6): rotation in rad, translation in m. None where the poses are declared exact.
     """
     if not is_noisy(noise):
         return None
@@ -229,7 +250,8 @@ def templates_of(
     track, interval
         Poses with the depth camera, and the interval of the field.
     motion
-        Of points in the camera frame over the interval, as declared, or as fitted outside a region.
+        Of points in the camera frame (Z forward, X right, Y down) over the interval, as declared, or as fitted outside
+        a region.
     sample
         n pixels of the field.
     correction
@@ -262,12 +284,12 @@ def templates_of(
 
 @cache
 def _turned_back(x_rad: float, y_rad: float, z_rad: float) -> Float64:
-    """Return the inverse rotation (3, 3) of a rotation vector: of a few, for every field the same."""
+    """Return the inverse rotation (3, 3) of a rotation vector; all fields use the same few vectors."""
     return exp(-np.array([x_rad, y_rad, z_rad]))
 
 
 def equal_bits(image: NDArray[np.float32], other: NDArray[np.float32]) -> bool:
-    """Whether two images are equal bit for bit, without being empty or zero throughout.
+    """Whether two images are equal in every value, without being empty or zero throughout; NaN equals NaN.
 
     Parameters
     ----------

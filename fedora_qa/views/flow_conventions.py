@@ -1,4 +1,4 @@
-"""Inverse transforms, tried one by one on a field that is off, and the share of its deviation that each removes."""
+"""Inverse transforms, tried one by one on a deviating field, and the share of its deviation that each removes."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
@@ -23,10 +23,10 @@ Float64 = NDArray[np.float64]
 
 _SHIFTS_PX: Final = (-8, -4, -3, -2, -1, 1, 2, 3, 4, 8)
 _ANOTHER_GAIN: Final = 0.02
-"""Gains that lie closer to a change of unit are one."""
+"""Gains whose ratio to a change of unit differs from 1 by less are taken as that change of unit."""
 
 _ANOTHER_CONVENTION_RAD: Final = 0.7
-"""Mountings that lie closer to straight ahead are turned, not written in another convention."""
+"""Mountings within this angle of straight ahead are taken as turned, not as written in another convention."""
 
 _MS_PER_NS: Final = 1e-6
 _FRAME_SHIFTS: Final = (-2, -1, 1, 2)
@@ -35,14 +35,14 @@ _INTERVAL_SHIFTS: Final = (-1, 1, -2, 2, -3, 3)
 
 @dataclass(frozen=True, slots=True)
 class ConventionTrial(Feature):
-    """An inverse transform of the data, tried on one field that is off.
+    """An inverse transform of the data, tried on one deviating field.
 
     Attributes
     ----------
     rate
-        The rate of the field that it was tried on, or what else the trial was made on as a whole (``flow``, ``depth``).
+        Stream of the field, ``flow/<rate>hz``, or ``flow`` or ``depth`` where the trial covers a stream as a whole.
     transform
-        What was done to the data: "mirrored", "transposed_axes", ...
+        What was done to the data: ``mirrored``, ``transposed_axes``, ...
     stream
         The stream that was transformed.
     removed_share
@@ -60,7 +60,7 @@ class ConventionTrial(Feature):
 
 @dataclass(frozen=True, slots=True)
 class _TransformedField:
-    """The field and its ingredients after a transform; None where that leaves too few pixels, or no pose."""
+    """The sample of a field and the camera's motion after a transform; None where too few pixels or no pose remain."""
 
     transform: str
     stream: str
@@ -72,23 +72,30 @@ class _TransformedField:
 def try_inverse_transforms(
     window: Window, track: PoseTrack, interval: Interval, frame: int, region: Region | None = None
 ) -> list[ConventionTrial]:
-    """Try every inverse transform on one field, or on the part of it that is off.
+    """Try every inverse transform on one field, or on its deviating part.
 
-    The deviation that remains is compared with the one as stored, or with either flow itself where that is smaller,
-    so that dividing a field of arbitrary values, or recomputing it from such, explains nothing.
+    The remaining deviation is divided by a reference: the deviation as stored, or the length of either flow where that
+    is smaller. So a transform explains nothing if it only makes arbitrary flow small, or recomputes it from arbitrary
+    data.
 
     Parameters
     ----------
+    window
+        A window of the sequence.
     track
-        Poses of the depth camera.
+        Poses, with the depth camera.
+    interval
+        Of the field.
     frame
-        Depth frame at the start of the interval.
+        Row of the depth frame at the start of the interval.
     region
-        Part of the image, in px; all of it if None.
+        Left, top, right, bottom, px, of the compared part of the image; the whole image if None.
 
     Returns
     -------
-    The best trial of each transform and stream; empty where too few pixels are valid or no pose covers the interval.
+    list[ConventionTrial]
+        The best trial of each transform and stream; empty where too few pixels are valid or no pose covers the
+        interval.
     """
     sample = sample_field(window, interval, frame, region)
     motion = track.motion(interval.start_ns, interval.end_ns)
@@ -124,7 +131,7 @@ def _with_other_flow(
     frame: int,
     region: Region | None,
 ) -> Iterator[_TransformedField]:
-    """Transform the stored numbers and the grid that they lie on, or assign them to another interval."""
+    """Transform the stored flow or its grid, or assign the flow to another interval."""
     flow, seconds = sample.flow_px, interval.duration_s
     stored = window.flow_px(interval.stream, interval.row)
     height, width = stored.shape[:2]
@@ -244,7 +251,10 @@ def _with_other_poses(
 
 
 def other_mountings(T_body_camera: Float64) -> list[Float64]:
-    """Return what T_body_camera (4, 4) may be if declared in another convention: its inverse, or straight ahead."""
+    """Return ``T_body_camera`` (4, 4) under other conventions: its inverse, and straight ahead at the same place.
+
+    Straight ahead is left out where the declared camera is turned from it by less than ``_ANOTHER_CONVENTION_RAD``.
+    """
     straight = np.eye(4)
     straight[:3, :3], straight[:3, 3] = R_BODY_OPTICAL, T_body_camera[:3, 3]
     inverse = np.asarray(np.linalg.inv(T_body_camera), dtype=np.float64)
@@ -260,19 +270,31 @@ def reordered_quaternions(track: PoseTrack, order: tuple[int, ...], signs: tuple
     ----------
     track
         Poses as stored.
-    order, signs
-        Which of the stored components x, y, z and w are, and what each is multiplied by.
+    order
+        (4,) index of the stored component (x, y, z, w) that becomes x, y, z, w.
+    signs
+        (4,) factor on each component after reordering.
+
+    Returns
+    -------
+    PoseTrack
+        The track with the changed orientations.
     """
     return track.transformed(lambda poses: replace(poses, orientations_xyzw=poses.orientations_xyzw[:, order] * signs))
 
 
 def from_north_east_down(track: PoseTrack) -> PoseTrack:
-    """Return the track, with Z up, of poses that were written for a world and a body with Z down.
+    """Convert poses that were written for a world and a body with Z down.
 
     Parameters
     ----------
     track
         Poses of a body (forward, right, down) in a world (north, east, down).
+
+    Returns
+    -------
+    PoseTrack
+        Poses of a body (forward, left, up) in a world (east, north, up).
     """
     # q_enu_ned maps NED to ENU axes (x and y exchanged, z reversed); q_frd_flu is half a turn about X forward.
     q_enu_ned, q_frd_flu = np.array([np.sqrt(0.5), np.sqrt(0.5), 0.0, 0.0]), np.array([1.0, 0.0, 0.0, 0.0])
@@ -302,9 +324,9 @@ def _depths_at(depth_m: NDArray[np.float32], columns: NDArray[np.int_], rows: ND
 
 
 def _deviation(track: PoseTrack, interval: Interval, sample: FlowSample, motion: RigidMotion, window: Window) -> float:
-    """Return the root mean square deviation that the declared pose noise cannot take up, px.
+    """Return the root mean square deviation that the declared pose noise does not explain, px.
 
-    Pixels whose points fall behind the camera do not count; infinite where they are the most.
+    Points behind the camera do not count; infinite where more than half of the points are behind it.
     """
     recomputed = rigid_flow(track.camera.K, motion, sample.columns, sample.rows, sample.depths_m)
     in_front = np.logical_and(*np.isfinite(recomputed).T)

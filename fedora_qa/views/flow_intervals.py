@@ -20,7 +20,7 @@ Pose = tuple[Float64, Float64]
 """R_world_body (3, 3) and position in the world (3,) m; NaN where no pose covers the instant."""
 
 _DEPTH_RANGE_M: Final = (0.05, 1000.0)
-"""Where depths lie in metres when nothing is declared."""
+"""Range of depths in m where none is declared."""
 
 _POSE_MARGIN_NS: Final = NS_PER_S // 10
 """Room for the interpolation's stencil and for the neighbours of the last interval."""
@@ -28,7 +28,7 @@ _POSE_MARGIN_NS: Final = NS_PER_S // 10
 
 @dataclass(frozen=True, slots=True)
 class Interval:
-    """One field of flow: its stream, row and interval, in ns from the file's origin.
+    """One field of flow: its stream, row and interval.
 
     Attributes
     ----------
@@ -54,22 +54,45 @@ class Interval:
         return self.end_ns - self.start_ns
 
     def shifted(self, intervals: int) -> "Interval":
-        """Return the interval that lies so many intervals later, under the same row."""
+        """Return the interval a number of interval lengths later, under the same row."""
         return self.moved(intervals * self.length_ns)
 
     def moved(self, by_ns: int) -> "Interval":
-        """Return the interval that lies so much later, under the same row."""
+        """Return the interval later by a number of nanoseconds, under the same row."""
         return replace(self, start_ns=self.start_ns + by_ns, end_ns=self.end_ns + by_ns)
 
 
 def owned_intervals(window: Window, stream: str) -> Iterator[Interval]:
-    """Yield the fields that the window owns."""
+    """Yield the intervals of the fields that the window owns.
+
+    Parameters
+    ----------
+    window
+        A window of the sequence.
+    stream
+        ``flow/<rate>hz``.
+
+    Yields
+    ------
+    Interval
+        In the order of the file.
+    """
     for row in window.owned(stream):
         yield interval_at(window.facts, stream, row)
 
 
 def interval_at(facts: Facts, stream: str, row: int) -> Interval:
-    """Return the interval of a field by its row."""
+    """Return the interval of a field by its row; of zero length where the stream has no ends.
+
+    Parameters
+    ----------
+    facts
+        With the clock of the stream.
+    stream
+        ``flow/<rate>hz``.
+    row
+        Row of the field.
+    """
     clock = facts.clocks[stream]
     ends_ns = clock.times_ns if clock.ends_ns is None else clock.ends_ns
     return Interval(stream, row, int(clock.times_ns[row]), int(ends_ns[row]))
@@ -101,13 +124,36 @@ def frame_at(clock: Clock, time_ns: int) -> int | None:
 
 
 def depths_plausible(facts: Facts, depths_m: NDArray[np.floating]) -> bool:
-    """Whether depths lie about where they are declared: flow alone leaves their scale to the positions'."""
+    """Whether the median depth lies within twice the range of depths.
+
+    Flow determines only the ratio of depths and positions: plausible depths attribute a wrong scale to the positions.
+
+    Parameters
+    ----------
+    facts
+        With the declared range of depths; 0.05 m to 1000 m where none is declared.
+    depths_m
+        Any shape, m.
+
+    Returns
+    -------
+    bool
+        True where the median lies between half the nearest and twice the farthest depth.
+    """
     nearest_m, farthest_m = facts.declared.depth_range_m or _DEPTH_RANGE_M
     return 0.5 * nearest_m <= float(np.median(depths_m)) <= 2 * farthest_m
 
 
 def ends_on_frame(facts: Facts, interval: Interval) -> bool:
-    """Whether an interval ends on the timestamp of a depth or colour frame, as it must."""
+    """Whether an interval ends on the timestamp of a depth or colour frame, as the format requires.
+
+    Parameters
+    ----------
+    facts
+        With the clocks of both streams.
+    interval
+        Of a field.
+    """
     return any(
         stream in facts.clocks and frame_at(facts.clocks[stream], interval.end_ns) is not None
         for stream in ("depth", "rgb")
@@ -121,7 +167,7 @@ class PoseTrack:
     Attributes
     ----------
     poses
-        Body to world (ENU), finite.
+        Poses of the body in the world (ENU), finite.
     camera
         Mounted on the body by ``T_body_camera``.
     """
@@ -130,11 +176,30 @@ class PoseTrack:
     camera: Camera
 
     def motion(self, start_ns: int, end_ns: int) -> RigidMotion | None:
-        """Return how points move in the camera between two instants; None where no pose covers them."""
+        """Return how points move in the camera frame between two instants; None where no pose covers either.
+
+        Parameters
+        ----------
+        start_ns, end_ns
+            Ns from the file's origin.
+        """
         return motion_between(*self.ends(start_ns, end_ns), self.camera)
 
     def motion_into(self, later: "PoseTrack", start_ns: int, end_ns: int) -> RigidMotion | None:
-        """Return how points move where another track holds at the end; None where no pose covers an instant."""
+        """Return how points move where this track gives the first pose and another track the second.
+
+        Parameters
+        ----------
+        later
+            Track of the pose at the end.
+        start_ns, end_ns
+            Ns from the file's origin.
+
+        Returns
+        -------
+        RigidMotion or None
+            In the frame of this track's camera; None where no pose covers an instant.
+        """
         return motion_between(self.pose(start_ns), later.pose(end_ns), self.camera)
 
     def pose(self, time_ns: int) -> Pose:
@@ -143,7 +208,18 @@ class PoseTrack:
         return R[0], positions_m[0]
 
     def ends(self, start_ns: int, end_ns: int) -> tuple[Pose, Pose]:
-        """Return the poses at two instants."""
+        """Return the poses at two instants.
+
+        Parameters
+        ----------
+        start_ns, end_ns
+            Ns from the file's origin.
+
+        Returns
+        -------
+        tuple
+            Pose at the start and pose at the end; NaN where no pose covers the instant.
+        """
         R, positions_m = self.poses_at(np.array([start_ns, end_ns], dtype=np.int64))
         return (R[0], positions_m[0]), (R[1], positions_m[1])
 
@@ -153,9 +229,24 @@ class PoseTrack:
         return interpolate_poses(poses.times_ns, poses.positions_world_m, poses.orientations_xyzw, at_ns=at_ns)
 
     def covariance(self, start_ns: int, end_ns: int, position_sigma_m: float, rotation_sigma_rad: float) -> Float64:
-        """Return the covariance (6, 6) of the motion's twist under the declared pose noise.
+        """Return the covariance of the motion's twist under declared pose noise.
 
-        The product of a rotation's noise with the baseline, second order in the noise, is added to the position's.
+        The product of a rotation's noise with the baseline is of second order in the noise; it is added to the noise of
+        the position.
+
+        Parameters
+        ----------
+        start_ns, end_ns
+            Ends of the motion, ns from the file's origin.
+        position_sigma_m
+            Standard deviation of each coordinate of a position, m.
+        rotation_sigma_rad
+            Standard deviation of a rotation about each axis, rad.
+
+        Returns
+        -------
+        ndarray of float64
+            (6, 6): rotation in rad, translation in m.
         """
         R, positions_m = self.poses_at(np.array([start_ns, end_ns], dtype=np.int64))
         baseline_m = float(np.linalg.norm(positions_m[1] - positions_m[0]))
@@ -166,10 +257,20 @@ class PoseTrack:
         )  # fmt: skip
 
     def interpolation_twist(self, start_ns: int, end_ns: int) -> Float64:
-        """Estimate the error (6,) of a motion whose ends lie between pose samples; zero where they are samples.
+        """Estimate the error of a motion whose ends lie between pose samples; zero where both ends are samples.
 
-        Interpolating from every second sample multiplies the error by 2^6 (degree 5), so the change that this makes is
-        63 times the error; it is divided by 16 only, for derivatives that vary over the stencil.
+        Interpolation from every second sample multiplies the error by 2^6 (degree 5), so it changes the motion by 63
+        times the error. The change is divided by 16 only, since derivatives vary over the stencil.
+
+        Parameters
+        ----------
+        start_ns, end_ns
+            Ends of the motion, ns from the file's origin.
+
+        Returns
+        -------
+        ndarray of float64
+            (6,) bound of the twist, rad and m; infinite where no half of the samples covers the interval.
         """
         exact = self.on_samples(start_ns, end_ns)
         motion = None if exact else self.motion(start_ns, end_ns)
@@ -185,11 +286,17 @@ class PoseTrack:
             coarse = replace(self, poses=half).motion(start_ns, end_ns)
             if coarse is not None:
                 changes.append(np.abs(coarse.twist_from(motion)))
-        # An interval that either half of the samples cannot cover has no error estimate, hence infinity.
+        # An interval that neither half of the samples covers has no error estimate, hence infinity.
         return np.max(changes, axis=0) / 16 if changes else np.full(6, np.inf)
 
     def on_samples(self, start_ns: int, end_ns: int) -> bool:
-        """Whether both instants are timestamps of poses, so that nothing is interpolated."""
+        """Whether both instants are timestamps of poses, so that nothing is interpolated.
+
+        Parameters
+        ----------
+        start_ns, end_ns
+            Ns from the file's origin.
+        """
         times_ns = self.poses.times_ns
         near = np.searchsorted(times_ns, (start_ns, end_ns))
         return int(near.max()) < len(times_ns) and bool(times_ns[near[0]] == start_ns and times_ns[near[1]] == end_ns)
@@ -199,12 +306,25 @@ class PoseTrack:
         return replace(self, poses=change(self.poses))
 
     def mounted(self, T_body_camera: Float64) -> "PoseTrack":
-        """Return the track of a camera that is mounted otherwise."""
+        """Return the track with another ``T_body_camera`` (4, 4)."""
         return replace(self, camera=replace(self.camera, T_body_camera=T_body_camera))
 
 
 def pose_track(window: Window, camera: Camera) -> PoseTrack:
-    """Return the poses around the window, far enough for every interval it owns and the one before and after."""
+    """Return the poses around the window: they cover the intervals that it owns, and the neighbours of those.
+
+    Parameters
+    ----------
+    window
+        A window of the sequence.
+    camera
+        Mounted on the body.
+
+    Returns
+    -------
+    PoseTrack
+        Finite poses only.
+    """
 
     def finite_poses() -> PoseSamples:
         longest_ns = max((longest_interval_ns(window.facts, stream) for stream in window.facts.flow_streams), default=0)
@@ -239,7 +359,22 @@ def motion_between(before: Pose, after: Pose, camera: Camera) -> RigidMotion | N
 
 
 def longest_interval_ns(facts: Facts, stream: str) -> int:
-    """Return the median length of a stream's intervals (broken ones do not count)."""
+    """Return the median length of a stream's intervals, ns; 0 where it has none.
+
+    The median is not affected by a few broken intervals.
+
+    Parameters
+    ----------
+    facts
+        With the clock of the stream.
+    stream
+        ``flow/<rate>hz``.
+
+    Returns
+    -------
+    int
+        Ns, 0 at least.
+    """
     clock = facts.clocks[stream]
     if clock.ends_ns is None or not len(clock.times_ns):
         return 0
@@ -252,6 +387,8 @@ def place(facts: Facts, intervals: tuple[Interval, Interval], frame: int | None 
 
     Parameters
     ----------
+    facts
+        Converts times to microseconds of the file.
     intervals
         The first and the last one, of one stream.
     frame
@@ -260,6 +397,11 @@ def place(facts: Facts, intervals: tuple[Interval, Interval], frame: int | None 
         Column and row, px.
     tile
         Left, top, right, bottom, px, half-open.
+
+    Returns
+    -------
+    Where
+        Rows and times from the start of the first interval to the end of the last.
     """
     first, last = intervals
     return Where(

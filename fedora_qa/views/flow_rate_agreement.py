@@ -1,4 +1,4 @@
-"""How well two rates of flow agree over one common interval."""
+"""Agreement of two rates of flow over one common interval."""
 
 from dataclasses import dataclass
 from functools import lru_cache
@@ -20,29 +20,29 @@ FEWEST_PIXELS: Final = 50
 
 _TILES: Final = (8, 6)
 _FEWEST_PATHS: Final = 2_000
-"""Paths of large frames, at least: some forty start in each of 48 tiles, where others have eighty.
+"""Least number of paths in large frames: about forty start in each of 48 tiles, against eighty in other frames.
 
-What is stated are medians, and their bounds depend on no number: fewer paths leave the limits as they are. Of three
-rates each field is on the way of two pairs. At 1440x1080 a path costs 150 ns for each field, most of it spent waiting
-for the eleven lines about it.
+Medians are stated, and their bounds do not depend on the number of paths: fewer paths leave the limits as they are.
+With three rates, the paths of two pairs of rates pass each field. At 1440x1080 a path costs 150 ns for each field,
+mostly the time to fetch the eleven lines about it from memory.
 """
 _FEWEST_IN_TILE: Final = 20
 
 MOST_LOST: Final = 0.5
-"""Share of all pixels that may leave the image by one rate only: where the way of a point bends, some leave it midway
-and return, but never most, however few stay."""
+"""Largest share of pixels that may leave the image by one rate only. Where the path of a point bends, some points leave
+the image midway and return; most points never do."""
 
 
 @dataclass(frozen=True, slots=True)
 class MedianEndpointError:
-    """A median endpoint error in px, and the median of its bound from interpolation and rounding.
+    """A median endpoint error and the median of its bound from interpolation and rounding.
 
     Attributes
     ----------
     typical_px
-        Median length of the difference of two displacements.
+        Median length of the difference of two displacements, px.
     bound_px
-        Median of what interpolation and rounding may make it.
+        Median of the bounds of that length, px.
     """
 
     typical_px: float
@@ -50,19 +50,23 @@ class MedianEndpointError:
 
     @property
     def suspicion(self) -> float:
-        """Above 1 where most pixels are off by more than they may."""
+        """Ratio of error to bound: above 1 most pixels exceed their bounds."""
         return self.typical_px / self.bound_px
 
 
 @dataclass(frozen=True, slots=True)
 class RateAgreement:
-    """How well two rates agree over one common interval.
+    """Agreement of two rates over one common interval.
 
     Attributes
     ----------
-    whole, worst_tile, tile
-        Over all compared pixels, in the tile that is off most, and that tile: left, top, right, bottom. The first two
-        are None where too few pixels could be compared.
+    segment
+        The common interval.
+    whole
+        Error over all compared pixels; None where too few pixels could be compared.
+    worst_tile, tile
+        Error of the tile whose error exceeds its bound most, and the tile (left, top, right, bottom, px, half-open).
+        None where too few pixels could be compared; ``tile`` is also None where no tile holds enough of them.
     lost
         Share of all pixels that one rate keeps within the image and the other does not.
     """
@@ -75,7 +79,7 @@ class RateAgreement:
 
     @property
     def suspicion(self) -> float:
-        """Above 1 where the segment, or a tile of it, is off."""
+        """Above 1 where the segment, or a tile of it, exceeds its bound."""
         suspicions = [self.lost / MOST_LOST]
         suspicions += [error.suspicion for error in (self.whole, self.worst_tile) if error is not None]
         return max(suspicions)
@@ -84,10 +88,18 @@ class RateAgreement:
 def compare_rates(window: Window, segment: Segment) -> RateAgreement | None:
     """Compare two rates over a segment.
 
+    Parameters
+    ----------
+    window
+        The fields are read from it.
+    segment
+        Fields of both rates over one interval.
+
     Returns
     -------
-    None where a field's size is not the other's, or where fewer than ``FEWEST_PIXELS`` pixels have a flow of either
-    rate.
+    RateAgreement or None
+        None where the fields of both rates differ in size, or where fewer than ``FEWEST_PIXELS`` pixels have a flow of
+        either rate.
     """
     shapes = _shapes(window, segment)
     if len(shapes) != 1:
@@ -126,7 +138,18 @@ def compare_rates(window: Window, segment: Segment) -> RateAgreement | None:
 
 
 def compared_pixels(path: ComposedPaths, other: ComposedPaths) -> NDArray[np.bool_]:
-    """Return (n,) which pixels both compositions keep within the image and clear of breaks."""
+    """Return which pixels both compositions keep within the image and clear of breaks.
+
+    Parameters
+    ----------
+    path, other
+        Compositions of the same n pixels.
+
+    Returns
+    -------
+    ndarray of bool
+        (n,).
+    """
     both: NDArray[np.bool_] = path.clear & path.stays & other.clear & other.stays
     return both
 
@@ -137,7 +160,12 @@ def median_error_px(slow: ComposedPaths, fast: ComposedPaths) -> float:
     Parameters
     ----------
     slow, fast
-        Displacements of the same pixels by either rate.
+        Compositions of the same n pixels by either rate.
+
+    Returns
+    -------
+    float
+        Median length of the difference of both displacements, px.
     """
     compared = compared_pixels(slow, fast)
     if np.count_nonzero(compared) < FEWEST_PIXELS:
@@ -166,7 +194,22 @@ def _path_starts(height: int, width: int, steps: tuple[int, int]) -> _PathStarts
 
 
 def path_starts(window: Window, segment: Segment) -> tuple[Float64, Float64]:
-    """Return columns and rows (n,) of the pixels that the effort asks for, if the image has so many."""
+    """Return the pixels at which paths start, as many as the effort asks for.
+
+    Parameters
+    ----------
+    window
+        The fields are read from it.
+    segment
+        Its fields give the size of the image.
+
+    Returns
+    -------
+    columns
+        (n,) px.
+    rows
+        (n,) px.
+    """
     height, width = _shapes(window, segment).pop()
     starts = _path_starts(height, width, _steps(height, width, window.sampling.tile_share))
     return starts.columns, starts.rows

@@ -1,6 +1,6 @@
 """The residual flow of one field, from the frames at both ends of its interval, by tiles.
 
-With it goes what small faults of camera, mounting and time would do to the flow of the tiles, from depth and motion.
+Templates give the effect of small faults of camera, mounting and time on the flow of the tiles, from depth and motion.
 """
 
 from dataclasses import dataclass, replace
@@ -35,46 +35,46 @@ Int64 = NDArray[np.int64]
 Mask = NDArray[np.bool_]
 
 LARGEST_FLOW_PX: Final = 1e4
-"""Larger values are no flow."""
+"""Larger values, px, are taken as invalid."""
 
 TEXTURED_PX: Final = 0.1
-"""A tile counts where noise alone lets its flow be known to this standard error.
+"""Largest standard error of a tile's flow by noise alone, px, for the tile to count.
 
-Noise of variance s^2 in N pixels adds N s^2 / (16 pi) to the sum of squares G of the smoothed mean's slopes, which
-draws the estimate to zero by that share of G; with 2 s^2 / G below 0.01 px^2 and N = 1024 it is less than a tenth. At
-night with noise of 1 DN it would be most.
+Noise of variance s^2 in N pixels adds N s^2 / (16 pi) to the sum of squares G of the smoothed mean's slopes. The
+estimate is too small by that share of G. With 2 s^2 / G below 0.01 px^2 and N = 1024 the share is less than 0.1. At
+night, with noise of 1 DN, it would be more than 0.5.
 """
 
 FEWEST_VALID: Final = 0.4
-"""Share of a tile's pixels that both frames must show."""
+"""Least share of a tile's pixels that are visible in both frames."""
 
 FEWEST_TILES: Final = 4
 
 _OF_LARGE_FRAMES: Final = 2 / 3
-"""Share of the tiles that the effort asks for which is looked at in large frames.
+"""Factor on the share of tiles that the effort asks for, in large frames.
 
-A rate's mean comes from all tiles of many fields, and errs by the inverse root of their number; they are others in
-each field, so that no place is left out. At 1440x1080, 1 s, limits are 1.04 to 1.36 times as large, in the median 1.2,
-and 1.54 times that of the worst tile of ten fields.
+The mean of a rate comes from the tiles of many fields; its error falls with the root of their number. The tiles differ
+from field to field, so no place is left out. At 1440x1080 over 1 s, limits are 1.04 to 1.36 times as large (median
+1.2); that of the worst tile of ten fields is 1.54 times as large.
 """
 
 UNMATCHED: Final = 0.5
-"""Unexplained share above which a tile's frames do not show the same thing: half of its contrast is left.
+"""Unexplained share above which a tile's frames do not match: half of its contrast remains after the warp.
 
 Tiles of a correct file leave up to 1%, of detail that the pixels do not resolve; unrelated ones leave 1 to 4."""
 
 _SECOND_STEP_PX: Final = 0.5
-"""Beyond so much of an error the linearisation is taken again about the corrected flow."""
+"""Error of the flow, px, beyond which the linearisation is repeated about the corrected flow."""
 
 _EVERY_PX: Final = 2
-"""Every other pixel of every other row gives a tile's flow and its slopes: flow is smooth within a surface."""
+"""Step between the pixels, px, that give a tile's flow and its slopes: flow is smooth within a surface."""
 
 _TEMPLATE_STRIDE_PX: Final = 8
-"""Templates are as smooth as the flow: sixteen pixels give the mean of a tile."""
+"""Step between the pixels of a tile, px, that give the mean of a template: templates are as smooth as the flow."""
 
 _ABOUT_OPTICAL_AXIS: Final = np.eye(6)[:, 2:3]
 _NARROW: Final = 2.0
-"""Trace of a rotation by 60 degrees: up to there the sine determines the angle."""
+"""Trace of a rotation by 60 degrees: up to 90 degrees the sine determines the angle."""
 
 _PERCENT, _DEG = 0.01, np.pi / 180
 
@@ -86,13 +86,13 @@ class FieldTiles:
     Attributes
     ----------
     origins
-        (n, 2) first column and row, px.
+        (n, 2) first column and row of each tile, px.
     flow_px
-        (n, 36, 36, 2) patches of the flow with their halo, finite.
+        (n, 36, 36, 2) patches of the flow (u right, v down) with their halo, px, finite.
     usable
         (n, 32, 32) pixels that both frames show and whose flow is valid.
     noise_dn2
-        (n,) variance of noise that the frames' pixels may hold, texture of one pixel's size included.
+        (n,) variance of the noise in the pixels of the frames, DN^2. It includes texture of one pixel's size.
     by_depth
         Whether depth and motion decided which pixels both frames show, so that every tile must match.
     """
@@ -104,7 +104,20 @@ class FieldTiles:
     by_depth: bool
 
     def residuals(self, frames: FramePair, extra_px: Float64 | None = None) -> TileResiduals:
-        """Warp the second frame back by the flow, less ``extra_px`` (n, 2), and estimate the residual flow."""
+        """Warp the second frame back by the flow and estimate the residual flow of each tile.
+
+        Parameters
+        ----------
+        frames
+            The frames at both ends of the interval.
+        extra_px
+            (n, 2) error of the flow (u, v) that is subtracted before the warp, px; zero if None.
+
+        Returns
+        -------
+        TileResiduals
+            Residual flow of the n tiles, px; its noise covariances are scaled to the noise of each tile.
+        """
         less_px = np.zeros(self.origins.shape) if extra_px is None else extra_px
         warped = frames.second(*places_of(self.flow_px, self.origins, HALO_PX, less_px.astype(np.float32)))
         estimated = tile_residuals(frames.first(self.origins), warped, self.usable, LUMA_ROUNDING_VARIANCE_DN2)
@@ -112,7 +125,7 @@ class FieldTiles:
         return replace(estimated, noise_covariances_px2=estimated.noise_covariances_px2 * noisier[:, None, None])
 
     def chosen(self, mask: Mask) -> "FieldTiles":
-        """Return some of the tiles, (n,) True for each."""
+        """Return the tiles for which ``mask`` (n,) is True."""
         return FieldTiles(
             self.origins[mask], self.flow_px[mask], self.usable[mask], self.noise_dn2[mask], self.by_depth
         )
@@ -124,20 +137,26 @@ class FieldResidual:
 
     Attributes
     ----------
+    interval
+        Of the field.
+    frame
+        Row of the colour frame at the start of the interval.
     tiles, textured, unmatched
-        Tiles that were read, those with texture, and those of them whose frames do not show the same thing.
+        Numbers of tiles that were read, of tiles with texture, and of textured tiles whose frames do not match.
     mean_px, mean_error_px
-        Mean residual flow (u, v) and its formal standard error; NaN where too few tiles match.
+        Mean residual flow (u, v) and its formal standard error, px; NaN where too few tiles match.
     spread, freedom
-        Mean square of the tiles' deviations from it for their formal errors, and its degrees of freedom.
+        Mean square of the tiles' deviations from the mean over their formal errors, and its degrees of freedom.
     mean_locking
-        By how much a bias of 1 px times the sine of 2 pi times the flow would move the mean, px.
+        Change of the mean, px, by a bias of 1 px times the sine of 2 pi times the flow.
     evidence
         Normal equations of the templates; None where too few tiles match.
     least_matched, least_matched_tile
-        Largest unexplained share of a textured tile, and that tile; only where depth decided what both frames show.
+        Largest unexplained share of a textured tile, and that tile (left, top, right, bottom, px); None unless depth
+        decided which pixels both frames show.
     worst_tile, worst_px, worst_error_px
-        The matched tile (left, top, right, bottom) whose residual lies furthest from the field's mean for its error.
+        The matched tile (left, top, right, bottom, px) with the largest ratio of its deviation from the field's mean to
+        the error of that; both in px.
     """
 
     interval: Interval
@@ -159,7 +178,7 @@ class FieldResidual:
 
     @property
     def unmatched_share(self) -> float:
-        """Share of the textured tiles whose frames do not show the same thing."""
+        """Share of the textured tiles whose frames do not match."""
         return self.unmatched / self.textured if self.textured else 0.0
 
 
@@ -173,7 +192,12 @@ def sample_tiles(frames: FramePair, interval: Interval, share: float) -> FieldTi
     interval
         Of the field.
     share
-        Of the field's tiles that is taken, 0 to 1.
+        Share of the field's tiles that is taken, 0 to 1.
+
+    Returns
+    -------
+    FieldTiles or None
+        None where the image has no tile.
     """
     stored = frames.window.flow_px(interval.stream, interval.row)
     origins = _sampled(stored, interval, share)
@@ -200,7 +224,7 @@ def _tiles_at(
 
 
 def textured(residuals: TileResiduals) -> Mask:
-    """Return which tiles (n,) determine their flow: enough pixels, and enough texture for the assumed noise floor."""
+    """Return which tiles (n,) determine their flow: enough valid pixels, and enough texture for their noise."""
     of_u, of_v, both = (residuals.noise_covariances_px2[:, i, j] for i, j in ((0, 0), (1, 1), (0, 1)))
     # Along an edge one direction is undetermined: the least determined direction decides (aperture problem).
     worst_variance = 0.5 * (of_u + of_v) + np.hypot(0.5 * (of_u - of_v), both)  # the larger eigenvalue
@@ -219,7 +243,7 @@ def measure_field(frames: FramePair, interval: Interval, share: float) -> FieldR
     interval
         Of the field.
     share
-        Of the field's tiles that is taken, 0 to 1; a part of it in large frames.
+        Share of the field's tiles that is taken, 0 to 1; large frames take ``_OF_LARGE_FRAMES`` of it.
 
     Returns
     -------
@@ -243,7 +267,7 @@ def measure_field(frames: FramePair, interval: Interval, share: float) -> FieldR
     errors_px, covariances_px2 = residuals.flow_errors_px, residuals.covariances_px2
     far = matched & (np.abs(errors_px).max(axis=1) > _SECOND_STEP_PX)
     if far.any():
-        # The linearisation holds near the true flow only: once more about the corrected flow.
+        # The linearisation holds near the true flow only: it is repeated about the corrected flow.
         relinearised = tiles.residuals(frames, np.where(far[:, None], errors_px, 0.0))
         # A second step from a wrong match may diverge: it counts only where the frames then match better.
         better = far & (relinearised.unexplained < residuals.unexplained)
@@ -294,18 +318,18 @@ def tile_templates(window: Window, interval: Interval, origins: Int64, usable: M
     Parameters
     ----------
     window, interval
-        The field is that of the interval.
+        A window of the sequence, and the interval of the field.
     origins
-        (n, 2) left, top of the tiles, px on the flow's grid.
+        (n, 2) left and top of the tiles, px on the flow's grid.
     usable
         (n, 32, 32) pixels that count.
 
     Returns
     -------
-    ndarray of float64, or None
-        (n, 2, 8), the columns of ``GEOMETRIC``: stored minus true flow, px per unit of a fault in making the flow,
-        which is the reverse of the same fault of a declaration. None where depth or motion is not known. Where poses
-        are noisy the template of time, a difference of poses 2 ms apart, is nothing but noise and is left at zero.
+    ndarray of float64 or None
+        (n, 2, 8), columns as in ``GEOMETRIC``: stored minus true flow, px per unit of a fault in the generation of the
+        flow. The same fault of a declaration has the opposite sign. None where depth or motion is not known. The
+        template of time, a difference of poses 2 ms apart, is zero where poses are noisy.
     """
     geometry = geometry_of(window, interval)
     if geometry is None:
@@ -315,7 +339,7 @@ def tile_templates(window: Window, interval: Interval, origins: Int64, usable: M
     K, stride_px = geometry.track.camera.K, _TEMPLATE_STRIDE_PX
     derivatives = mean_derivatives(depth_m, origins, usable, stride_px // 2, stride_px, K, motion.R, motion.t_m)
     by_twist, by_focal, by_centre = derivatives[..., :6], derivatives[..., 6:7], derivatives[..., 7:]
-    # The twist per interval by which an earlier motion differs, by a central difference; zero where that is not known.
+    # Derivative of the motion by time, as a twist per interval, by a central difference; zero where it is not known.
     by_time = np.zeros((6, 1))
     if not is_noisy(window.facts.declared.pose):
         later, earlier = (motion_over(window, geometry.track, interval.moved(by)) for by in (DELAY_NS, -DELAY_NS))

@@ -19,13 +19,13 @@ from fedora_qa.views.warped_frames import Optics, optics_of
 Float32 = NDArray[np.float32]
 
 SAMPLED_COLUMNS: Final = 160
-"""About so many columns of points are compared: exposure is the same in all of the image."""
+"""Approximate number of columns of points that are compared: exposure is the same in all of the image."""
 
 _FEWER_COLUMNS: Final = 100
-"""Columns of points in large frames, but where all of them are used (``exhaustive``).
+"""Columns of points in large frames, unless all pixels are to be used (``exhaustive``).
 
-There each point is fetched from memory by itself. With two fifths of the points in the same tiles a pair's error grows
-by a third, and the least jump that is found in park-day, most of it what points may move, by 5%.
+In large frames each point costs one access to memory. With two fifths of the points in the same tiles the error of a
+pair grows by a third. The detection limit of a jump in park-day, mostly from the motion of points, grows by 5%.
 """
 
 
@@ -38,7 +38,7 @@ class FrameTransition:
     before, after
         Rows of the earlier and of the later frame.
     flow_px
-        (H, W, 2) from the earlier to the later one; None where the file has none.
+        (H, W, 2) flow (u right, v down) from the earlier to the later frame, px; None where the file has none.
     """
 
     before: int
@@ -47,13 +47,16 @@ class FrameTransition:
 
 
 def flow_rate_of(window: Window) -> str | None:
-    """Return the fastest flow stream, if frames can be mapped onto its grid and then have its size, as stored."""
+    """Return the fastest flow stream on whose grid frames can be compared; None where there is none.
+
+    Mapped onto the grid of the flow, a colour frame must have the rows and columns of the stored flow.
+    """
     facts, optics = window.facts, _optics(window)
     if not facts.flow_streams or isinstance(optics, str):
         return None
     stream, bindings = facts.flow_streams[-1], facts.layout.bindings
     image, *_ = (spec.key for spec in datasets_of(stream) if spec.is_image)
-    if image not in bindings or "path/rgb" not in bindings:  # sizes are not given: they cannot disagree
+    if image not in bindings or "path/rgb" not in bindings:  # without sizes there is nothing to compare
         return stream
     # A colour frame, mapped onto the grid of the flow, must have its rows and columns.
     size = bindings["path/rgb"].shape[1:3]
@@ -87,7 +90,20 @@ def neighbours(window: Window) -> Iterator[FrameTransition]:
 
 
 def luma_on_flow_grid(window: Window, frame: int) -> Float32:
-    """Return the luma (H, W) of a frame on the grid of the flow, in DN."""
+    """Return the luma of a colour frame on the grid of the flow.
+
+    Parameters
+    ----------
+    window
+        A window of the sequence.
+    frame
+        Row of the colour frame.
+
+    Returns
+    -------
+    ndarray of float32
+        (H, W) linear luma, DN.
+    """
     optics = _optics(window)
     if not isinstance(optics, Optics) or optics.H_rgb_flow is None:
         return luma_dn(window, frame)
@@ -103,9 +119,23 @@ def luma_on_flow_grid(window: Window, frame: int) -> Float32:
 
 
 def same_points(window: Window, pair: FrameTransition) -> tuple[Float32, Float32]:
-    """Return the luma of both frames at points that both show, on a coarse grid, NaN where one does not.
+    """Return the luma of both frames at points that both show, on a coarse grid.
 
-    Without flow the points are the same pixels, averaged over coarse ones.
+    Without flow, the points are equal pixels of both frames, averaged over coarse ones.
+
+    Parameters
+    ----------
+    window
+        A window of the sequence.
+    pair
+        Two colour frames, with the flow between them where the file has any.
+
+    Returns
+    -------
+    before_dn
+        (h, w) linear luma, DN.
+    after_dn
+        (h, w) linear luma, DN; NaN where the second frame does not show the point.
     """
     if pair.flow_px is None:
         return _coarse(luma_dn(window, pair.before)), _coarse(luma_dn(window, pair.after))

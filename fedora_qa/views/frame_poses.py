@@ -14,10 +14,14 @@ def pose_of_frame(window: Window, track: PoseTrack, stream: str, frame: int) -> 
 
     Parameters
     ----------
-    window, track
-        A window of the sequence, and the poses of the body.
-    stream, frame
-        Stream of the frame, and its index in the file.
+    window
+        A window of the sequence. It keeps the poses of its frames.
+    track
+        Poses of the body.
+    stream
+        Stream of the frame.
+    frame
+        Row of the frame in the file.
 
     Returns
     -------

@@ -1,8 +1,8 @@
-"""Runs of frames over which events must add up, and the pixels in which they do not.
+"""Runs of frames over which the sum of the events must follow the signal, and the pixels in which it does not.
 
-Two seconds of frames are followed window by window, joined, and summarised. A longer run detects rarer losses, but
-gives every flaw of the frames' antialiasing more chances, and it localises less in time. States of any windows merge
-exactly: what may still grow stays open, at both ends of a state only.
+Frames of 2 s are followed window by window, joined, and summarised. A longer run detects rarer losses. But it includes
+more flaws of the frames' antialiasing, and it localises less in time. States of any windows merge exactly: runs that
+may still grow, at both ends of a state, are not summarised.
 """
 
 from dataclasses import dataclass, field
@@ -24,46 +24,48 @@ Bool = NDArray[np.bool_]
 Float64 = NDArray[np.float64]
 
 GROUP_NS: Final = 2 * NS_PER_S
-"""Windows that begin within the same two seconds are joined."""
+"""Length of a group, ns: windows that begin within the same 2 s are joined."""
 
 PHASE_RANGE: Final = 1.2
-"""Multiple of a threshold by which E must vary to show where it began. From a start at random at least a third of such
-pixels leave the thresholds around it: of a range of r thresholds, 2 - r may be left before it is passed. First runs of
-the linear model end with an event; there a range of one threshold has to do, and shows less."""
+"""Multiple of a threshold by which E must vary to determine where E began. If the start is random, at least a third of
+such pixels leave the thresholds around the start: with a range of r thresholds, E stays within them only for starts in
+a part of 2 - r thresholds. First runs of the linear model end with an event; for these a range of one threshold has to
+suffice, and determines less."""
 FEWEST_FOR_PHASE: Final = 30
-"""Pixels that use enough of their range; of fewer the share beyond says nothing of the declared phase."""
+"""Least number of pixels with a sufficient range of E for a test of the declared phase."""
 MOST_BEYOND_PHASE: Final = 0.1
 
 MISMATCH_SIGMAS: Final = 5.0
-"""Of the declared spread of thresholds: beyond lies one pixel in two million."""
+"""Multiple of the declared spread of thresholds: one pixel in two million lies beyond it."""
 
 EVEN, ALL = 0, 1
-"""Which frames are accepted: those that are even enough to add to what the events bound, and every frame. Where only
-the bounds of all are broken, frames are not the means of their pixels.
+"""Rules for the acceptance of frames: frames that are even enough to add to the bounds by the events, and all frames.
+Where only the bounds of all frames are violated, frames are not the means of their pixels.
 
-Frames are left out where the pixels that a footprint cuts leave the signal open by C+ + C- or more: where their
+Frames are left out where the pixels that a footprint cuts leave the signal uncertain by C+ + C- or more: where their
 error is not below rounding and (C+ + C-) / 2 times the light (log; of the linear model, (C+ + C-) / 2).
 
-The signal is known that well without them, from the events. They would add something only where their bound holds
-to the last, and that is so if the frame is the mean over its pixel. Of a renderer with n samples a side, a step of
-d DN makes it err by up to d / (2 n); the bound of ``footprint`` is 0.27 d on average (at 9/4 frame pixels an
-event pixel: two cut pixels a side of 1/6 d each over 9/4, in both directions). Four samples a side may thus err by
-half the bound, which is most where the bound is.
+The events determine the signal that well without these frames. Such a frame adds information only where its bound is
+exact, that is if the frame is the mean over its pixel. In a renderer with n samples a side, a step of d DN causes an
+error of up to d / (2 n). The bound of ``footprint`` is 0.27 d on average (at 9/4 frame pixels an event pixel: two cut
+pixels a side of 1/6 d each over 9/4, in both directions). With four samples a side the error may thus be half the
+bound, and is largest where the bound is.
 """
 
 
 @dataclass(slots=True)
 class FrameRun:
-    """Consecutive frames whose bounds have been joined.
+    """Consecutive frames over which bounds have been joined.
 
     Attributes
     ----------
     bounds
-        By the law of the declared model, by each rule which frames are accepted: ``EVEN`` and ``ALL``.
+        Bounds by the law of the declared model, under both rules of acceptance of frames, ``EVEN`` and ``ALL``.
     events
-        (h, w) events in the run.
+        (h, w) number of events in the run.
     excused
-        (h, w): a correct sensor may lack events (declared hot pixels, bursts within a declared refractory period).
+        (h, w) True where a correct sensor may lack events (declared hot pixels, bursts within a declared refractory
+        period).
     """
 
     bounds: Excursions | tuple[EventFreeRuns, ...]
@@ -81,7 +83,19 @@ class FrameRun:
         return self.bounds.last_frame if isinstance(self.bounds, Excursions) else self.bounds[EVEN].last_frame
 
     def follow(self, resampled: ResampledFrames, declared: EventModel, rounding_dn: float, excused: Bool) -> None:
-        """Go on, in place, over frames of which the first is this run's last."""
+        """Extend the run in place over frames of which the first is this run's last.
+
+        Parameters
+        ----------
+        resampled
+            The frames, at the pixels of the event camera, and the events between them.
+        declared
+            The model and its thresholds.
+        rounding_dn
+            Half a step of the 8-bit code, linear DN.
+        excused
+            (h, w) pixels in which a correct sensor may lack events.
+        """
         if isinstance(self.bounds, Excursions):
             self.bounds.follow(
                 resampled.uniform_dn,
@@ -97,7 +111,7 @@ class FrameRun:
         self.excused |= excused
 
     def then(self, later: "FrameRun") -> "FrameRun":
-        """Join with the run that begins at this one's last frame. Exact.
+        """Join with the run that begins at this one's last frame; the result is exact.
 
         Raises
         ------
@@ -117,28 +131,30 @@ class FrameRun:
 
 @dataclass(frozen=True, slots=True)
 class FrameRunSummary:
-    """What is kept of the frame runs of one group.
+    """Results of the frame runs of one group.
 
     Attributes
     ----------
     first_frame, last_frame
         Both included.
     frames
-        Frames that were joined.
+        Number of joined frames.
     pixels
-        (h, w) the law was broken, eight pixels a byte.
+        (h * w / 8,) pixels that violate the law, as bits, eight pixels a byte.
     suspected
-        The frame interval that most of the violations may lie in; the first one where none is bounded.
+        First frame of the frame interval in which most of the violations may lie; the first frame where none is
+        bounded.
     events_per_pixel
-        Mean number of events.
+        Mean number of events of a pixel.
     without_events
-        Pixels that broke the law without a single event.
+        Number of pixels that violate the law without a single event.
     informative
-        Pixels in which a single event too many or too few could break the law.
+        Number of pixels in which one event too many or too few could violate the law.
     flawed
-        Pixels that break the law only where uneven frames are accepted: how often antialiasing fails here.
+        Number of pixels that violate the law only if uneven frames are accepted: a measure of the flaws of
+        antialiasing.
     from_start
-        Whether the reference was held to be the signal at the first frame.
+        Whether the reference was taken as the signal at the first frame.
     """
 
     first_frame: int
@@ -154,26 +170,30 @@ class FrameRunSummary:
 
     @property
     def violations(self) -> int:
-        """The number of pixels that broke the law."""
+        """Number of pixels that violate the law."""
         return int(np.bitwise_count(self.pixels).sum())
 
     def unpacked(self, shape: tuple[int, int]) -> Bool:
-        """Return the pixels (h, w) that broke the law."""
+        """Return the pixels (h, w) that violate the law."""
         return np.unpackbits(self.pixels, count=shape[0] * shape[1]).reshape(shape).astype(np.bool_)
 
 
 @dataclass(slots=True)
 class FrameRuns:
-    """Groups of frame runs in the order of time; all but the last, and the first that may go on before, are summarised.
+    """Groups of frame runs in the order of time.
+
+    All groups are summarised but the last one, and the first one while earlier windows may still precede it.
 
     Attributes
     ----------
+    model
+        The declared event sensor.
     phase_declared
-        Whether the first reference is declared to be the signal at frame 0, and no event comes before it.
+        Whether the first reference is declared to be the signal at frame 0, without an event before it.
     groups
-        The number of each group, and its runs or what is kept of them.
+        Number of each group, with its runs or their summary.
     from_start
-        Whether nothing comes before the first group.
+        Whether the first group begins with the file.
     """
 
     model: EventModel
@@ -182,7 +202,7 @@ class FrameRuns:
     from_start: bool = False
 
     def follow(self, window: Window) -> None:
-        """Add the frames of the window that comes next, in place where they go on from the last run."""
+        """Add the frames of the next window, in place where they continue the last run."""
         resampled, declared = resampled_frames(window), window.facts.declared.events
         if declared is None or len(resampled) < 2:
             return
@@ -197,12 +217,19 @@ class FrameRuns:
         self.add(group, [join(resampled, declared, rounding_dn, excused)])
 
     def add(self, group: int, runs: list[FrameRun] | FrameRunSummary) -> None:
-        """Append what comes next, joined to what it continues.
+        """Append the runs of a group, joined to the last run if they continue it.
+
+        Parameters
+        ----------
+        group
+            Number of the group, in the order of time.
+        runs
+            Runs of the group, or their summary.
 
         Raises
         ------
         TypeError
-            What comes next continues a group that has been summarised.
+            The runs continue a group that has been summarised.
         """
         if self.groups and self.groups[-1][0] == group:
             number, earlier = self.groups.pop()
@@ -218,13 +245,13 @@ class FrameRuns:
                     joined.append(run)
             runs = joined
         elif self.groups and (len(self.groups) > 1 or self.from_start):
-            # Nothing can join the last group any more; the first one may still go on before.
+            # The last group cannot grow any more; windows before the first one may still join it.
             number, earlier = self.groups[-1]
             self.groups[-1] = number, self._summary(earlier)
         self.groups.append((group, runs))
 
     def then(self, later: "FrameRuns") -> "FrameRuns":
-        """Return the groups of both."""
+        """Return the groups of both, in the order of time."""
         if not self.groups:
             return later
         merged = FrameRuns(self.model, self.phase_declared, list(self.groups), self.from_start)
@@ -233,7 +260,7 @@ class FrameRuns:
         return merged
 
     def summaries(self) -> list[FrameRunSummary]:
-        """Return what is kept of each group."""
+        """Return the summary of each group."""
         return [self._summary(runs) for _, runs in self.groups]
 
     def _summary(self, runs: list[FrameRun] | FrameRunSummary) -> FrameRunSummary:
@@ -250,11 +277,11 @@ class FrameRuns:
             broken, start_in_law = violations(run, EVEN, self.model, self.phase_declared and run.first_frame == 0)
             from_start |= start_in_law
             pixels |= broken
-            # What breaks the law only with all frames accepted is a flaw of their antialiasing.
+            # A violation that needs all frames to be accepted is a flaw of their antialiasing.
             flawed |= violations(run, ALL, self.model, start_in_law)[0]
             without_events |= broken & (run.events == 0)
             if isinstance(run.bounds, Excursions):
-                # Where E varies by more than a threshold, an event more or less may break the law.
+                # Where E varies by more than a threshold, an event more or less may violate the law.
                 informative |= run.bounds.excess(EVEN) > max(self.model.threshold_on, self.model.threshold_off)
                 highest, lowest = run.bounds.highest_at[broken] - first, run.bounds.lowest_at[broken] - first
                 np.add.at(changes, np.minimum(highest, lowest), 1)
@@ -276,7 +303,20 @@ class FrameRuns:
 
 
 def excused_pixels(window: Window, declared: EventModel) -> Bool:
-    """Return the pixels (h, w) of a window in which a correct sensor may lack events."""
+    """Return the pixels of a window in which a correct sensor may lack events.
+
+    Parameters
+    ----------
+    window
+        A window of the sequence.
+    declared
+        With the refractory period and the hot pixels of the sensor.
+
+    Returns
+    -------
+    ndarray of bool
+        (h, w) True at declared hot pixels, and at pixels with two events within twice the refractory period.
+    """
     excused = np.zeros(sensor_shape(window.facts.declared), np.bool_)
     if declared.refractory_us > 0:
         events = sensor_events(window)
@@ -289,7 +329,7 @@ def excused_pixels(window: Window, declared: EventModel) -> Bool:
 
 
 def join(resampled: ResampledFrames, declared: EventModel, rounding_dn: float, excused: Bool) -> FrameRun:
-    """Return the run of two frames or more; ``excused`` (h, w) as in ``FrameRun``.
+    """Return the run of two or more frames.
 
     Parameters
     ----------
@@ -301,6 +341,11 @@ def join(resampled: ResampledFrames, declared: EventModel, rounding_dn: float, e
         Half a step of the 8-bit code, linear DN.
     excused
         (h, w) pixels in which a correct sensor may lack events.
+
+    Returns
+    -------
+    FrameRun
+        From the first to the last of the frames.
     """
     events = np.zeros(excused.shape, np.int32)
     add_counts(resampled.counts, events)
@@ -315,7 +360,7 @@ def join(resampled: ResampledFrames, declared: EventModel, rounding_dn: float, e
 
 
 def violations(run: FrameRun, rule: int, declared: EventModel, phase_declared: bool) -> tuple[Bool, bool]:
-    """Return where (h, w) the law is broken by a rule, and whether a declared start was part of the law.
+    """Return where the law is violated under a rule, and whether a declared start was part of the law.
 
     Parameters
     ----------
@@ -327,6 +372,14 @@ def violations(run: FrameRun, rule: int, declared: EventModel, phase_declared: b
         The model and its thresholds.
     phase_declared
         Whether the reference is declared to be the signal at the first frame of the run.
+
+    Returns
+    -------
+    broken
+        (h, w) True where the law is violated.
+    start_in_law
+        Whether the declared start was used: enough pixels are informative, and few of them leave the thresholds around
+        it.
     """
     # The declared spread of thresholds widens the law: n events of independent errors add sqrt(n) sigma, both ends of
     # the range a threshold each, sqrt(2) sigma.
@@ -338,15 +391,15 @@ def violations(run: FrameRun, rule: int, declared: EventModel, phase_declared: b
         broken = run.bounds[rule].broken
     start_in_law = False
     if phase_declared:
-        # Where E left the thresholds around its start, the law is broken too.
+        # The law is violated too where E left the thresholds around its start.
         if isinstance(run.bounds, Excursions):
             departure, excess, enough = run.bounds.departure(rule), run.bounds.excess(rule), PHASE_RANGE
         else:
             runs, enough = run.bounds[rule], 1.0
             departure, excess = runs.departure(declared.threshold_on, declared.threshold_off), runs.excess()
         beyond: Bool = departure > mismatch
-        # Pixels that use enough of their range would leave the thresholds if the phase were at random. Where many of
-        # them do, the file contradicts the declared phase; where there are few, they cannot show it.
+        # If the phase were random, many pixels with a sufficient range of E would leave the thresholds. Where many do,
+        # the file contradicts the declared phase; few pixels do not determine the phase.
         informative = excess > enough * max(declared.threshold_on, declared.threshold_off) + mismatch
         start_in_law = not (
             np.count_nonzero(informative) < FEWEST_FOR_PHASE or beyond[informative].mean() > MOST_BEYOND_PHASE
@@ -361,14 +414,17 @@ def _rules(declared: EventModel, rounding_dn: float) -> tuple[tuple[float, float
 
 
 def _drift(resampled: ResampledFrames, declared: EventModel) -> Float64:
-    """Return what leak adds to the signal between the frames (n - 1,), nat: a threshold for each leaked event."""
+    """Return the change of the signal by leak events between the frames (n - 1,), nat.
+
+    Each leak event stands for one threshold.
+    """
     drift: Float64 = declared.leak_rate_hz * declared.threshold_on * np.diff(resampled.times_ns) / NS_PER_S
     return drift
 
 
 def _event_free_runs(resampled: ResampledFrames, declared: EventModel, rounding_dn: float) -> tuple[EventFreeRuns, ...]:
     def by_rule(uneven: tuple[float, float]) -> EventFreeRuns:
-        # The event camera rounds luma to whole values itself.
+        # The event camera rounds luma to whole DN: half a step more.
         error = np.where(resampled.error_dn < sum(uneven), resampled.error_dn + 0.5, np.inf)
         return follow_runs(
             resampled.uniform_dn - error,

@@ -1,4 +1,4 @@
-"""What the checks of IMU against pose share: both streams, their fit, and the trial of other conventions."""
+"""Shared by the checks of IMU against pose: both streams, their fit, and the trial of other conventions."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, fields
@@ -36,7 +36,7 @@ _EXCESS_SIGMAS: Final = 6.0
 """Standard errors by which residuals must exceed noise and model for other conventions to be tried."""
 
 _CERTAIN_SIGMAS: Final = 8.0
-"""Standard errors that are beyond the limit of any file, however many comparisons it has."""
+"""Standard errors that exceed the limit of any file, for any number of comparisons."""
 
 _EDGE_STEPS: Final = 1.5
 """Steps of the poses at either end of a local disturbance that may hold samples of both kinds."""
@@ -52,16 +52,17 @@ _LARGEST_SMALL_FAULT: Final = {
     "slope": 1.0,
     "lever": 1.0,
 }
-"""By group, in the fit's unit. Beyond these a parameter is no small fault any more: other conventions are tried."""
+"""Largest small fault by group of parameters, in the unit of the fit. Beyond it other conventions are tried."""
 
 _IMPLAUSIBLE: Final = 5.0
-"""Multiples of these that no sensor has: half a radian of turn, half of a gain, half a second."""
+"""Multiple of the largest small fault that no sensor has: a rotation of 0.5 rad, a gain wrong by 0.5, an offset of 0.5
+s."""
 
 
 class StreamsCache:
-    """The streams of all windows up to one, kept for the other checks that conclude from the same samples.
+    """The joined streams of all windows, kept for the other checks that conclude from the same samples.
 
-    It goes with the window's samples, and not from one process to another.
+    The cache stays in its process: a pickled copy is empty.
     """
 
     def __init__(self) -> None:
@@ -81,7 +82,7 @@ class WindowMotion:
     imu, poses
         Those that the window owns; None where it has none.
     cache
-        Of the joined streams.
+        Holds the joined streams of all windows.
     """
 
     imu: ImuSamples | None
@@ -96,9 +97,9 @@ class InertialConventionTrial(Feature):
     Attributes
     ----------
     convention
-        With the residual that it leaves, and that of the declared one.
+        The convention, with its residual and that of the declared convention.
     interval_s
-        From when to when it holds; None: throughout.
+        Start and end of the time in which it holds, s; None for the whole sequence.
     """
 
     convention: InertialConvention
@@ -106,14 +107,14 @@ class InertialConventionTrial(Feature):
 
     @property
     def is_certain(self) -> bool:
-        """Whether the streams disagree so much that nothing else need be measured of them."""
+        """Whether the disagreement exceeds ``_CERTAIN_SIGMAS`` standard errors: no other measurement is then needed."""
         value, error = self.convention.disagreement
         return value - 1.0 > _CERTAIN_SIGMAS * error
 
 
 @dataclass(frozen=True, slots=True)
 class InertialStreams:
-    """Both streams of a sequence on one axis of time, which starts at ``origin_ns``, and what was computed of them.
+    """Both streams of a sequence on one axis of time, which starts at ``origin_ns``, with the fits of these streams.
 
     Attributes
     ----------
@@ -124,7 +125,7 @@ class InertialStreams:
     origin_ns
         First timestamp of the IMU, ns from the file's origin.
     fits, trials
-        What was computed, by the kind of comparison.
+        Fits and trials of conventions, by the kind of comparison.
     """
 
     samples: InertialSamples
@@ -136,12 +137,12 @@ class InertialStreams:
     trials: dict[MotionKind, InertialConventionTrial | None] = field(default_factory=dict, compare=False, repr=False)
 
     def time_ns(self, time_s: float) -> int:
-        """Return an instant as nanoseconds from the file's origin."""
+        """Return an instant as ns from the file's origin."""
         return self.origin_ns + round(time_s * NS_PER_S)
 
 
 def motion_of(window: Window) -> WindowMotion | None:
-    """Return the window's own samples of both streams; None where it has none of either."""
+    """Return the window's own samples of IMU and poses; None where it has neither."""
 
     def gathered() -> WindowMotion | None:
         imu, poses = owned_imu(window), owned_poses(window)
@@ -151,12 +152,19 @@ def motion_of(window: Window) -> WindowMotion | None:
 
 
 def streams_of(state: Sequence[WindowMotion], facts: Facts) -> InertialStreams | str:
-    """Join all windows.
+    """Join the samples of all windows.
+
+    Parameters
+    ----------
+    state
+        Samples by window, in the order of time.
+    facts
+        With clocks and declared noise of both streams.
 
     Returns
     -------
     InertialStreams or str
-        A sentence that says why where the two streams cannot be compared.
+        A sentence that gives the reason where the two streams cannot be compared.
     """
     unusable = why_unusable(facts, "imu", "pose")
     if unusable:
@@ -168,7 +176,8 @@ def streams_of(state: Sequence[WindowMotion], facts: Facts) -> InertialStreams |
         return f"fewer than {_FEWEST_POSES} finite samples of pose or IMU"
     if poses.times_ns[0] >= imu.times_ns[-1] or imu.times_ns[0] >= poses.times_ns[-1]:
         return "IMU and pose do not overlap in time"
-    # Three checks conclude from the same windows: the last one's cache holds what the first has computed.
+    # Three checks conclude from the same windows: the cache of the last window holds the streams that the first check
+    # joined.
     cache = state[-1].cache
     streams = cache.streams if cache.facts is facts else None
     if streams is None or not (_are_equal(streams.poses, poses) and _are_equal(streams.imu, imu)):
@@ -189,20 +198,38 @@ def _are_equal(first: ImuSamples | PoseSamples, second: ImuSamples | PoseSamples
 
 
 def coverage_of(streams: InertialStreams | str, facts: Facts) -> Coverage:
-    """Return how many poses were compared."""
+    """Return how many poses were compared.
+
+    Parameters
+    ----------
+    streams
+        Joined streams, or the reason why there are none.
+    facts
+        With the clock of the poses.
+
+    Returns
+    -------
+    Coverage
+        Compared poses of all poses.
+    """
     compared = 0 if isinstance(streams, str) else len(streams.poses.times_ns)
     return Coverage(compared, len(facts.clocks["pose"].times_ns), "poses")
 
 
 def fit_of(streams: InertialStreams, kind: MotionKind) -> InertialFit | None:
-    """Fit one kind of comparison, once; None where there is too little in common.
+    """Fit one kind of comparison, once.
 
     Parameters
     ----------
     streams
-        In which the fit is kept.
+        Both streams; they keep the fit.
     kind
         ``rotation`` or ``translation``.
+
+    Returns
+    -------
+    InertialFit or None
+        None where the streams have too little in common.
     """
     if kind not in streams.fits:
         comparison = ROTATION if kind == "rotation" else TRANSLATION
@@ -212,15 +239,15 @@ def fit_of(streams: InertialStreams, kind: MotionKind) -> InertialFit | None:
 
 
 def convention_trial(streams: InertialStreams, kind: MotionKind, fit: InertialFit) -> InertialConventionTrial | None:
-    """Return the convention under which the streams agree, where they disagree by more than a small fault.
+    """Return the convention under which the streams agree, where their disagreement is more than a small fault.
 
-    First of the whole sequence; where none explains that, and the disagreement is a local one, of that part alone.
-    It is looked for once.
+    Conventions of the whole sequence are tried first. If none explains a disagreement that is local, conventions of
+    that part alone are tried. The trial is made once.
 
     Parameters
     ----------
     streams
-        In which the trial is kept.
+        Both streams; they keep the trial.
     kind
         ``rotation`` or ``translation``.
     fit
@@ -250,7 +277,7 @@ def convention_trial(streams: InertialStreams, kind: MotionKind, fit: InertialFi
             convention = explain_rates(samples, rotation_rad)
         else:
             convention = explain_forces(samples, streams.noise.gravity_m_s2, position_m)
-        # The declared convention has the complexity 0: it explains nothing that it does not already leave.
+        # The declared convention has the complexity 0; it reduces no residual.
         if convention is not None and convention.complexity > 0:
             streams.trials[kind] = InertialConventionTrial(convention, interval_s)
             break
@@ -258,7 +285,7 @@ def convention_trial(streams: InertialStreams, kind: MotionKind, fit: InertialFi
 
 
 def is_implausible(fit: InertialFit) -> bool:
-    """Whether a freed parameter is so large that the fit bends one motion into another."""
+    """Whether a freed parameter is too large for any sensor, so that the fit turns one motion into another."""
     return _exceeds(fit, _IMPLAUSIBLE)
 
 

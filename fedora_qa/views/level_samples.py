@@ -45,38 +45,40 @@ from fedora_qa.views.event_camera import (
 from fedora_qa.views.event_tick import local_tick_ns
 
 LONGEST_GAP_NS: Final = 20_000_000
-"""Events farther apart do not determine a level: between them a pixel may go anywhere within its thresholds."""
+"""Events farther apart do not determine a level: between them the level of a pixel may have any value within its
+thresholds."""
 
 ENOUGH_PAIRS: Final = 400
-"""Where a window has more, those of the shortest gaps are taken where all weigh alike."""
+"""Number of pairs of the shortest gaps that are taken where all pairs have equal weight."""
 FEWEST_PAIRS: Final = 20
-"""A window with fewer has no scale of its own for outliers."""
+"""Least number of pairs of a window: fewer do not determine the scale of outliers."""
 
 LINEAR_LEAST_TICKS: Final = 4
-"""One event a rendered step hides how far the step went; pixels that fire every few steps are left out."""
+"""Least gap in rendered steps. One event a step does not determine the change of the step, so pixels with events in
+every few steps are left out."""
 
 FARTHEST_OFFSET_NS: Final = 100_000_000
 OFFSET_STEP_NS: Final = 5_000_000
 REFINEMENTS: Final = 3
-"""Offsets that are tried where events do not follow the frames as they stand."""
+"""Farthest offset and step of the ladder of offsets, and number of fits by which its best offset is refined."""
 
 CAPTURE_RANGE_S: Final = 3e-3
-"""Offsets beyond this are underestimated by one fit, and spoil thresholds."""
+"""Largest offset, s, that one fit estimates without bias. Larger ones also bias the thresholds."""
 
 FOLLOWS: Final = 1.0
-"""Residual, in thresholds, beyond which events do not follow the frames."""
+"""Largest residual, in thresholds, with which events follow the frames."""
 
 LIMIT_ERRORS: Final = 5.0
-"""Standard errors in a limit, nearly: two fits are compared by it, nothing is judged."""
+"""Approximate number of standard errors in a limit, for the comparison of two fits only."""
 
 HELD_LEVEL_BIAS: Final = float(np.sqrt(3.0))
-"""Mean over scatter of the error of levels that stay where an event left them until the next one.
+"""Ratio of mean to scatter of the error of levels that hold from one event to the next.
 
-At a fraction phi of the gap the events sum to phi thresholds more than there are: 1/2 on average, with a standard
-deviation of 1/sqrt(12) as phi is uniform."""
+At a fraction phi of the gap the interpolated level exceeds the true one by phi thresholds. phi is uniform: its mean is
+1/2 and its standard deviation 1/sqrt(12), so their ratio is sqrt(3)."""
 
 ROUNDING_SHARE: Final = 0.1
-"""Pixels so dark that rounding of the frame exceeds this share of the threshold are left out."""
+"""Largest share of the threshold that the rounding of a frame may reach; darker pixels are left out."""
 
 _LINEAR_LEAST_DN: Final = 4.0
 _DARKEST_DN: Final = 0.5
@@ -84,7 +86,7 @@ _DARKEST_DN: Final = 0.5
 
 @dataclass(frozen=True, slots=True)
 class LevelSums:
-    """Normal equations of a window in both domains and by both reconstructions, four blocks of the image each.
+    """Normal equations of a window in both domains and by both reconstructions, for the four quarters of the image.
 
     Attributes
     ----------
@@ -93,7 +95,7 @@ class LevelSums:
     straight
         In the declared domain, with straight lines between events in place of cubics.
     overshoot
-        Mean of tick over gap: the share of a threshold that a pixel moves in a rendered step.
+        Mean of tick over gap: the share of a threshold by which a pixel's level changes in one rendered step.
     pairs
         Number of pairs of level samples.
     window
@@ -112,14 +114,14 @@ class LevelSums:
 
 @dataclass(frozen=True, slots=True)
 class WeightedLevelSums:
-    """Sums of a window by two weightings: pairs of the shortest gaps alike, and all by ``precision_weights``.
+    """Normal equations of a window by two weightings of its pairs of level samples.
 
     Attributes
     ----------
     equal
-        Of the pairs of the shortest gaps, each of weight 1.
+        From the pairs of the shortest gaps, each of weight 1.
     by_precision
-        Of all pairs.
+        From all pairs, weighted by ``precision_weights``.
     """
 
     equal: LevelSums
@@ -133,11 +135,11 @@ class LadderOffset:
     Attributes
     ----------
     offset_s, standard_error_s
-        By how much the timestamps of events are too late, s.
+        Clock offset of the events (positive: timestamps too late) and its standard error, s.
     relative_sigma
-        Residual over threshold.
+        Residual over threshold, without unit.
     bound_s
-        On the bias of levels that jump.
+        Bound on the bias by levels that jump at events, s.
     """
 
     offset_s: float
@@ -148,19 +150,19 @@ class LadderOffset:
 
 @dataclass(frozen=True, slots=True)
 class ThresholdFit:
-    """The fits of a file.
+    """The fits of a file to its level samples.
 
     Attributes
     ----------
     fit
         In the declared domain.
     model_errors
-        Bounds on errors of the model: of footprints (how far the other reconstruction of frames moves the fit), of
-        levels between events (how far straight lines move it), of regressors (attenuation).
+        Bounds on errors of the model: of footprints (change of the fit by the other reconstruction of frames), of
+        levels between events (change by straight lines), of regressors (attenuation).
     other_domain
-        The fit in the other domain.
+        The fit in the other domain; None where it fails.
     preference
-        Mean and standard error of ln(residual / threshold) in the declared domain less that in the other, over blocks.
+        Mean and standard error, over blocks, of ln(residual / threshold) in the declared domain less that in the other.
     overshoot
         As in ``LevelSums``.
     """
@@ -173,7 +175,7 @@ class ThresholdFit:
 
 
 def level_sums(window: Window) -> LevelSums | None:
-    """Return the sums of a window, pairs of the shortest gaps alike; None where it holds too few levels."""
+    """Return the normal equations of the pairs with the shortest gaps; None where the window holds too few pairs."""
     samples = _level_samples(window)
     if samples is None:
         return None
@@ -182,7 +184,7 @@ def level_sums(window: Window) -> LevelSums | None:
 
 
 def weighted_level_sums(window: Window) -> WeightedLevelSums | None:
-    """Return the sums of a window by both weightings; None where it holds too few levels."""
+    """Return the normal equations of a window by both weightings; None where it holds too few pairs."""
     equal, samples = level_sums(window), _level_samples(window)
     if equal is None or samples is None:
         return None
@@ -195,7 +197,20 @@ def weighted_level_sums(window: Window) -> WeightedLevelSums | None:
 
 
 def fit_thresholds(state: Sequence[LevelSums], facts: Facts) -> ThresholdFit | str:
-    """Fit thresholds and delay of a file from the sums of its windows, or say why they cannot be fitted."""
+    """Fit thresholds and delay of a file to the sums of its windows.
+
+    Parameters
+    ----------
+    state
+        Sums of the windows, in the order of time.
+    facts
+        With the declared event sensor.
+
+    Returns
+    -------
+    ThresholdFit or str
+        A sentence that gives the reason where they cannot be fitted.
+    """
     declared = facts.declared.events
     pairs = sum(sums.pairs for sums in state)
     too_few = (
@@ -241,11 +256,23 @@ def fit_thresholds(state: Sequence[LevelSums], facts: Facts) -> ThresholdFit | s
 
 
 def lower_variance_fit(equal: ThresholdFit | str, by_precision: ThresholdFit | str) -> ThresholdFit | str:
-    """Return the fit of the smaller errors and bounds of both thresholds; ``equal`` where neither has.
+    """Return the fit with the smaller sum of the limits of both thresholds; ``equal`` where both sums are equal.
 
-    Where edges are sharp that is the one weighted by precision; where light flickers between events, no sample
-    predicts its error, and the number of pairs counts. The choice depends on errors and bounds only, never on how far
-    thresholds are off.
+    Where edges are sharp this is the fit weighted by precision. Where light flickers between events, no sample predicts
+    its error, and the number of pairs decides. The choice depends on errors and bounds only, never on the deviation of
+    the thresholds.
+
+    Parameters
+    ----------
+    equal
+        Fit to pairs of equal weight, or the reason why there is none.
+    by_precision
+        Fit to pairs weighted by precision, or the reason why there is none.
+
+    Returns
+    -------
+    ThresholdFit or str
+        A sentence where neither fit exists.
     """
     if isinstance(by_precision, str):
         return equal
@@ -255,15 +282,15 @@ def lower_variance_fit(equal: ThresholdFit | str, by_precision: ThresholdFit | s
 
 
 def level_coverage(state: Sequence[LevelSums]) -> Coverage:
-    """Return how many pairs of level samples were used; how many there might have been is unknown."""
+    """Return the number of pairs of level samples that were used; the number of possible pairs is unknown."""
     pairs = sum(sums.pairs for sums in state)
     return Coverage(pairs, pairs, "level samples")
 
 
 def search_offset(window: Window) -> LadderOffset | None:
-    """Search the offset at which the events of a window follow its frames, up to 100 ms either way.
+    """Search the offset at which the events of a window follow its frames, from -100 ms to 100 ms.
 
-    A fit converges to the right offset from several ms away; it is repeated from the best of a ladder of offsets.
+    A fit converges from offsets that are wrong by several ms. It is repeated from the best of a ladder of offsets.
     """
     frames, declared = resampled_frames(window), window.facts.declared.events
     if declared is None or len(frames) < 2:
@@ -291,14 +318,21 @@ def search_offset(window: Window) -> LadderOffset | None:
 
 
 def usable_pixels(window: Window, frames: ResampledFrames, declared: EventModel) -> NDArray[np.bool_]:
-    """Return the pixels (n, h, w) of a window's frames bright enough, not saturated, and not declared hot.
+    """Return the pixels that are bright enough, not saturated, and not declared hot.
 
     Parameters
     ----------
+    window
+        The window of the frames.
     frames
         Luma in linear DN at the pixels of the event camera.
     declared
-        The sensor, with its hot pixels.
+        The sensor, with its thresholds and hot pixels.
+
+    Returns
+    -------
+    ndarray of bool
+        (n, h, w) by frame.
     """
     darkest_dn = least_dn(window, declared)
     usable: NDArray[np.bool_] = np.empty(frames.uniform_dn.shape, np.bool_)
@@ -309,7 +343,20 @@ def usable_pixels(window: Window, frames: ResampledFrames, declared: EventModel)
 
 
 def hot_pixels(declared: EventModel, frames: ResampledFrames) -> NDArray[np.int64]:
-    """Return the declared hot pixels that lie on the sensor, row * width + column, sorted."""
+    """Return the declared hot pixels that lie on the sensor.
+
+    Parameters
+    ----------
+    declared
+        With the (column, row) of each hot pixel.
+    frames
+        At the pixels of the sensor, which give its size.
+
+    Returns
+    -------
+    ndarray of int64
+        (k,) row * width + column, sorted.
+    """
     height, width = frames.uniform_dn.shape[1:]
     on_sensor = [
         row * width + column for column, row in declared.hot_pixels if 0 <= row < height and 0 <= column < width
@@ -318,7 +365,23 @@ def hot_pixels(declared: EventModel, frames: ResampledFrames) -> NDArray[np.int6
 
 
 def least_dn(window: Window, declared: EventModel) -> float:
-    """Return the light, in DN, below which a pixel's level is not known."""
+    """Return the luma below which the level of a pixel is not determined.
+
+    In the model ``log`` it follows from the rounding of frames: its standard deviation must not exceed
+    ``ROUNDING_SHARE`` of the smaller threshold.
+
+    Parameters
+    ----------
+    window
+        With the declared transfer curve of frames.
+    declared
+        The model and its thresholds.
+
+    Returns
+    -------
+    float
+        Linear DN.
+    """
     if declared.model != "log":
         return _LINEAR_LEAST_DN
     # The standard deviation of rounding, uniform over a step, over the level is that of its logarithm.
@@ -343,7 +406,7 @@ def _summed(
     declared: EventModel,
     weights: NDArray[np.float64] | None = None,
 ) -> LevelSums:
-    """Return the sums of pairs with weights (m,), 1 if not given."""
+    """Return the sums of pairs with weights (m,), 1 for each if not given."""
     weights = np.ones(len(pairs)) if weights is None else weights
     edge_aware, uniform = (pairs.ends_of(luma_dn) for luma_dn in (frames.edge_aware_dn, frames.uniform_dn))
     log_edge_aware, log_uniform = (_log_levels(luma_dn, declared) for luma_dn in (edge_aware, uniform))
@@ -363,7 +426,7 @@ def _summed(
 def _fit_at_offset(
     window: Window, frames: ResampledFrames, declared: EventModel, events: PixelEvents, offset_ns: int
 ) -> ResponseFit | None:
-    """Fit one window with events taken to be late by an offset: with frames at later times."""
+    """Fit one window after subtraction of a clock offset from its events, by frames that are later by the offset."""
     pairs = _pairs(window, frames, declared, events, offset_ns).tightest(ENOUGH_PAIRS)
     if len(pairs) < FEWEST_PAIRS:
         return None
@@ -385,7 +448,7 @@ def _pairs(
         off_over_on=declared.threshold_off / declared.threshold_on,
     )
     if declared.leak_rate_hz > 0:
-        # Leak gives brighter events that the level does not rise by: so many thresholds in the time between.
+        # Leak events are brighter events without a rise of the level: leak rate times elapsed time of them.
         elapsed_s = (frames.times_ns[pairs.later] - frames.times_ns[pairs.earlier]) * 1e-9
         pairs.regressors[:, 0] -= declared.leak_rate_hz * elapsed_s
     return pairs
@@ -398,7 +461,7 @@ def _quarter_sums(
     height, width = frames.uniform_dn.shape[1:]
     rows, columns = np.divmod(pairs.pixels, width)
     quarter = 2 * (2 * rows // height) + 2 * columns // width
-    # The delay may drift: a pair states it at the middle of its two frames, s from the file's origin.
+    # The delay may drift: a pair determines it at the middle of its two frames, s from the file's origin.
     middle_ns = (frames.times_ns[pairs.earlier] + frames.times_ns[pairs.later]) / 2
     return accumulate(pairs, levels[1] - levels[0], quarter, 4, middle_ns * 1e-9, weights)
 

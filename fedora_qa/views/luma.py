@@ -10,18 +10,31 @@ from fedora_qa.estimators.images.transfer import to_linear
 from fedora_qa.sequence.window import Window
 
 SATURATED_DN: Final = 250.0
-"""Luma above this may have been lost to a curve near white."""
+"""Luma above this, DN, may have been clipped by a transfer curve near white."""
 
 
 def luma_dn(window: Window, frame: int) -> NDArray[np.float32]:
-    """Return the luma of linear R, G, B of a colour frame, (H, W), in DN (0..255).
+    """Return the luma of linear R, G, B of a colour frame.
 
     A declared transfer curve is inverted first: luma is defined on linear values.
+
+    Parameters
+    ----------
+    window
+        A window of the sequence. It keeps the image.
+    frame
+        Row of the colour frame.
+
+    Returns
+    -------
+    ndarray of float32
+        (H, W) DN, 0 to 255.
     """
     transfer = window.facts.declared.transfer
     if transfer == "linear":
         return window.of_image("luma_dn", frame, lambda: luma_of_linear(window.rgb(frame), LUMA_WEIGHTS))
-    # Rounded to single precision before it is weighed; the tables of views/warped_frames.py are rounded after it only.
+    # Linear values are rounded to single precision before they are weighted; views/warped_frames.py rounds after the
+    # weighting only.
     return window.of_image(
         "luma_dn",
         frame,
@@ -30,8 +43,20 @@ def luma_dn(window: Window, frame: int) -> NDArray[np.float32]:
 
 
 def clipped(window: Window, frame: int) -> NDArray[np.bool_]:
-    """Return where a colour frame may be darker than the scene, (H, W): any channel at its end, or luma close to it.
+    """Return where a colour frame may be darker than the scene: any channel is at its end, or luma exceeds 250 DN.
 
-    One channel is enough: a leaf in bright light has a clipped green and a luma of little more than a half.
+    One channel is enough: a leaf in bright light has a clipped green and a luma of little more than 128 DN.
+
+    Parameters
+    ----------
+    window
+        A window of the sequence. It keeps the image.
+    frame
+        Row of the colour frame.
+
+    Returns
+    -------
+    ndarray of bool
+        (H, W).
     """
     return window.of_image("clipped", frame, lambda: cut_off(window.rgb(frame), luma_dn(window, frame), SATURATED_DN))

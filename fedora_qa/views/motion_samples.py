@@ -1,7 +1,7 @@
-"""Poses and IMU samples as the checks of motion gather them: each window's own, joined at the end.
+"""Poses and IMU samples for the checks of motion: the samples that each window owns, joined at the end.
 
-Some ten kilobytes a window are kept as they are. A fit over the whole sequence, iterated where timestamps have to move,
-then rests on exactly what the file holds, and cuts between windows change nothing.
+About 10 kB a window are kept unchanged. A fit over the whole sequence, iterated where timestamps have to move, thus
+uses the stored samples, and does not depend on the windows.
 """
 
 from collections.abc import Sequence
@@ -25,15 +25,16 @@ NOISE_ORDER: Final = 8
 """Order of differences that separate noise from motion: a motion of 3 Hz and 1 rad leaves 5e-11 rad at 200 Hz."""
 
 _LEAST_ROUNDING_NOISE: Final = 0.1
-"""Of a step: a third of what uniform rounding leaves."""
+"""Least noise of rounded numbers, in steps: about a third of the noise of uniform rounding."""
 _ROUNDED_UNITS: Final = 4.0
-"""Units in the last place by which a decimal number and its multiple may differ: two products and what was read."""
+"""Units in the last place by which a decimal number and its multiple may differ: by two products and the stored
+number."""
 
 _FIRST_SAMPLES: Final = 64
-"""Samples that are tested first: they mostly suffice to exclude that numbers were rounded."""
+"""Number of samples that are tested first: they mostly suffice to exclude rounding."""
 
 _RADIANS_PER_COMPONENT: Final = 2.0
-"""A quaternion holds half angles: an error of a component turns by twice as much."""
+"""A quaternion holds half angles: an error of a component is half the error of the rotation, rad."""
 
 
 def owned_poses(window: Window) -> PoseSamples | None:
@@ -63,7 +64,7 @@ def owned_imu(window: Window) -> ImuSamples | None:
 
 
 def join_poses(parts: Sequence[PoseSamples]) -> PoseSamples:
-    """Return the poses of all windows that are finite, quaternions of nonzero length as they are stored."""
+    """Return the finite poses of all windows; quaternions of nonzero length, as stored."""
     if not parts:
         return PoseSamples(np.empty(0, np.int64), np.empty((0, 3)), np.empty((0, 4)))
     positions_m = np.concatenate([part.positions_world_m for part in parts])
@@ -73,7 +74,7 @@ def join_poses(parts: Sequence[PoseSamples]) -> PoseSamples:
 
 
 def join_imu(parts: Sequence[ImuSamples]) -> ImuSamples:
-    """Return the IMU samples of all windows that are finite."""
+    """Return the finite IMU samples of all windows."""
     if not parts:
         return ImuSamples(np.empty(0, np.int64), np.empty((0, 3)), np.empty((0, 3)))
     rates = np.concatenate([part.angular_velocities_body_rad_s for part in parts])
@@ -83,14 +84,23 @@ def join_imu(parts: Sequence[ImuSamples]) -> ImuSamples:
 
 
 def inertial_samples(imu: ImuSamples, poses: PoseSamples, model: ImuModel) -> InertialSamples:
-    """Put both streams on one axis of time, seconds from the IMU's first sample.
+    """Put both streams on one axis of time, in seconds from the IMU's first sample.
+
+    Samples that are declared as means over the interval before them are moved to its middle and sharpened.
 
     Parameters
     ----------
-    imu, poses
-        All finite samples; at least one of the IMU.
+    imu
+        Finite samples, at least one: rad/s and m/s^2 in the body frame.
+    poses
+        Finite poses of the body in the world, m.
     model
-        As declared. Samples declared to be means over the interval before them are moved to its middle and sharpened.
+        Declared sampling of the IMU.
+
+    Returns
+    -------
+    InertialSamples
+        Times in s.
     """
     origin_ns = imu.times_ns[0]
     times_s = (imu.times_ns - origin_ns) / NS_PER_S
@@ -110,14 +120,19 @@ def inertial_samples(imu: ImuSamples, poses: PoseSamples, model: ImuModel) -> In
 
 
 def inertial_noise(imu: ImuModel, pose: PoseModel, samples: ImuSamples, poses: PoseSamples) -> InertialNoise:
-    """Return the declared noise of both streams, and how coarsely they are stored.
+    """Return the declared noise of both streams, with the rounding of their stored numbers.
 
     Parameters
     ----------
     imu, pose
-        As declared.
+        Declared noise.
     samples, poses
-        As stored: their rounding is estimated.
+        Finite samples as stored; their rounding is estimated.
+
+    Returns
+    -------
+    InertialNoise
+        Densities of the gyroscope and accelerometer include the rounding to a decimal step.
     """
     gyro = _rounding_density(samples.times_ns, samples.angular_velocities_body_rad_s)
     accel = _rounding_density(samples.times_ns, samples.specific_forces_body_m_s2)
@@ -135,7 +150,7 @@ def inertial_noise(imu: ImuModel, pose: PoseModel, samples: ImuSamples, poses: P
 
 
 def measured_pose_sigmas(poses: PoseSamples) -> tuple[float, float]:
-    """Return the noise of positions and orientations as they are, whatever is declared; 0 where there are too few."""
+    """Return the measured noise of positions, m, and orientations, rad; 0 where there are too few samples."""
     levels = (
         noise_level(poses.times_ns, curve, order=NOISE_ORDER)
         for curve in (VectorSamples(poses.positions_world_m), OrientationSamples(poses.orientations_xyzw))
@@ -145,11 +160,14 @@ def measured_pose_sigmas(poses: PoseSamples) -> tuple[float, float]:
 
 
 def stored_resolution(values: Float64) -> float:
-    """Return the spacing of stored numbers at the largest value: of float32 where all of them are, else of float64."""
+    """Return the spacing of stored numbers at the largest value.
+
+    The spacing is that of float32 where all values are float32 numbers but not all whole numbers, else that of float64.
+    """
     if not values.size:
         return 0.0
     largest = float(np.abs(values).max())
-    # Whole numbers are float32 numbers as well, whatever their type was.
+    # Whole numbers are float32 numbers as well, with any stored type.
     single = values.astype(np.float32)
     if np.array_equal(single, values) and not np.array_equal(np.rint(values), values):
         return float(np.spacing(np.float32(largest)))
@@ -157,17 +175,24 @@ def stored_resolution(values: Float64) -> float:
 
 
 def rounding_step(times_ns: NDArray[np.int64], values: Float64, curve: SampledCurve) -> float:
-    """Return the step of stored numbers: that of their type, or the decimal one to which they were rounded before.
+    """Return the step of stored numbers: that of their type, or the decimal step to which they were rounded before.
 
-    Numbers of a few decimals need not be rounded, as those of a flight at one speed are not: rounding to a step leaves
-    noise of ``step / sqrt(12)``, and only where that is measured it is recognised.
+    Numbers of few decimals need not be rounded: a flight at constant speed has such positions. Rounding to a step
+    leaves noise of ``step / sqrt(12)``, so a decimal step counts only where such noise is measured.
 
     Parameters
     ----------
-    times_ns, values
-        (N,) and (N, k) as stored.
+    times_ns
+        (N,) timestamps, ns.
+    values
+        (N, k) as stored.
     curve
         The same samples, for their noise.
+
+    Returns
+    -------
+    float
+        In the unit of the values.
     """
     stored = stored_resolution(values)
     # The largest power of ten, 1 at most and 1e-9 at least, of which all values are multiples; 0 if there is none.
@@ -196,7 +221,8 @@ def _rounding_density(times_ns: NDArray[np.int64], values: Float64) -> float:
 def imu_roundings(imu: ImuSamples) -> tuple[float, float]:
     """Return the unit of rounding of angular velocities (rad/s) and specific forces (m/s^2), of two samples or more.
 
-    Rates are how orientations, whose components reach 1, change from sample to sample: they are rounded as those are.
+    Angular velocities follow from the change of orientations from sample to sample, whose components reach 1. So their
+    unit of rounding is at least that of 1 in float64 over the sampling interval.
     """
     sample_s = float(np.median(np.diff(imu.times_ns))) / NS_PER_S
     rates, forces = imu.angular_velocities_body_rad_s, imu.specific_forces_body_m_s2
@@ -205,14 +231,14 @@ def imu_roundings(imu: ImuSamples) -> tuple[float, float]:
 
 
 def position_floor_m(poses: PoseSamples) -> float:
-    """Return the scatter of exact positions: stored digits, and timestamps rounded to a microsecond."""
+    """Return the scatter of exact positions, m, by stored digits and timestamps rounded to 1 us."""
     steps_s = np.diff(poses.times_ns) / NS_PER_S
     speeds_m_s = np.linalg.norm(np.diff(poses.positions_world_m, axis=0), axis=1) / steps_s
     return _rounding_scatter(speeds_m_s, _position_step_m(poses))
 
 
 def rotation_floor_rad(poses: PoseSamples) -> float:
-    """Return the scatter of exact orientations, likewise, rad."""
+    """Return the scatter of exact orientations, rad, by stored digits and timestamps rounded to 1 us."""
     # A rotation's speed is the angle between neighbours over their step.
     steps_s = np.diff(poses.times_ns) / NS_PER_S
     pairs = np.arange(len(steps_s))[:, None] + np.arange(2)
@@ -230,7 +256,7 @@ def _rotation_step_rad(poses: PoseSamples) -> float:
 
 
 def _rounding_scatter(speeds: Float64, resolution: float) -> float:
-    """Return by how much samples scatter whose timestamps are rounded, at the rms of their speeds (n,), and digits."""
+    """Return the scatter of samples by rounded timestamps and stored digits, from their speeds (n,)."""
     # Independent errors add in squares: rms speed times the scatter of timestamps, and the stored step.
     speed = float(np.sqrt(np.mean(np.square(speeds)))) if len(speeds) else 0.0
     return float(np.hypot(speed * TIMESTAMP_SIGMA_S, resolution))
@@ -241,10 +267,17 @@ def location_of(facts: Facts, stream: str, start_ns: int, stop_ns: int | None = 
 
     Parameters
     ----------
+    facts
+        With the clock of the stream.
     stream
         A stream of samples, ``imu`` or ``pose``.
     start_ns, stop_ns
         Ns from the file's origin.
+
+    Returns
+    -------
+    Where
+        Rows whose timestamps are nearest to both ends.
     """
     times_ns = facts.clocks[stream].times_ns
     # Rows are those whose timestamps are nearest to both ends.

@@ -1,4 +1,4 @@
-"""The pixels of a field that are compared: a lattice, the part of it that is off, and a thinned sample of either."""
+"""The compared pixels of a field: a lattice, its deviating part, and a thinned sample of either."""
 
 from dataclasses import dataclass, replace
 from typing import Final
@@ -16,37 +16,43 @@ Region = tuple[int, int, int, int]
 """Left, top, right, bottom of a part of the image, in pixels; half-open."""
 
 FIT_PIXELS: Final = 800
-"""Pixels that a motion is fitted to: plenty for six numbers, since what remains is rounding."""
+"""Pixels that a motion is fitted to: enough for six parameters, since the residuals are rounding."""
 
 _DEFAULT_SIGMA_PX: Final = 0.01
-"""Weight of residuals where no rounding bound is computed: small against any transform of the data."""
+"""Standard deviation of residuals, px, where no rounding bound is computed: small against the effect of any
+transform."""
 
 FEWEST_PIXELS: Final = 20
 """Pixels below which a field is not compared."""
 
 _FILLED: Final = 0.5
-"""Share of a region's pixels that must be off: faults of a part of the image leave few of them as they were."""
+"""Least share of a region's pixels that must deviate: a fault of a part of the image leaves few pixels unchanged."""
 
 _UNAFFECTED: Final = 0.1
-"""Share of the error within a region up to which what lies around it is not affected."""
+"""Largest ratio of the error around a region to that within it at which the pixels around it count as not affected."""
 
 _PART: Final = 0.9
-"""Share of the image's pixels from which on a region is no part of it but all."""
+"""Share of the image's pixels above which a region counts as the whole image."""
 
 
 def sample_field(window: Window, interval: Interval, frame: int, region: Region | None = None) -> FlowSample | None:
-    """Return pixels of a field that are valid in the depth frame too, evenly thinned; None where there are too few.
-
-    Only from a region of the image, where one is given.
+    """Return evenly thinned pixels of a field that are also valid in the depth frame; None where there are too few.
 
     Parameters
     ----------
+    window
+        A window of the sequence.
     interval
         Of the field.
     frame
         Row of the depth frame at its start.
     region
-        Left, top, right, bottom, px, half-open.
+        Left, top, right, bottom, px, half-open, of the part that is sampled; the whole image if None.
+
+    Returns
+    -------
+    FlowSample or None
+        About ``FIT_PIXELS`` pixels; None for fewer than ``FEWEST_PIXELS``.
     """
     lattice = lattice_of(window, interval, frame)
     return None if lattice is None else thinned(lattice if region is None else lattice.within(region))
@@ -63,7 +69,7 @@ class FlowLattice:
     depths_m
         (h, w) along the optical axis; NaN where a value is missing.
     flow_px
-        (h, w, 2): u to the right, v down.
+        (h, w, 2) px: u to the right, v down.
     """
 
     columns: Float64
@@ -72,17 +78,17 @@ class FlowLattice:
     flow_px: Float64
 
     def within(self, region: Region) -> "FlowLattice":
-        """Return the lattice without depths outside of a region."""
+        """Return the lattice with the depths outside of a region set to NaN."""
         left, top, right, bottom = region
         inside = (self.columns >= left) & (self.columns < right) & (self.rows >= top) & (self.rows < bottom)
         return replace(self, depths_m=np.where(inside, self.depths_m, np.nan))
 
 
 def region_of(lattice: FlowLattice, excess: Float64) -> Region | None:
-    """Return the rectangle about the pixels that are off, where these are off alone and are a part of the image.
+    """Return the rectangle about the deviating pixels, where only these deviate and they are a part of the image.
 
-    A pixel is off where its error exceeds its bound. A small fault of the whole image exceeds its bound in a part only,
-    but lies not far below it elsewhere.
+    A pixel deviates where its error exceeds its bound. A small fault of the whole image exceeds its bound in a part
+    only, but its error elsewhere is little below the bound.
 
     Parameters
     ----------
@@ -93,8 +99,8 @@ def region_of(lattice: FlowLattice, excess: Float64) -> Region | None:
 
     Returns
     -------
-    tuple of int, or None
-        Left, top, right, bottom, px, half-open.
+    Region or None
+        Left, top, right, bottom, px, half-open; None where no such part exists.
     """
     compared = np.isfinite(excess)
     rows, columns = np.nonzero(compared & (excess > 1))
@@ -114,10 +120,12 @@ def region_of(lattice: FlowLattice, excess: Float64) -> Region | None:
 
 
 def lattice_of(window: Window, interval: Interval, frame: int) -> FlowLattice | None:
-    """Return the lattice that the effort asks for; its phase steps from field to field, over every pixel.
+    """Return the lattice that the effort asks for; its origin moves from field to field over all pixels of a step.
 
     Parameters
     ----------
+    window
+        A window of the sequence.
     interval
         Of the field.
     frame

@@ -1,4 +1,4 @@
-"""Defects of the samples themselves that disturb whatever is computed from them: looked for wherever that is done."""
+"""Defects of samples that disturb all estimates from them; all checks of such estimates test for them."""
 
 from dataclasses import dataclass
 from typing import Final
@@ -16,10 +16,12 @@ from fedora_qa.sequence.window import ImuSamples, PoseSamples
 from fedora_qa.views.motion_samples import imu_roundings, measured_pose_sigmas, stored_resolution
 
 LEAST_EVENNESS: Final = 0.2
-"""Curvature of a smooth motion does not change fivefold within a step, nor does the median of noise."""
+"""Least evenness of a sampled motion: the curvature of a smooth motion does not change fivefold within a step, nor does
+the median of noise."""
 
 _EXCESS_NOISE: Final = 1.2
-"""Measured over declared sigma from which on poses are noisier than declared: sigma is measured to some percent."""
+"""Ratio of measured to declared sigma above which poses are noisier than declared: sigma is measured to a few
+percent."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -40,7 +42,15 @@ class SampleClockGrid(Feature):
 
 @dataclass(frozen=True, slots=True)
 class SampleClockDrift(Feature):
-    """A part of an otherwise exact clock runs fast by ``drift``, s/s."""
+    """A part of an otherwise exact clock has a rate error.
+
+    Attributes
+    ----------
+    stream
+        ``imu`` or ``pose``.
+    drift
+        Rate error, s/s, positive where the clock runs fast.
+    """
 
     stream: str
     drift: float
@@ -48,7 +58,15 @@ class SampleClockDrift(Feature):
 
 @dataclass(frozen=True, slots=True)
 class SampleClockOffset(Feature):
-    """A part of an otherwise exact clock is late by ``offset_ns``."""
+    """A part of an otherwise exact clock has an offset.
+
+    Attributes
+    ----------
+    stream
+        ``imu`` or ``pose``.
+    offset_ns
+        Clock offset, ns, positive where timestamps are too late.
+    """
 
     stream: str
     offset_ns: float
@@ -56,7 +74,15 @@ class SampleClockOffset(Feature):
 
 @dataclass(frozen=True, slots=True)
 class LinearInterpolation(Feature):
-    """Samples lie on straight lines between those of a lower rate, ``knot_rate_hz``."""
+    """Samples lie on straight lines between those of a lower rate.
+
+    Attributes
+    ----------
+    stream
+        ``pose``.
+    knot_rate_hz
+        The lower rate, Hz.
+    """
 
     stream: str
     knot_rate_hz: float
@@ -64,7 +90,15 @@ class LinearInterpolation(Feature):
 
 @dataclass(frozen=True, slots=True)
 class RepeatedSamples(Feature):
-    """So many samples of a stream equal the one before in every bit while the body moves."""
+    """Samples equal the one before in every bit while the body moves.
+
+    Attributes
+    ----------
+    stream
+        ``imu`` or ``pose``.
+    count
+        Number of such samples.
+    """
 
     stream: str
     count: int
@@ -72,35 +106,41 @@ class RepeatedSamples(Feature):
 
 @dataclass(frozen=True, slots=True)
 class ExcessNoise(Feature):
-    """White noise of a stream is larger than declared."""
+    """White noise of a stream is larger than declared.
+
+    Attributes
+    ----------
+    stream
+        ``pose``.
+    """
 
     stream: str
 
 
 def interpolation_of(poses: PoseSamples) -> CurvatureEvenness | None:
-    """Look for straight lines between every n-th position."""
+    """Return the most uneven curvature of positions over strides of several samples; None without any curvature."""
     resolution = stored_resolution(poses.positions_world_m)
     return find_interpolation(poses.times_ns, VectorSamples(poses.positions_world_m), resolution=resolution)
 
 
 def is_interpolated(interpolation: CurvatureEvenness | None) -> bool:
-    """Whether the curvature is too uneven for a motion that was sampled."""
+    """Whether the curvature is too uneven for a sampled motion."""
     return interpolation is not None and interpolation.evenness < LEAST_EVENNESS
 
 
 def rate_hz(poses: PoseSamples) -> float:
-    """Return the poses' own rate."""
+    """Return the rate of the poses, Hz."""
     return NS_PER_S / float(np.median(np.diff(poses.times_ns)))
 
 
 def frozen_poses(poses: PoseSamples) -> NDArray[np.intp]:
-    """Return poses that repeat the one before while the body moves."""
+    """Return the indices (n,) of poses that repeat the one before while the body moves."""
     samples = poses.positions_world_m, poses.orientations_xyzw
     return repeated_samples(*samples, roundings=[stored_resolution(values) for values in samples])
 
 
 def frozen_imu(imu: ImuSamples) -> NDArray[np.intp]:
-    """Return IMU samples that repeat the one before while others change."""
+    """Return the indices (n,) of IMU samples that repeat the one before while others change."""
     if len(imu.times_ns) < 2:
         return np.empty(0, dtype=np.intp)
     return repeated_samples(
@@ -109,9 +149,9 @@ def frozen_imu(imu: ImuSamples) -> NDArray[np.intp]:
 
 
 def timestamp_defects(facts: Facts, *streams: str) -> tuple[Feature, ...]:
-    """Return the defects that timestamps show by themselves, of each stream at most one.
+    """Return the defects that follow from timestamps alone, at most one of each stream.
 
-    Whatever is computed from the stream is disturbed by them.
+    Such a defect disturbs all estimates from the stream.
     """
     features: list[Feature] = []
     for stream in streams:
@@ -127,21 +167,26 @@ def timestamp_defects(facts: Facts, *streams: str) -> tuple[Feature, ...]:
 
 
 def pose_defects(facts: Facts, poses: PoseSamples, model: PoseModel) -> tuple[Feature, ...]:
-    """Return the defects of the poses themselves, of which some show in all that is computed from them.
+    """Return the defects of the poses themselves, which disturb estimates from them.
 
-    Timestamps come first: a coarse grid looks like straight lines, repeats and noise, so that these are then not looked
-    for. Nor is noise where straight lines or repeats would be taken for it.
+    Defects of timestamps are tested first. A coarse grid has the effects of straight lines, repeats and noise, so these
+    are then not tested. Noise is not tested where straight lines or repeats were detected.
 
     Parameters
     ----------
     facts
         With the clock of the poses.
     poses
-        All of the file, finite.
+        All finite poses of the file.
     model
         Declared noise of the poses.
+
+    Returns
+    -------
+    tuple
+        Empty where no defect is detected.
     """
-    # Defects of timestamps explain what the others would be taken for.
+    # Defects of timestamps also cause the features of the other defects.
     of_timestamps = timestamp_defects(facts, "pose")
     if of_timestamps:
         return of_timestamps

@@ -8,20 +8,28 @@ from fedora_qa.sequence.window import Window
 
 
 def why_no_static_depth(facts: Facts) -> str:
-    """Return why what moves by itself cannot be left out; empty where it can, or where nothing does."""
+    """Return why moving objects cannot be left out; empty where they can, or where no object moves by itself."""
     if facts.declared.flow_model != "scene" or masked_flows(facts):
         return ""
     return "objects move on their own (flow model 'scene'), and no mask says which"
 
 
 def masked_flows(facts: Facts) -> tuple[str, ...]:
-    """Return the flow streams that have masks of what moves by itself, the fastest first."""
+    """Return the flow streams that have masks of objects that move by themselves, the fastest first."""
     masked = (stream for stream in facts.flow_streams if f"path/{stream}_moving" in facts.sizes)
     return tuple(masked)[::-1]
 
 
 def has_static_depth(window: Window, frame: int) -> bool:
-    """Whether ``static_depth_m`` is not None, without decoding anything."""
+    """Whether ``static_depth_m`` is not None, without decoding an image; a mask may still be missing.
+
+    Parameters
+    ----------
+    window
+        A window of the sequence.
+    frame
+        Row of the depth stream.
+    """
     if window.facts.declared.flow_model != "scene":
         return True
     clocks, time_ns = window.facts.clocks, int(window.facts.clocks["depth"].times_ns[frame])
@@ -29,9 +37,21 @@ def has_static_depth(window: Window, frame: int) -> bool:
 
 
 def static_depth_m(window: Window, frame: int) -> NDArray[np.float32] | None:
-    """Return a depth frame, (H, W) in metres, with NaN where an object moves by itself.
+    """Return a depth frame with NaN where an object moves by itself.
 
-    The masks of flow mark these pixels, each at its field's start; None where no such field starts with the frame.
+    The masks of flow mark these pixels at the start of each field.
+
+    Parameters
+    ----------
+    window
+        A window of the sequence. It keeps the image.
+    frame
+        Row of the depth stream.
+
+    Returns
+    -------
+    ndarray of float32 or None
+        (H, W) m; None where objects may move by themselves and no masked field starts with the frame.
     """
     if window.facts.declared.flow_model != "scene":
         return window.depth_m(frame)

@@ -9,12 +9,16 @@ UNIT_FACTORS: Final = {
     32.0: "are wall-clock time of a simulation that ran 32 times slower",
     1e3: "are in nanoseconds",
 }
-"""What the ratio of a stream's duration to that of the others means: the mistakes that real files hold."""
+"""Meaning of the ratio of a stream's duration to that of the others, for the mistakes that occur in real files."""
 
 UNIT_WITHIN: Final = 0.2
-"""A duration farther than this from every factor is a matter of streams that end early (clocks.span)."""
+"""Largest relative difference from a factor. Durations farther from all factors are streams that end early
+(clocks.span)."""
 
 
 def unit_factor(ratio: float) -> float:
-    """Return the first factor of ``UNIT_FACTORS`` that a ratio of durations is near to; 1 where there is none."""
+    """Return the first factor of ``UNIT_FACTORS`` that a ratio of durations is near to; 1 where there is none.
+
+    Near means a relative difference of ``UNIT_WITHIN`` at most.
+    """
     return next((factor for factor in UNIT_FACTORS if abs(ratio / factor - 1) <= UNIT_WITHIN), 1.0)

@@ -47,7 +47,7 @@ PATCH_PX: Final = TILE_PX + 2 * HALO_PX
 """Side of a tile with its halo."""
 
 _NO_SMOOTHING: Final = np.ones(1, np.float32)
-"""Taps that leave an image as it is."""
+"""Taps of no smoothing."""
 
 _LARGEST_SHARE_IN_PARTS: Final = 0.3
 """Share of a frame's pixels up to which only the parts about the tiles are smoothed.
@@ -59,16 +59,16 @@ _LARGEST_SHARE_WITHOUT_MAPS: Final = 0.05
 """Share of a frame's pixels in tiles up to which edges of the depth are computed about these tiles only.
 
 Beyond it they are computed of the whole frame, once for the fields of all three rates. With 3.5% of 1440x1080 in tiles
-a field takes 0.9 ms without maps of the frame, and 1.3 ms with its share of them. Both give the same bits.
+a field takes 0.9 ms without maps of the frame, and 1.3 ms with its share of them. Both results are equal bit for bit.
 """
 
 _LARGEST_CHI2_PER_DOF: Final = 10.0
-"""A correction of the motion with a larger chi^2 per degree of freedom is not the work of the declared noise."""
+"""Largest chi^2 per degree of freedom of a correction of the motion that declared noise explains."""
 
 
 @dataclass(frozen=True, slots=True)
 class Optics:
-    """How pixels of the flow's grid map to pixels of the colour frames.
+    """Mapping of pixels of the flow's grid to pixels of the colour frames.
 
     Attributes
     ----------
@@ -84,20 +84,18 @@ class Optics:
 
 
 def optics_of(facts: Facts) -> Optics | str:
-    """Return how pixels of the flow's grid map to those of colour frames.
-
-    Flow lies on the grid of the depth camera.
+    """Return the mapping of pixels of the flow's grid, which is that of the depth camera, to those of colour frames.
 
     Parameters
     ----------
     facts
-        Of which the declared cameras ``rgb`` and ``depth`` are compared. Where either is not declared, flow and colour
-        are taken to have one grid.
+        With the declared cameras ``rgb`` and ``depth``. Where either is not declared, flow and colour are taken to have
+        one grid.
 
     Returns
     -------
     Optics or str
-        A sentence that says why where no homography maps the frames.
+        A sentence that gives the reason where no homography maps the frames.
     """
     cameras = facts.declared.cameras
     rgb, depth = cameras.get("rgb"), cameras.get("depth")
@@ -127,8 +125,10 @@ class FramePair:
 
     Attributes
     ----------
-    window, optics
-        Where frames are read from, and how the flow's grid maps to them.
+    window
+        Frames are read from it.
+    optics
+        Mapping of the flow's grid to the frames.
     before, after
         Rows of the colour frames at the start and at the end of the interval.
     """
@@ -242,10 +242,17 @@ def frame_pair(window: Window, optics: Optics, interval: Interval) -> FramePair 
 
     Parameters
     ----------
+    window
+        Frames are read from it.
     optics
-        How the flow's grid maps to colour frames.
+        Mapping of the flow's grid to colour frames.
     interval
         Of a field of flow.
+
+    Returns
+    -------
+    FramePair or None
+        None where an end of the interval has no frame with its timestamp.
     """
     clock = window.facts.clocks["rgb"]
     before, after = frame_at(clock, interval.start_ns), frame_at(clock, interval.end_ns)
@@ -255,28 +262,29 @@ def frame_pair(window: Window, optics: Optics, interval: Interval) -> FramePair 
 def visible(window: Window, interval: Interval, origins: Int64, fewest: int = 0) -> tuple[Mask, bool]:
     """Return which pixels of tiles both frames show.
 
-    By depth and the camera's motion where the file has both; otherwise by the flow itself, which excludes less.
+    Depth and the camera's motion decide where the file has both. Otherwise the flow decides, which excludes fewer
+    pixels.
 
     Parameters
     ----------
     window, interval
-        The field of flow is that of the interval.
+        A window of the sequence, and the interval of the field.
     origins
         (n, 2) first column and row of each tile, px on the flow's grid.
     fewest
-        Tiles with fewer visible pixels need not be exact: all of their pixels may be given as invisible.
+        In tiles with fewer visible pixels, all pixels may be returned as invisible.
 
     Returns
     -------
     visible
         (n, 32, 32) by tile.
     by_depth
-        Whether depth and motion decided it.
+        Whether depth and motion decided.
     """
     geometry = geometry_of(window, interval)
     if geometry is None:
-        # Invisible are pixels near a break of the flow, those that leave the image, and those that end where points of
-        # different flow meet, of which one must be occluded.
+        # Pixels are invisible near a break of the flow, where they leave the image, and where points of different flow
+        # meet: one of these must be occluded.
         stored = window.flow_px(interval.stream, interval.row)
         breaks, crowded = flow_conflicts(stored)
         columns, rows = pixels_of(origins, halo_px=0)
@@ -313,13 +321,14 @@ class Geometry:
     track
         Poses of the body, with the depth camera.
     motion
-        How points move in the depth camera (Z forward, X right, Y down) from the start to the end, as declared.
+        How points move in the depth camera (Z forward, X right, Y down) from the start to the end of the interval, as
+        declared.
     correction
-        Twist (6,), rad and m, by which the flow corrects a noisy motion; zero where it does not.
+        (6,) twist, rad and m, by which the flow corrects a noisy motion; zero where it does not.
     frames
         Rows of the depth frames at the start and at the end.
     uncertainty_px
-        How far the corrected motion may still misplace a pixel.
+        Standard deviation of a pixel's position by an uncorrected noisy motion, px; 0 otherwise.
     """
 
     track: PoseTrack
@@ -337,8 +346,18 @@ class Geometry:
 def geometry_of(window: Window, interval: Interval) -> Geometry | None:
     """Return depth frames and camera motion over an interval, computed once for all checks of the window.
 
-    None where the depth camera is not declared, where an end of the interval has no depth frame, or where no pose
-    covers it.
+    Parameters
+    ----------
+    window
+        A window of the sequence. It keeps the result.
+    interval
+        Of a field of flow.
+
+    Returns
+    -------
+    Geometry or None
+        None where the depth camera is not declared, where an end of the interval has no depth frame, or where no pose
+        covers it.
     """
     return window.once(("geometry", interval), lambda: _geometry(window, interval))
 

@@ -1,1 +1,1 @@
-"""Whether the cameras look at the same thing from where they are declared to be."""
+"""Alignment of the images of different cameras, by their declared positions and directions."""

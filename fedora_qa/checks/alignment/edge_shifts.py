@@ -11,7 +11,8 @@ from fedora_qa.features import Feature
 from fedora_qa.views.depth_edges import DepthEdges
 
 SIGNIFICANT: Final = 4.0
-"""Standard errors by which a peak must stand out: chance gives one among 17 places in 5 of 10,000 pictures."""
+"""Standard errors by which a peak must exceed the rest: noise gives such a peak at one of 17 positions in 5 of 10,000
+images."""
 
 _UNMEASURED_PX: Final = 1e6
 """Standard error of the shift along an axis without edges."""
@@ -37,14 +38,26 @@ class CameraPairShift(Feature):
 
 @dataclass(frozen=True, slots=True)
 class EventEdges(Feature):
-    """Whether edges of event counts stand out at the steps of depth."""
+    """Result of the search for edges of event counts at the steps of depth.
+
+    Attributes
+    ----------
+    significant
+        Whether such edges exceed their standard error by ``SIGNIFICANT``.
+    """
 
     significant: bool
 
 
 @dataclass(frozen=True, slots=True)
 class EdgeShifts:
-    """Shifts of edges to the right and down; None where there are too few steps of depth."""
+    """Shifts of image edges against steps of depth, in px of the image.
+
+    Attributes
+    ----------
+    right, down
+        Shift along the columns and along the rows; None where there are too few steps of depth.
+    """
 
     right: EdgeShift | None
     down: EdgeShift | None
@@ -63,7 +76,7 @@ class EdgeShifts:
 
     @property
     def significant(self) -> bool:
-        """Whether edges stand out at the steps of depth at all."""
+        """Whether the edges at the steps of depth exceed their standard error by ``SIGNIFICANT``."""
         return self.peak_fraction > SIGNIFICANT * self.peak_fraction_error
 
     def against_depth(self, camera: str) -> CameraPairShift | None:
@@ -74,7 +87,7 @@ class EdgeShifts:
         shifts = [
             (0.0, _UNMEASURED_PX)
             if shift is None
-            # Diagnosis weighs camera pairs by one error each, so that the bound enters it as well.
+            # Diagnosis weights each pair of cameras by one error, so this error includes the bound.
             else (shift.shift_px, float(np.hypot(shift.standard_error_px, shift.model_error_bound_px)))
             for shift in (self.right, self.down)
         ]

@@ -1,4 +1,4 @@
-"""Events against colour: place in the image, whatever their polarity and thresholds."""
+"""Events against colour: place in the image, for any polarity and thresholds."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -31,20 +31,20 @@ from fedora_qa.views.large_frames import is_large, turn_of
 Float64 = NDArray[np.float64]
 
 INTERVALS: Final = 3
-"""Frame intervals of a window that are correlated, evenly spread; shorter windows than usual take up to twice as many a
-second. More intervals share their errors: of a second of 1440 x 1080, 50 intervals constrain the shift no more than 30.
+"""Frame intervals of a window that are correlated, evenly spread; short windows use up to twice as many a second. The
+errors of more intervals are correlated: in 1 s of 1440x1080, 50 intervals constrain the shift no more than 30.
 """
 
 FEWEST_INTERVALS: Final = 4
 
 REACH_PX: Final = RADIUS_PX - PEAK_RADIUS_PX
-"""Farthest shift that is registered; farther ones are measured on blocks of pixels."""
+"""Largest shift that is registered at full resolution, px; larger ones are measured on blocks of pixels."""
 
 _MOST_GROUPS: Final = 12
 """Groups of successive intervals that are left out in turn."""
 
 LEAST_CORRELATION: Final = 0.1
-"""Below this, events and frames are not of one scene, and a peak is chance (unrelated ones reach 0.03)."""
+"""Least correlation coefficient of events and frames of one scene; unrelated ones reach 0.03."""
 
 _MATERIAL_PX: Final = 2.0
 
@@ -58,13 +58,14 @@ class IntervalCorrelations:
     auto, cross
         (k, s, s) correlation of the frames' absolute change with itself, and with the number of events.
     sums
-        (k, 4) absolute change of the pixels that fire, their events, and squares of all pixels' beyond the means.
+        (k, 4) absolute change of the pixels with events, number of their events, and sums of squares of both about
+        their means, over all pixels.
     slopes
-        (k, 3, 2) as ``slope_sums`` gives them: slopes of the level where pixels fire, slopes of its change everywhere.
+        (k, 3, 2) as in ``slope_sums``: slopes of the level at pixels with events, slopes of its change at all pixels.
     far
-        The same pixels at half the resolution, for shifts beyond the reach of ``cross``.
+        Correlations of the same pixels at half the resolution, for shifts beyond the reach of ``cross``.
     edges
-        The window's depth against colour and events, which separates a shift of the one camera from one of the other.
+        Edges of colour and of events at steps of depth, which separate a shift of one camera from that of the other.
     """
 
     auto: Float64
@@ -137,16 +138,16 @@ class AlignmentEvents(WindowCheck[IntervalCorrelations]):
         height = frames.uniform_dn.shape[1]
         auto, cross, sums, slopes, far = [], [], [], [], []
         for interval in chosen.tolist():
-            # In large frames each quarter of the image has its turn. What events leave open differs from place to place
-            # more than over time, so that all quarters together err as the whole image does: of 1 s of 1440x1080
-            # standard errors are 0.014 and 0.030 px, for 0.011 and 0.018, and limits, which are those of the lag for
-            # the most part, 9% and 23% larger.
+            # In large frames each interval uses one quarter of the image, in turn. The uncertainty that events leave
+            # differs from place to place more than over time, so all quarters together have the error of the whole
+            # image. In 1 s of 1440x1080 standard errors are 0.014 and 0.030 px, against 0.011 and 0.018 px; limits,
+            # mostly due to the lag, are 9% and 23% larger.
             rows = slice(None)
             if by_quarters:
                 quarter = int(4 * turn_of(int(frames.frames[interval])))
                 rows = slice(quarter * height // 4, (quarter + 1) * height // 4)
-            # The mean over a footprint is of linear intensity, the logarithm comes after it: averaged logarithms err by
-            # more at sharp edges. DARK_DN limits what rounding of dark pixels contributes.
+            # The mean over a footprint is taken of linear intensity, before the logarithm: averages of logarithms have
+            # larger errors at sharp edges. DARK_DN limits the effect of rounding in dark pixels.
             before, after = (np.log(frames.uniform_dn[frame, rows] + DARK_DN) for frame in (interval, interval + 1))
             error_before_dn, error_after_dn = frames.error_dn[interval, rows], frames.error_dn[interval + 1, rows]
             counts = np.ascontiguousarray(frames.counts[interval, :, rows])
@@ -154,9 +155,10 @@ class AlignmentEvents(WindowCheck[IntervalCorrelations]):
                 before, after, error_before_dn, error_after_dn, counts
             )
             slopes_of_interval = slope_sums(before, change, usable)
-            # Only pixels that fire lag behind the level; what events leave open concerns every usable pixel.
+            # Only pixels with events lag behind the level; the uncertainty that events leave concerns every usable
+            # pixel.
             slopes_of_interval[:2] = slope_sums(before, change, events > 0)[:2]
-            # Slopes are sums over pixels: a quarter counts as if all rows were like its own.
+            # Slopes are sums over pixels: those of a quarter are extrapolated to all rows.
             slopes_of_interval *= height / len(before)
             auto.append(auto_correlation(change, usable))
             cross.append(cross_correlation(change, events, usable))
@@ -177,7 +179,7 @@ class AlignmentEvents(WindowCheck[IntervalCorrelations]):
             np.concatenate([getattr(window, name) for window in state]) for name in ("auto", "cross", "sums", "slopes")
         )
         change, events, change_squares, event_squares = sums.sum(axis=0)
-        # A shift beyond the reach leaves no true peak within it, so that the coarse search has precedence.
+        # A shift beyond the reach has no peak within it, so the coarse search has precedence.
         far = far_shift(joined([window.far for window in state]), REACH_PX, LEAST_CORRELATION)
         if far is None:
             # Correlation coefficient: covariance over the root of both sums of squares; 1e-300 keeps it finite where
@@ -194,13 +196,14 @@ class AlignmentEvents(WindowCheck[IntervalCorrelations]):
                 registered_shift(all_auto - auto[g].sum(axis=0), all_cross - cross[g].sum(axis=0)) for g in groups
             ]
             fitted_px = [(each.right_px, each.down_px) for each in partial if each is not None]
-            # A peak that vanishes without one group rests on that group alone.
+            # A peak that does not exist without one group depends on that group alone.
             if len(fitted_px) < len(partial):
                 return Observation(coverage, unobservable="the peak depends on single stretches of time")
             spread_px = jackknife_errors(fitted_px)
         else:
             shift, spread_px = far.shift, far.errors_px
-        # Size of a step, C, from the data: absolute change of the pixels that fire over their events (class docstring).
+        # Size of a step, C, from the data: absolute change of the pixels with events over the number of these (class
+        # docstring).
         level_errors_px, lags_px = open_level_errors(slopes.mean(axis=0), float(change / events))
         # Not added: the spread over time contains the part of the open levels that differs between intervals.
         errors_px = np.maximum(spread_px, level_errors_px)

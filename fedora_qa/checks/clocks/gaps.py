@@ -16,14 +16,28 @@ from fedora_qa.sequence.facts import Facts
 
 @dataclass(frozen=True, slots=True)
 class DisorderedTimestamps(Feature):
-    """Number of distinct timestamps that are earlier than one before them, where they could fill all gaps."""
+    """Timestamps out of order that could fill all gaps.
+
+    Attributes
+    ----------
+    count
+        Number of distinct timestamps that are earlier than one before them.
+    """
 
     count: int
 
 
 @dataclass(frozen=True, slots=True)
 class ClockJump(Feature):
-    """By how much the first step that is no whole number of periods is too long, and its rounding."""
+    """The first step that is no whole number of periods.
+
+    Attributes
+    ----------
+    offset_ms
+        Excess of the step over a whole number of periods, ms.
+    rounding_ms
+        Error of the excess by rounding of timestamps, ms.
+    """
 
     offset_ms: float
     rounding_ms: float
@@ -71,14 +85,15 @@ class ClocksGaps(FactsCheck):
         statistics: list[Statistic] = []
         notices: list[Notice] = []
         for stream, fit in fits_of(facts):
-            # With jitter above a tenth of the period or half a grid a late sample is not separable from a missing one.
+            # With jitter above a tenth of the period or half a grid, a late sample is not distinguishable from a
+            # missing one.
             if not fit.regular:
                 jitter = f"jitter {fit.jitter_ns / NS_PER_US:.3g} us of a period of {fit.period_ns / NS_PER_US:.4g} us"
                 message = f"{stream} is irregular ({jitter}): gaps cannot be told"
                 notices.append(Notice("clocks.gaps.irregular", message, Where(stream)))
                 continue
-            # Samples that stand elsewhere leave a gap where they belong, as missing ones do. Rows that were written
-            # twice share one timestamp and fill one gap at most.
+            # Samples at another place leave a gap at their own place, as missing ones do. Rows that were written twice
+            # have one timestamp and fill one gap at most.
             clock = facts.clocks[stream]
             distinct = len(np.unique(clock.times_ns[~clock.advancing]))
             features: tuple[Feature, ...] = ()
@@ -121,7 +136,7 @@ class ClocksGaps(FactsCheck):
 
 
 def _behind(facts: Facts, stream: str, steps: NDArray[np.intp]) -> tuple[int | None, Where]:
-    """Return the row behind which the first of some steps between advancing timestamps lies, and its place."""
+    """Return the row before the first of some steps between advancing timestamps, and its place."""
     clock = facts.clocks[stream]
     # Steps are counted between advancing timestamps; flatnonzero gives back their rows in the file.
     first = int(np.flatnonzero(clock.advancing)[steps[0]]) if len(steps) else None

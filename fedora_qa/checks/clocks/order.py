@@ -29,7 +29,13 @@ class CounterWrap(Feature):
 
 @dataclass(frozen=True, slots=True)
 class RoundedRepeats(Feature):
-    """Repeated timestamps are those of a regular clock that was rounded to a grid above its period."""
+    """Repeated timestamps are those of a regular clock that was rounded to a grid above its period.
+
+    Attributes
+    ----------
+    grid_ms
+        The grid, ms.
+    """
 
     grid_ms: float
 
@@ -77,11 +83,11 @@ class ClocksOrder(FactsCheck):
             # Subtracted as int64 before any conversion: float64 seconds since 1970 lose 0.17 us.
             steps = np.diff(clock.times_ns)
             backward, repeated = np.flatnonzero(steps < 0), np.flatnonzero(steps == 0)
-            # Timestamps that were rounded to a grid above the period repeat as if samples had been written twice.
+            # Timestamps that were rounded to a grid above the period repeat, as those of samples that were written
+            # twice.
             rounded: tuple[Feature, ...] = ()
             if len(repeated) and is_rounded(clock.times_ns):
-                # A clock that was rounded to a grid above its period steps by 0 or by the grid: the longest step is the
-                # grid.
+                # Such a clock steps by 0 or by the grid: the longest step is the grid.
                 rounded = (RoundedRepeats(float(np.max(np.diff(clock.times_ns))) / NS_PER_MS),)
             # A part in another unit, a counter that wrapped and a clock that was set back step back as well.
             disorders: list[Feature] = []

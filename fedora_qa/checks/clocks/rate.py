@@ -18,10 +18,11 @@ _NTSC_HZ: Final = (24, 30, 48, 60, 120)
 """Rates of video that are also used divided by 1.001."""
 
 _NOMINAL_WITHIN: Final = 0.01
-"""A rate nearer than this to a nominal one is meant to be that."""
+"""Relative difference from a nominal rate within which a rate counts as that rate."""
 
 _LEAST_GRID_NS: Final = 10 * NS_PER_US
-"""Steps of a clock that drifts differ by its resolution; only by chance have they a larger divisor."""
+"""Least grid of rounded timestamps, ns: the steps of a drifting clock differ by its resolution, and have a larger
+divisor only by chance."""
 
 _WORST_ROUNDING: Final = 1.5
 """Slope, in grids over the span, when rounding moves the earlier half of all timestamps one way and the later the
@@ -32,7 +33,7 @@ _FEWEST_TIMESTAMPS: Final = 12
 """Least number in a segment: the scatter pooled over two segments then has twenty degrees of freedom."""
 
 _WANDER_PPM: Final = 10.0
-"""By how much the rate of a correct clock may change within a file: a quartz oscillator without compensation moves by
+"""Largest change of the rate of a correct clock within a file, ppm: a quartz oscillator without compensation changes by
 about 0.04 ppm per K^2 from 25 degrees C, 9 ppm over 15 K."""
 
 _MATERIAL_PPM: Final = 10_000.0
@@ -40,14 +41,28 @@ _MATERIAL_PPM: Final = 10_000.0
 
 @dataclass(frozen=True, slots=True)
 class RoundedClock(Feature):
-    """Timestamps never stray by more than this grid from the nominal rate, and all steps are multiples of it."""
+    """Timestamps that were rounded to a grid: they differ from the nominal rate by one step of the grid at most.
+
+    Attributes
+    ----------
+    grid_ms
+        The grid, ms, of which all steps are multiples.
+    """
 
     grid_ms: float
 
 
 @dataclass(frozen=True, slots=True)
 class SegmentRate(Feature):
-    """The rate error of the quarter of a stream that deviates most, and by how much rounding may move it."""
+    """Rate error of the quarter of a stream that deviates most.
+
+    Attributes
+    ----------
+    rate_ppm
+        Rate error, ppm.
+    rounding_ppm
+        Bound of its error by rounding of timestamps, ppm.
+    """
 
     rate_ppm: float
     rounding_ppm: float
@@ -122,8 +137,8 @@ class ClocksRate(FactsCheck):
             span_ns = float(np.ptp(times_ns[facts.clocks[stream].advancing]))
             least_grid_ns = max(NS_PER_US, fit.grid_ns)
 
-            # A grid that nearly divides the period leaves all steps alike but a few, as of another rate with jumps; one
-            # a little above the period leaves all alike but a few that are none.
+            # A grid that nearly divides the period makes all steps equal but a few, like another rate with jumps. A
+            # grid slightly above the period makes all steps equal but a few that are zero.
             steps_ns = np.diff(times_ns)
             grid_ns = int(np.gcd.reduce(steps_ns)) if len(steps_ns) else 0
             is_rounded = has_odd_grid_above_period(times_ns)
@@ -147,8 +162,8 @@ class ClocksRate(FactsCheck):
                 material=_MATERIAL_PPM,
                 features=(RoundedClock(grid_ns / NS_PER_MS),) if is_rounded else (),
             )
-        # Streams that keep a nominal rate show that the clock of the file is right: all timestamps are of one clock,
-        # and the other streams can be judged by it.
+        # If streams keep a nominal rate, the clock of the file is correct: all timestamps are of one clock, and the
+        # other streams can be judged by it.
         exact = [m for m in errors.values() if abs(m.value) <= m.model_error_bound + 3 * m.standard_error]
         changes = (
             _change(facts, stream, fit, _nominal_period_ns(stream, fit.period_ns))
@@ -173,10 +188,10 @@ class ClocksRate(FactsCheck):
 
 
 def _nominal_period_ns(stream: str, period_ns: float) -> float:
-    """Return the nominal period that is nearest; of flow the one in its name.
+    """Return the nearest nominal period, ns; for flow the one in the stream's name.
 
-    Nominal is a whole number of Hz, exactly or with its period rounded to whole microseconds as many recorders do, and
-    its 1000/1001 (29.97 Hz and the like).
+    Nominal rates are whole numbers of Hz, exactly or with a period rounded to whole microseconds (as many recorders
+    write), and 1000/1001 of video rates (29.97 Hz and others).
     """
     if stream.startswith("flow/"):
         return NS_PER_S / int(stream.removeprefix("flow/").removesuffix("hz"))
@@ -189,7 +204,7 @@ def _nominal_period_ns(stream: str, period_ns: float) -> float:
 
 
 def _change(facts: Facts, stream: str, fit: RegularClock, nominal_ns: float) -> Statistic | None:
-    """State how much the rate of a stream changes from one quarter to another; None where it is too short."""
+    """Return the change of the rate of a stream from one quarter to another; None where the stream is too short."""
     clock = facts.clocks[stream]
     rows = np.flatnonzero(clock.advancing)
     times_ns = clock.times_ns[rows]

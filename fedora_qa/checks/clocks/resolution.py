@@ -20,12 +20,21 @@ _ENOUGH_EVENTS: Final = 1000
 
 _SIGNIFICANT: Final = 10.0
 _AS_MUCH: Final = 0.8
-"""Deviate of combs that are no chance, and ratio to the most hits from which on a comb is hit as much (for naming)."""
+"""Least deviate of a significant comb, and least ratio of its hits to the most hits (both for the name of the step
+only)."""
 
 
 @dataclass(frozen=True, slots=True)
 class PartialGrid(Feature):
-    """The step of a grid that a part of the events keeps to, beside the tick that is declared."""
+    """Grid of a part of the events.
+
+    Attributes
+    ----------
+    step_us
+        Step of the grid, us.
+    tick_us
+        Declared tick, us.
+    """
 
     step_us: float
     tick_us: int
@@ -33,7 +42,21 @@ class PartialGrid(Feature):
 
 @dataclass(frozen=True, slots=True)
 class Comb:
-    """The comb that the timestamps of a window keep to least by chance: its step in us, ratio of teeth hit, deviate."""
+    """The least probable comb of the timestamps of a window.
+
+    Attributes
+    ----------
+    start_ns, stop_ns
+        Ends of the window, ns from the file's origin.
+    step_us
+        Step of the comb, us.
+    hit_ratio
+        Ratio of teeth with an event.
+    by_chance
+        Expected ratio if timestamps lie at random.
+    deviate
+        Excess of the hits in standard deviations.
+    """
 
     start_ns: int
     stop_ns: int
@@ -90,7 +113,7 @@ class ClocksResolution(WindowCheck[Comb]):
         return "" if facts.events is not None or facts.clocks else "the file has no stamps"
 
     def measure(self, window: Window) -> Comb | None:
-        """Return the comb that a part of the events keeps to, where a clean file shows none."""
+        """Return the comb of a part of the events, which correct files do not have."""
         facts, span = window.facts, window.span
         if facts.events is None or _why_events_show_none(facts):
             return None
@@ -101,11 +124,11 @@ class ClocksResolution(WindowCheck[Comb]):
         timestamps = within // NS_PER_US + round(facts.origin_us)
         counts = comb_counts(timestamps if tick_us == 1 else timestamps // tick_us)
         deviates = counts.deviates()
-        # No comb is hit more than chance would.
+        # No comb has more hits than expected by chance.
         if not deviates.max() > 0:
             return None
         hit_ratios = counts.hits / np.maximum(counts.teeth, 1)
-        # Of a grid many combs are hit: it is the finest of those that are hit most.
+        # A grid also hits many other combs: its own comb is the finest of those with the most hits.
         significant = deviates >= min(float(deviates.max()), _SIGNIFICANT)
         best = int(np.flatnonzero(significant & (hit_ratios >= _AS_MUCH * hit_ratios[significant].max()))[0])
         return Comb(
@@ -151,12 +174,12 @@ class ClocksResolution(WindowCheck[Comb]):
         return replace(observation, measurements=(*grids, partial_grid))
 
     def examine(self, facts: Facts) -> Observation:
-        """Measure the grid of each stream whose timestamps show one."""
+        """Measure the grid of each stream whose timestamps determine one."""
         grids: list[Statistic] = []
         for stream, fit in fits_of(facts):
-            # Equal steps are multiples of every divisor of the period; only unequal ones identify a grid.
+            # Equal steps are multiples of every divisor of the period; only unequal steps determine a grid.
             if fit.irregular_steps:
-                # Whole microseconds are 1, and what is finer counts as 1.
+                # A grid of whole microseconds is 1; a finer one counts as 1.
                 grid_us = fit.grid_ns / NS_PER_US
                 steps_us = np.full(fit.irregular_steps, grid_us)
                 if grid_us > 1 and fit.jitter_ns < fit.period_ns and surely_no_chance(steps_us):
@@ -165,7 +188,7 @@ class ClocksResolution(WindowCheck[Comb]):
                     # The spacing of float32 numbers grows with their size, so that it is that of the absolute time.
                     times_us = facts.origin_us + facts.clocks[stream].times_ns / NS_PER_US
                     spacing_us = single_precision_spacing_us(times_us)
-                    # Whole seconds, say, are single-precision seconds too.
+                    # A coarser grid, such as whole seconds, is also one of single-precision numbers.
                     is_single = grid_us < spacing_us
                     grid_us = spacing_us if is_single else 1.0
                     clause = f"are single-precision seconds, {spacing_us:.3g} us apart" if is_single else ""

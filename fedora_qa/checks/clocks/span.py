@@ -15,7 +15,17 @@ from fedora_qa.sequence.facts import Facts
 
 @dataclass(frozen=True, slots=True)
 class StreamEnds(Feature):
-    """How much later a stream begins, and earlier it ends, than the median of all; and how long that one lasts."""
+    """Ends of a stream against the median of all streams.
+
+    Attributes
+    ----------
+    begins_later_ns
+        Start of the stream less the median start, ns.
+    ends_earlier_ns
+        Median end less the end of the stream, ns.
+    median_duration_ns
+        Median end less median start, ns.
+    """
 
     begins_later_ns: float
     ends_earlier_ns: float
@@ -24,7 +34,13 @@ class StreamEnds(Feature):
 
 @dataclass(frozen=True, slots=True)
 class CutOfSeveralRates(Feature):
-    """Two rates of flow or more are cut at this end, and each other is so slow that it could not show the same cut."""
+    """Two or more rates of flow are cut at this end, and no other rate has a period short enough to detect the cut.
+
+    Attributes
+    ----------
+    rates
+        The streams that are cut.
+    """
 
     rates: tuple[str, ...]
 
@@ -128,14 +144,14 @@ class ClocksSpan(FactsCheck):
 
 
 def _over_several_rates(statistics: Sequence[Statistic], rates: Sequence[str]) -> list[Statistic]:
-    """Add where two rates or more are cut, and no other could show it at its own slower pace."""
+    """Add the feature ``CutOfSeveralRates`` where two or more rates are cut and no other rate contradicts the cut."""
     completed = list(statistics)
     for code in {m.code for m in statistics}:
         of_flow = [i for i, m in enumerate(statistics) if m.code == code and m.where.stream in rates]
         cut = [i for i in of_flow if statistics[i].value > statistics[i].model_error_bound]
         uncut = [statistics[i] for i in of_flow if i not in cut]
         largest = max((statistics[i].value for i in cut), default=0.0)
-        # Every uncut rate must be compatible with the largest cut: its own bound, of about its period, hides it.
+        # Every uncut rate must be compatible with the largest cut within its own bound, which is about its period.
         if len(cut) > 1 and all(m.value > 0 and largest <= m.value + m.model_error_bound for m in uncut):
             feature = CutOfSeveralRates(tuple(statistics[i].where.stream or "" for i in cut))
             for i in cut:

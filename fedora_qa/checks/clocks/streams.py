@@ -1,4 +1,4 @@
-"""What the checks of clocks share: streams that can be fitted, extents, coverage, and patterns of their timestamps."""
+"""Shared by the checks of clocks: streams that can be fitted, extents, coverage, and patterns of their timestamps."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -18,16 +18,19 @@ _FEWEST_STEPS: Final = 3
 """Steps of a part of the stream that must agree in another unit: a single long one is a gap."""
 
 _BEHIND: Final = 2
-"""k samples in reverse make k - 1 steps back and as many timestamps that lie behind; a clock that was set back makes
-one step, behind which many lie."""
+"""Least ratio of timestamps behind an earlier one to steps back. k samples in reverse order have k - 1 steps back and k
+- 1 timestamps behind; a clock that was set back has one step back and many timestamps behind."""
 
 
 @dataclass(frozen=True, slots=True)
 class ClockSetBack(Feature):
-    """Whole runs of samples stand behind others.
+    """A clock that was set back, so that runs of samples have earlier timestamps than the samples before.
 
-    ``offset_ms`` is how late timestamps before the first step back are, where they leapt ahead by as much, else how
-    early those after it.
+    Attributes
+    ----------
+    offset_ms
+        Clock offset of the wrong part, ms: of the part before the step back if a step forwards of the same length
+        precedes it, else of the part after it.
     """
 
     offset_ms: float
@@ -35,7 +38,15 @@ class ClockSetBack(Feature):
 
 @dataclass(frozen=True, slots=True)
 class PartInOtherUnit(Feature):
-    """Successive steps, from ``first_row`` to ``last_row``, that are all too long or too short by a factor of units."""
+    """Successive steps that are all too long or too short by a factor of units.
+
+    Attributes
+    ----------
+    factor
+        The factor.
+    first_row, last_row
+        First and last row of the part, both included.
+    """
 
     factor: float
     first_row: int
@@ -73,7 +84,22 @@ def extent_ns(clock: Clock) -> tuple[int, int]:
 
 
 def file_us(facts: Facts, times_ns: NDArray[np.int64], row: int | None) -> float | None:
-    """Return the timestamp of a row on the file's own clock, None where there is no such row."""
+    """Return the timestamp of a row on the clock of the file, us; None where there is no such row.
+
+    Parameters
+    ----------
+    facts
+        With the file's origin.
+    times_ns
+        (n,) timestamps of a stream, ns from the file's origin.
+    row
+        Row of the stream.
+
+    Returns
+    -------
+    float or None
+        Us.
+    """
     return None if row is None or row >= len(times_ns) else facts.to_file_us(float(times_ns[row]))
 
 
@@ -106,17 +132,21 @@ def clock_set_back(clock: Clock, backward: NDArray[np.intp]) -> ClockSetBack | N
         Of a sampled stream.
     backward
         (k,) rows before the steps back.
+
+    Returns
+    -------
+    ClockSetBack or None
+        None without steps back, and where single samples were exchanged.
     """
-    # Single exchanged samples leave few timestamps behind for each step back, a clock that was set leaves many
-    # (_BEHIND).
+    # Exchanged samples have few timestamps behind for each step back; a clock that was set back has many (_BEHIND).
     if not len(backward) or int(np.count_nonzero(~clock.advancing)) <= _BEHIND * len(backward):
         return None
     first = int(backward[0])
     steps_ns = np.diff(clock.times_ns)
     period_ns = float(np.median(steps_ns))
     ahead_ns, back_ns = float(steps_ns[: first + 1].max()) - period_ns, float(steps_ns[first]) - period_ns
-    # A leap ahead of about the same length precedes the step back where the clock was ahead in between; without one the
-    # clock is behind from the step on.
+    # If a step forwards of about the same length precedes the step back, the clock was ahead between both steps.
+    # Otherwise the clock is behind from the step back on.
     return ClockSetBack((ahead_ns if abs(ahead_ns + back_ns) <= period_ns else back_ns) / NS_PER_MS)
 
 
@@ -132,14 +162,23 @@ def durations_ns(facts: Facts) -> dict[str, float]:
 
 
 def reference_duration_ns(facts: Facts, durations: dict[str, float]) -> float | None:
-    """Return the duration that the names of the flow rates promise, else the median of all; None with fewer than two.
+    """Return the duration that the rates of flow imply, else the median of all; None with fewer than two.
+
+    Only durations above zero count for the median.
 
     Parameters
     ----------
+    facts
+        With the clocks of flow.
     durations
-        As ``durations_ns`` has them.
+        Duration of each stream, ns, as by ``durations_ns``.
+
+    Returns
+    -------
+    float or None
+        Ns.
     """
-    # Intervals of flow abut, so that n fields of a rate f last n / f.
+    # Intervals of flow abut, so n fields of a rate f last n / f.
     promised_ns = [
         len(facts.clocks[stream].times_ns) * NS_PER_S / int(stream.removeprefix("flow/").removesuffix("hz"))
         for stream in facts.flow_streams
@@ -152,9 +191,22 @@ def reference_duration_ns(facts: Facts, durations: dict[str, float]) -> float | 
 
 
 def part_in_other_unit(facts: Facts, stream: str) -> PartInOtherUnit | None:
-    """Return the longest part of a stream whose steps are all too long or too short by one factor of units.
+    """Return the longest run of steps of a stream that are all too long or too short by one factor of units.
 
-    The right length of a step is the duration that all streams share, over the number of samples.
+    The correct length of a step is the duration that all streams share over the number of steps. The first factor with
+    a run of ``_FEWEST_STEPS`` counts.
+
+    Parameters
+    ----------
+    facts
+        With the clocks of all streams.
+    stream
+        A sampled stream.
+
+    Returns
+    -------
+    PartInOtherUnit or None
+        None where no run is long enough.
     """
     times_ns = facts.clocks[stream].times_ns
     reference_ns = reference_duration_ns(facts, durations_ns(facts))

@@ -24,19 +24,29 @@ Float64 = NDArray[np.float64]
 _MOST_FOLLOW_UPS: Final = 4
 
 _TILES: Final = (8, 6)
-"""Tiles across and down: large enough that each holds a surface, small enough that a lost corner shows."""
+"""Tiles across and down: large enough that each holds a surface, small enough to detect a wrong corner of the image."""
 
 _FEWEST_IN_TILE: Final = 20
-"""Pixels of which the median of noise exceeds twice its own bound in no file."""
+"""Least number of pixels of a tile: a median of noise over so many exceeds twice its bound in no file."""
 
 _PERCENT: Final = 100.0
 _MATERIAL_PERCENT: Final = 1.0
-"""A deviation that moves no use of the depth by more than a hundredth of it."""
+"""Material deviation of depth, percent."""
 
 
 @dataclass(frozen=True, slots=True)
 class PairsOff(Feature):
-    """How many pairs of depth frames exceed their bounds, of all; and how many of these hold one frame twice."""
+    """Pairs of depth frames that exceed their bounds.
+
+    Attributes
+    ----------
+    off
+        Number of pairs with a residual above its bound.
+    compared
+        Number of compared pairs.
+    repeated
+        Number of deviating pairs whose frames are equal bit for bit.
+    """
 
     off: int
     compared: int
@@ -45,40 +55,56 @@ class PairsOff(Feature):
 
 @dataclass(frozen=True, slots=True)
 class MotionCorrections(Feature):
-    """Mean square of the corrections of the motion, in units of their declared variance."""
+    """Corrections of the motion against their declared noise.
+
+    Attributes
+    ----------
+    variance_ratio
+        Mean square of the corrections over their declared variance.
+    """
 
     variance_ratio: float
 
 
 @dataclass(frozen=True, slots=True)
 class DepthDeviation:
-    """A median absolute residual, relative to the depth, and the median of its bounds."""
+    """A median absolute residual of inverse depth, relative to the depth.
+
+    Attributes
+    ----------
+    typical
+        The median residual, a share of the depth.
+    bound
+        Median of the bounds of the residuals, likewise.
+    """
 
     typical: float
     bound: float
 
     @property
     def excess(self) -> float:
-        """The residual over its bound: above 1 most pixels deviate by more than they may."""
+        """Ratio of the residual to its bound: above 1 most pixels exceed their bounds."""
         return self.typical / self.bound
 
 
 @dataclass(frozen=True, slots=True)
 class PairAgreement:
-    """One pair of frames.
+    """Comparison of one pair of frames.
 
     Attributes
     ----------
     first, second
         Rows of the depth stream.
     whole, worst_tile, tile
-        Over all compared pixels; in the tile that is off most; and that tile: left, top, right, bottom, in pixels.
+        Deviation over all compared pixels; that of the tile with the largest excess; and this tile: left, top, right,
+        bottom, px, or None without one.
     pixels
-        How many pixels were compared.
+        Number of compared pixels.
     noise_square, noise_dof
-        The correction of the motion against its declared noise (chi-square); 0 where none is declared.
+        chi^2 of the correction of the motion under its declared noise, and its degrees of freedom; 0 where none is
+        declared.
     repeats
-        Whether a pair that is off holds the same frame twice, bit for bit.
+        Whether the pair deviates and its frames are equal bit for bit.
     """
 
     first: int
@@ -93,14 +119,28 @@ class PairAgreement:
 
     @property
     def excess(self) -> float:
-        """Above 1 where the pair, or a tile of it, is off, or the motion by ten times the variance of its noise."""
+        """Above 1 where the pair or a tile exceeds its bound, or the correction ten times the variance of the noise."""
         by_noise = self.noise_square / (10 * self.noise_dof) if self.noise_dof > 0 else 0.0
         return max(self.whole.excess, self.worst_tile.excess, by_noise)
 
 
 @dataclass(frozen=True, slots=True)
 class WindowAgreement:
-    """The pairs that a window owns, those that could not be compared, and the trials of a follow-up."""
+    """The pairs of a window.
+
+    Attributes
+    ----------
+    window
+        Number of the window.
+    pairs
+        Compared pairs.
+    without_pose
+        Number of pairs that no pose covers.
+    too_few_pixels
+        Number of pairs that share too few pixels.
+    trials
+        Trials of a follow-up.
+    """
 
     window: int
     pairs: tuple[PairAgreement, ...] = ()
@@ -175,17 +215,17 @@ class DepthConsistency(WindowCheck[WindowAgreement]):
         return tuple(chosen[:_MOST_FOLLOW_UPS])
 
     def follow_up(self, state: list[WindowAgreement], window: Window) -> None:
-        """Try inverse transforms on the middle one of the window's pairs that are off.
+        """Try inverse transforms on the middle one of the window's deviating pairs.
 
-        The worst pair may be one between whose frames a fault begins or ends.
+        A fault may begin or end between the frames of the worst pair.
         """
         of_window = [pair for summary in state if summary.window == window.span.index for pair in summary.pairs]
         off = sorted((pair for pair in of_window if pair.excess > 1), key=lambda pair: pair.excess)
-        # The median of the deviating pairs: a fault may begin or end between the frames of the worst one.
+        # The median of the deviating pairs (see the docstring).
         chosen = off[(len(off) - 1) // 2]
         for pair in owned_pairs(window):
             if pair is not None and pair.first == chosen.first:
-                # One tile that is off, in frames that agree otherwise, is tried by itself.
+                # A single deviating tile, in frames that agree otherwise, is tried alone.
                 local = chosen.whole.excess <= 1 and chosen.noise_square <= 0
                 residual, tile = (chosen.worst_tile.typical, chosen.tile) if local else (chosen.whole.typical, None)
                 trials = try_conventions(pair.whole(), residual, tile)
@@ -259,12 +299,13 @@ class DepthConsistency(WindowCheck[WindowAgreement]):
 
 
 def _corrections(pairs: Sequence[PairAgreement], facts: Facts, features: tuple[Feature, ...]) -> list[Statistic]:
-    """State the corrections against the declared noise: of every second pair together (no common pose), and the worst.
+    """Return the statistics of the corrections against the declared noise: of every second pair, and of the worst.
 
-    With Q chi-square of n degrees of freedom, (Q/n)^(1/3) is normal about 1 - 2/(9n) with variance 2/(9n) (Wilson and
-    Hilferty, PNAS 17 (1931) 684; at n = 6 its five-sigma tails are right within a factor of three).
+    Every second pair, because neighbouring pairs share a pose. With Q chi-square of n degrees of freedom, (Q/n)^(1/3)
+    is normal about 1 - 2/(9n) with variance 2/(9n) (Wilson and Hilferty, PNAS 17 (1931) 684); at n = 6 its five-sigma
+    tails are right within a factor of three.
     """
-    # Pairs that constrain less than one direction of the noise have no chi-square to speak of.
+    # Pairs that constrain less than one direction of the noise are left out.
     corrected = [pair for pair in pairs if pair.noise_dof >= 1]
     if not corrected:
         return []
@@ -330,7 +371,7 @@ def compare(pair: DepthPair) -> PairAgreement | None:
         None where the frames share too few pixels.
     """
     model, lattice = pair.model(), pair.lattice()
-    # Declared pose noise moves all pixels alike: without this correction it would count as an error of depth.
+    # Declared pose noise moves all pixels together: without this correction it would count as an error of depth.
     fit = pair.fit_as_declared()
     if fit is None:
         return None
@@ -357,7 +398,7 @@ def compare(pair: DepthPair) -> PairAgreement | None:
         # The lattice has every ``every_px``-th pixel of the frame.
         tile_px = (pair.every_px * left, pair.every_px * top, pair.every_px * right, pair.every_px * bottom)
 
-    # Only pairs that are off are compared value by value.
+    # Only deviating pairs are compared value by value.
     repeats = max(whole.excess, worst_tile.excess) > 1 and np.array_equal(
         pair.window.depth_m(pair.first), pair.window.depth_m(pair.second), equal_nan=True
     )
@@ -387,14 +428,16 @@ def medians_by_group(
     groups
         (n,) group of each row, less than ``count``.
     count
-        How many groups there are.
+        Number of groups.
     fewest
         Groups of fewer rows have no medians.
 
     Returns
     -------
-    tuple[NDArray[np.float64], NDArray[np.float64]]
-        (count,) of either column; NaN in groups of fewer than ``fewest``.
+    first_medians
+        (count,); NaN in groups of fewer than ``fewest`` rows.
+    second_medians
+        (count,) likewise.
     """
     ends = np.zeros(count + 1, np.int64)
     for group in groups:

@@ -1,4 +1,4 @@
-"""One number about all depth, fitted to pairs of frames: the scale, and whether it is z or the length of the ray."""
+"""One parameter of all depth, fitted to pairs of frames: the scale, or the exponent of the ray length."""
 
 from abc import abstractmethod
 from collections.abc import Sequence
@@ -19,12 +19,18 @@ from fedora_qa.views.depth_pairs import DepthPair, owned_pairs, where_of_frames,
 from fedora_qa.views.flow_intervals import depths_plausible
 
 _FAR: Final = 3.0
-"""Pairs so many sigmas from the median count half."""
+"""Distance from the median, in sigmas, at which a pair has half the weight."""
 
 
 @dataclass(frozen=True, slots=True)
 class ResidualReduction(Feature):
-    """Share of the typical residual of depth pairs that the fitted parameter removes, 0 to 1."""
+    """Effect of the fitted parameter on the residuals of depth pairs.
+
+    Attributes
+    ----------
+    share
+        Share of the typical residual that the parameter removes, 0 to 1.
+    """
 
     share: float
 
@@ -38,14 +44,14 @@ class PairParameter:
     first, second
         Rows of the depth stream.
     value, standard_error, bound
-        The parameter, its random error, and its error in the worst direction.
+        The parameter, its standard error, and a bound of its error by the model.
     declared_residual, fit_residual
         Typical (median absolute relative) residuals as declared and after the fit; the former is infinite where the
         frames cannot be compared as declared.
     plausible
         Whether the depths lie in the declared range.
     path_factor
-        How many times too long the camera's path is, were it at fault instead of the depths; NaN where not fitted.
+        Factor by which the camera's path is too long if the depths are correct; NaN where not fitted.
     """
 
     first: int
@@ -61,7 +67,15 @@ class PairParameter:
 
 @dataclass(frozen=True, slots=True)
 class PooledParameter:
-    """The parameter of all pairs together; ``residual_reduction`` is the share of the typical residual it removes."""
+    """The parameter of all pairs together.
+
+    Attributes
+    ----------
+    value, standard_error, bound
+        As in ``PairParameter``.
+    residual_reduction
+        Share of the typical residual that the parameter removes, 0 to 1.
+    """
 
     value: float
     standard_error: float
@@ -89,10 +103,18 @@ class FittedParameter(WindowCheck[tuple[PairParameter, ...]]):
 
     @abstractmethod
     def family(self, pair: DepthPair) -> Family:
-        """Return the models of a pair by the parameter's value."""
+        """Return the models of a pair as a function of the parameter."""
 
     def path_factor(self, pair: DepthPair, fit: DepthFit) -> float:
-        """Return how many times too long the path would be instead of the depths; NaN where it has no such factor."""
+        """Return the factor by which the path is too long if the depths are correct; NaN for other parameters.
+
+        Parameters
+        ----------
+        pair
+            The pair of frames.
+        fit
+            Fit of the parameter to the pair.
+        """
         return float("nan")
 
     def pooled(self, fits: Sequence[PairParameter]) -> PooledParameter | None:
@@ -101,7 +123,15 @@ class FittedParameter(WindowCheck[tuple[PairParameter, ...]]):
 
     @abstractmethod
     def statistic(self, pooled: PooledParameter, fits: Sequence[PairParameter]) -> Statistic:
-        """State the parameter."""
+        """Return the statistic of the parameter.
+
+        Parameters
+        ----------
+        pooled
+            The parameter of all pairs together.
+        fits
+            The parameter of each pair, in the order of frames.
+        """
 
     def measure(self, window: Window) -> tuple[PairParameter, ...] | None:
         """Fit every pair that the window owns."""
@@ -151,11 +181,11 @@ class FittedParameter(WindowCheck[tuple[PairParameter, ...]]):
 
 
 def pool(fits: Sequence[PairParameter]) -> PooledParameter | None:
-    """Average the pairs, each weighted by its precision; None where there is none.
+    """Return the weighted mean of the parameters of pairs; None without pairs.
 
-    Pairs that share a pose err against each other, so that their average errs by less than is stated. Where pairs
-    spread more than they should, the spread is the standard error; pairs far from the others weigh less (Cauchy's
-    weights), so that single bad frames do not lead.
+    Pairs that share a pose have errors of opposite sign, so the error of their mean is less than stated. Where pairs
+    scatter more than their errors, the scatter gives the standard error. Pairs far from the others have less weight
+    (Cauchy's weights), so that single bad frames do not dominate.
     """
     if not fits:
         return None

@@ -1,4 +1,4 @@
-"""Which length a depth is: along the optical axis, or along the ray."""
+"""Direction of depths: along the optical axis, or along the ray."""
 
 from collections.abc import Sequence
 from typing import Final
@@ -9,7 +9,7 @@ from fedora_qa.estimators.depth.pair_fit import Family
 from fedora_qa.views.depth_pairs import DepthPair
 
 _MATERIAL: Final = 0.5
-"""Depths are z or lengths of rays: an error of half the difference leaves it open which."""
+"""Material error of the exponent: half the difference of z (0) and ray length (1)."""
 
 
 class DepthProjection(FittedParameter):

@@ -1,4 +1,4 @@
-"""The values of depth: between which ends they lie, whether they pile up there, and in which steps they come."""
+"""The values of depth: their range, clipping at its ends, and their steps."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -29,7 +29,15 @@ _COARSE: Final = 1e-3
 
 @dataclass(frozen=True, slots=True)
 class DepthExtent(Feature):
-    """The nearest and farthest valid depth of the file, and the declared range, metres."""
+    """Extremes of the depths of a file.
+
+    Attributes
+    ----------
+    nearest_m, farthest_m
+        Nearest and farthest valid depth, m.
+    range_m
+        The declared range, m.
+    """
 
     nearest_m: float
     farthest_m: float
@@ -38,9 +46,20 @@ class DepthExtent(Feature):
 
 @dataclass(frozen=True, slots=True)
 class FrameExtent:
-    """One depth frame: its ends in metres, and the pixels on each end of the range and close to it.
+    """Extremes of one depth frame, and its pixels at the ends of the range.
 
-    ``contour`` is its width and height together: as many pixels as a line of equal depth has.
+    Attributes
+    ----------
+    frame
+        Row of the frame.
+    nearest_m, farthest_m
+        Nearest and farthest valid depth, m.
+    contour
+        Width plus height of the frame, px: the number of pixels of a line of equal depth.
+    on_end
+        Number of pixels on the near and on the far end of the declared range.
+    near_end
+        Number of pixels close to the near and to the far end, without those on it.
     """
 
     frame: int
@@ -53,7 +72,15 @@ class FrameExtent:
 
 @dataclass(frozen=True, slots=True)
 class WindowExtents:
-    """The frames of a window, and the step of their depths."""
+    """Extremes of the frames of a window.
+
+    Attributes
+    ----------
+    frames
+        Frames with a valid pixel.
+    step
+        Step of their depths; None where they are as fine as float32.
+    """
 
     frames: tuple[FrameExtent, ...]
     step: DepthStep | None
@@ -103,7 +130,7 @@ class DepthRange(WindowCheck[WindowExtents]):
         range_m = window.facts.declared.depth_range_m
         # Neighbourhoods are relative to the end: one at 0 m has none.
         ends_m = [(i, end_m) for i, end_m in enumerate(range_m or ()) if end_m > 0]
-        # A little more than the neighbourhood: its ends are rounded to single precision.
+        # Slightly more than the neighbourhood, whose ends are rounded to single precision.
         width = 2 * _NEIGHBOURHOOD
         near_ends = [(end_m * (1 - width), end_m * (1 + width)) for _, end_m in ends_m]
         frames = []

@@ -1,4 +1,4 @@
-"""The scale of depth: how far points lie, measured by how they move when the camera does."""
+"""The scale of depth, from the parallax of points under the camera's motion."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -21,25 +21,25 @@ from fedora_qa.views.depth_pairs import DepthPair
 Parameter = TypeVar("Parameter", PairParameter, PooledParameter)
 
 _SIGNIFICANT: Final = 10.0
-"""Errors from 1 at which a pair's factor is wrong, whatever the file's false-alarm rate."""
+"""Standard errors from 1 at which the factor of a pair is wrong at any false-alarm rate of a file."""
 
 _RELATIVE_STEP: Final = 1e-3
-"""Share of the factor by which it is changed to differentiate by it."""
+"""Relative step of the numerical derivative by the factor."""
 
 _MATERIAL: Final = 0.5
-"""Metres, millimetres, feet, yards: units differ by more, but for the last of them."""
+"""Material error of the scale: units (m, mm, ft) differ by more."""
 
 
 @dataclass(frozen=True, slots=True)
 class PathScale(Feature):
-    """The scale as one of the camera's path.
+    """The scale if it is a fault of the camera's path.
 
     Attributes
     ----------
     factor
-        How many times too long the path would be, were the depths right; None where it could not be fitted.
+        Factor by which the path is too long if the depths are correct; None where it could not be fitted.
     depths_plausible
-        Whether most pairs' depths lie in the declared range.
+        Whether the depths of most pairs lie in the declared range.
     """
 
     factor: float | None
@@ -92,15 +92,26 @@ class DepthScale(FittedParameter):
         return pair.scaled
 
     def path_factor(self, pair: DepthPair, fit: DepthFit) -> float:
-        """Fit, where the factor is surely not 1, that of the positions instead: the lever arm does not scale with them.
+        """Return the factor by which the path is too long if the depths are correct; NaN where the scale is about 1.
 
-        The fit begins from the path that the factor of the depths asks for; a factor of zero, of positions beyond all
-        measure, asks for none.
+        The fit starts at the factor of the depths. The lever arm does not scale with the positions.
+
+        Parameters
+        ----------
+        pair
+            The pair of frames.
+        fit
+            Fit of the factor of the depths.
+
+        Returns
+        -------
+        float
+            NaN also where the factor of the depths is zero.
         """
         # A factor that is 1 within ten errors leaves no scale to assign to the path.
         if not fit.value or abs(fit.value - 1) <= _SIGNIFICANT * (fit.standard_error + fit.bound):
             return float("nan")
-        # Depths that are too large by a factor look like positions that are too small by it.
+        # Depths that are too large by a factor have the effect of positions that are too small by it.
         path_fit = fit_depth(
             pair.with_path, pair.lattice_to_fit(), pair.image1, pair.noise,
             start=fit.value, step=_RELATIVE_STEP * abs(fit.value),
@@ -108,12 +119,15 @@ class DepthScale(FittedParameter):
         return 1 / path_fit.value if path_fit is not None and path_fit.value else float("nan")
 
     def pooled(self, fits: Sequence[PairParameter]) -> PooledParameter | None:
-        """Pool reciprocals: noise of the positions is normal in the path over the depths, and skew the other way."""
+        """Pool the reciprocals of the factors.
+
+        With noise of the positions, the ratio of path to depths is normal, and its reciprocal is skewed.
+        """
         pooled = pool([_reciprocal(fit) for fit in fits if fit.value != 0])
         return None if pooled is None or pooled.value == 0 else _reciprocal(pooled)
 
     def statistic(self, pooled: PooledParameter, fits: Sequence[PairParameter]) -> Statistic:
-        """State the factor by which depths are too large beside the positions."""
+        """Return the factor by which depths are too large against the positions."""
         path_factors = np.array([fit.path_factor for fit in fits])
         fitted = path_factors[np.isfinite(path_factors)]
         path_scale = PathScale(

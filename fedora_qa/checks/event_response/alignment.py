@@ -44,15 +44,16 @@ Float64 = NDArray[np.float64]
 
 INTERVALS: Final = 3
 INTERVALS_OF_LARGE: Final = (2, 1)
-"""Frame intervals of 0.2 s that are correlated, evenly spread; fewer of large sensors, as errors hardly fall with their
-number: limits of 1 s of 640x480 grow by 2 to 5% with two, by another 3 to 4% with one. One suffices in files from 1.6 s
-on, where images are read as densely as by ``full``, which leaves out no window."""
+"""Frame intervals in 0.2 s that are correlated, evenly spread. Large sensors use fewer, as errors hardly depend on
+their number: limits of 1 s of 640x480 grow by 2 to 5% with two intervals, by another 3 to 4% with one. One suffices in
+files of 1.6 s or more whose images are read as densely as by ``full``, which leaves out no window."""
 
 _DENSE_PX: Final = 0.2 * USUAL_PIXELS
-"""Pixels of the largest image that are read: ``full`` reads 0.25 of so many, ``standard`` 0.1."""
+"""Least number of pixels that are read of the largest image for dense reading: ``full`` reads a share of 0.25,
+``standard`` 0.1."""
 
 LEAST_CORRELATION: Final = 0.1
-"""Below this, events and frames are not of one scene, and a peak is chance (unrelated ones reach 0.03)."""
+"""Least correlation coefficient of events and frames of one scene; unrelated ones reach 0.03."""
 
 FEWEST_INTERVALS: Final = 4
 
@@ -62,7 +63,13 @@ REACH_PX: Final = RADIUS_PX - 1
 
 @dataclass(frozen=True, slots=True)
 class ShiftAxis(Feature):
-    """The direction along which events are shifted against the frames."""
+    """Direction of a shift of events against the frames.
+
+    Attributes
+    ----------
+    axis
+        Along the columns (``right``) or along the rows (``down``).
+    """
 
     axis: Literal["right", "down"]
 
@@ -74,19 +81,20 @@ class ShiftCorrelations:
     Attributes
     ----------
     patches
-        (k, s, s) cross-correlations of frame changes with event changes, without pixels whose events have turned.
+        (k, s, s) cross-correlations of frame changes with event changes, without pixels whose events have changed sign.
     with_turned, settled
-        (k, s, s) with them, and without those too whose frames have turned against their events.
+        (k, s, s) likewise with these pixels, and also without pixels whose frames have changed sign against their
+        events.
     squares
-        (k, 2) squares of both changes, without pixels whose events have turned.
+        (k, 2) sums of squares of both changes, without pixels whose events have changed sign.
     slopes
-        (k, 3, 2) to the right and down: as ``slope_sums`` gives them.
+        (k, 3, 2) to the right and down, as in ``slope_sums``.
     far
         The patches at half the resolution, for shifts beyond the reach of these.
     tiles
-        The same of each tile of the image, summed over the intervals.
+        Correlations of each tile of the image, summed over the intervals.
     start_ns, stop_ns
-        Of the window.
+        Ends of the window, ns from the file's origin.
     """
 
     patches: Float64
@@ -166,7 +174,7 @@ class EventResponseAlignment(WindowCheck[ShiftCorrelations]):
         due, last = intervals_due(window, resampled, per_window), len(resampled) - 2
         if due <= 0:
             return None
-        # What came before the first interval is read only where there is no other.
+        # Events before the first interval are read only where there is no other interval.
         chosen = np.unique(np.linspace(min(1, last), last, due).round().astype(int)).tolist()
         before = events_before(resampled, window) if last == 0 else None
         signals, thresholds = partial(signal_of, resampled, declared), (declared.threshold_on, declared.threshold_off)
@@ -216,7 +224,7 @@ class EventResponseAlignment(WindowCheck[ShiftCorrelations]):
             shift, spread = far.shift, far.errors_px
         if facts.declared.events is None:
             return Observation(coverage, unobservable="the event sensor is not declared")
-        # The larger threshold leaves the level open by more.
+        # The larger threshold leaves the larger uncertainty of the level.
         threshold = max(facts.declared.events.threshold_on, facts.declared.events.threshold_off)
         slopes = np.concatenate([window.slopes for window in state])
         # C sqrt(2/3 / sum g^2) px, and the lag of the level behind its reference (class docstring; derivation in
@@ -224,8 +232,9 @@ class EventResponseAlignment(WindowCheck[ShiftCorrelations]):
         open_errors, lags = open_level_errors(slopes.mean(axis=0), threshold)
         errors = np.maximum(spread, open_errors)
         if far is None:
-            # How far pixels that have turned move the peak: those whose events turned, plus those yet to fire. Leaving
-            # them out bounds the drag by the data; the lag of the noise model bounds it as well.
+            # Shift of the peak by pixels whose change has changed sign: those whose events have, plus those whose
+            # events are still to come. The peak without them bounds this shift by the data; the lag of the noise model
+            # bounds it as well.
             drag_px = np.zeros(2)
             for by_window in ([window.with_turned for window in state], [window.settled for window in state]):
                 dragged = peak(np.sum([of_intervals.sum(axis=0) for of_intervals in by_window], axis=0))

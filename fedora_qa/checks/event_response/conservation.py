@@ -25,7 +25,15 @@ TILE_PX: Final = 8
 
 @dataclass(frozen=True, slots=True)
 class Violations(Feature):
-    """The number of pixels whose events contradict the frames, and their fraction of the image."""
+    """Pixels whose events contradict the frames.
+
+    Attributes
+    ----------
+    pixels
+        Their number.
+    fraction
+        Their fraction of the image.
+    """
 
     pixels: int
     fraction: float
@@ -33,20 +41,20 @@ class Violations(Feature):
 
 @dataclass(frozen=True, slots=True)
 class ViolationCluster(Feature):
-    """How close together the violating pixels of the whole file lie.
+    """Concentration of the violating pixels of the whole file.
 
     Attributes
     ----------
     side_px
-        Side of a square of as many pixels.
+        Side of a square of as many pixels, px.
     fraction_of_image
-        Of the pixels of the image that violate the law.
+        Fraction of the pixels of the image that violate the law.
     fraction_nearby
-        Of the violating pixels that lie around the worst tile, as near to it as such a square reaches.
+        Fraction of the violating pixels that lie around the worst tile, within the side of such a square.
     fraction_without_events
-        Of the violating pixels that give no event at all.
+        Fraction of the violating pixels without any event.
     fraction_in_densest_square
-        Of the violating pixels in one square of twice their number; 0 for less than a few.
+        Fraction of the violating pixels in one square of twice their number; 0 for fewer than 8 pixels.
     """
 
     side_px: float
@@ -58,7 +66,15 @@ class ViolationCluster(Feature):
 
 @dataclass(slots=True)
 class ConservationState:
-    """Frame runs, and what inverse transforms do to windows that break the law."""
+    """State of the check over some windows.
+
+    Attributes
+    ----------
+    runs
+        Frame runs.
+    trials
+        Inverse trials of windows that violate the law.
+    """
 
     runs: FrameRuns
     trials: list[InverseTrial] = field(default_factory=list)
@@ -114,7 +130,7 @@ class EventResponseConservation(Check[ConservationState]):
     needs = ("events", "rgb")
     _MATTERS: Final = 0.05
     _MOST: Final = 0.5
-    """Share of the pixels in which events are lost, or of those that could show it where these are fewer."""
+    """Material share of violating pixels, of the informative pixels."""
     _TILE_MODEL_ERROR_BOUND: Final = 1 / TILE_PX
     """A structure one pixel wide runs through as many pixels of a tile as its side has."""
 
@@ -133,7 +149,7 @@ class EventResponseConservation(Check[ConservationState]):
         return ConservationState(FrameRuns(declared, declared.initial_phase == "zero" and events_follow))
 
     def update(self, state: ConservationState, window: Window) -> None:
-        """Join the window's frames to the last run, or begin another, and try inverse transforms where it is broken."""
+        """Join the window's frames to the last run, or begin another, and try inverse transforms on violations."""
         state.runs.follow(window)
         state.trials.extend(inverse_trials(window))
 
@@ -142,19 +158,19 @@ class EventResponseConservation(Check[ConservationState]):
         return ConservationState(state.runs.then(later.runs), state.trials + later.trials)
 
     def conclude(self, state: ConservationState, facts: Facts) -> Observation:
-        """Count the pixels that broke the law, in the worst two seconds and by tile."""
+        """Count the pixels that violate the law, in the worst two seconds and by tile."""
         groups, rgb_count = state.runs.summaries(), len(facts.clocks["rgb"].times_ns)
         coverage = Coverage(min(sum(group.frames for group in groups), rgb_count), rgb_count, "frames")
         if not groups:
             return Observation(coverage, unobservable="no two frames with events around them")
         shape = sensor_shape(facts.declared)
         pixels = np.any([group.unpacked(shape) for group in groups], axis=0)
-        # No pixel violates the law, and none shows enough change to be able to.
+        # No pixel violates the law, and none changes enough to be able to.
         if not pixels.any() and not any(group.informative for group in groups):
             return Observation(
                 coverage, unobservable="nowhere do frames show so much change that an event could be missed"
             )
-        # Tiles overlap by half, so that a region of five pixels a side lies wholly in one of them, wherever it is.
+        # Tiles overlap by half, so that any region of five pixels a side lies wholly in one of them.
         side = min(TILE_PX, *pixels.shape)
         step = max(side // 2, 1)
         fractions = _square_counts(pixels, side)[::step, ::step] / side**2
@@ -218,17 +234,17 @@ class EventResponseConservation(Check[ConservationState]):
         counts = [group.violations for group in groups]
         bounds, errors = [], []
         for group in groups:
-            # Declared effects may drive pixels beyond the law. A spurious event moves a pixel by a threshold: a Poisson
-            # process of the declared rate gives at least one event in so many pixels.
+            # Declared effects may cause violations. A spurious event changes a pixel by a threshold: a Poisson process
+            # of the declared rate gives at least one event in this fraction of the pixels.
             seconds = float(times_ns[group.last_frame] - times_ns[group.first_frame]) / NS_PER_S
             spurious = -expm1(-declared.shot_rate_hz * seconds)
-            # A low-pass holds back events: pixels that fire within five time constants, 1 / (2 pi f) each, of a frame
+            # A low-pass delays events: pixels with events within five time constants, 1 / (2 pi f) each, of a frame
             # time may lag by more than their bound.
             lagging = 0.0
             if declared.bandwidth_hz > 0:
                 around_s = 10 / (2 * pi * declared.bandwidth_hz)
-                # Events a pixel within that time around all frames: an upper bound of the share of pixels that fire in
-                # it.
+                # Events a pixel within that time around all frames: an upper bound of the share of pixels with events
+                # in it.
                 lagging = group.events_per_pixel / max(seconds, 1e-9) * around_s * group.frames
             excused = min(spurious + lagging, 1.0)
             # As many violations are allowed as uneven frames alone make, with the Poisson error of so many and one.

@@ -21,20 +21,29 @@ from fedora_qa.views.event_camera import why_frames_and_events_do_not_meet
 Float64 = NDArray[np.float64]
 
 LARGEST_NOISE: Final = 0.05
-"""An interval counts where what events leave open moves its coefficient by less: a tenth of the bound."""
+"""Largest error of an interval's coefficient by the uncertainty that events leave: a tenth of the bound."""
 
 LEAST_GAIN: Final = 0.3
-"""Below, the change of the frames does not follow the events in most intervals, and none of them stands out."""
+"""Least median coefficient: below it frames do not follow the events in most intervals, and no single interval
+deviates."""
 
 CHANGE_BOUND: Final = 0.5
-"""Halfway between a frame in its place and one that repeats the frame before."""
+"""Bound of the coefficient: halfway between a correct frame (1) and one that repeats the frame before (0)."""
 
 FEWEST_INTERVALS: Final = 5
 
 
 @dataclass(frozen=True, slots=True)
 class IntervalMoments:
-    """Frames (k, 2) at both ends of each interval, and the sums (k, 6) of ``ChangeMoments``."""
+    """Moments of the frame intervals of a window.
+
+    Attributes
+    ----------
+    frames
+        (k, 2) rows of the frames at both ends of each interval.
+    sums
+        (k, 6) sums of ``ChangeMoments``.
+    """
 
     frames: NDArray[np.int64]
     sums: Float64
@@ -42,7 +51,15 @@ class IntervalMoments:
 
 @dataclass(frozen=True, slots=True)
 class ChangeAnomalies(Feature):
-    """Intervals in which the image does not change at all, and those in which it changes against the events."""
+    """Intervals with wrong changes.
+
+    Attributes
+    ----------
+    unchanged
+        Number of intervals in which the image does not change.
+    reversed
+        Number of intervals in which the image changes with the opposite sign of the events.
+    """
 
     unchanged: int
     reversed: int
@@ -107,7 +124,8 @@ class EventResponseFrames(WindowCheck[IntervalMoments]):
         # Of each interval: the number of blocks, sums of squares of the frames' change d and of the events' change e,
         # and of d e.
         n, _, _, dd, ee, de = np.concatenate([window.sums for window in state]).T
-        # What events leave open, 2/3 C+ C- a pixel, moves the coefficient de / ee by its regression on e.
+        # The uncertainty that events leave, a variance of 2/3 C+ C- a pixel, is an error of the coefficient de / ee by
+        # regression on e.
         open_squares = n * 2 / 3 * declared.threshold_on * declared.threshold_off / BLOCK_PX**2
         noise = np.sqrt(open_squares / np.maximum(n * ee, 1e-300))
         clear = (n > 0) & (noise < LARGEST_NOISE)
@@ -128,7 +146,7 @@ class EventResponseFrames(WindowCheck[IntervalMoments]):
         worst = int(np.argmax((np.abs(gains - middle) - CHANGE_BOUND * middle) / errors))
         earlier, later = (int(frame) for frame in frames[clear][worst])
         gain = float(gains[worst])
-        # Exchanged frames change by -1 of what is usual: halfway from 0 to that counts as reversed.
+        # Exchanged frames change by -1 times the usual change: halfway from 0 to that counts as reversed.
         anomalies = ChangeAnomalies(
             unchanged=int(np.count_nonzero(dd[clear] == 0)), reversed=int(np.count_nonzero(gains < -0.5 * middle))
         )
@@ -140,7 +158,7 @@ class EventResponseFrames(WindowCheck[IntervalMoments]):
             expected=1.0,
             model_error_bound=CHANGE_BOUND,
             tests=len(gains),
-            # Between a frame that repeats and one that comes too early, however others vary.
+            # Between a repeated frame and one that comes too early, for any scatter of the others.
             material=1.5 + CHANGE_BOUND,
             statement=f"Between the colour frames {earlier} and {later} the image changes by {gain:.2f} of what events "
             f"say; {middle:.2f} is usual.",

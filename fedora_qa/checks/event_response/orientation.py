@@ -41,7 +41,7 @@ FEWEST_WINDOWS: Final = 4
 
 @dataclass(frozen=True, slots=True)
 class EventSymmetry(Feature):
-    """What was done to events that agree with the frames better than as declared, and clearly.
+    """Transform of the events under which they agree with the frames clearly better than as declared.
 
     Attributes
     ----------
@@ -58,13 +58,13 @@ class EventSymmetry(Feature):
 
     @staticmethod
     def numbered(orientation: int) -> "EventSymmetry":
-        """Return that of an orientation, numbered as by ``other_correlations``."""
+        """Return the symmetry of an orientation, numbered as by ``other_correlations``."""
         inverted, symmetry = transformation(orientation)
         return EventSymmetry(inverted, *symmetry)
 
     @property
     def text(self) -> str:
-        """What was done to the events, in words."""
+        """The transform in words."""
         words = (
             (self.inverted, "of inverted polarity"),
             (self.swapped_axes, "with exchanged axes"),
@@ -81,11 +81,11 @@ class OrientationMoments:
     Attributes
     ----------
     steps, span
-        (8, 6) between successive frames, and between the first and the last.
+        (8, 6) moments between successive frames, and between the first and the last frame.
     tiles
-        (t, 8, 6) between successive frames, of each tile of the image.
+        (t, 8, 6) moments between successive frames, of each tile of the image.
     start_ns, stop_ns
-        Of the window.
+        Ends of the window, ns from the file's origin.
     """
 
     steps: ChangeMoments
@@ -153,13 +153,14 @@ class EventResponseOrientation(WindowCheck[OrientationMoments]):
         declared = facts.declared.events
         if not state or declared is None:
             return Observation(coverage, unobservable="no two frames with events around them")
-        # Events leave a pixel's change open by a variance of 2/3 C+ C-, the mean over a block by that over its pixels.
+        # Events leave a variance of 2/3 C+ C- of the change of a pixel, and that over the number of pixels of the mean
+        # over a block.
         noise = 2 / 3 * declared.threshold_on * declared.threshold_off / BLOCK_PX**2
         by_change = [np.array([getattr(window, name).sums for window in state]) for name in ("steps", "span")]
         signals = [ChangeMoments(sums.sum(axis=0)).frame_variance() for sums in by_change]
         # Correlation of a signal with itself and independent noise.
         predicted = [float(np.sqrt(signal / (signal + noise))) for signal in signals]
-        # The change from frame to frame, or over the whole window where slow motion shows too little between frames.
+        # The change from frame to frame, or over the whole window where motion is too slow between frames.
         best = int(np.argmax(predicted))
         # Element 4 holds the sum of squares of the events' change.
         if not np.any(by_change[best][..., 4]):
@@ -189,7 +190,7 @@ class EventResponseOrientation(WindowCheck[OrientationMoments]):
 
 
 def _whole(sums: Float64, predicted: float) -> tuple[Statistic, Statistic]:
-    """Return the correlation of all windows, and by how much that of another orientation is higher.
+    """Return the correlation of all windows, and the excess of that of another orientation.
 
     ``sums`` (w, 8, 6) are the moments of the windows.
     """
@@ -217,7 +218,7 @@ def _whole(sums: Float64, predicted: float) -> tuple[Statistic, Statistic]:
         expected=predicted,
         model_error_bound=predicted / 2,
         side="lower",
-        # Unrelated events lead from what is due, which may err by the bound, to nothing.
+        # With unrelated events the correlation falls from the predicted one, with an error of up to the bound, to 0.
         material=1.5 * predicted,
         statement=f"Events and frames correlate by {correlations[0]:.2g}; about {predicted:.2g} is due.",
         code="event_response.orientation.unrelated",
@@ -230,7 +231,7 @@ def _whole(sums: Float64, predicted: float) -> tuple[Statistic, Statistic]:
         unit="1",
         standard_error=errors[1],
         side="upper",
-        # So much better would the right orientation be than one that is unrelated, if another were the right one.
+        # Excess of the correct orientation over an unrelated one, if another orientation is correct.
         material=float(np.max(np.abs(correlations))),
         tests=len(alternatives),
         statement=f"Events agree with the frames as {symmetry.text}: correlation {alternatives[orientation]:.2g}, "

@@ -21,14 +21,21 @@ from fedora_qa.views.level_samples import (
 
 EXPOSURE_BIAS: Final = 0.05
 EXPOSURE_OF_BIAS_US: Final = 5_000.0
-"""A frame exposed for 5 ms takes 5% off the threshold; the loss of contrast grows with the square of the time."""
+"""An exposure of 5 ms reduces the fitted threshold by 5%; the loss of contrast grows with the square of the time."""
 
 
 @dataclass(frozen=True, slots=True)
 class EventStepSize(Feature):
-    """The step of events of one polarity, expected and fitted, in the unit of the level, and the error of the latter.
+    """Step of the events of one polarity, in nat (``log``) or DN (``linear``).
 
-    ``delay_s`` is that of events, fitted beside the steps.
+    Attributes
+    ----------
+    expected, fitted
+        Expected and fitted step.
+    error
+        Error of the fitted step, with bounds.
+    delay_s
+        Delay of events, s, fitted together with the steps.
     """
 
     expected: float
@@ -39,7 +46,15 @@ class EventStepSize(Feature):
 
 @dataclass(frozen=True, slots=True)
 class DomainPreference(Feature):
-    """Logarithm of the ratio of residuals over thresholds in the declared and the other domain, and its error."""
+    """Comparison of the fits in both domains.
+
+    Attributes
+    ----------
+    log_residual_ratio
+        ln of the residual over threshold in the declared domain, less that in the other.
+    standard_error
+        Its standard error.
+    """
 
     log_residual_ratio: float
     standard_error: float
@@ -113,7 +128,7 @@ class EventResponseThreshold(WindowCheck[WeightedLevelSums]):
             return Observation(coverage, unobservable=str(fitted))
         fit, errors, bounds = fitted.fit, fitted.fit.standard_errors, fitted.model_errors
         unit = "DN" if declared.model == "linear" else "nat"
-        # Pixels of low threshold fire more: by up to six times the squared relative spread of thresholds.
+        # Pixels of low threshold have more events: a bias of up to six times the squared relative spread of thresholds.
         spread = declared.threshold_sigma / min(declared.threshold_on, declared.threshold_off)
         exposure_us = facts.declared.cameras["rgb"].exposure_us
         statistics = []
@@ -126,15 +141,14 @@ class EventResponseThreshold(WindowCheck[WeightedLevelSums]):
             expected, expectation_error = nominal, 0.0
             if declared.model != "log":
                 # Linear model: whole values exceed the threshold strictly, so a slow signal steps by C + 1. A signal
-                # that moves r in a rendered step goes beyond the crossing at C + 1/2 by r / 2 on average. With r =
-                # overshoot times the step, step = (C + 1/2) (1 + overshoot / 2), at most half a value less than what
-                # rounding makes of it. The mean of tick over gap stands for the overshoot of all events to half its
-                # size.
+                # that changes by r in a rendered step exceeds the crossing at C + 1/2 by r / 2 on average. With r =
+                # overshoot times the step, step = (C + 1/2) (1 + overshoot / 2); rounding adds half a DN at most. The
+                # mean of tick over gap is the overshoot of all events within half its size.
                 beyond = 0.5 * fitted.overshoot * (nominal + 0.5)
                 expected, expectation_error = nominal + 0.5 + beyond, 0.5 + 0.5 * beyond
             # The fit and the expected step may err in the same direction.
             bound = model_error + expectation_error
-            # Exposure takes contrast off with the square of its time (EXPOSURE_BIAS).
+            # Exposure reduces contrast with the square of its time (EXPOSURE_BIAS).
             bound += (6 * spread**2 + EXPOSURE_BIAS * (exposure_us / EXPOSURE_OF_BIAS_US) ** 2) * expected
             percent = 100 / expected
             statistics.append(

@@ -37,19 +37,28 @@ from fedora_qa.views.level_samples import LevelSums, ThresholdFit, fit_threshold
 WINDOWS_SEARCHED: Final = 6
 
 CAPTURE_SHARE: Final = 0.5
-"""Share of ``capture_range_s`` from which on one fit underestimates an offset by more than a tenth, and it is searched
-for."""
+"""Share of ``capture_range_s`` above which the offset is searched: one fit then underestimates it by more than a
+tenth."""
 
 LOCAL_SIGNIFICANCE: Final = 5.0
-"""Standard errors by which the delay of a part must differ for an offset of all events to be doubted (after an alarm
-only)."""
+"""Least difference of the delay of a part, in standard errors, with which not all events have one offset (after an
+alarm only)."""
 
 
 @dataclass(frozen=True, slots=True)
 class DelayCourses(Feature):
-    """Probabilities that delays over time are one offset, grow with time, or are those of a segment only.
+    """Probabilities of three courses of the delay over time.
 
-    ``reaches_end``: the segment reaches the first or last of the windows whose delay is known.
+    Attributes
+    ----------
+    constant
+        One offset.
+    drift
+        A delay that grows with time.
+    segment
+        The delay of a segment only.
+    reaches_end
+        Whether the segment reaches the first or the last window with an estimated delay.
     """
 
     constant: float
@@ -60,10 +69,14 @@ class DelayCourses(Feature):
 
 @dataclass(frozen=True, slots=True)
 class OffsetSize(Feature):
-    """How well the size of an offset is known.
+    """Reliability of the size of an offset.
 
-    ``error_ms`` includes bounds, and by how much one fit underestimates the offset. ``of_all_pixels``: no region of the
-    image has a delay that differs clearly.
+    Attributes
+    ----------
+    error_ms
+        Its error, ms, with bounds and the underestimation by one fit.
+    of_all_pixels
+        Whether no region of the image has a clearly different delay.
     """
 
     error_ms: float
@@ -72,7 +85,17 @@ class OffsetSize(Feature):
 
 @dataclass(frozen=True, slots=True)
 class TimingSums:
-    """Sums of a window: of bracketed level samples, of frames interpolated at events, or both."""
+    """Normal equations of a window.
+
+    Attributes
+    ----------
+    levels
+        From bracketed level samples; None for too few.
+    interpolation
+        From frames interpolated at events; None for too few.
+    window
+        Number of the window.
+    """
 
     levels: LevelSums | None
     interpolation: InterpolationSums | None
@@ -80,7 +103,7 @@ class TimingSums:
 
     @property
     def samples(self) -> int:
-        """Pairs of level samples and interpolated levels, by which windows are chosen for a search."""
+        """Number of pairs of level samples and of interpolated levels, by which windows are chosen for a search."""
         interpolated = 0 if self.interpolation is None else int(self.interpolation.fine.counts.sum())
         return interpolated + (0 if self.levels is None else self.levels.pairs)
 
@@ -266,19 +289,24 @@ class EventResponseTiming(WindowCheck[TimingSummary]):
 
 
 def delay_courses(local: LocalOffset, times_s: NDArray[np.float64], expected_s: float) -> DelayCourses:
-    """Compare three courses of the delay over the windows, in proportion to exp(-BIC / 2) (Schwarz 1978).
+    """Return the probabilities of three courses of the delay over the windows, by exp(-BIC / 2) (Schwarz 1978).
 
-    An offset and a rate (delay 0 at the origin of the file) have one parameter each, a segment has its ends besides.
-    Residuals of the best course count as noise.
+    An offset and a rate (delay 0 at the origin of the file) have one parameter each; a segment has three, with its
+    ends. Residuals of the best course count as noise.
 
     Parameters
     ----------
     local
-        Delays of the windows, and the segment among them that differs most.
+        Delays of the windows, and the segment whose delay differs most.
     times_s
-        (k,) of the middles of the windows.
+        (k,) middles of the windows, s from the file's origin.
     expected_s
-        Delay of a correct file.
+        Delay of a correct file, s.
+
+    Returns
+    -------
+    DelayCourses
+        Of sum 1.
     """
     usable = np.isfinite(local.delays_s) & np.isfinite(local.errors_s)
     delays_s, errors_s, at_s = (local.delays_s - expected_s)[usable], local.errors_s[usable], times_s[usable]
@@ -288,13 +316,13 @@ def delay_courses(local: LocalOffset, times_s: NDArray[np.float64], expected_s: 
     courses = ((np.ones(count), 1), (at_s, 1), (inside.astype(np.float64), 3))
     squares_of = []
     for course, _ in courses:
-        # The sum of squares that the best multiple of the course leaves of the delays, each over its error.
+        # Sum of squares of the delays less the best multiple of the course, each over its error.
         values, weighted = delays_s / errors_s, course / errors_s
         # Least squares of one multiple m in y = m x, both over the error of y: m = x . y / x . x.
         multiple = float(values @ weighted) / max(float(weighted @ weighted), 1e-300)
         squares_of.append(float(np.sum((values - multiple * weighted) ** 2)))
     squares = np.array(squares_of)
-    # Scatter beyond the errors counts as noise, or a large chi-square would make any course certain.
+    # Scatter beyond the errors counts as noise; otherwise a large chi^2 would make any course certain.
     noise = max(1.0, float(squares.min()) / max(count - 1, 1))
     # BIC = chi^2 + k ln n
     criteria = squares / noise + np.array([free for _, free in courses]) * np.log(count)
@@ -318,7 +346,7 @@ def _searches(state: Sequence[TimingSummary]) -> list[OffsetSearch]:
 
 
 def _fitted_offset(sums: Sequence[TimingSums], facts: Facts) -> tuple[ClockOffset | None, str]:
-    """Return the offset by the fit of the smaller error, or why there is none."""
+    """Return the offset by the fit of the smaller error, and an empty sentence; or None and the reason."""
     declared = facts.declared.events
     fits = fit_all([of_window.interpolation for of_window in sums if of_window.interpolation is not None])
     by_levels = fit_thresholds([of_window.levels for of_window in sums if of_window.levels is not None], facts)
@@ -333,5 +361,5 @@ def _fitted_offset(sums: Sequence[TimingSums], facts: Facts) -> tuple[ClockOffse
 
 
 def _differs_clearly(local: LocalOffset | None) -> bool:
-    """Whether the delay of a part differs so much from the rest that not all events have one offset."""
+    """Whether the delay of a part differs from the rest by ``LOCAL_SIGNIFICANCE`` standard errors."""
     return local is not None and abs(local.step.offset_s) >= LOCAL_SIGNIFICANCE * local.step.standard_error_s

@@ -24,15 +24,25 @@ from fedora_qa.sequence.window import Window
 from fedora_qa.views.event_camera import all_events, all_on_sensor, own, sensor_shape
 
 _ENOUGH_EVENTS: Final = 1000
-"""Events from which on a single polarity is noted: fewer may be of one edge."""
+"""Least number of events for a notice of a single polarity: fewer may come from one edge."""
 
 
 @dataclass(frozen=True, slots=True)
 class BoundsCount:
-    """Events of one window beyond the sensor or with an unknown polarity.
+    """Events of one window outside of the sensor or with an unknown polarity.
 
-    ``outside`` and ``bad_polarity`` count; ``first`` is the first offender; ``farthest`` the largest column and row;
-    ``polarities`` the events with p = 0 and p = 1.
+    Attributes
+    ----------
+    events
+        Number of all events.
+    outside, bad_polarity
+        Number of events outside of the sensor, and of those with another polarity than 0 or 1.
+    first
+        The first of either.
+    farthest
+        Largest column and row.
+    polarities
+        Number of events with p = 0 and with p = 1.
     """
 
     events: int
@@ -45,7 +55,13 @@ class BoundsCount:
 
 @dataclass(frozen=True, slots=True)
 class EventExtent(Feature):
-    """Whether all events would fit the declared sensor with x and y exchanged."""
+    """Extent of the events under exchanged axes.
+
+    Attributes
+    ----------
+    fits_exchanged
+        Whether all events lie on the declared sensor after x and y are exchanged.
+    """
 
     fits_exchanged: bool
 

@@ -26,14 +26,32 @@ from fedora_qa.views.event_tick import tick_ns
 
 @dataclass(frozen=True, slots=True)
 class RepeatedEvents(Feature):
-    """How many events of the file repeat pixel and timestamp of another."""
+    """Events that have pixel and timestamp of another.
+
+    Attributes
+    ----------
+    count
+        Their number in the file.
+    """
 
     count: int
 
 
 @dataclass(frozen=True, slots=True)
 class RepeatCount:
-    """Events of one window with the pixel and timestamp of another, and ticks in which all events come in pairs."""
+    """Repeats in one window.
+
+    Attributes
+    ----------
+    events
+        Number of events.
+    repeats
+        Number of events with pixel and timestamp of another.
+    doubled_ticks
+        Number of ticks in which every event occurs twice.
+    first, first_doubled
+        First repeated event, and first event of such a tick; None without one.
+    """
 
     events: int
     repeats: int
@@ -127,9 +145,10 @@ class EventStreamDuplicates(WindowCheck[RepeatCount]):
             first = next((count.first for count in state if count.first is not None), None)
             spurious_hz = 0.0
             if declared is not None:
-                # Events that no brightness explains. One of a hot pixel meets others at the hot rate: as if all did.
+                # Rate of events without a change of light. Events of hot pixels coincide at the hot rate; this rate is
+                # taken for all events.
                 spurious_hz = declared.shot_rate_hz + (declared.hot_pixel_rate_hz if declared.hot_pixels else 0.0)
-            # Each event meets a spurious one in its tick with probability rate times tick.
+            # Each event coincides with a spurious one in its tick with probability rate times tick.
             chance = spurious_hz * tick_ns(facts) / NS_PER_S * total
             statistics.append(
                 Statistic(

@@ -1,4 +1,4 @@
-"""What the checks of the event stream share: coverage, the place of an event."""
+"""Shared by the checks of the event stream: coverage, and the location of an event."""
 
 from dataclasses import dataclass
 from typing import Final
@@ -12,7 +12,19 @@ NO_EVENTS: Final = "there are no events"
 
 @dataclass(frozen=True, slots=True)
 class EventRow:
-    """One event: its row in the file, its timestamp from the file's origin, column, row of the sensor, polarity."""
+    """One event.
+
+    Attributes
+    ----------
+    row
+        Row in the file.
+    time_ns
+        Timestamp, ns from the file's origin.
+    x, y
+        Column and row of its pixel.
+    p
+        Polarity as stored.
+    """
 
     row: int
     time_ns: int
@@ -22,7 +34,15 @@ class EventRow:
 
 
 def event_coverage(facts: Facts, count: int) -> Coverage:
-    """Return how many of the file's events were read."""
+    """Return the coverage of a number of the file's events.
+
+    Parameters
+    ----------
+    facts
+        With the number of all events.
+    count
+        Number of events that were read.
+    """
     return Coverage(count, facts.events.count if facts.events is not None else 0, "events")
 
 
@@ -32,12 +52,35 @@ def why_no_sensor(facts: Facts) -> str:
 
 
 def event_row(events: Events, i: int, first_row: int) -> EventRow:
-    """Return the event ``i`` of events that begin at ``first_row`` of the file."""
+    """Return one event with its row in the file.
+
+    Parameters
+    ----------
+    events
+        Consecutive events of the file.
+    i
+        Number of the event among them.
+    first_row
+        Row of the first of them in the file.
+    """
     return EventRow(first_row + i, int(events.times_ns[i]), int(events.x[i]), int(events.y[i]), int(events.p[i]))
 
 
 def where_of(facts: Facts, event: EventRow | None) -> Where:
-    """Place a finding at an event; its row is that of the file where events are in order."""
+    """Return the location of an event; its row only where the file's events are in order.
+
+    Parameters
+    ----------
+    facts
+        With the scan of the events.
+    event
+        None for the stream as a whole.
+
+    Returns
+    -------
+    Where
+        Timestamp in us on the clock of the file, and the pixel.
+    """
     if event is None:
         return Where(stream="events")
     in_order = facts.events is not None and not facts.events.decreases

@@ -18,20 +18,37 @@ from fedora_qa.views.event_camera import all_events, own
 from fedora_qa.views.event_tick import local_tick_ns, tick_ns
 
 _SIGMA_INTERVALS: Final = 3.5
-"""Standard error of a silence in mean intervals between events, where every tick holds one: a silence of w intervals is
-due with probability e^-w (Poisson), which is that of six standard deviations, 1e-9, at w = 20.7."""
+"""Standard error of the length of a silence, in mean intervals between events, where every tick holds an event. A
+silence of w mean intervals has the probability e^-w (Poisson); this is that of six standard deviations, 1e-9, at w =
+20.7."""
 
 
 @dataclass(frozen=True, slots=True)
 class ExpectedEvents(Feature):
-    """How many events the neighbourhood of a silence would have put there, one at least."""
+    """Events that are expected in an interval without events.
+
+    Attributes
+    ----------
+    count
+        Their number by the rate around the interval, 1 at least.
+    """
 
     count: int
 
 
 @dataclass(frozen=True, slots=True)
 class SilenceCount:
-    """The least probable silence that ends in a window, and of how many."""
+    """The least probable interval without events that ends in a window.
+
+    Attributes
+    ----------
+    events
+        Number of events that the window owns.
+    silences
+        Number of intervals that were compared.
+    least_probable
+        The interval; None without one.
+    """
 
     events: int
     silences: int
@@ -77,16 +94,16 @@ class EventStreamGaps(WindowCheck[SilenceCount]):
     name = "event_stream.gaps"
     needs = ("events",)
     _MATERIAL_MS: Final = 2.0
-    """One packet of the recorder (0.2 ms at least, 2 ms usual) is what is lost in practice."""
+    """In practice one packet of the recorder is lost: 0.2 ms at least, 2 ms usually."""
 
     def measure(self, window: Window) -> SilenceCount:
-        """Return the least probable silence that ends here, whatever window it began in."""
+        """Return the least probable silence that ends in this window; it may begin in an earlier one."""
         events = all_events(window)
         times_ns = events.times_ns
         start_ns, stop_ns = window.span.start_ns, window.span.stop_ns
         first_ns = window.facts.events.first_ns if window.facts.events is not None else 0
         if len(times_ns) and times_ns[0] >= start_ns > first_ns:
-            # The silence began before the halo: take it as long as the halo shows.
+            # The silence began before the halo: its length is limited to the halo.
             times_ns = np.concatenate([[min(2 * start_ns - stop_ns, int(times_ns[0]) - 1)], times_ns])
         silence, silences = least_probable_silence(times_ns, start_ns, stop_ns, local_tick_ns(window), first_ns)
         return SilenceCount(len(own(window, events)), silences, silence)
@@ -121,7 +138,7 @@ class EventStreamGaps(WindowCheck[SilenceCount]):
         start_us, stop_us = (facts.to_file_us(time) for time in (worst.start_ns, worst.stop_ns))
         expected = max(round(worst.expected), 1)
         reset = clock_reset(facts.events)
-        # A clock that was set explains only the silence that is its step forwards.
+        # A clock reset explains only the silence that is its step forwards.
         of_reset = reset is not None and reset.has_step_between(worst.start_ns, worst.stop_ns)
         statistic = Statistic(
             name="gap",

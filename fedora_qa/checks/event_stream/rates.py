@@ -1,4 +1,4 @@
-"""The event stream by itself: pixels that fire without cause."""
+"""The event stream by itself: pixels with events without cause."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -26,18 +26,24 @@ _SIGNIFICANT: Final = 7.0
 """Standard deviations above which a pixel is counted as hot in the diagnosis (after an alarm only)."""
 
 _MOST: Final = 0.5
-"""Ratio of the hot pixels that must lie where declared ones were moved to; others may be hot besides."""
+"""Least ratio of hot pixels that lie at the moved positions of declared ones; other pixels may be hot as well."""
 
 _FEWEST_SHIFTED: Final = 2
-"""One pixel identifies no shift: some declared pixel lies beside it in any case. Where two do by chance, of f hot and d
-declared pixels among n, has the probability f^2 d^2 / 2n or less: 3% for five of five in the smallest sensors."""
+"""Least number of pixels for a shift: one pixel always fits some shift. With f hot and d declared pixels of n, two
+pixels fit one shift by chance with a probability of f^2 d^2 / 2n or less: 3% for five of five in the smallest
+sensors."""
 
 
 @dataclass(frozen=True, slots=True)
 class MovedHotPixels(Feature):
     """Hot pixels lie where a move of the image takes the declared ones.
 
-    ``right_px`` is the size of a shift along the rows, None where it is along the columns as well.
+    Attributes
+    ----------
+    transform
+        The move.
+    right_px
+        Shift to the right, px; None for other moves, and where the shift is also down.
     """
 
     transform: Literal["mirrored", "transposed", "shifted"]
@@ -46,7 +52,13 @@ class MovedHotPixels(Feature):
 
 @dataclass(frozen=True, slots=True)
 class HotPixelCount(Feature):
-    """How many pixels exceed their neighbours significantly, one at least."""
+    """Pixels whose events exceed those of their neighbours significantly.
+
+    Attributes
+    ----------
+    count
+        Their number, 1 at least.
+    """
 
     count: int
 
@@ -148,7 +160,7 @@ class EventStreamRates(Check[PixelCounts]):
                 value=excess_hz,
                 unit="Hz",
                 standard_error=float(excess.error[row, column]) / seconds,
-                # One event a swing; and a pixel whose threshold is low by five declared sigma fires so much more often.
+                # One event a swing, and the excess of a pixel whose threshold is low by five declared sigma.
                 model_error_bound=float(excess.swings[row, column]) / seconds + rate_hz * threshold_spread,
                 side="upper",
                 tests=counts.size,
@@ -200,12 +212,12 @@ class EventStreamRates(Check[PixelCounts]):
 def moved_hot_pixels(
     hot_pixels: Sequence[Pixel], declared: Sequence[Pixel], size: tuple[int, int]
 ) -> MovedHotPixels | None:
-    """Return the move that takes most declared hot pixels to where others are hot; None where few lie there.
+    """Return the move that takes most declared hot pixels to other hot pixels; None where too few coincide.
 
     Parameters
     ----------
     hot_pixels
-        Pixels that fire without cause, and are not declared.
+        Pixels with events without cause that are not declared hot.
     declared
         Declared hot pixels.
     size
@@ -213,22 +225,23 @@ def moved_hot_pixels(
 
     Returns
     -------
-    The move, with the size of a shift along the rows in px.
+    MovedHotPixels or None
+        With the size of a shift to the right in px.
     """
     if not hot_pixels or not declared:
         return None
     hot = set(hot_pixels)
     right, bottom = size[0] - 1, size[1] - 1
     mirrored, transposed = MovedHotPixels("mirrored"), MovedHotPixels("transposed")
-    # Where each move takes the declared pixels, the move, and how many pixels identify it: one a mirror or an exchange,
-    # of which there are four; any pair of pixels fits some shift.
+    # Positions of the declared pixels after each move, the move, and the least number of pixels that determine it: one
+    # for the four symmetries, two for a shift, since any single pair of pixels fits some shift.
     symmetries = (
         ({(right - column, row) for column, row in declared}, mirrored, 1),
         ({(column, bottom - row) for column, row in declared}, mirrored, 1),
         ({(right - column, bottom - row) for column, row in declared}, mirrored, 1),
         ({(row, column) for column, row in declared}, transposed, 1),
     )
-    # Made one at a time: there may be as many shifts as pairs of a hot and a declared pixel.
+    # Shifts are generated one at a time: there may be one for each pair of a hot and a declared pixel.
     shifts = (
         (
             {(column + right_px, row + down_px) for column, row in declared},

@@ -24,28 +24,33 @@ from fedora_qa.views.large_frames import bands, is_large, near
 Float64 = NDArray[np.float64]
 
 FIELDS: Final = 1
-"""Fields of a rate that a window looks at, evenly spread. With two the standard error of a gain hardly changes."""
+"""Fields of a rate that are measured in a window, evenly spread. With two the standard error of a gain hardly
+changes."""
 
 SHORTEST_NS: Final = 60_000_000
-"""Events are taken over at least so long, around the middle of the interval: at 50 Hz edges cross few pixels."""
+"""Shortest time of the events of a field, ns, around the middle of its interval: at 50 Hz edges cross few pixels in an
+interval."""
 
 APART_NS: Final = 40_000_000
-"""Fields begin at least so far apart: nearer ones are judged by the same events. Of 40 fields of 50 Hz in 1 s
-(1440x1080) every second field gave a gain the same standard error, 0.51% and 0.62% for 0.57%."""
+"""Least time between the starts of fields, ns: closer fields use the same events. With every second of 40 fields of 50
+Hz in 1 s (1440x1080), standard errors of a gain were 0.51% and 0.62%, against 0.57% with all."""
 
 LONGEST_NS: Final = 200_000_000
-"""Fields over longer intervals are left out: paths bend."""
+"""Longest interval of a measured field, ns: paths over longer intervals bend."""
 
 MOST_EVENTS: Final = 25_000
-"""Of more events of a field, evenly spread ones are carried: at 720x540, 700 000 events, standard errors of gains are
-0.4% with 25 000 and 0.3% with all of them, and limits, which the pixels' size decides, 16.9% and 16.6% at 10 Hz."""
+"""Largest number of events of a field that are carried, evenly spread. At 720x540 with 700,000 events, standard errors
+of gains are 0.4% with 25,000 events and 0.3% with all; limits, dominated by the size of a pixel, are 16.9% and 16.6% at
+10 Hz."""
 
 LARGE_EVENTS: Final = 8_000
 LARGE_ROWS: Final = 0.25
-"""Of large frames so many events of a field are carried, of such a share of the rows where that has enough of them.
+"""Number of events of a field that are carried in large frames, and share of the rows that they come from if it holds
+enough events.
 
-Bands of rows keep the events of an edge together, which every third event would not. At 1440x1080, 1 s, limits are up
-to 13% larger; with 4,000 those of transforms would be 24%, and exchanged axes were no longer detected.
+Bands of rows keep the events of an edge together; a regular selection of events would not. At 1440x1080 over 1 s,
+limits are up to 13% larger. With 4,000 events, limits of transforms would be 24% larger, and exchanged axes were not
+detected.
 """
 
 FEWEST_EVENTS: Final = 500
@@ -73,14 +78,14 @@ _RMS_OF_TIME: Final = 12**-0.5
 FEWEST_FIELDS: Final = 4
 
 ADVANTAGE: Final = 0.2
-"""A transformed flow under which events are less than a fifth sharper (in the logarithm) is not another flow: v upwards
-where all move sideways, or an even motion that fits a bent path a little better."""
+"""Least logarithm of the ratio of sharpness for another flow. Smaller advantages occur on correct files: v upwards
+where all motion is sideways, or a uniform motion that fits a bent path slightly better."""
 
 PIXEL_VARIANCE_PX2: Final = 1 / 12
-"""Where in its pixel an edge was when an event fired is not known: uniform, of this variance."""
+"""Variance of the position of an edge within its pixel at the time of an event, px^2: uniform."""
 
 BEND: Final = 2.0
-"""Bound of the share by which a path bends, over the square of the angle that it turns by (4/3 at 30 degrees)."""
+"""Bound of the relative bend of a path over the square of its angle (4/3 at 30 degrees)."""
 
 _MOST_GROUPS: Final = 12
 _SIGNIFICANT_SIGMAS: Final = 5.0
@@ -90,20 +95,22 @@ _SAME_EVENTS: Final = slice(0, 5)
 
 @dataclass(frozen=True, slots=True)
 class FieldSharpness:
-    """How sharp the events of one field are when they are carried by it.
+    """Sharpness of the events of one field after they are carried by it.
 
     Attributes
     ----------
+    interval
+        Of the field.
     sharpness
-        (1 + gains,): not carried at all, and by the field times each of ``GAINS``.
+        (1 + gains,) of events that are not carried, and of events carried by the field times each of ``GAINS``.
     transformed
-        (transforms, 2): by the field, and by each of ``TRANSFORMS``, of events that have a flow in both.
+        (transforms, 2) of events carried by the field, and by each of ``TRANSFORMS``; events with a flow in both.
     carried
-        Events that were carried.
+        Number of events that were carried.
     way_px
-        Root mean square of the way that events are carried, in pixels of the event camera.
+        Root mean square displacement of the carried events, px of the event camera.
     way_rad
-        Root mean square of the displacement over the time that events are taken from, over the focal length.
+        Root mean square displacement over the time of the events, over the focal length, rad.
     """
 
     interval: Interval
@@ -120,14 +127,16 @@ class SharpestFlow(Feature):
 
     Attributes
     ----------
+    rate
+        Stream of the rate.
     deviates_by_rate
-        Whether events of each rate that can be judged are sharper under another flow.
+        Whether events are sharper under another flow, for each rate with informative events.
     interval_s
-        Length of a field's interval.
+        Length of a field's interval, s.
     gain
-        Of the stored flow on the one among its multiples under which events are sharpest.
+        Ratio of the stored flow to its multiple under which events are sharpest.
     transform
-        The one of ``TRANSFORMS`` under which events are sharpest.
+        The transform, of ``TRANSFORMS``, under which events are sharpest.
     """
 
     rate: str
@@ -139,12 +148,24 @@ class SharpestFlow(Feature):
 
 @dataclass(frozen=True, slots=True)
 class RateSharpness:
-    """All fields of one rate together, with standard errors: gain, and how much sharper its best transform is.
+    """All fields of one rate together.
 
-    The advantage is the logarithm of the ratio. Its error is that of counting: a sum of squares of densities H of N
-    events varies by 2 sqrt(<H^2>) / (sqrt(N) <H>), with densities that vary as an exponential 2 sqrt(2 / N); both
-    together, as if they were independent, 4 / sqrt(N). ``transform`` is an index into ``TRANSFORMS``, ``sharpening``
-    the largest relative gain of sharpness over events that are not carried.
+    The advantage is the logarithm of a ratio of sharpness; its error is that of counting. A sum of squares of densities
+    H of N events varies by 2 sqrt(<H^2>) / (sqrt(N) <H>), with exponentially distributed densities 2 sqrt(2 / N). Two
+    independent sums together give 4 / sqrt(N).
+
+    Attributes
+    ----------
+    fields
+        Measured fields.
+    gain, gain_error
+        Ratio of the stored flow to the sharpest multiple, with its standard error.
+    transform
+        Index of the best transform in ``TRANSFORMS``.
+    advantage, advantage_error
+        Logarithm of the ratio of sharpness under the transform to that of the stored flow, and its standard error.
+    sharpening
+        Largest relative gain of sharpness over events that are not carried.
     """
 
     fields: tuple[FieldSharpness, ...]
@@ -157,7 +178,7 @@ class RateSharpness:
 
     @property
     def gain_model_error_bound(self) -> float:
-        """Bound of what pixels and bent paths do to the gain (see ``Sharpness``)."""
+        """Bound of the bias of the gain by the size of pixels and by bent paths (see ``FlowEventsSharpness``)."""
         way_px2 = float(np.mean(np.square([field.way_px for field in self.fields])))
         way_rad2 = float(np.mean(np.square([field.way_rad for field in self.fields])))
         # var(s) / var(u) = 1 / (12 w^2) by the pixel, 2 a^2 by the bent path (derivation in FlowEventsSharpness).
@@ -296,7 +317,7 @@ class FlowEventsSharpness(WindowCheck[tuple[FieldSharpness, ...]]):
                 unobservable=f"events become sharper by {100 * largest:.2g}% at most when they are carried by the flow "
                 "or by what it might be: edges cross too few pixels",
             )
-        # A rate deviates, too, where its gain is too uncertain for that and nearer to one that deviates than to 1.
+        # A rate with an uncertain gain deviates too if the gain is closer to a deviating one than to 1.
         deviating_gains = [rate.gain for rate in informative.values() if rate.gain_deviates]
         deviates_by_rate = {
             stream: rate.transform_is_sharper
@@ -355,7 +376,7 @@ class FlowEventsSharpness(WindowCheck[tuple[FieldSharpness, ...]]):
 
 
 def _measure_field(window: Window, interval: Interval, events: Events) -> FieldSharpness | None:
-    """Return how sharp the events about one field are under it and its transforms; None of too few events."""
+    """Return the sharpness of the events about one field under it and its transforms; None for too few events."""
     try:
         stored_px = window.flow_px(interval.stream, interval.row)
     except UnreadableRowsError:
@@ -364,7 +385,8 @@ def _measure_field(window: Window, interval: Interval, events: Events) -> FieldS
     K_flow, K_event = (window.facts.declared.cameras[name].K for name in ("depth", "events"))
     across, down = (float(K_flow[i, i] / K_event[i, i]) for i in range(2))
     left, top = (float(K_flow[i, 2] - K_event[i, 2] * K_flow[i, i] / K_event[i, i]) for i in range(2))
-    # Both cameras look in one direction: u_flow = f_flow / f_event (u_event - c_event) + c_flow, along each axis.
+    # The optical axes of both cameras are parallel: u_flow = f_flow / f_event (u_event - c_event) + c_flow, along each
+    # axis.
     view = SensorView(across, left, down, top, 1 / across, 1 / down)
     shape = sensor_shape(window.facts.declared)
     focal_px = float(window.facts.declared.cameras["events"].K[0, 0])

@@ -24,24 +24,42 @@ from fedora_qa.views.static_depth import why_no_static_depth
 _MOST_FOLLOW_UPS: Final = 8
 
 _DETECTABLE: Final = 2.0
-"""Times its bound by which a fault must exceed it in proportion to be surely detected at another rate."""
+"""Least predicted ratio of a fault to its bound at another rate for the fault to be detected there."""
 
 _AFFECTED: Final = 0.1
-"""Of the typical excess of fields that are off: fields that move little show a common fault by less, not much less."""
+"""Least excess of an affected field, relative to the typical excess of deviating fields: fields with little motion
+deviate less."""
 
 _LINEAR_GAIN: Final = 0.1
-"""Where the pose may be corrected it follows a larger gain, and the template is no longer the change of the flow."""
+"""Largest gain that is fitted where the pose may be corrected: with a larger one the correction follows the gain, and
+the template does not apply."""
 
 # A drift of 1 ms/s is 1000 ppm, and lengthens each interval by 0.1%.
 _PPM_PER_MS_PER_S, _PERCENT_PER_MS_PER_S = 1e3, 0.1
 
 _MATERIAL_PX: Final = 0.1
-"""An endpoint error that no use of the flow would notice."""
+"""Material endpoint error, px."""
 
 
 @dataclass(frozen=True, slots=True)
 class WindowErrors:
-    """The fields that a window owns, how many of them could not be compared, and the trials of a follow-up."""
+    """The fields of a window.
+
+    Attributes
+    ----------
+    window
+        Number of the window.
+    fields
+        Compared fields.
+    without_depth
+        Number of fields that start or end on no frame.
+    without_pose
+        Number of fields that no pose covers.
+    too_few_pixels
+        Number of fields with too few valid pixels.
+    trials
+        Trials of a follow-up.
+    """
 
     window: int
     fields: tuple[FieldError, ...] = ()
@@ -53,26 +71,33 @@ class WindowErrors:
 
 @dataclass(frozen=True, slots=True)
 class FlowRatesOff(Feature):
-    """Which rates are off, or too short for the fault that another rate has to exceed their bound."""
+    """Rates that deviate.
+
+    Attributes
+    ----------
+    off
+        Whether each rate deviates, or has intervals too short for the fault to exceed its bound there.
+    """
 
     off: Mapping[str, bool]
 
 
 @dataclass(frozen=True, slots=True)
 class FieldsOff(Feature):
-    """The fields of one rate that are off.
+    """The deviating fields of one rate.
 
     Attributes
     ----------
     count
-        How many are off.
+        Number of deviating fields.
     affected_share
-        Share of fields that the fault touches: off, or as far from exact as a smaller motion would make them. Clean
-        fields lie a hundred times within their bounds.
+        Share of fields with an error of at least ``_AFFECTED`` of the typical one of deviating fields, 0 to 1. Fields
+        of correct files have a hundredth of their bounds.
     in_part
-        Whether most of them are off in a rectangle of the image only.
+        Whether most of them deviate in a rectangle of the image only.
     repeats_of_flow, repeats_of_depth
-        How many equal the field before, or start with a depth frame that equals the one before, bit for bit.
+        Numbers of fields that equal the field before, and of fields whose depth frame equals the one before, bit for
+        bit.
     """
 
     count: int
@@ -89,13 +114,13 @@ class FlowGainFit(Feature):
     Attributes
     ----------
     gain, standard_error
-        Shares: 0.1 for flow that is 10% too large.
+        Excess of the factor over 1 (0.1 for flow that is 10% too large), and its standard error.
     removed_share
         Share of the rms deviation that the gain removes, 0 to 1.
     correlation
-        Of the stored flow with the recomputed one, which a gain leaves at 1.
+        Correlation of the stored with the recomputed flow; 1 under a gain alone.
     interval_s
-        Length of an interval of the rate.
+        Length of an interval of the rate, s.
     """
 
     gain: float
@@ -109,8 +134,14 @@ class FlowGainFit(Feature):
 class FlowParameterFit(Feature):
     """An error of one parameter of the recomputed flow, fitted alone to all fields of one rate.
 
-    ``parameter`` and ``unit`` are those of its template; ``removed_share`` is the share of the rms deviation that the
-    error explains, 0 to 1.
+    Attributes
+    ----------
+    parameter, unit
+        Cause and unit of the parameter's template.
+    value, standard_error
+        The error of the parameter, and its standard error, in that unit.
+    removed_share
+        Share of the rms deviation that the error explains, 0 to 1.
     """
 
     parameter: str
@@ -122,14 +153,14 @@ class FlowParameterFit(Feature):
 
 @dataclass(frozen=True, slots=True)
 class FreeMotionCorrection(Feature):
-    """What correcting the relative pose of each field that is off removes, whatever the declared noise.
+    """Effect of an unbounded correction of the relative pose of each deviating field.
 
     Attributes
     ----------
     removed_share
-        Share of the typical rms deviation.
+        Share of the typical rms deviation that the corrections remove, 0 to 1.
     shift_m
-        Typical length of the corrections of the position.
+        Typical length of the corrections of the position, m.
     growth
         Square of the sum of corrections over their mean square, for rotation or position, whichever is larger.
     """
@@ -141,7 +172,13 @@ class FreeMotionCorrection(Feature):
 
 @dataclass(frozen=True, slots=True)
 class PoseCorrectionRatios(Feature):
-    """For each rate the squared corrections over what declared pose noise makes them; 1 where none was tested."""
+    """Corrections of the pose under its declared noise.
+
+    Attributes
+    ----------
+    of_rate
+        Mean square of the corrections over its expectation by rate; 1 where none was tested.
+    """
 
     of_rate: Mapping[str, float]
 
@@ -230,9 +267,9 @@ class FlowGeometryEndpoint(WindowCheck[WindowErrors]):
         return tuple(window for suspicion, window in worst[:_MOST_FOLLOW_UPS] if suspicion < -1)
 
     def follow_up(self, state: list[WindowErrors], window: Window) -> None:
-        """Try inverse transforms on a field of each rate: the middle one of those that the window has off.
+        """Try inverse transforms on a field of each rate: the middle one of the window's deviating fields.
 
-        The worst is often one in whose interval a fault begins or ends, and then half of it is as it should be.
+        A fault often begins or ends in the interval of the worst field, so half of that field may be correct.
         """
         track = pose_track(window, window.facts.declared.cameras["depth"])
         fields = [field for errors in state if errors.window == window.span.index for field in errors.fields]
@@ -263,8 +300,8 @@ class FlowGeometryEndpoint(WindowCheck[WindowErrors]):
             return Observation(coverage, unobservable=none_why)
         by_stream = {s: [f for f in fields if f.interval.stream == s] for s in facts.flow_streams}
         by_stream = {stream: group for stream, group in by_stream.items() if group}
-        # A rate is off, or would not show it: what is wrong with all rates grows with their intervals, for each second
-        # of an interval by the excess of the rate that deviates most.
+        # A rate deviates, or its intervals are too short: a fault of all rates grows with the length of the interval,
+        # by the excess per second of the rate that deviates most.
         suspicions = {stream: _suspicion(group) for stream, group in by_stream.items()}
         lengths_s = {stream: group[0].interval.duration_s for stream, group in by_stream.items()}
         growth = max(
@@ -351,7 +388,7 @@ def _statistics(stream: str, fields: Sequence[FieldError], facts: Facts) -> list
 
 
 def _features(fields: Sequence[FieldError], facts: Facts) -> list[Feature]:
-    """Measure what the deviation of one rate looks like: its extent, fits of small errors, and corrections."""
+    """Return the features of the deviation of one rate: its extent, fits of small errors, and corrections."""
     off = [field for field in fields if field.suspicion > 1]
     typical = float(np.median([field.suspicion for field in off])) if off else np.inf
     extent = FieldsOff(
@@ -391,9 +428,9 @@ def _parameter_fits(fields: Sequence[FieldError], facts: Facts) -> list[Feature]
                 # 100^2 times the square of the template is the sum of squares of the recomputed flow.
                 recomputed = float(total.matrix[template.columns.start, template.columns.start]) * 100.0**2
                 correlation = 1.0
-                # Where it is 0, poses of unknown noise do all that a gain does. Where the recomputed flow is far too
-                # large, any other is nearly none of it: a gain of -100% then removes nearly all of the deviation and
-                # explains nothing. Where only rounding remains, no flow at all is a gain.
+                # Where it is 0, corrections of the poses have the effect of a gain. Where the recomputed flow is far
+                # too large, a gain of -100% removes nearly all of the deviation and explains nothing. Where only
+                # rounding remains, a flow of zero is also a gain.
                 if not recomputed <= 0:
                     common = (1 + gain) ** 2 * recomputed
                     remaining = max(total.total - gain**2 * recomputed, 0.0)
@@ -423,8 +460,8 @@ def _parameter_fits(fields: Sequence[FieldError], facts: Facts) -> list[Feature]
 def correction_growth(fields: Sequence[FieldError]) -> float:
     """Return the square of the sum of the fields' corrections over their mean square, the larger of both parts.
 
-    Each field ends at the pose where the next begins, so that pose noise cancels in the sum: it is as large as one
-    correction, however many there are. What another motion asks for adds up.
+    Each field ends at the pose at which the next begins, so pose noise cancels in the sum: the sum is as large as one
+    correction, for any number of fields. Corrections by another motion add up.
     """
 
     def growth(corrections: NDArray[np.float64]) -> float:

@@ -1,7 +1,7 @@
 """The intervals of flow against the timestamps of the frames that they lead from and to.
 
-Timestamps leave the frames that they should lie on by a constant, by a drift, or onto a grid of their own. Each pattern
-is fitted to the offsets of the timestamps from their nearest frames; its share of removed offset is a feature.
+Timestamps may differ from the frames by a constant, by a drift, or by a grid. Each pattern is fitted to the offsets of
+the timestamps from their nearest frames; the share of the offset that it removes is a feature.
 """
 
 from collections.abc import Mapping, Sequence
@@ -23,13 +23,14 @@ Mask = NDArray[np.bool_]
 Rows = NDArray[np.intp]
 
 _NEXT_FRAME: Final = 0.75
-"""Share of the frame step beyond which the nearest frame is another one: offsets within a step are half of it."""
+"""Largest distance from a timestamp's own frame, in frame steps: distances from the nearest of all frames are at most
+half a step."""
 
 _ROUNDING_NS: Final = 1_000
 """Timestamps are whole microseconds: an offset of two rounded ones errs by at most one."""
 
 _FEWEST_ON_A_GRID: Final = 3
-"""Instants from which on a common divisor of their steps means something."""
+"""Least number of instants for a common divisor of their steps."""
 
 _UNITS: Final = (1e-6, 1e-3, 1e3, 1e6)
 _SAME_UNIT: Final = 0.02
@@ -37,23 +38,29 @@ _SAME_UNIT: Final = 0.02
 
 @dataclass(frozen=True, slots=True)
 class FlowRatesCounted(Feature):
-    """Which rates have intervals that the statistic counts."""
+    """Rates with intervals that a statistic counts.
+
+    Attributes
+    ----------
+    counted
+        Whether each rate has such intervals.
+    """
 
     counted: Mapping[str, bool]
 
 
 @dataclass(frozen=True, slots=True)
 class IntervalsOffFrames(Feature):
-    """How the intervals that are off lie to the frames.
+    """Relation of the deviating intervals to the frames.
 
     Attributes
     ----------
     beyond_all_frames
-        All of them begin before the first depth frame or end after the last.
+        Whether all of them begin before the first depth frame or end after the last.
     at_missing_frame
-        Their ends lie so far from the nearest depth frame that it is not the one they belong to.
+        Whether their ends are so far from the nearest depth frame that their own frame is missing.
     on_colour_frames
-        All of their ends are timestamps of colour frames.
+        Whether all of their ends are timestamps of colour frames.
     """
 
     beyond_all_frames: bool
@@ -63,7 +70,7 @@ class IntervalsOffFrames(Feature):
 
 @dataclass(frozen=True, slots=True)
 class TimestampPattern(Feature):
-    """A way in which the timestamps of a stream left the frames.
+    """A pattern of the differences of timestamps from frames.
 
     Attributes
     ----------
@@ -74,7 +81,7 @@ class TimestampPattern(Feature):
     removed_share
         Share of the rms offset that the pattern removes, 0 to 1.
     stream
-        The stream whose timestamps left the other's.
+        The stream whose timestamps deviate.
     """
 
     pattern: str
@@ -85,7 +92,15 @@ class TimestampPattern(Feature):
 
 @dataclass(frozen=True, slots=True)
 class IntervalOrder(Feature):
-    """Sorted intervals of one rate: how many gaps and overlaps there are, and how many rows sorting moves."""
+    """Order of the intervals of one rate.
+
+    Attributes
+    ----------
+    gaps, overlaps
+        Numbers of gaps and of overlaps between sorted intervals.
+    moved
+        Number of rows that sorting moves.
+    """
 
     gaps: int
     overlaps: int
@@ -94,13 +109,19 @@ class IntervalOrder(Feature):
 
 @dataclass(frozen=True, slots=True)
 class IntervalLengths(Feature):
-    """Median length of the intervals of one rate that do not last as long as its name says."""
+    """Lengths of intervals that differ from the length in the stream's name.
+
+    Attributes
+    ----------
+    median_ns
+        Their median, ns.
+    """
 
     median_ns: float
 
 
 def timestamp_statistics(facts: Facts) -> list[Statistic]:
-    """Count, for each rate, interval ends that lie on no depth frame, gaps, and lengths that are not the rate's."""
+    """Count, for each rate, intervals that lie on no depth frames, gaps, and wrong lengths."""
     statistics: list[Statistic] = []
     for stream in facts.flow_streams:
         clock, frames = facts.clocks[stream], facts.clocks["depth"]
@@ -176,7 +197,7 @@ def _frame_step_ns(frames: Clock) -> float:
 
 
 def _features_off_frames(facts: Facts, stream: str, clock: Clock, ends_ns: Int64, off: Rows) -> tuple[Feature, ...]:
-    """Measure in what way the timestamps left the depth frames, and whether they lie on colour frames."""
+    """Return the pattern by which timestamps differ from depth frames, and whether they lie on colour frames."""
     if not len(off):
         return ()
     depth = facts.clocks["depth"]
@@ -215,12 +236,15 @@ def timestamp_patterns(instants_ns: Int64, frames_ns: Int64) -> tuple[TimestampP
 
     Parameters
     ----------
-    instants_ns, frames_ns
-        (n,) and (m,) from the file's origin; n and m at least 1.
+    instants_ns
+        (n,) ns from the file's origin, n at least 1.
+    frames_ns
+        (m,) ns from the file's origin, m at least 1.
 
     Returns
     -------
-    The patterns, best first; only another unit, or nothing, where the instants lie beyond all frames.
+    tuple
+        Best first; only another unit, or nothing, where the instants lie beyond all frames.
     """
     offsets_ns = offsets_from_nearest(frames_ns, instants_ns)
     steps_ns = np.diff(np.sort(frames_ns))
@@ -262,16 +286,19 @@ def timestamp_patterns(instants_ns: Int64, frames_ns: Int64) -> tuple[TimestampP
 
 
 def offsets_from_nearest(frames_ns: Int64, instants_ns: Int64) -> Float64:
-    """Return how much later each instant is than the frame nearest to it.
+    """Return the difference of each instant from the nearest frame.
 
     Parameters
     ----------
-    frames_ns, instants_ns
-        (m,) and (n,) from the file's origin, in any order; m at least 1.
+    frames_ns
+        (m,) ns from the file's origin, in any order, m at least 1.
+    instants_ns
+        (n,) ns from the file's origin, in any order.
 
     Returns
     -------
-    (n,) ns; negative where the instant is earlier.
+    ndarray of float64
+        (n,) ns; positive where the instant is later.
     """
     ordered = np.sort(frames_ns)
     after = np.clip(np.searchsorted(ordered, instants_ns), 1, max(len(ordered) - 1, 1))

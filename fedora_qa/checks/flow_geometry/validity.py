@@ -1,4 +1,4 @@
-"""Where flow has values and where it has none, and which intervals it belongs to."""
+"""Pixels with and without values of flow, and the intervals of flow."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -31,7 +31,8 @@ from fedora_qa.views.flow_intervals import (
 from fedora_qa.views.static_depth import static_depth_m
 
 _SIGMAS: Final = 8.0
-"""Points nearer to the camera's plane than so many sigma of declared pose noise count as neither before nor behind."""
+"""Distance from the camera's plane, in sigma of declared pose noise, within which a point counts as neither before nor
+behind."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -40,15 +41,19 @@ class FieldPattern:
 
     Attributes
     ----------
+    interval
+        Of the field.
+    frame
+        Row of the depth frame at its start.
     unfounded, unfounded_zero, unfounded_alike, behind
-        Values where there can be none; those of them that are zero, that equal their median, and that belong to points
-        behind the camera.
+        Numbers of values without a valid static point; of those that are zero; of those that equal their median; and of
+        those whose point is behind the camera.
     deep
-        Whether the depths of the points behind the camera, or of all where there are none, are plausible.
+        Whether the depths of the points behind the camera, or of all points where none are, are plausible.
     infinite, missing
-        Infinite values; valid depths without a value.
+        Numbers of infinite values, and of valid depths without a value.
     pixel
-        The first wrong one, (column, row).
+        (column, row) of the first wrong pixel.
     """
 
     interval: Interval
@@ -72,9 +77,9 @@ class WrongFlowValues(Feature):
     streams
         Rates with pixels that the statistic counts.
     unfounded, missing
-        Values where there can be none, and valid depths without a value.
+        Numbers of values without a valid point, and of valid depths without a value.
     alike, behind
-        Unfounded values that equal their field's median, and those of points behind the camera.
+        Numbers of unfounded values that equal their field's median, and of those behind the camera.
     deep
         Whether the depths of the unfounded values are plausible in every field.
     """
@@ -269,7 +274,7 @@ def _all_before(
 
 
 def _margin_m(noise: PoseModel | None, distance_m: float) -> float:
-    """Return how far pose noise, or rounding where there is none, can move a point along the optical axis."""
+    """Return the largest error of a point's depth, m, by pose noise, or by rounding where the pose has no noise."""
     rounding_m = 1e-5 * distance_m
     if noise is None:
         # Noise that is not declared may have any size: no point is certain to be before or behind.

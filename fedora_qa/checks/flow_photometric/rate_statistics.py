@@ -26,23 +26,24 @@ from fedora_qa.views.flow_intervals import place
 from fedora_qa.views.flow_residuals import UNMATCHED, FieldResidual
 
 _FIELD_BIAS_PX: Final = 0.02
-"""The bias from aliases of a single field, whose few tiles may all be of one steep texture: four times a rate's."""
+"""Bias by aliasing in a single field, px: four times that of a rate, since its few tiles may all have one steep
+texture."""
 
 _TILE_BIAS_PX: Final = 0.2
 """The same for a single tile: unresolved detail at grazing angles, and surfaces that meet without an edge of depth.
 
-Neither is in the tile's own error, which takes what the fit leaves for noise. Ray-cast scenes of every kind err by up
-to 0.1 px beyond it in one tile of ten thousand (three scenes, 50 000 tiles); twice that is allowed.
+The tile's own error includes neither: it is estimated from the residuals as noise. In ray-cast scenes one tile of
+10,000 exceeds its error by up to 0.1 px (three scenes, 50,000 tiles); twice that is the bound.
 """
 
 UNMATCHED_SHARE: Final = 0.1
-"""Share of one field's tiles that may show something else: reflections, shadows, occlusions without depth."""
+"""Largest share of one field's tiles that may not match: reflections, shadows, occlusions without depth."""
 
 _MANY_TILES: Final = 10
-"""Textured tiles from which on a field's own share of unmatched ones means something."""
+"""Least number of textured tiles of a field for a share of unmatched ones."""
 
 SIGNIFICANT_SIGMAS: Final = 6.0
-"""Standard errors beyond which a follow-up is worth its time; judgement applies its own limit."""
+"""Standard errors of a deviation above which a follow-up is made; judgement applies its own limit."""
 
 _MATERIAL_PX: Final = 0.5
 _MATERIAL_PERCENT: Final = 10.0
@@ -60,15 +61,25 @@ _GEOMETRIC: Final = (
 """Name, unit and meaning of each geometric template."""
 
 _UNDETERMINED: Final = 1e3
-"""Standard errors, in the unit of a template, beyond which nothing moves that could show it."""
+"""Largest standard error of a template that is stated, in its unit: a larger one means that the motion does not
+determine it."""
 
 
 @dataclass(frozen=True, slots=True)
 class TemplateExplanation(Feature):
-    """A template fitted alone to all fields of a rate: the sizes of its components, and the share that it explains.
+    """A template fitted alone to all fields of a rate.
 
-    ``template`` is gain (1 is 100%), shift (px), focal (percent), centre (px), mounting (deg) or time (percent of the
-    interval). ``explained_share`` is of the squared residuals; only the gain has a standard error.
+    Attributes
+    ----------
+    template
+        ``gain`` (1 is 100%), ``shift`` (px), ``focal`` (percent), ``centre`` (px), ``mounting`` (deg) or ``time``
+        (percent of the interval).
+    sizes
+        Sizes of its components, in this unit.
+    explained_share
+        Share of the squared residuals that it explains, 0 to 1.
+    standard_error
+        Of the gain; None for other templates.
     """
 
     template: str
@@ -83,20 +94,22 @@ class RateResidual(Feature):
 
     Attributes
     ----------
+    rate
+        Stream of the rate.
     deviates_by_rate
-        Whether each rate that can be measured deviates surely from the frames.
+        Whether each rate that can be measured deviates significantly from the frames.
     fields, deviating_fields
-        Number of fields that can be measured, and of those of them that deviate surely.
+        Numbers of fields that can be measured, and of those that deviate significantly.
     has_common_gain
-        Whether most fields have a gain in common.
+        Whether most fields have one gain.
     unmatched_share
         Share of the textured tiles of all fields that do not match.
     interval_s
-        Length of a field's interval.
+        Length of a field's interval, s.
     explained_share
         Share of the squared residuals that all templates together explain; 0 where no field has enough tiles.
     own_mean_share
-        Share of what templates explain that only a mean of each field explains; 0 where no field deviates surely.
+        Share of the explained squares that only a mean of each field explains; 0 where no field deviates significantly.
     chance_of_largest_mean
         Probability that the largest of the fields' means is a draw from the same distribution as the others.
     """
@@ -125,7 +138,7 @@ def fit_fields(fields: Sequence[FieldResidual]) -> RateFit | None:
 
 
 def deviation_ratio(field: FieldResidual) -> float:
-    """Return the largest of a field's deviations over their limits: tiles that do not match, mean, gain."""
+    """Return the largest ratio of a field's deviations to their limits: unmatched tiles, mean, gain."""
     # Each deviation over its limit, so that shares and pixels compare: 1 is the limit.
     unmatched = max(field.unmatched_share / UNMATCHED_SHARE, field.least_matched / UNMATCHED)
     if field.evidence is None:
@@ -145,7 +158,15 @@ def deviation_ratio(field: FieldResidual) -> float:
 
 
 def deviates(rate: RateFit | None, fields: Sequence[FieldResidual]) -> bool:
-    """Whether a rate deviates surely from the frames, in all its fields or in some."""
+    """Whether a rate deviates significantly from the frames, in all its fields or in some.
+
+    Parameters
+    ----------
+    rate
+        Fit of all fields; None where too few tiles match.
+    fields
+        Measured fields of the rate, one or more.
+    """
     if any(deviation_ratio(field) > 1 for field in fields) or rate is None:
         return True
     estimates = [rate.mean, rate.gain, *([rate.geometric] if rate.geometric else [])]
@@ -158,7 +179,22 @@ def deviates(rate: RateFit | None, fields: Sequence[FieldResidual]) -> bool:
 def rate_features(
     stream: str, fields: Sequence[FieldResidual], deviates_by_rate: Mapping[str, bool]
 ) -> tuple[Feature, ...]:
-    """Return the features of the residual flow of one rate."""
+    """Return the features of the residual flow of one rate.
+
+    Parameters
+    ----------
+    stream
+        ``flow/<rate>hz``.
+    fields
+        Measured fields of the rate, one or more.
+    deviates_by_rate
+        Whether each rate deviates, by stream.
+
+    Returns
+    -------
+    tuple
+        A ``RateResidual``, and the explanation of each template where a field has enough matching tiles.
+    """
     deviating = sum(deviation_ratio(field) > 1 for field in fields)
     evidences = [field.evidence for field in fields if field.evidence]
     templates: list[TemplateExplanation] = []
@@ -197,7 +233,26 @@ def mean_statistics(
     facts: Facts,
     features: tuple[Feature, ...],
 ) -> list[Statistic]:
-    """State a rate's mean residual flow, its gain and its geometric templates."""
+    """Return the statistics of all fields of a rate: mean residual flow, gain and geometric templates.
+
+    Parameters
+    ----------
+    stream
+        ``flow/<rate>hz``.
+    fields
+        Measured fields of the rate, in the order of time.
+    rate
+        Fit of all fields; None where too few tiles match.
+    facts
+        Of the file.
+    features
+        Of the residual flow of the rate.
+
+    Returns
+    -------
+    list[Statistic]
+        Empty without a fit.
+    """
     if rate is None:
         return []
     where = place(facts, (fields[0].interval, fields[-1].interval))
@@ -243,7 +298,19 @@ def mean_statistics(
 def worst_statistics(
     stream: str, fields: Sequence[FieldResidual], facts: Facts, features: tuple[Feature, ...]
 ) -> list[Statistic]:
-    """State the worst of a rate: tiles that do not match, the least matched tile, the worst field, the worst tile."""
+    """Return the statistics of the worst of a rate: unmatched tiles, least matched tile, worst field, worst tile.
+
+    Parameters
+    ----------
+    stream
+        ``flow/<rate>hz``.
+    fields
+        Measured fields of the rate, in the order of time.
+    facts
+        Of the file.
+    features
+        Of the residual flow of the rate.
+    """
 
     def where(field: FieldResidual, tile: tuple[int, int, int, int] | None = None) -> Where:
         return place(facts, (field.interval, field.interval), frame=field.frame, tile=tile)
@@ -273,7 +340,7 @@ def worst_statistics(
             features=features,
         )
     ]
-    # The worst tile in px is sought among those that match: the one that matches least is a statistic of its own.
+    # The worst tile in px is one of those that match: the least matched tile is a separate statistic.
     masked_by_depth = [field for field in fields if field.least_matched_tile is not None]
     if masked_by_depth:
         worst = max(masked_by_depth, key=lambda field: field.least_matched)
@@ -338,8 +405,8 @@ def worst_statistics(
 
 
 def _field_bias_px(field: FieldResidual) -> float:
-    # Peak locking errs as sin(2 pi flow), of which the mean over the field's tiles counts (class docstring of the
-    # check).
+    # The error of peak locking is proportional to sin(2 pi flow); its mean over the field's tiles counts (class
+    # docstring of the check).
     return _FIELD_BIAS_PX * field.mean_locking
 
 

@@ -42,16 +42,17 @@ Float32 = NDArray[np.float32]
 _MOST_FOLLOW_UPS: Final = 8
 
 _ANOTHER_UNIT: Final = 0.5
-"""Gains of less than half are no other unit."""
+"""Least deviation of a gain from 1 for another unit."""
 
 _TILE_STEP: Final = 4
-"""Of tiles that deviate all over the image every fourth is enough, as long as some are left."""
+"""Step between the tried tiles where tiles deviate in the whole image."""
 
 _FEWEST_UNMATCHED: Final = 2
 _TWO_CHANGES: Final = 0.95
-"""Factor on what a mirrored grid with mirrored vectors removes: mirrored frames, one change, leave the same mismatch.
+"""Factor on the removed share of a mirrored grid with mirrored vectors: mirrored frames, a single change, have the same
+effect.
 
-Of two transforms that remove as much, the one with fewer changes comes first.
+Of two transforms with one effect, that with fewer changes is preferred.
 """
 
 _GAINS: Final = (2.0, 1.5, 0.67, 0.5)
@@ -60,7 +61,19 @@ _FRAME_SHIFTS: Final = (-2, -1, 1, 2)
 
 @dataclass(frozen=True, slots=True)
 class WindowResiduals:
-    """The fields that a window owns, the number of those without frames, and the trials and maps of a follow-up."""
+    """The fields of a window.
+
+    Attributes
+    ----------
+    window
+        Number of the window.
+    fields
+        Measured fields.
+    without_frames
+        Number of fields without a colour frame at both ends.
+    trials, maps
+        Trials and maps of a follow-up; a map has a title.
+    """
 
     window: int
     fields: tuple[FieldResidual, ...] = ()
@@ -266,11 +279,20 @@ def _residual_maps(window: Window, optics: Optics, interval: Interval) -> Mappin
 def try_transforms(window: Window, optics: Optics, interval: Interval) -> list[ConventionTrial]:
     """Try every inverse transform on one field.
 
+    Parameters
+    ----------
+    window
+        A window of the sequence.
+    optics
+        Mapping of the flow's grid to colour frames.
+    interval
+        Of the field.
+
     Returns
     -------
-    list
-        For each transform and stream the variant that removes the largest share of the frames' mismatch; empty where
-        the field has too few textured tiles.
+    list[ConventionTrial]
+        For each transform and stream the variant that removes the largest share of the mismatch; empty where the field
+        has too few textured tiles.
     """
     frames = frame_pair(window, optics, interval)
     tiles = sample_tiles(frames, interval, 1.0) if frames else None
@@ -280,7 +302,8 @@ def try_transforms(window: Window, optics: Optics, interval: Interval) -> list[C
     is_textured = textured(residuals)
     if np.count_nonzero(is_textured) < FEWEST_TILES:
         return []
-    # The tiles (n,) that do not match, where they are few: a fault of a part of the image. Else some of all.
+    # Tiles (n,) that do not match, where they are few (a fault of a part of the image); otherwise a sample of all
+    # tiles.
     count = int(np.count_nonzero(is_textured))
     deviating = is_textured & (residuals.unexplained > UNMATCHED)
     if not _FEWEST_UNMATCHED <= np.count_nonzero(deviating) < 0.5 * count:
@@ -326,7 +349,7 @@ def _transforms(
     for gain in _GAINS:
         yield _FrameTransform("scaled", "flow", flow_px / np.float32(gain), frames, 100 * (gain - 1))
 
-    # The image that the numbers lie in is turned over, with or without the numbers themselves.
+    # The grid of the flow is mirrored, with or without its vectors.
     stored_px = window.flow_px(interval.stream, interval.row)
     for mirrored_px in (stored_px[:, ::-1], stored_px[::-1]):
         patches_px = patches_of(mirrored_px, tiles.origins)

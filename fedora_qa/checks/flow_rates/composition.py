@@ -37,19 +37,20 @@ RatePair = tuple[str, str]
 _MOST_FOLLOW_UPS: Final = 4
 
 _MATERIAL_PX: Final = 0.1
-"""An endpoint error that no use of the flow would notice."""
+"""Material endpoint error, px."""
 
 _FEWEST_OFF: Final = 4 * FEWEST_PIXELS
-"""Pixels from which on those that are off are tried alone: a quarter of them may leave the image."""
+"""Least number of deviating pixels for a trial on these alone: a quarter of them suffices for a comparison."""
 
 _EVERY: Final = 4
-"""Of pixels that are off all over the image every fourth is tried."""
+"""Step between the tried pixels where pixels deviate in the whole image."""
 
 _SAME_GAIN: Final = 0.02
 """Relative distance to a change of unit below which a gain is that change of unit."""
 
 COPIES: Final = ("field_of_another_rate", "repeated_field")
-"""Transforms that compare fields bit for bit: they remove all of the error or none, since no chance makes copies."""
+"""Transforms that compare fields bit for bit: they remove all of the error or none, since copies do not occur by
+chance."""
 
 _TRANSFORMS: Final[tuple[tuple[str, FieldTransform], ...]] = (
     ("negated", lambda flow_px: -flow_px),
@@ -63,7 +64,19 @@ _TRANSFORMS: Final[tuple[tuple[str, FieldTransform], ...]] = (
 
 @dataclass(frozen=True, slots=True)
 class WindowComposition:
-    """The common intervals that begin in a window, those that could not be compared, and the trials of a follow-up."""
+    """The common intervals that begin in a window.
+
+    Attributes
+    ----------
+    window
+        Number of the window.
+    segments
+        Compared intervals.
+    not_compared
+        Number of intervals that could not be compared.
+    trials
+        Trials of a follow-up.
+    """
 
     window: int
     segments: tuple[RateAgreement, ...] = ()
@@ -73,7 +86,15 @@ class WindowComposition:
 
 @dataclass(frozen=True, slots=True)
 class RatePairsOff(Feature):
-    """The pair of rates that was compared, and the share of common intervals that are off, for every pair."""
+    """Deviating common intervals of pairs of rates.
+
+    Attributes
+    ----------
+    pair
+        The compared pair.
+    shares_off
+        Share of deviating intervals of every pair, 0 to 1.
+    """
 
     pair: RatePair
     shares_off: Mapping[RatePair, float]
@@ -259,24 +280,27 @@ def _where(group: Sequence[RateAgreement], facts: Facts) -> Where:
 
 
 def try_inverse_transforms(window: Window, segment: Segment) -> list[ConventionTrial]:
-    """Try transforms of either rate, and of both, on one segment: the share of the error that each removes.
+    """Try transforms of either rate, and of both, on one segment, with the share of the error that each removes.
 
     Parameters
     ----------
+    window
+        A window of the sequence.
     segment
-        A common interval of two rates that are off.
+        A deviating common interval of two rates.
 
     Returns
     -------
-    The best trial of each transform and stream; ``rate`` and ``stream`` are both the rate that was transformed.
+    list[ConventionTrial]
+        The best trial of each transform and stream; ``rate`` and ``stream`` are both the transformed rate.
     """
     columns, rows = path_starts(window, segment)
     slow, fast = (compose(window, chain, columns, rows) for chain in (segment.slow, segment.fast))
     compared = compared_pixels(slow, fast)
-    # Pixels that were not compared get 0 on both sides, and so do not count as off.
+    # Pixels that were not compared get 0 on both sides, and so do not deviate.
     apart_px = np.where(compared[:, None], slow.displacement_px - fast.displacement_px, 0.0)
     off = np.linalg.norm(apart_px, axis=-1) > np.where(compared, slow.bound_px + fast.bound_px, 0.0)
-    # Pixels that are off are tried alone where they are few: a fault of a part of the image.
+    # Few deviating pixels are tried alone: a fault of a part of the image.
     if _FEWEST_OFF <= np.count_nonzero(off) < 0.5 * np.count_nonzero(compared):
         columns, rows = columns[off], rows[off]
     else:
@@ -297,7 +321,7 @@ def try_inverse_transforms(window: Window, segment: Segment) -> list[ConventionT
 def _transform_residuals(
     window: Window, segment: Segment, slow: ComposedPaths, fast: ComposedPaths, pixels: tuple[Float64, Float64]
 ) -> Iterator[_TransformResidual]:
-    """Yield what remains after transforms of one rate, the other left as it is, and then of both rates alike."""
+    """Yield the residuals of transforms of one rate against the other as stored, and of transforms of both rates."""
     for chain, own, other in ((segment.slow, slow, fast), (segment.fast, fast, slow)):
         stream = chain.stream
         interval_s = (segment.end_ns - segment.start_ns) / len(chain.rows) / NS_PER_S
@@ -318,7 +342,8 @@ def _transform_residuals(
         units = (interval_s, 1 / interval_s) if interval_s > 0 else ()
         for factor in (*units, fitted) if fitted > 0 else units:
             gain = factor - 1
-            # Flow in px/s or px s is off by the interval or its reciprocal: near these a factor is a unit, not a gain.
+            # Flow in px/s or px s is wrong by the interval or its reciprocal: near these a factor is a unit, not a
+            # gain.
             unit = next((unit for unit in units if abs((1 + gain) / unit - 1) < _SAME_GAIN), None)
             residual_px = median_error_px(compose(window, chain, *pixels, _division_by(factor)), other)
             if unit is None:

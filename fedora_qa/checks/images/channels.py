@@ -13,8 +13,8 @@ from fedora_qa.sequence.declared import EventModel
 from fedora_qa.sequence.facts import Facts
 
 DETECTED_AT: Final = 7.0
-"""Standard errors at which a deviation is detected nearly always, beyond a bias that may hide it and one that may feign
-it; judgement draws its own line."""
+"""Standard errors at which a deviation is nearly always detected, beyond twice the bias; judgement applies its own
+limit."""
 
 EXCHANGED: Final = "BGR"
 """The usual wrong order, and the hardest to detect: red and blue have the nearest weights."""
@@ -22,7 +22,13 @@ EXCHANGED: Final = "BGR"
 
 @dataclass(frozen=True, slots=True)
 class NearestChannelOrder(Feature):
-    """The order of channels whose weights come nearest to the fitted ones, for their errors."""
+    """Order of channels whose weights are nearest to the fitted ones.
+
+    Attributes
+    ----------
+    order
+        Three of the letters R, G, B; nearest relative to the errors.
+    """
 
     order: str
 
@@ -69,7 +75,17 @@ class ImagesChannels(ColourCheck):
     name = "images.channels"
 
     def state(self, response: ColourResponse, declared: EventModel, facts: Facts) -> tuple[Statistic, ...]:
-        """State how far the weights lie towards each wrong order."""
+        """Return the position of the fitted weights between the declared order and each wrong one.
+
+        Parameters
+        ----------
+        response
+            Fit of the file.
+        declared
+            The event sensor.
+        facts
+            Of the file.
+        """
         fit, nearest = response.fit, nearest_order(response.fit)
         weights = ", ".join(f"{weight.value:.2f}" for weight in fit.weights)
         estimates = [(order, towards(fit, order)) for order in WRONG_ORDERS]

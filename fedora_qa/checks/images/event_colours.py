@@ -34,26 +34,35 @@ from fedora_qa.views.event_tick import local_tick_ns
 from fedora_qa.views.level_samples import FEWEST_PAIRS, LINEAR_LEAST_TICKS, hot_pixels, least_dn
 
 ENOUGH_PAIRS: Final = 1500
-"""Where a window has more, those of the shortest gaps are taken."""
+"""Number of pairs of the shortest gaps that are taken of a window."""
 
 LONGEST_GAP_NS: Final = 60_000_000
-"""Three times what thresholds are read from: weights are differences of what all channels share, so that the level
-between events may err more, and small frames have more samples. The straight lines bound what they err by."""
+"""Longest gap between events, ns: three times that of threshold fits. Errors of the level are common to all channels
+and mostly cancel in the weights, so the level may have larger errors, and small frames have more samples. The fit by
+straight lines bounds the error."""
 
 QUARTERS: Final = 4
 FEWEST_BLOCKS: Final = 8
 """Quarters of the image in two windows: with fewer, the spread between them is no standard error."""
 
 UNRELATED: Final = 0.7
-"""Share of the events' variance that frames may leave: beyond, they show something else, or only rounding."""
+"""Largest share of the variance of the events that frames leave unexplained: with more, they are of another scene, or
+have only rounding."""
 
 
 @dataclass(frozen=True, slots=True)
 class ColourSums:
-    """Normal equations of a window by curve, a block for each quarter of the image; how many samples they rest on.
+    """Normal equations of a window, in one block for each quarter of the image.
 
-    The declared curve comes first. Others are applied to means over footprints, near enough to identify the curve.
-    ``straight`` is by the declared curve, with straight lines between events in place of cubics.
+    Attributes
+    ----------
+    samples
+        Number of pairs of level samples.
+    by_curve
+        By transfer curve, the declared one first. Other curves are applied to means over footprints, which is accurate
+        enough to select the curve.
+    straight
+        By the declared curve, with straight lines between events in place of cubics.
     """
 
     samples: int
@@ -63,7 +72,15 @@ class ColourSums:
 
 @dataclass(frozen=True, slots=True)
 class ColourResponse:
-    """The fit under the declared curve, and the curve under which events follow the frames best."""
+    """The fit of a file.
+
+    Attributes
+    ----------
+    fit
+        Under the declared curve.
+    best_curve
+        Transfer curve under which events follow the frames best.
+    """
 
     fit: ColourFit
     best_curve: str
@@ -90,7 +107,7 @@ def _colour_sums(window: Window) -> ColourSums | None:
         least_gap_ns=LINEAR_LEAST_TICKS * local_tick_ns(window) if declared.model == "linear" else refractory_ns,
         off_over_on=declared.threshold_off / declared.threshold_on,
     ).tightest(ENOUGH_PAIRS)
-    # Leak gives brighter events that the level does not rise by.
+    # Leak events are brighter events without a rise of the level.
     elapsed_s = (frames.times_ns[pairs.later] - frames.times_ns[pairs.earlier]) / NS_PER_S
     pairs.regressors[:, 0] -= declared.leak_rate_hz * elapsed_s
     if len(pairs) < FEWEST_PAIRS:
@@ -174,9 +191,19 @@ class ColourCheck(WindowCheck[ColourSums]):
         return Observation(coverage, measured, unobservable=self.why_blind(response))
 
     def why_blind(self, response: ColourResponse) -> str:
-        """Return why the file could not show the least fault, beyond the detection limit of each measurement."""
+        """Return why the least fault is not detectable in the file, beyond the detection limit of each measurement."""
         return ""
 
     def state(self, response: ColourResponse, declared: EventModel, facts: Facts) -> tuple[Statistic, ...]:
-        """Turn the fit into measurements."""
+        """Return the measurements of the fit.
+
+        Parameters
+        ----------
+        response
+            Fit of the file.
+        declared
+            The event sensor.
+        facts
+            Of the file.
+        """
         raise NotImplementedError

@@ -22,24 +22,35 @@ from fedora_qa.views.frame_pairs import flow_rate_of, neighbours, pairs_with_flo
 Float64 = NDArray[np.float64]
 
 NEIGHBOURS: Final = 3
-"""Pairs on either side that give what the brightness does by itself: light that changes slowly, the sky coming in."""
+"""Number of pairs on either side whose median is the usual change of brightness, by slow changes of light or of the
+view."""
 
 FEWEST_PAIRS: Final = 4
 
 CLIPPED_SHARE: Final = 0.25
-"""Share of pixels at 255 beyond which a file is said to be overexposed: a judgement, no more than a notice."""
+"""Share of pixels at 255 above which a notice of overexposure is given."""
 
 MATERIAL_PERCENT: Final = 20.0
 
 _SAMPLED_EVERY_PX: Final = 4
 
 MISREGISTRATION_PERCENT: Final = 0.2
-"""What points of one place differ in brightness where the flow misses them by part of a pixel: bias, not noise."""
+"""Bias of the brightness of equal points, in percent, by errors of the flow of less than a pixel."""
 
 
 @dataclass(frozen=True, slots=True)
 class FramePairGain:
-    """Two frames, the logarithm of the later one's brightness over the earlier one's, and its error."""
+    """Change of brightness between two frames.
+
+    Attributes
+    ----------
+    before, after
+        Rows of the frames.
+    log_gain
+        ln of the later brightness over the earlier one.
+    standard_error
+        Of ``log_gain``.
+    """
 
     before: int
     after: int
@@ -54,13 +65,13 @@ class WindowExposure:
     Attributes
     ----------
     gains
-        Of its pairs.
+        Changes of brightness of the window's pairs.
     blank
-        Frames of one value.
+        Rows of frames of one value.
     clipped
-        Sum over its frames of the share of pixels at 255.
+        Sum over the frames of the share of pixels at 255.
     frames, codes
-        Its frames, and how often each code (256,) occurs in them.
+        Rows of the frames, and the number of each code (256,) in them.
     """
 
     gains: tuple[FramePairGain, ...]
@@ -72,7 +83,15 @@ class WindowExposure:
 
 @dataclass(frozen=True, slots=True)
 class BrightnessJump(Feature):
-    """A step of the brightness from one frame to the next, positive where the later frame is brighter."""
+    """A step of the brightness from one frame to the next.
+
+    Attributes
+    ----------
+    percent
+        Its size, positive where the later frame is brighter.
+    standard_error_percent
+        Of the size.
+    """
 
     percent: float
     standard_error_percent: float
@@ -80,7 +99,15 @@ class BrightnessJump(Feature):
 
 @dataclass(frozen=True, slots=True)
 class CodesMultiplied(Feature):
-    """A gain of frames that were rounded before, and half the range of gains that leave the same codes out."""
+    """A gain of frames after their rounding to codes.
+
+    Attributes
+    ----------
+    percent
+        Its size.
+    half_range_percent
+        Half the range of gains with the same missing codes.
+    """
 
     percent: float
     half_range_percent: float
@@ -216,7 +243,7 @@ class ImagesExposure(WindowCheck[WindowExposure]):
 
 
 def departures(log_gains: Float64) -> Float64:
-    """Return by how much each gain departs from the median of those around it.
+    """Return the difference of each gain from the median of those around it.
 
     Parameters
     ----------
@@ -225,7 +252,8 @@ def departures(log_gains: Float64) -> Float64:
 
     Returns
     -------
-    (n,) departures, positive for a jump to brighter.
+    ndarray of float64
+        (n,) differences, positive for a jump to brighter.
     """
     around = [
         np.concatenate([log_gains[max(i - NEIGHBOURS, 0) : i], log_gains[i + 1 : i + 1 + NEIGHBOURS]])
@@ -243,11 +271,11 @@ def _where(first: int, stop: int, facts: Facts) -> Where:
 
 
 def _frames_with_gain(windows: Sequence[WindowExposure], codes: NDArray[np.int64], facts: Facts) -> Statistic:
-    """Count the frames whose codes show a gain: ``codes`` of all windows together, or else of each.
+    """Return the count of frames with a gain, by the codes of all windows together, or else by those of each.
 
-    A gain of a part of the file shows only in that part, as the codes that it leaves out occur elsewhere.
+    A gain of a part of the file is detected in that part only, as the codes that it leaves out occur elsewhere.
     """
-    # A gain of the whole file leaves the same codes out everywhere; one of a part shows in its own windows only.
+    # A gain of the whole file leaves out the same codes in all windows; one of a part does so in its own windows only.
     of_all = gain_after_rounding(codes)
     gains = [
         (w.frames, gain)

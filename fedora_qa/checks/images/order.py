@@ -1,6 +1,6 @@
 """Frames along the flow: order in time, of whole frames and of their parts.
 
-A part may be frozen, or taken from another frame, while the rest moves on.
+A part may be frozen, or of another frame, while the rest of the image moves.
 """
 
 from collections.abc import Sequence
@@ -28,27 +28,28 @@ Box = tuple[int, int, int, int]
 """Left, top, right, bottom."""
 
 ALLOWED: Final = 0.5
-"""Halfway between a frame in its place and one that repeats the frame before."""
+"""Largest deviation of a ratio: halfway between a correct frame (1) and one that repeats the frame before (0)."""
 
 LARGEST_ERROR: Final = 0.1
-"""A frame or part counts where the error of its ratio is below this: a fifth of what is allowed for."""
+"""Largest error of a ratio that counts: a fifth of ``ALLOWED``."""
 
 LEAST_RATIO: Final = 0.5
-"""Below, frames do not follow the flow in most intervals, and none of them can be separated from the rest."""
+"""Least median ratio: below it frames do not follow the flow in most intervals, and no single interval deviates."""
 
 FEWEST_PAIRS: Final = 4
 
 FEWEST_PAIRS_OF_PART: Final = 8
-"""Below, the usual ratio of a part and its scatter are not estimated."""
+"""Least number of pairs for the usual ratio of a part and its scatter."""
 
 PARTS: Final = 4
-"""Parts along each side: one at least lies within any region of half the width and height."""
+"""Number of parts along each side: at least one lies within any region of half the width and height."""
 
 MATERIAL: Final = 2.0
-"""A frame that moved elsewhere leaves an interval that is off by twice the flow (one that repeats: by the flow)."""
+"""Material deviation: a displaced frame leaves an interval that deviates by twice the flow; one that repeats, by once
+the flow."""
 
 _IN_PLACE: Final = 0.25
-"""An interval is certainly in order within half of what is allowed."""
+"""Deviation within which an interval is certainly in order: half of ``ALLOWED``."""
 
 PartRatios = tuple[tuple[float, float], ...]
 """(parts, 2) ratios to the flow and their standard errors, row by row; NaN where a part is not informative."""
@@ -56,9 +57,18 @@ PartRatios = tuple[tuple[float, float], ...]
 
 @dataclass(frozen=True, slots=True)
 class FramePairRatio:
-    """Two frames, and the ratio of their displacement to the flow between them: as a whole, and part by part.
+    """Ratio of the displacement of two frames to the flow between them.
 
-    ``size`` is the width and height on the grid of the flow.
+    Attributes
+    ----------
+    before, after
+        Rows of the frames.
+    ratio, standard_error, rounding_error
+        Ratio of the whole frames, its standard error, and its error by rounding of the frames.
+    size
+        Width and height on the grid of the flow, px.
+    parts
+        Ratios of the parts.
     """
 
     before: int
@@ -71,7 +81,15 @@ class FramePairRatio:
 
 
 class FrameInterval(NamedTuple):
-    """Two frames, and the ratio of their displacement to the flow, in units of the usual ratio."""
+    """Displacement of two frames along the flow.
+
+    Attributes
+    ----------
+    before, after
+        Rows of the frames.
+    relative_ratio
+        Ratio of the displacement to the flow, in units of the usual ratio.
+    """
 
     before: int
     after: int
@@ -80,17 +98,17 @@ class FrameInterval(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class OutOfOrderIntervals(Feature):
-    """Intervals between frames in which their displacement is not that of the flow.
+    """Intervals in which the displacement of the frames differs from the flow.
 
     Attributes
     ----------
     relative_ratios
-        Of the intervals that deviate by more than ``ALLOWED``, in the order of time: 1 is usual.
+        Ratios of the intervals that deviate by more than ``ALLOWED``, in the order of time; 1 is usual.
     frames_return
-        Whether frames fall short in one interval and catch up in another beside it, or the other way round. None where
-        they do not, but an interval beside was not measured.
+        Whether the ratio is too small in one interval and too large in one beside it, or the reverse. None where it is
+        not, but an interval beside was not measured.
     isolated
-        Whether each has neighbours in order on both sides.
+        Whether each interval has neighbours in order on both sides.
     """
 
     relative_ratios: tuple[float, ...]
@@ -156,11 +174,10 @@ class ImagesOrder(WindowCheck[tuple[FramePairRatio, ...]]):
                 continue
             flow_px, size = pair.flow_px, (before.shape[1], before.shape[0])
             if is_large(before.size, window):
-                # As many pixels are used as lie in the middle, by logarithms, between the frame's and those of a usual
-                # one: at 1440x1080 38% of each part. The standard error of a part's ratio is then 0.012 as a rule, not
-                # 0.008, and the least fault of a part 25% larger; that of a whole frame, half of which is allowed for,
-                # is the same. Fourth root: the area is the geometric mean of both frames' areas, and the side is its
-                # root.
+                # The number of used pixels is the geometric mean of the frame's and that of a usual frame: at 1440x1080
+                # 38% of each part. The standard error of a part's ratio is then usually 0.012 in place of 0.008, and
+                # the detection limit of a part 25% larger; that of a whole frame is the same. The side is the root of
+                # the area, hence the fourth root.
                 side_ratio = min(1.0, (USUAL_PIXELS / before.size) ** 0.25)
                 boxes, middles = part_boxes(*size), []
                 for left, top, right, bottom in boxes:
@@ -226,7 +243,18 @@ class ImagesOrder(WindowCheck[tuple[FramePairRatio, ...]]):
 
 
 def part_boxes(width: int, height: int) -> tuple[Box, ...]:
-    """Return the parts of an image, row by row."""
+    """Return the parts of an image, row by row, half-open.
+
+    Parameters
+    ----------
+    width, height
+        Of the image, px.
+
+    Returns
+    -------
+    tuple
+        (``PARTS`` squared) boxes: left, top, right, bottom, px.
+    """
     columns, rows = ([round(edge * size / PARTS) for edge in range(PARTS + 1)] for size in (width, height))
     return tuple((left, top, right, bottom) for top, bottom in pairwise(rows) for left, right in pairwise(columns))
 
@@ -236,7 +264,7 @@ def _is_informative(ratio: FlowRatio | None) -> TypeGuard[FlowRatio]:
 
 
 def _worst_part(pairs: Sequence[FramePairRatio], facts: Facts) -> Statistic | None:
-    """State the part that lies farthest from where it usually does; None where no part is informative."""
+    """Return the statistic of the part whose ratio deviates most from its usual one; None where none is informative."""
     # Ratios and their errors, (pairs, parts) each.
     ratios, own_errors = np.moveaxis(np.array([pair.parts for pair in pairs]), -1, 0)
     usual = np.array([_median_of_finite(column) for column in ratios.T])
@@ -288,9 +316,9 @@ class _IntervalRun(NamedTuple):
 
 
 def intervals_out_of_order(intervals: Sequence[FrameInterval]) -> OutOfOrderIntervals:
-    """Find the intervals that are out of order, and whether frames that leave their places also return to them.
+    """Return the intervals that are out of order, and whether frames return to their places.
 
-    A frame out of its place falls short in one interval and catches up in another beside it.
+    For a frame out of its place the ratio is too small in one interval and too large in one beside it.
     """
     ordered = sorted(intervals)
     off = [abs(interval.relative_ratio - 1) > ALLOWED for interval in ordered]

@@ -30,23 +30,34 @@ Float64 = NDArray[np.float64]
 FEWEST_FRAMES: Final = 2
 
 HIDDEN_DN: Final = 2.0
-"""Rounding hides changes of up to 1 DN; twice that must show."""
+"""Largest change that rounding may hide, DN: twice 1 DN."""
 
 STEEP_PERCENTILE: Final = 99.0
-"""One pixel in a hundred is as steep as the places at which a change is looked for."""
+"""Percentile of the slopes at which a change is predicted: one pixel in a hundred is as steep."""
 
 NOISE_SIGMAS: Final = 6.0
 FARTHEST_M: Final = 30.0
-"""Where no range of depth is declared: that of the paper."""
+"""Farthest depth where no range is declared, m: that of the paper."""
 
 FEWEST_EVENTS: Final = 50
 AS_MANY_AS_USUAL: Final = 0.5
-"""Events since the frame before are as many as while frames change if they are half of the median there."""
+"""Least ratio of the number of events since the frame before to its median over changing frames, for a change of the
+image."""
 
 
 @dataclass(frozen=True, slots=True)
 class Viewpoint:
-    """From where a frame was taken, and by how much the image must move for that to be visible."""
+    """Pose of a frame.
+
+    Attributes
+    ----------
+    R_world_body
+        (3, 3) orientation of the body.
+    position_world_m
+        (3,) position of the body, m.
+    visible_motion_px
+        Motion of the image that rounding does not hide, px.
+    """
 
     R_world_body: Float64
     position_world_m: Float64
@@ -55,18 +66,22 @@ class Viewpoint:
 
 @dataclass(frozen=True, slots=True)
 class FrameDigest:
-    """A frame's digest, and whether and where the camera had moved.
+    """Digest of a frame, with the camera's motion before it.
 
     Attributes
     ----------
+    frame
+        Row of the frame.
+    digest
+        Hash of its pixels.
     blank
-        All pixels have one value.
+        Whether all pixels have one value.
     repeats
-        It equals the frame before it, bit for bit.
+        Whether it equals the frame before it, bit for bit.
     moved
-        Whether by pose or flow the camera moved since the frame before; None where the file has neither.
+        Whether the camera moved since the frame before, by pose or flow; None where the file has neither.
     viewpoint
-        From where it was taken; None where there is no pose.
+        Pose of the frame; None without poses.
     """
 
     frame: int
@@ -148,8 +163,8 @@ class ImagesRepeats(WindowCheck[tuple[FrameDigest, ...]]):
         for frame, first in repeats:
             if not any(moved.get(i) for i in range(first + 1, frame + 1)):
                 continue
-            # A camera that moved away and came back by its pose takes the same image again: no fault, unless both
-            # viewpoints differ by so much that their images must.
+            # A camera that moves away and returns, by its pose, takes the same image again: no fault, unless both
+            # viewpoints differ so much that the images must differ.
             later, earlier = viewpoints.get(frame), viewpoints.get(first)
             if frame - first > 1 and later is not None and earlier is not None:
                 camera = facts.declared.cameras["rgb"]
@@ -240,15 +255,15 @@ def must_have_changed(window: Window, frame: int) -> bool | None:
         None where the file has neither flow nor pose of the time between both frames.
     """
     moved_px = _least_motion_px(window, frame)
-    # What the pose moves the image by, along steep gradients, against what rounding hides.
+    # Change by the motion of the pose along steep gradients, against the change that rounding may hide.
     changes = [] if moved_px is None else [moved_px * _steepness(window, frame) > 2 * HIDDEN_DN]
-    # What flow along the gradient changes, against the same.
+    # Change by the flow along the gradient, against the same.
     stream, times_ns = flow_rate_of(window), window.facts.clocks["rgb"].times_ns
     interval = None
     if stream is not None:
         row = int(np.searchsorted(window.facts.clocks[stream].times_ns, times_ns[frame - 1], "right")) - 1
         interval = interval_at(window.facts, stream, row) if row >= 0 else None
-    # A field that ends before the frame states nothing of the rest of the time between the frames.
+    # A field that ends before the frame does not cover the rest of the time between the frames.
     if stream is not None and interval is not None and interval.end_ns >= times_ns[frame]:
         interval_ratio = float(times_ns[frame] - times_ns[frame - 1]) / max(interval.length_ns, 1)
         # Slopes to the right and down, DN per px, of the smoothed image; none along an axis of one pixel.
@@ -265,7 +280,7 @@ def must_have_changed(window: Window, frame: int) -> bool | None:
 
 
 def viewpoint_of(window: Window, frame: int) -> Viewpoint | None:
-    """Return from where a frame was taken.
+    """Return the pose of a frame.
 
     Parameters
     ----------
@@ -289,7 +304,7 @@ def viewpoint_of(window: Window, frame: int) -> Viewpoint | None:
 
 
 def moved_by_events(facts: Facts, repeats: set[int]) -> NDArray[np.bool_]:
-    """Return for each frame whether events since the frame before it are as many as while frames change.
+    """Return whether events since the frame before indicate a change, for each frame.
 
     Parameters
     ----------

@@ -10,17 +10,17 @@ from fedora_qa.sequence.declared import EventModel
 from fedora_qa.sequence.facts import Facts
 
 MATERIAL: Final = 0.5
-"""Half of what the mildest curve of a display, a power of about 2, bends."""
+"""Material deviation of the exponent: half that of the mildest curve of a display, a power of about 2."""
 
 LEVEL_BIAS: Final = 0.04
-"""What errors of the level between events take off the exponent: not derived, but measured.
+"""Bias of the exponent by errors of the level between events: not derived, but measured.
 
-Clean files of all scenes give 0.963 to 0.992, whatever the model; closed-form frames and events give 1.002 to 1.006.
+Correct files of all scenes give 0.963 to 0.992 with either model; closed-form frames and events give 1.002 to 1.006.
 """
 
 EXPOSURE_BIAS: Final = 0.05
 EXPOSURE_OF_BIAS_US: Final = 5_000.0
-"""A frame exposed for 5 ms takes 5% off the contrast; the loss grows with the square of the time."""
+"""An exposure of 5 ms reduces the contrast by 5%; the loss grows with the square of the time."""
 
 
 class ImagesTransfer(ColourCheck):
@@ -64,12 +64,23 @@ class ImagesTransfer(ColourCheck):
     name = "images.transfer"
 
     def state(self, response: ColourResponse, declared: EventModel, facts: Facts) -> tuple[Statistic, ...]:
-        """State the exponent that makes the frames' values follow the level of the events."""
+        """Return the exponent with which the frames' values follow the level of the events.
+
+        Parameters
+        ----------
+        response
+            Fit of the file.
+        declared
+            The event sensor.
+        facts
+            Of the file.
+        """
         by_level = declared.model == "linear"
         # The linear model gives the exponent by the level of each step; in the log model it scales all steps alike.
         exponent = response.fit.exponent if by_level else response.fit.scale
         error = hypot(exponent.standard_error, exponent.bound)
-        # Pixels of low threshold fire more: the mean step is less by up to six times the squared relative spread.
+        # Pixels of low threshold have more events: the mean step is smaller by up to six times the squared relative
+        # spread.
         spread = declared.threshold_sigma / min(declared.threshold_on, declared.threshold_off)
         exposure_us = facts.declared.cameras["rgb"].exposure_us
         of_declared_effects = 6 * spread**2 + EXPOSURE_BIAS * (exposure_us / EXPOSURE_OF_BIAS_US) ** 2

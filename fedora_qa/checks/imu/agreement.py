@@ -34,18 +34,18 @@ _DEGREES: Final = float(np.degrees(1.0))
 
 @dataclass(frozen=True, slots=True)
 class ParameterText:
-    """How a parameter is stated.
+    """Text and units of a parameter's statement.
 
     Attributes
     ----------
     sentence
-        With ``{size}``, ``{axis}`` and ``{sense}``.
+        With the fields ``{size}``, ``{axis}`` and ``{sense}``.
     senses
-        The words for a positive and a negative value.
+        Words for a positive and for a negative value.
     unit, factor
-        The unit stated, and its multiple of the fit's unit.
+        Stated unit, and its multiple of the fit's unit.
     material
-        The largest deviation that may go undetected, in the unit stated.
+        Largest deviation that may go undetected, in the stated unit.
     """
 
     sentence: str
@@ -85,20 +85,20 @@ TIMING_TEXTS: Final[Mapping[str, ParameterText]] = {
 
 @dataclass(frozen=True, slots=True)
 class InertialParameter(Feature):
-    """A parameter of the fit of IMU against pose, of the whole or of a part of the sequence.
+    """A parameter of the fit of IMU against pose, of the whole sequence or of a part.
 
     Attributes
     ----------
     kind
-        Of the comparison that was fitted.
+        Kind of the comparison.
     name
-        Of the parameter, with its axis.
+        Name of the parameter, with its axis.
     value, standard_error
         In the unit of the fit.
     component_ratio
         Absolute value over that of the largest component of its group's vector.
     explained
-        By group: share of what can be explained that it explains, as of ``ParameterEstimate``.
+        Share of the explainable deviation that each group explains, as in ``ParameterEstimate``.
     """
 
     kind: MotionKind
@@ -111,14 +111,28 @@ class InertialParameter(Feature):
 
 @dataclass(frozen=True, slots=True)
 class ResidualSmoothness(Feature):
-    """Correlation of neighbouring residuals, not below 0: 0 for noise, near 1 for another motion."""
+    """Smoothness of the residuals.
+
+    Attributes
+    ----------
+    correlation
+        Correlation of neighbouring residuals, 0 at least: 0 for noise, near 1 for another motion.
+    """
 
     correlation: float
 
 
 @dataclass(frozen=True, slots=True)
 class RepeatsNearby(Feature):
-    """Samples of a stream that repeat the one before lie near the worst residual; ``count`` is that of the stream."""
+    """Samples near the worst residual equal the one before.
+
+    Attributes
+    ----------
+    stream
+        ``imu`` or ``pose``.
+    count
+        Number of such samples in the whole stream.
+    """
 
     stream: str
     count: int
@@ -126,7 +140,7 @@ class RepeatsNearby(Feature):
 
 @dataclass(frozen=True, slots=True)
 class UnsettledFit(Feature):
-    """The fit did not converge, or to parameters that no sensor has: the two motions differ otherwise."""
+    """The fit did not converge, or gives parameters that no sensor has: the two motions differ in another way."""
 
 
 def agreement_observation(
@@ -137,21 +151,26 @@ def agreement_observation(
     unit: str,
     factor: float,
 ) -> Observation:
-    """State how far IMU and poses disagree in rotation or translation, and the parameters of their fit.
+    """Return the statistics of the comparison of IMU and poses in rotation or translation.
 
     Parameters
     ----------
     state
-        All windows.
+        Samples of all windows, in the order of time.
+    facts
+        Of the file.
+    kind
+        ``rotation`` or ``translation``.
     texts
-        Of the parameters to be stated, by group.
+        Texts of the stated parameters, by group.
     unit, factor
-        Of residuals, and its multiple of the fit's unit.
+        Unit of residuals, and its multiple of the fit's unit.
 
     Returns
     -------
-    The rms residual, the worst one, the parameters and their local deviations; only the disagreement where another
-    convention certainly reconciles the streams.
+    Observation
+        The rms residual, the worst residual, the parameters and their local deviations; only the disagreement where the
+        streams agree under another convention with certainty.
     """
     streams = streams_of(state, facts)
     coverage = coverage_of(streams, facts)
@@ -228,7 +247,7 @@ def agreement_observation(
 def _disagreement(
     facts: Facts, streams: InertialStreams, kind: MotionKind, trial: InertialConventionTrial
 ) -> Statistic:
-    """State how far the streams disagree as declared, and which convention reconciles them."""
+    """Return the disagreement of the streams as declared, and the convention under which they agree."""
     where, when = Where(stream="imu"), ""
     value, error = trial.convention.disagreement
     if trial.interval_s is not None:
@@ -277,16 +296,25 @@ def parameter_statistics(
     texts: Mapping[str, ParameterText],
     defects: tuple[Feature, ...] = (),
 ) -> tuple[Statistic, ...]:
-    """State the fitted parameters that have a text.
+    """Return the statistics of the fitted parameters that have a text.
 
     Parameters
     ----------
-    kind, check
-        Of the comparison that was fitted; name of the check that states it.
-    fitted, texts
-        By name, and by group.
+    kind
+        Kind of the comparison.
+    check
+        Name of the check.
+    fitted
+        Parameters by name.
+    texts
+        Texts by group.
     defects
-        Of the samples, that disturb the fit.
+        Defects of the samples, which disturb the fit.
+
+    Returns
+    -------
+    tuple
+        In the order of ``fitted``.
     """
     stated = {name: parameter for name, parameter in fitted.items() if group_of(name) in texts}
     # The largest component of each group's vector.
@@ -332,7 +360,32 @@ def local_statistics(
     text: ParameterText,
     defects: tuple[Feature, ...] = (),
 ) -> tuple[Statistic, ...]:
-    """State where a parameter of a group differs most from its value in the whole; nothing of very few segments."""
+    """Return the largest local deviation of a group of parameters from its value in the whole sequence.
+
+    Parameters
+    ----------
+    facts
+        Of the file.
+    streams
+        Both streams.
+    kind
+        Kind of the comparison.
+    check
+        Name of the check.
+    fit
+        Fit of this kind.
+    group
+        Group of the parameters.
+    text
+        Text of the group.
+    defects
+        Defects of the samples, which disturb the fit.
+
+    Returns
+    -------
+    tuple
+        One statistic; none for too few segments, or a fit that did not converge.
+    """
     names = [name for name in fit.local_deviations if group_of(name) == group]
     if not names or not fit.settled:
         return ()

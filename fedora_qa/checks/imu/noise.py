@@ -109,7 +109,7 @@ class ImuNoise(WindowCheck[ImuSamples]):
 
 
 def _floor(times_ns: NDArray[np.int64], values: Float64, rounding: float) -> float:
-    """Return the scatter of exact samples: stored digits, and timestamps rounded to a microsecond."""
+    """Return the scatter of exact samples by stored digits and timestamps rounded to 1 us, in the values' unit."""
     changes = np.linalg.norm(np.diff(values, axis=0), axis=1) / (np.diff(times_ns) / NS_PER_S)
     # Rounding to 1 us has a standard deviation of 1 / sqrt(12) us; a changing signal turns it into noise.
     return float(np.hypot(np.sqrt(np.mean(np.square(changes))) * TIMESTAMP_SIGMA_S, rounding))

@@ -25,10 +25,10 @@ from fedora_qa.views.inertial_agreement import (
 from fedora_qa.views.sample_defects import timestamp_defects
 
 _RESOLVED_SIGMAS: Final = 6.0
-"""Standard errors that half an interval must exceed to be distinguished from no offset at all."""
+"""Least half interval, in standard errors of the offset, that is distinguishable from no offset."""
 
 _EQUAL_SIGMAS: Final = 3.0
-"""Standard errors within which an offset is half an interval."""
+"""Standard errors within which an offset counts as half an interval."""
 
 _MS_PER_S: Final = 1e3
 
@@ -111,7 +111,7 @@ class ImuTiming(WindowCheck[WindowMotion]):
         notices: tuple[Notice, ...] = ()
         if not of_timestamps and (facts.declared.imu or ImuModel()).sampling == "instant":
             offset = statistics[0]
-            # A mean over the interval before its timestamp states the motion half an interval earlier.
+            # A mean over the interval before its timestamp is the motion half an interval earlier.
             half_ms = _MS_PER_S * float(np.median(np.diff(streams.imu.times_ns))) / NS_PER_S / 2
             limit = _EQUAL_SIGMAS * offset.standard_error + offset.model_error_bound
             resolved = half_ms > _RESOLVED_SIGMAS * offset.standard_error + offset.model_error_bound

@@ -19,12 +19,13 @@ Int64 = NDArray[np.int64]
 Float64 = NDArray[np.float64]
 
 _MOST: Final = 0.9
-"""A rule is named that gives at least this ratio of the wrong entries; the one that gives most of all entries wins."""
+"""Least ratio of the wrong entries that a named rule reproduces. Of several rules, the one that reproduces most of all
+entries is named."""
 
 _NEIGHBOURS: Final = (-2, -1, 1, 2)
 
 _CLEAR: Final = 0.3
-"""Ratio of the spread to a shift in time, or to a drift, below which that is named."""
+"""Largest ratio of the spread to a shift in time, or to a drift, that is named."""
 
 Rule = Literal[
     "behind_equal_timestamps",
@@ -42,15 +43,15 @@ Rule = Literal[
 
 @dataclass(frozen=True, slots=True)
 class MapRule(Feature):
-    """The rule that gives the wrong entries of a map, and its size.
+    """The rule that reproduces the wrong entries of a map.
 
     Attributes
     ----------
     rule
-        ``none`` where no rule gives them.
+        ``none`` where no rule reproduces them.
     size, standard_error
-        Of ``shifted`` in events, of ``neighbouring_frame`` the time in ms by which frames are late, of
-        ``delayed_events`` in ms, of ``drifting_events`` in ppm; otherwise None.
+        Of ``shifted`` in events; of ``neighbouring_frame`` the delay of frames in ms; of ``delayed_events`` in ms; of
+        ``drifting_events`` in ppm; otherwise None.
     """
 
     rule: Rule
@@ -60,18 +61,18 @@ class MapRule(Feature):
 
 @dataclass(frozen=True, slots=True)
 class WrongEntries(Feature):
-    """Where the wrong entries of a map lie.
+    """Extent of the wrong entries of a map.
 
     Attributes
     ----------
     frames
-        The stream of the frames.
+        Stream of the frames.
     ratio
-        Wrong entries to all entries.
+        Ratio of wrong entries to all entries.
     begins_within, reaches_end
-        Whether the first two entries are right, and whether the last entry is wrong.
+        Whether the first two entries are correct, and whether the last entry is wrong.
     all_at_one_event
-        Whether the right entries of all frames but the first and last are one number.
+        Whether the correct entries of all frames but the first and last are one number.
     """
 
     frames: str
@@ -107,7 +108,7 @@ class _StoredMap:
 
     @property
     def deviations(self) -> Int64:
-        """By how many events each wrong entry is off."""
+        """Stored less correct entry, events, of each wrong entry."""
         deviations: Int64 = (self.index_map.stored - self.index_map.expected_left)[self.wrong]
         return deviations
 
@@ -180,7 +181,7 @@ class _FrameToEvent(FactsCheck):
 
 
 def _rule_of(stored_map: _StoredMap) -> tuple[str, MapRule]:
-    """Return the rule that gives the wrong entries, in words and as a feature."""
+    """Return the rule that reproduces the wrong entries, in words and as a feature."""
     stored, wrong = stored_map.index_map.stored, stored_map.wrong
     left, right = stored_map.index_map.expected_left, stored_map.index_map.expected_right
     shift = int(np.median(stored_map.deviations))
@@ -220,7 +221,7 @@ def _rule_in_time(stored_map: _StoredMap) -> tuple[str, MapRule] | None:
     """
     wrong = stored_map.wrong
     times_s = stored_map.frame_times_ns / NS_PER_S
-    # Local rates need three frames in the order of time.
+    # Local event rates need three frames in the order of time.
     if len(times_s) < 3 or np.any(np.diff(times_s) <= 0):
         return None
     with np.errstate(divide="ignore", invalid="ignore"):

@@ -1,4 +1,4 @@
-"""Values that are not finite, or that mark invalid samples: NaN and infinity, and how invalid pixels are marked."""
+"""Values that are not finite: NaN, infinity, and the marks of invalid pixels."""
 
 from collections.abc import Iterator, Sequence
 from contextlib import suppress
@@ -25,28 +25,29 @@ _FLOAT_KEYS: Final = tuple(
     key for key, spec in DATASETS.items() if spec.dtype.startswith("float") and spec.stream in STREAMS
 )
 _FULL: Final = 0.5
-"""Ratio of valid pixels beyond which a neighbouring frame cannot be empty: half of a 60 degree view would have to
-leave it, and come back, within an interval of frames."""
+"""Ratio of valid pixels above which a neighbouring frame cannot be empty: half of a 60 degree view would have to leave
+it, and return, within an interval of frames."""
 
 
 FALSE_ALARMS: Final = 1e-6
-"""Chance that a correct field anywhere in a file passes the bound: a hundredth of what a file may alarm by default."""
+"""Probability that a correct file exceeds the bound of displacements: a hundredth of the default false-alarm rate of a
+file."""
 
 
 @dataclass(frozen=True, slots=True)
 class OutOfRange(Feature):
-    """Depth values that no correct file holds, in pixels.
+    """Depth values that no correct file holds.
 
     Attributes
     ----------
     finite
-        All finite values.
+        Number of finite values.
     outside
-        Those out of range.
+        Number of values out of range.
     in_range_times_1000
-        Those of ``outside`` that lie in the range once multiplied by 1000.
+        Number of values out of range that lie in the range after multiplication by 1000.
     constant
-        Whether those out of range are all one number.
+        Whether all values out of range are one number.
     """
 
     finite: int
@@ -151,11 +152,11 @@ class IntegrityFinite(WindowCheck[tuple[DatasetCounts, ...]]):
 
 
 def longest_displacement_px(intervals: int, height: int, width: int) -> float:
-    """Return what no displacement of a correct file exceeds, but for one file in a million, in px.
+    """Return the displacement that one correct file in a million exceeds, px.
 
-    A point that comes to lie at depth Z beside the camera is displaced by f R / Z, where R is its distance from the
-    optical axis; the layout keeps it until Z reaches zero. So no length is impossible, and a bound needs a rate of
-    false alarms.
+    A point that ends at depth Z beside the camera is displaced by f R / Z, where R is its distance from the optical
+    axis; the layout holds its flow until Z reaches zero. So no length is impossible, and a bound needs a false-alarm
+    rate.
 
     A surface that meets the plane Z = 0 meets it along a curve, which takes W + H pixels of an image at most, about.
     From one pixel to the next across the curve Z changes by some g, and the pixel nearest to the curve has a Z that is
@@ -168,9 +169,14 @@ def longest_displacement_px(intervals: int, height: int, width: int) -> float:
     Parameters
     ----------
     intervals
-        Fields of the rate. Each is counted with a curve through the whole image.
+        Number of fields of the rate. Each is counted with a curve through the whole image.
     height, width
-        Of a field, in px.
+        Of a field, px.
+
+    Returns
+    -------
+    float
+        Px, with a probability of ``FALSE_ALARMS`` that a correct file exceeds it.
     """
     # K (W + H) D^2 / B is the chance that any pixel of the file is displaced by more than B.
     return intervals * (height + width) * hypot(height, width) ** 2 / FALSE_ALARMS
@@ -189,7 +195,8 @@ def empty_between_full(filled: Sequence[tuple[int, float]]) -> list[int]:
 
     Returns
     -------
-    Rows in ascending order.
+    list[int]
+        Rows in ascending order.
     """
     valid_ratio = dict(filled)
     empty: list[int] = []
@@ -203,10 +210,10 @@ def empty_between_full(filled: Sequence[tuple[int, float]]) -> list[int]:
         # The last row of a run decides for the run.
         if row + 1 in valid_ratio and valid_ratio[row + 1] == 0.0:
             continue
-        # A row that was not read bounds nothing and counts as empty; an end of the stream counts as full.
+        # A row that was not read counts as empty; an end of the stream counts as full.
         before = valid_ratio.get(run[0] - 1, 1.0 if run[0] == 0 else 0.0)
         after = valid_ratio.get(row + 1, 1.0 if row == last else 0.0)
-        # A stream that is empty throughout is noted, and no run between full images.
+        # A stream that is empty throughout gives a notice, and is no run between full images.
         whole = run[0] == 0 and row == last
         if before > _FULL and after > _FULL and not whole:
             empty.extend(run)

@@ -14,7 +14,13 @@ from fedora_qa.sequence.facts import Facts
 
 @dataclass(frozen=True, slots=True)
 class LayoutDefect(Feature):
-    """A problem that opening the file met."""
+    """A problem that was found when the file was opened.
+
+    Attributes
+    ----------
+    problem
+        The problem.
+    """
 
     problem: LayoutProblem
 

@@ -18,7 +18,19 @@ from fedora_qa.sequence.window import Window
 
 @dataclass(frozen=True, slots=True)
 class DamagedChunk:
-    """A stored chunk that does not decode: its dataset, number, first and last row (half-open), and HDF5's message."""
+    """A stored chunk that does not decode.
+
+    Attributes
+    ----------
+    key
+        Its dataset.
+    chunk
+        Its number.
+    start, stop
+        Its first row, and the row after its last.
+    reason
+        Message of HDF5.
+    """
 
     key: str
     chunk: int
@@ -29,7 +41,15 @@ class DamagedChunk:
 
 @dataclass(frozen=True, slots=True)
 class ReadSummary:
-    """What one window touched: a range along the first axis of chunks for each dataset, and those that are damaged."""
+    """Chunks that one window read.
+
+    Attributes
+    ----------
+    touched
+        Dataset, and first and last chunk (half-open) along the first axis of chunks.
+    damaged
+        Chunks that do not decode.
+    """
 
     touched: tuple[tuple[str, int, int], ...]
     damaged: tuple[DamagedChunk, ...]
@@ -156,18 +176,21 @@ class IntegrityReadable(WindowCheck[ReadSummary]):
 
 
 def _rows_in_chunk(binding: Binding) -> int:
-    """Rows that are stored together; where nothing is stored in chunks, as many as the canonical layout has."""
+    """Return the number of rows that are stored together; without chunks, that of the canonical layout."""
     stored = binding.stored_chunk[0] if binding.stored_chunk else binding.chunk_rows
     return max(1, stored or DATASETS[binding.key].chunk_rows or binding.rows)
 
 
 def _chunks_beside(binding: Binding) -> int:
-    """Chunks that hold parts of the same rows: tiles of an image, columns that are stored apart."""
+    """Return the number of chunks that hold parts of the same rows: tiles of an image, or columns stored apart."""
     return prod(binding.chunk_grid[1:])
 
 
 def _damage(window: Window, binding: Binding, start: int, stop: int) -> Iterator[DamagedChunk]:
-    """Decode rows block by block; what fails are whole chunks, also where the window owns a part of one."""
+    """Yield the chunks that do not decode; rows are read block by block.
+
+    Whole chunks are yielded, also where the window owns a part of one.
+    """
     rows, beside = _rows_in_chunk(binding), _chunks_beside(binding)
     together = max(rows, binding.chunk_rows)
     for block in range(start // together, ceil(stop / together)):

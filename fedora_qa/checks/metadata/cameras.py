@@ -1,4 +1,4 @@
-"""The declared cameras: intrinsics and extrinsics that a camera can have, and that fit the images."""
+"""The declared cameras: whether their intrinsics and extrinsics are possible and fit the images."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -16,10 +16,10 @@ _IMAGES_OF: Final = {"rgb": "path/rgb", "depth": "path/depth"}
 """The images whose size a camera must have. Events have none; their bounds are a check of their own."""
 
 _ROUNDING: Final = 1e-6
-"""Matrices may have been kept in float32 on their way: 2^-24 an entry, three products and a sum, with a margin of 4."""
+"""Rounding of matrices that were stored in float32: 2^-24 an entry, three products and a sum, with a margin of 4."""
 
 _FARTHEST_MOUNT_M: Final = 10.0
-"""A camera farther than this from the body's origin is more likely one given in millimetres."""
+"""Distance from the body's origin, m, above which a camera was probably given in millimetres."""
 
 _PRINCIPAL_POINTS: Final = {0.5: "W/2, H/2", 1.0: "(W+1)/2, (H+1)/2"}
 """Conventions other than (W-1)/2, by the distance from it, px: integer coordinates are then not pixel centres."""
@@ -27,7 +27,15 @@ _PRINCIPAL_POINTS: Final = {0.5: "W/2, H/2", 1.0: "(W+1)/2, (H+1)/2"}
 
 @dataclass(frozen=True, slots=True)
 class FocalLengths(Feature):
-    """The declared focal lengths of a camera."""
+    """The declared focal lengths of a camera.
+
+    Attributes
+    ----------
+    camera
+        Name of the camera.
+    fx_px, fy_px
+        Focal lengths, px.
+    """
 
     camera: str
     fx_px: float
@@ -36,7 +44,13 @@ class FocalLengths(Feature):
 
 @dataclass(frozen=True, slots=True)
 class PrincipalPoint(Feature):
-    """How far the declared principal point lies from the centre of the image."""
+    """The declared principal point of a camera.
+
+    Attributes
+    ----------
+    from_centre_px
+        Its distance from the centre of the image, px.
+    """
 
     from_centre_px: float
 
@@ -124,7 +138,7 @@ class MetadataCameras(FactsCheck):
 
 
 def _of_camera(name: str, camera: Camera, facts: Facts) -> Iterator[Statistic]:
-    """State how far K and T_body_camera of a camera depart from their forms, and its size from that of the images."""
+    """Yield the deviations of a camera's matrices from their forms, and of its size from that of the images."""
     K = camera.K
     # Skew is relative to the focal length, the last row absolute.
     scale = max(float(np.max(np.abs(K[:2, :2]))), 1.0)

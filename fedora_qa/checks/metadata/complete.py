@@ -22,7 +22,13 @@ _STREAMS_OF_OWNER: Final[dict[str, tuple[str, ...]]] = {
 
 @dataclass(frozen=True, slots=True)
 class DeclarationDefect(Feature):
-    """A problem that reading the metadata met."""
+    """A problem that was found when the metadata were read.
+
+    Attributes
+    ----------
+    problem
+        The problem.
+    """
 
     problem: DeclarationProblem
 

@@ -1,4 +1,4 @@
-"""The numbers of the paper, for files that promise them."""
+"""The numbers of the paper, for files that declare its profile."""
 
 from math import atan, degrees
 from typing import Final

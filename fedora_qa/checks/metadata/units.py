@@ -22,14 +22,14 @@ _SAME_UNIT: Final = {"µs": "us", "μs": "us", "microseconds": "us", "m/s2": "m/
 
 @dataclass(frozen=True, slots=True)
 class UnitLabel(Feature):
-    """The unit that a dataset is labelled with, beside that of the layout.
+    """The unit in the label of a dataset, with that of the layout.
 
     Attributes
     ----------
     label, expected
-        The label in the spelling of the layout, and the layout's unit.
+        The label in the spelling of the layout, and the unit of the layout.
     time_factor
-        By what factor timestamps in the labelled unit would be too large; None for what is no timestamp.
+        Factor by which timestamps in the labelled unit are too large; None for other values than timestamps.
     scale
         Factor from the labelled to the expected unit, None where there is none.
     """
@@ -110,7 +110,15 @@ class MetadataUnits(FactsCheck):
 
 
 def label_agrees(binding: Binding, label: str) -> bool:
-    """Whether a label names the unit that the values of a dataset are read in."""
+    """Whether a label names the unit in which the values of a dataset are read.
+
+    Parameters
+    ----------
+    binding
+        Of the dataset, with its unit.
+    label
+        As stored.
+    """
     label = _normalised(label)
     # The layout states the unit of timestamps in ns a unit, that of other values as a scale.
     if binding.ns_per_unit is not None:

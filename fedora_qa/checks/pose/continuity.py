@@ -1,4 +1,4 @@
-"""The motion of the poses: is it continuous, as that of a body, and which transform would make a jump continuous?"""
+"""Continuity of the motion of the poses, and the transforms under which a jump is continuous."""
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
@@ -47,26 +47,27 @@ from fedora_qa.views.sample_defects import (
 Float64 = NDArray[np.float64]
 
 _STEP_FILTERS: Final = ((4, 5), (6, 7), (8, 5), (12, 5), (24, 5), (12, 3), (24, 3))
-"""Half width and degree of the filters that look for jumps: short ones for exact poses, long ones for noisy."""
+"""Half width and degree of the filters that detect jumps: short ones for exact poses, long ones for noisy poses."""
 
 _WIDEST_REACH: Final = _STEP_FILTERS[-1][0]
-"""Poses on either side of a jump that its size may rest on."""
+"""Number of poses on either side of a jump from which its size is estimated, at most."""
 
 _FEWEST_POSES: Final = 24
 
 _PAIR_SIGMAS: Final = 5.0
-"""Standard errors by which two jumps must differ in the world's axes for equal jumps in the body's to count."""
+"""Standard errors by which the sum of two jumps must differ from 0 in the world's axes, for jumps that cancel in the
+body's axes."""
 
 _BODY_RATIO: Final = 0.2
-"""Share of that by which they may still differ in the body's: what the motion adds to the jumps of exact poses."""
+"""Largest ratio of their sum in the body's axes to that in the world's: the motion adds to the jumps of exact poses."""
 
 _CAPTURE_RATIO: Final = 0.02
-"""Deviation over jump up to which a transform fits: chance brings one of the 48 that are tried so close in one jump of
-2000, four times the square of this being the share of the sphere, a twentieth that of lengths."""
+"""Largest ratio of deviation to jump for a transform. By chance one of the 48 tried transforms comes so close in one of
+2000 jumps: four times the square of the ratio is the share of the sphere, a twentieth that of lengths."""
 
 _NOISY_CAPTURE_RATIO: Final = 0.1
-"""As far as noise may bring a transform off, of the jump: of the few of a quaternion chance brings one so close in one
-jump of ten, and of the many of a position in one of three; beyond, a transform shows nothing."""
+"""Largest such ratio with noise. By chance one transform of a quaternion comes so close in one of ten jumps, and one of
+a position in one of three; with a larger ratio a transform has no meaning."""
 
 _NOISE_SIGMAS: Final = 3.0 * 6.0**0.5
 """Three sigma, on each axis, of a pose against the straight line through the two before it: weights 1, -2, 1."""
@@ -80,7 +81,13 @@ _FLU_FROM_FRD: Final = np.array([1.0, 0.0, 0.0, 0.0])
 
 @dataclass(frozen=True, slots=True)
 class PoseJump(Feature):
-    """A jump between two poses; whether its estimate rests on poses that repeat the one before exactly."""
+    """A jump between two poses.
+
+    Attributes
+    ----------
+    beside_repeated_samples
+        Whether its estimate depends on poses that equal the one before.
+    """
 
     beside_repeated_samples: bool
 
@@ -92,9 +99,10 @@ class PairedSteps(Feature):
     Attributes
     ----------
     length_m
-        Of the vector in the body by which positions are displaced between them, with the sign of its largest component.
+        Length of the vector in the body by which positions are displaced between the jumps, m, with the sign of its
+        largest component.
     standard_error_m
-        Of the length.
+        Of the length, m.
     """
 
     length_m: float
@@ -103,7 +111,7 @@ class PairedSteps(Feature):
 
 @dataclass(frozen=True, slots=True)
 class PoseTransform(Feature):
-    """A transform of the poses behind a jump that makes them go on from those before it.
+    """A transform of the poses after a jump under which they continue those before it.
 
     Attributes
     ----------
@@ -205,7 +213,7 @@ class PoseContinuity(WindowCheck[PoseSamples]):
                 transforms = (*position_transforms(poses, before, sigma), *_paired_steps(poses, steps, sigma, row))
             else:
                 transforms = orientation_transforms(poses, before, sigma)
-            # Samples that repeat within the filter's reach look like a jump.
+            # Samples that repeat within the filter's reach have the effect of a jump.
             beside_repeats = bool(np.any(np.abs(frozen_rows - before) <= _WIDEST_REACH))
             measurements.append(
                 Statistic(
@@ -261,11 +269,11 @@ class PoseContinuity(WindowCheck[PoseSamples]):
 
 
 def _paired_steps(poses: PoseSamples, steps: StepEstimates, sigma_m: float, row: int) -> tuple[PairedSteps, ...]:
-    """Find the jump that cancels the one in a row of the steps, in the axes of the body.
+    """Return the jump that cancels another one in the axes of the body.
 
-    A point l of the body lies ``R_world_body l`` from its origin: poses that state that point for a while jump there by
-    ``R l`` and back by ``-R' l``. In the axes of the body the two undo each other, in those of the world only where the
-    body has not turned between; there a shifted origin would have the same effect, and the two are not separable.
+    A point l of the body lies ``R_world_body l`` from its origin. Positions of that point during a part of the sequence
+    jump by ``R l`` at its start and by ``-R' l`` at its end. The two jumps cancel in the axes of the body; they cancel
+    in those of the world only if the body has not turned between them, and then a shifted origin has the same effect.
     """
     # The candidate is the largest jump beyond the filter's reach that exceeds noise and motion.
     sizes_m, bounds_m = np.linalg.norm(steps.sizes, axis=1), _PAIR_SIGMAS * sigma_m * steps.gains + steps.motion
@@ -282,8 +290,7 @@ def _paired_steps(poses: PoseSamples, steps: StepEstimates, sigma_m: float, row:
     sum_body_m = float(np.abs(first_body_m + second_body_m).max())
     sum_world_m = float(np.abs(jumps_m.sum(axis=0)).max())
     noise_m = _PAIR_SIGMAS * float(np.linalg.norm(errors_m))
-    # Steps that cancel in the world are a shifted origin as well; steps that do not cancel in the body are no lever
-    # arm.
+    # Steps that cancel in the world may be a shifted origin; steps that do not cancel in the body are no lever arm.
     if sum_world_m <= noise_m or sum_body_m > max(noise_m, _BODY_RATIO * sum_world_m):
         return ()
     # l and -l were measured: their mean halves the variance; its sign is that of its largest component.
@@ -293,7 +300,7 @@ def _paired_steps(poses: PoseSamples, steps: StepEstimates, sigma_m: float, row:
 
 
 def position_transforms(poses: PoseSamples, before: int, sigma_m: float) -> tuple[PoseTransform, ...]:
-    """Return the transforms by which the position goes on across a jump, within noise.
+    """Return the transforms under which the position continues across a jump, within noise.
 
     Parameters
     ----------
@@ -306,7 +313,8 @@ def position_transforms(poses: PoseSamples, before: int, sigma_m: float) -> tupl
 
     Returns
     -------
-    Transforms within the capture range; empty where none makes the position go on.
+    tuple
+        Transforms within the capture range; empty where the position continues under none.
     """
     positions_m = poses.positions_world_m
     # Straight on from the two positions before the jump.
@@ -325,7 +333,22 @@ def position_transforms(poses: PoseSamples, before: int, sigma_m: float) -> tupl
 
 
 def orientation_transforms(poses: PoseSamples, before: int, sigma_rad: float) -> tuple[PoseTransform, ...]:
-    """Return the transforms by which the orientation goes on across a jump; parameters as of the positions."""
+    """Return the transforms under which the orientation continues across a jump, within noise.
+
+    Parameters
+    ----------
+    poses
+        Of the whole sequence.
+    before
+        Index of the last pose before the jump.
+    sigma_rad
+        Noise of the orientations about each axis, rad.
+
+    Returns
+    -------
+    tuple
+        Transforms within the capture range; empty where the orientation continues under none.
+    """
     q = so3.normalise(poses.orientations_xyzw)
     # On by the rotation between the two orientations before the jump.
     turn = so3.compose(so3.inverse(q[before - 1]), q[before]) if before else np.array([0.0, 0.0, 0.0, 1.0])
@@ -344,7 +367,7 @@ def orientation_transforms(poses: PoseSamples, before: int, sigma_rad: float) ->
 def _nearest(
     deviations: Iterable[tuple[float, PoseTransform]], *, jump: float, sigma: float
 ) -> tuple[PoseTransform, ...]:
-    """Return the transforms within the capture range; of several, those within twice the least deviation."""
+    """Return the transforms within the capture range, and of several those within twice the least deviation."""
     # A fixed share of the jump for exact poses; noise widens it, to a tenth of the jump at most.
     capture_range = max(_CAPTURE_RATIO * jump, min(_NOISE_SIGMAS * sigma, _NOISY_CAPTURE_RATIO * jump))
     captured = [(deviation, transform) for deviation, transform in deviations if deviation <= capture_range]

@@ -76,7 +76,7 @@ class PoseNoise(WindowCheck[PoseSamples]):
             ("position", "m", position, model.position_sigma_m, position_floor_m(poses)),
             ("rotation", "rad", rotation, model.rotation_sigma_rad, rotation_floor_rad(poses)),
         )
-        # Excess noise is what is measured here, and no defect beside it.
+        # Excess noise is the quantity that is measured here, not a further defect.
         defects = tuple(
             feature for feature in pose_defects(facts, poses, model) if not isinstance(feature, ExcessNoise)
         )

@@ -1,4 +1,4 @@
-"""Are the orientations rotations?"""
+"""Lengths of the orientations' quaternions."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -15,7 +15,19 @@ from fedora_qa.views.motion_samples import location_of, stored_resolution
 
 @dataclass(frozen=True, slots=True)
 class QuaternionNorms:
-    """Lengths of the quaternions of one window."""
+    """Lengths of the quaternions of one window.
+
+    Attributes
+    ----------
+    count
+        Number of quaternions.
+    not_finite, first_not_finite
+        Number of those that are not finite, and the row of the first one.
+    worst, worst_row
+        Length less 1 with the largest absolute value, and its row.
+    resolution
+        Spacing of the stored numbers at the largest value.
+    """
 
     count: int
     not_finite: int
@@ -60,7 +72,7 @@ class PoseOrientation(WindowCheck[QuaternionNorms]):
     needs = ("pose",)
 
     def measure(self, window: Window) -> QuaternionNorms | None:
-        """Measure the window's own rows, whatever their timestamps."""
+        """Measure the window's own rows, with any timestamps."""
         rows = window.owned("pose")
         if not len(rows):
             return None

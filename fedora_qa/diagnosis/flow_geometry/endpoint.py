@@ -1,4 +1,4 @@
-"""Causes that would explain that flow disagrees with depth and pose, and of what size they would be."""
+"""Hypotheses for flow that deviates from depth and pose, with their sizes."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -30,28 +30,31 @@ from fedora_qa.views.flow_comparison import is_noisy
 from fedora_qa.views.flow_conventions import ConventionTrial
 
 _EXACT: Final = 0.98
-"""An inverse transform that leaves less than 2% of the deviation comes before a fitted error of a parameter."""
+"""Removed share above which an inverse transform is preferred over a fitted error of a parameter."""
 
 _SAME_GAIN: Final = 0.02
 
 _NEARLY_ALL: Final = 0.9
-"""What is declared holds for all fields; so many of them show it, where some hardly move."""
+"""Least share of deviating fields for a wrong declaration: it affects all fields, but in some the motion is too
+small."""
 
 _IMAGE_STREAMS: Final = ("flow", "depth")
-"""Where a part of the image is off, what is wrong lies in the image: poses and cameras spoil all of it."""
+"""Streams whose faults affect a part of the image; faults of poses and cameras affect the whole image."""
 
 _UNCORRECTED: Final = 0.01
-"""Squared corrections below this share of their expectation are none: the flow was made from the noisy pose."""
+"""Share of the expected squared correction below which there is no correction: the flow was generated from the noisy
+pose."""
 
 _FIELDS_OF_A_JUMP: Final = 2
-"""Fields of a rate that a jump of the pose and its return spoil: those in whose interval they happen."""
+"""Number of fields of a rate that a jump of the pose and its return affect: those in whose interval they lie."""
 
 _GROWTH_OF_NOISE: Final = 5.4
-"""Exceeded by one in a thousand of the squares of three axes over their expectation: chi-square of three degrees."""
+"""Quantile of 0.999 of the sum of three squares over its expectation: chi^2 of three degrees of freedom, over 3."""
 
 _ROUND_DEG: Final = 0.5
 _SAME: Final = 1e-7
-"""Relative; declared numbers are float64, and shorter ones rarely come from an accident."""
+"""Relative tolerance of round numbers: declared numbers are float64, and numbers with few digits rarely occur by
+chance."""
 
 _OF_METADATA: Final = (("metadata", 1), ("flow", -1))
 _OF_TIME: Final = (("pose", 1), ("flow", -1))
@@ -63,20 +66,20 @@ _STREAMS_OF_PARAMETER: Final = MappingProxyType({
     "time_offset": _OF_TIME,
     "clock_rate": _OF_TIME,
 })  # fmt: skip
-"""Streams in which an error of a parameter has the same effect here, and the sign of the fault: what is declared too
-large is too small in the flow. Where nothing else separates them the first is meant."""
+"""Streams in which an error of a parameter has the same effect, with the sign of the fault: a value that is declared
+too large has the effect of one that is too small in the flow. The first stream has the larger support."""
 
 
 def propose_endpoint(alarm: Alarm, facts: Facts) -> tuple[Hypothesis, ...]:
-    """Return the hypotheses for one rate of flow against depth and pose, most probable first."""
+    """Return the hypotheses for one rate of flow against depth and pose, best supported first."""
     statistic = alarm.statistic
     rate = alarm.finding.where.stream or "flow"
     hypotheses = _of_one_rate(rate, statistic.features, facts.declared)
     if alarm.finding.code != "flow_geometry.endpoint.pose_correction":
         return hypotheses
-    # Corrections of the poses of one rate that are smaller or larger than the declared noise makes them.
+    # Corrections of the poses of one rate are smaller or larger than under the declared noise.
     ratio = statistic.value
-    # The statistic is a cube root of squares: 1.5 is the power that leads to a ratio of lengths.
+    # The statistic is a cube root of squares: its power of 1.5 is a ratio of lengths.
     deviation_percent = 100 * (1 / ratio**1.5 - 1) if ratio else None
     if ratio < statistic.expected:
         ratios = only_feature(statistic.features, PoseCorrectionRatios).of_rate
@@ -102,16 +105,17 @@ def _of_one_rate(rate: str, features: Sequence[Feature], declared: Declared) -> 
     flow = spreads_over(rate, only_feature(features, FlowRatesOff).off)
     extent = only_feature(features, FieldsOff)
     share_off = extent.affected_share
-    # Declarations and conventions hold for all fields: half of them or fewer are off by faults of single fields.
+    # Declarations and conventions hold for all fields: where at most half of the fields deviate, single fields are
+    # wrong.
     local = share_off <= 0.5
     trials = [feature for feature in features if isinstance(feature, ConventionTrial)]
     conventions = convention_hypotheses(rate, trials, flow, share_off=share_off)
     for stream, repeats in ((flow, extent.repeats_of_flow), ("depth", extent.repeats_of_depth)):
         if repeats:
             of_repeats = 1.0 if local else support("flow_geometry.repeats_of_most_off")
-            frozen = of_repeats * repeats / extent.count  # fields that do not repeat another are off as well
+            frozen = of_repeats * repeats / extent.count  # fields that repeat no other field deviate as well
             conventions.append(Hypothesis("frozen_frames", stream, frozen, float(repeats), "samples"))
-    # What would put a fitted gain, or a fitted error of a parameter, into the data.
+    # Causes of a fitted gain, and of a fitted error of a parameter.
     parameters: list[Hypothesis] = []
     for fit in features:
         if isinstance(fit, FlowGainFit):
@@ -127,7 +131,7 @@ def _of_one_rate(rate: str, features: Sequence[Feature], declared: Declared) -> 
     if extent.in_part:
         conventions = [hypothesis for hypothesis in conventions if hypothesis.cause != "other_sequence"]
         parameters = [hypothesis for hypothesis in parameters if hypothesis.stream in (*_IMAGE_STREAMS, flow)]
-    # A declaration is hardly wrong where its numbers were chosen, nor where the deviation holds for a while only.
+    # A declaration is rarely wrong where its numbers are round, or where only some fields deviate.
     trusted = support("flow_geometry.trusted_declaration")
     parameters = [
         replace(hypothesis, support=hypothesis.support * trusted)
@@ -136,7 +140,7 @@ def _of_one_rate(rate: str, features: Sequence[Feature], declared: Declared) -> 
         else hypothesis
         for hypothesis in parameters
     ]
-    # A gain is a fitted number as the parameters are, no exact transform: it does not weaken them.
+    # A gain is a fitted number like the parameters, not an exact transform: it does not reduce their support.
     if max((hypothesis.support for hypothesis in conventions if hypothesis.cause != "flow_gain"), default=0) > _EXACT:
         parameters = weakened(parameters, support("flow_geometry.fit_beside_exact_transform"))
     correction = next((feature for feature in features if isinstance(feature, FreeMotionCorrection)), None)
@@ -150,14 +154,14 @@ def _of_one_rate(rate: str, features: Sequence[Feature], declared: Declared) -> 
 
 
 def _of_the_poses(correction: FreeMotionCorrection, fields_off: int, flow: str, *, local: bool) -> list[Hypothesis]:
-    """Name what would explain that a rigid correction makes the fields agree, with ``ANY_CAUSE`` of the pose last.
+    """Return the causes for which a rigid correction makes the fields agree, with ``ANY_CAUSE`` of the pose last.
 
-    Of few fields single poses are wrong; of most, noise that is not declared, or the poses or the flow of another
-    sequence: the growth of the corrections separates these.
+    Where few fields deviate, single poses are wrong. Where most deviate, the cause is undeclared noise, or poses or
+    flow of another sequence; the growth of the corrections separates these.
     """
     share, noise = correction.removed_share, noise_likeness(correction.growth)
     if local:
-        # A jump spoils two fields of a rate: the more fields are off, the less of them it explains.
+        # A jump affects two fields of a rate: the more fields deviate, the smaller the share that it explains.
         in_a_jump = min(_FIELDS_OF_A_JUMP / fields_off, 1.0)
         teleport = support("flow_geometry.jump_of_the_pose") * share * in_a_jump
         hypotheses = [Hypothesis("teleport", "pose", teleport, correction.shift_m, "m"),
@@ -174,17 +178,17 @@ def _of_the_poses(correction: FreeMotionCorrection, fields_off: int, flow: str, 
 
 
 def noise_likeness(growth: float) -> float:
-    """Return how far (0 to 1) corrections look like pose noise, from the growth of their sum."""
-    # 5.4 = chi2_3^-1(0.999) / 3: the sum of independent corrections stays below, that of another motion exceeds it.
+    """Return the agreement of corrections with pose noise, 0 to 1, from the growth of their sum."""
+    # 5.4 = chi2_3^-1(0.999) / 3: the growth of independent corrections stays below, that of another motion exceeds it.
     return min(1.0, _GROWTH_OF_NOISE / max(growth, 1.0))
 
 
 def is_chosen(camera: Camera, cause: str) -> bool:
-    """Whether the numbers of a camera that a cause would spoil look as if somebody had chosen them.
+    """Whether the numbers of a camera that a cause would change are round, as those of a designed camera.
 
     A designed camera has a round field of view, its principal point in the middle, and an optical axis along an axis of
-    the body or at a round angle to it. A declaration that is wrong by some amount is round with probability 0, a
-    correct one often: where it is round, what disagrees with it is wrong (Bayes, whatever the prior).
+    the body or at a round angle to it. A declaration that is wrong by a random amount is round with probability 0, a
+    correct one often is. So where a declaration is round, it is correct (Bayes, for any prior).
 
     Parameters
     ----------
@@ -196,7 +200,7 @@ def is_chosen(camera: Camera, cause: str) -> bool:
     Returns
     -------
     bool
-        False for causes that spoil no number of a camera.
+        False for causes that change no number of a camera.
     """
     if cause == "intrinsics_focal":
         # Pixels are square, and the field of view, or the focal length itself, is round.
@@ -214,9 +218,9 @@ def is_chosen(camera: Camera, cause: str) -> bool:
         R_body_camera = camera.T_body_camera[:3, :3]
         # Entries 0 and +-1 only: the camera is mounted at right angles to the axes of the body.
         straight = bool(np.all(np.abs(R_body_camera - np.rint(R_body_camera)) < _SAME))
-        # The turn from a camera that looks straight ahead.
+        # Rotation vector from a camera with its optical axis along X forward of the body.
         angles_deg = Rotation.from_matrix(R_body_camera @ np.array(R_BODY_OPTICAL).T).as_rotvec(degrees=True)
-        # Turned about one axis by a round angle.
+        # Rotation about one axis by a round angle.
         about_single_axis = np.count_nonzero(np.abs(angles_deg) > _SAME) == 1
         return straight or (about_single_axis and _round(np.abs(angles_deg).max(), _ROUND_DEG))
     return False

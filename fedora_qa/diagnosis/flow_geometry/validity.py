@@ -1,4 +1,4 @@
-"""Causes that would explain that flow has values where there can be none, or lies on intervals of its own."""
+"""Hypotheses for flow at pixels without a valid value, and for flow on intervals that no frames have."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -55,7 +55,7 @@ def propose_validity(alarm: Alarm, facts: Facts) -> tuple[Hypothesis, ...]:
         else:
             causes = (("invalid_encoding", "flow", support("flow_geometry.encoding_of_flow")),
                       ("invalid_encoding", "depth", encoding_of_depth))  # fmt: skip
-            if 2 * values.alike <= values.unfounded:  # flow of its own, which was made of a depth
+            if 2 * values.alike <= values.unfounded:  # flow that varies, so it was generated from a depth
                 factor = support("flow_geometry.encoding_of_varied_flow")
                 causes = (("nan_in_stream", "depth", support("flow_geometry.lost_depth")),
                           *((cause, stream, factor * weight) for cause, stream, weight in causes))  # fmt: skip
@@ -68,13 +68,13 @@ def propose_validity(alarm: Alarm, facts: Facts) -> tuple[Hypothesis, ...]:
     hypotheses = _of_the_intervals(alarm.finding.where.stream or "flow", features, facts)
     if not all(counted.counted.values()):
         return hypotheses
-    # Every rate has intervals of this kind: that is one fault of the flow as a whole.
+    # Every rate has such intervals: one fault of the flow as a whole.
     return tuple(replace(h, stream="flow") if stream_family(h.stream) == "flow" else h for h in hypotheses)
 
 
 def _of_the_intervals(stream: str, features: Sequence[Feature], facts: Facts) -> tuple[Hypothesis, ...]:
-    """Name what moved the timestamps, after what is missing, doubled, out of order, or of another length."""
-    # The pattern by which timestamps left the frames; colour frames decide whose timestamps these are.
+    """Return the causes of moved timestamps, after those of missing, doubled, exchanged or wrongly long intervals."""
+    # Pattern of the differences of timestamps from frames; colour frames decide which stream deviates.
     of_frames: list[Hypothesis] = []
     relation = next((feature for feature in features if isinstance(feature, IntervalsOffFrames)), None)
     if relation is not None and relation.beyond_all_frames:
@@ -85,7 +85,8 @@ def _of_the_intervals(stream: str, features: Sequence[Feature], facts: Facts) ->
     elif relation is not None:
         if relation.at_missing_frame:
             of_frames.append(Hypothesis("dropped_samples", "depth", support("flow_geometry.frames_missing")))
-        # Flow on colour frames is where it should be; without them flow is suspected first: it has fewer timestamps.
+        # Flow with the timestamps of colour frames is correct. Without them flow is suspected first: it has fewer
+        # timestamps.
         flow_is_suspected = not relation.at_missing_frame and not relation.on_colour_frames
         for pattern in features:
             if isinstance(pattern, TimestampPattern) and pattern.removed_share > 0:
@@ -94,7 +95,7 @@ def _of_the_intervals(stream: str, features: Sequence[Feature], facts: Facts) ->
                 cause = _CAUSE_OF_PATTERN[pattern.pattern]
                 unit = CAUSES[cause].unit
                 of_frames.append(Hypothesis(cause, pattern.stream, weight, pattern.magnitude, unit))
-    # What is missing, doubled, out of order, or of another length.
+    # Missing, doubled, exchanged or wrongly long intervals.
     for feature in features:
         if isinstance(feature, IntervalOrder):
             counts = {
