@@ -38,7 +38,7 @@ ModelNumber = Literal["scale", "ray"]
 _NUMBERS: Final = {None: 0, "scale": 1, "ray": 2}
 
 _PIXEL_ROUNDINGS: Final = 4
-"""Roundings of a pixel coordinate, as large as the image, in the single-precision arithmetic of the file's writer."""
+"""Number of roundings of a pixel coordinate in the single-precision arithmetic of the file's writer."""
 
 
 @dataclass(frozen=True, slots=True)
