@@ -1,4 +1,5 @@
-"""Faults as views of a sequence: rows altered as they are read. The one place that knows how a fault alters a sequence.
+"""Faults as views of a sequence: rows are altered when they are read.
 
-Canaries plant them. The same alterations undo them: ``timestamps.shifted_ns(-offset)`` undoes a time offset.
+No other package defines how a fault alters a sequence. Canaries plant the faults. The same alterations undo them:
+``timestamps.shifted_ns(-offset)`` undoes a time offset.
 """

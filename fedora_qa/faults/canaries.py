@@ -1,4 +1,4 @@
-"""Which fault is planted for which check."""
+"""The fault that is planted for each check."""
 
 from collections.abc import Callable, Mapping
 from functools import partial
@@ -10,7 +10,7 @@ from fedora_qa.faults.canary_conditions import CanaryConditions
 from fedora_qa.faults.fault import Fault
 
 Planter = Callable[[CanaryConditions], Fault]
-"""Gives the fault, with a size that follows from the ground; raises ``UnplantableError``."""
+"""Returns the fault, whose size follows from the conditions; raises ``UnplantableError`` where it cannot be planted."""
 
 CANARIES: Final[Mapping[str, Planter]] = MappingProxyType(
     {
@@ -65,4 +65,4 @@ CANARIES: Final[Mapping[str, Planter]] = MappingProxyType(
         "imu.noise": declarations.other_imu_noise,
     }
 )
-"""By the name of the check, in the order of the checks. Every check has one; a test demands it."""
+"""By the name of the check, in the order of the checks. Every check has one; a test verifies this."""

@@ -1,4 +1,4 @@
-"""What a canary is planted on: the file as it was found, and what the check measured on it."""
+"""What a canary is planted on: the unchanged file, and the measurements of the check on it."""
 
 from dataclasses import dataclass
 from typing import Final
@@ -10,28 +10,30 @@ from fedora_qa.record.types import Measurement
 from fedora_qa.sequence.facts import Facts
 
 MULTIPLES: Final = (3.0, 10.0, 30.0)
-"""Sizes of a canary, as multiples of the detection limit of the check: the first that is detected suffices.
+"""Sizes of a canary, as multiples of the detection limit of the check, tried in this order until one is detected.
 
-Three times leaves room for the fewer windows on which it is first tried. More is tried because the stated limit is that
-of the place where the file is worst: a canary may sit on louder pixels, or spoil the data by which it is detected. A
-check that does not detect thirty times its limit either does not work.
+The first size is three times the limit, because a canary is tried on fewer windows than the file has. Larger sizes are
+tried because the limit holds for the worst place of the file: the canary may lie on noisier pixels, or damage the data
+by which it is detected. A check that does not detect thirty times its limit does not work.
 """
 
 
 class UnplantableError(Exception):
-    """No fault can be planted that the check would have to detect; the message says why."""
+    """No fault can be planted that the check would have to detect; the message states the reason."""
 
 
 @dataclass(frozen=True, slots=True)
 class CanaryConditions:
-    """A file and one check's measurements on it.
+    """A file and the measurements of one check on it.
 
     Attributes
     ----------
+    facts
+        The clocks, streams and declarations of the file.
     measurements
-        What the check measured on the file as it is.
+        The measurements of the check on the unchanged file.
     place_ns
-        An instant with motion around it, where faults of one place are planted.
+        Instant with motion around it, ns from the origin of the file: faults of one place are planted there.
     multiple
         Size of the canary, as a multiple of the detection limit of the check.
     """
@@ -42,21 +44,26 @@ class CanaryConditions:
     multiple: float
 
     def size(self, *endings: str, at_least: float = 0.0) -> float:
-        """Return a size that is clearly above the check's limit.
+        """Return the size of the fault: ``multiple`` times the detection limit of the check.
 
         Parameters
         ----------
         endings
-            How the names of the measurements end; the sharpest of them counts.
+            Endings of the names of the measurements that count. The least detection limit of these is taken.
         at_least
-            Size below which the fault would be no fault, in the measurements' unit; taken where there is no limit.
+            Least size of the fault, in the unit of the measurements. It is the result where there is no limit.
+
+        Returns
+        -------
+        float
+            In the unit of the measurements, above 0.
 
         Raises
         ------
         UnplantableError
-            There is neither.
+            If the check states no detection limit and ``at_least`` is 0.
         """
-        # A detection limit of None or 0 states nothing.
+        # Measurements with a detection limit of None or 0 do not count.
         limits = [m.least_detectable for m in self.measurements if m.name.endswith(endings) and m.least_detectable]
         size = max(self.multiple * min(limits, default=0.0), at_least)
         if size <= 0:
@@ -64,16 +71,16 @@ class CanaryConditions:
         return size
 
     def measured_stream(self, rule: str) -> str | None:
-        """Return the first stream of which the check states ``<stream>.<rule>``; None where there is none."""
+        """Return the first stream for which the check measured ``<stream>.<rule>``; None where there is none."""
         return next((m.name.removesuffix(f".{rule}") for m in self.measurements if m.name.endswith(f".{rule}")), None)
 
     def row_at_place(self, stream: str) -> int:
-        """Return the first row of a stream (not of events) from the place on, with rows on both of its sides."""
+        """Return the first row of a stream (not of events) at or after the place that has rows on both sides."""
         times_ns = self.facts.clocks[stream].times_ns
-        # The first and the last row have one neighbour only, and the fault needs both.
+        # The first and the last row have only one neighbour, and the faults need both.
         return int(np.clip(np.searchsorted(times_ns, self.place_ns), 1, max(len(times_ns) - 2, 1)))
 
     def period_ns(self, stream: str) -> int:
-        """Return the median step between the timestamps of a stream (not of events)."""
+        """Return the median step between the timestamps of a stream (not of events), ns; 0 with fewer than two."""
         steps: NDArray[np.int64] = np.diff(self.facts.clocks[stream].times_ns)
         return int(np.median(steps)) if len(steps) else 0

@@ -1,4 +1,4 @@
-"""Faults of stored bytes and of values that are none."""
+"""Faults of stored bytes, and values that are not finite."""
 
 from typing import Any
 
@@ -13,7 +13,7 @@ from fedora_qa.layout.canonical import DATASETS, TIMESTAMPS_OF
 
 
 def undecodable(conditions: CanaryConditions) -> Fault:
-    """No row of a dataset decodes; of its stream's timestamps all do, so that there are windows to look at."""
+    """No row of a dataset decodes. The timestamps of its stream decode, so that windows of the stream exist."""
     keys = [key for key in conditions.facts.layout.bindings if not DATASETS[key].is_timestamps]
     images = [key for key in keys if DATASETS[key].is_image]
     if not keys:
@@ -27,7 +27,10 @@ def undecodable(conditions: CanaryConditions) -> Fault:
 
 
 def not_finite(conditions: CanaryConditions) -> Fault:
-    """The first value of each row of a float dataset is infinite; of a file without one, all timestamps of a stream."""
+    """The first value of each row of a float dataset is infinite.
+
+    In a file without float datasets all timestamps of a stream are invalid.
+    """
     for key in conditions.facts.layout.bindings:
         if DATASETS[key].dtype.startswith("float") and DATASETS[key].stream in conditions.facts.streams:
             return Fault(f"a value of each row of {key} is infinite", {key: values(_first_infinite)})
@@ -39,8 +42,9 @@ def not_finite(conditions: CanaryConditions) -> Fault:
 
 
 def _first_infinite(stored: NDArray[Any]) -> NDArray[Any]:
-    # The array that was read may be shared, and an alteration never writes into it.
+    """Return a copy of rows (n, ...) whose first value of each row is infinite."""
+    # Other readers may share the array that was read: an alteration never writes into it.
     altered = stored.copy()
-    # Index 0 of each axis but that of time: one value a row for any rank.
+    # Index 0 of each axis except that of time: one value for each row, for any rank.
     altered[(slice(None), *(slice(1),) * (stored.ndim - 1))] = np.inf
     return altered

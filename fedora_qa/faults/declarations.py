@@ -1,6 +1,7 @@
 """Faults of what a file declares: no row is altered.
 
-What opening a file finds (its layout, its attributes) is planted as it would be found: opening comes before the view.
+The layout and the attributes are read when a file is opened, before a view of it exists. Faults of these are therefore
+planted in the result of opening, as the problem that opening would report.
 """
 
 from collections.abc import Mapping
@@ -16,11 +17,11 @@ from fedora_qa.layout.resolve import LayoutProblem
 from fedora_qa.sequence.declared import Camera, DeclarationProblem, EventModel, ImuModel, PoseModel
 
 _LOG_TO_LINEAR_DN: Final = 100.0
-"""Grey value at which both models have the same threshold: dL = dY / Y."""
+"""Grey value, DN, at which both models give the same threshold: dL = dY / Y."""
 
 
 def absent_stream(conditions: CanaryConditions) -> Fault:
-    """A stream that is declared and absent."""
+    """The stream imu is declared and absent."""
     layout = conditions.facts.layout
     description = "the imu is declared and absent"
     problem = LayoutProblem("integrity.layout.missing", "missing_stream", "imu", "path/imu/ts", description)
@@ -28,7 +29,7 @@ def absent_stream(conditions: CanaryConditions) -> Fault:
 
 
 def missing_attribute(conditions: CanaryConditions) -> Fault:
-    """The version of the format is not declared."""
+    """The attribute that states the version of the format is missing."""
     description = "the attribute format_version is missing"
     problem = DeclarationProblem("", "format_version", description, "missing_stream")
     declared = conditions.facts.declared
@@ -36,7 +37,7 @@ def missing_attribute(conditions: CanaryConditions) -> Fault:
 
 
 def wrong_label(conditions: CanaryConditions) -> Fault:
-    """A dataset is labelled with a unit that no layout has."""
+    """A dataset has a label with a unit that no layout uses."""
     declared, keys = conditions.facts.declared, sorted(conditions.facts.layout.bindings)
     if not keys:
         raise UnplantableError("no dataset carries a label")
@@ -46,10 +47,10 @@ def wrong_label(conditions: CanaryConditions) -> Fault:
 
 
 def stretched_mounting(conditions: CanaryConditions) -> Fault:
-    """The first column of a camera's rotation is a tenth too long."""
+    """The first column of the rotation of a camera is 10% too long."""
     name = min(conditions.facts.declared.cameras)
     camera = conditions.facts.declared.cameras[name]
-    # R^T R then differs from I by 1.1^2 - 1 = 0.21, far above rounding.
+    # (R^T R)_00 - 1 = 1.1^2 - 1 = 0.21, far above rounding.
     stretched = camera.T_body_camera @ np.diag([1.1, 1.0, 1.0, 1.0])
     return _with_cameras(conditions, f"T_body_camera of the {name} camera is stretched by 10%",
                          {name: replace(camera, T_body_camera=stretched)})  # fmt: skip
@@ -66,31 +67,31 @@ def wider_camera(conditions: CanaryConditions) -> Fault:
 
 
 def other_event_model(conditions: CanaryConditions) -> Fault:
-    """Events are declared of the other model, with a threshold that is the same contrast at a grey value of 100."""
+    """Events are declared of the other model. The thresholds are the same contrast at a grey value of 100 DN."""
     model = conditions.facts.declared.events
     if model is None:
         raise UnplantableError("the file declares no event model")
     name: Literal["log", "linear"] = "linear" if model.model == "log" else "log"
-    # dL = dY / Y: a threshold of C nat is 100 C DN at Y = 100 DN.
+    # dY = Y dL: a threshold of C nat is 100 C DN at Y = 100 DN.
     factor = _LOG_TO_LINEAR_DN if name == "linear" else 1 / _LOG_TO_LINEAR_DN
     other = EventModel(name, factor * model.threshold_on, factor * model.threshold_off)
     return _with_events(conditions, f"events are declared of the {name} model", other)
 
 
 def smaller_thresholds(conditions: CanaryConditions) -> Fault:
-    """Both thresholds are declared too small, so that measured ones exceed them by the canary's size."""
+    """Both thresholds are declared too small, so that the measured ones exceed them by the size of the canary."""
     model = conditions.facts.declared.events
     if model is None:
         raise UnplantableError("the file declares no event model")
     percent = conditions.size("threshold_on", at_least=20.0)
-    # The check measures 100 (measured / declared - 1), in percent.
+    # The check measures 100 (measured / declared - 1) percent: declared = measured / (1 + percent / 100).
     factor = 1 / (1 + percent / 100)
     smaller = replace(model, threshold_on=factor * model.threshold_on, threshold_off=factor * model.threshold_off)
     return _with_events(conditions, f"events step by {percent:.3g}% more than declared", smaller)
 
 
 def other_pose_noise(conditions: CanaryConditions) -> Fault:
-    """Positions are noisier than declared; where no noise is declared, some is that they do not have."""
+    """Positions are noisier than declared. Where no noise is declared, a noise is declared that they do not have."""
     model = conditions.facts.declared.pose or PoseModel()
     sigma_m = _other_noise(conditions, model.position_sigma_m, "position_noise")
     description = f"a noise of {sigma_m:.3g} m is declared of positions"
@@ -100,11 +101,14 @@ def other_pose_noise(conditions: CanaryConditions) -> Fault:
 
 
 def other_imu_noise(conditions: CanaryConditions) -> Fault:
-    """Angular velocities are noisier than declared; where no noise is declared, some is that they do not have."""
+    """Angular velocities are noisier than declared.
+
+    Where no noise is declared, a noise is declared that they do not have.
+    """
     model, period_s = conditions.facts.declared.imu or ImuModel(), conditions.period_ns("imu") / NS_PER_S
     if period_s <= 0:
         raise UnplantableError("the stamps of the imu do not advance")
-    # Sigma of a sample = density * sqrt(rate).
+    # sigma of a sample (rad/s) = density (rad/s/sqrt(Hz)) * sqrt(rate)
     root_hz = period_s**-0.5
     density = _other_noise(conditions, root_hz * model.gyro_noise_density, "gyro_noise") / root_hz
     description = f"a noise density of {density:.3g} rad/s/sqrt(Hz) is declared of the gyro"
@@ -114,8 +118,12 @@ def other_imu_noise(conditions: CanaryConditions) -> Fault:
 
 
 def _other_noise(conditions: CanaryConditions, declared_sigma: float, name: str) -> float:
-    """Return a sigma to declare: the ratio of measured to declared exceeds 1 by the canary's size, or noise is new."""
-    # Without declared noise there is no ratio, so that the limit is a sigma.
+    """Return the standard deviation to declare, in the unit of ``declared_sigma``.
+
+    Measured over declared noise then exceeds 1 by the size of the canary. Where no noise is declared (0), the result is
+    the size of the canary itself.
+    """
+    # Without declared noise there is no ratio: the detection limit is a standard deviation.
     return declared_sigma / (1 + conditions.size(f"{name}_ratio")) if declared_sigma else conditions.size(name)
 
 

@@ -1,4 +1,4 @@
-"""A fault as data, what it alters of what is read, and the view of a sequence with the fault in it."""
+"""A fault as data, alterations of rows, and the view of a sequence that contains a fault."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
@@ -14,24 +14,24 @@ from fedora_qa.sequence.declared import Declared
 from fedora_qa.sequence.sequence import SequenceRows
 
 Read = Callable[[int, int], NDArray[Any]]
-"""Gives rows ``start`` to ``stop`` of a dataset as they are stored, in canonical units."""
+"""Returns rows ``start`` to ``stop`` (excluded) of a dataset, without the fault, in canonical units."""
 
 Alteration = Callable[[Read, int, int], NDArray[Any]]
-"""Gives the same rows with the fault in them, as many as were asked for; never writes into what it reads."""
+"""Returns rows ``start`` to ``stop`` (excluded) with the fault; never writes into the arrays that it reads."""
 
 
 @dataclass(frozen=True, slots=True)
 class Fault:
-    """A fault that is planted in what is read, never in the file.
+    """A fault of the rows that are read; the file itself is never changed.
 
     Attributes
     ----------
     description
         What is wrong, in words: ``events 1.9 ms late``.
     rows
-        The altered datasets, by canonical key.
+        Alterations of datasets, by canonical key.
     declared, layout
-        What the file declares, and where its datasets lie, in place of what it says itself; None: as it is.
+        Declarations and layout that replace those of the file; None: those of the file.
     """
 
     description: str
@@ -41,25 +41,35 @@ class Fault:
 
     @property
     def moves_time(self) -> bool:
-        """Whether timestamps or index maps are altered, so that they must be scanned anew."""
-        # Keys outside of path/ are index maps, which the scan compares with event timestamps.
+        """Whether timestamps or index maps are altered, so that they must be scanned again."""
+        # Keys outside of path/ are those of index maps, which the scan compares with event timestamps.
         return any(DATASETS[key].is_timestamps or not key.startswith("path/") for key in self.rows)
 
 
 def values(alter: Callable[[NDArray[Any]], NDArray[Any]]) -> Alteration:
-    """Return the alteration of every value by itself."""
+    """Return the alteration that applies ``alter`` to the rows (n, ...) that are read."""
     return lambda read, start, stop: alter(read(start, stop))
 
 
 def values_by_row(alter: Callable[[NDArray[Any], NDArray[np.int64]], NDArray[Any]]) -> Alteration:
-    """Return the alteration of values that depends on their rows: ``alter(values, row_numbers)``."""
+    """Return the alteration that applies ``alter(values, row_numbers)`` to rows (n, ...) and their numbers (n,)."""
     return lambda read, start, stop: alter(read(start, stop), np.arange(start, stop))
 
 
 def rows_from(source: Callable[[NDArray[np.int64]], NDArray[np.int64]], count: int) -> Alteration:
-    """Return the alteration that puts other rows of the same dataset in place: ``source(row_numbers)``.
+    """Return the alteration that replaces rows by other rows of the same dataset.
 
-    Sources outside of the ``count`` rows stay where they are.
+    Parameters
+    ----------
+    source
+        Maps row numbers (n,) to the numbers (n,) of the rows that replace them.
+    count
+        Number of rows of the dataset. A row whose source lies outside of 0 to ``count`` - 1 is not replaced.
+
+    Returns
+    -------
+    Alteration
+        Reads the smallest range of rows that holds all sources.
     """
 
     def taken(read: Read, start: int, stop: int) -> NDArray[Any]:
@@ -76,16 +86,23 @@ def rows_from(source: Callable[[NDArray[np.int64]], NDArray[np.int64]], count: i
 
 
 class FaultySequence:
-    """A view of a sequence with a fault in it: rows are altered as they are read, the file is never touched.
+    """A view of a sequence that contains a fault. Rows are altered when they are read; the file is never changed.
 
-    Nothing is copied whole.
+    No dataset is copied as a whole.
 
     Parameters
     ----------
     sequence
-        As it is in the file.
+        The sequence without the fault.
     fault
-        Its ``declared`` and ``layout`` replace those of the sequence where they are given.
+        The fault. Its ``declared`` and ``layout`` replace those of the sequence where they are not None.
+
+    Attributes
+    ----------
+    layout, declared
+        Layout and declarations with the fault.
+    origin_ns
+        The origin of the sequence.
     """
 
     def __init__(self, sequence: SequenceRows, fault: Fault) -> None:
@@ -96,19 +113,33 @@ class FaultySequence:
         self.origin_ns: int = sequence.origin_ns
 
     def rows(self, key: str, start: int, stop: int, memory: Memory | None = None) -> NDArray[Any]:
-        """Return rows ``start`` to ``stop`` (excluded) of a dataset in canonical units, with the fault.
+        """Return rows of a dataset in canonical units, with the fault.
+
+        Parameters
+        ----------
+        key
+            Canonical key of the dataset.
+        start, stop
+            First row, and the row after the last one.
+        memory
+            Gives the array into which images are decoded. It is not used for altered datasets. None: a new array.
+
+        Returns
+        -------
+        NDArray
+            (stop - start, ...); timestamps in int64 ns from the origin.
 
         Raises
         ------
         UnreadableRowsError
-            The rows do not decode.
+            If the rows do not decode.
         """
         alter = self._fault.rows.get(key)
         if alter is None:
             return self._sequence.rows(key, start, stop, memory)
-        # Without ``memory``: an alteration may read other rows than those it returns, and returns an array of its own.
+        # Without ``memory``: an alteration may read other rows than it returns, and returns an array of its own.
         return alter(lambda first, last: self._sequence.rows(key, first, last), start, stop)
 
     def chunk_rows(self, key: str) -> int:
-        """Return how many rows of a dataset are stored together."""
+        """Return the number of rows of a dataset that are stored together."""
         return self._sequence.chunk_rows(key)

@@ -21,27 +21,27 @@ def larger(conditions: CanaryConditions) -> Fault:
 
 
 def off_by_a_constant(conditions: CanaryConditions) -> Fault:
-    """Flow of every rate is off to the right."""
+    """Flow of every rate is too large to the right by a constant."""
     size_px = conditions.size("endpoint_error")
     return _altered(conditions, f"flow is {size_px:.3g} px off", lambda flow: flow + _right(size_px))
 
 
 def one_rate_off(conditions: CanaryConditions) -> Fault:
-    """Flow of the slowest rate is off to the right, the others are not."""
+    """Flow of the slowest rate is too large to the right by a constant; flow of other rates is not altered."""
     size_px, stream = conditions.size(" error"), conditions.facts.flow_streams[0]
     return _altered(conditions, f"{stream} is {size_px:.3g} px off", lambda flow: flow + _right(size_px), [stream])
 
 
 def backwards(conditions: CanaryConditions) -> Fault:
-    """Flow points backwards."""
+    """Flow has the opposite direction."""
     return _altered(conditions, "flow points backwards", np.negative)
 
 
 def other_validity(conditions: CanaryConditions) -> Fault:
-    """In one corner flow is 0 where it is NaN, and NaN where it is not."""
+    """In one corner of 8 x 8 px NaN is replaced by 0, and values are replaced by NaN."""
 
     def alter(flow: NDArray[Any]) -> NDArray[Any]:
-        # The field that was read may be shared with other readers.
+        # Other readers may share the field that was read.
         altered = flow.copy()
         corner = altered[:, :_BLOCK_PX, :_BLOCK_PX]
         corner[:] = np.where(np.isnan(corner), np.float32(0), np.float32(np.nan))
@@ -51,7 +51,7 @@ def other_validity(conditions: CanaryConditions) -> Fault:
 
 
 def _right(size_px: float) -> NDArray[np.float32]:
-    # (u, v) in px, u positive to the right.
+    """Return a flow vector (u, v), px, u positive to the right."""
     return np.array([size_px, 0], dtype=np.float32)
 
 

@@ -12,26 +12,31 @@ from fedora_qa.faults.fault import Fault, rows_from, values, values_by_row
 
 _RGB, _DEPTH = "path/rgb", "path/depth"
 _LEAST_GAIN: Final = 0.1
-"""Eight bits show a gain of a tenth at any grey value above 5 DN."""
+"""Least relative change of brightness, 0 to 1. With eight bits it changes every grey value above 5 DN."""
 _LEAST_POWER: Final = 0.5
-"""Contrasts are then half as large again: less than a display's curve, which makes them more than double."""
+"""Least excess of the exponent above 1. Contrasts are then 1.5 times as large; the transfer curve of a display makes
+them more than twice as large."""
 _WHITE_DN: Final = 255.0
 _EXCHANGES: Final = ("RBG", "GRB", "BGR")
 _SPARSELY: Final = 8
-"""Of so many intervals three are out of order: the median of all stays what it is."""
+"""Frames are exchanged in every 8th interval. Three of eight intervals are then out of order, so that the median of all
+intervals does not change."""
 _DARKEST: Final = 0.3
-"""What a jump of exposure leaves at least, so that there is still a picture."""
+"""Least share (0 to 1) of the brightness after a jump of exposure, so that images keep contrast."""
 
 
 def frozen_colour(conditions: CanaryConditions) -> Fault:
-    """Three colour frames repeat the one before them."""
+    """Three successive colour frames repeat the frame before them."""
     row = conditions.row_at_place("rgb")
     held = rows_from(lambda rows: np.where((rows >= row) & (rows < row + 3), row - 1, rows), _count(conditions, _RGB))
     return Fault(f"rgb frames {row} to {row + 2} repeat frame {row - 1}", {_RGB: held})
 
 
 def exchanged_colour(conditions: CanaryConditions) -> Fault:
-    """The colour frames at both ends of some intervals, of the fastest flow or from frame to frame, are exchanged."""
+    """The colour frames at the two ends of every 8th interval are exchanged.
+
+    Intervals are those of the fastest flow; without flow they last from one frame to the next.
+    """
     facts, count = conditions.facts, _count(conditions, _RGB)
     # The frames at the start and at the end of each interval.
     flow_clock = facts.clocks[facts.flow_streams[-1]] if facts.flow_streams else None
@@ -40,7 +45,7 @@ def exchanged_colour(conditions: CanaryConditions) -> Fault:
     else:
         times_ns = facts.clocks["rgb"].times_ns
         first, last = np.searchsorted(times_ns, flow_clock.times_ns), np.searchsorted(times_ns, flow_clock.ends_ns)
-    # The phase puts one exchange at the place, where there is motion to detect it by.
+    # One of the exchanged intervals lies at the place, where motion makes the exchange detectable.
     chosen = np.arange(conditions.row_at_place("rgb") % _SPARSELY, len(first), _SPARSELY)
     inside = chosen[(last[chosen] < count) & (first[chosen] < last[chosen])]
     source = np.arange(count)
@@ -50,7 +55,7 @@ def exchanged_colour(conditions: CanaryConditions) -> Fault:
 
 
 def darker_colour(conditions: CanaryConditions) -> Fault:
-    """Colour frames become darker at the place, and stay so."""
+    """Colour frames are darker from the place on."""
     row, percent = conditions.row_at_place("rgb"), conditions.size("largest_jump", at_least=100 * _LEAST_GAIN)
     gain = max(1 - percent / 100, _DARKEST)
 
@@ -62,7 +67,7 @@ def darker_colour(conditions: CanaryConditions) -> Fault:
 
 
 def exchanged_channels(conditions: CanaryConditions) -> Fault:
-    """Two channels are exchanged: those with the least detection limit."""
+    """Two colour channels are exchanged: those of the exchange with the least detection limit."""
     limits = ((m.least_detectable, m.name.removeprefix("towards_")) for m in conditions.measurements)
     orders = [(limit, order) for limit, order in limits if limit and order in _EXCHANGES]
     # The least detection limit belongs to the exchange that is easiest to detect.
@@ -72,18 +77,19 @@ def exchanged_channels(conditions: CanaryConditions) -> Fault:
 
 
 def other_transfer(conditions: CanaryConditions) -> Fault:
-    """Grey values went through a power law that is not declared."""
+    """Grey values are altered by a power law that is not declared."""
     power = 1 + conditions.size("exponent", "exponent_at_declared_thresholds", at_least=_LEAST_POWER)
-    # Y' = 255 (Y / 255)^power, tabulated for all 256 codes; black and white stay.
+    # Y' = 255 (Y / 255)^power, for all 256 codes; 0 and 255 stay.
     codes = np.rint(_WHITE_DN * (np.arange(_WHITE_DN + 1) / _WHITE_DN) ** power).astype(np.uint8)
     return Fault(f"rgb went through a power of {power:.3g}", {_RGB: values(lambda frames: codes[frames])})
 
 
 def shifted_colour(conditions: CanaryConditions) -> Fault:
-    """Colour frames lie too far to the right, by event pixels."""
+    """Colour frames lie too far to the right, by a number of pixels of the event camera."""
     cameras = conditions.facts.declared.cameras
     scale = cameras["rgb"].width / cameras["events"].width
-    # The limit is in event pixels; one of them spans width_rgb / width_events colour columns (2.25 in the paper).
+    # The limit is in px of the event camera; one px of it spans width_rgb / width_events colour columns (2.25 in the
+    # paper of the dataset).
     return _shifted(_RGB, math.ceil(scale * conditions.size("shift_right", at_least=1.0)))
 
 
@@ -93,13 +99,13 @@ def shifted_depth(conditions: CanaryConditions) -> Fault:
 
 
 def far_depth(conditions: CanaryConditions) -> Fault:
-    """Depth is a thousand times too large: micrometres."""
-    # 1 mm = 1000 um, the same factor as from metres to millimetres.
+    """Depth is a thousand times too large: in micrometres instead of millimetres."""
+    # 1 mm = 1000 um: the factor equals that from metres to millimetres.
     return Fault("depth is in micrometres", {_DEPTH: values(lambda depth: depth * np.float32(MM_PER_M))})
 
 
 def uneven_depth(conditions: CanaryConditions) -> Fault:
-    """Every second depth frame is too far."""
+    """Depths of every second frame are too large by a factor."""
     percent = conditions.size("deviation")
 
     def alter(frames: NDArray[Any], rows: NDArray[np.int64]) -> NDArray[Any]:
@@ -116,11 +122,14 @@ def scaled_depth(conditions: CanaryConditions) -> Fault:
 
 
 def ray_depth(conditions: CanaryConditions) -> Fault:
-    """Depth is the length of the ray, or a higher power of it where the length alone is below the detection limit."""
+    """Depth is the length of the ray, or z times a higher power of |m| where that length is below the detection limit.
+
+    |m| is the length of the ray of a pixel where z is 1.
+    """
     camera, exponent = conditions.facts.declared.cameras["depth"], conditions.size("ray_exponent", at_least=1.0)
     x, y = np.meshgrid(np.arange(camera.width), np.arange(camera.height))
     pixels = np.stack([x, y, np.ones_like(x)], axis=-1)
-    # Ray length / z-depth = |K^-1 (x, y, 1)|, with integer coordinates at pixel centres.
+    # Ray length / z-depth = |m| = |K^-1 (x, y, 1)|, with integer coordinates at pixel centres.
     lengths = np.linalg.norm(pixels @ np.linalg.inv(camera.K).T, axis=-1)
     factors = (lengths**exponent).astype(np.float32)
     return Fault("depth is the length of the ray", {_DEPTH: values(lambda depth: depth * factors)})
@@ -128,7 +137,7 @@ def ray_depth(conditions: CanaryConditions) -> Fault:
 
 def _shifted(key: str, columns: int) -> Fault:
     stream = key.removeprefix("path/")
-    # Axes are (time, row, column), and columns increase to the right.
+    # Axes are (time, row, column); columns increase to the right.
     return Fault(
         f"{stream} lies {columns} px too far to the right", {key: values(lambda v: np.roll(v, columns, axis=2))}
     )

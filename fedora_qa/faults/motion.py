@@ -1,4 +1,7 @@
-"""Faults of IMU and pose values. Timestamps are in ``timestamps.py``, declared noise in ``declarations.py``."""
+"""Faults of IMU and pose values.
+
+Faults of their timestamps are in ``timestamps.py``, those of the declared noise in ``declarations.py``.
+"""
 
 from typing import Any, Final
 
@@ -13,13 +16,13 @@ _ALONG_X: Final = np.array([1.0, 0.0, 0.0])
 
 
 def long_quaternions(conditions: CanaryConditions) -> Fault:
-    """Quaternions are longer than one."""
+    """Quaternions are longer than 1."""
     factor = 1 + conditions.size("length_error", at_least=_LEAST_STRETCH)
     return Fault(f"quaternions have the length {factor:.6g}", {"path/pose/orientation": values(lambda q: q * factor)})
 
 
 def teleport(conditions: CanaryConditions) -> Fault:
-    """From the place on, the body is elsewhere."""
+    """Positions are displaced to the east from the place on."""
     size_m, row = conditions.size("position_jump"), conditions.row_at_place("pose")
 
     def alter(positions: NDArray[Any], rows: NDArray[np.int64]) -> NDArray[Any]:
@@ -30,15 +33,15 @@ def teleport(conditions: CanaryConditions) -> Fault:
 
 
 def gyro_bias(conditions: CanaryConditions) -> Fault:
-    """Angular velocities are too large, about X."""
+    """Angular velocities about X are too large by a constant."""
     bias = conditions.size("bias_x")
-    # Body frame: X points forward, so that this is a roll rate.
+    # Body frame: X points forward, so that the bias is one of the roll rate.
     description = f"the gyro is biased by {bias:.3g} rad/s"
     return Fault(description, {"path/imu/angular_velocity": values(lambda rates: rates + bias * _ALONG_X)})
 
 
 def accel_bias(conditions: CanaryConditions) -> Fault:
-    """Specific forces are too large, along X."""
+    """Specific forces along X are too large by a constant."""
     bias = conditions.size("bias_x")
     description = f"the accelerometer is biased by {bias:.3g} m/s^2"
     return Fault(description, {"path/imu/linear_acceleration": values(lambda forces: forces + bias * _ALONG_X)})

@@ -1,4 +1,4 @@
-"""Faults of timestamps and index maps: clock offsets, rates, orders, rows off by one."""
+"""Faults of timestamps and index maps: clock offsets, rates, orders, and indices that are too large by one."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,27 +10,41 @@ from fedora_qa.layout.canonical import TIMESTAMPS_OF
 
 _THOUSAND = 1_000
 _COARSE_TICKS = 1_000
-"""A grid this many times the declared one: a thousand events meet it by chance with probability 1e-3000."""
+"""Ratio of the coarse grid to the declared one. By chance a thousand events lie on the coarse grid with a probability
+of 1e-3000."""
 
 
 def shifted_ns(later_ns: float) -> Alteration:
-    """Return the alteration that makes timestamps later by a constant; the negative constant undoes it."""
+    """Return the alteration that adds a constant, ns, to all timestamps; the negative constant undoes it."""
     return values(lambda timestamps: timestamps + round(later_ns))
 
 
 def later_from(row: int, later_ns: float) -> Alteration:
-    """Return the alteration that makes timestamps later by a constant from a row on."""
+    """Return the alteration that adds a constant to the timestamps from a row on.
+
+    Parameters
+    ----------
+    row
+        First row whose timestamps are altered.
+    later_ns
+        The constant, ns; rounded to whole nanoseconds.
+
+    Returns
+    -------
+    Alteration
+        Of timestamps (n,), or (n, 2) for the intervals of flow, ns.
+    """
 
     def alter(timestamps: NDArray[np.int64], rows: NDArray[np.int64]) -> NDArray[np.int64]:
         late = np.where(rows >= row, round(later_ns), 0)
-        # Timestamps of flow are (K, 2): both ends of an interval shift alike.
+        # Timestamps of flow are (n, 2): the same constant is added to both ends of an interval.
         return timestamps + late.reshape(-1, *(1,) * (timestamps.ndim - 1))
 
     return values_by_row(alter)
 
 
 def exchanged_timestamps(conditions: CanaryConditions) -> Fault:
-    """Two neighbouring timestamps are exchanged; where only events have timestamps, they run backwards."""
+    """Two neighbouring timestamps are exchanged. Where only events have timestamps, these run backwards."""
     counts = {stream: len(clock.times_ns) for stream, clock in conditions.facts.clocks.items()}
     stream = next((stream for stream, count in counts.items() if count > 2), None)
     if stream is None:
@@ -40,13 +54,13 @@ def exchanged_timestamps(conditions: CanaryConditions) -> Fault:
         last_ns = events.last_ns
         return Fault("the stamps of events run backwards", {TIMESTAMPS_OF["events"]: values(lambda t: last_ns - t)})
     row = conditions.row_at_place(stream)
-    # rows ^ 1 maps 2k to 2k + 1 and back.
+    # rows ^ 1 exchanges 2k and 2k + 1.
     exchange = rows_from(lambda rows: np.where(rows // 2 == row // 2, rows ^ 1, rows), counts[stream])
     return Fault(f"stamps {row} and {row ^ 1} of {stream} are exchanged", {TIMESTAMPS_OF[stream]: exchange})
 
 
 def in_nanoseconds(conditions: CanaryConditions) -> Fault:
-    """The timestamps of a stream are in nanoseconds."""
+    """The timestamps of a stream are in nanoseconds instead of microseconds."""
     streams = [stream for stream in ("imu", "pose", "depth", "rgb") if stream in conditions.facts.clocks]
     timed = len(streams) + len(conditions.facts.flow_streams) + (conditions.facts.events is not None)
     if not streams or (timed < 3 and not conditions.facts.flow_streams):
@@ -57,20 +71,20 @@ def in_nanoseconds(conditions: CanaryConditions) -> Fault:
 
 
 def wrong_rate(conditions: CanaryConditions) -> Fault:
-    """The clock of a stream runs slowly, so that its timestamps lie too far apart."""
+    """The timestamps of a stream lie too far apart: its clock has a wrong rate."""
     stream = conditions.measured_stream("rate_error")
     if stream is None:
         raise UnplantableError("no stream has a nominal rate")
     if not conditions.facts.flow_streams and len(conditions.facts.clocks) < 2:
         raise UnplantableError("a single clock is held against nothing")
-    # The detection limit of the rate is in parts per million.
+    # The detection limit of the rate is in ppm: factor = 1 + 1e-6 ppm.
     factor = 1 + 1e-6 * conditions.size(f"{stream}.rate_error")
     description = f"the clock of {stream} is wrong by {1e6 * (factor - 1):.3g} ppm"
     return Fault(description, {TIMESTAMPS_OF[stream]: values(lambda t: np.rint(factor * t).astype(np.int64))})
 
 
 def lost_samples(conditions: CanaryConditions) -> Fault:
-    """Three samples are missing: from one on, all timestamps are three periods later."""
+    """Three samples are missing: from a row on, all timestamps are three periods later."""
     stream = conditions.measured_stream("missing")
     if stream is None:
         raise UnplantableError("no stream has a regular clock")
@@ -80,7 +94,7 @@ def lost_samples(conditions: CanaryConditions) -> Fault:
 
 
 def begins_late(conditions: CanaryConditions) -> Fault:
-    """A stream lies later than the others as a whole."""
+    """All timestamps of a stream are later than those of the other streams."""
     stream = conditions.measured_stream("begins_late")
     if stream is None:
         raise UnplantableError("fewer than two streams have a regular clock")
@@ -89,7 +103,7 @@ def begins_late(conditions: CanaryConditions) -> Fault:
 
 
 def coarse_grid(conditions: CanaryConditions) -> Fault:
-    """Event timestamps are rounded down to a grid a thousand times as coarse as declared."""
+    """Event timestamps are rounded down to a grid that is a thousand times as coarse as declared."""
     grid_us = next((m.expected for m in conditions.measurements if m.name == "events.grid" and m.expected), None)
     if grid_us is None:
         raise UnplantableError("stamps of sampled streams show a coarse grid only where their clock is irregular")
@@ -99,28 +113,41 @@ def coarse_grid(conditions: CanaryConditions) -> Fault:
 
 
 def next_event(conditions: CanaryConditions, index_map: str) -> Fault:
-    """An index map points to the event after the right one."""
+    """The indices of an index map are too large by one event.
+
+    Parameters
+    ----------
+    conditions
+        The file.
+    index_map
+        Name of the index map: ``rgb_to_event`` or ``depth_to_event``.
+
+    Returns
+    -------
+    Fault
+        Of ``metadata/<index_map>``.
+    """
     return Fault(f"{index_map} is one event too far", {f"metadata/{index_map}": values(lambda index: index + 1)})
 
 
 def late_imu(conditions: CanaryConditions) -> Fault:
-    """The timestamps of the IMU are late."""
+    """The timestamps of the IMU are too late."""
     late_ms = conditions.size("time_offset")
     return Fault(f"imu {late_ms:.3g} ms late", {TIMESTAMPS_OF["imu"]: shifted_ns(late_ms * NS_PER_MS)})
 
 
 def late_events(conditions: CanaryConditions) -> Fault:
-    """The timestamps of events are late."""
+    """The timestamps of events are too late."""
     late_ms = conditions.size("time_offset")
     return Fault(f"events {late_ms:.3g} ms late", {TIMESTAMPS_OF["events"]: shifted_ns(late_ms * NS_PER_MS)})
 
 
 def gap_in_events(conditions: CanaryConditions) -> Fault:
-    """Nothing happens for a while: from the place on, events are later."""
+    """There is no event for an interval: from the place on, all timestamps of events are later."""
     gap_ms = conditions.size("gap")
 
     def alter(times_ns: NDArray[np.int64]) -> NDArray[np.int64]:
-        # By time, not by row: an event out of order stays on its side of the gap.
+        # By time instead of by row: an event out of order stays on its side of the gap.
         return times_ns + np.where(times_ns >= conditions.place_ns, round(gap_ms * NS_PER_MS), 0)
 
     return Fault(f"there is no event for {gap_ms:.3g} ms", {TIMESTAMPS_OF["events"]: values(alter)})

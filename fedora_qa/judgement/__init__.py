@@ -1,1 +1,1 @@
-"""From measurements to verdicts: limits at one false-alarm rate a file, outcomes, causes."""
+"""From measurements to verdicts: limits from one false-alarm rate for each file, outcomes of checks, verdicts."""

@@ -1,6 +1,6 @@
-"""How often a correct file may alarm by default: apart from what judges, so that options load without it."""
+"""The default false-alarm rate. It stands in a module of its own, so that options load without the code that judges."""
 
 from typing import Final
 
 DEFAULT_FALSE_ALARM_RATE: Final = 1e-4
-"""A file, shared by all comparisons that are made on it."""
+"""Probability that a correct file fails, shared by all comparisons of the file."""

@@ -1,4 +1,4 @@
-"""Compare what the checks measured with what a correct file gives."""
+"""Compare the statistics of the checks with those of a correct file."""
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
@@ -11,12 +11,20 @@ from fedora_qa.record.types import Finding, Measurement, Outcome, Result
 from fedora_qa.record.wording import with_unit
 
 _NAMED_IN_REASON: Final = 3
-"""Measurements that a reason names; a fit of the IMU can have twenty."""
+"""Largest number of measurements that a reason names; a fit of the IMU can have twenty."""
 
 
 @dataclass(frozen=True, slots=True)
 class Alarm:
-    """A finding together with the statistic that exceeds its limit."""
+    """A finding together with the statistic that exceeds its limit.
+
+    Attributes
+    ----------
+    finding
+        The finding, as it stands in the record.
+    statistic
+        The statistic of the check, with its features for diagnosis.
+    """
 
     finding: Finding
     statistic: Statistic
@@ -24,7 +32,15 @@ class Alarm:
 
 @dataclass(frozen=True, slots=True)
 class Judged:
-    """A check's result, and the alarms among its findings."""
+    """The result of a check, and the alarms among its findings.
+
+    Attributes
+    ----------
+    result
+        The result, as it stands in the record.
+    alarms
+        One for each statistic that exceeds its limit, in the order of the measurements.
+    """
 
     result: Result
     alarms: tuple[Alarm, ...] = ()
@@ -33,35 +49,35 @@ class Judged:
 def judge(
     observations: Mapping[str, Observation], checks: Iterable[Check[Any]], false_alarm_rate: float
 ) -> tuple[Judged, ...]:
-    """Judge all observations of one file together, because they share one false-alarm budget.
+    """Judge all observations of one file together, because they share one false-alarm rate.
 
     Parameters
     ----------
     observations
-        By the name of the check.
+        The observations, by the name of the check.
     checks
-        In the order of the record.
+        The checks, in the order of the record.
     false_alarm_rate
-        Probability, 0 to 1, that a correct file fails any check.
+        Probability that a correct file fails any check, between 0 and 1.
 
     Returns
     -------
     tuple[Judged, ...]
-        One for each check that has an observation.
+        One for each check that has an observation, in the order of ``checks``.
 
     Raises
     ------
     ValueError
-        The rate is not between 0 and 1.
+        If the rate is not between 0 and 1.
     """
-    # Without a standard error nothing is left to chance: such statistics take no part of the false-alarm budget.
+    # A statistic without a standard error does not vary by chance: it takes no share of the false-alarm rate.
     comparisons = sum(
         sum(statistic.tests for statistic in observation.measurements if statistic.standard_error > 0)
         for observation in observations.values()
     )
     tolerance = tolerance_for(comparisons, false_alarm_rate)
     judged: list[Judged] = []
-    next_id = 1  # findings are numbered through all checks of the file
+    next_id = 1  # findings are numbered consecutively over all checks of the file
     for check in checks:
         if check.name not in observations:
             continue
@@ -105,21 +121,34 @@ def judge(
 
 
 def exceeds_limit(statistic: Statistic, tolerance: Tolerance) -> bool:
-    """Whether the value lies outside what a correct file gives. A value that is not a number always does."""
+    """Return whether the value of a statistic deviates by more than a correct file allows.
+
+    Parameters
+    ----------
+    statistic
+        The value with its nominal value, standard error, model error bound and side.
+    tolerance
+        Multiple of the standard error that the limit allows.
+
+    Returns
+    -------
+    bool
+        True also where the value is NaN.
+    """
     deviation = statistic.value - statistic.expected
     if statistic.side == "both":
         deviation = abs(deviation)
     elif statistic.side == "lower":
         deviation = -deviation
-    # Every comparison with NaN is false: ``not <=`` makes it exceed the limit, ``>`` would let it pass.
+    # Every comparison with NaN is false: with ``not <=`` NaN exceeds the limit, with ``>`` it would pass.
     return not deviation <= tolerance.limit(statistic.standard_error, statistic.model_error_bound)
 
 
 def _outcome(observation: Observation, failed: bool, tolerance: Tolerance) -> tuple[Outcome, str]:
-    """Return the outcome and its reason.
+    """Return the outcome of a check and the reason for it.
 
-    A check none of whose measurements could show a material fault is not observable. Where some could, it passes, and
-    the reason names the rest.
+    The check is ``not_observable`` if no measurement with a material size could have detected a fault of that size. If
+    only some could not, the check passes, and the reason names these.
     """
     if failed:
         return "failed", ""
@@ -129,8 +158,8 @@ def _outcome(observation: Observation, failed: bool, tolerance: Tolerance) -> tu
     if not coverage.seen and not observation.notices:
         none_seen = f"none of {coverage.of} {coverage.unit} could be seen"
         return "not_observable", none_seen if coverage.of else f"there are no {coverage.unit}"
-    # Measurements whose detection limit exceeds the material size: a material fault could have gone undetected.
-    # ``not <=`` again: a limit that is not a number shows no fault.
+    # Insensitive measurements: the detection limit exceeds the material size, so that a material fault can be
+    # undetected. ``not <=``: a detection limit of NaN counts as insensitive.
     materials = [statistic.material for statistic in observation.measurements if statistic.material is not None]
     insensitive = [
         statistic

@@ -1,7 +1,8 @@
-"""Grids on which timestamps lie: seconds of single precision, combs that a part of them meets, ticks that many share.
+"""Grids on which timestamps lie: seconds of single precision, combs, and ticks that many events share.
 
-A comb of g ticks meets one in g of the occupied ticks where timestamps do not depend on it. Ticks count once however
-many events they hold: an edge that lets a whole column fire at once is one observation, not many.
+A comb is the set of all multiples of one step, its teeth. A comb of g ticks meets (contains) one in g of the occupied
+ticks if the timestamps do not depend on it. Each occupied tick counts once, however many events it holds: an edge that
+triggers a whole column of pixels at once is one observation.
 """
 
 from dataclasses import dataclass
@@ -19,39 +20,43 @@ Int64 = NDArray[np.int64]
 Float64 = NDArray[np.float64]
 
 _LEAST_SPACING_US: Final = 2.0
-"""Below, single-precision seconds are about as fine as a microsecond, and every timestamp can be one."""
+"""Least spacing of single-precision seconds that is tested, us. With a spacing of about 1 us every timestamp in whole
+microseconds can come from a single-precision number."""
 
 FINEST: Final = 2
 COARSEST: Final = 2000
-"""Grids that are tried, in ticks: every whole number."""
+"""Least and largest step of the combs of whole ticks, ticks. Every whole number between them is tried."""
 
 FLOAT32_STEPS_US: Final = tuple(1e6 * 2.0**-k for k in range(17, 12, -1))
-"""Steps of seconds in float32 at 64 s and beyond, each twice the last, us: 7.63 to 122. Earlier ones are finer than a
-microsecond or two."""
+"""Spacing of float32 seconds from 64 s on, us: 7.63 to 122. Each is twice the one before. Before 64 s the spacing is at
+most 3.8 us."""
 
+# Steps of all combs, (k,).
 STEPS: Final = (*map(float, range(FINEST, COARSEST + 1)), *FLOAT32_STEPS_US)
 
+# Steps of whole ticks: the first part of ``STEPS``.
 _WHOLE: Final = np.arange(FINEST, COARSEST + 1)
 
 _TICKS_PER_TIMESTAMP: Final = 500
-"""Ticks for each timestamp at which both ways of counting take about as long: all combs together visit a tick some
-eight times, in 10 ns, and a timestamp 2000 times, in 7 us."""
+"""Ticks for each occupied tick at which ``_hits_by_tick`` and ``_hits_by_timestamp`` take equally long. By ticks all
+combs together read a tick about eight times (10 ns); by timestamps they divide a timestamp 2000 times (7 us)."""
 
 _TIMESTAMPS_PER_BLOCK: Final = 1 << 12
 
 _CROWD: Final = 8
-"""Events at one timestamp, and such timestamps in a window, from which on they are no coincidence."""
+"""Least number of events at a crowded timestamp, and least number of crowded timestamps in a window. Fewer can be a
+coincidence."""
 
 _MOST_CROWDED: Final = 0.9
-"""Ratio of the events that lie at such timestamps, where timestamps have a tick of their own."""
+"""Least share (0 to 1) of the events that lie at crowded timestamps where the timestamps have a coarse step."""
 
 
 def single_precision_spacing_us(times_us: NDArray[np.float64]) -> float:
-    """Return the coarsest spacing of single-precision seconds if all timestamps (n,) could have been such, 0 otherwise.
+    """Return the coarsest spacing of single-precision seconds if all timestamps can be such numbers, 0 otherwise.
 
-    A float32 has 24 bits (IEEE 754): seconds above 2^k are 2^(k-23) s apart, 3.8 us from 32 s on. Timestamps must round
-    to the microsecond of such a number; by chance a timestamp does so with probability one over the spacing in us. The
-    result is 0 where chance alone would let all of them do so more often than once in a million files.
+    A float32 has 24 bits (IEEE 754): seconds above 2^k are 2^(k-23) s apart, 3.8 us from 32 s on. Each timestamp must
+    be such a number, rounded to a microsecond. By chance a timestamp is one with a probability of 1 over the spacing in
+    us. The result is 0 where all timestamps would be such numbers by chance in more than one of a million files.
 
     Parameters
     ----------
@@ -61,7 +66,7 @@ def single_precision_spacing_us(times_us: NDArray[np.float64]) -> float:
     Returns
     -------
     float
-        us.
+        The spacing at the latest timestamps, us; 0 where the timestamps are not of single precision.
     """
     seconds = np.asarray(times_us, dtype=np.float64) / US_PER_S
     single = seconds.astype(np.float32)
@@ -76,14 +81,37 @@ def single_precision_spacing_us(times_us: NDArray[np.float64]) -> float:
 
 
 def surely_no_chance(grids_us: NDArray[np.float64]) -> bool:
-    """Whether random timestamps would all lie on their grids, spacings (n,) us, less often than once in a million."""
-    # Each lies on its grid with probability 1 / g (g in us, timestamps of 1 us): the product is below 1e-6.
+    """Return whether random timestamps lie all on their grids with a probability below 1e-6.
+
+    Parameters
+    ----------
+    grids_us
+        (n,) spacing of the grid at each timestamp, us.
+
+    Returns
+    -------
+    bool
+        True where chance is excluded.
+    """
+    # A timestamp in whole us lies on a grid of g us with probability 1 / g: prod(1 / g) < 1e-6.
     return float(np.log10(grids_us).sum()) > 6.0
 
 
 @dataclass(frozen=True, slots=True)
 class CombCounts:
-    """Occupied ticks of a window, and how many of them each comb of ``STEPS`` meets: ``hits`` of ``teeth`` (k,)."""
+    """Occupied ticks of a window, and how many of them each of the k combs of ``STEPS`` meets.
+
+    Attributes
+    ----------
+    occupied
+        Number of ticks that hold a timestamp.
+    ticks
+        Number of ticks from the first timestamp to the last, both included.
+    hits
+        (k,) number of teeth of each comb that are occupied ticks.
+    teeth
+        (k,) number of teeth of each comb from the first timestamp to the last.
+    """
 
     occupied: int
     ticks: int
@@ -91,9 +119,15 @@ class CombCounts:
     teeth: Int64
 
     def deviates(self) -> Float64:
-        """Return how improbable so many hits are by chance (k,), as deviates of a normal distribution, 0 at least."""
+        """Return how improbable so many hits are by chance.
+
+        Returns
+        -------
+        Float64
+            (k,) deviates of a standard normal distribution with the same tail probability, 0 at least.
+        """
         occupancy = self.occupied / max(self.ticks, 1)
-        # floor(mean) hits or more occur by chance at least every other time: the median is not below floor(mean).
+        # floor(mean) hits or more have a probability of at least 1/2: a binomial median is not below floor(mean).
         more = self.hits > np.floor(self.teeth * occupancy)
         deviates = np.zeros(len(self.hits))
         chances = log_chance_of_hits(self.hits[more], self.teeth[more], occupancy)
@@ -120,7 +154,7 @@ def comb_counts(timestamps: Int64) -> CombCounts:
     first, last = int(timestamps[0]), int(timestamps[-1])
     ticks = last - first + 1
     occupied = timestamps[np.diff(timestamps, prepend=timestamps[0] - 1) > 0]
-    # Timestamps may be years apart: ticks are visited where they are crowded, timestamps where they are not.
+    # Timestamps may be years apart: all ticks are read where many are occupied, all timestamps where few are.
     count = _hits_by_tick if ticks < len(occupied) * _TICKS_PER_TIMESTAMP else _hits_by_timestamp
     # Multiples of g from a to b: floor(b / g) - ceil(a / g) + 1, with ceil(a / g) = -floor(-a / g).
     whole = last // _WHOLE + -first // _WHOLE + 1
@@ -130,11 +164,12 @@ def comb_counts(timestamps: Int64) -> CombCounts:
 
 
 def _numbers(first: int, last: int, step: float) -> tuple[int, int]:
-    """Return the numbers of the first and the last tooth."""
+    """Return the numbers of the first and the last tooth between two ticks, both included."""
     return int(np.ceil(first / step)), int(np.floor(last / step))
 
 
 def _hits_by_tick(occupied: Int64) -> Int64:
+    """Return the hits (k,) of all combs among occupied ticks (n,), by reading the ticks of each comb."""
     first, last = int(occupied[0]), int(occupied[-1])
     is_occupied = np.zeros(last - first + 1, np.bool_)
     is_occupied[occupied - first] = True
@@ -148,10 +183,13 @@ def _hits_by_tick(occupied: Int64) -> Int64:
 
 
 def _hits_by_timestamp(occupied: Int64) -> Int64:
-    """Count the same: of a tick that a tooth rounds to it is the nearest tooth."""
+    """Return the same as ``_hits_by_tick``, by dividing each occupied tick by each step.
+
+    If a tooth rounds to a tick, it is the tooth nearest to that tick.
+    """
     first, last = int(occupied[0]), int(occupied[-1])
     hits = np.zeros(len(STEPS), np.int64)
-    # By blocks: the remainders of 4096 timestamps by all combs take 65 MB.
+    # In blocks: the remainders of 4096 timestamps by all combs take 65 MB.
     for start in range(0, len(occupied), _TIMESTAMPS_PER_BLOCK):
         hits[: len(_WHOLE)] += np.count_nonzero(
             occupied[start : start + _TIMESTAMPS_PER_BLOCK, None] % _WHOLE == 0, axis=0
@@ -165,9 +203,18 @@ def _hits_by_timestamp(occupied: Int64) -> Int64:
 
 @njit(cache=True)
 def count_hits(occupied: NDArray[np.bool_], first: int, finest: int, hits: Int64) -> None:
-    """Write how many occupied ticks lie on the combs through 0 of ``finest`` ticks, of one more, and so on, (k,).
+    """Count the occupied ticks on each of k combs through tick 0, whose steps are successive whole numbers.
 
-    ``occupied`` (t,) marks ticks from ``first`` on.
+    Parameters
+    ----------
+    occupied
+        (t,) True where a tick holds a timestamp.
+    first
+        Number of the tick at index 0.
+    finest
+        Step of the first comb, ticks; comb i has the step ``finest + i``.
+    hits
+        (k,) receives the counts.
     """
     for comb in range(len(hits)):
         step = np.uint64(finest + comb)
@@ -180,17 +227,17 @@ def count_hits(occupied: NDArray[np.bool_], first: int, finest: int, hits: Int64
 
 
 def crowded_step_ns(times_ns: Int64) -> int:
-    """Return the usual distance of timestamps that nine of ten events share with many others; 0 where they do not.
+    """Return the median distance of crowded timestamps if nine of ten events lie at crowded timestamps, 0 otherwise.
 
     Parameters
     ----------
     times_ns
-        (n,) timestamps of a window, sorted.
+        (n,) timestamps of the events of a window, sorted, ns.
 
     Returns
     -------
     int
-        ns.
+        Median distance of neighbouring crowded timestamps, ns; 0 where too few events lie at such timestamps.
     """
     if not are_crowded(times_ns, _CROWD, _MOST_CROWDED):
         return 0
@@ -199,20 +246,35 @@ def crowded_step_ns(times_ns: Int64) -> int:
     crowded = counts >= max(_CROWD, 0.1 * float(counts.max(initial=0)))
     if np.count_nonzero(crowded) < _CROWD or counts[crowded].sum() < _MOST_CROWDED * len(times_ns):
         return 0
-    # Between crowded timestamps only: a stray event between two of them would shorten a step.
+    # Between crowded timestamps only: a single event between two of them would shorten a step.
     return int(np.median(np.diff(times_ns[first[crowded]])))
 
 
 @njit(cache=True)
 def are_crowded(t: Int64, crowd: int, ratio: float) -> bool:
-    """Whether ``ratio`` of the events or more lie at ``crowd`` or more timestamps of ``crowd`` or more events each."""
+    """Return whether enough events lie at timestamps that many events share.
+
+    Parameters
+    ----------
+    t
+        (n,) timestamps, sorted.
+    crowd
+        Least number of events at a crowded timestamp, and least number of crowded timestamps.
+    ratio
+        Least share of the events, 0 to 1, that lie at crowded timestamps.
+
+    Returns
+    -------
+    bool
+        False where there are fewer crowded timestamps, or where a smaller share of the events lies at them.
+    """
     crowds, alone, begin = 0, 0, 0
     for i in range(len(t)):
         if i + 1 == len(t) or t[i + 1] != t[i]:
             count = i + 1 - begin
             crowds += count >= crowd
             alone += count if count < crowd else 0
-            # The usual window has no tick of its own, and is left as soon as too many events lie alone.
+            # Most windows have few crowded timestamps: the loop ends as soon as the share cannot be reached.
             if len(t) - alone < ratio * len(t):
                 return False
             begin = i + 1

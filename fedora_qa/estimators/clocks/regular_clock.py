@@ -1,4 +1,4 @@
-"""Regular clocks: period, jitter, grid, jumps and missing samples; a displaced part; rounding to a coarse grid."""
+"""Regular clocks: period, jitter, grid, jumps and missing samples; displaced segments; rounding to a coarse grid."""
 
 from dataclasses import dataclass
 from typing import Final
@@ -13,41 +13,47 @@ Int64 = NDArray[np.int64]
 Float64 = NDArray[np.float64]
 
 FEWEST_TIMESTAMPS: Final = 3
-"""Two timestamps have one step, and no residual about it."""
+"""Least number of timestamps of a fit. Two timestamps have one step, so that no residual remains."""
 
 _ROUNDED_NS: Final = 1_000.0
-"""Two timestamps that were each rounded to a microsecond lie by up to this much off the whole periods between them."""
+"""Largest deviation of a step from whole periods, ns, that rounding both timestamps to a microsecond causes."""
 
 _FEWEST_DOUBLE_STEPS: Final = 10
-"""m samples lost at random places leave one gap in each m-th part of the stream with probability m!/m^m: 4e-4 here."""
+"""Least number of double steps that can come from rounding. If m samples are lost at random places, each m-th part of
+the stream holds one gap with the probability m!/m^m: 4e-4 for ten."""
 
 _FEWEST_REPEATS: Final = 6
-"""Samples that are written twice at random fall on one line as rounded timestamps do where each of r lies in its own
-r-th of the stream, nearly: with probability r! (1.1 / r)^r, 3% for six and 0.5% for eight."""
+"""Least number of repeated timestamps that can come from rounding. Samples that are written twice at random places fit
+one line as well as rounded timestamps only if each of the r samples lies in its own r-th part of the stream, nearly.
+The probability of this is r! (1.1 / r)^r: 3% for six and 0.5% for eight."""
 
 _SAME_GRID: Final = 1.25
-"""Residuals of a rounded clock span one grid; the least-squares line is off the true one by a part of that."""
+"""Largest range of the residuals of a rounded clock, in grids. About the true line the range is one grid; the
+least-squares line deviates from the true line by a part of a grid."""
 
 _MOST_JUMPS: Final = 0.1
-"""Share of deviating steps beyond which a clock jitters and does not jump."""
+"""Share (0 to 1) of deviating steps beyond which they count as jitter instead of jumps."""
 
 _EXACT_RATIO: Final = 0.5
-"""Share of the steps that must equal the period: then the clock is exact, and deviating timestamps were displaced."""
+"""Least share (0 to 1) of the steps that equal the period of an exact clock. Timestamps of an exact clock that deviate
+were displaced."""
 
 _LEAST_OUTSIDE: Final = 0.1
-"""Share of the timestamps that must lie outside the displaced part."""
+"""Least share (0 to 1) of the timestamps that lie outside the displaced segment."""
 
 _ROUNDINGS: Final = 2
-"""Units by which rounding alone moves the difference of two timestamps: half of one each, and the period's own."""
+"""Largest change of the difference of two timestamps by rounding, in units of the timestamps: half a unit for each
+timestamp, and the rounding of the period."""
 
 _SEGMENT: Final = 64
-"""Samples of a segment: a grid that holds for a part of the stream only is detected there."""
+"""Samples of a segment. Segments are tested separately, so that the grid of a part of the stream is detected."""
 
 _FEWEST_ODD: Final = 4
-"""Steps of the rarer length in a segment: fewer could be single gaps."""
+"""Least number of steps of the rarer length in a segment. Fewer can be single gaps."""
 
 _OF_A_GRID: Final = 1.1
-"""Extent of correct rounding about the fitted line, in grids: one about the true line, a little off the fitted."""
+"""Largest range of rounded timestamps about the fitted line, in grids. About the true line the range is one grid; the
+fitted line deviates slightly from it."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -57,19 +63,20 @@ class RegularClock:
     Attributes
     ----------
     period_ns, period_error_ns
-        Least-squares slope over the sample numbers n, and its standard error from the scatter of the residuals.
+        Least-squares slope over the sample numbers n, ns, and its standard error from the scatter of the residuals, ns.
     jitter_ns
-        Robust standard deviation of the residuals (median absolute deviation / 0.6745).
+        Robust standard deviation of the residuals, ns: median absolute deviation / 0.6745.
     missing
-        Samples that the gaps would have held.
+        Number of samples that are missing in all gaps.
     gap_after
-        Rows behind which a gap lies.
+        (g,) rows after which a gap follows.
     jump_after, jumps_ns
-        Rows behind which an otherwise exact clock was set forward (positive) or back, and by how much.
+        (j,) rows after which an otherwise exact clock jumps, and the sizes of the jumps, ns; positive where the clock
+        was set forward.
     tick_ns
-        Greatest common divisor of the steps.
+        Greatest common divisor of the steps, ns.
     irregular_steps
-        How many steps are no whole number of periods, jumps aside: 0 for an exact clock.
+        Number of steps, other than jumps, that are not a whole number of periods: 0 for an exact clock.
     """
 
     period_ns: float
@@ -84,26 +91,26 @@ class RegularClock:
 
     @property
     def regular(self) -> bool:
-        """Whether a gap can be distinguished from jitter: below half a grid, or a tenth of a period."""
+        """Whether gaps are distinguishable from jitter: it is below half a grid or below a tenth of a period."""
         return self.jitter_ns < max(self.period_ns / 10, self.grid_ns / 2)
 
     @property
     def grid_ns(self) -> int:
-        """The grid that timestamps were rounded to, 0 for an exact clock: its steps are multiples of whatever it is."""
+        """The grid that timestamps were rounded to, ns; 0 for an exact clock, whose equal steps determine no grid."""
         return self.tick_ns if self.irregular_steps else 0
 
 
 def fit_regular_clock(times_ns: Int64) -> RegularClock | None:
     """Fit a regular clock to timestamps.
 
-    The number of each sample counts the periods (the median step) that have passed, so that a gap shifts nothing.
-    Double steps that are spread evenly are no gaps but those of a clock that was rounded to a coarse grid. Jumps of an
+    The number of a sample is the number of periods (median steps) since the first sample, so that a gap does not change
+    the slope. Evenly spread double steps come from rounding to a coarse grid and do not count as gaps. Jumps of an
     otherwise exact clock are subtracted before the period is fitted.
 
     Parameters
     ----------
     times_ns
-        (N,) strictly increasing.
+        (N,) strictly increasing timestamps, ns.
 
     Returns
     -------
@@ -128,7 +135,7 @@ def fit_regular_clock(times_ns: Int64) -> RegularClock | None:
     sigma_ns = float(np.sqrt(residuals @ residuals / max(len(times_ns) - 2, 1)))
     return RegularClock(
         period_ns=period_ns,
-        # Standard error of a slope: sigma over the root of the numbers' sum of squares.
+        # Standard error of a slope: sigma / sqrt(sum (n - mean n)^2).
         period_error_ns=sigma_ns / np.sqrt(spread),
         jitter_ns=float(np.median(np.abs(residuals - np.median(residuals)))) / NORMAL_QUARTILE,
         missing=int(np.sum(passed - 1)),
@@ -141,10 +148,20 @@ def fit_regular_clock(times_ns: Int64) -> RegularClock | None:
 
 
 def is_rounded(times_ns: Int64) -> bool:
-    """Whether timestamps (N,), ns, that often repeat are those of a regular clock, rounded to a grid above its period.
+    """Return whether repeated timestamps are those of a regular clock that was rounded to a grid above its period.
 
-    Samples that are written twice delay all later rows; rounding delays none by more than a step. Few repeats
-    distinguish both only where the grid itself is no period of a clock (``has_odd_grid_above_period``).
+    A sample that is written twice delays all later rows; rounding delays no row by more than one step. With few repeats
+    the two cases differ only if the grid is not the period of a whole rate (``has_odd_grid_above_period``).
+
+    Parameters
+    ----------
+    times_ns
+        (N,) timestamps that do not decrease, ns.
+
+    Returns
+    -------
+    bool
+        False where the repeats are samples that were written twice, or cannot be distinguished from such samples.
     """
     steps = np.diff(times_ns)
     often = int(np.count_nonzero(steps == 0)) >= _FEWEST_REPEATS
@@ -152,10 +169,20 @@ def is_rounded(times_ns: Int64) -> bool:
 
 
 def has_odd_grid_above_period(times_ns: Int64) -> bool:
-    """Whether timestamps (N,), ns, are those of a clock of a whole rate in Hz, rounded to a grid just above its period.
+    """Return whether timestamps are those of a clock of a whole rate in Hz, rounded to a grid just above its period.
 
-    All steps are then none or one, and timestamps stay within one grid of the clock; of a grid that is the period of a
-    whole rate itself, the repeats are samples that were written twice.
+    All steps are then 0 or one grid, and all timestamps stay within one grid of the clock. If the grid is itself the
+    period of a whole rate, the repeats are samples that were written twice, and the result is False.
+
+    Parameters
+    ----------
+    times_ns
+        (N,) timestamps, ns.
+
+    Returns
+    -------
+    bool
+        True where the timestamps were rounded to such a grid.
     """
     steps = np.diff(times_ns)
     grid_ns = int(steps.max(initial=0))
@@ -164,20 +191,24 @@ def has_odd_grid_above_period(times_ns: Int64) -> bool:
     numbers = np.arange(len(times_ns), dtype=np.float64)
     elapsed_ns = (times_ns - times_ns[0]).astype(np.float64)
     rate_hz = max(round(NS_PER_S / _line(numbers, elapsed_ns)[0]), 1)
-    # Timestamps rounded to a grid stay within one grid of their clock; repeated samples accumulate.
+    # Timestamps rounded to a grid stay within one grid of their clock; delays by repeated samples accumulate.
     kept = float(np.ptp(elapsed_ns - numbers * NS_PER_S / rate_hz)) <= grid_ns
     whole_ns = NS_PER_S / max(round(NS_PER_S / grid_ns), 1)
     return kept and abs(grid_ns - whole_ns) > _ROUNDED_NS
 
 
 def _on_one_line(times_ns: Int64, grid_ns: int) -> bool:
-    """Whether timestamps are those of a regular clock without gaps, rounded to a grid."""
+    """Return whether timestamps (N,), ns, are those of a regular clock without gaps, rounded to a grid, ns."""
     _, residuals, _ = _line(np.arange(len(times_ns), dtype=np.float64), (times_ns - times_ns[0]).astype(np.float64))
     return float(np.ptp(residuals)) <= _SAME_GRID * grid_ns
 
 
 def _line(numbers: Float64, elapsed_ns: Float64) -> tuple[float, Float64, float]:
-    """Return the least-squares slope over the numbers, the residuals, and the numbers' sum of squares."""
+    """Return the least-squares slope over the sample numbers, the residuals, and the numbers' sum of squares.
+
+    The sum of squares is that about the mean of the numbers.
+    """
+    # slope = sum (n - mean n) t / sum (n - mean n)^2
     centred = numbers - numbers.mean()
     spread = float(centred @ centred)
     slope = float(centred @ elapsed_ns) / spread
@@ -186,16 +217,16 @@ def _line(numbers: Float64, elapsed_ns: Float64) -> tuple[float, Float64, float]
 
 @dataclass(frozen=True, slots=True)
 class DisplacedSegment:
-    """Rows of a clock that lie beside its line.
+    """Rows of a clock that deviate from its line.
 
     Attributes
     ----------
     first, last
-        Rows, both of them displaced.
+        First and last displaced row.
     offset_ns
-        Median by which they are late.
+        Median deviation of the rows, ns; positive where the timestamps are too late.
     drift
-        By how much their clock runs fast, seconds a second; 0 where all are late alike.
+        Slope of the deviation over time, s/s; 0 where all rows deviate equally.
     """
 
     first: int
@@ -205,23 +236,24 @@ class DisplacedSegment:
 
 
 def displaced_part(times_ns: Int64, *, resolution_ns: int) -> DisplacedSegment | None:
-    """Return the part of a clock that was moved; None where there is none, or where the clock is not exact.
+    """Return the segment of an exact clock whose timestamps were displaced.
 
-    Timestamps are compared with the line through the first, with the median step as its period; whole periods, which
-    lost samples leave, do not count. The part must begin or end with a jump: a clock that is off its rate throughout
-    has none.
+    Timestamps are compared with the line through the first timestamp whose period is the median step. Deviations by
+    whole periods do not count, because lost samples cause them. The segment must begin or end with a jump: a clock with
+    a wrong rate deviates without a jump.
 
     Parameters
     ----------
     times_ns
-        (N,) timestamps.
+        (N,) timestamps, ns.
     resolution_ns
-        Unit to which they are rounded, ns.
+        Unit to which the timestamps are rounded, ns.
 
     Returns
     -------
     DisplacedSegment | None
-        From the first to the last displaced row.
+        From the first to the last displaced row. None where no row is displaced, where less than a tenth of the
+        timestamps lies outside the segment, or where the clock is not exact.
     """
     if len(times_ns) < 3:
         return None
@@ -236,35 +268,35 @@ def displaced_part(times_ns: Int64, *, resolution_ns: int) -> DisplacedSegment |
     if not len(rows) or len(times_ns) - (rows[-1] - rows[0] + 1) < _LEAST_OUTSIDE * len(times_ns):
         return None
     first, last = int(rows[0]), int(rows[-1])
-    # Steps of the deviation into the part and out of it; a part that lasts to the end has no second jump.
+    # Steps of the deviation into the segment and out of it; a segment that lasts to the end has no second jump.
     jumps = np.abs(np.diff(deviation_ns))[[max(first - 1, 0), min(last, len(deviation_ns) - 2)]]
     if jumps.max() <= _ROUNDINGS * resolution_ns:
         return None
     inside = deviation_ns[first : last + 1]
     steady = bool(np.ptp(inside) <= _ROUNDINGS * resolution_ns)
-    # Slope of the deviation, ns, over the time by the clock's rows, ns: s/s.
+    # drift = slope of the deviation (ns) over period * row (ns), by least squares: s/s.
     drift = 0.0 if steady else float(np.polyfit(period * np.arange(len(inside), dtype=float), inside, 1)[0])
     return DisplacedSegment(first, last, float(np.median(inside)), drift)
 
 
 def rounding_grid_ns(times_ns: Int64, *, resolution_ns: int) -> int:
-    """Return the grid to which the timestamps of a regular clock were rounded, ns; 0 where there is none.
+    """Return the grid to which the timestamps of a regular clock were rounded, 0 where there is none.
 
-    A period rounded to a grid that does not divide it gives steps of just two lengths, the multiples of the grid next
-    to it, in even turns: they never stray from a straight line by more than half a grid. Jitter gives steps of
-    many lengths, lost samples stray from the line.
+    If a grid does not divide the period, the rounded steps have exactly two lengths: the multiples of the grid next
+    below and next above the period. They alternate evenly, so that the timestamps deviate from a straight line by at
+    most half a grid. Jitter gives steps of many lengths; lost samples make the timestamps leave the line.
 
     Parameters
     ----------
     times_ns
-        (N,) timestamps; segments where they decrease show no grid.
+        (N,) timestamps, ns; segments in which timestamps decrease give no grid.
     resolution_ns
-        Unit of all timestamps, ns: only coarser grids count.
+        Unit of all timestamps, ns; only coarser grids count.
 
     Returns
     -------
     int
-        ns, the median of the segments' grids.
+        Median of the grids of all segments of 64 samples that have one, ns.
     """
     segments = times_ns[: len(times_ns) // _SEGMENT * _SEGMENT].reshape(-1, _SEGMENT)
     if not len(segments):
@@ -276,12 +308,12 @@ def rounding_grid_ns(times_ns: Int64, *, resolution_ns: int) -> int:
     for times in segments[coarse]:
         steps = np.diff(times)
         shortest, longest = int(steps.min()), int(steps.max())
-        # Both steps are multiples of the grid, next to each other: their difference is the grid.
+        # Both steps are successive multiples of the grid: their difference is the grid.
         grid = longest - shortest
         rarer = min(np.count_nonzero(steps == shortest), np.count_nonzero(steps == longest))
         if shortest % grid or rarer < _FEWEST_ODD or not np.isin(steps, (shortest, longest)).all():
             continue
-        # Extent of the timestamps about the line of least squares.
+        # Range of the timestamps about the line of least squares.
         numbers = np.arange(len(times)) - (len(times) - 1) / 2
         elapsed = (times - times[0]).astype(np.float64)
         slope = float(numbers @ elapsed) / float(numbers @ numbers)

@@ -1,1 +1,1 @@
-"""Depth frames, their steps and edges."""
+"""Depth frames: their consistency between frames, the steps in which they were stored, and their edges."""

@@ -1,20 +1,21 @@
-"""Image edges around steps of depth: how strong they are, and by how much they are shifted along one axis.
+"""Image edges around steps of depth: their strength, and their shift along one axis.
 
-A picture in which each pixel is the mean over its own square shows a sharp edge as a difference of neighbours that
-follows, over edges at all places within their pixel, the quadratic B-spline: 1/8, 3/4, 1/8 at the steps of a depth
-sampled at pixel centres. The centroid of a quadratic B-spline over three samples is its exact place, because B-splines
-reproduce straight lines (I. J. Schoenberg, Quart. Appl. Math. 4 (1946)).
+Profiles. In an image whose pixels are means over their squares, a sharp edge gives differences of neighbouring pixels.
+Averaged over edges at all places within a pixel, and sampled around the step of a depth that is known at pixel centres,
+these differences follow the quadratic B-spline: 1/8, 3/4, 1/8. The centroid of a quadratic B-spline over three samples
+is its exact place, because B-splines reproduce straight lines (I. J. Schoenberg, Quart. Appl. Math. 4 (1946)).
 
-The surfaces on both sides of an outline have texture of their own, which moves the peak of its profile along the line
-from the farther to the nearer side, one way or the other: by l1 on the one side of things and l2 on the other, both
-counted towards the nearer. The shift is the mean of both sides, which errs by (l1 - l2) / 2. Half their difference is
-(l1 + l2) / 2, the lean, which bounds that where both lean alike, towards the nearer or away from it. Where one leans
-to the nearer and the other away, as under light from one side, both peaks are skewed the same way: taking in one more
-pixel on either side then moves the mean.
+Errors by texture. Both surfaces beside an outline have texture. The texture moves the peak of the profile towards the
+nearer or the farther surface: by l1 where the nearer surface lies on the right (below), and by l2 where it lies on the
+left (above), both counted towards the nearer surface. The shift is the mean of both sides; its error is (l1 - l2) / 2.
+Half the difference of both sides is the lean, (l1 + l2) / 2. If l1 and l2 have one sign, the lean bounds the error. If
+they have different signs, as under light from one side, both peaks are skewed in the same direction; the mean then
+changes when one more pixel on each side belongs to the peaks. This change is the skew.
 
-Each side is looked for by itself: a line beside an outline (a kerb, a shadow, a row of windows) may outshine it on one
-side of things, and does not stand as far off the same way on the other. Where the two sides lie apart,
-one of them may be in place and the other not, and the lean states by how much the mean then errs.
+Peaks of the two sides are searched separately. A line beside an outline (a kerb, a shadow, a row of windows) can be
+stronger than the outline on one side of an object, but does not have the same distance from it on the other side. If
+the peaks of the two sides lie far apart, one of them can be right and the other wrong; the lean is then the error of
+the mean.
 """
 
 import math
@@ -36,30 +37,39 @@ RADIUS_PX: Final = 12
 """Farthest shift along an axis that profiles cover, px."""
 
 TILES: Final = 4
-"""Tiles of the image in each direction over which profiles are kept apart, for the spread between them."""
+"""Tiles of the image in each direction. Profiles are summed by tile, so that the scatter of the tiles can be
+estimated."""
 
 _EDGE: Final = np.array([1 / 8, 3 / 4, 1 / 8])
-"""Profile of an edge: the filter that finds it best."""
+"""Profile of a sharp edge, used as matched filter."""
 
 REACH: Final = 1
-"""Samples on either side of the peak that belong to it."""
+"""Samples on each side of the peak that belong to it."""
 
 _SURROUNDINGS: Final = 4
-"""Samples on either side of the peak that are used: those beyond the reach give the background there."""
+"""Samples on each side of the peak that are used. Those beyond the reach give the background of the peak."""
 
 FARTHEST_PX: Final = RADIUS_PX - _SURROUNDINGS
-"""Farthest shift that is measured: peak and background must lie in the profile."""
+"""Farthest shift that is measured, px: peak and background must lie in the profile."""
 
 FEWEST_TILES: Final = 5
-"""Tiles with steps of depth below which their spread is no estimate."""
+"""Least number of tiles with steps of depth. The scatter of fewer tiles is too uncertain."""
 
 _MOST_GROUPS: Final = 12
-"""Groups of successive windows that are left out in turn."""
+"""Largest number of groups of successive windows that are left out in turn."""
 
 
 @dataclass(frozen=True, slots=True)
 class EdgePeaks:
-    """Where profiles peak, px, and the fraction (0 to 1) of edge strength in each peak beyond the background."""
+    """Peaks of profiles of any shape (...).
+
+    Attributes
+    ----------
+    positions_px
+        (...) positions of the peaks relative to the middle of the profile, px.
+    fractions
+        (...) share of the edge strength of the whole profile that lies in the peak above the background, at most 1.
+    """
 
     positions_px: Float64
     fractions: Float64
@@ -68,23 +78,26 @@ class EdgePeaks:
 def tile_profiles(
     strength: NDArray[Any], steps: DepthSteps, axis: int, positions: tuple[Float64, Float64], *, first_px: float
 ) -> Float64:
-    """Sum edge profiles along an axis by side and tile.
+    """Sum edge profiles around steps of depth along an axis, by side and tile.
 
     Parameters
     ----------
     strength
-        (h, w) edge strength; along the axis its first value lies at ``first_px`` (1/2 for differences of neighbours).
+        (h, w) edge strength, 0 or larger.
     steps
-        Steps of depth; each counts alike: its profile is divided by its sum.
+        n steps of depth. The profile of each is divided by its sum, so that all steps have the same weight.
     axis
-        0 to the right, 1 down.
+        Axis of the profiles: 0 to the right, 1 down.
     positions
-        Columns and rows (n,) of the steps in that image, px.
+        Columns and rows (n,) of the steps in the image, px.
+    first_px
+        Position along the axis of the first value of ``strength``, px: 0 for pixels, 1/2 for differences of neighbours.
 
     Returns
     -------
-    NDArray
-        (2, tiles, 2 R + 1): far side first, then near side first.
+    Float64
+        (2, tiles, 2 R + 1) sums of profiles, R = ``RADIUS_PX``: first of steps whose farther surface lies on the left
+        (above), then of steps whose nearer surface lies there.
     """
     return _tile_profiles(strength, (False, False), steps, axis, positions, first_px, differences=False)
 
@@ -93,15 +106,34 @@ def difference_profiles(
     picture: NDArray[Any], steps: DepthSteps, axis: int, positions: tuple[Float64, Float64],
     mirrored: tuple[bool, bool] = (False, False),
 ) -> Float64:  # fmt: skip
-    """Return ``tile_profiles`` of the absolute differences of a picture's (h, w) neighbours along the axis.
+    """Sum profiles of the absolute differences of neighbouring pixels, as ``tile_profiles`` does.
 
-    ``mirrored`` states whether the picture is mirrored left to right, and top to bottom.
+    Parameters
+    ----------
+    picture
+        (h, w) image.
+    steps
+        n steps of depth.
+    axis
+        Axis of the profiles and of the differences: 0 to the right, 1 down.
+    positions
+        Columns and rows (n,) of the steps in the image, px; in the mirrored image where it is mirrored.
+    mirrored
+        Whether the picture is first mirrored left to right, and top to bottom.
+
+    Returns
+    -------
+    Float64
+        (2, tiles, 2 R + 1) sums of profiles, as those of ``tile_profiles``.
     """
     return _tile_profiles(picture, mirrored, steps, axis, positions, 0.5, differences=True)
 
 
 def find_peaks(profiles: Float64) -> NDArray[np.intp]:
-    """Return the sample at which each profile (..., 2 R + 1) peaks, among those whose surroundings lie in it."""
+    """Return the index (...) of the peak of each profile (..., 2 R + 1).
+
+    Only samples whose surroundings lie in the profile are searched.
+    """
     first, last = RADIUS_PX - FARTHEST_PX, profiles.shape[-1] - (RADIUS_PX - FARTHEST_PX)
     before, centre, after = (profiles[..., first + i : last + i] for i in (-1, 0, 1))
     # Matched filter: the profile of a sharp edge, 1/8, 3/4, 1/8 (derivation in the docstring of the module).
@@ -111,35 +143,48 @@ def find_peaks(profiles: Float64) -> NDArray[np.intp]:
 
 
 def peaks_near(profiles: Float64, samples: NDArray[np.intp], reach: int = REACH) -> EdgePeaks:
-    """Return the centroids around some samples, after taking off a background that may step there.
+    """Return the centroids of profiles around given samples, after subtraction of the background.
 
     Parameters
     ----------
     profiles
-        (..., 2 R + 1) of edge strength.
+        (..., 2 R + 1) profiles of edge strength.
     samples
-        (...) about where each profile peaks, as from ``find_peaks``.
+        (...) indices near the peak of each profile, as ``find_peaks`` returns them.
     reach
-        Samples on either side that belong to the peak.
+        Samples on each side that belong to the peak.
+
+    Returns
+    -------
+    EdgePeaks
+        (...) positions within ``reach`` of the samples, px; the sample itself where the peak is not above the
+        background.
     """
     offsets, surroundings = np.arange(-reach, reach + 1), np.arange(-_SURROUNDINGS, _SURROUNDINGS + 1)
     near = np.take_along_axis(profiles, samples[..., np.newaxis] + surroundings, axis=-1)
     first, stop = _SURROUNDINGS - reach, _SURROUNDINGS + reach + 1
-    # The background steps at the peak: surfaces on both sides of an outline have textures of their own.
+    # The background changes at the peak: the surfaces on both sides of an outline have different textures.
     before, after = near[..., :first].mean(axis=-1, keepdims=True), near[..., stop:].mean(axis=-1, keepdims=True)
     background = np.where(offsets < 0, before, np.where(offsets > 0, after, 0.5 * (before + after)))
     excess = near[..., first:stop] - background
     strengths = excess.sum(axis=-1)
+    # Centroid: the sum of offset times excess over the sum of the excess.
     centroids = np.divide(excess @ offsets, strengths, out=np.zeros_like(strengths), where=strengths > 0)
     positions_px = samples - RADIUS_PX + np.clip(centroids, -reach, reach)
     return EdgePeaks(positions_px, strengths / profiles.sum(axis=-1))
 
 
 class _Axes(NamedTuple):
-    """How samples of an image lie in one row of all of them.
+    """Layout of the samples of an image in a flat array.
 
-    ``origin`` is the first one's index, ``along`` and ``across`` are the ways to the next along and across the axis,
-    ``length`` and ``lines`` how many there are each way.
+    Attributes
+    ----------
+    origin
+        Index of the first sample.
+    along, across
+        Steps of the index to the next sample along and across the axis; negative where the image is mirrored.
+    length, lines
+        Number of samples along and across the axis.
     """
 
     origin: int
@@ -150,7 +195,15 @@ class _Axes(NamedTuple):
 
 
 class _Centres(NamedTuple):
-    """Positions (n,) around which profiles are read, px of the samples, and their sides."""
+    """Positions around which profiles are read.
+
+    Attributes
+    ----------
+    along, across
+        (n,) positions along and across the axis, px.
+    near_first
+        (n,) True where the nearer surface lies on the left (above).
+    """
 
     along: Float64
     across: Float64
@@ -163,7 +216,7 @@ def _tile_profiles(
 ) -> Float64:  # fmt: skip
     values = np.ascontiguousarray(picture, dtype=np.float32)
     height, width = values.shape
-    # Where each column and row of pixels begins among all of them, and how far it is to the next.
+    # Of columns and rows: index of the first, step of the index to the next, and number.
     columns, rows = (width - 1, -1, width) if mirrored[0] else (0, 1, width), (0, width, height)
     if mirrored[1]:
         rows = ((height - 1) * width, -width, height)
@@ -179,19 +232,23 @@ def _tile_profiles(
 def _add_profiles(
     values: Float32, axes: _Axes, differences: bool, first_px: float, centres: _Centres, tiles: int, sums: Float64
 ) -> None:
-    """Add profiles of an image along one axis, each divided by its sum, to those of its side and tile, (2, t, t, m).
+    """Add profiles of an image along one axis, each divided by its sum, to the sums of their side and tile.
 
     Parameters
     ----------
     values, axes
-        An image, all in one row (h * w,), and how its samples lie there.
+        (h * w,) the image, and the layout of its samples.
     differences
-        Whether the absolute differences of neighbours along the axis are meant, and not the image itself.
+        Whether profiles are of the absolute differences of neighbours along the axis instead of the image itself.
     first_px
-        Where the first sample lies along the axis.
+        Position of the first sample along the axis, px.
     centres
-        Positions around which profiles of m samples are read, between samples linearly. Those whose profile would
-        leave the image are left out. Tiles are counted across first.
+        Positions around which profiles of m samples are read, with bilinear interpolation. Positions whose profile
+        would leave the image are left out.
+    tiles
+        Number t of tiles in each direction.
+    sums
+        (2, t, t, m) is added to: by side, tile across the axis, tile along the axis.
     """
     m = sums.shape[3]
     length, lines = axes.length - differences, axes.lines
@@ -222,7 +279,7 @@ def _add_profiles(
 
 @njit(cache=True)
 def _read_line(values: Float32, start: int, along: int, count: int, differences: bool, samples: Float64) -> None:
-    """Write samples from an index on; beyond ``count`` of them the last one is repeated."""
+    """Write samples from an index on; after ``count`` samples the last one is repeated."""
     for k in range(len(samples)):
         index = start + min(k, count - 1) * along
         value = np.float64(values[index])
@@ -231,9 +288,22 @@ def _read_line(values: Float32, start: int, along: int, count: int, differences:
 
 @njit(cache=True)
 def root_counts(columns: Int64, rows: Int64, height: int, width: int) -> Float32:
-    """Return the square root of how many of some points (n,) lie in each pixel, (H, W); others do not count."""
+    """Return the square root of the number of points in each pixel.
+
+    Parameters
+    ----------
+    columns, rows
+        (n,) pixels of the points, px; points outside of the image do not count.
+    height, width
+        Size H, W of the image, px.
+
+    Returns
+    -------
+    Float32
+        (H, W).
+    """
     counts = np.zeros((height, width), np.float32)
-    # Counts are negative until their root has been taken: one pass over the points, none over the pixels.
+    # Counts are stored as negative numbers until their root is taken, so that no pass over all pixels is needed.
     for i in range(len(rows)):
         if 0 <= columns[i] < width and 0 <= rows[i] < height:
             counts[rows[i], columns[i]] -= 1
@@ -246,18 +316,20 @@ def root_counts(columns: Int64, rows: Int64, height: int, width: int) -> Float32
 
 @dataclass(frozen=True, slots=True)
 class EdgeShift:
-    """Place of the edges relative to the steps of depth.
+    """Shift of image edges relative to the steps of depth along one axis.
 
     Attributes
     ----------
     shift_px, standard_error_px
-        To the right (down), px of the picture; the error from leaving out tiles, and segments of time, in turn.
+        Shift of the image edges to the right (down), px of the image, and its standard error by leaving out tiles and
+        groups of windows in turn (jackknife).
     lean_px
-        How far textures draw the peak towards the nearer side.
+        Mean shift of the peaks of both sides towards the nearer surface, px.
     skew_px
-        By how much the shift changes when one more pixel on either side belongs to the peaks.
+        Change of the shift when one more pixel on each side belongs to the peaks, px.
     peak_fraction, peak_fraction_error
-        Fraction of all edge strength within the radius that lies in the peak, beyond the background.
+        Share (0 to 1) of the edge strength within the radius that lies in the peak above the background, and its
+        standard error.
     """
 
     shift_px: float
@@ -269,9 +341,10 @@ class EdgeShift:
 
     @property
     def model_error_bound_px(self) -> float:
-        """How far texture may move the shift: lean and skew each measure a part of that.
+        """Bound on the error of the shift by texture, px: lean and skew each measure a part of this error.
 
-        Of sides further apart than one edge reaches, only one is in place, and may lean by itself.
+        If the peaks of the two sides lie farther apart than an edge reaches, only one of them is right. Its own lean,
+        up to ``REACH``, is added.
         """
         single_lean_px = REACH if abs(self.lean_px) > REACH else 0
         return math.hypot(self.lean_px, self.skew_px) + single_lean_px
@@ -283,12 +356,12 @@ def edge_shift(sums: Float64) -> EdgeShift | None:
     Parameters
     ----------
     sums
-        (windows, 2, tiles, 2 R + 1) sums of profiles, far side first.
+        (windows, 2, tiles, 2 R + 1) sums of profiles of each window, as those of ``tile_profiles``.
 
     Returns
     -------
     EdgeShift | None
-        None where there are too few steps of depth.
+        None where fewer than five tiles have steps of depth, or one side has none.
     """
     total = sums.sum(axis=0)
     occupied = np.flatnonzero(total.sum(axis=(0, 2)))
@@ -298,7 +371,7 @@ def edge_shift(sums: Float64) -> EdgeShift | None:
     shift_px, lean_px = (float(value) for value in _shifts_and_leans(sides, REACH))
     wider_px = float(_shifts_and_leans(sides, REACH + 1)[0])
 
-    # Texture differs from tile to tile, and what noise and motion make of it from time to time.
+    # Texture varies between tiles; the effects of noise and motion vary between windows.
     by_window = sums.sum(axis=2)
     groups = np.array_split(by_window, min(len(by_window), _MOST_GROUPS))
     by_tile = _jackknife(sides - np.moveaxis(total[:, occupied], 1, 0))
@@ -315,23 +388,24 @@ def edge_shift(sums: Float64) -> EdgeShift | None:
 
 
 def _shifts_and_leans(sides: Float64, reach: int) -> tuple[Float64, Float64]:
-    """Return shifts and leans (...) from one profile a side, (..., 2, 2 R + 1)."""
+    """Return shifts and leans (...), px, from one profile for each side, (..., 2, 2 R + 1)."""
+    # shift = (far + near) / 2, lean = (far - near) / 2: positions of the peaks of both sides.
     peaks = peaks_near(sides, find_peaks(sides), reach)
     far_px, near_px = peaks.positions_px[..., 0], peaks.positions_px[..., 1]
     return 0.5 * (far_px + near_px), 0.5 * (far_px - near_px)
 
 
 def _peak_fractions(sides: Float64) -> Float64:
-    """Return the fractions (...) of edge strength where both sides together peak."""
+    """Return the shares (...) of edge strength in the peak of the sum of both sides."""
     samples = find_peaks(sides.sum(axis=-2))
     fractions: Float64 = peaks_near(sides, np.stack([samples, samples], axis=-1)).fractions.mean(axis=-1)
     return fractions
 
 
 def _jackknife(left_out: Float64) -> Float64:
-    """Return the standard errors of shift and fraction, of sums (k, 2, 2 R + 1) with one part left out each.
+    """Return the standard errors (2,) of shift, px, and fraction, from k sums (k, 2, 2 R + 1) that leave out one part.
 
-    They are 0 where nothing could be left out.
+    They are 0 where fewer than two sums have profiles of both sides.
     """
     usable = left_out[np.all(left_out.sum(axis=2) > 0, axis=1)]
     if len(usable) <= 1:

@@ -1,4 +1,4 @@
-"""Where depth steps from one surface to a nearer one: edges that a picture from the same place shows as well."""
+"""Steps of depth from one surface to a nearer one. An image from the same place has edges there as well."""
 
 from dataclasses import dataclass
 from typing import Any, Final
@@ -14,14 +14,15 @@ Float64 = NDArray[np.float64]
 Int64 = NDArray[np.int64]
 
 LEAST_STEP: Final = 0.1
-"""Least step of inverse depth, relative to the nearer surface, beyond what the slope of a surface makes of it.
+"""Least step of inverse depth, relative to that of the nearer surface, after subtraction of the slope of the surface.
 
-Surfaces a tenth of their distance apart are two things, or two sides of one: less may be a fold of one surface.
+Surfaces that lie a tenth of their distance apart belong to two objects, or to two sides of one object. A smaller step
+can be a fold of one surface.
 """
 
 _TOO_SMALL: Final = 0.45
-"""Share of the least step below which neither a step nor the slopes beside it can make one together: a half, less what
-the nearer side of another pair may differ by, and rounding."""
+"""Share of the least step that a difference or a slope beside it must exceed. If both are below a half, they cannot
+make a step together; 0.45 leaves room for rounding, and for the different nearer side of the neighbouring pair."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -31,9 +32,9 @@ class DepthSteps:
     Attributes
     ----------
     columns, rows
-        (n,) px: along the axis halfway between the two pixels, across it a pixel centre.
+        (n,) positions, px: along the axis halfway between two pixels, across the axis at a pixel centre.
     depths_m
-        (n,) of the nearer surface, whose outline it is.
+        (n,) z-depth of the nearer surface, m. The step is the outline of this surface.
     near_first
         (n,) True where the nearer surface lies on the left (above).
     """
@@ -50,18 +51,21 @@ class DepthSteps:
 def depth_steps(depth_m: NDArray[Any], axis: int, *, farthest_m: float, every: int = 1) -> DepthSteps:
     """Find the steps of a depth frame along one axis.
 
-    Inverse depth is affine on a plane, so a step is what exceeds the gentler of the slopes on both sides. Where
-    neighbouring steps compete the largest is taken. Depths beyond the range may be missing or stand at its end: a
-    surface that runs out of range there by its own slope has no outline.
+    Inverse depth is affine on a plane. The size of a step is therefore the difference of the inverse depths of two
+    neighbouring pixels, less the smaller of the slopes on both sides. Of neighbouring steps only the largest counts.
+    Depths beyond the range can be missing or equal to its end: a surface that leaves the range by its own slope has no
+    outline there.
 
     Parameters
     ----------
     depth_m
-        (H, W) m, NaN where it is farther than ``farthest_m``.
+        (H, W) z-depth, m; NaN where it is farther than ``farthest_m``.
     axis
-        0 to the right, 1 down.
+        Axis along which depth steps: 0 to the right, 1 down.
+    farthest_m
+        End of the range of depth, m.
     every
-        Every so many-th line of pixels along the axis is searched.
+        Distance of the lines of pixels that are searched, px.
 
     Returns
     -------
@@ -76,7 +80,7 @@ def depth_steps(depth_m: NDArray[Any], axis: int, *, farthest_m: float, every: i
     for i in (0, 1):
         beside_m = depth[rows + i * axis, columns + i * (1 - axis)].astype(np.float64)
         valid = (beside_m > 0) & (beside_m < farthest_m * (1 - SINGLE_PRECISION))
-        # Where no depth is valid, that of the farthest.
+        # Invalid depths count as the end of the range.
         inverse_per_m.append(np.divide(1.0, beside_m, out=np.full(beside_m.shape, 1.0 / farthest_m), where=valid))
     first_per_m, second_per_m = inverse_per_m
     return DepthSteps(
@@ -91,12 +95,11 @@ def depth_steps(depth_m: NDArray[Any], axis: int, *, farthest_m: float, every: i
 def _find_steps(
     depth_m: NDArray[Any], down: bool, every: int, farthest_m: float, rounding: float, least: float
 ) -> Int64:
-    """Return rows and columns (2, n) of pixels after which inverse depth (H, W) steps to the right, or down.
+    """Return rows and columns (2, n) of the pixels after which inverse depth steps to the right, or down.
 
-    Searched is every so many-th line of pixels along that way.
-
-    A step is more than ``least`` of the nearer side, beyond the slope beside it, and larger than those next to it.
-    Depths are valid where they are nearer than ``farthest_m`` by more than ``rounding``.
+    A step is larger than the share ``least`` of the inverse depth of its nearer side, after subtraction of the slope
+    beside it, and larger than the neighbouring steps. Depths (H, W) are valid where they are below ``farthest_m`` by
+    more than the share ``rounding``. Every ``every``-th line of pixels along the axis is searched.
     """
     height, width = depth_m.shape
     nearer_m, far_m, share = farthest_m * (1.0 - rounding), np.float32(farthest_m), np.float32(_TOO_SMALL * least)
@@ -113,8 +116,8 @@ def _find_steps(
             line_m, next_m = next_m, line_m
             if line + 1 < height:
                 _fill_line(depth_m[line + 1], stride, far_m, next_m)
-        # A cheap test in single precision leaves few pixels for the exact one: a step or a slope beside it is large.
-        # Of the steps to the right, those beside belong to the same line; of those downward, to the lines around.
+        # A fast test in single precision selects few pixels for the exact test: the difference at the pixel or at one
+        # of its two neighbours along the axis is large. For steps down, these neighbours lie in the lines around.
         if down:
             _write_large(line_m, next_m, share, large[line % 3])
             if line + 1 == height:
@@ -142,7 +145,7 @@ def _find_steps(
 
 @njit(cache=True)
 def _fill_line(depth_m: NDArray[Any], stride: int, far_m: np.float32, filled_m: Float32) -> None:
-    """Write every so many-th depth (W,), the farthest where none is valid."""
+    """Write every ``stride``-th depth of a row (W,), m, and ``far_m`` where it is not valid."""
     for i in range(len(filled_m)):
         depth = np.float32(depth_m[i * stride])
         filled_m[i] = depth if (depth > 0) & (depth < far_m) else far_m
@@ -150,7 +153,8 @@ def _fill_line(depth_m: NDArray[Any], stride: int, far_m: np.float32, filled_m: 
 
 @njit(cache=True)
 def _write_large(first_m: Float32, second_m: Float32, share: np.float32, large: NDArray[np.bool_]) -> None:
-    """Write whether depths differ by more than a share: (1/a - 1/b) / (1/a) is (b - a) / b."""
+    """Write whether inverse depths differ by more than a share of the larger one."""
+    # For a < b: (1/a - 1/b) / (1/a) = (b - a) / b.
     for i in range(len(first_m)):
         a, b = first_m[i], second_m[i]
         large[i] = abs(b - a) > share * max(a, b)
@@ -160,7 +164,7 @@ def _write_large(first_m: Float32, second_m: Float32, share: np.float32, large: 
 def _inverse_depth(
     depth_m: NDArray[Any], row: int, column: int, farthest_m: float, nearer_m: float
 ) -> tuple[float, bool]:
-    """Return inverse depth, and whether it is valid."""
+    """Return the inverse depth of a pixel, 1/m, and whether it is valid; that of ``farthest_m`` where it is not."""
     depth = np.float64(depth_m[row, column])
     valid = bool((depth > 0.0) & (depth < nearer_m))
     return 1.0 / depth if valid else 1.0 / farthest_m, valid
@@ -168,7 +172,10 @@ def _inverse_depth(
 
 @njit(cache=True)
 def _step_size(depth_m: NDArray[Any], row: int, column: int, down: bool, farthest_m: float, nearer_m: float) -> float:
-    """Return the relative step from a pixel to the next, less the slope of the surface beside it; 0 at the border."""
+    """Return the step of inverse depth from a pixel to the next, less the slope of the surface beside it.
+
+    The step is relative to the inverse depth of the nearer of the two pixels; it is 0 at the border.
+    """
     index, size = (row, depth_m.shape[0]) if down else (column, depth_m.shape[1])
     if not 0 < index < size - 2:
         return 0.0
@@ -185,6 +192,7 @@ def _step_size(depth_m: NDArray[Any], row: int, column: int, down: bool, farthes
     if abs(gentler) == np.inf:
         gentler = 0.0
     if not valid_b & valid_c:
-        # Out of range inverse depth is constant: of a slope towards it, no more than the visible part counts.
+        # Out of range the inverse depth is constant: only the part of a slope that lies within the range counts.
         gentler = min(max(gentler, min(between, 0.0)), max(between, 0.0))
+    # step = |(c - b) - slope| / max(b, c)
     return abs(between - gentler) / max(b, c)

@@ -1,12 +1,12 @@
-"""A depth frame made ready to be read between its pixels: inverse depth, how well it is known, and where edges are.
+"""A depth frame prepared for reading between its pixels: inverse depth, bounds of its error, and edges.
 
-Inverse depth is affine in the pixel on every plane, so that reading it bilinearly is exact there and its second
-differences bound its error elsewhere.
+Inverse depth is affine in the pixel coordinates on every plane. Bilinear interpolation is therefore exact on a plane,
+and second differences bound its error elsewhere.
 
-The compiled loops go through a frame once, row by row, in single precision: inverse depths differ by the difference of
-the depths, which is exact, over their product, so that nothing cancels, and second differences come out to a hundredth
-of what the rounding of the depths makes of them. Depths (H, W) are in metres; not positive, infinite or NaN where
-invalid.
+The compiled loops process a frame once, row by row, in single precision. The difference of two inverse depths is
+computed as the difference of the depths, which is exact, over their product. No digits cancel, so that the error of
+second differences is a hundredth of that by the rounding of the depths. Depths (H, W) are in metres; they are not
+positive, infinite or NaN where invalid.
 """
 
 from dataclasses import dataclass, replace
@@ -28,27 +28,31 @@ SINGLE_PRECISION: Final = 2.0**-24
 """Unit roundoff of float32."""
 
 _ROUNDINGS: Final = 8
-"""Roundings that meet a depth in single precision: made by some, stored as millimetres, read as metres."""
+"""Number of roundings of a depth in single precision: some when it is computed, one when it is stored in millimetres,
+one when it is read in metres."""
 
 FINEST_RELATIVE_STEP: Final = 2 * _ROUNDINGS * SINGLE_PRECISION
-"""Half of a finer step is within what rounding is allowed anyway."""
+"""Finest step of quantised depths that counts, as a share of the depth. Half of a finer step is below the bound on the
+error by rounding."""
 
 _OF_SECOND_DIFFERENCE: Final = 0.25
-"""Share of the largest second difference nearby by which a value read between pixels may err.
+"""Bound on the error of a value that is read between pixels, as a share of the largest second difference nearby.
 
-A smooth surface read bilinearly errs by an eighth of it (Lagrange's remainder): the rest is for derivatives that vary.
-White noise of sigma has second differences of 2.4 sigma along each axis and nearby ones of some 6 sigma together, so
-that the two frames' shares add up to about 3 sigma, where their difference has at most 1.4.
+On a smooth surface the error of bilinear interpolation is an eighth of the second difference (Lagrange's remainder);
+the rest allows for derivatives that vary. White noise of standard deviation sigma has second differences of 2.4 sigma
+along each axis; the largest sum over both axes nearby is about 6 sigma. The bounds of two frames then add up to about
+3 sigma, while the difference of the frames has a standard deviation of at most 1.4 sigma.
 """
 
 _WIDENED_PX: Final = 9
-"""Edges are widened by 4 px on either side, as ``estimators/flow/mask.py`` widens them."""
+"""Width of the square by which edges are widened, px: 4 px on each side, as in ``estimators/flow/mask.py``."""
 
 _FEWEST_BLOCKS: Final = 180_000
-"""Pixels from which on distances from edges are measured by blocks, at least so many of them in an image.
+"""Number of pixels beyond which distances from edges are measured by blocks of pixels; an image has fewer blocks.
 
-At 1440x1080 blocks of 3 px take an eighth of the time, and at most 6 px off the distance, 3 px as a rule: the limit of
-``depth.consistency`` in its worst tile is 1.7% larger than with blocks of 2 px, of 4 px it were 3.3%.
+At 1440x1080, blocks of 3 px need an eighth of the time of pixels. They shorten the distance by at most 6 px, usually by
+3 px: the limit of ``depth.consistency`` in its worst tile is 1.7% larger than with blocks of 2 px, and would be 3.3%
+larger with blocks of 4 px.
 """
 
 
@@ -61,17 +65,20 @@ class DepthImage:
     depths_m
         (H, W) z-depth, m; not positive, infinite or NaN where invalid.
     error_per_m
-        (H, W) how far a value of inverse depth read near each pixel may err, 1/m, besides by ``quantisation_error``.
+        (H, W) bound on the error of an inverse depth that is read near each pixel, 1/m, without the error by
+        ``quantisation_error``.
     quantisation_error
-        Share of itself by which every value may err as well: half of the largest step of quantised depths.
+        Further bound on the error of every inverse depth, as a share of it: half of the largest step of quantised
+        depths.
     near_edge
         (H, W) 1 within 4 px of an edge, of an invalid pixel or of the border, else 0.
     clearance_px
-        (h, w) by how much each block of pixels is clear of the nearest pixel that is near an edge, at least; 0 there.
+        (h, w) lower bound of the distance of each block of pixels from the nearest pixel that is near an edge, px; 0
+        where the block holds such a pixel.
     nearest_per_m
-        Inverse depth of the nearest surface; 0 where nothing is valid.
+        Inverse depth of the nearest surface, 1/m; 0 where no depth is valid.
     block_px
-        Side of those blocks; the last ones may stand out over the image.
+        Side of the blocks, px. The last blocks can extend beyond the image.
     """
 
     depths_m: Depths
@@ -83,9 +90,19 @@ class DepthImage:
     block_px: int
 
     def moved(self, axis: int, shift_px: int) -> "DepthImage":
-        """Return the image moved by whole pixels to the right (axis 0) or down (1).
+        """Return the image moved by whole pixels.
 
-        Pixels that come in count as near an edge.
+        Parameters
+        ----------
+        axis
+            0 to the right, 1 down.
+        shift_px
+            Displacement, px, not 0; negative to the left (up).
+
+        Returns
+        -------
+        DepthImage
+            Of the same size; pixels that enter at the border count as near an edge.
         """
         along = 1 - axis
         entered = slice(0, shift_px) if shift_px > 0 else slice(shift_px, None)
@@ -105,14 +122,14 @@ def depth_image(depths_m: Depths, relative_step: float = 0.0, least_block_px: in
     depths_m
         (H, W) z-depth, m; NaN or not positive where invalid.
     relative_step
-        Largest step of quantised depths as a share of the depth.
+        Largest step of quantised depths, as a share of the depth; 0 where they are not quantised.
     least_block_px
-        Side of the blocks, at least, by which distances from edges are measured.
+        Least side of the blocks by which distances from edges are measured, px.
 
     Returns
     -------
     DepthImage
-        Of the same depths; its arrays are new but for ``depths_m``.
+        Of the same depths; all arrays but ``depths_m`` are new.
     """
     depths_m = np.ascontiguousarray(depths_m)
     single_m = np.asarray(depths_m, dtype=np.float32)
@@ -126,21 +143,35 @@ def depth_image(depths_m: Depths, relative_step: float = 0.0, least_block_px: in
 
 
 def _clearance_px(near_edge: Marks, block_px: int) -> Float32:
-    """Return the least distance of each block's pixels from marks (H, W): two blocks' offsets are taken off."""
+    """Return a lower bound (h, w) of the distance of each block's pixels from marks (H, W), px."""
     clear = np.asarray(near_edge == 0).view(np.uint8)
     if block_px == 1:
         return np.asarray(cv2.distanceTransform(clear, cv2.DIST_L2, 3), dtype=np.float32)
-    # A pixel of the eroded image is that of the block that begins with it; what lies beyond the border counts as clear.
+    # A pixel of the eroded image is clear if the block that begins with it is; beyond the border all counts as clear.
     blocks = cv2.erode(clear, np.ones((block_px, block_px), np.uint8), anchor=(0, 0))[::block_px, ::block_px]
     distances = np.asarray(cv2.distanceTransform(np.ascontiguousarray(blocks), cv2.DIST_L2, 3), dtype=np.float32)
-    # Offsets of two pixels within their blocks differ by at most block - 1 px along each axis.
+    # Offsets of two pixels within their blocks differ by at most block - 1 px along each axis:
+    # distance >= block * distance of blocks - sqrt(2) (block - 1).
     farther_px = np.float32(sqrt(2.0) * (block_px - 1))
     return np.asarray(np.maximum(np.float32(block_px) * distances - farther_px, np.float32(0)))
 
 
 @njit(cache=True, error_model="numpy")
 def inverse_at(depths: Depths, row: np.uint64, column: np.uint64) -> float:
-    """Return the inverse depth of a pixel, 1/m; 0 where it is invalid."""
+    """Return the inverse depth of a pixel.
+
+    Parameters
+    ----------
+    depths
+        (H, W) z-depth, m; NaN or not positive where invalid.
+    row, column
+        The pixel.
+
+    Returns
+    -------
+    float
+        1/m; 0 where the depth is invalid.
+    """
     depth = np.float64(depths[row, column])
     return 1.0 / depth if depth > 0.0 else 0.0
 
@@ -149,25 +180,28 @@ def inverse_at(depths: Depths, row: np.uint64, column: np.uint64) -> float:
 def _edges_and_errors(
     depths: Float32, edge: float, of_bend: float, floor: float, marks: Marks, errors_per_m: Float32
 ) -> float:
-    """Write where edges are and how far values may err; return the inverse depth of the nearest surface.
+    """Write edges and bounds of errors; return the inverse depth of the nearest surface, 1/m.
 
     Parameters
     ----------
+    depths
+        (H, W) z-depth, m.
     edge
-        An edge is where the Laplacian of the inverse depth is more than this share of it.
+        A pixel is an edge where the Laplacian of the inverse depth exceeds this share of the inverse depth.
     of_bend, floor
-        A value errs by the one share of the largest second difference around it, and by the other share of itself.
+        The error is at most ``of_bend`` times the largest second difference around the pixel, and ``floor`` times the
+        inverse depth.
     marks
-        (H, W) 1 at edges, invalid pixels and the border, else 0.
+        (H, W) receives 1 at edges, invalid pixels and the border, else 0.
     errors_per_m
-        (H, W) 1/m.
+        (H, W) receives the bounds, 1/m.
     """
     height, width = depths.shape
     inverse, widest = np.zeros((3, width), np.float32), np.zeros((3, width), np.float32)
     down, right, bends = np.zeros((2, width), np.float32), np.zeros(width, np.float32), np.zeros(width, np.float32)
     nearest = np.zeros(width, np.float32)
     _invert(depths[0], inverse[0], nearest)
-    # Rows of inverse depths and of bends are kept in rings: errors of a row need the bends of the rows around it.
+    # Three rows of inverse depths and of bends are kept: errors of a row need the bends of the rows around it.
     for row in range(height + 1):
         here, below = inverse[row % 3], inverse[(row + 1) % 3]
         if row + 1 < height:
@@ -176,7 +210,7 @@ def _edges_and_errors(
         if row < height:
             _differ_from_next(depths[row, :-1], depths[row, 1:], here[:-1], here[1:], right)
             above, under = down[(row - 1) % 2], down[row % 2]
-            # The first and last row are border.
+            # The first and the last row belong to the border.
             if 0 < row < height - 1:
                 _mark_edges(above, under, right, here, edge, marks[row])
             else:
@@ -193,7 +227,7 @@ def _edges_and_errors(
 
 @njit(cache=True, error_model="numpy")
 def _invert(depths: Float32, inverse: Float32, nearest: Float32) -> None:
-    """Write the inverse depths (W,) of a row of pixels, and the largest of each column so far."""
+    """Write the inverse depths (W,) of a row of pixels, 1/m, and update the largest of each column."""
     for column in range(len(inverse)):
         value = np.float32(1) / depths[column] if depths[column] > 0 else np.float32(0)
         inverse[column] = value
@@ -204,7 +238,7 @@ def _invert(depths: Float32, inverse: Float32, nearest: Float32) -> None:
 def _differ_from_next(
     depths: Float32, next_depths: Float32, inverse: Float32, next_inverse: Float32, differences: Float32
 ) -> None:
-    """Write by how much inverse depths are larger than those of the next pixels."""
+    """Write the inverse depths less those of the next pixels, 1/m."""
     for column in range(len(inverse)):
         # 1/a - 1/b = (b - a) / (a b): the difference of the depths is exact in single precision.
         product = inverse[column] * next_inverse[column]
@@ -214,18 +248,18 @@ def _differ_from_next(
 
 @njit(cache=True)
 def _mark_edges(above: Float32, below: Float32, right: Float32, inverse: Float32, edge: float, marks: Marks) -> None:
-    """Write where edges are: arguments are differences from above, to below and to the right."""
+    """Write the edges of a row; the arguments are differences from the row above, to the row below and to the right."""
     last, least = len(inverse) - 1, np.float32(edge)
     marks[0] = marks[last] = 1
     for column in range(1, last):
-        # Each difference is a pixel less the next: two of them make a second difference along one axis.
+        # Each difference is a pixel less the next one; the difference of two is a second difference along one axis.
         laplacian = above[column] - below[column] + right[column - 1] - right[column]
         marks[column] = (abs(laplacian) > least * inverse[column]) | (inverse[column] <= 0)
 
 
 @njit(cache=True)
 def _write_bends(above: Float32, below: Float32, right: Float32, bends: Float32) -> None:
-    """Write the absolute second differences along both axes together; those beyond the border count as 0."""
+    """Write the sum of the absolute second differences along both axes; those across the border count as 0."""
     last = len(bends) - 1
     bends[0], bends[last] = abs(above[0] - below[0]), abs(above[last] - below[last])
     for column in range(1, last):
@@ -234,7 +268,7 @@ def _write_bends(above: Float32, below: Float32, right: Float32, bends: Float32)
 
 @njit(cache=True)
 def _widen(bends: Float32, widest: Float32) -> None:
-    """Write the largest of each three neighbours."""
+    """Write the largest of each three neighbouring values."""
     last = len(bends) - 1
     widest[0], widest[last] = bends[: min(2, last + 1)].max(), bends[max(last - 1, 0) :].max()
     for column in range(1, last):
@@ -245,7 +279,8 @@ def _widen(bends: Float32, widest: Float32) -> None:
 def _write_errors(
     before: Float32, middle: Float32, after: Float32, inverse: Float32, of_bend: float, floor: float, errors: Float32
 ) -> None:
-    """Write the errors of a row of pixels from the largest bends of the rows before, at and after it."""
+    """Write the errors of a row of pixels from the largest bends of the rows before, at and after it, 1/m."""
+    # error = of_bend * largest second difference + floor * inverse depth
     bend_share, value_share = np.float32(of_bend), np.float32(floor)
     for column in range(len(errors)):
         largest = _larger(_larger(before[column], middle[column]), after[column])
@@ -254,5 +289,5 @@ def _write_errors(
 
 @njit(cache=True)
 def _larger(a: np.float32, b: np.float32) -> np.float32:
-    """Return the larger of two numbers, none of which is NaN: a single instruction."""
+    """Return the larger of two numbers, neither of which is NaN. It compiles to a single instruction."""
     return a if a > b else b

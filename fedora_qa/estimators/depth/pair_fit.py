@@ -1,9 +1,9 @@
-"""Fit one parameter of two depth frames, the camera's motion between them being known up to its noise.
+"""Fit one parameter of two depth frames, where the motion of the camera between them is known up to its noise.
 
-The residual of each pixel is linear in the parameter and in the error of the motion's twist to good accuracy
-(point-to-plane registration: Y. Chen, G. Medioni, "Object modelling by registration of multiple range images", Image
-and Vision Computing 10 (1992)). The twist is held by its declared covariance, so that what the file's pose noise can
-explain is not taken for a fault.
+The residual of each pixel is nearly linear in the parameter and in the error of the twist of the motion (point-to-plane
+registration: Y. Chen, G. Medioni, "Object modelling by registration of multiple range images", Image and Vision
+Computing 10 (1992)). The declared covariance of the twist is its prior, so that deviations which the pose noise of the
+file can explain do not count as a fault.
 """
 
 from collections.abc import Callable
@@ -31,37 +31,41 @@ from fedora_qa.geometry.camera import RigidMotion
 Float64 = NDArray[np.float64]
 
 Family = Callable[[float], DepthModel | None]
-"""A parameter's value -> the model that it makes; None where there is none (no pose covers the instant)."""
+"""Returns the model for a value of the parameter; None where there is none (no pose covers the instant)."""
 
 FEWEST_PIXELS: Final = 50
-"""Pixels below which two frames are not compared."""
+"""Least number of pixels that can be compared. Two frames with fewer are not compared."""
 
 _ITERATIONS: Final = 12
 _CONVERGED: Final = 1e-3
-"""A step of less than this share of its standard error, and of what residuals scatter by, is the last.
+"""Largest last step, as a share of its standard error; also the largest change of the residuals by it, in sigmas.
 
-Each is a hundredth to a thousandth of the one before, so that no more than 1e-5 of the error is left; what the last one
-changes in the residuals is not computed. (Where nothing holds a direction its error is large, and means little.)
+Each step is a hundredth to a thousandth of the step before, so that at most 1e-5 of the error remains. The residuals
+are not computed again after the last step. Their change counts as well, because the standard error of a direction that
+the data do not constrain is large.
 """
 
 
 @dataclass(frozen=True, slots=True)
 class DepthFit:
-    """Two frames after the best correction.
+    """Two depth frames after the best correction.
 
     Attributes
     ----------
     value, standard_error, bound
-        The parameter; its error where every pixel errs on its own; how far it may err where all err to their bounds
-        in the worst direction. 0, infinite and 0 where no parameter was asked for.
+        The parameter; its standard error where the errors of the pixels are independent; its error where all pixels err
+        by their bounds in the worst direction. In the unit of the parameter. Without a parameter they are the start,
+        infinite and 0.
     twist, coefficients
-        (6,) correction of the motion, and (k,) its coefficients along the directions of the noise, in sigmas.
+        (6,) correction of the motion (rad, then m), and (k,) its coefficients along the directions of the noise, in
+        standard deviations.
     warped
-        The lattice after the correction.
+        The lattice in the second frame after the correction; its last step, which is below ``_CONVERGED``, is left out.
     typical, typical_bound
-        Median absolute residual, and the median of the residuals' bounds.
+        Median absolute residual, and median of the bounds of the residuals; shares of the depth.
     noise_square, noise_dof
-        The twist against its declared covariance (chi-square), and how many of its directions the depth constrains.
+        Chi squared of the twist under its declared covariance, and the number of its directions that the depths
+        constrain.
     """
 
     value: float
@@ -77,17 +81,22 @@ class DepthFit:
 
     @property
     def agrees(self) -> bool:
-        """Whether most pixels deviate by no more than they may."""
+        """Whether the median residual is within the median of its bounds."""
         return self.typical <= self.typical_bound
 
 
 def noise_directions(covariance: Float64) -> Float64:
-    """Return the twist (6, k) of each independent direction of the noise, one standard deviation long.
+    """Return the independent directions of the noise of a twist, each one standard deviation long.
 
     Parameters
     ----------
     covariance
-        (6, 6) of the twist: rad, then m. Directions without variance, to 1e-12 of the largest, are left out.
+        (6, 6) covariance of the twist: rad, then m.
+
+    Returns
+    -------
+    Float64
+        (6, k) one direction in each column. Directions whose variance is at most 1e-12 of the largest are left out.
     """
     if not covariance.any():
         return np.empty((len(covariance), 0))
@@ -107,35 +116,38 @@ def fit_depth(
     step: float | ModelNumber | None,
     coefficients: Float64 | None = None,
 ) -> DepthFit | None:
-    """Fit a parameter from ``start`` on, and the twist within its noise, by Gauss-Newton steps.
+    """Fit a parameter, and the twist of the motion within its noise, by Gauss-Newton steps.
 
     Parameters
     ----------
     family
-        The models of the frames by the parameter.
+        Returns the model of the frames for a value of the parameter.
     lattice, image1
         Pixels of the first frame, and the second frame.
     noise
-        (6, k) as ``noise_directions`` gives them; (6, 0) where the motion is exact.
+        (6, k) directions of the noise, from ``noise_directions``; (6, 0) where the motion is exact.
+    start
+        First value of the parameter.
     step
-        By which the parameter is changed to differentiate by it, or the number of the model that it is; None where
-        only the twist is to be fitted.
+        Change of the parameter for central differences, in its unit; or the name of the number of the model that the
+        parameter is, for which derivatives are known. None where only the twist is fitted.
     coefficients
-        (k,) of the twist at the beginning, along the directions of the noise; 0 where None.
+        (k,) coefficients of the first twist along the directions of the noise, in standard deviations; 0 where None.
 
     Returns
     -------
     DepthFit | None
-        None where the frames share too few pixels, or the fit ends where no depth could be.
+        None where the frames share too few pixels, or the fit leaves the models that are conceivable.
 
     Notes
     -----
-    Where little holds some directions of the twist (one plane, no noise declared) the steps along them need not end:
-    so far off, the twist is less linear than the depths are rounded. Then the best of all twists is taken.
+    Where the depths hardly constrain some directions of the twist (one plane, no noise declared), the steps along them
+    need not converge: so far from the solution, the nonlinearity of the twist exceeds the rounding of the depths. Then
+    the twist with the least median residual is taken.
     """
     problem = _FitProblem(family, lattice, image1, noise, step)
     value, z = start, np.zeros(noise.shape[1]) if coefficients is None else coefficients
-    # Far from the solution a convex loss has one minimum only; Cauchy's is robust near it.
+    # Far from the solution: Huber's convex loss, which has only one minimum. Near it: Cauchy's, which is more robust.
     convex = True
     visited: list[tuple[float, float, Float64]] = []
     for _ in range(_ITERATIONS if step is not None or len(z) else 0):
@@ -159,10 +171,20 @@ def fit_depth(
 
 @dataclass(frozen=True, slots=True)
 class _FitStep:
-    """A step of (parameter, z), their standard errors, and the bound of the parameter's systematic error.
+    """A Gauss-Newton step of the parameter and of the coefficients z (k,) of the twist.
 
-    ``typical`` is the median absolute residual before the step, ``moved`` by how many sigmas of theirs it moves
-    residuals on average.
+    Attributes
+    ----------
+    warped
+        The lattice before the step.
+    change, errors
+        (1 + k,) the step and the standard errors, the parameter first.
+    bound
+        Bound on the systematic error of the parameter.
+    typical
+        Median absolute residual before the step.
+    moved
+        Mean absolute change of the residuals by the step, in their sigmas.
     """
 
     warped: WarpedLattice
@@ -184,10 +206,24 @@ class _FitProblem:
     step: float | ModelNumber | None
 
     def step_from(self, value: float, z: Float64, *, convex: bool = False) -> _FitStep | None:
-        """Return the step from a parameter and a twist; None where there is none.
+        """Return the step from a parameter and a twist.
 
-        Residuals far beyond the typical one weigh less (Cauchy's weights), so that single places do not lead. Far from
-        the solution these may hold on to a part of the image; Huber's (``convex``) have one minimum only.
+        Residuals far beyond the typical residual have small weights (Cauchy), so that a few places do not determine the
+        step. Far from the solution Cauchy's weights can select a wrong part of the image.
+
+        Parameters
+        ----------
+        value
+            The parameter.
+        z
+            (k,) coefficients of the twist along the directions of the noise, in standard deviations.
+        convex
+            Whether Huber's weights replace Cauchy's: their loss has only one minimum.
+
+        Returns
+        -------
+        _FitStep | None
+            None where too few pixels are compared, the model is not conceivable, or the equations are singular.
         """
         twist = self.noise @ z
         if not np.all(np.isfinite(twist)):
@@ -200,10 +236,10 @@ class _FitProblem:
         warped = warp(correct(model), self.lattice, self.image1, number)
         if warped.compared < FEWEST_PIXELS:
             return None
-        # The residual's derivative by the parameter (n,): 0 where none is fitted.
+        # Derivative of the residual by the parameter (n,): 0 where no parameter is fitted.
         value_derivatives = warped.number_derivatives
         if self.step is not None and not isinstance(self.step, str):
-            # Central differences.
+            # dr/dp = (r(p + h) - r(p - h)) / (2 h)
             ahead, behind = (
                 residuals_after(correct(side), self.lattice, self.image1)
                 if side is not None and side.conceivable
@@ -218,7 +254,7 @@ class _FitProblem:
         )
         if len(residuals) < FEWEST_PIXELS:
             return None
-        # z has unit variance before the fit; the parameter is free, or fixed where nothing depends on it.
+        # The prior variance of z is 1. The parameter is free; it is fixed where no residual depends on it.
         prior = np.ones(columns.shape[1])
         prior[0] = 0.0 if np.any(columns[:, 0]) else 1.0
         prior_gradient = np.concatenate(([0.0], z))
@@ -237,13 +273,13 @@ def _fit_from(last: _FitStep, value: float, z: Float64, noise: Float64, step: fl
         typical=last.typical,
         typical_bound=median_of(last.warped.bounds[np.isfinite(last.warped.bounds)]),
         noise_square=float(z @ z),
-        # Of each direction the depth constrains what it takes off the unit variance before the fit.
+        # A direction counts by the part of its prior variance of 1 that the depths remove: sum (1 - error^2).
         noise_dof=float(np.sum(1.0 - last.errors[1:] ** 2)),
     )
 
 
 def _correction(twist: Float64) -> Callable[[DepthModel], DepthModel]:
-    """Return how a model is corrected by a twist (6,): ``RigidMotion.corrected``, its rotation computed once."""
+    """Return the function that corrects models by a twist (6,), as ``RigidMotion.corrected`` does."""
     if not twist.any():
         return lambda model: model
     dR, shift_m = so3.exp(twist[:3]), twist[3:]
@@ -265,25 +301,35 @@ def _weighted_step(
     to_sigma: float,
     convex: bool,
 ) -> tuple[bool, Float64, Float64, float, float, float]:
-    """Return whether there is a step, the step (k,), its standard errors (k,) and the bound of the first number.
-
-    Then come the median absolute residual, and by how much the step moves residuals, in their sigmas, on average.
-    A loop of its own: robust normal equations of a few numbers, from thousands of pixels.
+    """Return a step of robust normal equations of k numbers, from n pixels.
 
     Parameters
     ----------
     residuals, bounds
-        (n,) of the pixels.
+        (n,) residuals of the pixels, and bounds of them.
     columns
-        (n, k) derivatives of the residuals.
+        (n, k) derivatives of the residuals by the numbers.
     prior
-        (k,) reciprocal of each number's variance before the fit; 0 where it is free.
+        (k,) reciprocal of the prior variance of each number; 0 where it is free.
     prior_gradient
         (k,) gradient of the prior at the present numbers.
     to_sigma
-        From the median absolute residual to a standard deviation.
+        Ratio of the standard deviation to the median absolute residual.
     convex
-        Whether residuals far out weigh less by Huber's weights instead of Cauchy's.
+        Whether large residuals have Huber's weights instead of Cauchy's.
+
+    Returns
+    -------
+    solved
+        False where the equations are singular.
+    change, errors
+        (k,) the step and the standard errors of the numbers.
+    bound
+        Error of the first number where all residuals are at their bounds in the worst direction.
+    median
+        Median absolute residual.
+    moved
+        Mean absolute change of the residuals by the step, in their sigmas.
     """
     n, k = columns.shape
     median = median_of(np.abs(residuals))
@@ -312,7 +358,7 @@ def _weighted_step(
         errors[a] = np.sqrt(max(inverse[a, a], 0.0))
         for b in range(k):
             change[a] -= inverse[a, b] * gradient[b]
-    # Row 0 of (J^T W J)^-1 J^T W gives the first number from the residuals: all of them at their bounds is the worst.
+    # The first number is row 0 of (J^T W J + prior)^-1 J^T W times the residuals: bound = sum |row| bounds.
     bound, moved = 0.0, 0.0
     for i in range(n):
         slope, move = 0.0, 0.0
@@ -326,10 +372,20 @@ def _weighted_step(
 
 @njit(cache=True)
 def inverted(matrix: Float64) -> bool:
-    """Invert a symmetric matrix (k, k) in place; return whether it is positive definite, to rounding.
+    """Invert a symmetric matrix in place, and return whether it is positive definite.
 
-    It is scaled to a diagonal of ones first. Gauss and Jordan's steps by the diagonal, which such matrices need no
-    exchange of rows for; numba's own inverse takes five seconds to compile.
+    The matrix is first scaled to a unit diagonal. Gauss-Jordan elimination with pivots on the diagonal follows:
+    positive definite matrices need no exchange of rows. Numba's own inverse takes 5 s to compile.
+
+    Parameters
+    ----------
+    matrix
+        (k, k) symmetric; replaced by its inverse.
+
+    Returns
+    -------
+    bool
+        False where the matrix is not positive definite, to rounding; its values are then undefined.
     """
     k = len(matrix)
     scale = np.empty(k)
@@ -363,7 +419,10 @@ def inverted(matrix: Float64) -> bool:
 def _compared_rows(
     residuals: Float64, bounds: Float64, by_value: Float64, by_twist: Float64, noise: Float64
 ) -> tuple[Float64, Float64, Float64]:
-    """Return residuals (m,), bounds (m,) and derivatives by value and noise (m, 1 + k) of the compared pixels."""
+    """Return residuals (m,), bounds (m,) and derivatives (m, 1 + k) of the m compared pixels of n.
+
+    The derivatives are those by the parameter, then by the coefficients of the k directions of the noise (6, k).
+    """
     n, k = len(residuals), noise.shape[1]
     kept, limits, columns = np.empty(n), np.empty(n), np.empty((n, 1 + k))
     m = 0

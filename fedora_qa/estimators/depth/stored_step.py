@@ -1,7 +1,7 @@
 """The steps in which depths were stored: of z (16-bit millimetres), of 1/z (a z-buffer, a disparity), or of a float.
 
-The values alone do not show a step: the inverse depths of a plane are as regular as a grid. Second differences do: they
-vanish on a plane, vary on a curved surface, and are whole multiples of one step where depths were rounded.
+Values alone do not identify a step: the inverse depths of a plane are as regular as a grid. Second differences identify
+it. They are 0 on a plane, vary on a curved surface, and are whole multiples of one step where depths were rounded.
 """
 
 from collections.abc import Iterator
@@ -19,40 +19,58 @@ Float64 = NDArray[np.float64]
 Int64 = NDArray[np.int64]
 
 _EDGE: Final = 0.05
-"""Second differences of more than this share of the value are edges, or the border of steps too coarse to use."""
+"""Largest second difference that is used, as a share of the value. Larger ones are edges, or belong to steps that are
+too coarse to use."""
 
+# Most pixels of a frame that are used, and least number of significant second differences.
 _MOST_PIXELS: Final = 40_000
 _FEWEST_STEPS: Final = 30
 _LEAST_SHARE: Final = 0.01
-"""Second differences that must be nonzero: a step that shows more rarely is met by as few pixels."""
+"""Least share (0 to 1) of second differences that are significant. A rarer step affects as few pixels."""
 
 _BOTH_WAYS: Final = 0.2
-"""Share of the second differences that must have either sign: half of them have where values were rounded."""
+"""Least share (0 to 1) of second differences of each sign. Where values were rounded, each sign has half of them."""
 
 _SMALL: Final = 6.5
-"""Second differences of up to so many steps are used: larger ones magnify the error of the step itself."""
+"""Largest second difference that is used, in steps. Larger ones multiply the error of the step."""
 
 _PHASE: Final = 0.15
-"""Departure from a whole multiple that rounding to float32 may add. By chance three in ten values come so near, and
-thirty do so once in 1e16 trials."""
+"""Largest distance from a whole multiple, in steps, that rounding to float32 causes. By chance 3 of 10 values are so
+near, and 30 of 30 values in one of 1e16 trials."""
 
 
 @dataclass(frozen=True, slots=True)
 class DepthStep:
-    """The coarsest step of a frame: as a share of the depth, and at which depth, in metres."""
+    """The coarsest step of a frame.
+
+    Attributes
+    ----------
+    relative
+        The step as a share of the depth, 0 to 1.
+    depth_m
+        The depth at which the step is this share, m.
+    """
 
     relative: float
     depth_m: float
 
     @property
     def size_m(self) -> float:
-        """The step in metres."""
+        """The step, m."""
         return self.relative * self.depth_m
 
 
 @dataclass(frozen=True, slots=True)
 class _CommonStep:
-    """A step, in the unit of the values, and the mean distance of second differences from its multiples, in steps."""
+    """A step that second differences have in common.
+
+    Attributes
+    ----------
+    size
+        The step, in the unit of the values.
+    misfit
+        Mean distance of the second differences from whole multiples of the step, in steps.
+    """
 
     size: float
     misfit: float
@@ -61,16 +79,17 @@ class _CommonStep:
 def depth_step(depths_m: NDArray[np.floating]) -> DepthStep | None:
     """Estimate the coarsest step in which a frame's depths were stored.
 
+    Octaves of depth are fitted separately, so that the step can grow with the depth.
+
     Parameters
     ----------
     depths_m
-        (H, W) m, NaN or not positive where invalid.
+        (H, W) z-depth, m; NaN or not positive where invalid.
 
     Returns
     -------
     DepthStep | None
-        None where depths are as fine as float32, or too few second differences show a step. Octaves of depth are
-        fitted one by one, so that a step may grow with the depth.
+        None where depths are as fine as float32, or too few second differences have a common step.
     """
     height, width = depths_m.shape
     rows = max(3, _MOST_PIXELS // max(width, 1))
@@ -80,11 +99,11 @@ def depth_step(depths_m: NDArray[np.floating]) -> DepthStep | None:
     best: dict[int, tuple[float, DepthStep]] = {}
 
     def keep(octave: int, misfit: float, step: DepthStep) -> None:
-        # Over a short range of depth, steps of z pass for steps of 1/z: the better fit is meant.
+        # Over a short range of depth, steps of z resemble steps of 1/z: the better fit is kept.
         if octave not in best or misfit < best[octave][0]:
             best[octave] = misfit, step
 
-    # A step of z is the largest share of the depth at the near end, one of 1/z at the far end.
+    # A step s of z is the largest share of the depth at the near end, s / z; a step of 1/z at the far end, s z.
     for octave, common, octave_m in _steps(z, z):
         nearest_m = float(octave_m.min())
         keep(octave, common.misfit, DepthStep(common.size / nearest_m, nearest_m))
@@ -95,7 +114,7 @@ def depth_step(depths_m: NDArray[np.floating]) -> DepthStep | None:
 
 
 def _steps(values: Float64, z: Float64) -> Iterator[tuple[int, _CommonStep, Float64]]:
-    """Yield each octave of depth with a step of values (h, w): the step, and the octave's depths in metres."""
+    """Yield the octaves of depth in which values (h, w) have a step: number, step, and depths of the octave, m."""
     bends, middles, depths_m, octaves = _second_differences(values, z, _EDGE)
     counts, limits, significant = _significant_bends(bends, middles, octaves, FINEST_RELATIVE_STEP)
     if not len(significant):
@@ -108,22 +127,22 @@ def _steps(values: Float64, z: Float64) -> Iterator[tuple[int, _CommonStep, Floa
 
 
 def _common_step(bends: Float64, finest: float) -> _CommonStep | None:
-    """Return the step of which all second differences are multiples; None where there is none as large as the finest.
+    """Return the step of which all second differences (n,) are multiples; None where no step of ``finest`` or more is.
 
-    Steps bend both ways, while the second differences of a ball are of one sign and almost equal.
+    Rounding gives second differences of both signs; those of a sphere have one sign and are almost equal.
     """
     sizes = np.abs(bends)
     if not _of_both_signs(bends):
         return None
     least = float(np.quantile(sizes, 0.01))
-    # The least second difference may be one step or two.
+    # The least second difference is one step or two steps.
     for multiple in (1, 2):
         step = least / multiple
         small = sizes <= _SMALL * step
         small_sizes = sizes[small]
         if step < finest or len(small_sizes) < _FEWEST_STEPS or not _of_both_signs(bends[small]):
             return None
-        # A difference over its whole number of steps estimates the step; the median resists outliers.
+        # step = median(|d| / round(|d| / step)): each difference over its number of steps estimates the step.
         step = float(np.median(small_sizes / np.maximum(np.rint(small_sizes / step), 1.0)))
         misfits = np.abs(small_sizes / step - np.rint(small_sizes / step))
         if np.mean(misfits < _PHASE) > 1.0 - _LEAST_SHARE:
@@ -138,26 +157,33 @@ def _of_both_signs(bends: Float64) -> bool:
 
 @njit(cache=True)
 def _second_differences(values: Float64, depths_m: Float64, edge: float) -> tuple[Float64, Float64, Float64, Int64]:
-    """Return second differences along rows and columns; values, depths and octaves of depth at their middles.
+    """Return second differences along rows and columns (n,), with values, depths and octaves (n,) at their middles.
 
     Parameters
     ----------
     values, depths_m
-        (h, w), NaN where invalid. Octave k of depths begins at 2^k.
+        (h, w) values, and depths in m; NaN where invalid. Octave k of depths begins at 2^k m.
     edge
         Second differences of more than this share of the value are left out.
+
+    Returns
+    -------
+    bends, middles, middle_depths_m
+        (n,) second differences and middle values, in the unit of the values, and depths, m.
+    octaves
+        (n,) numbers of the octaves.
     """
     height, width = values.shape
     bends, middles, middle_depths_m = np.empty((3, 2 * height * width))
     octaves, n = np.empty(2 * height * width, np.int64), 0
-    octave, least_m, most_m = 0, 1.0, 2.0  # of the depth before, which is that of the next one as a rule
+    octave, least_m, most_m = 0, 1.0, 2.0  # of the depth before: the next depth usually lies in the same octave
     for axis in range(2):
         below, right = (1, 0) if axis else (0, 1)
         for row in range(below, height - below):
             for column in range(right, width - right):
                 middle = values[row, column]
                 bend = values[row + below, column + right] - 2 * middle + values[row - below, column - right]
-                if abs(bend) < edge * middle:  # False where NaN
+                if abs(bend) < edge * middle:  # False for NaN
                     bends[n], middles[n], middle_depths_m[n] = bend, middle, depths_m[row, column]
                     if not least_m <= middle_depths_m[n] < most_m:
                         octave = frexp(middle_depths_m[n])[1] - 1
@@ -169,10 +195,25 @@ def _second_differences(values: Float64, depths_m: Float64, edge: float) -> tupl
 
 @njit(cache=True)
 def _significant_bends(bends: Float64, middles: Float64, octaves: Int64, finest: float) -> tuple[Int64, Float64, Int64]:
-    """Count second differences by octave, from the lowest on, (k,), and find those (m,) that exceed float32's rounding.
+    """Count second differences (n,) by octave, and find those that exceed the rounding of float32.
 
-    They do where they are larger than a share ``finest`` of the octave's largest value: these limits (k,) come second.
-    Neighbours lie in one octave as a rule, so that runs of one octave are gone through at once.
+    Neighbours usually lie in one octave, so that successive values of one octave are processed together.
+
+    Parameters
+    ----------
+    bends, middles, octaves
+        (n,) second differences, values at their middles, and octaves.
+    finest
+        A second difference is significant where it exceeds this share of the largest value of its octave.
+
+    Returns
+    -------
+    counts
+        (k,) second differences of each octave, from the lowest octave on.
+    limits
+        (k,) least significant second difference of each octave, in the unit of the values.
+    significant
+        (m,) indices of the significant second differences.
     """
     if not len(octaves):
         return np.zeros(0, np.int64), np.zeros(0), np.zeros(0, np.int64)

@@ -1,8 +1,8 @@
-"""Depth of one frame, carried by the camera's motion into another, against the depth of that frame.
+"""Depth of one frame, warped by the motion of the camera into another frame, compared with the depth of that frame.
 
-What is the same for all pixels is read before a compiled loop: arrays that are written might be the ones that are read,
-so that a compiler reads these again for each pixel. Indices are taken as numbers without sign, which need no look
-whether they count from the end.
+Numbers that are equal for all pixels are read before a compiled loop. Inside the loop the compiler would read them
+again for each pixel, because the arrays that are written could overlap them. Indices are unsigned, because signed ones
+are tested for negative values at each access.
 """
 
 from dataclasses import dataclass, replace
@@ -19,24 +19,26 @@ Depths = NDArray[np.floating[Any]]
 Float32 = NDArray[np.float32]
 Float64 = NDArray[np.float64]
 _Camera = tuple[float, float, float, float, float]
-"""Focal length across, skew, focal length down, column and row of the centre: px."""
+"""fx, skew, fy, cx, cy: focal lengths, skew and principal point, px."""
 _Motion = tuple[float, float, float, float, float, float, float, float, float, float, float, float]
-"""Rotation, row by row, and translation."""
+"""Rotation (by rows), and translation in the unit of the depths."""
 
 FEWEST_IN_LATTICE: Final = 4000
-"""Pixels of a lattice that small images have nevertheless: each of 48 tiles then holds some eighty."""
+"""Approximate least number of pixels of a lattice: each of 48 tiles then holds about eighty. Small images have denser
+lattices for this."""
 
 FARTHEST_RAY: Final = 10.0
-"""Power of the ray's length beyond which nothing is a depth: 0 and 1 occur. Powers of hundreds leave double precision.
-"""
+"""Largest absolute power of the ray length in a conceivable model. Files have 0 and 1; powers of hundreds exceed double
+precision."""
 
 ModelNumber = Literal["scale", "ray"]
 """A number of a model by which residuals can be differentiated."""
 
+# Codes of the numbers in compiled loops.
 _NUMBERS: Final = {None: 0, "scale": 1, "ray": 2}
 
 _PIXEL_ROUNDINGS: Final = 4
-"""Roundings that meet a pixel coordinate of the image's size in the maker's single-precision arithmetic."""
+"""Number of roundings of a pixel coordinate in the single-precision arithmetic of the file's writer."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -46,11 +48,11 @@ class DepthLattice:
     Attributes
     ----------
     columns, rows
-        (n,) px.
+        (n,) positions, px.
     depths_m
-        (n,) z-depth.
+        (n,) depths, m: z-depth, or ray length where the model states so.
     relative_errors
-        (n,) share of the depth by which it may err.
+        (n,) bounds on the errors of the depths, as shares of them.
     """
 
     columns: Float64
@@ -59,11 +61,11 @@ class DepthLattice:
     relative_errors: Float64
 
     def with_relative_error(self, relative_error: float) -> "DepthLattice":
-        """Return the same pixels, whose depths may err by a further share of themselves."""
+        """Return the same pixels, with a further relative error (a share of the depth) added to their bounds."""
         return replace(self, relative_errors=self.relative_errors + relative_error)
 
     def thinned(self, most: int) -> "DepthLattice":
-        """Return at most so many of the pixels, evenly spread over their order."""
+        """Return at most ``most`` of the pixels, evenly spaced in their order."""
         if len(self.columns) <= most:
             return self
         chosen = np.linspace(0, len(self.columns) - 1, most).astype(np.intp)
@@ -74,18 +76,20 @@ class DepthLattice:
 
 @dataclass(frozen=True, slots=True)
 class DepthModel:
-    """Camera, motion and kind of depth that two depth frames have.
+    """Camera, motion and kind of depth of two depth frames.
 
     Attributes
     ----------
-    K, motion
-        Intrinsics of both frames, and how points move from the first to the second.
+    K
+        (3, 3) intrinsics of both frames, px.
+    motion
+        Transform of points from the camera frame at the first depth frame into that at the second, m.
     ray
-        0 where depths are z, 1 where they are lengths of the ray: depths are ``z |m|^ray`` with m = (x/z, y/z, 1).
+        Depths are ``z |m|^ray`` with m = (x/z, y/z, 1): 0 for z-depth, 1 for ray length.
     scale
-        How many times too large depths are: so much longer the camera's path is in their unit.
+        Ratio of the depths to the true ones. Translations are multiplied by it to have the unit of the depths.
     motion_error
-        (6,) twist by which the motion may err; 0 where it is a sample's.
+        (6,) bound on the error of the motion as a twist (rad, m); 0 where the motion is between samples of the pose.
     """
 
     K: Float64
@@ -96,31 +100,32 @@ class DepthModel:
 
     @property
     def conceivable(self) -> bool:
-        """Whether depths could be so at all: a fit that diverges ends elsewhere."""
+        """Whether the numbers are within what a file can hold; a fit that diverges leaves these bounds."""
         return bool(abs(self.ray) <= FARTHEST_RAY and np.isfinite(self.scale))
 
     @property
     def motion_of_points(self) -> RigidMotion:
-        """The motion in the unit of the depths."""
+        """The motion, with its translation in the unit of the depths."""
         return RigidMotion(self.motion.R, self.scale * self.motion.t_m)
 
 
 @dataclass(frozen=True, slots=True)
 class WarpedLattice:
-    """The lattice in the second frame; NaN where the two frames cannot be compared.
+    """The lattice in the second frame.
 
     Attributes
     ----------
     residuals
-        (n,) relative error of the second frame's inverse depth: ``Z1 / Z_read - 1``.
+        (n,) relative error of the inverse depth of the second frame: ``Z1 / Z_read - 1``, with Z1 the z-depth of the
+        point there, and Z_read the z-depth that the frame holds. NaN where a pixel is not compared.
     bounds
-        (n,) largest residual of a correct file.
+        (n,) largest absolute residuals of a correct file; NaN where a pixel is not compared.
     twist_derivatives
-        (n, 6) derivative of the residual by a twist (rad, m) that follows the motion; 0 where it is not compared.
+        (n, 6) derivatives of the residual by a twist (rad, m) that follows the motion; 0 where a pixel is not compared.
     number_derivatives
-        (n,) derivative of the residual by a number of the model; 0 where it is not compared, or none was asked for.
+        (n,) derivatives of the residual by a number of the model; 0 without one, or where a pixel is not compared.
     compared
-        How many pixels are compared.
+        Number of pixels that are compared.
     """
 
     residuals: Float64
@@ -131,29 +136,62 @@ class WarpedLattice:
 
 
 def lattice_stride(height: int, width: int, share: float) -> int:
-    """Return the step between pixels of a lattice: 1/share both ways, or less to keep some thousands of pixels."""
+    """Return the distance of neighbouring pixels of a lattice.
+
+    Parameters
+    ----------
+    height, width
+        Size of the image, px.
+    share
+        Share of the columns, and of the rows, that the lattice should have, above 0 and at most 1.
+
+    Returns
+    -------
+    int
+        Distance of columns and of rows, px: 1 / share, or less where the lattice would have fewer than
+        ``FEWEST_IN_LATTICE`` pixels; 1 at least.
+    """
     of_small_image = int(np.sqrt(height * width / FEWEST_IN_LATTICE))
     return max(1, min(round(1 / share), of_small_image))
 
 
 def lattice_of(image: DepthImage, stride: int, most: int | None = None) -> DepthLattice:
-    """Choose the pixels of a regular lattice that lie clear of edges.
+    """Return the pixels of a regular lattice that are not near an edge.
 
     Parameters
     ----------
     image
         The first frame.
     stride
-        Distance of the lattice's columns and rows, px.
+        Distance of the columns and of the rows of the lattice, px.
     most
-        Number of pixels that the lattice is thinned to; None: all.
+        Largest number of pixels; the lattice is thinned to it. None: all pixels.
+
+    Returns
+    -------
+    DepthLattice
+        With bounds of errors that include the steps of quantised depths.
     """
     lattice = DepthLattice(*lattice_values(image, stride)).with_relative_error(image.quantisation_error)
     return lattice if most is None else lattice.thinned(most)
 
 
 def lattice_values(image: DepthImage, stride: int) -> Float64:
-    """Return columns, rows, depths and relative errors (4, n) of a lattice, but for steps of quantised depths."""
+    """Return the pixels of a regular lattice that are not near an edge, as an array.
+
+    Parameters
+    ----------
+    image
+        The first frame.
+    stride
+        Distance of the columns and of the rows of the lattice, px.
+
+    Returns
+    -------
+    Float64
+        (4, n): columns, rows (px), depths (m) and bounds of their relative errors. The bounds do not include the steps
+        of quantised depths.
+    """
     row, column = np.nonzero(image.near_edge[::stride, ::stride] == 0)
     row, column = row * stride, column * stride
     depths_m = image.depths_m[row, column].astype(np.float64)
@@ -163,24 +201,24 @@ def lattice_values(image: DepthImage, stride: int) -> Float64:
 def warp(
     model: DepthModel, lattice: DepthLattice, image1: DepthImage, number: ModelNumber | None = None
 ) -> WarpedLattice:
-    """Carry the lattice into the second frame and compare its inverse depths with those read there.
+    """Warp the lattice into the second frame and compare its inverse depths with those of that frame.
 
     Parameters
     ----------
     model
-        Camera and motion of both frames.
+        Camera, motion and kind of depth of both frames.
     lattice
         Pixels of the first frame.
     image1
         The second frame.
     number
-        A number of the model by which residuals are differentiated, besides by the motion.
+        Number of the model by which residuals are differentiated, besides the twist of the motion; None: no number.
 
     Returns
     -------
     WarpedLattice
-        Pixels count where they land clear of edges of the second frame by more than anything nearer may have moved
-        against them: hidden surfaces are not compared. The mask does not depend on the residual.
+        A pixel is compared if its distance from the edges of the second frame exceeds the parallax of any nearer
+        surface: occluded surfaces are not compared. The choice does not depend on the residuals.
     """
     n = len(lattice.columns)
     height, width = image1.depths_m.shape
@@ -199,13 +237,42 @@ def warp(
 
 
 def residuals_after(model: DepthModel, lattice: DepthLattice, image1: DepthImage) -> Float64:
-    """Return the residuals (n,) of ``warp`` alone."""
+    """Return the residuals of ``warp`` without their bounds and derivatives.
+
+    Parameters
+    ----------
+    model
+        Camera, motion and kind of depth of both frames.
+    lattice
+        n pixels of the first frame.
+    image1
+        The second frame.
+
+    Returns
+    -------
+    Float64
+        (n,) ``Z1 / Z_read - 1``; NaN where a pixel is not compared.
+    """
     pixels = _Pixels(lattice.columns, lattice.rows, lattice.depths_m, lattice.relative_errors)
     return _residuals(_geometry(model), pixels, _second_frame(image1))
 
 
 def ray_lengths(K: Float64, shape: tuple[int, ...]) -> NDArray[np.float32]:
-    """Return the length of each pixel's ray (H, W), where z is 1."""
+    """Return the ray length over the z-depth of each pixel.
+
+    Parameters
+    ----------
+    K
+        (3, 3) intrinsics, px; pixel centres are whole numbers.
+    shape
+        Rows H and columns W of the image.
+
+    Returns
+    -------
+    NDArray
+        (H, W) |m| with m = (x/z, y/z, 1), 1 at least.
+    """
+    # m = K^-1 (column, row, 1), the ray with z = 1.
     rows, columns = np.mgrid[: shape[0], : shape[1]].astype(np.float64)
     y = (rows - K[1, 2]) / K[1, 1]
     x = (columns - K[0, 2] - K[0, 1] * y) / K[0, 0]
@@ -213,7 +280,7 @@ def ray_lengths(K: Float64, shape: tuple[int, ...]) -> NDArray[np.float32]:
 
 
 class _Geometry(NamedTuple):
-    """A ``DepthModel``: t is in the unit of the depths, ``scale`` times ``path``, which is in metres."""
+    """A ``DepthModel`` for compiled loops; t = scale * path is in the unit of the depths, ``path`` in metres."""
 
     K: Float64
     R: Float64
@@ -224,14 +291,14 @@ class _Geometry(NamedTuple):
 
 
 class _ModelErrors(NamedTuple):
-    """Twist (6,) by which the motion may err, and the rounding of a pixel coordinate, px."""
+    """Bound on the error of the motion as a twist (6,) (rad, m), and on the rounding of a pixel coordinate, px."""
 
     twist: Float64
     pixel_px: float
 
 
 class _Pixels(NamedTuple):
-    """A ``DepthLattice``."""
+    """A ``DepthLattice`` for compiled loops."""
 
     columns: Float64
     rows: Float64
@@ -240,7 +307,7 @@ class _Pixels(NamedTuple):
 
 
 class _SecondFrame(NamedTuple):
-    """A ``DepthImage`` without its marks of edges."""
+    """A ``DepthImage`` for compiled loops, without its marks of edges."""
 
     depths_m: Depths
     error_per_m: Float32
@@ -251,7 +318,7 @@ class _SecondFrame(NamedTuple):
 
 
 class _Residuals(NamedTuple):
-    """What a compiled loop writes of a ``WarpedLattice``."""
+    """The arrays of a ``WarpedLattice``, which a compiled loop writes."""
 
     residuals: Float64
     bounds: Float64
@@ -279,7 +346,7 @@ def _scalars(K: Float64, R: Float64, t: Float64) -> tuple[_Camera, _Motion]:
 
 @njit(cache=True, error_model="numpy")
 def _ray_length(camera: _Camera, column: float, row: float) -> float:
-    """Return the length of a pixel's ray, where z is 1."""
+    """Return the ray length over the z-depth of a pixel."""
     fx, skew, fy, cx, cy = camera
     y = (row - cy) / fy
     x = (column - cx - skew * y) / fx
@@ -290,10 +357,10 @@ def _ray_length(camera: _Camera, column: float, row: float) -> float:
 def _project(
     camera: _Camera, motion: _Motion, path_px: float, ray: float, pixel: tuple[float, float, float], frame: _SecondFrame
 ) -> tuple[bool, float, float, float, float, float]:
-    """Return whether a pixel can be compared in the second frame (H, W); its column and row there, X1, Y1, Z1.
+    """Return whether a pixel can be compared in the second frame (H, W); its column and row there, px; X1, Y1, Z1.
 
-    A pixel is its column, row and depth. It can be compared where nothing nearer may have moved in front of it: by
-    f |t| |m| times the difference of 1/Z; ``path_px`` is f |t|.
+    ``pixel`` is column, row (px) and depth. It can be compared where no nearer surface can have moved in front of it.
+    The parallax of a nearer surface is at most f |t| |m| times the difference of both 1/Z; ``path_px`` is f |t|.
     """
     fx, skew, fy, cx, cy = camera
     Rxx, Rxy, Rxz, Ryx, Ryy, Ryz, Rzx, Rzy, Rzz, tx, ty, tz = motion
@@ -311,7 +378,7 @@ def _project(
     height, width = frame.depths_m.shape
     if not ((Z1 > 0.0) & (column1 >= 0.0) & (column1 < width - 1) & (row1 >= 0.0) & (row1 < height - 1)):
         return False, 0.0, 0.0, X1, Y1, Z1
-    # The nearest surface moves most against the pixel: no occluder comes from farther away.
+    # parallax = f |t| |m| (1 / Z_nearest - 1 / z0): the nearest surface has the largest.
     parallax_px = path_px * length * max(frame.nearest_per_m - 1.0 / z0, 0.0)
     block = np.uint32(frame.block_px)
     clear_px = frame.clearance_px[np.uint64(_nearest(row1) // block), np.uint64(_nearest(column1) // block)]
@@ -325,7 +392,7 @@ def _nearest(coordinate: float) -> np.uint32:
 
 @njit(cache=True, error_model="numpy")
 def _read_inverse_depth(depths: Depths, column: float, row: float) -> tuple[float, float, float]:
-    """Return the bilinear inverse depth at a position within the image, and its derivatives along columns and rows."""
+    """Return the bilinear inverse depth at a position, 1/m, and its derivatives by column and row, 1/m/px."""
     left, top, step = np.uint64(np.int32(column)), np.uint64(np.int32(row)), np.uint64(1)
     right, below = column - np.int32(column), row - np.int32(row)
     first, second = inverse_at(depths, top, left), inverse_at(depths, top, left + step)
@@ -350,7 +417,7 @@ def _residuals(geometry: _Geometry, pixels: _Pixels, frame: _SecondFrame) -> Flo
         residuals[i] = np.nan
         if compared:
             shortening = _ray_length(camera, column1, row1) ** ray if ray != 0.0 else 1.0
-            # r = Z1 / Z_read - 1, a share of the depth: near and far surfaces compare alike.
+            # r = Z1 / Z_read - 1, a share of the depth.
             residuals[i] = _read_inverse_depth(frame.depths_m, column1, row1)[0] * shortening * Z1 - 1.0
     return residuals
 
@@ -361,8 +428,8 @@ def _warp_pixels(
 ) -> int:
     """Write residuals, bounds and derivatives of pixels; NaN, NaN and 0 where they are not compared.
 
-    Returns how many are compared. ``number`` says by what the derivatives by a number are taken: 0 nothing, 1 the
-    scale, 2 the ray's power.
+    Returns the number of pixels that are compared. ``number`` is the code of the number of the model by which residuals
+    are differentiated: 0 none, 1 the scale, 2 the power of the ray length.
     """
     t, scale, ray = geometry.t, geometry.scale, geometry.ray
     columns, rows, depths_m, relative_errors = pixels
@@ -389,7 +456,7 @@ def _warp_pixels(
             continue
         count += 1
         inverse, by_column, by_row = _read_inverse_depth(depths1_m, column1, row1)
-        # 1/z from the inverse length of the ray: times |m|^ray.
+        # 1 / z = |m|^ray / depth
         shortening = _ray_length(camera, column1, row1) ** ray if ray != 0.0 else 1.0
         inverse, by_column, by_row = inverse * shortening, by_column * shortening, by_row * shortening
         # Gradient of the residual r = inverse(u, v) Z - 1 by the point (X, Y, Z), with u = (fx X + skew Y) / Z + cx.
@@ -401,13 +468,13 @@ def _warp_pixels(
         x, y, z = scale * by_x, scale * by_y, scale * by_z
         by_twist[0], by_twist[1], by_twist[2], by_twist[3], by_twist[4], by_twist[5] = a, b, c, x, y, z
         if number == 1:
-            # t = scale path
+            # t = scale path, so that dr/dscale = dr/dX . path.
             number_derivatives[i] = by_x * path_x + by_y * path_y + by_z * path_z
-        elif number == 2:  # z is the shorter, the longer its ray is, and so is what is read
+        elif number == 2:  # d(1/Z_read)/dray = log|m1| / Z_read, dz0/dray = -log|m0| z0
             nearer = by_x * (X1 - tx) + by_y * (Y1 - ty) + by_z * (Z1 - tz)
             length1, length0 = _ray_length(camera, column1, row1), _ray_length(camera, columns[i], rows[i])
             number_derivatives[i] = inverse * Z1 * np.log(length1) - nearer * np.log(length0)
-        # The bound adds all errors in the worst direction: of both depths, of the pixel's coordinates, of the motion.
+        # The bound is the sum of all absolute errors: of both depths, of the pixel coordinates and of the motion.
         error_per_m = np.float64(errors1_per_m[np.uint64(_nearest(row1)), np.uint64(_nearest(column1))])
         bound = relative_errors[i] + error_per_m * shortening * Z1 + quantisation_error * inverse * Z1
         bound += pixel_px * (abs(by_column) + abs(by_row)) * Z1

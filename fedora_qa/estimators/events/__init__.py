@@ -1,1 +1,1 @@
-"""Events against frames, and by themselves."""
+"""Events compared with frames, and events alone."""

@@ -1,8 +1,8 @@
-"""Delays of events by time and by place: which segment of a sequence, or which part of the image, is late.
+"""Delays of events by time and by place: the segment of a sequence, or the part of the image, whose events are late.
 
-Each window is fitted by itself, and each tile of the image by itself, from the same sums. A fault that is local stands
-out as the segment of windows, or the rectangle of tiles, whose mean delay differs most from the rest: the matched
-filter for a step, over every segment and every rectangle.
+Each window and each tile of the image is fitted separately, from the same sums. A local fault is the segment of
+windows, or the rectangle of tiles, whose mean delay differs most from that of the rest. All segments and all rectangles
+are tried, which is the matched filter for a step.
 """
 
 from collections.abc import Iterable
@@ -17,16 +17,16 @@ from fedora_qa.estimators.fitting.group_scatter import shared_errors, student_fa
 Float64 = NDArray[np.float64]
 
 FEWEST_SAMPLES = 100
-"""Below, a window or tile has no delay of its own."""
+"""Least number of samples of a window or tile whose delay is fitted."""
 
 LARGE_RESIDUAL = 3.0
-"""Times the usual residual over threshold beyond which events of a window or tile do not follow the frames at all."""
+"""Ratio to the median residual over threshold beyond which the events of a window or tile do not follow the frames."""
 
 FEWEST_CELLS = 8
-"""Below, the relative standard error of the scatter of cells exceeds a quarter."""
+"""Least number of cells whose scatter is used. With fewer cells its relative standard error exceeds a quarter."""
 
 _FITTED_BY_STEP = 4
-"""Two means, and two ends of the part."""
+"""Number of fitted values of a step: two means, and two ends of the part."""
 
 _SINGULAR = 1e-6
 """Least eigenvalue of scaled normal equations at which thresholds and delay are identifiable."""
@@ -37,9 +37,18 @@ _MEDIAN_OF_SQUARES = 0.4549
 
 @dataclass(frozen=True, slots=True)
 class CellSums:
-    """Normal equations of cells, (w, c, 3, 3), (w, c, 3), (w, c), (w, c), (w, c): windows by tiles.
+    """Weighted normal equations of cells, w windows by c tiles, for the parameters C+, C- and delay.
 
-    X'WX and X'Wy of C+, C- and delay; y'Wy; the sum of weights; the number of samples.
+    Attributes
+    ----------
+    matrices, vectors
+        (w, c, 3, 3) X'WX and (w, c, 3) X'Wy.
+    squares
+        (w, c) y'Wy, in squared units of the level.
+    weights
+        (w, c) sums of the weights.
+    counts
+        (w, c) numbers of samples.
     """
 
     matrices: Float64
@@ -49,13 +58,23 @@ class CellSums:
     counts: Float64
 
     def over(self, axis: int) -> "CellSums":
-        """Return the sums over windows (0) or tiles (1), that axis of length 1."""
+        """Return the sums over windows (axis 0) or tiles (axis 1); this axis then has the length 1."""
         return CellSums(*(getattr(self, name).sum(axis=axis, keepdims=True) for name in CellSums.__slots__))
 
 
 @dataclass(frozen=True, slots=True)
 class CellDelays:
-    """Delays (k,) in s, their formal standard errors, and residuals over thresholds; NaN where unidentifiable."""
+    """Delays of k cells or parts; NaN where thresholds and delay are not identifiable.
+
+    Attributes
+    ----------
+    seconds
+        (k,) delays of the event timestamps, s; positive where they are late.
+    errors_s
+        (k,) standard errors of the delays, s.
+    relative_sigmas
+        (k,) standard deviations of the residuals, over the mean threshold.
+    """
 
     seconds: Float64
     errors_s: Float64
@@ -63,7 +82,7 @@ class CellDelays:
 
     @property
     def follows_frames(self) -> NDArray[np.bool_]:
-        """Where events follow the frames as well as they usually do."""
+        """Mask (k,) of the cells whose residual is at most ``LARGE_RESIDUAL`` times the median residual."""
         usual = np.nanmedian(self.relative_sigmas) if np.isfinite(self.relative_sigmas).any() else 0.0
         follows: NDArray[np.bool_] = np.isfinite(self.seconds) & (self.relative_sigmas <= LARGE_RESIDUAL * usual)
         return follows
@@ -71,16 +90,16 @@ class CellDelays:
 
 @dataclass(frozen=True, slots=True)
 class DelayStep:
-    """The part whose mean delay differs most from the rest.
+    """The part whose mean delay differs most from that of the rest.
 
     Attributes
     ----------
     chosen
-        (k,) windows or tiles of the part.
+        (k,) True for the windows or tiles of the part.
     offset_s, standard_error_s
-        Its delay less that of the rest, s, and the standard error of this difference.
+        Mean delay of the part less that of the rest, s, and the standard error of this difference, s.
     tests
-        Parts that were compared.
+        Number of parts that were compared.
     """
 
     chosen: NDArray[np.bool_]
@@ -90,17 +109,17 @@ class DelayStep:
 
 
 def delays(sums: CellSums) -> CellDelays:
-    """Fit thresholds and delay of each cell by itself.
+    """Fit thresholds and delay of each cell separately.
 
     Parameters
     ----------
     sums
-        Of windows by tiles, (w, c).
+        Normal equations of w windows by c tiles.
 
     Returns
     -------
     CellDelays
-        (w * c,), the windows first.
+        (w * c,) in the order of windows, then tiles; with formal standard errors.
     """
     count = sums.counts.size
     cells = CellSums(
@@ -124,31 +143,31 @@ def delays(sums: CellSums) -> CellDelays:
 
 
 def delays_of_parts(sums: CellSums, summed: int) -> CellDelays:
-    """Fit each window (``summed`` = 1) or each tile (0), with nominal errors.
+    """Fit the delay of each window or of each tile, with the errors that a correct file gives.
 
-    Errors of the frames are shared by samples of one pixel and of its neighbours, so that cells scatter by more than
-    their formal errors. An error is the larger of two: the formal one times the usual excess of the file, and how far
-    leaving one cell of the part out in turn moves its delay (delete-one jackknife). For windows both are widened by
-    what tiles of a row or column share, and the excess is that of all windows together; for tiles that would hide a
-    part of the image that is late.
+    Samples of one pixel and of its neighbours share errors of the frames, so that cells scatter by more than their
+    formal errors. The error of a part is the larger of two: its formal error times the excess of the file, and the
+    scatter of its delay when one of its cells is left out in turn (delete-one jackknife). For windows, the excess is
+    also that of the jackknife errors of all windows, and both errors are widened by what tiles of one row or column
+    share. For tiles this would hide a late part of the image.
 
     Parameters
     ----------
     sums
-        Of windows by tiles, (w, c).
+        Normal equations of w windows by c tiles.
     summed
-        The axis to sum over: 1 gives one delay for each window, 0 one for each tile.
+        Axis to sum over: 1 gives one delay for each window, 0 one delay for each tile.
 
     Returns
     -------
     CellDelays
-        (w,) or (c,), with standard errors in s.
+        (w,) or (c,), with these standard errors.
     """
     parts, by_cell, cells = delays(sums.over(summed)), _jackknife(sums, summed), delays(sums)
     windows, tiles = sums.counts.shape
-    # By how much delays of cells scatter beyond their formal errors. Where a segment of time is late, a cell scatters
-    # by its own error alone about the delay of its window; where a part of the image is late, about the delay of its
-    # tile. The smaller of both scatters is that of a correct file.
+    # Scatter of the delays of cells over their formal errors. If a segment of time is late, a cell scatters only by its
+    # own error about the delay of its window; if a part of the image is late, about the delay of its tile. The smaller
+    # of both scatters is that of a correct file.
     seconds, cell_errors_s = cells.seconds.reshape(windows, tiles), cells.errors_s.reshape(windows, tiles)
     scatters = []
     for axis in (0, 1):
@@ -156,14 +175,14 @@ def delays_of_parts(sums: CellSums, summed: int) -> CellDelays:
         deviations = (seconds - of_parts)[cell_errors_s > 0] / cell_errors_s[cell_errors_s > 0]
         deviation_squares = deviations[np.isfinite(deviations)] ** 2
         if len(deviation_squares) >= FEWEST_CELLS:
-            # Robust: a single late cell must not widen the errors of all. z^2 of normal z has the median 0.4549.
+            # scatter^2 = median(z^2) / 0.4549, the median for normal z: a single late cell must not widen all errors.
             scatters.append(float(np.sqrt(np.median(deviation_squares) / _MEDIAN_OF_SQUARES)))
     excess = max(1.0, min(scatters, default=1.0))
     if summed == 1:
-        # By how much errors by leaving out tiles exceed formal ones. A few long edges may hold most of a window's
-        # weight; if three of them err alike by chance, which happens over the windows of many files, the jackknife
-        # error is much too small. All windows together estimate the excess with the sum of their degrees of freedom
-        # (Student). A window has as many as tiles that would share its weight evenly, less 1: (sum w)^2 / sum w^2 - 1
+        # Excess of jackknife errors over formal ones. A few long edges can hold most of the weight of a window. If
+        # three of them err alike by chance, which occurs among the windows of many files, the jackknife error is much
+        # too small. All windows together estimate the excess with the sum of their degrees of freedom (Student). A
+        # window has (sum w)^2 / sum w^2 - 1 of these: the number of tiles that would share its weight evenly, less 1
         # (L. Kish, Survey Sampling, Wiley 1965).
         weights = np.where(cell_errors_s > 0, cell_errors_s, np.inf) ** -2.0
         weights = np.where(np.isfinite(weights), weights, 0.0)
@@ -178,10 +197,10 @@ def delays_of_parts(sums: CellSums, summed: int) -> CellDelays:
 
 
 def _shared_by_lines(sums: CellSums, formal: Float64, by_tile: Float64) -> float:
-    """Return by how much errors of windows exceed those ``by_tile``, of independent tiles; 1 at least.
+    """Return the ratio of the errors of windows to those of independent tiles (``by_tile``), 1 at least.
 
-    A long straight edge crosses the pixels of a whole row of tiles at one phase: its frames err there alike. Leaving
-    out rows, or columns, of a window's tiles in turn separates such errors from others, over all windows together.
+    A long straight edge crosses the pixels of a whole row of tiles at one phase, so that the frames err equally there.
+    Such errors are estimated from all windows together, by leaving out rows, or columns, of tiles in turn.
     """
     windows, tiles = sums.counts.shape
     side = round(tiles**0.5)
@@ -201,14 +220,14 @@ def _shared_by_lines(sums: CellSums, formal: Float64, by_tile: Float64) -> float
 
 
 def _jackknife(sums: CellSums, summed: int) -> Float64:
-    """Return the spread (k,) of each part's delay when its cells are left out one by one; infinite with one cell."""
+    """Return the standard errors (k,) of delays of parts, s, by leaving out one cell each; infinite with one cell."""
     total = sums.over(summed)
     without_matrices, without_vectors = total.matrices - sums.matrices, total.vectors - sums.vectors
     inverses, identifiable = _inverses(without_matrices.reshape(-1, 3, 3), np.full(sums.counts.size, np.inf))
     seconds = np.einsum("kj,kj->k", inverses[:, 2], without_vectors.reshape(-1, 3)).reshape(sums.counts.shape)
     present = sums.counts > 0
     used = present & identifiable.reshape(present.shape)
-    # (n - 1) / n times the squares about the mean of the estimates that leave one cell out (Efron and Stein 1981).
+    # error^2 = (n - 1) / n sum_i (d_i - mean d)^2, d_i the delay without cell i (Efron and Stein 1981).
     count = np.maximum(used.sum(axis=summed), 1)
     mean = np.where(used, seconds, 0.0).sum(axis=summed) / count
     squares = np.where(used, (seconds - np.expand_dims(mean, summed)) ** 2, 0.0).sum(axis=summed)
@@ -218,9 +237,9 @@ def _jackknife(sums: CellSums, summed: int) -> Float64:
 
 
 def _inverses(matrices: Float64, counts: Float64) -> tuple[Float64, NDArray[np.bool_]]:
-    """Return the inverses (k, 3, 3), zero where thresholds and delay are not identifiable, and whether they are."""
+    """Return inverses (k, 3, 3), and whether (k,) thresholds and delay are identifiable; zeros where they are not."""
     sizes = np.sqrt(np.maximum(np.diagonal(matrices, axis1=1, axis2=2), 1e-300))
-    # Unit diagonal: thresholds (counts) and delay (slopes, 1/s) differ in unit, and so would their eigenvalues.
+    # Scaled to a unit diagonal, because the columns of thresholds (counts) and delay (slopes) differ in unit.
     scales = sizes[:, :, np.newaxis] * sizes[:, np.newaxis, :]
     scaled = matrices / scales
     identifiable = (counts >= FEWEST_SAMPLES) & (np.linalg.eigvalsh(scaled)[:, 0] > _SINGULAR)
@@ -230,12 +249,12 @@ def _inverses(matrices: Float64, counts: Float64) -> tuple[Float64, NDArray[np.b
 
 
 def largest_segment_step(values: Float64, errors: Float64) -> DelayStep | None:
-    """Return the segment of successive values that differs most from the rest.
+    """Return the segment of successive values whose mean differs most from that of the rest, in standard errors.
 
     Parameters
     ----------
     values, errors
-        (k,) in s; NaN values belong to neither part.
+        (k,) delays in the order of time and their standard errors, s. NaN values belong to neither part.
 
     Returns
     -------
@@ -250,16 +269,16 @@ def largest_segment_step(values: Float64, errors: Float64) -> DelayStep | None:
 def largest_rectangle_step(
     values: Float64, errors: Float64, shape: tuple[int, int], freedom: float = np.inf
 ) -> DelayStep | None:
-    """Return the rectangle of a grid of values that differs most from the rest.
+    """Return the rectangle of a grid of values whose mean differs most from that of the rest, in standard errors.
 
     Parameters
     ----------
     values, errors
-        (k,) in s, rows of the grid first; NaN values belong to neither part.
+        (k,) delays by rows of the grid, and their standard errors, s. NaN values belong to neither part.
     shape
-        Rows and columns of the grid.
+        Rows and columns of the grid; their product is k.
     freedom
-        Degrees of freedom of each error; the standard error of the step is widened accordingly.
+        Degrees of freedom of each error. The standard error of the step is widened by ``student_factor``.
 
     Returns
     -------
@@ -278,6 +297,7 @@ def largest_rectangle_step(
 def _largest_step(
     values: Float64, errors: Float64, parts: Iterable[NDArray[np.bool_]], freedom: float = np.inf
 ) -> DelayStep | None:
+    """Return the part whose weighted mean differs most from that of the rest; as ``largest_rectangle_step``."""
     usable = np.isfinite(values) & np.isfinite(errors)
     weights = np.where(usable, 1 / np.where(usable, errors, 1.0) ** 2, 0.0)
     weighted = weights * np.where(usable, values, 0.0)
@@ -288,22 +308,23 @@ def _largest_step(
         if inside == 0 or outside == 0:
             continue
         tests += 1
-        # Means weighted by inverse variances, whose own variances are one over the sums of weights.
+        # Weighted means with w = 1 / error^2: d = sum_in w x / sum_in w - sum_out w x / sum_out w, of variance
+        # Var d = 1 / sum_in w + 1 / sum_out w.
         offset_s = float(weighted[chosen].sum() / inside - weighted[~chosen].sum() / outside)
         error = float(np.sqrt(1 / inside + 1 / outside))
         if best is None or abs(offset_s) / error > abs(best.offset_s) / best.standard_error_s:
             best = DelayStep(chosen, offset_s, error, tests)
     if best is None:
         return None
-    # By how much values scatter about both means beyond their errors, 1 at least, where there are many.
+    # Where there are enough values: their scatter about both means over their errors, 1 at least.
     scatter, values, weights_of_values, inside_part = 1.0, values[usable], weights[usable], best.chosen[usable]
     residual_freedom = len(values) - _FITTED_BY_STEP
     if residual_freedom >= FEWEST_CELLS:
         rest = float(np.average(values[~inside_part], weights=weights_of_values[~inside_part]))
         residuals = values - rest - best.offset_s * inside_part
         scatter = max(1.0, float(np.sqrt(np.sum(weights_of_values * residuals**2) / residual_freedom)))
-    # The variance of a weighted mean adds those of its parts, 1/w of each weighing (w / sum w)^2, and so do their own
-    # uncertainties (F. E. Satterthwaite, Biometrics 2, 1946).
+    # Degrees of freedom of a sum of variances v_i: nu (sum v)^2 / sum v^2 (F. E. Satterthwaite, Biometrics 2, 1946).
+    # Value i contributes v_i = w_i / (sum w)^2 to the variance of its weighted mean.
     student = 1.0
     if np.isfinite(freedom):
         shares = np.concatenate([weights[side] / weights[side].sum() ** 2 for side in (best.chosen, ~best.chosen)])

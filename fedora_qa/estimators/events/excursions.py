@@ -1,11 +1,11 @@
-"""What events must conserve: the signal less the sum of its events stays within the thresholds at all times.
+"""Conservation of events (model ``log``): the signal less the sum of its events stays within the thresholds.
 
-An ideal pixel keeps ``-C- < L - ref < C+``, and ``ref`` moves by C+ and C- only. So over any times, however far apart,
-``E = L - C+ P + C- M`` varies by less than C+ + C-. Each frame bounds L at its time; the pixel violates the law where
-the largest lower bound of E exceeds the smallest upper bound by C+ + C- or more. Where the reference is the signal at
-the first frame, E is nothing there, and stays within the thresholds of it: -C- < E < C+.
+An ideal pixel keeps ``-C- < L - ref < C+``, and ``ref`` changes only by steps of C+ and -C-. With P brighter and M
+darker events so far, ``E = L - C+ P + C- M`` therefore varies by less than C+ + C- over any interval of time. Each
+frame bounds L at its time. A pixel violates the law where the largest lower bound of E exceeds the smallest upper bound
+by C+ + C- or more. Where the reference is the signal at the first frame, E counts from 0 there, and ``-C- < E < C+``.
 
-Signals are int64 multiples of 2^-40 nat, so that neighbouring frame runs join exactly in any order.
+Signals are int64 multiples of 2^-40 nat, so that neighbouring frame runs can be joined exactly in any order.
 """
 
 from dataclasses import dataclass, replace
@@ -21,31 +21,32 @@ Int32 = NDArray[np.int32]
 Int64 = NDArray[np.int64]
 Images = NDArray[np.floating]
 
+# Integer units of the signal for each nat.
 UNITS_PER_NAT: Final = 2.0**40
 EVERY_FRAME: Final = (np.inf, 0.0)
 """The rule that accepts every frame."""
 
 FARTHEST = 1 << 61
-"""A bound that bounds nothing, in units."""
+"""Absolute value, in units, of a bound that excludes no value."""
 
 _MANTISSA_BITS = 52
 _ROOT_OF_HALF = 0x3FE6A09E667F3BCD
-"""The bits of sqrt(1/2) as a number of double precision: from there to sqrt(2) a logarithm is taken of the mantissa."""
+"""Bits of sqrt(1/2) in double precision. Mantissas whose logarithm is taken lie between sqrt(1/2) and sqrt(2)."""
 _LN_2 = float(np.log(2.0))
 
 
 @dataclass(frozen=True, slots=True)
 class ConservationLaw:
-    """What an ideal pixel does, and which frames are accepted.
+    """The law of an ideal pixel, and the rules by which frames are accepted.
 
     Attributes
     ----------
     threshold_on, threshold_off
-        What a brighter and a darker event stand for, nat.
+        C+ and C-: change of the signal by a brighter and by a darker event, nat, both positive.
     dark
-        The signal is ln(light + dark); DN.
+        Constant in the signal ln(light + dark), DN.
     uneven
-        Rules (a, b): a frame bounds nothing in a pixel whose error is not below a + b (light + dark), DN.
+        k rules (a, b), DN and a ratio: a frame is used at a pixel only where its error is below a + b (light + dark).
     """
 
     threshold_on: float
@@ -56,20 +57,22 @@ class ConservationLaw:
 
 @dataclass(slots=True)
 class Excursions:
-    """Bounds of E for every pixel over some consecutive frames, by each of the k rules of a law.
+    """Bounds of E for every pixel over consecutive frames, by each of the k rules of a law.
 
     Attributes
     ----------
+    law
+        Thresholds, dark value and rules.
     first_frame, last_frame
-        Both included.
+        Numbers of the first and the last frame, both included.
     total
-        (h, w) what the events between the first and the last frame sum to.
+        (h, w) sum of the events between the first and the last frame, less the drift; units.
     highest, lowest
-        (k, h, w) the largest lower bound and the smallest upper bound of E, counted from the first frame.
+        (k, h, w) largest lower bound and smallest upper bound of E, counted from the first frame; units.
     highest_at, lowest_at
-        (h, w) the frames of the first rule's.
+        (h, w) numbers of the frames that give these bounds by the first rule.
     start
-        (2, h, w) light and its error at frame 0; (2, 0, 0) of a run that begins later, where no reference is declared.
+        (2, h, w) light and its error at frame 0, DN; (2, 0, 0) for frames that begin later.
     """
 
     law: ConservationLaw
@@ -83,16 +86,28 @@ class Excursions:
     start: NDArray[np.floating[Any]]
 
     def follow(self, light: Images, error: Images, counts: Int32, drift: Float64, frames: Int64) -> None:
-        """Go on, in place, over frames of which the first is this one's last; arguments as those of ``bound``."""
+        """Continue over further frames, in place.
+
+        Parameters
+        ----------
+        light, error
+            (n, h, w) light at each frame, DN, and a bound of its error; infinite where the light is not known.
+        counts
+            (n - 1, 2, h, w) darker and brighter events between the frames.
+        drift
+            (n - 1,) apparent gain of the signal between the frames that is not due to light (leak), nat.
+        frames
+            (n,) numbers of the frames; the first is ``last_frame``.
+        """
         self._add_frames(light, error, counts, drift, frames, begun=True)
         self.last_frame = int(frames[-1])
 
     def then(self, later: "Excursions") -> "Excursions":
-        """Join with the excursions that begin at this one's last frame. Exact, hence associative."""
-        # E counted from this run's first frame is E counted from the later run's less the events in between.
+        """Join with the excursions that begin at the last frame of these. The result is exact, hence associative."""
+        # E from the first frame = E from the first frame of the later run - events in between.
         highest = np.where(later.highest > -FARTHEST, later.highest - self.total, -FARTHEST)
         lowest = np.where(later.lowest < FARTHEST, later.lowest - self.total, FARTHEST)
-        # Of equal ones the earlier.
+        # Of equal bounds the earlier frame counts.
         highest_at = np.where(highest[0] > self.highest[0], later.highest_at, self.highest_at)
         lowest_at = np.where(lowest[0] < self.lowest[0], later.lowest_at, self.lowest_at)
         np.maximum(highest, self.highest, out=highest)
@@ -101,16 +116,19 @@ class Excursions:
         return Excursions(self.law, *ends, total, highest, lowest, highest_at, lowest_at, self.start)
 
     def excess(self, rule: int = 0) -> Float64:
-        """Return by how much (h, w) E varies at least, nat; negative where the bounds allow that it does not."""
+        """Return the least variation (h, w) of E by a rule, nat; negative where E may be constant."""
         variation: Float64 = (self.highest[rule].astype(np.float64) - self.lowest[rule]) / UNITS_PER_NAT
         return variation
 
     def departure(self, rule: int = 0) -> Float64:
-        """Return how far (h, w) E goes at least beyond the thresholds around its start, nat; mostly negative."""
+        """Return the least distance (h, w) of E beyond the thresholds around its start, by a rule.
+
+        It is in nat, and negative where E may stay within the thresholds.
+        """
         light, error = self.start[:, np.newaxis]
         no_counts, first = np.zeros((0, 2, *light.shape[1:]), np.int32), np.zeros(1, np.int64)
         start = bound(light, error, no_counts, np.zeros(0), replace(self.law, uneven=(self.law.uneven[rule],)), first)
-        # Where E is nothing at the first frame, it stays within C+ above and C- below that start.
+        # A correct pixel has -C- < E - start < C+.
         rise = (self.highest[rule].astype(np.float64) - start.lowest[0]) / UNITS_PER_NAT - self.law.threshold_on
         fall = (start.highest[0].astype(np.float64) - self.lowest[rule]) / UNITS_PER_NAT - self.law.threshold_off
         farthest: Float64 = np.maximum(rise, fall)
@@ -139,11 +157,11 @@ def bound(
     Parameters
     ----------
     light, error
-        (n, h, w) light at each frame, DN, and a bound of its error; infinite where nothing is known.
+        (n, h, w) light at each frame, DN, and a bound of its error; infinite where the light is not known.
     counts
         (n - 1, 2, h, w) darker and brighter events between the frames.
     drift
-        (n - 1,) nat that the signal appears to gain between frames besides (leak).
+        (n - 1,) apparent gain of the signal between the frames that is not due to light (leak), nat.
     law
         Thresholds and rules of acceptance.
     frames
@@ -172,18 +190,18 @@ def bound(
 
 
 class FrameBounds(NamedTuple):
-    """Light and its error at n frames, and what happens between them: the input of ``follow_excursions``.
+    """Light and its error at n frames, and the events between them: the input of ``follow_excursions``.
 
     Attributes
     ----------
     light, error
-        (n, h, w).
+        (n, h, w) light, and a bound of its error, DN.
     counts
         (n - 1, 2, h, w) darker and brighter events between the frames.
     drift
-        (n - 1,) what the signal gains besides, units.
+        (n - 1,) apparent gain of the signal that is not due to light, units.
     frames
-        (n,) their numbers.
+        (n,) numbers of the frames.
     """
 
     light: Images
@@ -194,7 +212,17 @@ class FrameBounds(NamedTuple):
 
 
 class ExtremeBounds(NamedTuple):
-    """What ``follow_excursions`` updates: ``total`` to ``lowest_at`` of ``Excursions``."""
+    """The arrays of ``Excursions`` that ``follow_excursions`` updates.
+
+    Attributes
+    ----------
+    total
+        (h, w) sums of events, units.
+    highest, lowest
+        (k, h, w) largest lower and smallest upper bounds of E, units.
+    highest_at, lowest_at
+        (h, w) frames of these bounds by the first rule.
+    """
 
     total: Int64
     highest: Int64
@@ -213,26 +241,25 @@ def follow_excursions(
     begun: bool,
     extremes: ExtremeBounds,
 ) -> None:
-    """Bound signal minus events of every pixel over the frames, by each of k rules of acceptance.
+    """Update the bounds of E, signal less events, of every pixel over the frames, by each of k rules of acceptance.
 
-    The signal is ln(light + dark) in units of 1 / ``units`` nat; a darker and a brighter event change it by ``steps``.
-    A frame bounds nothing where its error is not finite, or is not below a + b (light + dark), (a, b) being a row of
-    ``uneven`` (k, 2). If ``begun``, the first frame has been added before.
+    The signal is ln(light + dark). A frame is used at a pixel only where its error is finite and below
+    a + b (light + dark), with (a, b) a row of ``uneven``.
 
     Parameters
     ----------
     bounds
-        Frames, DN, and what happens between them.
+        Frames, DN, and events between them.
     dark
-        DN.
+        Constant in the signal, DN.
     steps
-        C- and C+, units.
+        C- and C+, units, both positive.
     uneven
         (k, 2) rules.
     units
         Units per nat.
     begun
-        Whether ``extremes`` hold the first frame already.
+        Whether ``extremes`` contain the first frame already.
     extremes
         Updated in place.
     """
@@ -241,14 +268,14 @@ def follow_excursions(
     width = light.shape[2]
     ends, accepted = np.empty((2, width), np.int64), np.empty(width, np.bool_)
     mantissas, exponents = np.empty((2, width)), np.empty((2, width))
-    # By rows, so that all frames of a row are followed while its bounds lie in the cache.
+    # By rows: the bounds of a row stay in the cache while all frames are processed.
     for row in range(light.shape[1]):
         for frame in range(len(light)):
             if frame > 0:
                 # Events lie in (frame - 1, frame]: they are added before the bounds of this frame are taken.
                 off, on, subtracted = counts[frame - 1, 0, row], counts[frame - 1, 1, row], total[row]
                 for column in range(width):
-                    # E = L - C+ P + C- M + drift, module docstring: ``total`` is what is subtracted from L.
+                    # E = L - total, with total = C+ P - C- M - drift.
                     subtracted[column] += on[column] * steps[1] - off[column] * steps[0] - drift[frame - 1]
             elif begun:
                 continue
@@ -272,20 +299,20 @@ def follow_excursions(
 def _split_bounds(
     light: Images, error: Images, dark: float, mantissas: Float64, bits: Int64, exponents: Float64
 ) -> None:
-    """Split the lower and the upper bound of the light of a row into mantissa and exponent, (2, w) each.
+    """Split the lower and the upper bound of light + dark of a row into mantissa and exponent, (2, w) each.
 
-    ``bits`` are those of ``mantissas``. Where nothing is known it is the logarithm of 1.
+    ``bits`` is a view of the bits of ``mantissas``. Where the light is not known, both bounds are 1.
     """
     for column in range(len(light)):
         bright, off = light[column] + dark, float(error[column])
-        # An error as large as the light leaves the lower bound at no light, whose logarithm is not finite.
+        # If the error is as large as the light, the lower bound is 0, whose logarithm is not finite.
         bounded = (bright > off) & (off < np.inf)
         mantissas[0, column] = bright - off if bounded else 1.0
         mantissas[1, column] = bright + off if bounded else 1.0
     for end in range(2):
         for column in range(len(light)):
             whole = bits[end, column]
-            # Bits of a double are ordered as the numbers: above those of sqrt(1/2) the exponent counts octaves.
+            # Bits of positive doubles are ordered as the numbers: the exponent counts octaves from sqrt(1/2) on.
             exponent = (whole - _ROOT_OF_HALF) >> _MANTISSA_BITS
             bits[end, column] = whole - (exponent << _MANTISSA_BITS)
             exponents[end, column] = exponent
@@ -293,15 +320,16 @@ def _split_bounds(
 
 @njit(cache=True, error_model="numpy")
 def _log_of_parts(mantissas: Float64, exponents: Float64, units: float, logs: Int64) -> None:
-    """Write logarithms (2, w) in units, the first rounded down and the second up; without a branch.
+    """Write logarithms (2, w) in units, the first row rounded down and the second up; without a branch.
 
-    ln m = 2 artanh s, s = (m - 1) / (m + 1), by its series: |s| < 0.1716, so that what is left out is below 1e-13.
+    ln m = 2 artanh s with s = (m - 1) / (m + 1), by its series. As |s| < 0.1716, the terms left out are below 1e-13.
     """
     for end in range(2):
         for column in range(mantissas.shape[1]):
             m = mantissas[end, column]
             s = (m - 1.0) / (m + 1.0)
             z = s * s
+            # artanh(s) / s = 1 + z / 3 + z^2 / 5 + ... + z^7 / 15, z = s^2
             series = 1.0 / 9.0 + z * (1.0 / 11.0 + z * (1.0 / 13.0 + z * (1.0 / 15.0)))
             series = 1.0 + z * (1.0 / 3.0 + z * (1.0 / 5.0 + z * (1.0 / 7.0 + z * series)))
             log = (exponents[end, column] * _LN_2 + 2.0 * s * series) * units
@@ -311,6 +339,7 @@ def _log_of_parts(mantissas: Float64, exponents: Float64, units: float, logs: In
 
 @njit(cache=True)
 def _widen(ends: Int64, accepted: Bool, total: Int64, highest: Int64, lowest: Int64) -> None:
+    """Update the largest lower and the smallest upper bound of E = L - total of a row (w,) by a frame."""
     for column in range(len(total)):
         least = ends[0, column] - total[column] if accepted[column] else -FARTHEST
         most = ends[1, column] - total[column] if accepted[column] else FARTHEST
@@ -331,7 +360,8 @@ def _widen_and_note(
 ) -> None:
     """Update the largest lower and the smallest upper bound of a row (w,) by a frame, and note its number."""
     for column in range(len(total)):
-        # E = L - total. Only a tighter bound replaces the frame number: of equal ones the earlier, as in ``then``.
+        # E = L - total. Only a tighter bound replaces the frame: of equal bounds the earlier one counts, as in
+        # ``then``.
         least = ends[0, column] - total[column] if accepted[column] else -FARTHEST
         most = ends[1, column] - total[column] if accepted[column] else FARTHEST
         highest_at[column] = frame if least > highest[column] else highest_at[column]

@@ -1,12 +1,13 @@
 """Frames resampled to the pixels of the event camera: area averages in linear intensity.
 
-Two cameras with one centre and one orientation image one ray at pixels related by ``x_to = K_to K_from^-1 x_from``,
-separable in columns and rows where the skew is zero. A pixel covers [u - 1/2, u + 1/2].
+Two cameras with one centre and one orientation image a ray at pixels with ``x_to = K_to K_from^-1 x_from``. Columns and
+rows are separate where the skew is 0. A pixel u covers [u - 1/2, u + 1/2].
 
-The mean over an interval is the difference of the primitive at its ends. At the borders of frame pixels the primitive
-is known exactly, because a frame pixel is itself a mean. Inside a pixel two reconstructions bracket what the frame
-leaves open: the straight line (*uniform*: the pixel has one value, which widens the footprint and takes contrast away)
-and the cubic through the four nearest borders (*edge-aware*: exact for smooth images, too steep at steps).
+The mean over an interval is the difference of the primitive (the integral of the image) at its ends, over its length.
+At the borders of frame pixels the primitive is known exactly, because a frame pixel is itself a mean. Inside a pixel
+two reconstructions bracket the primitive. The straight line (*uniform*) gives the pixel one value, which widens the
+footprint and reduces contrast. The cubic through the four nearest borders (*edge-aware*) is exact for smooth images and
+too steep at steps.
 """
 
 from dataclasses import dataclass
@@ -24,25 +25,41 @@ Weighted = tuple[NDArray[np.int64], Float64]
 Weighted32 = tuple[NDArray[np.int64], Float32]
 
 LEFT_BY_SHARP = 0.7
-"""Bound on the error of a result of the edge-aware reconstruction, as a fraction of its distance from that of the
+"""Bound on the error of a result by the edge-aware reconstruction, as a share of its distance from the result by the
 uniform one.
 
-On smooth images the cubic has hardly any error. Steps are the worst that frames hold. For unit steps at random places,
-moving by s frame pixels between two frames (footprints of 9/4 frame pixels), the amplitude of the change is too small
-by 6.6, 4.4, 2.8, 2.0% (uniform) and 2.7, 1.2, 0.5, 0.3% (edge-aware) at s = 1, 2, 3, 4: the edge-aware one is off by
-0.68, 0.38, 0.23, 0.20 times what lies between both. Moves below a frame pixel bring few events."""
+On smooth images the cubic has almost no error; steps are the worst case. Consider unit steps at random places that move
+by s frame pixels between two frames, with footprints of 9/4 frame pixels. At s = 1, 2, 3, 4 the amplitude of the change
+is too small by 6.6, 4.4, 2.8, 2.0% (uniform) and by 2.7, 1.2, 0.5, 0.3% (edge-aware). The error of the edge-aware one
+is 0.68, 0.38, 0.23, 0.20 times the difference of both. Motion of less than a frame pixel gives few events."""
 
 
 @dataclass(frozen=True, slots=True)
 class FootprintTaps:
-    """Weights of successive frame pixels along one axis: the first pixel (m,), and the weights (m, k) from there."""
+    """Weights of successive frame pixels along one axis, for m pixels of the event camera.
+
+    Attributes
+    ----------
+    first
+        (m,) index of the first frame pixel.
+    weights
+        (m, k) weights of the k frame pixels from there on.
+    """
 
     first: NDArray[np.int64]
     weights: Float64
 
 
 class AxisWeights(NamedTuple):
-    """First pixels and weights along one axis in single precision, and the pixels (m,) inside: as ``FootprintAxis``."""
+    """A ``FootprintAxis`` in single precision, for compiled loops.
+
+    Attributes
+    ----------
+    uniform, edge_aware, split
+        First frame pixel (m,) and weights (m, k) of each reconstruction.
+    inside
+        (m,) True where the footprint lies wholly in the frame.
+    """
 
     uniform: Weighted32
     edge_aware: Weighted32
@@ -51,7 +68,15 @@ class AxisWeights(NamedTuple):
 
 
 class FrameReconstructions(NamedTuple):
-    """A frame at the pixels of the event camera, (h, w) each: by both reconstructions, and the error of the uniform."""
+    """A frame at the pixels of the event camera.
+
+    Attributes
+    ----------
+    edge_aware, uniform
+        (h, w) means over the footprints by both reconstructions, DN.
+    error
+        (h, w) bound on the error of ``uniform``, DN; infinite where it is not known.
+    """
 
     edge_aware: Float32
     uniform: Float32
@@ -63,16 +88,16 @@ _RECONSTRUCTIONS = "uniform", "edge_aware", "split"
 
 @dataclass(frozen=True, slots=True)
 class FootprintAxis:
-    """Weights of the frame's pixels for the m pixels of the event camera, along one axis.
+    """Weights of the frame pixels for the m pixels of the event camera, along one axis.
 
     Attributes
     ----------
     uniform, edge_aware
-        Means over the footprint, by the straight line and by the cubic.
+        Weights of means over the footprint, by the straight line and by the cubic.
     split
-        ``uniform`` times the fraction of each pixel that lies inside.
+        The weights ``uniform``, each times the share of its frame pixel that lies in the footprint.
     inside
-        (m,): the footprint lies wholly in the frame.
+        (m,) True where the footprint lies wholly in the frame.
     """
 
     uniform: FootprintTaps
@@ -81,7 +106,7 @@ class FootprintAxis:
     inside: NDArray[np.bool_]
 
     def packed(self) -> NDArray[np.void]:
-        """Return all of it as one array (m,): a record for each pixel."""
+        """Return the axis as one structured array (m,), with a record for each pixel."""
         columns: list[tuple[str, NDArray[Any]]] = [("inside", self.inside)]
         for name in _RECONSTRUCTIONS:
             taps = getattr(self, name)
@@ -93,7 +118,7 @@ class FootprintAxis:
 
     @staticmethod
     def unpacked(table: NDArray[np.void]) -> "FootprintAxis":
-        """Return the axis that was ``packed``."""
+        """Return the axis from an array that ``packed`` made."""
         own = {name: np.ascontiguousarray(table[name]) for name in table.dtype.names or ()}
         uniform, edge_aware, split = (FootprintTaps(own[f"{name}_first"], own[name]) for name in _RECONSTRUCTIONS)
         return FootprintAxis(uniform, edge_aware, split, own["inside"])
@@ -108,51 +133,68 @@ class FootprintAxis:
 
 @dataclass(frozen=True, slots=True)
 class Footprints:
-    """The footprints of an event camera's pixels in a frame."""
+    """The footprints of the pixels of an event camera in a frame.
+
+    Attributes
+    ----------
+    rows, columns
+        Weights of the rows, and of the columns, of the frame.
+    """
 
     rows: FootprintAxis
     columns: FootprintAxis
 
     @property
     def inside(self) -> NDArray[np.bool_]:
-        """Pixels (h, w) whose footprint lies wholly in the frame."""
+        """Mask (h, w) of the pixels whose footprint lies wholly in the frame."""
         return self.rows.inside[:, np.newaxis] & self.columns.inside
 
     def average(self, image: NDArray[Any]) -> Float64:
-        """Return the means (h, w) of an (H, W) image over the footprints, frame pixels taken as uniform."""
+        """Return the means (h, w) of an (H, W) image over the footprints, by the uniform reconstruction."""
         return _weighted_means(self.rows.uniform, image, self.columns.uniform)
 
     def edge_aware_average(self, image: NDArray[Any]) -> Float64:
-        """Return the means (h, w) of a smooth (H, W) image over the footprints."""
+        """Return the means (h, w) of an (H, W) image over the footprints, by the edge-aware reconstruction."""
         return _weighted_means(self.rows.edge_aware, image, self.columns.edge_aware)
 
     def split_bound(self, contrast: NDArray[Any]) -> Float64:
-        """Bound the error (h, w) of ``average`` that comes from pixels which a footprint's border cuts.
+        """Return a bound on the error of ``average`` by frame pixels that the border of a footprint cuts.
 
-        A pixel of mean m of which the fraction s lies inside is taken to give s m. Where it holds a step of height d
-        the truth differs by at most s (1 - s) d: reached when the step runs along the border. ``contrast`` (H, W)
-        bounds d.
+        A frame pixel of mean m whose share s lies in the footprint counts as s m. If the pixel contains a step of
+        height d, the error is at most s (1 - s) d, which is reached where the step lies along the border.
+
+        Parameters
+        ----------
+        contrast
+            (H, W) bound of d at each frame pixel.
+
+        Returns
+        -------
+        Float64
+            (h, w) in the unit of ``contrast``.
         """
+        # sum of (s - s^2) d over the pixels of the footprint, each relative to its size
         return self.average(contrast) - _weighted_means(self.rows.split, contrast, self.columns.split)
 
     def resample(
         self, luma: Float32, clipped: Bool, rounding: float, *, edge_aware: Float32, uniform: Float32, error: Float32
     ) -> None:
-        """Write both averages of an (H, W) image, and a bound of the uniform one's error, (h, w) each.
+        """Write both averages of an image, and a bound on the error of the uniform one.
 
-        The bound is ``rounding`` and ``split_bound`` of what the image varies by among a pixel and its eight
-        neighbours; infinite where a footprint leaves the image or touches a pixel that is ``clipped`` or beside one.
+        The bound is ``rounding`` plus ``split_bound`` of the contrast of the image: the range of values among a pixel
+        and its eight neighbours. The bound is infinite where a footprint leaves the image, or touches a clipped pixel
+        or a neighbour of one.
 
         Parameters
         ----------
         luma
-            (H, W) DN, linear.
+            (H, W) linear intensity, DN.
         clipped
-            (H, W) pixels whose value is not known.
+            (H, W) True where the value is not known.
         rounding
-            Bound of the error of each value of the image, DN.
+            Bound on the error of each value of the image, DN.
         edge_aware, uniform, error
-            (h, w) where the results are written.
+            (h, w) receive both averages and the bound, DN.
         """
         rows, columns = self.rows.single_precision, self.columns.single_precision
         resample_frame(luma, clipped, rows, columns, rounding, FrameReconstructions(edge_aware, uniform, error))
@@ -161,14 +203,14 @@ class Footprints:
 def footprints(
     K_frame: Float64, shape_frame: tuple[int, int], K_event: Float64, shape_event: tuple[int, int]
 ) -> Footprints:
-    """Return the footprints of the event camera's pixels in the frame.
+    """Return the footprints of the pixels of the event camera in the frame.
 
     Parameters
     ----------
     K_frame, K_event
-        (3, 3) camera matrices without skew, px; pixel centres are whole numbers.
+        (3, 3) intrinsics without skew, px; pixel centres are whole numbers.
     shape_frame, shape_event
-        Rows and columns.
+        Rows and columns of the frame (H, W) and of the event camera (h, w).
 
     Returns
     -------
@@ -182,40 +224,68 @@ def footprints(
 
 
 def row_axis(K_frame: Float64, height_frame: int, K_event: Float64, height_event: int) -> FootprintAxis:
-    """Return the weights of the frame's rows for the rows of the event camera; as ``footprints``."""
+    """Return the weights of the rows of the frame for the rows of the event camera.
+
+    Parameters
+    ----------
+    K_frame, K_event
+        (3, 3) intrinsics without skew, px; pixel centres are whole numbers.
+    height_frame, height_event
+        Numbers of rows, px.
+
+    Returns
+    -------
+    FootprintAxis
+        Of the ``height_event`` rows.
+    """
     return _axis(K_frame[1, 1:], K_event[1, 1:], height_frame, height_event)
 
 
 def column_axis(K_frame: Float64, width_frame: int, K_event: Float64, width_event: int) -> FootprintAxis:
-    """Return the weights of the frame's columns for the columns of the event camera; as ``footprints``."""
+    """Return the weights of the columns of the frame for the columns of the event camera.
+
+    Parameters
+    ----------
+    K_frame, K_event
+        (3, 3) intrinsics without skew, px; pixel centres are whole numbers.
+    width_frame, width_event
+        Numbers of columns, px.
+
+    Returns
+    -------
+    FootprintAxis
+        Of the ``width_event`` columns.
+    """
     return _axis(K_frame[0, [0, 2]], K_event[0, [0, 2]], width_frame, width_event)
 
 
 def _axis(frame: Float64, event: Float64, size_frame: int, size_event: int) -> FootprintAxis:
     """Return the weights along one axis; ``frame`` and ``event`` are focal length and principal point, px."""
     # Edges of event pixels in frame pixels, from the left border of the first: x_to = K_to K_from^-1 x_from.
-    # Pixel centres are whole numbers: -0.5 takes a centre to its left border, +0.5 counts from that of the frame.
+    # Pixel centres are whole numbers: -0.5 is the left border of a pixel, +0.5 counts from the left border of the
+    # frame.
     edges = (np.arange(size_event + 1) - 0.5 - event[1]) * (frame[0] / event[0]) + frame[1] + 0.5
     lengths = np.diff(edges)[:, np.newaxis]
     uniform = _means(edges, size_frame, points=2)
     edge_aware = _means(edges, size_frame, points=min(4, size_frame + 1))
-    # K as written in a file may be off by a millionth of a pixel; equal fields of view must still count as inside.
+    # K in a file can be wrong by a millionth of a pixel; equal fields of view must still count as inside.
     inside = (edges[:-1] >= -1e-6) & (edges[1:] <= size_frame + 1e-6)
     return FootprintAxis(
         FootprintTaps(uniform.first, uniform.weights / lengths),
         FootprintTaps(edge_aware.first, edge_aware.weights / lengths),
-        # s^2 / length where ``uniform`` has s / length: their difference is the s (1 - s) of ``split_bound``.
+        # s^2 / length, where ``uniform`` is s / length: their difference is the s (1 - s) of ``split_bound``.
         FootprintTaps(uniform.first, uniform.weights**2 / lengths),
         inside,
     )
 
 
 def _means(edges: Float64, size: int, points: int) -> FootprintTaps:
-    """Return the weights of pixels in the integral between each two edges, by Lagrange polynomials of ``points``.
+    """Return the weights of pixels in the integral between successive edges, by Lagrange polynomials of ``points``.
 
-    The primitive at border k is the sum of the pixels before it: pixel j has the weight of all borders behind it.
+    The primitive at border k is the sum of the pixels before it. The weight of pixel j is therefore the sum of the
+    weights of all borders after it.
     """
-    # A footprint that leaves the frame is cut to it; ``inside`` excludes it, so that its weights need not add up to 1.
+    # A footprint that leaves the frame is cut to it. ``inside`` excludes it, so that its weights need not add up to 1.
     positions = np.clip(edges, 0.0, size)
     first = np.clip(np.floor(positions).astype(np.int64) - points // 2 + 1, 0, size + 1 - points)
     # Lagrange: l_i(x) = prod_{j != i} (x - x_j) / (x_i - x_j), of the borders x_j around each edge.
@@ -236,12 +306,13 @@ def _means(edges: Float64, size: int, points: int) -> FootprintTaps:
 
     # The integral over a footprint is the primitive at its end less that at its start.
     weights = before(slice(1, None)) - before(slice(None, -1))
-    # Exact zeros: a pixel of a weight of rounding size would count as touched, and exclude the footprint if clipped.
+    # Weights of the size of rounding become 0: a clipped pixel with such a weight would exclude the footprint.
     weights[np.abs(weights) < 1e-12] = 0.0
     return FootprintTaps(start, weights)
 
 
 def _weighted_means(rows: FootprintTaps, image: NDArray[Any], columns: FootprintTaps) -> Float64:
+    """Return the weighted means (h, w) of an image (H, W)."""
     means = np.empty((len(rows.first), len(columns.first)))
     average_taps(np.ascontiguousarray(image), (rows.first, rows.weights), (columns.first, columns.weights), means)
     return means
@@ -254,11 +325,11 @@ def average_taps(image: NDArray[Any], rows: Weighted, columns: Weighted, means: 
     Parameters
     ----------
     image
-        (H, W).
+        (H, W) image.
     rows, columns
-        First pixel (h,), (w,) and weights (h, k), (w, k) along each axis.
+        First pixels (h,) and (w,), and weights (h, k) and (w, k), along each axis.
     means
-        (h, w) where the means are written, in the unit of the image.
+        (h, w) receives the means, in the unit of the image.
     """
     line = np.empty(image.shape[1])
     for row in range(means.shape[0]):
@@ -279,12 +350,28 @@ def resample_frame(
     rounding: float,
     resampled: FrameReconstructions,
 ) -> None:
-    """Write what ``Footprints.resample`` documents, row by row, so that all but the frame itself stays in the cache."""
+    """Write both averages of a frame and the bound on the error of the uniform one, as ``Footprints.resample``.
+
+    The frame is processed row by row, so that all other arrays stay in the cache.
+
+    Parameters
+    ----------
+    luma
+        (H, W) linear intensity, DN.
+    clipped
+        (H, W) True where the value is not known.
+    rows, columns
+        Weights of the rows and of the columns.
+    rounding
+        Bound on the error of each value of the frame, DN.
+    resampled
+        (h, w) arrays that receive the results, DN.
+    """
     width = luma.shape[1]
     uniform_rows, edge_aware_rows, split_rows, inside_rows = rows
     uniform_columns, edge_aware_columns, split_columns, inside_columns = columns
     edge_aware_means, uniform_means, errors = resampled
-    # Most frames have no clipped pixel in most rows: these are not searched again.
+    # Most rows have no clipped pixel: they are not searched again.
     clipped_rows = np.empty(len(clipped), np.bool_)
     for row in range(len(clipped)):
         clipped_rows[row] = np.any(clipped[row])
@@ -294,7 +381,7 @@ def resample_frame(
     edge_aware, uniform, whole, split = (np.empty(width, np.float32), np.empty(width, np.float32),
                                  np.empty(width, np.float32), np.empty(width, np.float32))  # fmt: skip
     taps = uniform_rows[1].shape[1]
-    # The last rows of the contrast are kept, each with its number: neighbouring footprints share one of them.
+    # The last rows of the contrast are kept with their numbers: neighbouring footprints share one of these rows.
     contrast, kept_rows = np.empty((taps, width), np.float32), np.full(taps, -1)
     high, low, near_clipped = np.empty(width, np.float32), np.empty(width, np.float32), np.empty(width, np.bool_)
     for row in range(len(errors)):
@@ -308,7 +395,7 @@ def resample_frame(
             if kept_rows[slot] != first + i:
                 _contrast_of_row(luma, first + i, high, low, contrast[slot])
                 kept_rows[slot] = first + i
-            # split_bound: the contrast weighs with s (1 - s) of each pixel that the border cuts.
+            # split_bound: the contrast of each cut pixel has the weight s (1 - s).
             _add_contrast(contrast[slot], weights[i], split_rows[1][row, i], whole, split)
         error = errors[row]
         _add_uniform_columns(uniform, whole, split, uniform_columns, split_columns[1], uniform_means[row], error)
@@ -323,6 +410,7 @@ def resample_frame(
 
 @njit(cache=True, fastmath={"contract"})
 def _add_rows32(image: Float32, first: int, weights: Float32, line: Float32) -> None:
+    """Write the weighted sum (W,) of successive rows of an image."""
     line[:] = 0.0
     for i in range(len(weights)):
         weight, row = weights[i], image[first + i]
@@ -333,7 +421,7 @@ def _add_rows32(image: Float32, first: int, weights: Float32, line: Float32) -> 
 
 @njit(cache=True, fastmath={"contract"})
 def _add_contrast(row: Float32, weight: np.float32, split_weight: np.float32, whole: Float32, split: Float32) -> None:
-    """Add a row to two lines, by weights of which none is 0 where the other is not."""
+    """Add a row to two lines, each with its weight; the weights are 0 together or not at all."""
     if weight != 0.0:
         for column in range(len(whole)):
             whole[column] += weight * row[column]
@@ -342,8 +430,9 @@ def _add_contrast(row: Float32, weight: np.float32, split_weight: np.float32, wh
 
 @njit(cache=True, fastmath={"contract"})
 def _add_columns(line: Float64, first: NDArray[np.int64], weights: Float64, means: Float64) -> None:
+    """Write the weighted sums (w,) of successive values of a line (W,)."""
     for column in range(len(means)):
-        # Unsigned: an index that may be negative costs a comparison each.
+        # Unsigned: an index that can be negative costs a comparison at each access.
         pixel, total = np.uint64(first[column]), 0.0
         for i in range(weights.shape[1]):
             total += weights[column, i] * line[pixel + np.uint64(i)]
@@ -352,6 +441,7 @@ def _add_columns(line: Float64, first: NDArray[np.int64], weights: Float64, mean
 
 @njit(cache=True, fastmath={"reassoc", "nsz", "contract"})
 def _add_columns32(line: Float32, first: NDArray[np.int64], weights: Float32, means: Float32) -> None:
+    """Write the same as ``_add_columns``, in single precision."""
     for column in range(len(means)):
         pixel, total = np.uint64(first[column]), np.float32(0)
         for i in range(weights.shape[1]):
@@ -369,7 +459,7 @@ def _add_uniform_columns(
     means: Float32,
     bounds: Float32,
 ) -> None:
-    """Write the means of ``uniform``, and those of ``whole`` less those of ``split`` by its own weights."""
+    """Write the means (w,) of ``uniform``, and the bounds (w,): means of ``whole`` less those of ``split``."""
     first, weights = uniform_columns
     for column in range(len(means)):
         start, mean, bound = np.uint64(first[column]), np.float32(0), np.float32(0)
@@ -382,7 +472,7 @@ def _add_uniform_columns(
 
 @njit(cache=True)
 def _contrast_of_row(luma: Float32, row: int, high: Float32, low: Float32, contrast: Float32) -> None:
-    """Write the largest less the smallest value among each pixel of a row and its eight neighbours."""
+    """Write the range of values among each pixel of a row and its eight neighbours."""
     height, width = luma.shape
     above, line, below = luma[max(row - 1, 0)], luma[row], luma[min(row + 1, height - 1)]
     for column in range(width):
@@ -401,7 +491,7 @@ def _contrast_of_row(luma: Float32, row: int, high: Float32, low: Float32, contr
 
 @njit(cache=True)
 def _mark_clipped(clipped: Bool, clipped_rows: Bool, first: int, weights: Float32, near_clipped: Bool) -> bool:
-    """Mark columns with a clipped pixel in the rows that weigh or in those beside them; return whether any is."""
+    """Mark columns with a clipped pixel in the rows of nonzero weight or beside them; return whether any is marked."""
     start, stop = len(clipped), 0
     for i in range(len(weights)):
         if weights[i] != 0.0:
@@ -418,8 +508,8 @@ def _mark_clipped(clipped: Bool, clipped_rows: Bool, first: int, weights: Float3
 
 @njit(cache=True)
 def _exclude_columns(near_clipped: Bool, first: NDArray[np.int64], weights: Float32, error: Float32) -> None:
-    """Make the error infinite of pixels whose columns that weigh, or those beside them, are marked."""
-    # Marked columns before each column: whether a range holds any is the difference of two sums.
+    """Set the error to infinity where a column of nonzero weight, or one beside it, is marked."""
+    # Number of marked columns before each column: a range holds a marked one if the numbers at its ends differ.
     before = 0
     until = np.zeros(len(near_clipped) + 1, np.int64)
     for column in range(len(near_clipped)):

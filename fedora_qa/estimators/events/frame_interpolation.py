@@ -1,33 +1,42 @@
-"""Frames interpolated at the times of events: the delay of events where a pixel fires seldom.
+"""Frames interpolated at the times of events: the delay of events where pixels fire seldom.
 
-Where light changes slowly from frame to frame, the frames determine a pixel's level at any time between them, and each
-event determines exactly how far that pixel has moved since its others:
+Where light changes slowly from frame to frame, the frames determine the level of a pixel at any time between them. Each
+event determines exactly how far the level has changed since the other events of the pixel:
 
     L(t) = a + C+ P - C- M + delta L'(t) + kappa |L'(t)|
 
-with L and its slope L' interpolated from the frames at the timestamp t of each event, P and M the brighter and darker
-events of the pixel so far, a its own constant (one event of a pixel determines no more), and delta the delay of the
-timestamps: a level reached at t - delta has moved on by delta L' at t. The last term is none of the events: the error
-of frames where an edge begins or ends (the logarithm is curved, and polynomials cut corners) has one sign, and grows
-with the slope, whichever way the light goes. Without it the events of falling light would come out late and those of
-rising light early; with it a delay is determined by both, and hardly by edges of one kind alone. Bracketed level
-samples (``levels.py``) interpolate events at the times of frames and need many events a frame; these samples need
-several frames an event.
+- L and its slope L' are interpolated from the frames at the timestamp t of each event.
+- P and M are the numbers of brighter and darker events of the pixel so far.
+- a is a constant of the pixel; a single event of a pixel determines only a.
+- delta is the delay of the timestamps: the level was reached at t - delta and has changed by delta L' until t.
+- kappa describes an error of the frames where an edge begins or ends, because the logarithm is curved and polynomials
+  cut corners. This error has one sign and grows with the slope of the light in both directions. Without the term,
+  events of falling light would appear late and events of rising light early. With it, edges of both directions
+  determine the delay.
 
-A sensor of the linear model compares whole grey values once a rendered step. The step of an event from the last whole
-value is C + 1/2 at the crossing, plus half of the signal's motion in a rendered step until the comparison, plus
-rounding. Motion and rounding follow from the slope (closed form in ``_rounded_up``) and are subtracted from the level.
+Bracketed level samples (``levels.py``) interpolate events at the times of frames and need many events between two
+frames. The samples of this module need several frames between two events.
 
-Light that turns between two frames goes beyond the values of both. The steps of the linear model are large: many events
-occur at such crests alone, always in the direction of the crest, so that thresholds come out too small and events too
-early. The last event of a pixel before its light turns is counted, but gives no sample; the others lie on slopes, where
-frames err upwards as often as downwards.
+A sensor of the linear model compares whole grey values once in each rendered step. The step of an event from the last
+whole value is C + 1/2 at the crossing, plus half of the change of the signal in a rendered step until the comparison,
+plus rounding. Change and rounding follow from the slope (closed form in ``_rounded_up``) and are subtracted from the
+level.
 
-Each sample weighs 1 / (1 + (e / s)^2), e being how far four frames in place of six move it, how far the parabolas
-through the first and the last three of those four lie apart, and how far off the edge-aware reconstruction of its
-footprint may be, and s a small share of the threshold: the weight of white noise and an error of size e, independent of
-the counts of events. Where an edge has passed, light stops to change between two frames: polynomials of any order cut
-that corner, and may agree by chance on a level that is wrong. Parabolas measure the corner itself.
+Light that turns between two frames exceeds the values of both frames. The steps of the linear model are large: many
+events occur only at such crests, always in the direction of the crest, so that thresholds would be too small and events
+too early. The last event of a pixel before its light turns is therefore counted but gives no sample. The other events
+lie on slopes, where the errors of frames have both signs equally often.
+
+Each sample has the weight 1 / (1 + (e / s)^2), with s a small share of the threshold. This is the weight of white noise
+of size s with a further error of size e, and does not depend on the counts of events. The square of e is the sum of
+three squares:
+
+- the change of the level when four frames replace six,
+- the distance between the parabolas through the first three and the last three of these four frames,
+- the bound on the error of the edge-aware reconstruction of the footprint.
+
+After an edge has passed, the light stops to change between two frames. Polynomials of any order cut this corner, and
+can agree by chance on a wrong level. The parabolas measure the corner itself.
 """
 
 from dataclasses import dataclass
@@ -48,50 +57,55 @@ Int64 = NDArray[np.int64]
 Bool = NDArray[np.bool_]
 
 FINE, COARSE = 6, 4
-"""Frames through which a polynomial is laid to interpolate a level, and to estimate its error."""
+"""Number of frames of the polynomial that interpolates a level, and of the one that estimates its error."""
 
 SECONDS, ON, OFF, LEVEL, SLOPE, COARSER, SIGN, UNIFORM, CORNER = range(9)
-"""Columns of samples: seconds since the first frame, brighter and darker events of the pixel so far (darker ones
-negative), the level, its slope (1/s), what four frames in place of six would add to it, the sign of the event, the
-level of the uniform reconstruction, and how far two parabolas lie apart."""
+"""Columns of samples.
+
+SECONDS: time since the first frame, s. ON, OFF: brighter events, and minus the darker events, of the pixel so far.
+LEVEL, SLOPE: the level, and its slope (unit of the level / s). COARSER: the level through four frames less that through
+six. SIGN: 1 or -1 of the event. UNIFORM: the level of the uniform reconstruction. CORNER: the distance between the two
+parabolas."""
 
 COLUMNS = 9
 """Number of columns of a sample."""
 
 MOST_INTERPOLATED = 60_000
-"""Beyond so many events, every second, third, ... pixel is sampled: the rest would add little precision."""
+"""Number of events beyond which only every second, third, ... pixel is sampled. The others would add little
+precision."""
 
 ERROR_SHARE = 0.01
-"""Error of interpolation, as a fraction of the threshold, from which on a sample weighs less.
+"""Error of interpolation, as a share of the threshold, at which a sample has half the weight.
 
-Rounding alone scatters a sample by some 3% of a threshold (8 bits, a threshold of 0.2, middle grey). It averages out
-over the ten samples or more that share an edge, while the error of interpolation at an edge is the same in all of them:
-in the mean over an edge, the white noise of each counts a tenth of its variance."""
+Rounding alone scatters a sample by about 3% of a threshold (8 bits, a threshold of 0.2 nat, middle grey). Over the ten
+or more samples of an edge this noise averages out to a tenth of its variance, while the error of interpolation is the
+same in all samples of the edge. The noise counts therefore as 1% of a threshold."""
 
 InterpolationMethod = Literal["fine", "coarse", "uniform"]
-"""Interpolation of levels at events: through six frames, through four, or through six of the uniform footprints."""
+"""Interpolation of levels at events: through six frames, through four frames, or through six frames of the uniform
+reconstruction."""
 
 
 @dataclass(frozen=True, slots=True)
 class InterpolatedLevels:
-    """Levels interpolated at events, less the mean of their pixel.
+    """Levels interpolated at m events; regressors and levels are less the weighted mean of their pixel.
 
     Attributes
     ----------
     pixels
         (m,) row * width + column.
     times_s
-        (m,) of the events.
+        (m,) timestamps of the events, s from the origin of the file.
     regressors
-        (m, 4): P, -M, the slope L' (1/s), and |L'|.
+        (m, 4): P, -M (counts), the slope L' and |L'| (unit of the levels / s).
     levels
-        (m,) through six frames each.
+        (m,) levels through six frames: nat for the log model, DN for the linear model.
     coarse_levels
-        (m,) through four.
+        (m,) levels through four frames.
     uniform_levels
-        (m,) through six frames whose footprints are reconstructed as uniform pixels.
+        (m,) levels through six frames of the uniform reconstruction.
     weights
-        (m,) by errors of interpolation.
+        (m,) weights by the errors of interpolation, 0 to 1.
     """
 
     pixels: NDArray[np.int64]
@@ -107,20 +121,20 @@ class InterpolatedLevels:
 
 
 class FrameStack(NamedTuple):
-    """Frames and their polynomials' denominators, for compiled loops.
+    """n frames, and the denominators of their polynomials, for compiled loops.
 
     Attributes
     ----------
     times_ns, seconds
-        (n,); seconds since the first.
+        (n,) timestamps, ns, and seconds since the first frame.
     inverses
-        (n - 5, 6, 6) of ``inverse_distances``.
+        (n - 5, 6, 6) inverse distances of times, 1/s, from ``inverse_distances``.
     images, uniform_images
-        (n, h, w) by the two reconstructions, in DN.
+        (n, h, w) frames by the edge-aware and by the uniform reconstruction, DN.
     usable
-        (n, h, w) where both are known.
+        (n, h, w) True where both are known.
     log_eps
-        Levels are the logarithms of images and this; the images themselves where it is NaN.
+        Levels are ln(image + log_eps), with log_eps in DN; where it is NaN, levels are the images.
     """
 
     times_ns: Int64
@@ -144,28 +158,28 @@ def interpolate_frames(
     tick_s: float = 0.0,
     leak_rate_hz: float = 0.0,
 ) -> InterpolatedLevels | None:
-    """Interpolate frames at each event between the first and the last of them.
+    """Interpolate frames at each event between the first and the last frame.
 
     Parameters
     ----------
     events
-        By pixel of the event camera.
+        Events by pixel of the event camera.
     frame_times_ns
-        (n,) advancing.
+        (n,) strictly increasing timestamps of the frames, ns.
     images
-        (n, h, w) frames at the event camera's pixels, by the edge-aware reconstruction, in DN.
+        (n, h, w) frames at the pixels of the event camera, by the edge-aware reconstruction, DN.
     uniform_images
-        (n, h, w) by the uniform reconstruction; ``images`` if not given.
+        (n, h, w) frames by the uniform reconstruction, DN; ``images`` where None.
     usable
-        (n, h, w) where both are known; where ``images`` are finite if not given.
+        (n, h, w) True where both are known; where None, where ``images`` are finite.
     threshold
-        The smaller declared one, in the unit of the levels.
+        The smaller declared threshold, in the unit of the levels.
     log_eps_dn
-        Levels are the logarithms of images and this, in DN; the images themselves if not given.
+        Levels are ln(image + log_eps_dn), DN; where None, levels are the images (linear model).
     tick_s
-        The rendered step of a sensor of the linear model, 0 for one of log intensity.
+        Rendered step of a sensor of the linear model, s; 0 for the log model.
     leak_rate_hz
-        As declared: so many brighter events a second are not due to the light.
+        Declared rate of brighter events of a pixel that are not due to light, 1/s.
 
     Returns
     -------
@@ -176,7 +190,7 @@ def interpolate_frames(
         return None
     usable = np.isfinite(images) if usable is None else usable
     inside = events.later_than(int(frame_times_ns[0]), int(frame_times_ns[-1]))
-    # Pixels are left out whole: the constant a of a pixel is determined by all of its events together.
+    # Whole pixels are left out: all events of a pixel determine its constant a together.
     every = max(1, -(-inside // MOST_INTERPOLATED))
     pixels, columns = np.empty(inside, np.int64), np.empty((inside, COLUMNS))
     seconds = (frame_times_ns - frame_times_ns[0]) * 1e-9
@@ -192,7 +206,7 @@ def interpolate_frames(
     count = interpolate_at_events(events.starts, events.timestamped, frames, every, tick_s, pixels, columns)
     pixels, columns, kept = pixels[:count], columns[:count], np.ones(count, np.bool_)
     if tick_s > 0:
-        # Events after which their pixel has none, or one of the other sign, precede a turn of the light.
+        # Light turns after an event if the next event of the pixel has the other sign, or if there is none.
         signs = columns[:, SIGN]
         kept[:] = False
         kept[:-1] = (pixels[1:] == pixels[:-1]) & (signs[1:] == signs[:-1])
@@ -210,12 +224,13 @@ def inverse_distances(seconds: Float64) -> Float64:
     Parameters
     ----------
     seconds
-        (n,) times, advancing, s.
+        (n,) strictly increasing times, s.
 
     Returns
     -------
     Float64
-        (n - 5, 6, 6) in 1/s: [first, order, j] is 1 / (t_{j + order} - t_j), j counted from ``first``.
+        (n - 5, 6, 6) in 1/s: [first, order, j] is 1 / (t_{j + order} - t_j), with j counted from ``first``; 0
+        elsewhere.
     """
     inverses = np.zeros((len(seconds) - FINE + 1, FINE, FINE))
     for order in range(1, FINE):
@@ -226,7 +241,7 @@ def inverse_distances(seconds: Float64) -> Float64:
 
 
 def interpolation_weights(samples: InterpolatedLevels) -> Float64:
-    """Return the weights of samples by errors of interpolation, those of outliers reduced (Huber).
+    """Return the weights of samples by their errors of interpolation, times Huber's weights.
 
     Parameters
     ----------
@@ -259,16 +274,16 @@ def interpolation_blocks(
     samples
         (m,) levels at events.
     weights, block_of_sample
-        (m,) of the samples.
+        (m,) weights of the samples, and numbers of their blocks, 0 to b - 1.
     blocks
-        Number of blocks, b.
+        Number b of blocks.
     method
         Interpolation whose levels are regressed.
 
     Returns
     -------
     NormalBlocks
-        (b, 4, 4) and (b, 4): of C+, C- (unit of the levels), delay and kappa (s).
+        b blocks of four parameters: C+ and C- (unit of the levels), delay and kappa (s).
     """
     levels = {
         "fine": samples.levels,
@@ -288,19 +303,36 @@ def interpolate_at_events(
     pixels: Int64,
     samples: Float64,
 ) -> int:
-    """Interpolate levels at each event between the first and the last frame; return how many were.
+    """Interpolate levels at each event between the first and the last frame.
 
-    A level is that of the polynomial through the six frames around the event, which must all be usable. Of the pixels,
-    one in ``every`` is sampled, where it fires twice or more: a single sample is its own mean. ``pixels`` (m,) receives
-    row * width + column, ``samples`` (m, 9) the columns that are named above.
+    A level is that of the polynomial through the six frames around the event; all of them must be usable. Only pixels
+    with two or more events are sampled: a single sample equals the mean of its pixel.
 
-    With ``tick_s`` > 0 events are those of a sensor that compares whole values once a tick. The part of their steps
-    beyond C + 1/2 is subtracted from the level.
+    The corner is the distance between the parabolas through the first three and the last three of the four frames
+    around the event. Both parabolas contain the frames t1 and t2. Their difference is therefore
+    L[t0, t1, t2, t3] (t3 - t0) (t - t1) (t - t2), with the divided difference of third order. Where light stops to
+    change between two frames, it is about as large as the error of any polynomial at this corner.
 
-    The corner is what lies between the parabolas through the first and the last three of the four frames around. They
-    share the frames t1 and t2, so that with the divided difference of third order they differ by
-    L[t0, t1, t2, t3] (t3 - t0) (t - t1) (t - t2). Where light stops to change between two frames that is of the size of
-    what any polynomial cuts off the corner.
+    Parameters
+    ----------
+    starts, timestamped
+        (h * w + 1,) and (e,) events by pixel, as in ``PixelEvents``.
+    frames
+        The n frames.
+    every
+        One pixel in ``every`` is sampled.
+    tick_s
+        Where above 0, events are those of a sensor that compares whole values once in each tick of ``tick_s`` s. The
+        part of their steps beyond C + 1/2 is subtracted from the level.
+    pixels
+        (m,) receives row * width + column of each sample.
+    samples
+        (m, 9) receives the columns ``SECONDS`` to ``CORNER``.
+
+    Returns
+    -------
+    int
+        Number of samples that were written.
     """
     frame_times, seconds, log_eps = frames.times_ns, frames.seconds, frames.log_eps
     n, height, width = frames.images.shape
@@ -336,10 +368,10 @@ def interpolate_at_events(
                 while frame_times[frame + 1] < t:
                     frame += 1
                 on, off = on + max(sign, 0.0), off + min(sign, 0.0)
-                # The event lies in the middle interval of six frames, except near the first and the last frame.
+                # The event lies in the middle interval of six frames, except near the first or the last frame.
                 first = min(max(frame + 1 - FINE // 2, 0), n - FINE)
                 if first != divided_from:
-                    # Divided differences serve all events of a pixel between two frames.
+                    # All events of a pixel between two frames have the same divided differences.
                     divided_from, all_usable = first, True
                     for j in range(first, first + FINE):
                         all_usable &= usable_of[k, j]
@@ -355,8 +387,9 @@ def interpolate_at_events(
                 uniform_level, uniform_slope = polynomial(uniform, 0, seconds, first, FINE, time_s)
                 rounding, uniform_rounding = 0.0, 0.0
                 if tick_s > 0.0:
-                    # A step exceeds C + 1/2 by half of what the signal moves in a tick, and by rounding. What all steps
-                    # of the pixel so far exceed it by is taken from the level; its own rounding comes after it.
+                    # A step exceeds C + 1/2 by half of the change of the signal in a tick, and by rounding. The excess
+                    # of all steps of the pixel so far is subtracted from the level. The rounding of this event itself
+                    # follows its level, and is added back.
                     step, uniform_step = max(0.0, sign * slope) * tick_s, max(0.0, sign * uniform_slope) * tick_s
                     rounding, uniform_rounding = _rounded_up(step), _rounded_up(uniform_step)
                     excess += sign * (0.5 * step + rounding)
@@ -366,7 +399,7 @@ def interpolate_at_events(
                 samples[rows, LEVEL], samples[rows, SLOPE] = level - excess + sign * rounding, slope
                 samples[rows, COARSER], samples[rows, SIGN] = coarse - level, sign
                 samples[rows, UNIFORM] = uniform_level - uniform_excess + sign * uniform_rounding
-                # The distance of the two parabolas: the last formula above.
+                # Distance of the parabolas: L[t0, t1, t2, t3] (t3 - t0) (t - t1) (t - t2).
                 ends = seconds[inner + 3] - seconds[inner]
                 inside = (time_s - seconds[inner + 1]) * (time_s - seconds[inner + 2])
                 samples[rows, CORNER] = divided[3, inner - first] * ends * inside
@@ -376,8 +409,8 @@ def interpolate_at_events(
 
 @njit(cache=True)
 def _gather(image: NDArray[np.floating], chosen: Int64, count: int, log_eps: float, levels: Float64) -> None:
-    """Write the levels of an image's row at the chosen pixels."""
-    # Loads by themselves, since logarithms between them would wait for each.
+    """Write the levels of a row of an image at the first ``count`` chosen pixels."""
+    # Loads and logarithms in separate loops: otherwise each logarithm waits for its load.
     for k in range(count):
         levels[k] = image[chosen[k]]
     if not np.isnan(log_eps):
@@ -396,13 +429,34 @@ def centre_levels(
     error: float,
     centred: Float64,
 ) -> int:
-    """Subtract from each sample the mean of its pixel, and weigh it; return how many samples are kept.
+    """Compute the weights of samples, and subtract from each sample the weighted mean of its pixel.
 
-    Only ``kept`` rows of ``samples`` (m, 9) count, at pixels with two of them or more. Each weighs
-    1 / (1 + (e / error)^2), e being what four frames would add, the corner, and ``by_place`` times what the uniform
-    reconstruction does, all less the pixel's mean. ``pixels`` and the first column of ``samples`` are moved to the
-    front; ``centred`` (m, 8) receives P, -M, L', |L'|, the level, that of four frames, the uniform one, each less its
-    weighted mean, and the weight.
+    The weight is 1 / (1 + (e / error)^2). The square of e is the sum of three squares: the level through four frames
+    less that through six, the corner, and ``by_place`` times the difference of the two reconstructions less the mean of
+    this difference over the pixel.
+
+    Parameters
+    ----------
+    pixels
+        (m,) pixels of the samples, equal ones in succession. Those of the samples that are kept are moved to the front.
+    samples
+        (m, 9) columns ``SECONDS`` to ``CORNER``. The column ``SECONDS`` is moved as ``pixels``.
+    kept
+        (m,) samples that count; pixels with fewer than two of them are left out.
+    leak_rate_hz
+        Rate of brighter events of a pixel that are not due to light, 1/s.
+    by_place
+        Bound on the error of the edge-aware reconstruction, as a share of its difference from the uniform one.
+    error
+        Error at which a sample has half the weight, in the unit of the levels.
+    centred
+        (m, 8) receives P, -M, L', |L'|, the level, the level through four frames and that of the uniform
+        reconstruction, each less its weighted mean, and the weight.
+
+    Returns
+    -------
+    int
+        Number of samples that are kept.
     """
     rows, begin, values = 0, 0, np.empty(7)
     sums = np.empty(7)
@@ -421,9 +475,9 @@ def centre_levels(
                     continue
                 place = by_place * (samples[i, UNIFORM] - samples[i, LEVEL] - difference / count)
                 errors = samples[i, COARSER] ** 2 + samples[i, CORNER] ** 2 + place**2
-                # The inverse variance of white noise of size ``error`` and these errors, over that of the noise alone.
+                # weight = error^2 / (error^2 + e^2): inverse variance with and without e.
                 weight = 1.0 / (1.0 + errors / error**2)
-                # Leak makes brighter events without a change of light: P less the rate times the time.
+                # Leak causes brighter events without a change of light: P - rate * time.
                 values[0] = samples[i, ON] - leak_rate_hz * samples[i, SECONDS]
                 values[1], values[2], values[3] = samples[i, OFF], samples[i, SLOPE], abs(samples[i, SLOPE])
                 values[4], values[5] = samples[i, LEVEL], samples[i, LEVEL] + samples[i, COARSER]
@@ -446,7 +500,20 @@ def centre_levels(
 
 @njit(cache=True)
 def divide(levels: Float64, first: int, inverses: Float64, divided: Float64) -> None:
-    """Write Newton's divided differences of six levels: ``divided[order, j]`` is that of points j to j + order."""
+    """Write Newton's divided differences of six successive levels.
+
+    Parameters
+    ----------
+    levels
+        (n,) levels of a pixel at all frames.
+    first
+        The first of the six frames.
+    inverses
+        (6, 6) inverse distances of their times, 1/s, from ``inverse_distances``.
+    divided
+        (6, 6) receives the differences: [order, j] is that of the frames j to j + order, counted from ``first``, in
+        units of the level / s^order.
+    """
     for j in range(FINE):
         divided[0, j] = levels[first + j]
     for order in range(1, FINE):
@@ -459,11 +526,29 @@ def divide(levels: Float64, first: int, inverses: Float64, divided: Float64) -> 
 def polynomial(
     divided: Float64, column: int, seconds: Float64, first: int, points: int, time_s: float
 ) -> tuple[float, float]:
-    """Return value and slope at ``time_s`` of the polynomial through so many points from the ``first`` on.
+    """Return value and slope of the polynomial through successive frames.
 
-    ``divided[:, column]`` are the divided differences of these points, whose times are ``seconds``.
+    Parameters
+    ----------
+    divided
+        (6, 6) divided differences, from ``divide``.
+    column
+        Column of the first frame of the polynomial in ``divided``.
+    seconds
+        (n,) times of all frames, s.
+    first
+        The first frame of the polynomial.
+    points
+        Number of frames of the polynomial, at most 6 - ``column``.
+    time_s
+        Time at which it is evaluated, s.
+
+    Returns
+    -------
+    tuple[float, float]
+        Value, in the unit of the levels, and slope, in this unit / s.
     """
-    # Horner's rule on Newton's form, with the derivative carried along.
+    # Horner's rule for Newton's form and its derivative: v = v (t - t_k) + d_k, v' = v' (t - t_k) + v.
     value, slope = divided[points - 1, column], 0.0
     for order in range(points - 2, -1, -1):
         since = time_s - seconds[first + order]
@@ -474,12 +559,12 @@ def polynomial(
 
 @njit(cache=True)
 def _rounded_up(step: float) -> float:
-    """Return by how much rounding to whole values exceeds a value, on average, that has passed a half by U step.
+    """Return the mean amount by which rounding to whole values raises a value that has passed a half by U step.
 
-    U is uniform over 0..1: the mean of 1/2 - frac(U step).
+    With U uniform from 0 to 1 this is the mean of 1/2 - frac(U step).
     """
     if step < 1e-9:
         return 0.5
-    # Integral of frac over (0, step): 1/2 for each whole, and the square of the rest over 2.
+    # Integral of frac(x) from 0 to step: (whole + rest^2) / 2; the mean is this over the step.
     whole = float(np.floor(step))
     return 0.5 - (whole + (step - whole) ** 2) / (2.0 * step)

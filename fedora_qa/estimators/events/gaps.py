@@ -1,10 +1,10 @@
-"""Whether a silence of the whole sensor is one that its own neighbourhood makes possible.
+"""Silences of the whole sensor, and their probability by the rate of events around them.
 
-A silence of length w is compared with the counts in bins of the same length beside it. Bins of a stream whose rate
-itself fluctuates hold gamma-Poisson counts; with mean m and a rate known to the relative variance 1/r, the chance of an
-empty bin is (1 + m / r)^-r (Greenwood and Yule 1920). r comes from the bins: the variance of the rate from bin to bin
-plus that of their mean. Motion that stops and starts again empties the bins beside the silence as well, or makes them
-uneven, and so excuses it; a packet that was lost does neither.
+A silence is compared with the counts in bins of the same length beside it. If the rate of a stream itself fluctuates,
+the counts follow a gamma-Poisson distribution. With mean m and a relative variance 1/r of the rate, the probability of
+an empty bin is (1 + m / r)^-r (Greenwood and Yule 1920). The bins give 1/r: the variance of the rate between bins plus
+the variance of their mean. If motion stops and starts again, the bins beside the silence are empty or uneven as well,
+so that the silence is probable. A lost packet does not change the bins beside it.
 """
 
 from dataclasses import dataclass
@@ -18,10 +18,11 @@ from scipy.special import ndtri_exp
 Int64 = NDArray[np.int64]
 
 _BINS: Final = 16
-"""Bins on each side."""
+"""Number of bins on each side of a silence."""
+# Least number of bins of a side that is used.
 _FEWEST_BINS: Final = 4
 _LONGEST: Final = 32
-"""Silences of a segment that are examined, longest first."""
+"""Largest number of silences of a segment that are examined; they are the longest ones."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -31,13 +32,13 @@ class EventSilence:
     Attributes
     ----------
     start_ns, stop_ns
-        The timestamps of the events on both sides.
+        Timestamps of the last event before the segment and of the first event after it, ns from the origin.
     length_ns
-        Time that is surely empty: the distance of the timestamps less one tick.
+        Time that is certainly empty, ns: the distance of the timestamps less one tick.
     expected
-        Events expected there by the rate of the neighbourhood.
+        Number of events expected in this time by the rate of the bins beside it.
     z
-        Deviate of a standard normal distribution of the same tail probability.
+        Deviate of a standard normal distribution with the same tail probability; 0 at least.
     """
 
     start_ns: int
@@ -50,36 +51,36 @@ class EventSilence:
 def least_probable_silence(
     times_ns: Int64, start_ns: int, stop_ns: int, tick_ns: int, begins_ns: int | None = None
 ) -> tuple[EventSilence | None, int]:
-    """Return the most improbable silence that ends in [start, stop), and how many silences end there.
+    """Return the least probable silence that ends in [start, stop), and the number of silences that end there.
 
     Parameters
     ----------
     times_ns
-        (n,) sorted; reaches beyond both ends, so that neighbours are measured. Between the ends it is complete.
+        (n,) sorted timestamps of events, ns: all events between the ends, and events beyond both ends for the bins.
     start_ns, stop_ns
-        Half-open interval in which the silences end.
+        Half-open interval in which the silences end, ns.
     tick_ns
-        Step of the timestamps.
+        Step of the timestamps, ns.
     begins_ns
-        First event of the file; None where it has no effect. All references are reached at first: a silence so
-        soon after it that fewer than ``_FEWEST_BINS`` of its lengths lie before it may be of a sensor that begins to
-        fire.
+        Timestamp of the first event of the file, ns; None where it has no effect. At the beginning all pixels are at
+        their references and fire little. A silence counts only where at least ``_FEWEST_BINS`` of its lengths lie
+        between the first event and the silence.
 
     Returns
     -------
     silence
-        None where no silence has a neighbourhood.
+        None where no silence has enough bins beside it.
     count
-        Of distances between different timestamps.
+        Number of distances between successive different timestamps.
     """
     longest_ns, ends_ns = np.zeros(_LONGEST, np.int64), np.zeros(_LONGEST, np.int64)
     first, stop = np.searchsorted(times_ns, [start_ns, stop_ns])
     count, silences = longest_silences(times_ns[max(first - 1, 0) : stop], start_ns, stop_ns, longest_ns, ends_ns)
     from_ns, upto_ns = start_ns, stop_ns
     if len(times_ns):
-        # Between the ends the events are complete; beyond them only as far as ``times_ns`` reaches.
+        # Events are complete between the ends, and beyond them as far as ``times_ns`` extends.
         from_ns, upto_ns = min(start_ns, int(times_ns[0])), max(stop_ns, int(times_ns[-1]))
-    # An event lies within the tick before its timestamp: between timestamps a tick apart no time is surely empty.
+    # An event lies within the tick before its timestamp: between timestamps one tick apart no time is certainly empty.
     informative = longest_ns[:count] > tick_ns
     if begins_ns is not None:
         informative &= ends_ns[:count] - longest_ns[:count] - _FEWEST_BINS * (longest_ns[:count] - tick_ns) >= begins_ns
@@ -92,15 +93,15 @@ def least_probable_silence(
     bins = inside.sum(axis=2)
     means = (counts * inside).sum(axis=2) / np.maximum(bins, 1)
     variances = ((counts - means[..., np.newaxis]) ** 2 * inside).sum(axis=2) / np.maximum(bins - 1, 1)
-    # The variance is at least Poisson's, m: a smaller one, by chance, would make that of the rate negative.
+    # The variance is at least that of Poisson, m: a smaller one by chance would give the rate a negative variance.
     positive = means > 0
     mean, variance = np.where(positive, means, 1.0), np.where(positive, np.maximum(variances, means), 1.0)
-    # 1/r: variance of the rate from bin to bin, without Poisson's, plus that of the mean of the bins.
+    # 1/r = (v - m + v / bins) / m^2: variance of the rate between bins, without that of Poisson, plus that of the mean.
     uncertainty = (variance - mean + variance / np.maximum(bins, 1)) / mean**2
-    # Chance that a bin beside such bins holds nothing: (1 + m / r)^-r, Greenwood and Yule 1920.
+    # log P(empty bin) = -r log(1 + m / r) (Greenwood and Yule 1920).
     log_chances = np.where(positive, -np.log1p(mean * uncertainty) / uncertainty, 0.0)
     log_chances = np.where(bins >= _FEWEST_BINS, log_chances, -np.inf)
-    # The side that makes a silence more probable counts; none where no side lies inside the interval.
+    # The side by which the silence is more probable counts; -inf where neither side has enough bins.
     likeliest, sides = np.argmax(log_chances, axis=0), np.arange(len(before_ns))
     chance, expected = log_chances[likeliest, sides], means[likeliest, sides]
     z = np.where(np.isfinite(chance), np.maximum(-ndtri_exp(chance), 0.0), -np.inf)
@@ -113,10 +114,22 @@ def least_probable_silence(
 
 @njit(cache=True)
 def longest_silences(t: Int64, start: int, stop: int, lengths: Int64, ends: Int64) -> tuple[int, int]:
-    """Write the longest distances of successive timestamps of which the later lies in [start, stop), longest first.
+    """Find the longest distances between successive timestamps whose later timestamp lies in [start, stop).
 
-    Of equal ones the earlier. Return how many were written to ``lengths`` and ``ends`` (m,), the later timestamps, and
-    how many there are; equal timestamps have no distance. All in ns.
+    Parameters
+    ----------
+    t
+        (n,) sorted timestamps, ns.
+    start, stop
+        Half-open interval, ns.
+    lengths, ends
+        (m,) receive the distances, longest first, and the later timestamps, ns. Of equal distances the earlier comes
+        first.
+
+    Returns
+    -------
+    tuple[int, int]
+        Number of distances that were written, and number of all distances above 0.
     """
     count, silences = 0, 0
     for i in range(1, len(t)):
@@ -127,7 +140,7 @@ def longest_silences(t: Int64, start: int, stop: int, lengths: Int64, ends: Int6
         if count == len(lengths) and length <= lengths[count - 1]:
             continue
         count = min(count + 1, len(lengths))
-        # Insertion sort: shorter ones move back by one place, and the shortest falls out.
+        # Insertion sort: shorter distances move back by one place, and the shortest one is dropped.
         place = count - 1
         while place > 0 and lengths[place - 1] < length:
             lengths[place], ends[place] = lengths[place - 1], ends[place - 1]

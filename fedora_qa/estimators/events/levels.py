@@ -1,14 +1,16 @@
-"""Bracketed level samples: where events determine exactly how far a pixel has moved.
+"""Bracketed level samples: times at which events determine exactly how far the level of a pixel has changed.
 
-Between two events of one polarity, ``t1 <= t < t2``, the level has moved from the first reference by a fraction of the
-threshold, which the cubic through these and one event on either side interpolates. (A straight line is not enough:
-events are denser before a turning point than after it, so that its error does not average out.) Between two samples
+Between two events of one polarity, ``t1 <= t < t2``, the level has changed from the first reference by a fraction of
+the threshold. The cubic through these two events, the event before and the event after them interpolates this fraction.
+(A straight line is not enough: events are denser before a turning point than after it, so that its error does not
+average out.) Between two samples a and b
 
     L(b) - L(a) = C+ dP - C- dM + delta d(C+ rate+ - C- rate-)
 
-with dP and dM the brighter and darker events between them (fractions included), rate the events per second at the
-samples, and delta the delay of the timestamps: a level interpolated from late events is that of delta before. Naive
-regression on whole counts is biased by their rounding; here it is gone.
+with dP and dM the brighter and darker events between them (with fractions), rate the events per second at the samples,
+d the difference between b and a, and delta the delay of the timestamps: a level that is interpolated from late events
+is the level at delta earlier. Regression on whole counts would be biased by their rounding; fractions have no such
+bias.
 """
 
 from dataclasses import dataclass, replace
@@ -29,25 +31,26 @@ Int64 = NDArray[np.int64]
 Bool = NDArray[np.bool_]
 
 DISAGREEMENT_KNEE = 0.05
-"""Pairs whose two estimates of a level differ by more than this share of the threshold lose weight.
+"""Difference of the two estimates of a level, as a share of the threshold, beyond which a pair loses weight.
 
-A pair spans some five events, so that an error of this size is 1% of its change: the precision wanted of a threshold.
-Where the knee lies trades bias for scatter only. Both are measured after it, on the pairs as they are weighed."""
+A pair spans about five events, so that an error of this size is 1% of its change: the precision that a threshold needs.
+A different knee would only exchange bias for scatter. Both are measured afterwards, on the weighted pairs."""
 
 MOST_EVENTS = 400_000
-"""Beyond so many events, every second, third, ... pixel is followed: where pixels fire that often, pairs abound."""
+"""Number of events beyond which only every second, third, ... pixel is used: there are enough pairs."""
 
 MOST_PAIRS = 20_000
-"""Beyond so many pairs, every second, third, ... is taken: then bounds of the frames limit the fit, not chance."""
+"""Number of pairs beyond which only every second, third, ... pair is used. Bounds on the errors of the frames then
+limit the fit, and not chance."""
 
 _PARAMETERS = 4
 _FEWEST = 4
-"""Events of a pixel below which it has no sample: the cubic needs four."""
+"""Least number of events of a pixel with a sample: the cubic needs four."""
 
 
 @dataclass(frozen=True, slots=True)
 class LevelPairs:
-    """Successive level samples of pixels.
+    """m pairs of successive level samples of a pixel.
 
     Attributes
     ----------
@@ -58,9 +61,9 @@ class LevelPairs:
     regressors
         (m, 4): dP, -dM (counts), d rate+, -d rate- (1/s).
     gaps_s
-        (m,) time between the two events of a sample, the longer of both.
+        (m,) time between the two events that bracket a sample, s; the longer of both samples.
     straightened
-        (m, 2): what straight lines between events, instead of cubics, would add to dP and -dM.
+        (m, 2) change of dP and -dM if straight lines between events replace cubics, counts.
     """
 
     pixels: NDArray[np.int32]
@@ -74,20 +77,20 @@ class LevelPairs:
         return len(self.pixels)
 
     def with_straight_lines(self) -> "LevelPairs":
-        """Return the pairs as straight lines between events would have them."""
+        """Return the pairs with straight lines between events instead of cubics."""
         regressors = self.regressors.copy()
         regressors[:, :2] += self.straightened
         return replace(self, regressors=regressors)
 
     def take(self, chosen: NDArray[np.bool_]) -> "LevelPairs":
-        """Return the pairs of a mask."""
+        """Return the pairs where a mask (m,) is True."""
         return LevelPairs(*(getattr(self, name)[chosen] for name in LevelPairs.__slots__))
 
     def tightest(self, wanted: int) -> "LevelPairs":
-        """Return about ``wanted`` pairs or more, those of the shortest gaps, cut on a geometric ladder.
+        """Return the pairs of the shortest gaps, ``wanted`` of them or more.
 
-        The light of a pixel during its gap is only bounded by the thresholds; the shorter the gap, the less the level
-        can err.
+        The largest gap is a power of 2 s. During a gap only the thresholds bound the light of a pixel: the shorter the
+        gap, the smaller the error of the level.
         """
         if len(self) <= wanted:
             return self
@@ -95,24 +98,24 @@ class LevelPairs:
         return self.take(self.gaps_s <= 2.0 ** np.ceil(np.log2(needed)))
 
     def ends_of(self, images: NDArray[np.floating]) -> Float64:
-        """Return what ``images`` (n, h, w) hold at the earlier and at the later sample, (2, m)."""
+        """Return the values of ``images`` (n, h, w) at the earlier and at the later samples, (2, m)."""
         flat = images.reshape(len(images), -1)
         return np.array([flat[self.earlier, self.pixels], flat[self.later, self.pixels]], dtype=np.float64)
 
 
 class LevelImages(NamedTuple):
-    """Light of the event camera's pixels at frame times, and which of them have a level.
+    """Light of the pixels of the event camera at frame times, and which of them have a level.
 
     Attributes
     ----------
     light, other_light
-        (n, h, w) by two reconstructions, in single precision: neither may be below ``least``.
+        (n, h, w) light by two reconstructions, DN. A pixel has a level where neither is below ``least``.
     error
-        (n, h, w), infinite where the light is not known.
+        (n, h, w) bound on the error of the light, DN; infinite where the light is not known.
     least
-        Light below which a pixel's level is not known.
+        Light below which the level of a pixel is not known, DN.
     hidden
-        (m,) pixels without a level, row * width + column, sorted.
+        (k,) pixels without a level at all times, row * width + column, sorted.
     """
 
     light: NDArray[np.float32]
@@ -123,7 +126,19 @@ class LevelImages(NamedTuple):
 
 
 class SampleRules(NamedTuple):
-    """Which events bracket a sample: one pixel in ``every``, gaps in ns, and the ratio of the thresholds."""
+    """Rules for the events that bracket a sample.
+
+    Attributes
+    ----------
+    every
+        One pixel in ``every`` is used.
+    longest_gap_ns
+        Longest time between the two events that bracket a sample, ns.
+    least_gap_ns
+        Events of a pixel that are closer, ns, break its chain of samples.
+    off_over_on
+        Declared ratio C- / C+.
+    """
 
     every: int
     longest_gap_ns: int
@@ -140,27 +155,27 @@ def level_pairs(
     least_gap_ns: int = 1,
     off_over_on: float = 1.0,
 ) -> LevelPairs:
-    """Find the level samples at frame times.
+    """Find the pairs of successive level samples at frame times.
 
     Parameters
     ----------
     events
-        By pixel of the event camera.
+        Events by pixel of the event camera.
     frame_times_ns
-        (n,) of the images, advancing.
+        (n,) strictly increasing timestamps of the images, ns.
     images
-        What decides at which pixels and frames there are samples.
+        Light, its errors and hidden pixels: they determine at which pixels and frames there can be samples.
     longest_gap_ns
-        Between the two events that bracket a sample.
+        Longest time between the two events that bracket a sample, ns.
     least_gap_ns
-        Events of a pixel closer than this break its chain.
+        Events of a pixel that are closer, ns, break its chain of samples.
     off_over_on
-        The declared ratio of the thresholds; it only bends the cubic.
+        Declared ratio C- / C+. It has an effect only on the curvature of the cubic.
 
     Returns
     -------
     LevelPairs
-        Of successive samples of a pixel; a share of them where events or pairs abound.
+        Only a part of the pairs where there are more than ``MOST_EVENTS`` events or ``MOST_PAIRS`` pairs.
     """
     coordinates, regressors = np.empty((len(events), 3), np.int32), np.empty((len(events), _PARAMETERS + 3))
     every = max(1, -(-len(events) // MOST_EVENTS))
@@ -173,21 +188,22 @@ def level_pairs(
 
 
 def precision_weights(pairs: LevelPairs, levels: Float64, other_levels: Float64, threshold: float) -> Float64:
-    """Return weights of pairs by how far two estimates of their levels lie apart.
+    """Return the weights of pairs by the difference of two estimates of their levels.
 
-    Cubics and straight lines are the two estimates by events. With d the distance in thresholds over
-    ``DISAGREEMENT_KNEE`` the weight is 1 / (1 + d^2)^2 (Geman and McClure 1985). Errors of footprints at edges are no
-    noise but take contrast away; under the inverse variance 1 / (1 + d^2) those of d = 4 would still pull half as much
-    as those of d = 1. Squared, it is an eighteenth. The residual has no part in it, so that no threshold is favoured.
+    There are two estimates by frames (two reconstructions), and two by events (cubics and straight lines). With d the
+    difference in thresholds over ``DISAGREEMENT_KNEE``, the weight is 1 / (1 + d^2)^2 (Geman and McClure 1985). Errors
+    of footprints at edges are not noise; they reduce contrast. With the inverse variance 1 / (1 + d^2) as weight,
+    errors of d = 4 would change the result half as much as errors of d = 1; with its square, an eighteenth as much. The
+    residual has no effect on the weight, so that no threshold is preferred.
 
     Parameters
     ----------
     pairs
         (m,) level pairs.
     levels, other_levels
-        (2, m) at both ends by two reconstructions of the frames, in the unit of the threshold.
+        (2, m) levels at both samples by two reconstructions of the frames, in the unit of the threshold.
     threshold
-        The mean of the declared ones.
+        Mean of the declared thresholds.
 
     Returns
     -------
@@ -197,7 +213,7 @@ def precision_weights(pairs: LevelPairs, levels: Float64, other_levels: Float64,
     difference = levels - other_levels
     of_frames = np.hypot(difference[0], difference[1]) / threshold
     of_events = np.abs(pairs.straightened).sum(axis=1)
-    # 1 / (1 + d^2)^2, with d^2 the sum of both squared distances over the squared knee (Geman and McClure 1985).
+    # w = 1 / (1 + d^2)^2, d^2 = (frames^2 + events^2) / knee^2 (Geman and McClure 1985).
     weights: Float64 = (1.0 + (of_frames**2 + of_events**2) / DISAGREEMENT_KNEE**2) ** -2.0
     return weights
 
@@ -210,24 +226,23 @@ def accumulate(
     times_s: Float64,
     weights: Float64 | None = None,
 ) -> NormalBlocks:
-    """Return robust normal equations of ``change`` on the pairs' regressors, summed by block.
+    """Return robust normal equations of the changes of levels on the regressors of pairs, summed by block.
 
     Parameters
     ----------
     pairs
         (m,) level pairs.
     change, block_of_pair, times_s
-        (m,) of the pairs: change of the level from the earlier to the later sample, number of the block, time.
+        (m,) change of the level from the earlier to the later sample, number of the block (0 to b - 1), and time, s.
     blocks
-        Number of blocks, b.
+        Number b of blocks.
     weights
-        (m,) of the pairs, 1 if not given. They are multiplied by Huber's about a fit of the pairs alone, its scale from
-        the median absolute residual.
+        (m,) weights of the pairs; 1 where None. They are multiplied by Huber's weights of a fit to these pairs.
 
     Returns
     -------
     NormalBlocks
-        (b, 4, 4) and (b, 4), of the columns of ``LevelPairs.regressors``.
+        b blocks of four parameters, one for each column of ``LevelPairs.regressors``.
     """
     if weights is None:
         weights = np.ones(len(pairs))
@@ -247,30 +262,29 @@ def sample_levels(
     coordinates: Int32,
     regressors: Float64,
 ) -> int:
-    """Write a row for each two successive level samples of a pixel; return how many.
+    """Write a row for each two successive level samples of a pixel.
 
-    A sample is a frame time t1 <= t < t2 between two events of one polarity at most the longest gap apart. Its pixel is
-    not darker than the least light in either of two images, and the error of its light is finite. One event lies before
-    and one after the two, at a third to three times their gap: a cubic through less evenly spaced events oscillates.
-    Hidden pixels have no samples. Events closer than the least gap break the chain of a pixel: between them events may
-    be lost.
+    A sample is a frame time t1 <= t < t2 between two events of one polarity that are at most the longest gap apart. Its
+    pixel is not darker than the least light in either of two images, and the error of its light is finite. The
+    distances to the event before and to the event after the two are a third to three times their gap, because a cubic
+    through less evenly spaced events oscillates. Hidden pixels have no samples. Events closer than the least gap break
+    the chain of a pixel, because events between them can be missing.
 
     Parameters
     ----------
     starts, timestamped
-        (h * w + 1,) and (e,): events by pixel, as in ``pixels.py``.
+        (h * w + 1,) and (e,) events by pixel, as in ``PixelEvents``.
     frame_times
-        (n,) of the images, advancing, ns.
+        (n,) strictly increasing timestamps of the images, ns.
     images
         (n, h, w) light, and the hidden pixels.
     rules
-        Which events bracket a sample. The ratio of the thresholds acts in first order only.
+        Rules for the events that bracket a sample. The ratio of the thresholds has an effect in first order only.
     coordinates
         (m, 3) receives pixel, earlier and later frame.
     regressors
-        (m, 7) receives the brighter and darker events between the samples, fractions included (darker ones count
-        negative), the change of both rates, 1/s, the longer of the two gaps, s, and what straight lines would add to
-        the first two.
+        (m, 7) receives dP and -dM (counts, with fractions), d rate+ and -d rate- (1/s), the longer of the two gaps (s),
+        and the change of dP and -dM by straight lines.
 
     Returns
     -------
@@ -285,7 +299,7 @@ def sample_levels(
             begin, stop = starts[pixel], starts[pixel + 1]
             if stop - begin < _FEWEST or (rules.every > 1 and (column + 3 * row) % rules.every != 0):
                 continue
-            # Both lists ascend, so that one pass over the hidden pixels serves all rows.
+            # Pixels and hidden pixels are both in ascending order: one pass over the hidden pixels is enough.
             while concealed < len(images.hidden) and images.hidden[concealed] <= pixel:
                 concealed += 1
             if concealed > 0 and images.hidden[concealed - 1] == pixel:
@@ -317,9 +331,9 @@ def sample_levels(
                 if not (bright and images.error[frame - 1, row, column] < np.inf):
                     continue
                 ratio = rules.off_over_on
-                # In thresholds of this pair: an event of the other sign moves the level back by C-/C+, or C+/C-.
+                # In thresholds of this polarity: an event of the other sign changes the level by -C-/C+, or -C+/C-.
                 step = 1.0 if timestamped[i] & 1 == brighter else -(ratio if brighter else 1.0 / ratio)
-                # Seconds since the first frame keep the digits that cubics need.
+                # Seconds since the first frame have the precision that cubics need.
                 since = frame_times[0]
                 fraction, rate = _cubic_between(
                     (t0 - since) * 1e-9,
@@ -353,12 +367,12 @@ def sample_levels(
 def _cubic_between(t0: float, t1: float, t2: float, t3: float, step: float, t: float) -> tuple[float, float]:
     """Return the level at t, and its rate, of the cubic through (t0, -1), (t1, 0), (t2, 1), (t3, 1 + step).
 
-    Newton's divided differences. The level before t1 is one event lower whatever the event at t0 was.
+    The level at t0 is one event lower than at t1 for both polarities of the event at t0.
     """
     first, second, third = 1.0 / (t1 - t0), 1.0 / (t2 - t1), step / (t3 - t2)
     earlier, later = (second - first) / (t2 - t0), (third - second) / (t3 - t1)
     bend = (later - earlier) / (t3 - t0)
-    # L(t) = L[t1, t2] a + L[t0, t1, t2] a b + L[t0, t1, t2, t3] a b c; the rate is its derivative by t.
+    # Newton's divided differences: L(t) = L[t1, t2] a + L[t0, t1, t2] a b + L[t0, t1, t2, t3] a b c; the rate is L'(t).
     a, b, c = t - t1, t - t2, t - t0
     level = a * second + a * b * (earlier + bend * c)
     rate = second + (a + b) * earlier + (a * b + (a + b) * c) * bend
@@ -374,11 +388,11 @@ def mark_usable(edge_aware_dn: Float32, uniform_dn: Float32, error_dn: Float32, 
     edge_aware_dn, uniform_dn
         (h, w) light by both reconstructions, DN.
     error_dn
-        (h, w) bound of its error, DN; infinite where it is not known.
+        (h, w) bound on the error of the light, DN; infinite where the light is not known.
     least_dn
-        Light below which rounding leaves the level open, DN.
+        Light below which the level is not known because of rounding, DN.
     usable
-        (h, w) where the result is written.
+        (h, w) receives True for pixels that have a level.
     """
     for row in range(usable.shape[0]):
         for column in range(usable.shape[1]):

@@ -1,8 +1,9 @@
-"""Whether events and frames agree in axes, direction and sign: correlation of their changes.
+"""Agreement of events and frames in axes, direction and sign: correlation of their changes.
 
-The change of level between frames is compared with the sum of the events in between, averaged over blocks of pixels
-(which forgives small shifts), under the eight symmetries of the square and both signs. Blocks are squares of a side; as
-many as fit lie in the middle of an image (h, w), so that mirroring maps their grid onto itself (to half a pixel).
+The change of the level between frames is compared with the sum of the events in between, under the eight symmetries of
+the square and both signs. Both are averaged over blocks of pixels, which reduces the effect of small shifts. Blocks are
+squares. As many as fit lie in the middle of an image (h, w), so that mirroring maps their grid onto itself, to half a
+pixel.
 """
 
 from collections.abc import Sequence
@@ -20,37 +21,45 @@ Int64 = NDArray[np.int64]
 Bool = NDArray[np.bool_]
 
 BLOCK_PX: Final = 4
-"""Side of the blocks whose means are compared."""
+"""Side of the blocks whose means are compared, px."""
 
 LEAST_LIGHT: Final = 1e-3
-"""Floor of the light whose logarithm is taken, DN."""
+"""Least value whose logarithm is taken, DN; smaller values are replaced by it."""
 
 SYMMETRIES: Final = tuple((swap, left, up) for swap in (False, True) for left in (False, True) for up in (False, True))
-"""Possible transforms of the events: axes exchanged, then columns mirrored, then rows mirrored."""
+"""Transforms of the events: whether axes are exchanged, then columns mirrored, then rows mirrored."""
 
 LEAST_PREDICTED: Final = 0.3
-"""Below this correlation the noise model of the prediction itself is in doubt."""
+"""Least predicted correlation of a part that is compared. For smaller ones the noise model itself is uncertain."""
 
 FEWEST_BLOCKS: Final = 100
-"""A part with fewer blocks, over all its frames, correlates by chance."""
+"""Least number of blocks of a part, over all its frames. Fewer blocks correlate by chance."""
 
 FEWEST_UPRIGHT: Final = 0.25
-"""Fraction of the parts that must agree as declared, by half of what is due, for the rest to be outliers."""
+"""Share (0 to 1) of the parts. If more parts than this have at least half of the predicted correlation as declared, the
+other parts can be outliers."""
 
 DEPENDENT: Final = 3.0
-"""Standard error of a correlation over that of independent blocks: blocks of one moving texture are not independent."""
+"""Ratio of the standard error of a correlation to that of independent blocks. Blocks of one moving texture are not
+independent."""
 
 
 @dataclass(frozen=True, slots=True)
 class ChangeMoments:
-    """Sums over blocks of frame change d and event change e: (k, 6) of 1, d, e, d d, e e, d e."""
+    """Moments of the frame change d and the event change e of blocks.
+
+    Attributes
+    ----------
+    sums
+        (k, 6) sums of 1, d, e, d d, e e and d e over blocks, in k rows, such as the eight symmetries.
+    """
 
     sums: Float64
 
     def correlations(self) -> Float64:
-        """Return the k correlation coefficients; 0 where either does not vary."""
+        """Return the correlation coefficients (k,) of d and e; 0 where one of them does not vary."""
         n, d, e, dd, ee, de = self.sums.T
-        # Pearson: (de - d e / n) over the root of the product of both variances.
+        # Pearson: (de - d e / n) / sqrt((dd - d^2 / n) (ee - e^2 / n)).
         n = np.maximum(n, 1.0)
         spread = np.sqrt(np.maximum((dd - d * d / n) * (ee - e * e / n), 0.0))
         covariance = de - d * e / n
@@ -58,27 +67,27 @@ class ChangeMoments:
         return correlations
 
     def frame_variance(self) -> float:
-        """Return the variance of d (of the first row)."""
+        """Return the variance of d in the first row, in squared units of the level."""
         n, d, _, dd, *_ = self.sums[0]
         return max(float(dd - d * d / max(n, 1.0)), 0.0) / max(float(n), 1.0)
 
 
 @dataclass(frozen=True, slots=True)
 class PartOrientation:
-    """The part whose events gain most by another orientation.
+    """The part whose correlation increases most by another orientation of the events.
 
     Attributes
     ----------
     parts
-        (k,) those in which this orientation is the better one.
+        (k,) True for the parts whose correlation is largest in this orientation.
     orientation
-        Its number, as ``other_correlations`` orders them.
+        Number of the orientation, in the order of ``other_correlations``.
     declared, other
-        Correlations of the worst part, as declared and in that orientation.
+        Correlations of the part, -1 to 1, as declared and in that orientation.
     standard_error
-        Of their difference.
+        Standard error of their difference.
     compared
-        Parts that were compared.
+        Number of parts that were compared.
     """
 
     parts: Bool
@@ -100,9 +109,9 @@ def other_correlations(correlations: Float64) -> Float64:
     Returns
     -------
     Float64
-        (15,): eight with polarity inverted, then seven as declared in polarity.
+        (15,): eight with inverted polarity, then seven with the declared polarity.
     """
-    # Inverted polarity negates e, and so the correlation; the first symmetry is the declared orientation itself.
+    # Inverted polarity negates e and the correlation. The first symmetry is the declared orientation itself.
     upright = correlations[: len(SYMMETRIES)]
     return np.concatenate([-upright, upright[1:]])
 
@@ -125,25 +134,25 @@ def transformation(orientation: int) -> tuple[bool, tuple[bool, bool, bool]]:
 
 
 def most_reoriented(parts: Sequence[ChangeMoments], noise: float) -> PartOrientation | None:
-    """Return the part that gains most by another orientation; None where few parts agree as declared.
+    """Return the part whose correlation increases most by another orientation of its events.
 
     Parameters
     ----------
     parts
-        Moments (8, 6) of each part under the eight symmetries.
+        Moments (8, 6) of each of k parts under the eight symmetries.
     noise
-        Variance that events leave open in the change of a block, in squared units of the level.
+        Variance of the change of a block that its events do not determine, in squared units of the level.
 
     Returns
     -------
     PartOrientation | None
-        The part with the largest gain, and the parts that share its orientation.
+        With all parts of the same best orientation. None where at most a quarter of the parts agree as declared.
     """
     sums = np.array([part.sums for part in parts])
     counts = sums[:, 0, 0]
     frame_variance = np.array([part.frame_variance() for part in parts])
     informative = (counts >= FEWEST_BLOCKS) & (sums[:, 0, 4] > 0)
-    # Correlation of a signal with itself and independent noise: sqrt(s / (s + noise)).
+    # Predicted correlation of a signal of variance v with the sum of it and noise: sqrt(v / (v + noise)).
     due = np.sqrt(frame_variance / (frame_variance + noise))
     informative &= due >= LEAST_PREDICTED
     declared = np.array([part.correlations()[0] for part in parts])
@@ -151,7 +160,7 @@ def most_reoriented(parts: Sequence[ChangeMoments], noise: float) -> PartOrienta
     if upright <= FEWEST_UPRIGHT * np.count_nonzero(informative):
         return None
     alternatives = np.array([other_correlations(part.correlations()) for part in parts])
-    # The part that gains most; parts of the same best orientation are taken together with it.
+    # The part of the largest gain; parts with the same best orientation are added to it.
     gains = np.where(informative, alternatives.max(axis=1) - declared, -np.inf)
     worst = int(np.argmax(gains))
     orientation = int(np.argmax(alternatives[worst]))
@@ -169,22 +178,24 @@ def most_reoriented(parts: Sequence[ChangeMoments], noise: float) -> PartOrienta
 
 
 def level_blocks(light: Float32, error: Float32, dark: float | None) -> Float64:
-    """Return the means of a frame's signal over blocks (r, c); NaN where it is not known of all pixels of a block.
+    """Return the means of the signal of a frame over blocks.
 
-    The signal is the logarithm of ``light`` (h, w) and ``dark``, or the light itself without one. It is known where the
-    light is above twice its error (h, w). The mean of logarithms is the logarithm of the product: one for each block.
+    The signal is ln(light + dark), or the light itself in the linear model. It is known where the light exceeds twice
+    its error. The sum of logarithms is computed as the logarithm of the product, which needs one logarithm for each
+    block.
 
     Parameters
     ----------
     light, error
-        (h, w) light and its error, DN.
+        (h, w) light and the bound of its error, DN.
     dark
-        DN; None for a sensor of the linear model.
+        Constant in the logarithm, DN; None for a sensor of the linear model.
 
     Returns
     -------
     Float64
-        (r, c) in nat, or in DN without ``dark``.
+        (r, c) rows and columns of blocks, in nat, or in DN without ``dark``. NaN where the signal of a pixel of the
+        block is not known.
     """
     side, grid = _grid(light.shape)
     blocks = np.empty(grid)
@@ -199,26 +210,34 @@ def level_blocks(light: Float32, error: Float32, dark: float | None) -> Float64:
 
 @dataclass(frozen=True, slots=True)
 class EventBlocks:
-    """Block means (n - 1, r, c) of the events' sums between frames: as they lie, and with axes exchanged."""
+    """Block means of the sums of events in the n - 1 intervals between frames, in the unit of the thresholds.
+
+    Attributes
+    ----------
+    upright
+        (n - 1, r, c) events at their coordinates.
+    swapped
+        (n - 1, r, c) events with x and y exchanged.
+    """
 
     upright: Float64
     swapped: Float64
 
 
 def event_blocks(counts: NDArray[np.int32], threshold_on: float, threshold_off: float) -> EventBlocks:
-    """Return the block means of the events' sums between frames.
+    """Return the block means of the sums of events between frames.
 
     Parameters
     ----------
     counts
-        (n - 1, 2, h, w) darker and brighter events.
+        (n - 1, 2, h, w) darker and brighter events between the frames.
     threshold_on, threshold_off
-        Change of the level by one event, as positive numbers.
+        Change of the level by one brighter and by one darker event, both positive.
 
     Returns
     -------
     EventBlocks
-        In the unit of the thresholds.
+        Of the n - 1 intervals, in the unit of the thresholds.
     """
     side, grid = _grid(counts.shape[2:])
     upright, swapped = np.zeros((2, len(counts), *grid))
@@ -228,7 +247,17 @@ def event_blocks(counts: NDArray[np.int32], threshold_on: float, threshold_off: 
 
 
 class EventColumns(NamedTuple):
-    """Events in the order of time, (m,) each, as stored: px, ns, and polarity (1 brighter, 0 darker)."""
+    """m events in the order of time.
+
+    Attributes
+    ----------
+    x, y
+        (m,) columns and rows as stored, px; they can lie outside of the sensor.
+    times_ns
+        (m,) timestamps, ns from the origin.
+    p
+        (m,) polarity: 1 brighter, 0 darker.
+    """
 
     x: Int64
     y: Int64
@@ -247,20 +276,20 @@ def add_events_beyond(
     threshold_on: float,
     threshold_off: float,
 ) -> None:
-    """Add events beyond the sensor to the blocks on which they lie with axes exchanged, in place.
+    """Add events outside of the sensor to the blocks in which they lie when x and y are exchanged, in place.
 
     Parameters
     ----------
     blocks
-        Whose ``swapped`` is added to.
+        Its array ``swapped`` is added to.
     x, y, times_ns, p
-        (m,) events as stored, in the order of time; px, ns, 1 brighter and 0 darker.
+        (m,) events in the order of time: columns and rows as stored, px; timestamps, ns; 1 brighter and 0 darker.
     frame_times_ns
-        (n,) of the frames.
+        (n,) timestamps of the frames, ns.
     shape
         Rows and columns of the sensor.
     threshold_on, threshold_off
-        Change of the level by one event, as positive numbers.
+        Change of the level by one brighter and by one darker event, both positive.
     """
     steps, side = (-threshold_off, threshold_on), _grid(shape)[0]
     events = EventColumns(*(column.astype(np.int64) for column in (x, y, times_ns, p)))
@@ -268,21 +297,21 @@ def add_events_beyond(
 
 
 def step_moments(levels: Float64, events: EventBlocks, tiles: int) -> Float64:
-    """Return moments (n - 1, tiles^2, 8, 6) of changes between successive frames and events under all symmetries.
+    """Return moments of the changes between successive frames and of their events, under all symmetries.
 
     Parameters
     ----------
     levels
         (n, r, c) ``level_blocks`` of the frames.
     events
-        Of the n - 1 intervals.
+        Block means of the n - 1 intervals.
     tiles
-        Tiles along each axis.
+        Number of tiles along each axis.
 
     Returns
     -------
     Float64
-        (n - 1, tiles^2, 8, 6) sums of ``ChangeMoments``, tiles by rows.
+        (n - 1, tiles^2, 8, 6) sums as in ``ChangeMoments``, by interval, tile (by rows) and symmetry.
     """
     sums = np.zeros((len(events.upright), tiles**2, len(SYMMETRIES), 6))
     for i, (upright, swapped) in enumerate(zip(events.upright, events.swapped, strict=True)):
@@ -298,12 +327,12 @@ def span_moments(levels: Float64, events: EventBlocks) -> ChangeMoments:
     levels
         (n, r, c) ``level_blocks`` of the frames.
     events
-        Of the n - 1 intervals.
+        Block means of the n - 1 intervals.
 
     Returns
     -------
     ChangeMoments
-        (8, 6), of the whole image.
+        (8, 6) of the whole image, by symmetry.
     """
     sums = np.zeros((1, len(SYMMETRIES), 6))
     add_moments(levels[-1] - levels[0], events.upright.sum(axis=0), events.swapped.sum(axis=0), 1, sums)
@@ -311,14 +340,24 @@ def span_moments(levels: Float64, events: EventBlocks) -> ChangeMoments:
 
 
 def _grid(shape: tuple[int, ...]) -> tuple[int, tuple[int, int]]:
-    """Return the side of blocks, and how many rows and columns of them fit into an image (h, w)."""
+    """Return the side of blocks, px, and the numbers of rows and columns of blocks that fit into an image (h, w)."""
     side = min(BLOCK_PX, *shape)
     return side, (shape[0] // side, shape[1] // side)
 
 
 @njit(cache=True)
 def add_blocks(light: Float32, error: Float32, side: int, sums: Float64) -> None:
-    """Write the sums (r, c) of an image (h, w) over blocks; NaN where it is not all above twice its error."""
+    """Compute the sums of an image over blocks.
+
+    Parameters
+    ----------
+    light, error
+        (h, w) image and the bound of its error, in one unit.
+    side
+        Side of the blocks, px.
+    sums
+        (r, c) receives the sums; NaN where a pixel of the block does not exceed twice its error.
+    """
     rows, columns = sums.shape
     top, left = (light.shape[0] - rows * side) // 2, (light.shape[1] - columns * side) // 2
     line = np.empty(columns * side)
@@ -334,9 +373,20 @@ def add_blocks(light: Float32, error: Float32, side: int, sums: Float64) -> None
 
 @njit(cache=True)
 def multiply_blocks(light: Float32, error: Float32, dark: float, least: float, side: int, products: Float64) -> None:
-    """Write the products (r, c) over blocks of an image (h, w) and ``dark``, ``least`` at least.
+    """Compute the products of max(light + dark, least) over blocks.
 
-    NaN where the image is not all above twice its error.
+    Parameters
+    ----------
+    light, error
+        (h, w) light and the bound of its error, DN.
+    dark
+        Constant that is added to the light, DN.
+    least
+        Least factor, DN.
+    side
+        Side of the blocks, px.
+    products
+        (r, c) receives the products; NaN where a pixel of the block does not exceed twice its error.
     """
     rows, columns = products.shape
     top, left = (light.shape[0] - rows * side) // 2, (light.shape[1] - columns * side) // 2
@@ -347,7 +397,7 @@ def multiply_blocks(light: Float32, error: Float32, dark: float, least: float, s
             values, errors = light[y, left : left + len(line)], error[y, left : left + len(line)]
             for x in range(len(line)):
                 value = max(values[x] + dark, least)
-                # A product of 16 values of up to 1e3 is far below what double precision can hold.
+                # A product of 16 values of up to 1e3 is far below the largest double.
                 line[x] *= value if values[x] > 2 * errors[x] else np.nan
         for column in range(columns):
             product = 1.0
@@ -360,15 +410,26 @@ def multiply_blocks(light: Float32, error: Float32, dark: float, least: float, s
 def mean_event_blocks(
     counts: Int32, step_on: float, step_off: float, side: int, upright: Float64, swapped: Float64
 ) -> None:
-    """Add the mean steps of darker and brighter events (2, h, w) to blocks (r, c): as they lie, and exchanged.
+    """Add the mean steps of the events of an interval to blocks, with axes as they are and exchanged.
 
-    A pixel of row y and column x lies in row x and column y once axes are exchanged.
+    With axes exchanged, a pixel of row y and column x lies in row x and column y.
+
+    Parameters
+    ----------
+    counts
+        (2, h, w) darker and brighter events.
+    step_on, step_off
+        Change of the level by one brighter and by one darker event, both positive.
+    side
+        Side of the blocks, px.
+    upright, swapped
+        (r, c) are added to: block means in the unit of the steps.
     """
     _, height, width = counts.shape
     rows, columns = upright.shape
     top, left = (height - rows * side) // 2, (width - columns * side) // 2
     brighter, darker = step_on / side**2, step_off / side**2
-    # Steps of successive rows: of a row of blocks as they lie, and of a column of blocks once axes are exchanged.
+    # Sums over successive rows of pixels: for a row of blocks, and for a column of blocks with axes exchanged.
     band, other_band = np.zeros(width), np.zeros(width)
     for y in range(height):
         off, on = counts[0, y], counts[1, y]
@@ -380,7 +441,8 @@ def mean_event_blocks(
             if 0 <= y - top < rows * side:
                 _add_line(band, left, side, upright[(y - top) // side])
             band[:] = 0.0
-        # Exchanged, rows y are columns: the last band may be cut by the sensor's last row, and is added as it is.
+        # With axes exchanged, rows y are columns. The last row of the sensor can cut the last band, which is then added
+        # as it is.
         if (y + 1 - left) % side == 0 or y + 1 == height:
             if 0 <= y - left < columns * side:
                 blocks = swapped[:, (y - left) // side]
@@ -393,7 +455,7 @@ def mean_event_blocks(
 
 @njit(cache=True)
 def _add_line(steps: Float64, first: int, side: int, blocks: Float64) -> None:
-    """Add the steps of a line of pixels to successive blocks."""
+    """Add the steps of a line of pixels, from pixel ``first`` on, to successive blocks of ``side`` pixels."""
     x = np.uint64(first)
     for block in range(len(blocks)):
         for _ in range(side):
@@ -410,9 +472,22 @@ def mean_blocks_beyond(
     side: int,
     swapped: Float64,
 ) -> None:
-    """Add events beyond the sensor to blocks (n - 1, r, c) on which they lie with axes exchanged.
+    """Add events outside of the sensor to the blocks in which they lie with axes exchanged.
 
-    ``steps`` are those of a darker and a brighter event.
+    Parameters
+    ----------
+    events
+        m events in the order of time.
+    frame_times
+        (n,) timestamps of the frames, ns. An event at the time of a frame belongs to the interval before it.
+    shape
+        Rows and columns of the sensor.
+    steps
+        Change of the level by a darker (negative) and by a brighter event.
+    side
+        Side of the blocks, px.
+    swapped
+        (n - 1, r, c) is added to: block means in the unit of the steps.
     """
     x, y, t, p = events
     (height, width), (rows, columns) = shape, swapped.shape[1:]
@@ -433,13 +508,21 @@ def mean_blocks_beyond(
 
 @njit(cache=True)
 def add_moments(change: Float64, upright: Float64, swapped: Float64, tiles: int, sums: Float64) -> None:
-    """Add moments of frame change d and event change e to ``sums`` (tiles^2, 8, 6): 1, d, e, d d, e e, d e.
+    """Add the moments of frame changes d and event changes e, for each tile and each of the eight ``SYMMETRIES``.
 
-    Blocks whose change is NaN are left out. Events are taken under the eight symmetries of ``SYMMETRIES``: axes
-    exchanged, then columns mirrored, then rows. Tiles are those of the blocks, rows first.
+    Parameters
+    ----------
+    change
+        (r, c) change of the level of each block; blocks where it is NaN are left out.
+    upright, swapped
+        (r, c) block means of the events, with axes as they are and exchanged.
+    tiles
+        Number of tiles along each axis.
+    sums
+        (tiles^2, 8, 6) is added to: sums of 1, d, e, d d, e e and d e, by tile (by rows) and symmetry.
     """
     rows, columns = change.shape
-    # A row of changes and its mirror image: that of the events' columns is the same thing.
+    # A row of changes and its mirror image: to mirror the changes has the effect of mirroring the columns of events.
     is_finite, changes, of_changes = np.empty((2, columns)), np.empty((2, columns)), np.empty(3)
     for row in range(rows):
         for column in range(columns):
@@ -465,7 +548,7 @@ def add_moments(change: Float64, upright: Float64, swapped: Float64, tiles: int,
 
 @njit(cache=True, fastmath={"reassoc", "nsz", "contract"})
 def _sum_changes(is_finite: Float64, changes: Float64, sums: Float64) -> None:
-    """Write the number of changes, their sum and that of their squares: alike under all symmetries."""
+    """Write the number of changes, their sum and that of their squares, which are equal under all symmetries."""
     n, d, dd = 0.0, 0.0, 0.0
     for i in range(len(is_finite)):
         n += is_finite[i]

@@ -1,6 +1,6 @@
-"""Events in the order of their pixels, and of time within each: all events of a pixel lie together in memory.
+"""Events sorted by pixel, and by time within each pixel: all events of a pixel are contiguous in memory.
 
-An event becomes one number, twice its instant plus its polarity.
+An event is stored as one number: twice its timestamp plus its polarity.
 """
 
 from dataclasses import dataclass
@@ -17,14 +17,14 @@ Polarities = NDArray[np.uint8]
 
 @dataclass(frozen=True, slots=True)
 class PixelEvents:
-    """Events by pixel.
+    """m events by pixel.
 
     Attributes
     ----------
     starts
-        (h * w + 1,) where the events of each pixel begin, row * width + column, and the number of all.
+        (h * w + 1,) index of the first event of each pixel, row * width + column; the last value is m.
     timestamped
-        (m,) twice the instant of an event, ns, plus its polarity (1 brighter, 0 darker).
+        (m,) twice the timestamp of each event, ns, plus its polarity (1 brighter, 0 darker).
     """
 
     starts: NDArray[np.int32]
@@ -34,30 +34,41 @@ class PixelEvents:
         return len(self.timestamped)
 
     def later_than(self, after_ns: int, until_ns: int) -> int:
-        """Return the number of events in (after, until]."""
+        """Return the number of events in an interval.
+
+        Parameters
+        ----------
+        after_ns, until_ns
+            The interval (after, until], ns.
+
+        Returns
+        -------
+        int
+            Events of all pixels.
+        """
         return int(_count_within(self.timestamped, after_ns, until_ns))
 
 
 def by_pixel(
     x: NDArray[np.uint16], y: NDArray[np.uint16], times_ns: Int64, p: NDArray[np.uint8], shape: tuple[int, int]
 ) -> PixelEvents:
-    """Return events by pixel.
+    """Sort events by pixel.
 
     Parameters
     ----------
     x, y
-        (m,) columns and rows, px, all of them on the sensor.
+        (m,) columns and rows, px; all events lie on the sensor.
     times_ns
-        (m,) sorted.
+        (m,) sorted timestamps, ns.
     p
-        (m,) 1 brighter, 0 darker.
+        (m,) polarities: 1 brighter, 0 darker.
     shape
         Rows and columns of the sensor.
 
     Returns
     -------
     PixelEvents
-        Of each pixel in the order of time.
+        The events of each pixel in the order of time.
     """
     starts, timestamped = np.empty(shape[0] * shape[1] + 1, np.int32), np.empty(len(times_ns), np.int64)
     _sort_by_pixel(x, y, times_ns, p, shape, starts, timestamped)
@@ -68,9 +79,9 @@ def by_pixel(
 def _sort_by_pixel(
     x: Columns, y: Columns, t: Int64, p: Polarities, shape: tuple[int, int], starts: Int32, timestamped: Int64
 ) -> None:
-    """Write 2 t + p of each event to ``timestamped`` (m,), by pixel, and to ``starts`` (h * w + 1,) where each begins.
+    """Write the fields of ``PixelEvents``: ``starts`` (h * w + 1,), and ``timestamped`` (m,), 2 t + p of each event.
 
-    Events are counted, then dealt out, in the order of time. Indices are unsigned, since numba tests signed ones for
+    Events are counted, then distributed in the order of time. Indices are unsigned, because Numba tests signed ones for
     negative values at each access.
     """
     height, width = shape
@@ -88,7 +99,7 @@ def _sort_by_pixel(
         pixel_of_event = np.uint64(y[i]) * row_px + np.uint64(x[i])
         timestamped[np.uint64(starts[pixel_of_event])] = 2 * t[i] + p[i]
         starts[pixel_of_event] += 1
-    # Each has moved on to where the next begins.
+    # Each start has advanced to that of the next pixel.
     for pixel in range(height * width, 0, -1):
         starts[pixel] = starts[pixel - 1]
     starts[0] = 0
@@ -96,8 +107,8 @@ def _sort_by_pixel(
 
 @njit(cache=True)
 def _count_within(timestamped: Int64, after: int, until: int) -> int:
-    """Return how many of sorted events are later than ``after`` and not later than ``until``."""
-    # 2 t + p > 2 after + 1 exactly if t > after, whatever the polarity p; likewise for ``until``.
+    """Return the number of events that are later than ``after`` and not later than ``until``, ns."""
+    # 2 t + p > 2 after + 1 exactly if t > after, for both polarities p; likewise for ``until``.
     count, least, most = 0, 2 * after + 1, 2 * until + 1
     for i in range(len(timestamped)):
         count += (timestamped[i] > least) & (timestamped[i] <= most)

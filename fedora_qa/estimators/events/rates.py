@@ -14,34 +14,38 @@ Int32 = NDArray[np.int32]
 Int64 = NDArray[np.int64]
 
 _RING: Final = 2
-"""Neighbours lie up to so many pixels away along each axis: 24 of them."""
+"""Largest distance of neighbours along each axis, px: a pixel has 24 neighbours."""
 
 _MIDDLE, _THIRD = 12, 3
-"""Ranks from the largest of 24 neighbours: the 12th (13th from below), taken as their median, and the third."""
+"""Ranks of the 24 neighbours, counted from the largest: the 12th (13th from the smallest), which serves as their
+median, and the third."""
 
 
 @dataclass(frozen=True, slots=True)
 class PixelCounts:
-    """Events and runs of every pixel; whole numbers, so that joining is exact.
+    """Numbers of events and runs of every pixel. They are integers, so that joining is exact.
 
-    ``packed`` (h, w) has the layout of ``tally_events``.
+    Attributes
+    ----------
+    packed
+        (h, w) one number for each pixel, in the layout of ``tally_events``.
     """
 
     packed: Int64
 
     @classmethod
     def of_nothing(cls, shape: tuple[int, int]) -> "PixelCounts":
-        """Return the counts of a sensor (rows, columns) that has not fired."""
+        """Return the counts of a sensor of ``shape`` (rows, columns) without events."""
         return cls(np.zeros(shape, np.int64))
 
     @property
     def events(self) -> Int64:
-        """Events (h, w), whatever their polarity."""
+        """Number of events (h, w) of both polarities."""
         return (self.packed & (RUN - 1)) // EVENT
 
     @property
     def runs(self) -> Int64:
-        """Sequences of events of one polarity (h, w); one more than there are reversals."""
+        """Number of runs (h, w): successive events of one polarity. It is one more than the number of reversals."""
         return self.packed // RUN
 
     @property
@@ -55,11 +59,19 @@ class PixelCounts:
         return np.where(self.packed == 0, -1, (self.packed & LAST) // LAST)
 
     def add(self, x: NDArray[np.uint16], y: NDArray[np.uint16], p: NDArray[np.uint8]) -> None:
-        """Count the events that come next, in place."""
+        """Count the events that come next, in place.
+
+        Parameters
+        ----------
+        x, y
+            (m,) columns and rows, px; all events lie on the sensor.
+        p
+            (m,) polarities in the order of time: 1 brighter, 0 darker.
+        """
         tally_events(x, y, p, self.packed)
 
     def then(self, later: "PixelCounts") -> "PixelCounts":
-        """Join with what comes later: a run that goes on over the border is one."""
+        """Join with the counts of later events; a run that continues over the border counts once."""
         goes_on = (self.last == later.first) & (self.packed > 0)
         # First polarity of the earlier part, last of the later one; a run that spans the border counts once.
         both = self.packed - (self.packed & LAST) + later.packed - (later.packed & FIRST) - goes_on * RUN
@@ -68,18 +80,20 @@ class PixelCounts:
 
 @dataclass(frozen=True, slots=True)
 class NeighbourExcess:
-    """Events of pixels beside those of their neighbours, (h, w) each.
+    """Events of pixels compared with those of their 24 neighbours.
 
     Attributes
     ----------
     events
-        Events above the third largest of the 24 neighbours, so that two bad pixels side by side do not hide each other.
+        (h, w) events less those of the neighbour with the third largest number, so that neighbouring hot pixels do not
+        hide each other.
     swings
-        Events by which a correct pixel may exceed its neighbours: one for each swing of the scene.
+        (h, w) events by which a correct pixel can exceed its neighbours: one for each swing of the scene.
     error
-        Standard deviation of the excess: Poisson, of the swings as well, and the spread of the neighbours.
+        (h, w) standard deviation of the excess: Poisson errors of the neighbour and of the swings, and the scatter of
+        the neighbours.
     median
-        Of the neighbours.
+        (h, w) median number of events of the neighbours.
     """
 
     events: Float64
@@ -89,30 +103,31 @@ class NeighbourExcess:
 
     @property
     def z(self) -> Float64:
-        """What is in excess of swings, in standard deviations (h, w)."""
+        """Excess (h, w) over the neighbours and the swings, in standard deviations."""
         return (self.events - self.swings) / self.error
 
 
 def neighbour_excess(counts: PixelCounts) -> NeighbourExcess:
     """Compare every pixel with its 24 neighbours.
 
-    What moves over a sensor moves over the neighbours as well; edges and textures make neighbours differ, and the
-    distance of their third largest from their median (1.1 standard deviations of a normal distribution) measures by
-    how much.
+    An image that moves over a pixel moves over its neighbours as well. Edges and textures cause differences between
+    neighbours. Their size is the distance of the third largest neighbour from the median (1.1 standard deviations of a
+    normal distribution).
 
-    Where a scene swings to and fro, neighbours differ alike in every swing, and that does not average out. Let a swing
-    change the signal by A thresholds, and the signal be r thresholds beyond its reference where it turns, 0 <= r < 1:
-    floor(A - r) events follow. Of two pixels with the same A, one gives at most one event a swing more than the other,
-    and if A is just above 1, one fires in every swing and the other never does. So one event of each run of
-    equal polarity is no excess, for as many runs as the scene has swings. These are counted where neighbours bear each
-    other out: the largest number of runs that a pixel and three of its neighbours have all reached. A hot pixel alone
-    adds nothing to it, however often its polarity alternates, and one of a single polarity has one run. Which swings
-    pass the threshold, and which pass it twice, is chance: so many events vary by Poisson's error at most.
+    Where a scene swings to and fro, neighbours differ equally in every swing, and the differences do not average out.
+    Let a swing change the signal by A thresholds, and let the signal be r thresholds beyond its reference where it
+    turns, 0 <= r < 1: then floor(A - r) events follow. Of two pixels with the same A, one gives at most one event more
+    in each swing than the other; if A is just above 1, one pixel fires in every swing and the other never. Therefore
+    one event of each run of equal polarity is no excess, for as many runs as the scene has swings. The number of swings
+    is the largest number of runs that a pixel and three of its neighbours have all reached. A single hot pixel does not
+    increase this number, even if its polarity alternates; a hot pixel of one polarity has one run. Chance decides in
+    which swings the signal passes the threshold once or twice, so that the number of these events varies at most by the
+    Poisson error.
 
     Parameters
     ----------
     counts
-        Events and runs of every pixel of the sensor, three rows and columns at least.
+        Events and runs of every pixel of the sensor, which has at least three rows and columns.
 
     Returns
     -------
@@ -123,13 +138,14 @@ def neighbour_excess(counts: PixelCounts) -> NeighbourExcess:
     high, median = _ranked(events, _MIDDLE)
     borne_out = np.minimum(runs, _ranked(runs, _THIRD)[0])
     swings = np.minimum(runs, borne_out.max(initial=0.0)).astype(np.float64)
-    # Poisson variances of the third largest and of the swings, the spread of the neighbours, and one event.
+    # error^2 = high + (high - median)^2 + swings + 1: Poisson variances of the third largest and of the swings, the
+    # scatter of the neighbours, and one event.
     error = np.sqrt(high + (high - median) ** 2 + swings + 1.0)
     return NeighbourExcess(events - high, swings, error, median)
 
 
 def _ranked(counts: Int64, depth: int) -> tuple[Float64, Float64]:
-    """Return the third largest neighbours' count (h, w) and the ``depth``-th largest; borders mirror the image."""
+    """Return the third and the ``depth``-th largest count (h, w) of the neighbours; borders mirror the image."""
     third, deepest = np.empty((2, *counts.shape), np.int32)
     rank_neighbours(np.pad(counts.astype(np.int32), _RING, mode="reflect"), third, deepest, depth)
     return third.astype(np.float64), deepest.astype(np.float64)
@@ -137,11 +153,18 @@ def _ranked(counts: Int64, depth: int) -> tuple[Float64, Float64]:
 
 @njit(cache=True)
 def rank_neighbours(around: Int32, third: Int32, deepest: Int32, depth: int) -> None:
-    """Write the third largest and the ``depth``-th largest of the 24 neighbours of every pixel, (h, w) each.
+    """Find the third largest and the ``depth``-th largest count of the 24 neighbours of every pixel.
 
-    ``around`` (h + 4, w + 4) holds the counts with two pixels more on each side. ``depth`` is 3 at least.
+    Parameters
+    ----------
+    around
+        (h + 4, w + 4) counts, with two more pixels on each side.
+    third, deepest
+        (h, w) receive the third largest and the ``depth``-th largest count.
+    depth
+        Rank, counted from the largest; 3 at least.
     """
-    # A row at a time: each neighbour takes its place among the largest so far, which pass a smaller one on.
+    # For a row of pixels at a time: each neighbour is inserted among the largest so far, which are in order.
     height, width = third.shape
     largest, passed_on = np.empty((depth, width), np.int32), np.empty(width, np.int32)
     for row in range(height):

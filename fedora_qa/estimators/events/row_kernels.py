@@ -1,8 +1,8 @@
 """Compiled loops over events.
 
-Events come as columns in the order of time: ``x``, ``y`` (px), ``t`` (int64, ns) and ``p`` (1 brighter, 0 darker), all
-of them inside the sensor. An event with the timestamp of a frame belongs before the frame: a timestamp is the first
-tick not before the crossing.
+Events are arrays (m,) in the order of time: ``x``, ``y`` (columns and rows, px), ``t`` (ns) and ``p`` (1 brighter, 0
+darker). All of them lie on the sensor. An event with the timestamp of a frame belongs to the time before the frame,
+because a timestamp is the first tick that is not before the crossing.
 """
 
 import numpy as np
@@ -26,29 +26,37 @@ def count_between_frames(
     frame_times: Int64,
     counts: Int32,
 ) -> None:
-    """Count the events in (frame i, frame i+1] of each pixel.
+    """Count the events of each pixel in (frame i, frame i + 1].
 
     Parameters
     ----------
     x, y, t, p
-        (m,) events, as the module describes them.
+        (m,) events: columns, rows, timestamps (ns) and polarities, as the module describes them.
     frame_times
-        (n,) ns, advancing.
+        (n,) strictly increasing timestamps of the frames, ns.
     counts
-        (n - 1, 2, h, w) that are added to: darker first, then brighter.
+        (n - 1, 2, h, w) is added to: darker events first, then brighter ones.
     """
     start = _first_after(t, frame_times[0]) if len(counts) else 0
     for interval in range(len(counts)):
         stop, between = _first_after(t, frame_times[interval + 1]), counts[interval]
         for i in range(start, stop):
             between[p[i], y[i], x[i]] += 1
-        # Intervals meet: the first event after one frame is where the next interval begins.
+        # The next interval begins with the first event after the frame.
         start = stop
 
 
 @njit(cache=True)
 def add_counts(counts: Int32, events: Int32) -> None:
-    """Add darker and brighter events ``counts`` (n, 2, h, w) of n intervals to ``events`` (h, w), in place."""
+    """Add the events of intervals, of both polarities, to the events of each pixel, in place.
+
+    Parameters
+    ----------
+    counts
+        (n, 2, h, w) darker and brighter events of n intervals.
+    events
+        (h, w) is added to.
+    """
     for interval in range(len(counts)):
         for row in range(events.shape[0]):
             for column in range(events.shape[1]):
@@ -57,7 +65,7 @@ def add_counts(counts: Int32, events: Int32) -> None:
 
 @njit(cache=True)
 def _first_after(t: Int64, instant: int) -> int:
-    """Return the first event that is later than an instant, by halving."""
+    """Return the index of the first event that is later than an instant, ns, by bisection."""
     low, high = 0, len(t)
     while low < high:
         middle = (low + high) // 2
@@ -72,17 +80,18 @@ def _first_after(t: Int64, instant: int) -> int:
 def survey_columns(
     x: NDArray[np.integer], y: NDArray[np.integer], p: NDArray[np.integer], shape: tuple[int, int], counts: Int64
 ) -> None:
-    """Count events, as stored, that lie beyond the sensor or have an unknown polarity.
+    """Count events, as stored, that lie outside of the sensor or have an unknown polarity.
 
     Parameters
     ----------
     x, y, p
-        (m,) as stored, in any order; nothing is assumed of their values.
+        (m,) columns, rows and polarities as stored, in any order, with any values.
     shape
         Rows and columns of the sensor.
     counts
-        (7,) that receive: events outside; events whose polarity is neither 0 nor 1; the first of either (-1: none);
-        the largest column and row; the events of p = 0 and of p = 1.
+        (7,) receives: the number of events outside; the number of events whose polarity is neither 0 nor 1; the index
+        of the first event of either kind (-1: none); the largest column and the largest row; the numbers of events with
+        p = 0 and with p = 1.
     """
     height, width = shape
     outside, unknown, off, on, first = 0, 0, 0, 0, -1
@@ -110,8 +119,21 @@ def survey_columns(
 
 @njit(cache=True)
 def count_repeats(x: Columns, y: Columns, t: Int64, shape: tuple[int, int]) -> int:
-    """Return how many events share pixel and timestamp with one before; ``shape`` is rows and columns."""
-    # No timestamp equals the least int64: the first event of a pixel repeats none.
+    """Return the number of events that share pixel and timestamp with an event before.
+
+    Parameters
+    ----------
+    x, y, t
+        (m,) columns, rows and timestamps (ns) of events, as the module describes them.
+    shape
+        Rows and columns of the sensor.
+
+    Returns
+    -------
+    int
+        Number of repeats, of any polarity.
+    """
+    # No timestamp equals the least int64: the first event of a pixel repeats no event.
     last, repeats = np.full(shape, np.iinfo(np.int64).min), 0
     for i in range(len(t)):
         repeats += last[y[i], x[i]] == t[i]
@@ -120,23 +142,23 @@ def count_repeats(x: Columns, y: Columns, t: Int64, shape: tuple[int, int]) -> i
 
 
 FIRST, LAST, EVENT, RUN = 1, 2, 1 << 2, 1 << 33
-"""Layout of a pixel's number in ``tally_events``: bit 0 and 1 are the polarities of its first and last event, bits 2 to
-32 count events, those from 33 on runs of one polarity."""
+"""Layout of the number of a pixel in ``tally_events``: bit 0 is the polarity of its first event, bit 1 that of its last
+event; bits 2 to 32 are the number of events, bits from 33 on the number of runs of one polarity."""
 
 
 @njit(cache=True)
 def tally_events(x: Columns, y: Columns, p: Polarities, packed: Int64) -> None:
-    """Add the events that come next to what is ``packed`` (h, w) of each pixel; 0 where there was none.
+    """Update the numbers of events and runs of each pixel by the events that come next.
 
-    A run that goes on counts once. One number holds all of a pixel: successive events lie anywhere on the sensor, and
-    each then costs one access to memory.
+    A run that continues counts once. One number holds all counts of a pixel, so that each event needs one access to
+    memory: successive events lie anywhere on the sensor.
 
     Parameters
     ----------
     x, y, p
-        (m,) events, as the module describes them.
+        (m,) columns, rows and polarities of events, as the module describes them.
     packed
-        (h, w) that are updated, in the layout of ``FIRST``, ``LAST``, ``EVENT`` and ``RUN``.
+        (h, w) is updated, in the layout of ``FIRST``, ``LAST``, ``EVENT`` and ``RUN``; 0 for a pixel without events.
     """
     for i in range(len(x)):
         state, sign = packed[y[i], x[i]], np.int64(p[i])
@@ -149,22 +171,23 @@ def tally_events(x: Columns, y: Columns, p: Polarities, packed: Int64) -> None:
 
 @njit(cache=True)
 def find_repeats(x: Columns, y: Columns, t: Int64, p: Polarities, shape: tuple[int, int]) -> tuple[int, int, int, int]:
-    """Count the events that share pixel and timestamp with one before, and doubled ticks.
+    """Count the events that share pixel and timestamp with an event before, and the doubled ticks.
 
-    A tick is doubled when each pixel that fires in it does so an even number of times with each polarity, at least
-    eight events in all: a packet written twice.
+    A tick is doubled where every pixel has an even number of events of each polarity, at least eight events in all: a
+    packet that was written twice.
 
     Parameters
     ----------
     x, y, t, p
-        (m,) events, as the module describes them.
+        (m,) events: columns, rows, timestamps (ns) and polarities, as the module describes them.
     shape
         Rows and columns of the sensor.
 
     Returns
     -------
     tuple[int, int, int, int]
-        Repeats; the first of them (-1: none); doubled ticks; the event at which the first of these begins (-1: none).
+        Number of repeats; index of the first one (-1: none); number of doubled ticks; index of the first event of the
+        first doubled tick (-1: none).
     """
     last = np.full(shape, np.iinfo(np.int64).min)
     odd = np.zeros((2, *shape), np.bool_)
@@ -176,10 +199,10 @@ def find_repeats(x: Columns, y: Columns, t: Int64, p: Polarities, shape: tuple[i
             first = i if first < 0 else first
         last[y[i], x[i]] = t[i]
         odd[p[i], y[i], x[i]] ^= True
-        # Pixels and polarities with an odd number of events so far in this tick: 0 at its end if all are in pairs.
+        # Number of pixels and polarities with an odd number of events in this tick; 0 at its end if all form pairs.
         unpaired += 1 if odd[p[i], y[i], x[i]] else -1
         if i + 1 == len(t) or t[i + 1] != t[i]:
-            # Eight events that pair up by chance are improbable; two or four are not.
+            # Eight events form pairs by chance with a small probability; two or four do not.
             if unpaired == 0 and i + 1 - begin >= 8:
                 doubled += 1
                 first_doubled = begin if first_doubled < 0 else first_doubled
@@ -191,8 +214,18 @@ def find_repeats(x: Columns, y: Columns, t: Int64, p: Polarities, shape: tuple[i
 
 @njit(cache=True)
 def mark_bursts(x: Columns, y: Columns, t: Int64, least_gap: int, marked: Bool) -> None:
-    """Mark in ``marked`` (h, w) the pixels with two events less than ``least_gap`` ns apart."""
-    # Half the least int64: far before every event, and the difference does not overflow.
+    """Mark the pixels with two successive events that are closer than a gap.
+
+    Parameters
+    ----------
+    x, y, t
+        (m,) columns, rows and timestamps (ns) of events, as the module describes them.
+    least_gap
+        The gap, ns.
+    marked
+        (h, w) is set to True at these pixels.
+    """
+    # Half the least int64: long before every event, and the difference does not overflow.
     last = np.full(marked.shape, np.iinfo(np.int64).min // 2)
     for i in range(len(t)):
         if t[i] - last[y[i], x[i]] < least_gap:

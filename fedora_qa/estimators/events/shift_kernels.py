@@ -1,9 +1,9 @@
-"""Compiled loops over the changes of frames and events: what they are, and how they correlate over a few pixels.
+"""Compiled loops over the changes of frames and events: the changes, and their correlation over a few pixels.
 
-For so few shifts sums of products cost less than Fourier transforms, and single precision is enough for them: a row is
-summed in a few partial sums, which leaves errors of a millionth, and rows are added in double precision. Most pixels do
-not fire between two frames: their value less the mean is the same everywhere, and its products with a row follow from
-the row's sums. Rows in which few pixels fire cost these pixels only.
+For so few shifts, sums of products take less time than Fourier transforms. Single precision is enough: a row is summed
+in a few partial sums, with a relative error of 1e-6, and rows are added in double precision. Most pixels do not fire
+between two frames. Their value less the mean is equal everywhere, so that its products with a row follow from the sums
+of the row. In rows with few firing pixels, only these pixels are processed.
 """
 
 from typing import Any
@@ -20,38 +20,39 @@ Flags = NDArray[np.uint8]
 Bools = NDArray[np.bool_]
 Images = NDArray[np.floating[Any]]
 Box = tuple[int, int, int, int]
-"""Top, bottom, left and right of a part of the image, half open."""
+"""Top, bottom, left and right of a part of the image, px, half open."""
 
+# Farthest shift in each direction, px.
 RADIUS = 8
 _SIDE = 2 * RADIUS + 1
 _WIDE = 32
-"""Products of a row that are added together: whole vectors of a processor, of which ``_SIDE`` are used."""
+"""Number of products that are added together: whole vectors of the processor, of which ``_SIDE`` are used."""
 
 _FEW = 6
-"""If one pixel of a row in so many fires, the row costs as much pixel by pixel as multiplied as a whole."""
+"""Where one in six pixels of a row fires, both ways take equally long: by firing pixels, or the whole row at once."""
 
 USABLE, KEPT, SETTLED = 1, 2, 4
-"""Flags of pixels: signal known in both frames; of these, events of unchanged sign; of these, frames that do not change
-against the last events."""
+"""Flags of pixels. USABLE: the signal is known in both frames. KEPT: also, the events have not changed sign. SETTLED:
+also, the signal does not change against the sign of the last events."""
 
 
 @njit(cache=True)
 def follow_turns(counts: Int32, change: Float64, signs: Signs, flags: Flags) -> None:
-    """Clear the flags of pixels that have turned in an interval, and update the signs of the last events.
+    """Clear the flags of pixels whose signal turned in an interval, and update the signs of the last events.
 
-    ``KEPT`` and ``SETTLED`` are cleared where events changed sign within the interval or since those before it,
-    ``SETTLED`` also where the change is against the last events.
+    ``KEPT`` and ``SETTLED`` are cleared where events of the interval have both signs, or another sign than those
+    before. ``SETTLED`` is also cleared where the signal changes against the sign of the last events.
 
     Parameters
     ----------
     counts
         (2, h, w) darker and brighter events of the interval.
     change
-        (h, w) change of the signal.
+        (h, w) change of the signal in the interval.
     signs
-        (h, w) sign of each pixel's last events, 0 where there was none before or both signs came; updated in place.
+        (h, w) sign of the last events of each pixel: 1, -1, or 0 where there were none or both signs; updated in place.
     flags
-        (h, w) updated in place.
+        (h, w) flags; updated in place.
     """
     for row in range(signs.shape[0]):
         for column in range(signs.shape[1]):
@@ -67,7 +68,15 @@ def follow_turns(counts: Int32, change: Float64, signs: Signs, flags: Flags) -> 
 
 @njit(cache=True)
 def follow_signs(counts: Int32, signs: Signs) -> None:
-    """Update ``signs`` (h, w) by ``counts`` (2, h, w) as ``follow_turns`` does, where nothing is correlated."""
+    """Update the signs of the last events, as ``follow_turns`` does, for an interval that is not correlated.
+
+    Parameters
+    ----------
+    counts
+        (2, h, w) darker and brighter events of the interval.
+    signs
+        (h, w) sign of the last events of each pixel; updated in place.
+    """
     for row in range(signs.shape[0]):
         off, on, sign = counts[0, row], counts[1, row], signs[row]
         for column in range(len(sign)):
@@ -81,26 +90,26 @@ def correlate(
 ) -> tuple[float, float]:
     """Write the cross-correlation of change and events of a part of the image, and return their sums of squares.
 
-    Both are taken less their means over the pixels with the ``flag``, and are 0 elsewhere. The squares are summed over
-    these pixels without subtracting the means.
+    For the correlation, both images are taken less their means over the flagged pixels, and are 0 elsewhere.
 
     Parameters
     ----------
     change, events
-        (h, w) changes of the level, by frames and by events.
+        (h, w) changes of the level by frames and by events.
     flags, flag
-        (h, w) flags of pixels, and the one that counts.
+        (h, w) flags of pixels, and the flag of those that count.
     box
-        Top, bottom, left and right of the part.
+        Top, bottom, left and right of the part, px, half open.
     rest
-        Value of ``events`` where nothing fires: it saves time and changes no result.
+        Value of ``events`` where a pixel does not fire. It saves time; the result does not depend on it.
     patch
-        (2 R + 1, 2 R + 1) where the correlation is written, no shift in the middle.
+        (2 R + 1, 2 R + 1) receives the correlation by shifts down (rows) and to the right (columns), no shift in the
+        middle.
 
     Returns
     -------
     tuple[float, float]
-        Sums of squares of change and of events.
+        Sums of squares of change and of events over the flagged pixels; the means are not subtracted.
     """
     top, bottom, left, right = box
     width = right - left
@@ -110,12 +119,12 @@ def correlate(
         count += int(row_sums[0])
         change_sum, event_sum = change_sum + row_sums[1], event_sum + row_sums[2]
         change_squares, event_squares = change_squares + row_sums[3], event_squares + row_sums[4]
-    # sum (c - mean c)(e - mean e) over all shifts; pixels without the flag are 0 in both.
+    # patch[s] = sum_x (c(x) - mean c) (e(x + s) - mean e); pixels without the flag are 0 in both.
     patch[:] = 0.0
     if count == 0:
         return change_squares, event_squares
     mean = event_sum / count
-    # Rounded to single precision as ``fired`` is: otherwise silent pixels would not compare equal to it.
+    # Rounded to single precision as ``fired`` is: otherwise the values of silent pixels would not be equal to it.
     beside = np.float64(np.float32(rest - mean))
     around = np.zeros((bottom - top + 2 * RADIUS, width + _WIDE - 1), np.float32)
     sums = np.zeros((bottom - top + 2 * RADIUS, _SIDE))
@@ -131,8 +140,8 @@ def correlate(
         _centre(events[row, left:right], mean, flags[row, left:right], flag, fired)
         firing = _find_firing(fired, beside, columns)
         lines = around[row - top : row - top + _SIDE]
-        # Rows in which many pixels fire are multiplied as a whole; in others the silent rest is added from the sums:
-        # sum e(x) c(x - s) = sum over firing x of (e(x) - beside) c(x - s) + beside sum c(x - s).
+        # Rows in which many pixels fire are multiplied as a whole. In others, silent pixels contribute by sums of rows:
+        # sum_x e(x) c(x - s) = sum_{firing x} (e(x) - beside) c(x - s) + beside sum_x c(x - s).
         if firing > width // _FEW:
             for down in range(_SIDE):
                 _add_products(fired, lines[_SIDE - 1 - down], patch[down])
@@ -149,16 +158,16 @@ def correlate(
 
 @njit(cache=True)
 def correlate_with_itself(change: Float64, flags: Flags, flag: int, patch: Float64) -> None:
-    """Write the autocorrelation of an image less its mean over flagged pixels, 0 elsewhere.
+    """Write the autocorrelation of an image less its mean over the flagged pixels, 0 elsewhere.
 
     Parameters
     ----------
     change
         (h, w) image.
     flags, flag
-        (h, w) flags of pixels, and the one that counts.
+        (h, w) flags of pixels, and the flag of those that count.
     patch
-        (2 R + 1, 2 R + 1) where the correlation is written, no shift in the middle.
+        (2 R + 1, 2 R + 1) receives the correlation, no shift in the middle.
     """
     height, width = change.shape
     count, total = 0, 0.0
@@ -172,7 +181,7 @@ def correlate_with_itself(change: Float64, flags: Flags, flag: int, patch: Float
     for row in range(height):
         _centre(change[row], total / count, flags[row], flag, around[row + RADIUS, RADIUS : RADIUS + width])
     for row in range(height):
-        # What lies above; what lies below is the same the other way round.
+        # Only products with the row itself and with rows above are computed.
         for down in range(RADIUS, _SIDE):
             line = around[row + 2 * RADIUS - down]
             _add_products(around[row + RADIUS, RADIUS : RADIUS + width], line, patch[down])
@@ -183,7 +192,7 @@ def correlate_with_itself(change: Float64, flags: Flags, flag: int, patch: Float
 
 @njit(cache=True, fastmath={"reassoc", "nsz", "contract"})
 def _sums_of_row(change: Float64, events: Float64, flags: Flags, flag: int) -> tuple[float, float, float, float, float]:
-    """Return number, sums and squares of the flagged pixels."""
+    """Return the number of flagged pixels of a row, their sums of change and events, and their sums of squares."""
     count, change_sum, event_sum, change_squares, event_squares = 0.0, 0.0, 0.0, 0.0, 0.0
     for i in range(len(flags)):
         used = (flags[i] & flag) != 0
@@ -198,13 +207,14 @@ def _sums_of_row(change: Float64, events: Float64, flags: Flags, flag: int) -> t
 
 @njit(cache=True)
 def _centre(values: Float64, mean: float, flags: Flags, flag: int, line: Float32) -> None:
+    """Write the values of a row less a mean; 0 where a pixel does not have the flag."""
     for i in range(len(flags)):
         line[i] = values[i] - mean if (flags[i] & flag) != 0 else 0.0
 
 
 @njit(cache=True)
 def _shifted_sums(line: Float32, sums: Float64) -> None:
-    """Write the sums of a row (w + 2 R,) over w pixels from each of the first 2 R + 1 on."""
+    """Write the sums (2 R + 1,) of a row (w + 2 R,) over w successive pixels, by the first of them."""
     width = len(line) - 2 * RADIUS
     sums[0] = total = _total(line[:width])
     for i in range(1, _SIDE):
@@ -214,7 +224,7 @@ def _shifted_sums(line: Float32, sums: Float64) -> None:
 
 @njit(cache=True, fastmath={"reassoc", "nsz", "contract"})
 def _total(values: Float32) -> float:
-    """Return the sum in double precision, many partial sums at a time."""
+    """Return the sum in double precision."""
     total = 0.0
     for i in range(len(values)):
         total += np.float64(values[i])
@@ -223,7 +233,7 @@ def _total(values: Float32) -> float:
 
 @njit(cache=True)
 def _find_firing(values: Float32, usual: float, columns: NDArray[np.int64]) -> int:
-    """Write where values (w,) are not the usual one; return how many. ``columns`` (w + 1,) has one to spare."""
+    """Write the indices of values (w,) that differ from ``usual`` to ``columns`` (w + 1,), and return their number."""
     count = 0
     for i in range(len(values)):
         columns[count] = i
@@ -237,13 +247,13 @@ def _add_around(value: float, column: int, lines: Float32, products: Float32) ->
     weight, first = np.float32(value), np.uint64(column)
     for down in range(_SIDE):
         line, sums = lines[down], products[down]
-        for i in range(len(sums)):  # not so many as are known beforehand: that would be a list, and no vectors
+        for i in range(len(sums)):  # a constant number of iterations would be unrolled and not vectorised
             sums[i] += weight * line[first + np.uint64(i)]
 
 
 @njit(cache=True, fastmath={"reassoc", "nsz", "contract"})
 def _add_products(fired: Float32, line: Float32, sums: Float64) -> None:
-    """Add the products of a row (w,) with ``line`` (w + 2 R,) at each shift, to the right last, four at a time."""
+    """Add the sums of products of a row (w,) with ``line`` (w + 2 R,) at each shift, four shifts at a time."""
     for first in range(0, _SIDE - 1, 4):
         a, b, c, d = np.float32(0), np.float32(0), np.float32(0), np.float32(0)
         for i in range(len(fired)):
@@ -265,18 +275,18 @@ def _add_products(fired: Float32, line: Float32, sums: Float64) -> None:
 
 @njit(cache=True)
 def add_slopes(level: NDArray[np.floating], change: Float64, flags: Flags, flag: int, box: Box, sums: Float64) -> None:
-    """Add to ``sums`` those of ``shift.slope_sums`` over the flagged pixels of a part of the image.
+    """Add the sums of slopes over pairs of neighbouring flagged pixels of a part of the image.
 
     Parameters
     ----------
     level, change
         (h, w) level of the earlier frame, and its change.
     flags, flag
-        (h, w) flags of pixels, and the one that both neighbours must have.
+        (h, w) flags of pixels, and the flag that both neighbours must have.
     box
-        Top, bottom, left and right of the part.
+        Top, bottom, left and right of the part, px, half open.
     sums
-        (3, 2) added to in place.
+        (3, 2) is added to, as ``shift.slope_sums`` describes it.
     """
     top, bottom, left, right = box
     for row in range(top, bottom):
@@ -298,6 +308,8 @@ def _add_slopes_of_row(
     flag: int,
     sums: Float64,
 ) -> None:
+    """Add the sums (3,) of slopes from the pixels of a row to the next ones, as in ``shift.slope_sums``."""
+    # sums of |g|, g^2 and h^2: g the slope of the level, h that of its change
     slopes, squares, change_squares = 0.0, 0.0, 0.0
     for i in range(len(next_level)):
         both = 1.0 if (flags[i] & next_flags[i] & flag) != 0 else 0.0
@@ -327,15 +339,15 @@ def step_between(
     Parameters
     ----------
     earlier, later
-        (h, w) signal of both frames.
+        (h, w) signals of both frames.
     lit
-        (h, w) pixels whose signal is known in both frames.
+        (h, w) True where the signal is known in both frames.
     counts
-        (2, h, w) darker and brighter events.
+        (2, h, w) darker and brighter events between the frames.
     steps
         Change of the signal by a darker event (negative) and by a brighter one.
     change, events, flags
-        (h, w) where the changes, in the unit of the signal, and the flags are written.
+        (h, w) receive the changes by frames and by events, in the unit of the signal, and the flags.
     """
     for row in range(flags.shape[0]):
         for column in range(flags.shape[1]):
@@ -348,15 +360,15 @@ def step_between(
 def change_and_events(
     before: Images, after: Images, error_before: Images, error_after: Images, counts: NDArray[np.int32]
 ) -> tuple[Float64, Float64, Bools, Float64]:
-    """Return the absolute change of a level and the number of events (h, w), where they can be compared, and sums.
+    """Return the absolute change of a level and the number of events of each pixel, and sums of both.
 
     Parameters
     ----------
     before, after, error_before, error_after
-        (h, w) levels at both ends of the interval, and bounds of their errors in the same unit: not finite where the
-        level is not known.
+        (h, w) levels at both ends of the interval, and bounds of their errors in the same unit. The bounds are not
+        finite where the level is not known.
     counts
-        (2, h, w) darker and brighter events in between; pixels with both are left out, and 0 in the results.
+        (2, h, w) darker and brighter events of the interval. Pixels with both are not usable.
 
     Returns
     -------
@@ -367,7 +379,8 @@ def change_and_events(
     usable
         (h, w) pixels that can be compared.
     sums
-        (4,): change of the pixels that fire, their events, and squares of all pixels' beyond the means.
+        (4,): sum of the changes of the pixels that fire, sum of their events, and, over all usable pixels, the sums of
+        squared deviations of change and of events from their means.
     """
     height, width = before.shape
     change, events, usable = np.zeros((height, width)), np.zeros((height, width)), np.zeros((height, width), np.bool_)
@@ -375,10 +388,11 @@ def change_and_events(
     for row in range(height):
         for column in range(width):
             darker, brighter = counts[0, row, column], counts[1, row, column]
-            # Events of both signs: the level has turned, and its net change is less than its events sum to.
+            # Events of both signs: the level has turned, and its net change is smaller than the number of events
+            # implies.
             if darker > 0 and brighter > 0:
                 continue
-            # Where an error is not finite, the frame is clipped or the pixel lies outside.
+            # An error is not finite where the frame is clipped or the pixel lies outside of it.
             if not (np.isfinite(error_before[row, column]) and np.isfinite(error_after[row, column])):
                 continue
             step = abs(np.float64(after[row, column]) - np.float64(before[row, column]))
@@ -391,7 +405,7 @@ def change_and_events(
     sums = np.array([of_firing, total_events, 0.0, 0.0])
     if count:
         mean_change, mean_events = total_change / count, total_events / count
-        # In a second pass: n times the squared mean, taken off a sum of squares, would cancel its digits.
+        # In a second pass: to subtract n mean^2 from a sum of squares would cancel digits.
         for row in range(height):
             for column in range(width):
                 if usable[row, column]:

@@ -18,27 +18,27 @@ Float64 = NDArray[np.float64]
 Int64 = NDArray[np.int64]
 
 FEWEST_PAIRS = 100
-"""Below, the relative standard error of a scale of residuals exceeds 10%."""
+"""Least number of samples of a fit. With fewer, the relative standard error of the scale of residuals exceeds 10%."""
 FEWEST_BLOCKS = 4
-"""Below, the spread between blocks estimates no error."""
+"""Least number of blocks, or of groups of blocks, whose scatter is used as an error."""
 FEWEST_TIMES = 4
-"""Below, a rate cannot be distinguished from chance."""
+"""Least number of different times of blocks with which a rate is fitted."""
 _SINGULAR = 1e8
-"""Condition of scaled normal equations beyond which a parameter is not identifiable."""
+"""Condition number of scaled normal equations beyond which a parameter is not identifiable."""
 
 
 @dataclass(frozen=True, slots=True)
 class NormalBlocks:
-    """Weighted normal equations of blocks of samples; sums over blocks are the equations of all.
+    """Weighted normal equations of b blocks of samples. Their sums over blocks are the equations of all samples.
 
     Attributes
     ----------
     matrices, vectors
-        (b, k, k) and (b, k): X'WX and X'Wy of k parameters, four of level pairs and of interpolated levels.
+        (b, k, k) X'WX and (b, k) X'Wy of k parameters; level pairs and interpolated levels have four.
     squares, weights, counts
-        (b,): y'Wy, the sum of weights, and the number of samples.
+        (b,) y'Wy, sum of the weights, and number of samples.
     times_s
-        (b,) mean time of the samples.
+        (b,) mean time of the samples, s from the origin.
     """
 
     matrices: Float64
@@ -54,7 +54,17 @@ class NormalBlocks:
 
 @dataclass(frozen=True, slots=True)
 class ResponseErrors:
-    """An error of each estimate: of both thresholds, of the delay (s) and of its rate (s/s)."""
+    """Errors of the estimates of a ``ResponseFit``.
+
+    Attributes
+    ----------
+    threshold_on, threshold_off
+        Errors of C+ and C-, in the unit of the levels.
+    delay_s
+        Error of the delay, s.
+    delay_rate
+        Error of the rate of the delay, s/s.
+    """
 
     threshold_on: float
     threshold_off: float
@@ -64,28 +74,30 @@ class ResponseErrors:
 
 @dataclass(frozen=True, slots=True)
 class ResponseFit:
-    """Response of the event sensor to the light that frames hold.
+    """Response of the event sensor to the light of the frames.
 
     Attributes
     ----------
     threshold_on, threshold_off
-        Change of the level by one event, in the unit of the levels.
+        C+ and C-: change of the level by one brighter and by one darker event, in the unit of the levels.
     delay_s
-        Time by which event timestamps are late (negative: early), at ``middle_s``.
+        Delay of the event timestamps at ``middle_s``, s; positive where they are late.
     delay_rate
-        Growth of the delay, s/s; 0 where the blocks are of fewer than four times.
+        Rate of the delay, s/s; 0 where the blocks have fewer than four different times.
     kappa_s
-        Part of the levels that goes with the size of their slope (``frame_interpolation``), s; 0 where not fitted.
+        Coefficient of the absolute slope of the levels (``frame_interpolation``), s; 0 where it is not fitted.
     middle_s
-        Mean time of the pairs.
+        Weighted mean time of the samples, s from the origin.
     standard_errors
-        The larger of the formal ones and the spread between blocks (delete-one jackknife); infinite where not fitted.
+        The larger of the formal errors and those by leaving out blocks (delete-one jackknife); infinite where a
+        parameter is not fitted.
     attenuation
         Bounds on the bias that errors of the regressors cause.
     coherent_delay_s
-        Bound on the delay, s, by errors of the levels that are as large as the residuals and fully correlated.
+        Bound on the error of the delay, s, by errors of the levels that are as large as the residuals and fully
+        correlated.
     sigma
-        Standard deviation of a pair's residual, in the unit of the levels.
+        Standard deviation of the residual of a sample, in the unit of the levels.
     """
 
     threshold_on: float
@@ -101,16 +113,16 @@ class ResponseFit:
 
     @property
     def threshold(self) -> float:
-        """The mean of both thresholds, without sign."""
+        """The mean of the absolute values of both thresholds, in the unit of the levels."""
         return max(0.5 * (abs(self.threshold_on) + abs(self.threshold_off)), 1e-300)
 
     @property
     def relative_sigma(self) -> float:
-        """Residual over threshold: small where the events follow the levels."""
+        """Residual over threshold, a ratio; it is small where the events follow the levels."""
         return self.sigma / self.threshold
 
     def block_sigmas(self, blocks: NormalBlocks) -> Float64:
-        """Return the residual of each block (b,) under this fit."""
+        """Return the standard deviation (b,) of the residuals of each block of level pairs, in their unit."""
         delays_s = self.delay_s + self.delay_rate * (blocks.times_s - self.middle_s)
         steps = np.array([self.threshold_on, self.threshold_off])
         # Level pairs: C+, C-, and the delay times C+ and C- as coefficients of both rates (``levels.py``).
@@ -129,17 +141,19 @@ def normal_blocks(
 
     Parameters
     ----------
-    X, y, weights
-        (m, k), (m,), (m,).
+    X
+        (m, k) regressors.
+    y, weights
+        (m,) values and their weights.
     block_of_row, times_s
-        (m,) of the rows: number of the block, 0 to b - 1, and time.
+        (m,) number of the block of each row, 0 to b - 1, and time of each row, s.
     blocks
-        Number of blocks, b.
+        Number b of blocks.
 
     Returns
     -------
     NormalBlocks
-        (b, k, k) and (b, k); blocks without rows hold zeros.
+        b blocks of k parameters; blocks without rows hold zeros.
     """
     parameters = X.shape[1]
     sums = BlockSums(np.zeros((blocks, parameters, parameters)), np.zeros((blocks, parameters)), np.zeros((blocks, 4)))
@@ -149,7 +163,7 @@ def normal_blocks(
 
 
 def concatenate(sums: list[NormalBlocks]) -> NormalBlocks:
-    """Return all blocks of some sums, in order, without those that hold no samples."""
+    """Return the blocks of several sums, in order, without blocks that have no samples."""
     fields = [np.concatenate([getattr(blocks, name) for blocks in sums]) for name in NormalBlocks.__slots__]
     present = fields[NormalBlocks.__slots__.index("counts")] > 0
     return NormalBlocks(*(values[present] for values in fields))
@@ -161,12 +175,12 @@ def fit_response(blocks: NormalBlocks) -> ResponseFit | None:
     Parameters
     ----------
     blocks
-        Of four parameters: C+, C- and both rates (``levels.accumulate``).
+        Blocks of the four regressors of level pairs (``levels.accumulate``).
 
     Returns
     -------
     ResponseFit | None
-        None where there are too few pairs, or one polarity is missing.
+        None where there are too few pairs or blocks, or the parameters are not identifiable, as with one polarity.
     """
     if _too_few(blocks):
         return None
@@ -174,7 +188,7 @@ def fit_response(blocks: NormalBlocks) -> ResponseFit | None:
     if np.linalg.cond(_scaled(matrix)) > _SINGULAR:
         return None
     steps = np.linalg.solve(matrix, vector)[:2]
-    # One column of both rates, C+ d rate+ - C- d rate-, with the thresholds of a first fit.
+    # The columns of both rates become one, C+ d rate+ - C- d rate-, with the thresholds of a first fit.
     reduction = np.zeros((4, 3))
     reduction[0, 0] = reduction[1, 1] = 1.0
     reduction[2:, 2] = steps
@@ -187,14 +201,15 @@ def fit_interpolation(blocks: NormalBlocks, groups: Sequence[NDArray[np.intp]] =
     Parameters
     ----------
     blocks
-        Of four parameters: C+, C-, delay and kappa.
+        b blocks of four parameters: C+, C-, delay and kappa.
     groups
-        (b,) each: numbers of groups of blocks that may share an error; those of one number are left out together.
+        (b,) each: the number of the group of each block. Blocks of one group can share an error and are left out
+        together.
 
     Returns
     -------
     ResponseFit | None
-        None where there are too few samples.
+        None where there are too few samples or blocks, or the parameters are not identifiable.
     """
     return None if _too_few(blocks) else _fit(blocks, np.eye(4), uncertain_counts=False, groups=groups)
 
@@ -210,17 +225,29 @@ def _fit(
     uncertain_counts: bool,
     groups: Sequence[NDArray[np.intp]] = (),
 ) -> ResponseFit | None:
-    """Fit C+, C-, delay and its rate, and kappa if it has a column, in the columns that ``reduction`` combines.
+    """Fit C+, C-, the delay and its rate, and kappa if it has a column.
 
-    Of the reduction (4, 3 or 4) the columns are those of C+, C-, delay and kappa.
+    Parameters
+    ----------
+    blocks
+        b blocks of four regressors.
+    reduction
+        (4, 3) or (4, 4): coefficients of the regressors in the columns of C+, C-, delay and kappa.
+    uncertain_counts
+        Whether counts of events have errors, as interpolated counts do.
+    groups
+        (b,) each, as those of ``fit_interpolation``. Where there are any, blocks are cells, few of which can hold all
+        edges: errors are widened by the number of cells that hold the weight.
 
-    ``uncertain_counts``: counts of events have errors themselves, as interpolated ones do. Blocks that have ``groups``
-    are cells, few of which may hold all edges: errors are widened by how many cells hold the weight.
+    Returns
+    -------
+    ResponseFit | None
+        None where the parameters are not identifiable.
     """
-    # Times count from their weighted mean, so that the delay and its rate are nearly uncorrelated.
+    # Times count from their weighted mean: the delay and its rate are then nearly uncorrelated.
     middle_s = float(np.average(blocks.times_s, weights=blocks.weights))
     times_s = blocks.times_s - middle_s
-    # Where there are times enough, the slope times the time of the block, the last column, fits the delay's growth.
+    # With enough different times, the last column fits the rate: the column of the delay times the time of the block.
     fitted = reduction.shape[1]
     columns = fitted + 1 if len(np.unique(times_s.round(3))) >= FEWEST_TIMES else fitted
     reductions = np.zeros((len(blocks), len(reduction), columns))
@@ -240,7 +267,7 @@ def _fit(
     by_block = np.maximum(formal, _jackknife(normal - normals, side - sides))
     errors = by_block
     if groups:
-        # Where cells scatter beyond formal errors, theirs count, widened for how few hold a parameter's weight.
+        # Errors by cells are widened, because few cells can hold the weight of a parameter.
         samples, parts = float(blocks.counts.sum()), _effective_parts(normal, normals)
         widened = [shared_errors(of, samples, by, n) for of, by, n in zip(formal, by_block, parts, strict=True)]
         errors = np.asarray(widened, dtype=np.float64)
@@ -251,8 +278,9 @@ def _fit(
             errors = np.maximum(errors, shared_errors(by_block, len(blocks), by_group, count))
     attenuation = np.zeros_like(theta)
     if uncertain_counts:
-        # If all residual squares were errors of the counts, of variance s^2 / C^2 a pair, these would add as much to
-        # the normal matrix, and take N^-1 diag(squares / C^2) C from the estimate (Fuller 1987, eq. 1.1.12).
+        # If all residuals came from errors of the counts, with variance s^2 / C^2 for each pair, these would add
+        # diag(squares / C^2) to the normal matrix, and change the estimate by N^-1 diag(squares / C^2) C (Fuller 1987,
+        # eq. 1.1.12).
         attenuation[:2] = weight * variance / np.where(theta[:2] == 0, np.inf, theta[:2])
         attenuation = np.abs(np.linalg.solve(normal, attenuation))
     return ResponseFit(
@@ -264,18 +292,20 @@ def _fit(
         middle_s=middle_s,
         standard_errors=_named(errors, fitted),
         attenuation=_named(attenuation, fitted),
-        # |r'e| <= |r| |e| (Cauchy and Schwarz), with r what other regressors leave of the slope: 1/|r|^2 = (N^-1)_33.
+        # |r'e| / |r|^2 <= |e| / |r| (Cauchy and Schwarz), with r the part of the slope that is orthogonal to the other
+        # regressors: 1 / |r|^2 = (N^-1)_33.
         coherent_delay_s=float(formal[2] * np.sqrt(weight)),
         sigma=float(np.sqrt(variance)),
     )
 
 
 def _effective_parts(normal: Float64, normals: Float64) -> Float64:
-    """Return how many blocks (m,) of equal weight would determine each parameter as these (b, m, m) of the sum do.
+    """Return the effective number (m,) of blocks for each parameter, from normal matrices (b, m, m) and their sum.
 
-    A block weighs what it moves a parameter by when its own estimate is moved by 1; these weights add up to 1.
+    The weight of a block is the change of a parameter when the estimate of the block changes by 1. These weights add up
+    to 1.
     """
-    # (sum w)^2 / sum w^2 (L. Kish, Survey Sampling, Wiley 1965), with w = diag(N^-1 N_b).
+    # n = (sum w)^2 / sum w^2 (L. Kish, Survey Sampling, Wiley 1965), with w = diag(N^-1 N_b).
     shares = np.einsum("ij,bji->bi", np.linalg.inv(normal), normals)
     return np.asarray(np.abs(shares).sum(axis=0) ** 2 / np.sum(shares**2, axis=0))
 
@@ -288,26 +318,34 @@ def _summed(parts: Float64, group: NDArray[np.intp]) -> Float64:
 
 
 def _jackknife(normals: Float64, sides: Float64) -> Float64:
-    """Return the spread (k,) of the estimates that leave out one block each."""
-    inverses = np.linalg.pinv(normals, hermitian=True)  # a single block may hold all weight of a parameter
+    """Return the standard errors (k,) from estimates that leave out one block each."""
+    inverses = np.linalg.pinv(normals, hermitian=True)  # a single block can hold all weight of a parameter
     return jackknife_errors((inverses @ sides[..., np.newaxis])[..., 0])
 
 
 def _named(values: Float64, fitted: int) -> ResponseErrors:
-    """Name the errors of C+, C- and delay, and that of the rate behind so many ``fitted``, infinite if absent."""
+    """Return the errors of C+, C-, delay and rate. The rate is the value at ``fitted``, infinite if it is absent."""
     rate = float(values[fitted]) if len(values) > fitted else float("inf")
     return ResponseErrors(float(values[0]), float(values[1]), float(values[2]), rate)
 
 
 def _scaled(matrix: Float64) -> Float64:
-    # Unit diagonal: otherwise the condition would be one of units (counts against slopes in 1/s).
+    """Return a matrix scaled to a unit diagonal, so that its condition number does not depend on units."""
     size = np.sqrt(np.maximum(np.diag(matrix), 1e-300))
     scaled: Float64 = matrix / np.outer(size, size)
     return scaled
 
 
 class BlockSums(NamedTuple):
-    """X'WX (b, k, k) and X'Wy (b, k) of blocks, and (b, 4) the sums of w y^2, w, 1 and the times."""
+    """Sums of b blocks.
+
+    Attributes
+    ----------
+    matrices, vectors
+        (b, k, k) X'WX and (b, k) X'Wy.
+    scalars
+        (b, 4) sums of w y^2, of w, of 1 and of the times, s.
+    """
 
     matrices: Float64
     vectors: Float64
@@ -318,7 +356,19 @@ class BlockSums(NamedTuple):
 def sum_blocks(
     X: Float64, y: Float64, weights: Float64, block_of_row: Int64, times_s: Float64, sums: BlockSums
 ) -> None:
-    """Add X'WX and X'Wy of each row of X (m, k) and y (m,) to ``sums`` of its block."""
+    """Add the normal equations of rows to the sums of their blocks.
+
+    Parameters
+    ----------
+    X
+        (m, k) regressors.
+    y, weights
+        (m,) values and their weights.
+    block_of_row, times_s
+        (m,) number of the block of each row, 0 to b - 1, and time of each row, s.
+    sums
+        Sums of the b blocks; they are added to.
+    """
     matrices, vectors, scalars = sums
     for i in range(len(y)):
         block, weight = block_of_row[i], weights[i]

@@ -1,8 +1,9 @@
 """Linear fits of groups of parameters to residuals with banded covariance.
 
-Few parameters are free at a time: a group (a bias, a time offset) is freed only where it explains the residuals far
-beyond chance (forward selection). Every other parameter is tested alone beside those. So a clean recording gives the
-smallest errors, parameters that the motion cannot separate dilute nothing, and one fault moves one group.
+Few parameters are free at a time. A group of parameters (a bias, a time offset) is freed only where it reduces the
+residuals far more than chance does (forward selection). Every other group is fitted alone beside the freed ones. A
+correct recording then gives the smallest errors, parameters that the motion cannot separate do not widen each other's
+errors, and one fault changes one group.
 """
 
 from collections.abc import Mapping, Sequence
@@ -18,26 +19,35 @@ from fedora_qa.estimators.fitting.tails import chi_squared_beyond
 Float64 = NDArray[np.float64]
 
 SELECTION_TAIL: Final = 1e-9
-"""Probability that chance alone frees a group: beyond six standard errors, below the false-alarm rate of a file."""
+"""Probability that chance alone frees a group: about six standard errors, far below the false-alarm rate of a file."""
 
 FEWEST_SEGMENTS: Final = 4
-"""Fewer segments do not determine their spread."""
+"""Least number of segments whose scatter is used. The scatter of fewer segments is too uncertain."""
 
 SPREAD_TAIL: Final = 0.01
-"""Probability that chance alone widens an error. The spread of few segments is itself uncertain: to add all of it that
-exceeds the formal error would make correct errors a quarter too large with four segments, a tenth with eight."""
+"""Probability that chance alone widens an error. The scatter of few segments is itself uncertain. If every excess over
+the formal error were added, correct errors would be a quarter too large with four segments, and a tenth with eight."""
 
 _SCATTER_IN_SCORE: Final = 3.0
-"""Variance of a score beyond the information, in units of the information N that noise in the regressors feigns. The
-score has S of the motion, at most 2 N of noise (the square of one Gaussian varies twice as the product of two), and at
-most 2 N of what was measured to take its mean off; information has S + N."""
+"""Variance of a score beyond the information, in units of N, the information that noise in the regressors adds. The
+variance of the score is the sum of S from the motion, at most 2 N from the noise (the square of a Gaussian has twice
+the variance of the product of two), and at most 2 N from the estimate of the noise that is subtracted. The information
+is S + N, so that the excess is at most 3 N."""
 
 
 @dataclass(frozen=True, slots=True)
 class FitParameters:
-    """Names of the P parameters, their groups, and the largest value that is conceivable.
+    """Names, groups and largest values of the P parameters of a fit.
 
-    The largest value enters as a weak prior: where the data do not determine a parameter, its error is that large.
+    Attributes
+    ----------
+    names
+        P names, in the order of the columns.
+    groups
+        Columns of the parameters of each group, by the name of the group.
+    largest
+        P largest conceivable absolute values, in the units of the parameters. Each is the standard deviation of a weak
+        prior about 0: where the data do not determine a parameter, its standard error is that large.
     """
 
     names: tuple[str, ...]
@@ -51,16 +61,19 @@ class ParameterEstimate:
 
     Attributes
     ----------
+    value
+        The fitted value, in the unit of the parameter.
     standard_error
-        The formal error, scaled by a misfit above 1, and widened where the spread over segments exceeds it beyond
-        chance.
+        The formal error, scaled by a misfit above 1, and widened where the scatter of the segments exceeds it by more
+        than chance.
     model_error
-        What the known error of the model can have added.
+        Largest part of the value that the known error of the model can cause, in the unit of the parameter.
     free
-        Whether its group was freed: it explains the residuals far beyond chance.
+        Whether the group of the parameter was freed: the group reduces the residuals far more than chance does.
     explained
-        Share (0 to 1) that each rival group explains on its own. For rivals freed before this group it is the share of
-        all that can be explained; for the others, where this group is free, the share of what those leave unexplained.
+        Share (0 to 1) of the residual squares that each rival group explains alone, by the name of the group. For
+        rivals freed before this group it is the share of all that the parameters can explain. For other rivals, where
+        this group is free, it is the share of what the groups freed before leave unexplained.
     """
 
     value: float
@@ -72,12 +85,17 @@ class ParameterEstimate:
 
 @dataclass(frozen=True, slots=True)
 class SegmentDeviations:
-    """Deviations of one parameter in single segments, alone, beside the fit of all.
+    """Deviations of one parameter in each of B segments from the fit of all segments.
 
     Attributes
     ----------
-    deviations, standard_errors, model_errors
-        (B,) from its fitted value, in each segment.
+    deviations
+        (B,) value in the segment less the value of the fit, in the unit of the parameter. Only this parameter is fitted
+        to the segment.
+    standard_errors
+        (B,) standard errors of the deviations.
+    model_errors
+        (B,) largest parts of the deviations that the known error of the model can cause.
     """
 
     deviations: Float64
@@ -86,7 +104,7 @@ class SegmentDeviations:
 
 
 def group_of(name: str) -> str:
-    """Return the group that a parameter belongs to: ``bias_x`` to ``bias``."""
+    """Return the group that a parameter belongs to: ``bias`` for ``bias_x``."""
     return name[:-2] if name.endswith(("_x", "_y", "_z")) else name
 
 
@@ -96,15 +114,27 @@ class GroupedFit:
     Parameters
     ----------
     blocks
-        The segments.
+        The normal equations of the B segments.
+    parameters
+        Names, groups and largest values of the P parameters.
     linearised_at
-        (P,) values already subtracted from the samples; fitted values count from 0 nevertheless.
+        (P,) values that were subtracted from the samples before they were linearised. Fitted values count from 0, not
+        from these values.
     nuisance_covariance
-        (B, B) prior covariance of a nuisance between the B segments, the Q nuisances alike and independent. None: no
-        nuisances.
+        (B, B) prior covariance of a nuisance between the segments; it holds for each of the Q nuisances of a segment,
+        which are independent. None where there are no nuisances.
     scatters
-        The same segments with residuals and jacobians as noise alone makes them (``sequence_fit.with_scatter``). Their
-        scores are subtracted, and their information is not counted.
+        The same segments with the residuals and jacobians that noise alone causes (``sequence_fit.with_scatter``).
+        Their scores are subtracted, and their information is not counted. None where the regressors have no noise.
+
+    Attributes
+    ----------
+    parameters
+        As given.
+    misfit
+        Root mean square of the whitened residuals after all parameters are fitted; 1 where the noise model holds.
+    free
+        Names of the freed groups, in the order in which they were freed.
     """
 
     def __init__(
@@ -128,23 +158,29 @@ class GroupedFit:
         self._score_covariance = self._normal + _SCATTER_IN_SCORE * self._scatter_normal
         explained = float(self._sums.right @ inverse_of(self._normal) @ self._sums.right)
         rows = sum(block.count for block in shifted)
-        # Squares less what all parameters explain, over the degrees of freedom.
+        # misfit^2 = (r^T C^-1 r - b^T N^-1 b) / (rows - P): the squares that all P parameters leave unexplained.
         self.misfit = float(np.sqrt(max(self._sums.squares - explained, 0.0) / max(rows - count, 1)))
-        """Root mean square of whitened residuals after all parameters are fitted; 1 where the noise model is right."""
+        """Root mean square of the whitened residuals after all parameters are fitted; 1 where the noise model holds."""
         self.free, self._explained = self._select()
 
     def fitted(self) -> dict[str, ParameterEstimate]:
-        """Return every parameter by name: freed groups fitted together, every other group alone beside them."""
+        """Fit every parameter: the freed groups together, every other group alone beside the freed ones.
+
+        Returns
+        -------
+        dict[str, ParameterEstimate]
+            The estimates, by the name of the parameter.
+        """
         fitted: dict[str, ParameterEstimate] = {}
         for group in self.parameters.groups:
             columns = self._columns((*self.free, group) if group not in self.free else self.free)
             inverse = inverse_of(self._normal[np.ix_(columns, columns)])
             values = inverse @ self._right[columns]
             errors = self._standard_errors(columns, inverse, values)
-            # The variance of each by noise in the regressors, over that of all: the share of information of noise.
+            # Share of the information that comes from noise: diag(N^-1 N_noise N^-1) / diag(N^-1).
             noise = np.diag(inverse @ self._scatter_normal[np.ix_(columns, columns)] @ inverse) / np.diag(inverse)
             attenuation = _attenuation(noise, errors / np.array(self.parameters.largest)[columns])
-            # Only the part beyond the linearisation is attenuated: the rest was subtracted from the samples exactly.
+            # Only the part beyond the linearisation is attenuated: the rest was subtracted exactly.
             values = self._linearised_at[columns] + (values - self._linearised_at[columns]) / attenuation
             model_errors = np.abs(inverse @ self._sums.model_right[columns]) / attenuation
             errors = errors / attenuation
@@ -157,7 +193,7 @@ class GroupedFit:
         return fitted
 
     def values_of_free(self) -> Float64:
-        """Return (P,) the values of the freed parameters fitted together, 0 for all others."""
+        """Return the values (P,) of the freed parameters fitted together, 0 for all others."""
         values = np.zeros(len(self.parameters.names))
         columns = self._columns(self.free)
         if columns:
@@ -165,18 +201,29 @@ class GroupedFit:
         return values
 
     def values_of_all(self) -> Float64:
-        """Return (P,) the values of all parameters fitted together."""
+        """Return the values (P,) of all parameters fitted together."""
         values: Float64 = inverse_of(self._normal) @ self._right
         return values
 
     def local(self, name: str) -> SegmentDeviations:
-        """Return by how much a parameter deviates in each segment from the freed parameters' fit."""
+        """Return the deviations of a parameter in each segment from the fit of the freed parameters.
+
+        Parameters
+        ----------
+        name
+            Name of the parameter.
+
+        Returns
+        -------
+        SegmentDeviations
+            Of the B segments, in the unit of the parameter.
+        """
         column, values = self.parameters.names.index(name), self.values_of_free()
-        # Segments are whitened alone, so that a segment's score J^T C^-1 r has the variance J^T C^-1 J.
+        # Each segment is whitened by itself, so that its score J^T C^-1 r has the variance J^T C^-1 J.
         scores = self._scores(values)[:, column]
         information = self._sums.normals[:, column, column] + self._prior[column, column]
         noise = np.zeros(len(scores)) if self._scatter_sums is None else self._scatter_sums.normals[:, column, column]
-        # Deviation = score / information; its error follows from the variance of the score, noise included.
+        # deviation = score / information; standard error = sqrt(information + 3 noise) / information.
         errors = max(1.0, self.misfit) * np.sqrt(information + _SCATTER_IN_SCORE * noise) / information
         attenuation = _attenuation(noise / information, errors / self.parameters.largest[column])
         return SegmentDeviations(
@@ -190,7 +237,7 @@ class GroupedFit:
         return np.zeros_like(self._normal) if self._scatter_sums is None else self._scatter_sums.normal
 
     def _scores(self, values: Float64) -> Float64:
-        """Return (B, P) the segments' scores beside ``values``, without those of noise alone."""
+        """Return the scores (B, P) of the segments at ``values`` (P,), less the scores of noise alone."""
         scores = self._sums.scores(values)
         return scores if self._scatter_sums is None else scores - self._scatter_sums.scores(np.zeros_like(values))
 
@@ -198,7 +245,7 @@ class GroupedFit:
         return [column for group in groups for column in self.parameters.groups[group]]
 
     def _explains(self, groups: Sequence[str]) -> float:
-        """Return by how much the sum of squares falls when the groups are free."""
+        """Return by how much the sum of squares decreases when the groups are free."""
         columns = self._columns(groups)
         if not columns:
             return 0.0
@@ -207,22 +254,30 @@ class GroupedFit:
         return float(right @ inverse_of(self._score_covariance[np.ix_(columns, columns)]) @ right)
 
     def _select(self) -> tuple[tuple[str, ...], dict[str, dict[str, float]]]:
-        """Free groups, the one that explains most first, while that is far beyond chance.
+        """Free groups, the one that explains most first, while its gain is far beyond chance.
 
-        Gains are measured in units of the misfit of the full fit, so that noise above its declaration frees nothing.
+        Gains are divided by the squared misfit of the full fit, so that noise above its declaration frees no group.
+
+        Returns
+        -------
+        tuple[str, ...]
+            The freed groups.
+        dict[str, dict[str, float]]
+            The shares ``ParameterEstimate.explained``, by group and rival.
         """
         unit = max(1.0, self.misfit**2)
         free: tuple[str, ...] = ()
         explained: dict[str, dict[str, float]] = {}
         everything = self._explains(tuple(self.parameters.groups))
-        # A fault that does not last throughout leaves to others what its group, freed before, cannot describe.
+        # A fault that does not last for the whole recording leaves residuals that its own group, freed before, cannot
+        # describe. Other groups explain them, so that the shares of freed groups refer to all that can be explained.
         alone = {
             g: float(np.clip(self._explains((g,)) / (everything or 1.0), 0.0, 1.0)) for g in self.parameters.groups
         }
         while len(free) < len(self.parameters.groups):
             base = self._explains(free)
             gains = {g: (self._explains((*free, g)) - base) / unit for g in self.parameters.groups if g not in free}
-            # Under chance alone a gain follows chi squared with the group's parameter count (S. S. Wilks 1938).
+            # By chance alone a gain follows chi squared; its degrees of freedom are the parameters (S. S. Wilks 1938).
             excess = {
                 g: gain / chi_squared_beyond(SELECTION_TAIL, len(self.parameters.groups[g]))
                 for g, gain in gains.items()
@@ -237,9 +292,9 @@ class GroupedFit:
         return free, {g: explained.get(g, {rival: alone[rival] for rival in free}) for g in self.parameters.groups}
 
     def _standard_errors(self, columns: list[int], inverse: Float64, values: Float64) -> Float64:
-        """Return the formal error scaled by the misfit, and the spread over segments where that is beyond chance.
+        """Return the formal errors scaled by the misfit, widened where the segments scatter by more than chance.
 
-        The spread is that about the nuisances as fitted: their own uncertainty is in the formal error alone.
+        The scatter is that about the fitted nuisances; only the formal error contains their own uncertainty.
         """
         root = _root(self._score_covariance[np.ix_(columns, columns)])
         formal = np.sum((inverse @ root) ** 2, axis=1) * max(1.0, self.misfit) ** 2
@@ -252,29 +307,29 @@ class GroupedFit:
         scores = (scores - scores.mean(axis=0))[:, columns]
         own_normal = (self._sums.normals.sum(axis=0) + self._prior)[np.ix_(columns, columns)]
         own, noise = inverse_of(own_normal), _SCATTER_IN_SCORE * self._scatter_normal[np.ix_(columns, columns)]
-        # Sandwich estimate N^-1 (sum_b s_b s_b^T) N^-1 of the covariance, with the correction B / (B - 1).
+        # Sandwich estimate of the covariance: B / (B - 1) N^-1 (sum_b s_b s_b^T) N^-1, s_b the score of segment b.
         spread = np.sum((own @ scores.T) ** 2, axis=1) * segments / (segments - 1)
         expected = np.sum((own @ _root(own_normal + noise)) ** 2, axis=1) * max(1.0, self.misfit) ** 2
-        # The scatter of B segments over its expectation is chi squared / (B - 1) with B - 1 degrees of freedom.
+        # Scatter of B segments / its expectation ~ chi^2 / (B - 1), with B - 1 degrees of freedom.
         by_chance = chi_squared_beyond(SPREAD_TAIL, segments - 1) / (segments - 1)
         errors: Float64 = np.sqrt(formal + np.where(spread > by_chance * expected, spread - expected, 0.0))
         return errors
 
 
 def _attenuation(noise_shares: Float64, relative_errors: Float64) -> Float64:
-    """Return the share of information due to motion, bounded so that no error exceeds the largest conceivable value.
+    """Return the shares of the information that come from the motion.
 
-    Noise in a regressor draws a fitted value towards 0 by that share, and its error with it (W. Fuller, Measurement
-    Error Models, Wiley 1987, section 1.1).
+    Noise in a regressor multiplies a fitted value and its error by this share (W. Fuller, Measurement Error Models,
+    Wiley 1987, section 1.1). The share is bounded from below, so that no error exceeds the largest conceivable value.
     """
     shares: Float64 = np.maximum(1.0 - noise_shares, np.minimum(relative_errors, 1.0))
     return shares
 
 
 def _root(covariance: Float64) -> Float64:
-    """Return R (n, n) with R R^T the covariance (n, n): no sum of squares is negative, even of collinear parameters."""
+    """Return R (n, n) with R R^T = covariance (n, n), also where parameters are collinear."""
     scales = np.sqrt(np.maximum(np.diag(covariance), np.finfo(np.float64).tiny))
-    # Eigenvalues, not Cholesky's factors: rounding may leave some slightly below 0.
+    # Eigenvalues instead of Cholesky's factors: rounding may make some eigenvalues slightly negative.
     values, vectors = np.linalg.eigh(covariance / np.outer(scales, scales))
     root: Float64 = scales[:, None] * vectors * np.sqrt(np.maximum(values, 0.0))
     return root

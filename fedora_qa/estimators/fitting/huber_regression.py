@@ -10,12 +10,12 @@ from fedora_qa.estimators.fitting.robust import MAD_TO_SIGMA
 Float64 = NDArray[np.float64]
 
 HUBER_K = 1.345
-"""Residuals beyond this many standard deviations weigh less: 95% efficient on normal errors (P. W. Holland and R. E.
-Welsch, Commun. Stat. A 6 (1977) 813)."""
+"""Standard deviations beyond which a residual has a smaller weight. The estimate is 95% efficient for normal errors
+(P. W. Holland and R. E. Welsch, Commun. Stat. A 6 (1977) 813)."""
 
 _ITERATIONS = 8
 _FEW_ROWS = 4096
-"""Beyond so many rows NumPy partitions them at their median faster than a compiled loop does."""
+"""Number of rows beyond which NumPy computes the median faster than the compiled loop."""
 
 _SINGULAR = 1e-13
 """Ratio of a pivot to its diagonal element below which the pivot is rounding, and the equations are singular."""
@@ -26,14 +26,16 @@ def huber_regression_weights(X: Float64, y: Float64) -> Float64:
 
     Parameters
     ----------
-    X, y
-        (m, k), (m,).
+    X
+        (m, k) regressors.
+    y
+        (m,) values.
 
     Returns
     -------
     Float64
-        (m,), 1 where residuals are within ``HUBER_K`` standard deviations; the scale is from their median absolute
-        value.
+        (m,) weights from 0 to 1; 1 where the residual is within ``HUBER_K`` standard deviations. The standard deviation
+        is 1.4826 times the median absolute residual.
     """
     weights, residual = np.ones(len(y)), np.empty(len(y))
     if not len(y) or (len(y) <= _FEW_ROWS and huber(X, y, HUBER_K, _ITERATIONS, weights)):
@@ -44,10 +46,10 @@ def huber_regression_weights(X: Float64, y: Float64) -> Float64:
     for iteration in range(_ITERATIONS):
         theta = np.empty(len(vector))
         if not solve(matrix, vector, theta):
-            # Of many solutions the shortest.
+            # Singular equations have many solutions: the one of least norm is taken.
             theta = np.asarray(np.linalg.lstsq(matrix, vector, rcond=None)[0], np.float64)
         residuals(X, y, theta, residual)
-        # NumPy's median partitions at both middle values, which takes eight times as long.
+        # numpy.median partitions at both middle values, which takes eight times as long.
         parted = np.partition(residual, middle)
         below = parted[middle] if len(y) % 2 else parted[:middle].max()
         # sigma = MAD_TO_SIGMA times the median of |r| (Hampel 1974): the mean of both middle values if m is even.
@@ -64,18 +66,21 @@ def huber_regression_weights(X: Float64, y: Float64) -> Float64:
 
 @njit(cache=True)
 def huber(X: Float64, y: Float64, tuning: float, iterations: int, weights: Float64) -> bool:
-    """Write the weights (m,) of Huber's M-estimate of y (m,) on X (m, k), by iterated least squares.
-
-    Beyond ``tuning`` standard deviations residuals weigh less; the scale is from their median absolute value.
+    """Compute the weights of Huber's M-estimate of y = X theta, by iterated least squares.
 
     Parameters
     ----------
-    X, y
-        (m, k), (m,).
-    tuning, iterations
-        Standard deviations of full weight, and number of weighted fits.
+    X
+        (m, k) regressors.
+    y
+        (m,) values.
+    tuning
+        Residuals within so many standard deviations have the weight 1. The standard deviation is 1.4826 times the
+        median absolute residual.
+    iterations
+        Number of weighted fits.
     weights
-        (m,) where the weights are written.
+        (m,) receives the weights, 0 to 1.
 
     Returns
     -------
@@ -102,7 +107,21 @@ def huber(X: Float64, y: Float64, tuning: float, iterations: int, weights: Float
 
 @njit(cache=True)
 def weigh(X: Float64, y: Float64, weights: Float64, matrix: Float64, vector: Float64) -> None:
-    """Write the normal equations X'WX (k, k) and X'Wy (k,) of y (m,) on X (m, k)."""
+    """Compute the weighted normal equations of y = X theta.
+
+    Parameters
+    ----------
+    X
+        (m, k) regressors.
+    y
+        (m,) values.
+    weights
+        (m,) weights, the diagonal of W.
+    matrix
+        (k, k) receives X'WX.
+    vector
+        (k,) receives X'Wy.
+    """
     parameters = X.shape[1]
     matrix[:], vector[:] = 0.0, 0.0
     for i in range(len(y)):
@@ -118,7 +137,19 @@ def weigh(X: Float64, y: Float64, weights: Float64, matrix: Float64, vector: Flo
 
 @njit(cache=True)
 def residuals(X: Float64, y: Float64, theta: Float64, residual: Float64) -> None:
-    """Write |y - X theta| (m,)."""
+    """Compute the absolute residuals of y = X theta.
+
+    Parameters
+    ----------
+    X
+        (m, k) regressors.
+    y
+        (m,) values.
+    theta
+        (k,) parameters.
+    residual
+        (m,) receives |y - X theta|.
+    """
     for i in range(len(y)):
         difference = y[i]
         for j in range(X.shape[1]):
@@ -128,11 +159,27 @@ def residuals(X: Float64, y: Float64, theta: Float64, residual: Float64) -> None
 
 @njit(cache=True)
 def solve(matrix: Float64, vector: Float64, theta: Float64) -> bool:
-    """Write the solution (k,) of normal equations by elimination; return False where these are singular."""
+    """Solve normal equations by Gaussian elimination.
+
+    Parameters
+    ----------
+    matrix
+        (k, k) symmetric, positive definite; not changed.
+    vector
+        (k,) right side.
+    theta
+        (k,) receives the solution.
+
+    Returns
+    -------
+    bool
+        False where the equations are singular; ``theta`` is then undefined.
+    """
     k = len(vector)
     reduced = matrix.copy()
     theta[:] = vector
-    # Without pivoting, which positive definite matrices do not need (N. J. Higham, Accuracy and Stability, ch. 10).
+    # Without pivoting, which positive definite matrices do not need (N. J. Higham, Accuracy and Stability of Numerical
+    # Algorithms, ch. 10).
     for i in range(k):
         if not reduced[i, i] > _SINGULAR * matrix[i, i]:
             return False

@@ -1,4 +1,4 @@
-"""Whitened normal equations of segments of rows with banded covariance, and of all segments together."""
+"""Whitened normal equations of segments whose noise has a banded covariance, and their sum over all segments."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -11,21 +11,26 @@ from scipy.linalg import solveh_banded
 Float64 = NDArray[np.float64]
 
 _LEAST_INFORMATION: Final = 1e-12
-"""Least information of a direction over that of the best determined one, after scaling to unit diagonal."""
+"""Least information of a direction, relative to that of the best determined one, after scaling to a unit diagonal."""
 
 
 @dataclass(frozen=True, slots=True)
 class BlockEquations:
-    """Whitened normal equations of one segment of time, for all P parameters and Q nuisances of the segment alone.
+    """Whitened normal equations of one segment of time, for P parameters and the Q nuisances of this segment.
+
+    With residuals r, jacobians J, their noise covariance C and the model's error m:
 
     Attributes
     ----------
     normal, right
-        (P + Q, P + Q) and (P + Q,): ``normal @ unknowns = right`` is the least-squares solution of the segment alone.
+        (P + Q, P + Q) J^T C^-1 J and (P + Q,) J^T C^-1 r. The solution of ``normal @ unknowns = right`` is the
+        least-squares estimate of this segment.
     model_right
-        (P + Q,) what the known error of the model adds to ``right``.
-    squares, count
-        Sum of whitened squared residuals with all unknowns 0, and how many there are.
+        (P + Q,) J^T C^-1 m: the change of ``right`` by the known error of the model.
+    squares
+        r^T C^-1 r: sum of the whitened squared residuals where all unknowns are 0.
+    count
+        Number of residuals.
     """
 
     normal: Float64
@@ -35,9 +40,20 @@ class BlockEquations:
     count: int
 
     def linearised_at(self, parameters: Float64) -> "BlockEquations":
-        """Return the equations for unknowns that count from 0; ``parameters`` (P,) were subtracted from the residuals.
+        """Return the equations for unknowns that count from 0.
 
-        With r' = r - J p: ``J^T r = J^T r' + N p`` and ``r^T r = r'^T r' + p^T (2 J^T r' + N p)``.
+        With the whitened residuals r' = r - J p: ``J^T r = J^T r' + N p`` and
+        ``r^T r = r'^T r' + p^T (2 J^T r' + N p)``.
+
+        Parameters
+        ----------
+        parameters
+            (P,) values p that were subtracted from the residuals.
+
+        Returns
+        -------
+        BlockEquations
+            Of the residuals r from which nothing is subtracted.
         """
         shift = self.normal[:, : len(parameters)] @ parameters
         # p^T (2 J^T r' + N p), docstring above: ``right`` is J^T r', ``shift`` is N p.
@@ -48,17 +64,18 @@ class BlockEquations:
 def block_equations(
     residuals: Float64, jacobians: Float64, covariance_bands: Float64, model_errors: Float64
 ) -> BlockEquations:
-    """Whiten one segment of rows and sum its normal equations.
+    """Whiten the rows of one segment and sum their normal equations.
 
     Parameters
     ----------
     residuals, model_errors
-        (n, 3): residuals without parameters, and a bound on the model's own error.
+        (n, 3) residuals of n rows on three axes where all unknowns are 0, and bounds of the model's own error, in one
+        unit.
     jacobians
-        (n, 3, P + Q): ``residuals = jacobians @ unknowns + noise``; the segment's own nuisances come last.
+        (n, 3, P + Q): ``residuals = jacobians @ unknowns + noise``. The Q nuisances of the segment come last.
     covariance_bands
-        (3, u + 1, n) covariance of the noise over rows on each axis, in the upper form of
-        ``scipy.linalg.solveh_banded``.
+        (3, u + 1, n) covariance of the noise between rows on each axis, with u bands beside the diagonal, in the upper
+        form of ``scipy.linalg.solveh_banded``. Noise of different axes is independent.
 
     Returns
     -------
@@ -68,12 +85,12 @@ def block_equations(
     Raises
     ------
     numpy.linalg.LinAlgError
-        A covariance is not positive definite.
+        If a covariance is not positive definite.
     """
     columns = jacobians.shape[-1]
     stacked = np.concatenate((jacobians, residuals[..., None], model_errors[..., None]), axis=-1)
     whitened = np.stack([solveh_banded(bands, stacked[:, axis]) for axis, bands in enumerate(covariance_bands)], axis=1)
-    # One product [J r m]^T C^-1 [J r m] holds the normal matrix, both right sides and the squares.
+    # gram = [J r m]^T C^-1 [J r m]: it holds the normal matrix, both right sides and the squares.
     gram = np.einsum("nai,naj->ij", stacked, whitened)
     return BlockEquations(
         normal=gram[:columns, :columns],
@@ -85,10 +102,21 @@ def block_equations(
 
 
 def inverse_of(normal: Float64) -> Float64:
-    """Invert normal equations (P, P), whose diagonal is positive.
+    """Return the inverse of a matrix of normal equations.
 
-    Directions whose information is below the rounding error get the least information that exceeds it.
+    Directions with less than 1e-12 of the largest information are below the rounding error; they get this information.
+
+    Parameters
+    ----------
+    normal
+        (P, P) symmetric, with a positive diagonal.
+
+    Returns
+    -------
+    Float64
+        (P, P).
     """
+    # D^-1 V diag(1 / lambda) V^T D^-1, with D^2 the diagonal and V, lambda the eigenvectors of D^-1 N D^-1.
     scale = np.sqrt(np.diag(normal))
     information, directions = np.linalg.eigh(normal / np.outer(scale, scale))
     bounded = np.maximum(information, _LEAST_INFORMATION * information[-1])
@@ -97,25 +125,25 @@ def inverse_of(normal: Float64) -> Float64:
 
 
 class SummedEquations:
-    """Sums over B segments for P parameters, with the nuisances of single segments eliminated.
+    """Sums of normal equations over B segments for P parameters, with the nuisances of the segments eliminated.
 
     Parameters
     ----------
     blocks
-        The segments.
+        The normal equations of the segments.
     count
-        P; the unknowns that follow in each segment are its nuisances.
+        Number P of parameters; the unknowns after them are nuisances of the segment.
     nuisance_covariance
-        (B, B) prior covariance of a nuisance between segments; None where there are none.
+        (B, B) prior covariance of a nuisance between segments; None where there are no nuisances.
 
     Attributes
     ----------
-    normals, normal
-        (B, P, P) of single segments, nuisances at 0; (P, P) of all, nuisances eliminated.
-    right, model_right, squares
-        Of all, nuisances eliminated: (P,), (P,), a number.
-    model_rights
-        (B, P) of single segments, nuisances at 0.
+    normals, model_rights
+        (B, P, P) and (B, P) of each segment, with its nuisances at 0.
+    normal, right, model_right
+        (P, P), (P,) and (P,) of all segments, with the nuisances eliminated.
+    squares
+        Sum of the whitened squared residuals, less what the nuisances explain.
     """
 
     def __init__(self, blocks: Sequence[BlockEquations], count: int, nuisance_covariance: Float64 | None) -> None:
@@ -135,25 +163,41 @@ class SummedEquations:
             self.squares -= self._nuisances.squares
 
     def scores(self, values: Float64) -> Float64:
-        """Return (B, P) the right sides of single segments less the part that ``values`` (P,) explain."""
+        """Return the right sides of each segment at given parameters, with the nuisances fitted beside them.
+
+        Parameters
+        ----------
+        values
+            (P,) parameters.
+
+        Returns
+        -------
+        Float64
+            (B, P).
+        """
+        # s_b = b_b - N_b p
         scores: Float64 = self._rights - self.normals @ values
         return scores if self._nuisances is None else scores - self._nuisances.scores(values)
 
 
 class SegmentNuisances:
-    """Unknowns of single segments, correlated between segments by their prior, eliminated from the equations.
+    """Nuisances of B segments, correlated between segments by their prior, eliminated from the equations.
 
     Parameters
     ----------
-    blocks, count
-        The B segments, and P; all unknowns that follow are nuisances.
+    blocks
+        The normal equations of the segments.
+    count
+        Number P of parameters; all unknowns after them are nuisances.
     covariance
-        (B, B) prior covariance of a nuisance between segments; nuisances are alike and independent.
+        (B, B) prior covariance of a nuisance between segments. It holds for each nuisance of a segment; different
+        nuisances are independent.
 
     Attributes
     ----------
     normal, right, model_right, squares
-        Terms that their elimination subtracts from the parameters' equations (Schur complement).
+        (P, P), (P,), (P,) and a number: the terms that the elimination subtracts from the parameters' equations (Schur
+        complement).
     """
 
     def __init__(self, blocks: Sequence[BlockEquations], count: int, covariance: Float64) -> None:
@@ -176,8 +220,19 @@ class SegmentNuisances:
         self.squares = float(self._right @ self._inverse @ self._right)
 
     def scores(self, parameters: Float64) -> Float64:
-        """Return (B, P) the part of each segment's right sides that the nuisances explain beside ``parameters``."""
-        # Back-substitution: q = Q^-1 (c - M^T p), which takes M q from the right sides.
+        """Return the part of each segment's right sides that the nuisances explain beside given parameters.
+
+        Parameters
+        ----------
+        parameters
+            (P,) values.
+
+        Returns
+        -------
+        Float64
+            (B, P).
+        """
+        # Back-substitution: q = Q^-1 (c - M^T p); M q is the explained part of the right sides.
         fitted = (self._inverse @ (self._right - self._joined.T @ parameters)).reshape(self._shape)
         explained: Float64 = np.einsum("bpq,bq->bp", self._mixed, fitted)
         return explained

@@ -1,4 +1,4 @@
-"""Compiled order statistics of unsorted numbers: those of numba take three to four seconds each to compile."""
+"""Compiled order statistics of unsorted numbers. The versions that Numba provides take 3 to 4 s each to compile."""
 
 import numpy as np
 from numba import njit
@@ -9,25 +9,25 @@ Float64 = NDArray[np.float64]
 
 @njit(cache=True)
 def median_of(values: Float64) -> float:
-    """Return the median of values (n,), as ``numpy.median``; NaN of no values, or if one of them is NaN."""
+    """Return the median of values (n,), as ``numpy.median``; NaN where there is no value or a value is NaN."""
     return percentile_of(values, 50.0)
 
 
 @njit(cache=True)
 def percentile_of(values: Float64, percent: float) -> float:
-    """Return a percentile of values, linear between neighbours, as ``numpy.percentile``.
+    """Return a percentile of values, interpolated linearly between neighbours, as ``numpy.percentile``.
 
     Parameters
     ----------
     values
         (n,) in any order; not changed.
     percent
-        0 to 100.
+        Percentile, 0 to 100.
 
     Returns
     -------
     float
-        NaN of no values, or if one of them is NaN.
+        In the unit of the values; NaN where there is no value or a value is NaN.
     """
     count = len(values)
     if count == 0:
@@ -43,22 +43,23 @@ def percentile_of(values: Float64, percent: float) -> float:
     fraction = position - rank
     if fraction == 0.0 or rank + 1 >= count:
         return float(low)
-    high = ranked[rank + 1]  # selection has left everything larger behind the rank
+    high = ranked[rank + 1]  # after the selection all values behind the rank are not smaller
     for i in range(rank + 2, count):
         high = min(high, ranked[i])
     if high == low:
-        return float(low)  # also of infinities, whose difference is none
-    # As numpy.percentile: from the nearer end, so that both ends are met exactly.
+        return float(low)  # the difference of two infinities would be NaN
+    # As numpy.percentile: from the nearer end, so that the result equals ``low`` and ``high`` exactly at both ends.
     return float(low + fraction * (high - low) if fraction < 0.5 else high - (1.0 - fraction) * (high - low))
 
 
 @njit(cache=True)
 def _select(values: Float64, rank: int) -> float:
-    """Return the number of a rank, from 0, and arrange values about it in place: no larger before, no smaller behind.
+    """Return the value of a rank, counted from 0, and partition the values in place.
 
-    Hoare's selection (CACM 4, 1961, algorithm 65), with the median of three as pivot.
+    Afterwards no value before the rank is larger than the result, and no value behind it is smaller. The method is
+    Hoare's selection (CACM 4, 1961, algorithm 65) with the median of three as pivot.
     """
-    # Median of three: a pivot from one end would cost n^2 steps on sorted values.
+    # Median of three: with a pivot from one end, sorted values would take n^2 steps.
     left, right = 0, len(values) - 1
     while left < right:
         first, middle, last = values[left], values[(left + right) // 2], values[right]

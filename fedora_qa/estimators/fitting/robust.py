@@ -25,22 +25,23 @@ def robust_sigma(values: ArrayLike, middle: ArrayLike | None = None) -> Float64:
     Parameters
     ----------
     values
-        (n,) or (n, k).
+        (n,) or (n, k) values.
     middle
-        Centre of the deviations, broadcast against ``values``; by default the median of each column.
+        Centre of the deviations, broadcast against ``values``; the median of each column where None.
 
     Returns
     -------
     ndarray
         (), or (k,), in the unit of the values; NaN where a value is NaN.
     """
+    # sigma = 1.4826 median |x - middle|
     values = np.asarray(values, dtype=np.float64)
     about = np.median(values, axis=0) if middle is None else np.asarray(middle)
     return np.asarray(MAD_TO_SIGMA * np.median(np.abs(values - about), axis=0))
 
 
 def huber_weights(deviations: Float64, tuning: float | Float64) -> Float64:
-    """Return the weights of Huber's M-estimate: 1 up to ``tuning``, beyond it in inverse proportion.
+    """Return the weights of Huber's M-estimate: 1 up to ``tuning``, beyond it inversely proportional to the deviation.
 
     Parameters
     ----------
@@ -58,7 +59,7 @@ def huber_weights(deviations: Float64, tuning: float | Float64) -> Float64:
     -------
     P. J. Huber, Robust estimation of a location parameter, Ann. Math. Statist. 35 (1964) 73.
     """
-    # The floor keeps a residual of 0 from a division by zero; its weight is 1 either way.
+    # w = min(1, k / |r|) (Huber 1964). The floor avoids a division by 0; the weight of a residual of 0 is 1.
     weights: Float64 = np.minimum(1.0, tuning / np.maximum(deviations, 1e-300))
     return weights
 
@@ -69,7 +70,7 @@ def jackknife_errors(left_out: ArrayLike) -> Float64:
     Parameters
     ----------
     left_out
-        (n, ...): the estimates that leave out one of n parts each; n is at least 2 for an error above 0.
+        (n, ...) estimates that leave out one of n parts each; with n = 1 the error is 0.
 
     Returns
     -------
@@ -81,6 +82,6 @@ def jackknife_errors(left_out: ArrayLike) -> Float64:
     B. Efron and C. Stein, The jackknife estimate of variance, Ann. Statist. 9 (1981) 586, eq. 1.4.
     """
     estimates = np.asarray(left_out, dtype=np.float64)
-    # (n - 1) / n * sum of squared deviations from their mean = (n - 1) * variance with divisor n.
+    # error^2 = (n - 1) / n sum_i (theta_i - mean theta)^2 = (n - 1) variance, with divisor n.
     errors: Float64 = np.sqrt((len(estimates) - 1) * np.var(estimates, axis=0))
     return errors
