@@ -87,7 +87,7 @@ def panels_of(snapshot: Snapshot, scales: PictureScales) -> Iterator[Panel]:
         if depths_m.size:
             near_m, far_m = float(depths_m.min()), float(depths_m.max())
             caption = f"{near_m:.3g} to {far_m:.3g} m"
-            # The ends of the scale have the colours that the caption names.
+            # Only the ends of the scale have the colours that the caption names.
             if axis and (near_m, far_m) == (axis.low, axis.high):
                 caption = f"{near_m:.3g} m (yellow) to {far_m:.3g} m (violet)"
         # Nearer is brighter: the scale runs from far to near.

@@ -36,10 +36,10 @@ _NO_SPEED: Final = "#9aa5b1"
 # Sizes as shares of the box's longest side.
 _TUBE: Final = 0.0055
 _BALL: Final = 0.014
-_NOSE: Final = (0.045, 0.013)
+_CONE: Final = (0.045, 0.013)
 """Length and radius of the cones that show the direction of the body."""
 _LABEL_OFFSET: Final = 0.045
-_NOSES: Final = 14
+_CONES: Final = 14
 _CLOSEST: Final = 2e-4
 """Least distance of neighbouring points of a tube."""
 
@@ -86,16 +86,16 @@ def draw(path: FlownPath, target: Path) -> None:
 
     _draw_speeds(plotter, path, places)
 
-    # The directions of the body, at even distances along the path.
+    # Cones in the direction of the body, at even distances along the path.
     travelled = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(places, axis=0), axis=1))])
-    wanted = np.linspace(0.0, travelled[-1], _NOSES)
+    wanted = np.linspace(0.0, travelled[-1], _CONES)
     rows = np.unique(np.searchsorted(travelled, wanted, side="left").clip(0, len(places) - 1))
-    length, radius = _NOSE
+    length, radius = _CONE
     for row in rows[np.isfinite(path.forward_world[rows]).all(axis=1)]:
         forward = path.forward_world[row]
         if np.linalg.norm(forward) > 0:
-            nose = pv.Cone(resolution=24, center=places[row], direction=forward, height=length, radius=radius)
-            plotter.add_mesh(nose, color=_INK, ambient=0.4)
+            cone = pv.Cone(resolution=24, center=places[row], direction=forward, height=length, radius=radius)
+            plotter.add_mesh(cone, color=_INK, ambient=0.4)
 
     _draw_ends(plotter, places)
     plotter.reset_camera_clipping_range()
@@ -137,7 +137,7 @@ def _draw_speeds(plotter: Any, path: FlownPath, places: Float64) -> None:
     """Draw the path as a tube in the colours of its speed, with a scale in m/s."""
     tubes = []
     for start, stop in path.runs:
-        # A tube has no direction where neighbouring points coincide.
+        # A tube has no direction where neighbouring points coincide: such points are left out.
         kept = [start]
         for row in range(start + 1, stop):
             if np.linalg.norm(places[row] - places[kept[-1]]) > _CLOSEST:

@@ -24,8 +24,8 @@ _ABOVE: Final = 30.0
 _LEGEND: Final = 56.0
 _COLOURS: Final = speed_colours(16)
 _NO_SPEED: Final = "#8a949e"
-_NOSES: Final = 10
-_NOSE_PX: Final = 15.0
+_ARROWHEADS: Final = 10
+_ARROWHEAD_PX: Final = 15.0
 _LABEL_PX: Final = (34.0, 15.0)
 """Width and height of the word of a mark."""
 _AXIS_NAMES: Final = ("X east, m", "Y north, m", "Z up, m")
@@ -88,7 +88,7 @@ def draw_views(path: FlownPath, marks: Sequence[Mark] = ()) -> str:
     views = (from_above, from_the_side)
     height = corners[1][1] + _MARGIN[1] + _LEGEND
 
-    parts = [part for view in views for part in (_axes(view), _path(view, path), _noses(view, path))]
+    parts = [part for view in views for part in (_axes(view), _path(view, path), _arrowheads(view, path))]
     # A ring at the first pose, and a square at the last.
     for view in views:
         first, last = view.places_px(path.positions_world_m[[0, -1]])
@@ -182,17 +182,17 @@ def _line(places_px: Float64) -> str:
     return "M" + "L".join(f"{x:.1f} {y:.1f}" for x, y in points)
 
 
-def _noses(view: _View, path: FlownPath) -> str:
+def _arrowheads(view: _View, path: FlownPath) -> str:
     """Return arrowheads in the direction of the body, foreshortened as this view shows them."""
-    rows = np.unique(np.linspace(0, len(path.positions_world_m) - 1, _NOSES).round().astype(np.intp))
+    rows = np.unique(np.linspace(0, len(path.positions_world_m) - 1, _ARROWHEADS).round().astype(np.intp))
     rows = rows[np.isfinite(path.forward_world[rows]).all(axis=1)]
     # Directions are normed, because arrows of a wrong length could cover the picture.
     lengths = np.maximum(np.linalg.norm(path.forward_world[rows], axis=1, keepdims=True), 1e-12)
-    ahead = path.forward_world[rows] / lengths * (_NOSE_PX / view.scale_px_m)
-    heels = view.places_px(path.positions_world_m[rows])
+    ahead = path.forward_world[rows] / lengths * (_ARROWHEAD_PX / view.scale_px_m)
+    tails = view.places_px(path.positions_world_m[rows])
     tips = view.places_px(path.positions_world_m[rows] + ahead)
-    aside = (tips - heels)[:, ::-1] * (0.3, -0.3)
-    heads = "".join(_line(np.stack(corners)) + "Z" for corners in zip(heels - aside, tips, heels + aside, strict=True))
+    aside = (tips - tails)[:, ::-1] * (0.3, -0.3)
+    heads = "".join(_line(np.stack(corners)) + "Z" for corners in zip(tails - aside, tips, tails + aside, strict=True))
     return f'<path d="{heads}" fill="currentColor" stroke="none"/>'
 
 
