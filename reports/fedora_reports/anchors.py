@@ -1,11 +1,11 @@
-"""Identifiers of places on the page, made of numbers only: nothing that a file holds gets into them."""
+"""Identifiers of places on the page. They consist of fixed names and numbers, so that no text of a file gets in."""
 
 from dataclasses import dataclass
 
 
 @dataclass(frozen=True, slots=True)
 class Anchors:
-    """Identifiers within the section of one file."""
+    """Identifiers within the section of one file, which is given by its index."""
 
     file: int
 
@@ -18,18 +18,18 @@ class Anchors:
         """Return the identifier of a part with a fixed name."""
         return f"{self.top}-{name}"
 
-    def moment(self, place: int) -> str:
-        """Return the identifier of a moment by its place."""
-        return f"{self.top}-moment-{place}"
+    def snapshot(self, index: int) -> str:
+        """Return the identifier of a snapshot."""
+        return f"{self.top}-moment-{index}"
 
-    def finding(self, place: int) -> str:
-        """Return the identifier of a finding by its place among all."""
-        return f"{self.top}-finding-{place}"
+    def finding(self, index: int) -> str:
+        """Return the identifier of a finding by its index among all findings of the file."""
+        return f"{self.top}-finding-{index}"
 
-    def diagnosis(self, place: int) -> str:
-        """Return the identifier of a diagnosis by its place."""
-        return f"{self.top}-cause-{place}"
+    def diagnosis(self, index: int) -> str:
+        """Return the identifier of a diagnosis."""
+        return f"{self.top}-cause-{index}"
 
-    def check(self, place: int) -> str:
-        """Return the identifier of a check by its place among the results."""
-        return f"{self.top}-check-{place}"
+    def check(self, index: int) -> str:
+        """Return the identifier of a check by its index among the results."""
+        return f"{self.top}-check-{index}"

@@ -1,6 +1,6 @@
-"""Histograms and series as the geometry of small drawings.
+"""Histograms, distributions and series as the geometry of small drawings.
 
-Shapes are SVG paths in a box of 1000 by 100 that the page stretches; labels lie beside it, placed by shares of its
+Shapes are SVG paths in a box of 1000 by 100, which the page stretches. Labels lie beside the box at shares of its
 width, so that text keeps its size at any width.
 """
 
@@ -8,25 +8,28 @@ import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
+from typing import Final
 
 import numpy as np
 
-from fedora_qa.record.evidence import HISTOGRAMS, named
+from fedora_qa.record.evidence import DISTRIBUTIONS, HISTOGRAMS, QUANTITIES, named
 from fedora_qa.record.wording import number
-from fedora_reports.evidence import Evidence, finite
-from fedora_reports.instants import Array
+from fedora_reports.evidence import Array, Evidence, finite
 from fedora_reports.scales import Axis, Tick
 
 WIDTH, HEIGHT = 1000, 100
 
 _TITLE = re.compile(r"^(?P<title>[^;]*)(?:;\s*(?:x (?=\w))?(?P<x>[^;]*))?(?:;\s*(?:y (?=\w))?(?P<y>[^;]*))?$")
 _DOTTED_UP_TO = 120
-"""Points that are few enough to be marked one by one."""
+"""Largest number of points that are marked individually."""
+
+_BY_OCTAVES: Final = ("event_rate_per_ms", "pixel_interval_ms")
+"""Quantities of which only counts by block of time are kept."""
 
 
 @dataclass(frozen=True, slots=True)
 class Chart:
-    """A drawing with its axes. ``across`` and ``up`` name what the axes show, with units."""
+    """A drawing with its axes. ``across`` and ``up`` name the quantities of the axes, with units."""
 
     title: str
     path: str
@@ -41,29 +44,109 @@ class Chart:
 
 
 def histograms_of(evidence: Evidence) -> tuple[Chart, ...]:
-    """Return every histogram that can be drawn."""
-    quantities = dict.fromkeys(name.split("/", 1)[1].rsplit("/", 1)[0] for name in evidence.under(HISTOGRAMS))
-    charts = (_histogram(evidence, quantity) for quantity in quantities)
-    return tuple(chart for chart in charts if chart is not None)
+    """Return every histogram that can be drawn, on a linear axis or, where the bins grow, on a logarithmic one."""
+    charts = []
+    for quantity in dict.fromkeys(name.split("/", 1)[1].rsplit("/", 1)[0] for name in evidence.under(HISTOGRAMS)):
+        counts = evidence.numbers(named(HISTOGRAMS, quantity, "counts"), None)
+        edges = None if counts is None else evidence.numbers(named(HISTOGRAMS, quantity, "edges"), len(counts) + 1)
+        if counts is None or edges is None or not np.isfinite(counts).all() or counts.max() <= 0:
+            continue
+        if len(finite(edges)) < len(edges) or not (np.diff(edges) > 0).all():
+            continue
+        # The axis is the one on which the widths of the bins vary less.
+        logarithmic = edges[0] > 0 and _unevenness(np.log(edges)) < _unevenness(edges)
+        axis = Axis(float(edges[0]), float(edges[-1]), logarithmic=bool(logarithmic))
+        heights = np.clip(counts / counts.max(), 0.0, 1.0) * HEIGHT
+        most = int(counts.argmax())
+        peak = f"between {number(float(edges[most]))} and {number(float(edges[most + 1]))}"
+        title = evidence.title(named(HISTOGRAMS, quantity, "counts"))
+        chart = Chart(
+            title=title,
+            path=steps_path(list(axis.shares(edges) * WIDTH), list(heights)),
+            filled=True,
+            ticks=axis.ticks(),
+            across="logarithmic" if axis.logarithmic else "",
+            up="",
+            lowest="0",
+            highest=number(float(counts.max())),
+            alt=f"Histogram. {title}: from {number(axis.low)} to {number(axis.high)}, most {peak}",
+        )
+        charts.append(chart)
+    return tuple(charts)
+
+
+def distributions_of(evidence: Evidence) -> tuple[Chart, ...]:
+    """Return the histograms of flow, depth and light, then the distributions of events by octave."""
+    charts = list(histograms_of(evidence))
+    for quantity in _BY_OCTAVES:
+        edges = evidence.numbers(named(DISTRIBUTIONS, quantity, "edges"), None)
+        bins = 0 if edges is None else len(edges) - 1
+        counts = evidence.numbers(named(DISTRIBUTIONS, quantity, "counts"), None, bins)
+        if edges is None or counts is None or not np.isfinite(edges).all() or not (np.diff(edges) > 0).all():
+            continue
+        totals = np.asarray(counts, dtype=np.float64).sum(axis=0)  # over all blocks of time
+        positive = edges[:-1] > 0  # a logarithmic axis has no place for the bin that begins at 0
+        if not np.isfinite(totals).all() or (totals < 0).any() or not totals[positive].any():
+            continue
+        drawn_edges, drawn_counts = edges[-1 - int(positive.sum()) :], totals[positive]
+        per_octave = drawn_counts / np.log2(drawn_edges[1:] / drawn_edges[:-1])
+        axis = Axis(float(drawn_edges[0]), float(drawn_edges[-1]), logarithmic=True)
+        most = int(per_octave.argmax())
+        left_out = float(totals.sum() - drawn_counts.sum())
+        below = f"; {number(left_out)} below are not drawn" if left_out else ""
+        title = QUANTITIES[quantity]
+        chart = Chart(
+            title=title,
+            path=steps_path(list(axis.shares(drawn_edges) * WIDTH), list(per_octave / per_octave.max() * HEIGHT)),
+            filled=True,
+            ticks=axis.ticks(),
+            across=f"logarithmic{below}",
+            up="number an octave",
+            lowest="0",
+            highest=number(float(per_octave.max())),
+            alt=f"Histogram. {title}: from {number(axis.low)} to {number(axis.high)}, "
+            f"most between {number(float(drawn_edges[most]))} and {number(float(drawn_edges[most + 1]))}",
+        )
+        charts.append(chart)
+    return tuple(charts)
 
 
 def series_chart(points: Array, title: str) -> Chart | None:
-    """Draw points (n, 2) in their order; the title reads ``TITLE; LABEL [UNIT]; LABEL [UNIT]``, across and up.
+    """Draw a series as a line.
 
-    A point that is not finite breaks the line. None where no point is finite.
+    Parameters
+    ----------
+    points
+        (n, 2): across and up, in the order in which they are joined. A point that is not finite interrupts the line.
+    title
+        Reads ``TITLE; LABEL [UNIT]; LABEL [UNIT]``; the labels are of the axes across and up.
+
+    Returns
+    -------
+    Chart or None
+        None where no point is finite.
     """
     values = np.asarray(points, dtype=np.float64)
     finite_points = values[np.isfinite(values).all(axis=1)]
     if not len(finite_points):
         return None
-    words = _TITLE.match(title)
-    name, across, up = (words["title"], words["x"], words["y"]) if words else (title, None, None)
+    parts = _TITLE.match(title)
+    name, across, up = (parts["title"], parts["x"], parts["y"]) if parts else (title, None, None)
     x_axis, y_axis = (Axis(float(finite_points[:, k].min()), float(finite_points[:, k].max())) for k in (0, 1))
     places = np.stack([x_axis.shares(values[:, 0]) * WIDTH, (1 - y_axis.shares(values[:, 1])) * HEIGHT], axis=1)
     places[~np.isfinite(values).all(axis=1)] = np.nan
+    line, dots, pen = [], [], "M"
+    for x, y in places:
+        if np.isfinite(x):
+            line.append(f"{pen}{x:.1f} {y:.1f}")
+            # Round caps turn a line of no length into a dot, which stays round where the page stretches the box.
+            dots.append(f"M{x:.1f} {y:.1f}h0")
+            pen = "L"
+        else:
+            pen = "M"
     return Chart(
         title=name.strip(),
-        path=_line(places),
+        path="".join(line),
         filled=False,
         ticks=x_axis.ticks(),
         across=(across or "").strip(),
@@ -72,66 +155,27 @@ def series_chart(points: Array, title: str) -> Chart | None:
         highest=number(y_axis.high),
         alt=f"{name.strip()}: {len(finite_points)} points, "
         f"{up or 'value'} from {number(y_axis.low)} to {number(y_axis.high)}",
-        dots=_dots(places) if len(finite_points) <= _DOTTED_UP_TO else "",
+        dots="".join(dots) if len(finite_points) <= _DOTTED_UP_TO else "",
     )
 
 
 def steps_path(lefts: Sequence[float], heights: Sequence[float]) -> str:
-    """Return bars as one outline: ``lefts`` (b + 1,) places of the edges, ``heights`` (b,), both in the box's units."""
+    """Return bars as one outline.
+
+    Parameters
+    ----------
+    lefts
+        (b + 1,) horizontal positions of the edges, in units of the box.
+    heights
+        (b,) in units of the box.
+    """
     parts = [f"M{lefts[0]:.1f} {HEIGHT}"]
     for (left, right), height in zip(pairwise(lefts), heights, strict=True):
         parts.append(f"L{left:.1f} {HEIGHT - height:.1f}H{right:.1f}")
     return "".join([*parts, f"V{HEIGHT}Z"])
 
 
-def _histogram(evidence: Evidence, quantity: str) -> Chart | None:
-    counts = evidence.numbers(named(HISTOGRAMS, quantity, "counts"), None)
-    edges = None if counts is None else evidence.numbers(named(HISTOGRAMS, quantity, "edges"), len(counts) + 1)
-    if counts is None or edges is None or not _rising(edges) or not np.isfinite(counts).all() or counts.max() <= 0:
-        return None
-    axis = Axis(float(edges[0]), float(edges[-1]), logarithmic=_logarithmic(edges))
-    heights = np.clip(counts / counts.max(), 0.0, 1.0) * HEIGHT
-    most = int(counts.argmax())
-    peak = f"between {number(float(edges[most]))} and {number(float(edges[most + 1]))}"
-    title = evidence.title(named(HISTOGRAMS, quantity, "counts"))
-    return Chart(
-        title=title,
-        path=steps_path(list(axis.shares(edges) * WIDTH), list(heights)),
-        filled=True,
-        ticks=axis.ticks(),
-        across="logarithmic" if axis.logarithmic else "",
-        up="",
-        lowest="0",
-        highest=number(float(counts.max())),
-        alt=f"Histogram. {title}: from {number(axis.low)} to {number(axis.high)}, most {peak}",
-    )
-
-
-def _rising(edges: Array) -> bool:
-    return len(finite(edges)) == len(edges) and bool((np.diff(edges) > 0).all())
-
-
-def _logarithmic(edges: Array) -> bool:
-    """Whether the bins are cut more evenly in the logarithm than as they are."""
-    return bool(edges[0] > 0 and _unevenness(np.log(edges)) < _unevenness(edges))
-
-
 def _unevenness(edges: Array) -> float:
+    """Return the standard deviation of the widths of bins, relative to their mean."""
     widths = np.diff(edges)
     return float(widths.std() / widths.mean())
-
-
-def _line(places: Array) -> str:
-    parts, pen = [], "M"
-    for x, y in places:
-        if np.isfinite(x):
-            parts.append(f"{pen}{x:.1f} {y:.1f}")
-            pen = "L"
-        else:
-            pen = "M"
-    return "".join(parts)
-
-
-def _dots(places: Array) -> str:
-    """Return lines of no length, which round caps turn into dots that no stretching deforms."""
-    return "".join(f"M{x:.1f} {y:.1f}h0" for x, y in places if np.isfinite(x))

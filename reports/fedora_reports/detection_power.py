@@ -1,4 +1,4 @@
-"""What a pass is worth: the faults that a check was measured to find, and what became of that check here."""
+"""Detection power of a passed check: the faults that the check detects, and the outcome of that check in a file."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -9,24 +9,24 @@ from fedora_qa.record.wording import OUTCOME_WORDS
 
 @dataclass(frozen=True, slots=True)
 class DetectableCause:
-    """A fault that a check finds, and from which size on, in words. ``best``: no other check finds it smaller."""
+    """A fault that a check detects, and the least detected size in words. ``best``: no check detects a smaller one."""
 
     cause: str
     check: str
-    words: str
+    text: str
     best: bool
 
 
 @dataclass(frozen=True, slots=True)
 class PassDetectionPower:
-    """What was measured of all checks, and in a sentence where that was."""
+    """The detectable causes of all checks, and a sentence on the files that they were measured on."""
 
-    found: tuple[DetectableCause, ...]
-    whence: str
+    causes: tuple[DetectableCause, ...]
+    source: str
 
     def of(self, check: str) -> tuple[DetectableCause, ...]:
-        """Return what one check was measured to find."""
-        return tuple(row for row in self.found if row.check == check)
+        """Return the detectable causes of one check."""
+        return tuple(row for row in self.causes if row.check == check)
 
 
 NOTHING_KNOWN = PassDetectionPower((), "")
@@ -34,25 +34,35 @@ NOTHING_KNOWN = PassDetectionPower((), "")
 
 @dataclass(frozen=True, slots=True)
 class DetectionPowerRow:
-    """A fault, how surely it is found and by which check, and what came of that check in this file."""
+    """A fault with the check that detects the least size of it, and the outcome of that check in this file."""
 
     cause: str
-    words: str
+    text: str
     check: str
     anchor: str
     outcome: Outcome
-    word: str
+    outcome_word: str
 
 
 def detection_power_rows(
     detection_power: PassDetectionPower, results: Sequence[Result], anchors: Sequence[str]
 ) -> tuple[DetectionPowerRow, ...]:
-    """Return a row for each fault whose best check was run on this file."""
-    places = {result.check: (result, anchor) for result, anchor in zip(results, anchors, strict=True)}
+    """Return a row for each fault whose best check was run on this file.
+
+    Parameters
+    ----------
+    detection_power
+        The detectable causes of all checks.
+    results
+        The results of the file.
+    anchors
+        The identifier of each result on the page.
+    """
+    by_check = {result.check: (result, anchor) for result, anchor in zip(results, anchors, strict=True)}
     rows = []
-    for row in detection_power.found:
-        if row.best and row.check in places:
-            result, anchor = places[row.check]
+    for row in detection_power.causes:
+        if row.best and row.check in by_check:
+            result, anchor = by_check[row.check]
             word = OUTCOME_WORDS[result.outcome]
-            rows.append(DetectionPowerRow(row.cause, row.words, row.check, anchor, result.outcome, word))
+            rows.append(DetectionPowerRow(row.cause, row.text, row.check, anchor, result.outcome, word))
     return tuple(rows)

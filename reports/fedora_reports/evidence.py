@@ -9,6 +9,8 @@ from numpy.typing import NDArray
 
 from fedora_qa.record.types import FileRecord, Record
 
+Array = NDArray[Any]
+
 _NUMBERS = "buif"
 """Kinds of NumPy types that can be drawn."""
 
@@ -17,16 +19,16 @@ _NUMBERS = "buif"
 class Evidence:
     """Arrays by name, and the title of each array that the record promises."""
 
-    arrays: Mapping[str, NDArray[Any]]
+    arrays: Mapping[str, Array]
     titles: Mapping[str, str]
 
     @property
     def missing(self) -> tuple[str, ...]:
-        """Names that the record promises and that are not there."""
+        """Names that the record promises and that have no array."""
         return tuple(name for name in self.titles if name not in self.arrays)
 
-    def numbers(self, name: str, *shape: int | None) -> NDArray[Any] | None:
-        """Return the array where it holds numbers and has this shape (None: any length but 0), else None."""
+    def numbers(self, name: str, *shape: int | None) -> Array | None:
+        """Return the array if it holds numbers and has this shape (None: any length but 0), else None."""
         array = self.arrays.get(name)
         if array is None or array.dtype.kind not in _NUMBERS or array.ndim != len(shape) or not array.size:
             return None
@@ -47,10 +49,17 @@ class Evidence:
         return self.titles.get(name) or name
 
 
-def evidence_of(record: Record, place: int, arrays: Mapping[str, NDArray[Any]]) -> Evidence:
-    """Return the evidence of the file at a place of the record.
+def evidence_of(record: Record, place: int, arrays: Mapping[str, Array]) -> Evidence:
+    """Return the evidence of one file.
 
-    With several files each name is preceded by the file's place, counted from 0.
+    Parameters
+    ----------
+    record
+        The record of one or several files.
+    place
+        Index of the file in the record.
+    arrays
+        Arrays by name. With several files each name begins with the file's index: ``0/name``.
     """
     file: FileRecord = record.files[place]
     if len(record.files) == 1:
@@ -60,7 +69,7 @@ def evidence_of(record: Record, place: int, arrays: Mapping[str, NDArray[Any]]) 
     return Evidence(own, {name.removeprefix(prefix): title for name, title in file.evidence.items()})
 
 
-def finite(array: NDArray[Any]) -> NDArray[np.float64]:
+def finite(array: Array) -> NDArray[np.float64]:
     """Return the finite values as one row of float64."""
     values = np.asarray(array, dtype=np.float64).ravel()
     return values[np.isfinite(values)]

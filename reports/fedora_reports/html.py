@@ -29,19 +29,19 @@ def render_html(
     Parameters
     ----------
     record
-        What was found. It is shown as it is written: what is not a finite number is "not a number".
+        The results. Numbers that are not finite are shown as "not a number".
     arrays
         The evidence by name, as ``fedora_qa.record.evidence`` describes; with several files each name is preceded by
-        the file's place in the record, counted from 0 (``0/name``). What is missing or malformed is left out, and
-        the report says so.
-    worth
-        What checks were measured to find, where that is known.
+        the file's index in the record (``0/name``). Missing and malformed arrays are left out, and the report states
+        that.
+    detection_power
+        The faults that each check detects, where that was measured.
 
     Returns
     -------
     str
-        A document that asks for nothing beyond itself, and runs one script of its own; its policy names the script by
-        its digest and forbids all else. It can be read without it. Whatever comes from a file is shown as text.
+        A document that loads no other file and runs one script of its own: its policy allows the script by its digest,
+        and forbids all else. The document can be read without the script. Everything from a file is shown as text.
     """
     page = page_of(record_from_json(record_to_json(record)), arrays, detection_power)
     script = report_script()
@@ -55,7 +55,7 @@ def render_html(
 
 @cache
 def report_script() -> str:
-    """Return the script of the report: what a page can do beyond being read."""
+    """Return the script of the report, for everything on the page that reacts to a reader."""
     folder = files("fedora_reports") / "script"
     parts = [(folder / name).read_text(encoding="utf-8") for name in _SCRIPTS]
     return '"use strict";\n' + "".join(parts)
@@ -79,7 +79,7 @@ def environment() -> Environment:
 
 
 def _harmless(value: object) -> object:
-    """Make text from a file printable before it is escaped: no control, invisible or direction-turning characters."""
+    """Replace control, invisible and direction-turning characters of a file's text before it is escaped."""
     if not isinstance(value, str) or isinstance(value, Markup):
         return value
     return value if value.isascii() and value.isprintable() else printable(value)  # pictures are long, and of ASCII

@@ -1,4 +1,4 @@
-"""The keys to pictures: what their colours mean, in words and on a scale."""
+"""The legends of pictures: the meaning of their colours, in words and on a scale."""
 
 from dataclasses import dataclass
 
@@ -17,7 +17,7 @@ _BAR_STEPS = 160
 
 @dataclass(frozen=True, slots=True)
 class ColourBar:
-    """A strip of colours, low values on the left, and where round values lie on it."""
+    """A strip of colours, low values on the left, with ticks at round values."""
 
     image: Image
     ticks: tuple[Tick, ...]
@@ -25,7 +25,7 @@ class ColourBar:
 
 @dataclass(frozen=True, slots=True)
 class Legend:
-    """What the colours of one kind of picture mean."""
+    """The meaning of the colours of one kind of picture."""
 
     kind: Kind
     name: str
@@ -35,49 +35,60 @@ class Legend:
 
 
 def legends_for(panels: tuple[Panel, ...], scales: PictureScales) -> tuple[Legend, ...]:
-    """Return a legend for each kind of panel, in the order of the panels."""
-    return tuple(_legend(kind, scales) for kind in dict.fromkeys(panel.kind for panel in panels))
+    """Return a legend for each kind of panel, in the order of the panels.
+
+    Parameters
+    ----------
+    panels
+        All panels of the file.
+    scales
+        The scales that their pictures share.
+    """
+    legends = []
+    for kind in dict.fromkeys(panel.kind for panel in panels):
+        bar, wheel = None, None
+        if kind == "frame":
+            brightness = f"shown {scales.gain} times as bright" if scales.gain > 1 else "shown as stored"
+            text = f"8-bit values (DN), {brightness}"
+        elif kind == "events":
+            full = f"opaque from {scales.full_events} a pixel" if scales.full_events > 1 else "opaque where one fell"
+            text = f"over the frame in grey, {full}"
+        elif kind == "depth":
+            text = "metres; grey: none"
+            if scales.depth_m is not None:
+                near, far = number(scales.depth_m.low), number(scales.depth_m.high)
+                alt = f"Colours of depth from {near} m (yellow) to {far} m (violet)"
+                text = "metres, logarithmic; grey: none"
+                bar = colour_bar(scales.depth_m, colour_maps.SEQUENTIAL, alt, reverse=True)
+        elif kind == "flow":
+            text = f"hue: direction; saturation: length, full from {scales.full_flow_px_s:.3g} px/s; grey: none"
+            alt = "Colours of flow: right red, down green, left cyan, up violet"
+            wheel = drawing(colour_maps.flow_wheel(_WHEEL_PX), alt)
+        else:
+            full = number(scales.full_residual_dn)
+            alt = f"Colours of residuals from -{full} DN (blue) to {full} DN (red)"
+            text = "DN: the next frame, carried back by the flow, minus this one; grey: none"
+            bar = colour_bar(Axis(-scales.full_residual_dn, scales.full_residual_dn), colour_maps.DIVERGING, alt)
+        legends.append(Legend(kind, NAMES[kind], text, bar, wheel))
+    return tuple(legends)
 
 
 def colour_bar(axis: Axis, table: colour_maps.Picture, alt: str, *, reverse: bool = False, ticks: int = 4) -> ColourBar:
-    """Return the colours of a table along an axis; ``reverse`` gives the low end the table's last colour."""
+    """Return the colours of a table along an axis.
+
+    Parameters
+    ----------
+    axis
+        The scale of the values.
+    table
+        (256, 3), the colours from the low end of the axis to the high one.
+    alt
+        What the bar shows, in words.
+    reverse
+        Give the low end the last colour of the table.
+    ticks
+        About how many values are labelled.
+    """
     ramp = np.linspace(1.0, 0.0, _BAR_STEPS) if reverse else np.linspace(0.0, 1.0, _BAR_STEPS)
     picture = np.repeat(colour_maps.by_table(ramp[None, :], table), 8, axis=0)
     return ColourBar(drawing(picture, alt), axis.ticks(ticks))
-
-
-def _legend(kind: Kind, scales: PictureScales) -> Legend:
-    of_kind = {"frame": _frame, "events": _events, "depth": _depth, "flow": _flow, "residual": _residual}
-    return of_kind[kind](scales)
-
-
-def _frame(scales: PictureScales) -> Legend:
-    brightness = f"shown {scales.gain} times as bright" if scales.gain > 1 else "shown as stored"
-    return Legend("frame", NAMES["frame"], f"8-bit values (DN), {brightness}")
-
-
-def _events(scales: PictureScales) -> Legend:
-    full = f"opaque from {scales.full_events} a pixel" if scales.full_events > 1 else "opaque where one fell"
-    return Legend("events", NAMES["events"], f"over the frame in grey, {full}")
-
-
-def _depth(scales: PictureScales) -> Legend:
-    if scales.depth_m is None:
-        return Legend("depth", NAMES["depth"], "metres; grey: none")
-    alt = f"Colours of depth from {number(scales.depth_m.low)} m (yellow) to {number(scales.depth_m.high)} m (violet)"
-    bar = colour_bar(scales.depth_m, colour_maps.SEQUENTIAL, alt, reverse=True)
-    return Legend("depth", NAMES["depth"], "metres, logarithmic; grey: none", bar)
-
-
-def _flow(scales: PictureScales) -> Legend:
-    full = f"full from {scales.full_flow_px_s:.3g} px/s"
-    wheel = drawing(colour_maps.flow_wheel(_WHEEL_PX), "Colours of flow: right red, down green, left cyan, up violet")
-    return Legend("flow", NAMES["flow"], f"hue: direction; saturation: length, {full}; grey: none", wheel=wheel)
-
-
-def _residual(scales: PictureScales) -> Legend:
-    full = number(scales.full_residual_dn)
-    axis = Axis(-scales.full_residual_dn, scales.full_residual_dn)
-    bar = colour_bar(axis, colour_maps.DIVERGING, f"Colours of residuals from -{full} DN (blue) to {full} DN (red)")
-    text = "DN: the next frame, carried back by the flow, minus this one; grey: none"
-    return Legend("residual", NAMES["residual"], text, bar)

@@ -1,4 +1,4 @@
-"""Arrays that checks keep, as charts and maps."""
+"""The arrays that checks keep, as charts and maps."""
 
 from dataclasses import dataclass
 
@@ -7,14 +7,13 @@ import numpy as np
 from fedora_qa.record.wording import number
 from fedora_reports import colour_maps
 from fedora_reports.charts import Chart, series_chart
-from fedora_reports.evidence import Evidence, finite
-from fedora_reports.instants import Array
+from fedora_reports.evidence import Array, Evidence, finite
 from fedora_reports.legends import ColourBar, colour_bar
 from fedora_reports.pictures import Image, drawing
 from fedora_reports.scales import Axis
 
 _COARSE_PX = 160
-"""Maps of fewer columns are shown as squares, not smoothed."""
+"""The pixels of maps with fewer columns are displayed as squares, without interpolation."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -30,7 +29,7 @@ class ValueMap:
 
 @dataclass(frozen=True, slots=True)
 class Exhibits:
-    """What can be drawn of the arrays below one path, and the names of those that cannot."""
+    """The drawings of some arrays, and the titles of those that cannot be drawn."""
 
     charts: tuple[Chart, ...] = ()
     maps: tuple[ValueMap, ...] = ()
@@ -38,7 +37,7 @@ class Exhibits:
 
 
 def exhibits(evidence: Evidence, names: tuple[str, ...]) -> Exhibits:
-    """Draw (n, 2) arrays as series and (h, w) arrays as maps."""
+    """Draw the arrays of these names: (n, 2) as series, other (h, w) as maps."""
     charts, maps, undrawn = [], [], []
     for name in names:
         series, plane = evidence.numbers(name, None, 2), evidence.numbers(name, None, None)
@@ -53,7 +52,7 @@ def exhibits(evidence: Evidence, names: tuple[str, ...]) -> Exhibits:
 
 
 def value_map(plane: Array, title: str) -> ValueMap:
-    """Colour a map (h, w) of any numbers: signed values about 0, others from least to greatest."""
+    """Colour a map (h, w) of any numbers: on a scale about 0 if both signs occur, else from least to greatest."""
     finite_values = finite(plane)
     coarse = plane.shape[1] < _COARSE_PX
     if not finite_values.size:

@@ -1,4 +1,4 @@
-"""The page as values: everything that the template shows, and nothing that it would have to work out."""
+"""The page of a report as values: the template shows them and computes nothing."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -7,13 +7,12 @@ from typing import Any
 from numpy.typing import NDArray
 
 from fedora_qa.record.evidence import DISTRIBUTIONS, HISTOGRAMS, MOMENTS, PLACES, TIMELINE, TRAJECTORY
-from fedora_qa.record.types import FileRecord, Record, Verdict
+from fedora_qa.record.types import Record, Verdict
 from fedora_qa.record.wording import cause_sentence, findings_of, identity, tally
 from fedora_reports.anchors import Anchors
-from fedora_reports.charts import Chart
+from fedora_reports.charts import Chart, distributions_of
 from fedora_reports.detection_power import NOTHING_KNOWN, DetectionPowerRow, PassDetectionPower, detection_power_rows
-from fedora_reports.distributions import distributions_of
-from fedora_reports.evidence import Evidence, evidence_of
+from fedora_reports.evidence import evidence_of
 from fedora_reports.flight import Flight, flight_of
 from fedora_reports.maps import Exhibits, exhibits
 from fedora_reports.problems import Link, Problems, problems_of
@@ -22,20 +21,20 @@ from fedora_reports.statistics import Table, all_statistics, paper_tables, short
 from fedora_reports.strip import Strip, pictures_of
 from fedora_reports.subjects import Subject, subjects_of
 from fedora_reports.timeline import Located, Timeline, timeline_of
-from fedora_reports.verdict import TITLES, VerdictWords, verdict_of
+from fedora_reports.verdict import TITLES, VerdictText, verdict_of
 
 _KEPT_BY_THE_PASS = (MOMENTS, PLACES, TRAJECTORY, TIMELINE, HISTOGRAMS, DISTRIBUTIONS)
 
 
 @dataclass(frozen=True, slots=True)
 class FileSection:
-    """Everything about one file."""
+    """All values of one file."""
 
     anchors: Anchors
     name: str
     path: str
     identity: str
-    verdict: VerdictWords
+    verdict: VerdictText
     problems: Problems
     timeline: Timeline | None
     strip: Strip | None
@@ -79,41 +78,61 @@ class Page:
 def page_of(
     record: Record, arrays: Mapping[str, NDArray[Any]], detection_power: PassDetectionPower = NOTHING_KNOWN
 ) -> Page:
-    """Return the page that shows a record and its evidence, and what passes are worth where that was measured."""
-    several = len(record.files) != 1
+    """Return the page of a record.
+
+    Parameters
+    ----------
+    record
+        The results of one or several files.
+    arrays
+        The evidence by name. With several files each name begins with the file's index: ``0/name``.
+    detection_power
+        The faults that each check detects, where that was measured.
+    """
+    if len(record.files) == 1:
+        title = short_name(record.files[0], record.files)
+    else:
+        title = f"{len(record.files)} files" if record.files else "No file was checked"
+    overview = []
+    if len(record.files) != 1:
+        for k, file in enumerate(record.files):
+            link = Link(Anchors(k).top, short_name(file, record.files))
+            cause = cause_sentence(file.diagnoses[0]) if file.diagnoses else ""
+            overview.append(OverviewRow(link, file.verdict, TITLES[file.verdict], tally(file.results), cause))
     return Page(
-        title=_title(record),
+        title=title,
         started=record.run.started,
         tool=f"{record.tool.name} {record.tool.version}",
         effort=record.effort,
-        overview=tuple(_overview(file, k, record) for k, file in enumerate(record.files)) if several else (),
-        overview_tables=paper_tables(record.files) if several else (),
+        overview=tuple(overview),
+        overview_tables=paper_tables(record.files) if len(record.files) != 1 else (),
         files=tuple(_section(record, k, arrays, detection_power) for k in range(len(record.files))),
         run=run_provenance(record),
-        detection_power_source=detection_power.whence,
+        detection_power_source=detection_power.source,
     )
-
-
-def _title(record: Record) -> str:
-    if len(record.files) == 1:
-        return short_name(record.files[0], record.files)
-    return f"{len(record.files)} files" if record.files else "No file was checked"
-
-
-def _overview(file: FileRecord, place: int, record: Record) -> OverviewRow:
-    link = Link(Anchors(place).top, short_name(file, record.files))
-    cause = cause_sentence(file.diagnoses[0]) if file.diagnoses else ""
-    return OverviewRow(link, file.verdict, TITLES[file.verdict], tally(file.results), cause)
 
 
 def _section(
     record: Record, place: int, arrays: Mapping[str, NDArray[Any]], detection_power: PassDetectionPower
 ) -> FileSection:
     file, anchors, evidence = record.files[place], Anchors(place), evidence_of(record, place, arrays)
-    located = [Located(finding, anchors.finding(k)) for k, (_, finding) in enumerate(findings_of(file))]
-    links = [Link(located_finding.anchor, located_finding.finding.id) for located_finding in located]
-    pictures = pictures_of(evidence, (located_finding.finding.id for located_finding in located), anchors)
-    moments = pictures.strip.rows if pictures.strip else ()
+    findings = [Located(finding, anchors.finding(k)) for k, (_, finding) in enumerate(findings_of(file))]
+    links = [Link(located.anchor, located.finding.id) for located in findings]
+    pictures = pictures_of(evidence, (located.finding.id for located in findings), anchors)
+    snapshots = pictures.strip.rows if pictures.strip else ()
+
+    # Arrays that belong neither to the pass nor to a check of this file are drawn by themselves.
+    groups = tuple(f"{group}/" for group in (*_KEPT_BY_THE_PASS, *(result.check for result in file.results)))
+    others = tuple(name for name in evidence.names() if not name.startswith(groups))
+
+    missing = ""
+    if not evidence.titles and not evidence.names():
+        missing = "No evidence was kept of this file: there are no pictures, timeline or histograms."
+    elif evidence.missing and len(evidence.missing) == len(evidence.titles):
+        missing = "The arrays that lay beside the record were not given: there are no pictures, timeline or histograms."
+    elif evidence.missing:
+        missing = f"{len(evidence.missing)} arrays that lay beside the record are missing; what needs them is left out."
+
     return FileSection(
         anchors=anchors,
         name=short_name(file, record.files),
@@ -121,9 +140,9 @@ def _section(
         identity=identity(file),
         verdict=verdict_of(file),
         problems=problems_of(file, pictures, anchors),
-        timeline=timeline_of(evidence, located, moments),
+        timeline=timeline_of(evidence, findings, snapshots),
         strip=pictures.strip,
-        flight=flight_of(evidence, located),
+        flight=flight_of(evidence, findings),
         subjects=subjects_of(file, evidence, anchors, links, detection_power),
         paper=paper_tables((file,)),
         statistics=all_statistics(file),
@@ -131,24 +150,7 @@ def _section(
         detection_power=detection_power_rows(
             detection_power, file.results, [anchors.check(k) for k in range(len(file.results))]
         ),
-        exhibits=exhibits(evidence, _elsewhere(file, evidence)),
+        exhibits=exhibits(evidence, others),
         provenance=file_provenance(file, evidence),
-        missing=_missing(evidence),
+        missing=missing,
     )
-
-
-def _elsewhere(file: FileRecord, evidence: Evidence) -> tuple[str, ...]:
-    """Return the arrays that belong neither to the pass nor to a check that is shown."""
-    drawn_groups = (*_KEPT_BY_THE_PASS, *(result.check for result in file.results))
-    return tuple(name for name in evidence.names() if not name.startswith(tuple(f"{path}/" for path in drawn_groups)))
-
-
-def _missing(evidence: Evidence) -> str:
-    """Say what cannot be drawn because its arrays are not there; empty where all are."""
-    if not evidence.titles and not evidence.names():
-        return "No evidence was kept of this file: there are no pictures, timeline or histograms."
-    if len(evidence.missing) == len(evidence.titles) and evidence.missing:
-        return "The arrays that lay beside the record were not given: there are no pictures, timeline or histograms."
-    if evidence.missing:
-        return f"{len(evidence.missing)} arrays that lay beside the record are missing; what needs them is left out."
-    return ""

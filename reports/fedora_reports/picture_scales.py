@@ -1,4 +1,4 @@
-"""The scales that pictures shown together share, so that the same colour means the same value."""
+"""The scales that all pictures of a file share: a colour means the same value in each of them."""
 
 import math
 from collections.abc import Sequence
@@ -6,16 +6,17 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from fedora_reports.evidence import finite
-from fedora_reports.instants import Array, Instant
+from fedora_reports.evidence import Array, finite
 from fedora_reports.scales import Axis
+from fedora_reports.snapshots import Snapshot
 
 _DARK_DN = 64.0
-"""Frames whose brightest hundredth stays below this are shown brightened, or nothing would be seen."""
-
+"""Frames whose brightest hundredth stays below this are too dark to look at, and are brightened."""
 
 _LEAST_RESIDUAL_DN = 16.0
-"""Below, textures that are averaged over blocks and seen from another place leave as much where all is right."""
+"""Residuals below this occur in correct files: frames are averaged over blocks, and the view of a texture changes."""
+
+_NO_VALUES = [np.empty(0)]
 
 
 @dataclass(frozen=True, slots=True)
@@ -29,14 +30,13 @@ class PictureScales:
     depth_m
         Logarithmic; None where no depth is known.
     full_flow_px_s
-        Flow of this speed or more has its full colour: the 99th percentile, so that one pixel does not fade the rest. A
-        speed, because fields over intervals of different lengths are shown side by side; of a field whose interval is
-        not known the length counts as that of a second.
+        Flow of this speed or more has its full colour: the 99th percentile, so that one pixel does not fade the rest.
+        It is a speed, because the intervals of the fields have different lengths; an unknown interval counts as 1 s.
     full_events
-        Events a pixel that are drawn opaque: the 99th percentile of the pixels that have any, rounded up.
+        Events a pixel that are drawn opaque: the 99th percentile over the pixels with events, rounded up.
     full_residual_dn
-        Residuals of this size or more have the full colour: the 99th percentile, but never less than what noise and
-        averaging leave, or a good file would look alarming.
+        Residuals of this size or more have the full colour: the 99th percentile, but at least the residual that noise
+        and averaging leave in a correct file.
     """
 
     gain: int
@@ -46,52 +46,36 @@ class PictureScales:
     full_residual_dn: float
 
 
-def scales_for(instants: Sequence[Instant]) -> PictureScales:
-    """Return the scales that suit all of these instants."""
+def scales_for(snapshots: Sequence[Snapshot]) -> PictureScales:
+    """Return the scales that suit all of these snapshots."""
+    brightest_dn = max((float(np.percentile(snapshot.rgb, 99)) for snapshot in snapshots if snapshot.rgb is not None),
+                       default=255.0)  # fmt: skip
+    depths_m, speeds_px_s, residuals_dn, events = [], [], [], []
+    for snapshot in snapshots:
+        if snapshot.depth_m is not None:
+            snapshot_depths_m = finite(snapshot.depth_m)
+            depths_m.append(snapshot_depths_m[snapshot_depths_m > 0])
+        if snapshot.flow_px is not None:
+            speeds_px_s.append(flow_lengths_px(snapshot.flow_px) / snapshot.flow_interval_s)
+        if snapshot.residual_dn is not None:
+            residuals_dn.append(np.abs(finite(snapshot.residual_dn)))
+        if snapshot.brighter is not None and snapshot.darker is not None:
+            snapshot_events = finite(snapshot.brighter) + finite(snapshot.darker)
+            events.append(snapshot_events[snapshot_events > 0])
+    depth_m, speed_px_s = np.concatenate(depths_m or _NO_VALUES), np.concatenate(speeds_px_s or _NO_VALUES)
+    residual_dn, count = np.concatenate(residuals_dn or _NO_VALUES), np.concatenate(events or _NO_VALUES)
+    least_dn = _LEAST_RESIDUAL_DN
     return PictureScales(
-        _gain(instants), _depth(instants), _full_flow(instants), _full_events(instants), _full_residual(instants)
+        gain=max(int(160.0 / max(brightest_dn, 1.0)), 1) if brightest_dn < _DARK_DN else 1,
+        depth_m=Axis(float(depth_m.min()), float(depth_m.max()), logarithmic=True) if depth_m.size else None,
+        full_flow_px_s=float(np.percentile(speed_px_s, 99)) if speed_px_s.size else 0.0,
+        full_events=math.ceil(np.percentile(count, 99)) if count.size else 1,
+        full_residual_dn=max(float(np.percentile(residual_dn, 99)), least_dn) if residual_dn.size else least_dn,
     )
 
 
 def flow_lengths_px(flow_px: Array) -> Array:
-    """Return the finite lengths of flow (h, w, 2) as one row; inf, which no picture can scale, is left out."""
+    """Return the finite lengths of flow (h, w, 2) as one row. Infinite lengths, which have no scale, are left out."""
     u, v = (np.asarray(flow_px[..., k], dtype=np.float64) for k in (0, 1))
     with np.errstate(invalid="ignore", over="ignore"):
         return finite(np.hypot(u, v))
-
-
-def _gain(instants: Sequence[Instant]) -> int:
-    brightest = max(
-        (float(np.percentile(instant.rgb, 99)) for instant in instants if instant.rgb is not None), default=255.0
-    )
-    return max(int(160.0 / max(brightest, 1.0)), 1) if brightest < _DARK_DN else 1
-
-
-def _depth(instants: Sequence[Instant]) -> Axis | None:
-    depths_m = [finite(instant.depth_m) for instant in instants if instant.depth_m is not None]
-    depths = np.concatenate([values[values > 0] for values in depths_m]) if depths_m else np.empty(0)
-    return Axis(float(depths.min()), float(depths.max()), logarithmic=True) if depths.size else None
-
-
-def _full_flow(instants: Sequence[Instant]) -> float:
-    speeds = [
-        flow_lengths_px(instant.flow_px) / instant.flow_interval_s
-        for instant in instants
-        if instant.flow_px is not None
-    ]
-    lengths = np.concatenate(speeds) if speeds else np.empty(0)
-    return float(np.percentile(lengths, 99)) if lengths.size else 0.0
-
-
-def _full_residual(instants: Sequence[Instant]) -> float:
-    residuals = [np.abs(finite(instant.residual_dn)) for instant in instants if instant.residual_dn is not None]
-    sizes = np.concatenate(residuals) if residuals else np.empty(0)
-    return max(float(np.percentile(sizes, 99)), _LEAST_RESIDUAL_DN) if sizes.size else _LEAST_RESIDUAL_DN
-
-
-def _full_events(instants: Sequence[Instant]) -> int:
-    totals = [finite(instant.brighter) + finite(instant.darker) for instant in instants
-              if instant.brighter is not None and instant.darker is not None]  # fmt: skip
-    counts = np.concatenate(totals) if totals else np.empty(0)
-    counts = counts[counts > 0]
-    return math.ceil(np.percentile(counts, 99)) if counts.size else 1

@@ -10,22 +10,22 @@ import numpy as np
 from fedora_reports import colour_maps
 
 _LONGEST: Final = 720
-"""Pixels of the longest side: more is not seen at the widths at which the report shows a picture."""
+"""Pixels of the longest side: the report displays no picture with more."""
 
 _LOSSLESS: Final = 101
 """OpenCV writes WebP without loss above quality 100."""
 
 _QUALITIES: Final = (85, 60)
 _MOST_BYTES: Final = 13_000
-"""Of one picture. About 225 of them (41 instants of 5, and some maps) make 3.9 MB of a report of at most 6."""
+"""Of one picture. About 225 of them (41 snapshots of 5, and some maps) make 3.9 MB of a report of at most 6."""
 
 _LEAST_STEP: Final = 0.9
-"""A picture that is too large is made smaller by at least this factor at once."""
+"""A picture of too many bytes is made smaller by at least this factor at a time."""
 
 
 @dataclass(frozen=True, slots=True)
 class Image:
-    """An encoded picture, with what it shows in words."""
+    """An encoded picture, and its content in words."""
 
     uri: str
     width: int
@@ -34,7 +34,7 @@ class Image:
 
 
 def photograph(picture: colour_maps.Picture, alt: str) -> Image:
-    """Encode a camera's picture (h, w, 3) uint8 RGB."""
+    """Encode a camera's picture (h, w, 3) uint8 RGB; ``alt`` is its content in words."""
     return _image(picture, alt, _QUALITIES)
 
 
@@ -44,7 +44,7 @@ def drawing(picture: colour_maps.Picture, alt: str) -> Image:
 
 
 def png_uri(png: bytes) -> str:
-    """Return a picture that is PNG already as a data URI."""
+    """Return a PNG file as a data URI."""
     return "data:image/png;base64," + base64.b64encode(png).decode("ascii")
 
 
@@ -52,26 +52,18 @@ def _image(picture: colour_maps.Picture, alt: str, qualities: tuple[int, ...]) -
     """Encode with the first of the qualities that keeps the picture small; where none does, make it smaller."""
     scale = min(_LONGEST / max(picture.shape[:2]), 1.0)
     while True:
-        resized = _resized(picture, scale)
+        resized = picture
+        if scale < 1.0:
+            height, width = (max(round(side * scale), 1) for side in picture.shape[:2])
+            resized = np.asarray(cv2.resize(picture, (width, height), interpolation=cv2.INTER_AREA), dtype=np.uint8)
         for quality in qualities:
-            encoded = _encoded(resized, quality)
+            done, buffer = cv2.imencode(".webp", resized[..., ::-1], [cv2.IMWRITE_WEBP_QUALITY, quality])
+            if not done:
+                raise RuntimeError("Expected OpenCV to write WebP, got none; install opencv-contrib-python-headless")
+            encoded = buffer.tobytes()
             if len(encoded) <= _MOST_BYTES or max(resized.shape[:2]) <= 1:
                 uri = "data:image/webp;base64," + base64.b64encode(encoded).decode("ascii")
                 return Image(uri, resized.shape[1], resized.shape[0], alt)
-        # The size goes with the number of pixels, or nearly so.
+        # The number of bytes is nearly proportional to the number of pixels.
         scale *= min((_MOST_BYTES / len(encoded)) ** 0.5, _LEAST_STEP)
         qualities = qualities[-1:]
-
-
-def _resized(picture: colour_maps.Picture, scale: float) -> colour_maps.Picture:
-    if scale >= 1.0:
-        return picture
-    height, width = (max(round(side * scale), 1) for side in picture.shape[:2])
-    return np.asarray(cv2.resize(picture, (width, height), interpolation=cv2.INTER_AREA), dtype=np.uint8)
-
-
-def _encoded(picture: colour_maps.Picture, quality: int) -> bytes:
-    done, encoded = cv2.imencode(".webp", picture[..., ::-1], [cv2.IMWRITE_WEBP_QUALITY, quality])
-    if not done:
-        raise RuntimeError("Expected OpenCV to write WebP, got none; install opencv-contrib-python-headless")
-    return encoded.tobytes()

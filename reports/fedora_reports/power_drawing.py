@@ -1,4 +1,4 @@
-"""The curves of a study as one SVG drawing, for documents that show pictures and no HTML."""
+"""The curves of a study as one SVG drawing, for documents that hold pictures and no HTML."""
 
 from dataclasses import dataclass
 from typing import Final
@@ -6,8 +6,7 @@ from typing import Final
 from fedora_qa.record.power_json import power_from_json, power_to_json
 from fedora_qa.record.power_types import Power
 from fedora_reports.html import environment
-from fedora_reports.power import page_of
-from fedora_reports.power_charts import LimitsChart, PowerChart
+from fedora_reports.power import LimitsChart, PowerChart, page_of
 
 _COLUMNS: Final = 4
 _CELL_PX: Final = (240, 130)
@@ -16,8 +15,8 @@ _ROW_PX: Final = 4
 
 
 @dataclass(frozen=True, slots=True)
-class Placed:
-    """A chart and where its cell begins, in px."""
+class PlacedChart:
+    """A chart and the upper left corner of its cell, in px."""
 
     x: int
     y: int
@@ -30,22 +29,22 @@ class PowerDrawing:
 
     width: int
     height: int
-    cells: tuple[Placed, ...]
+    cells: tuple[PlacedChart, ...]
     limits: LimitsChart | None
     limits_top: int
     limits_height: int
 
 
 def draw_power(power: Power) -> str:
-    """Return every curve that could be fitted, and how stated limits compare, as an SVG document."""
+    """Return every fitted curve, and the chart of stated limits, as an SVG document."""
     return environment().get_template("power.svg.j2").render(drawing=drawing_of(power_from_json(power_to_json(power))))
 
 
 def drawing_of(power: Power) -> PowerDrawing:
-    """Return what is drawn, and where."""
+    """Return the charts with their positions."""
     page, (across, down) = page_of(power), _CELL_PX
     curves = [chart for chart in page.charts if chart.curve]
-    cells = tuple(Placed(across * (k % _COLUMNS), down * (k // _COLUMNS), chart) for k, chart in enumerate(curves))
+    cells = tuple(PlacedChart(across * (k % _COLUMNS), down * (k // _COLUMNS), chart) for k, chart in enumerate(curves))
     top = down * -(-len(cells) // _COLUMNS)
     rows = page.limits.height // 10 if page.limits else 0
     beneath = rows * _ROW_PX + 70 if rows else 0

@@ -1,4 +1,4 @@
-"""Statistics as tables: the paper's sequence and flow tables first, then everything that was counted."""
+"""Statistics as tables: those of the paper (sequence, flow, depth) first, then all statistics by group."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -34,7 +34,7 @@ _ERROR: Final = "standard_error"
 
 @dataclass(frozen=True, slots=True)
 class Table:
-    """A table of text; the first column heads its rows. ``numeric``: the others hold numbers, set to the right."""
+    """A table of text; the first column heads its rows. ``numeric``: the others hold numbers, aligned to the right."""
 
     title: str
     note: str
@@ -45,107 +45,94 @@ class Table:
 
 def paper_tables(files: Sequence[FileRecord]) -> tuple[Table, ...]:
     """Return the paper's tables with a row for each file; those without any row are left out."""
-    tables = (_sequences(files), _flow(files), _depth(files))
-    return tuple(table for table in tables if table.rows)
-
-
-def all_statistics(file: FileRecord) -> tuple[Table, ...]:
-    """Return everything that was counted, a table for each group."""
-    groups = ((name, _quantities(group)) for name, group in file.statistics.items())
-    return tuple(Table(name, "", ("quantity", "value"), rows) for name, rows in groups if rows)
-
-
-def _sequences(files: Sequence[FileRecord]) -> Table:
-    head = ("sequence", "T (s)", "D (m)", "v max (m/s)", "ω max (rad/s)", "MER (million events/s)")
-    rows = []
+    sequences, flows, depths = [], [], []
     for file in files:
+        name = short_name(file, files)
         sequence, motion = (file.statistics.get(group, {}) for group in ("sequence", "motion"))
         if sequence or motion:
-            rows.append(
-                (
-                    short_name(file, files),
-                    _value(sequence, "duration_s"),
-                    _measured(motion, "distance", "m"),
-                    _measured(motion, "speed_max", "m_s"),
-                    _measured(motion, "angular_speed_max", "rad_s"),
-                    _value(sequence, "event_rate_mean_per_s", 1e-6),
-                )
-            )
-    note = "Length, distance flown, greatest speed and angular speed with standard errors, mean event rate."
-    return Table("Sequence", note, head, tuple(rows))
-
-
-def _flow(files: Sequence[FileRecord]) -> Table:
-    head = ("sequence", "rate", "mean (px)", "variance (px²)", "max (px)", "valid (%)")
-    rows = [
-        (
-            short_name(file, files),
-            _rate(group),
-            *(_value(flow, key) for key in ("mean_px", "variance_px2", "max_px")),
-            _value(flow, "valid_share", 100.0),
-        )
-        for file in files
-        for group, flow in file.statistics.items()
-        if group.startswith("flow/")
-    ]
-    return Table("Optical flow", "Length of flow, in px over the interval of its rate.", head, tuple(rows))
-
-
-def _depth(files: Sequence[FileRecord]) -> Table:
-    head = ("sequence", "depth (m)", "mean (m)", "mean disparity (1/m)", "valid (%)", "brightness (DN)")
-    rows = []
-    for file in files:
+            distance, speed = _with_error(motion, "distance", "m"), _with_error(motion, "speed_max", "m_s")
+            angular_speed = _with_error(motion, "angular_speed_max", "rad_s")
+            duration, event_rate = _value(sequence, "duration_s"), _value(sequence, "event_rate_mean_per_s", 1e-6)
+            sequences.append((name, duration, distance, speed, angular_speed, event_rate))
+        for group, flow in file.statistics.items():
+            if group.startswith("flow/"):
+                rate = group.removeprefix("flow/")
+                rate = f"{rate.removesuffix('hz')} Hz" if rate.endswith("hz") else rate
+                lengths = (_value(flow, key) for key in ("mean_px", "variance_px2", "max_px"))
+                flows.append((name, rate, *lengths, _value(flow, "valid_share", 100.0)))
         depth, rgb = file.statistics.get("depth", {}), file.statistics.get("rgb", {})
         if depth or rgb:
             span = f"{_value(depth, 'min_m')} to {_value(depth, 'max_m')}" if depth else _ABSENT
             cells = (_value(depth, "mean_m"), _value(depth, "disparity_mean_per_m"), _value(depth, "valid_share", 100))
-            rows.append((short_name(file, files), span, *cells, _value(rgb, "brightness_mean_dn")))
-    note = "Disparity is the reciprocal of depth; brightness is the mean luma of the colour frames."
-    return Table("Depth and light", note, head, tuple(rows))
+            depths.append((name, span, *cells, _value(rgb, "brightness_mean_dn")))
+    tables = (
+        Table(
+            "Sequence",
+            "Length, distance flown, greatest speed and angular speed with standard errors, mean event rate.",
+            ("sequence", "T (s)", "D (m)", "v max (m/s)", "ω max (rad/s)", "MER (million events/s)"),
+            tuple(sequences),
+        ),
+        Table(
+            "Optical flow",
+            "Length of flow, in px over the interval of its rate.",
+            ("sequence", "rate", "mean (px)", "variance (px²)", "max (px)", "valid (%)"),
+            tuple(flows),
+        ),
+        Table(
+            "Depth and light",
+            "Disparity is the reciprocal of depth; brightness is the mean luma of the colour frames.",
+            ("sequence", "depth (m)", "mean (m)", "mean disparity (1/m)", "valid (%)", "brightness (DN)"),
+            tuple(depths),
+        ),
+    )
+    return tuple(table for table in tables if table.rows)
+
+
+def all_statistics(file: FileRecord) -> tuple[Table, ...]:
+    """Return every statistic of a file, a table for each group."""
+    tables = []
+    for group_name, group in file.statistics.items():
+        rows = []
+        for key, value in group.items():
+            # A standard error stands beside the value that it belongs to.
+            if _ERROR in key:
+                continue
+            name, unit = split_unit(key)
+            ending = next((ending for ending in _UNITS if key.endswith(f"_{ending}")), "")
+            error_key = f"{key.removesuffix(ending)}{_ERROR}_{ending}" if ending else f"{key}_{_ERROR}"
+            if value is None:
+                text = _ABSENT
+            elif isinstance(value, bool | str):
+                text = str(value)
+            else:
+                error = group.get(error_key)
+                text = with_error(value, error if isinstance(error, int | float) else None, unit)
+            rows.append((name, text))
+        if rows:
+            tables.append(Table(group_name, "", ("quantity", "value"), tuple(rows)))
+    return tuple(tables)
 
 
 def short_name(file: FileRecord, files: Sequence[FileRecord]) -> str:
-    """Return the file's name where that is enough to tell it from the others, else its path."""
+    """Return the name of a file where no other of the files has it, else the path.
+
+    Parameters
+    ----------
+    file
+        One of the files.
+    files
+        All files of the record.
+    """
     name = PurePath(file.path).name or file.path
     return name if sum(PurePath(other.path).name == name for other in files) == 1 else file.path
 
 
-def _rate(group: str) -> str:
-    """Return ``10 Hz`` for ``flow/10hz``, and any other name as it is."""
-    rate = group.removeprefix("flow/")
-    return f"{rate.removesuffix('hz')} Hz" if rate.endswith("hz") else rate
-
-
-def _quantities(group: Group) -> tuple[tuple[str, str], ...]:
-    """Return names and values; a standard error stands beside the value that it belongs to."""
-    rows = []
-    for key, value in group.items():
-        if _ERROR in key:
-            continue
-        name, unit = split_unit(key)
-        rows.append((name, _shown(value, group.get(_error_key(key)), unit)))
-    return tuple(rows)
-
-
 def split_unit(key: str) -> tuple[str, str]:
-    """Return a quantity's name in words and its unit: ``speed_max_m_s`` is ``speed max`` in ``m/s``."""
+    """Return the name of a quantity in words and its unit: ``speed_max_m_s`` is ``speed max`` in ``m/s``."""
     for ending, unit in _UNITS.items():
         if key.endswith(f"_{ending}"):
             return key.removesuffix(f"_{ending}").replace("_", " "), unit
     return key.replace("_", " "), ""
-
-
-def _error_key(key: str) -> str:
-    ending = next((ending for ending in _UNITS if key.endswith(f"_{ending}")), "")
-    return f"{key.removesuffix(ending)}{_ERROR}_{ending}" if ending else f"{key}_{_ERROR}"
-
-
-def _shown(value: Scalar, error: Scalar, unit: str) -> str:
-    if value is None:
-        return _ABSENT
-    if isinstance(value, bool | str):
-        return str(value)
-    return with_error(value, error if isinstance(error, int | float) else None, unit)
 
 
 def _value(group: Group, key: str, scale: float = 1.0) -> str:
@@ -153,7 +140,7 @@ def _value(group: Group, key: str, scale: float = 1.0) -> str:
     return number(scale * value) if isinstance(value, int | float) else _ABSENT
 
 
-def _measured(group: Group, name: str, unit: str) -> str:
+def _with_error(group: Group, name: str, unit: str) -> str:
     value, error = group.get(f"{name}_{unit}"), group.get(f"{name}_{_ERROR}_{unit}")
     if not isinstance(value, int | float):
         return _ABSENT

@@ -1,21 +1,19 @@
-"""Rows of panels that share their scales: the moments along the sequence, and the worst places of findings."""
+"""Rows of panels that share their scales: the snapshots along the sequence, and the worst places of findings."""
 
 from collections.abc import Iterable
 from dataclasses import dataclass
 
 from fedora_reports.anchors import Anchors
 from fedora_reports.evidence import Evidence
-from fedora_reports.instants import Instant, moments_of, places_of
 from fedora_reports.legends import Legend, legends_for
 from fedora_reports.panels import Panel, panels_of, seconds
 from fedora_reports.picture_scales import PictureScales, scales_for
-
-Box = tuple[float, float, float, float]
+from fedora_reports.snapshots import Snapshot, snapshots_of, worst_location_of
 
 
 @dataclass(frozen=True, slots=True)
-class Row:
-    """The panels of one instant. ``anchor`` is empty where nothing leads to it; ``worst`` marks a finding's place."""
+class SnapshotRow:
+    """The panels of one snapshot. ``anchor`` is empty where no link leads to it; ``worst``: it is a finding's place."""
 
     anchor: str
     time: str
@@ -26,55 +24,60 @@ class Row:
 
 @dataclass(frozen=True, slots=True)
 class Strip:
-    """Moments, the legends that hold for all pictures of the file, and how the pictures were made."""
+    """Snapshots along the sequence, the legends of all pictures of the file, and notes on how these were made."""
 
-    rows: tuple[Row, ...]
+    rows: tuple[SnapshotRow, ...]
     legends: tuple[Legend, ...]
     notes: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)
-class Place:
+class WorstLocation:
     """The worst place of a finding, and the frames beside it that were kept."""
 
-    row: Row
-    beside: tuple[Row, ...]
-
-    @property
-    def rows(self) -> tuple[Row, ...]:
-        """All of them."""
-        return (self.row, *self.beside)
+    row: SnapshotRow
+    beside: tuple[SnapshotRow, ...]
 
 
 @dataclass(frozen=True, slots=True)
 class Pictures:
-    """All pictures of a file, in the same colours: moments, and places by the finding's identifier."""
+    """All pictures of a file, in the same colours: snapshots, and worst locations by the finding's identifier."""
 
     strip: Strip | None
-    places: dict[str, Place]
+    worst_locations: dict[str, WorstLocation]
 
 
 def pictures_of(evidence: Evidence, findings: Iterable[str], anchors: Anchors) -> Pictures:
-    """Draw all that was kept of a file; ``findings`` are the identifiers of its findings."""
-    moments = moments_of(evidence)
-    at_places = {item: instants for item in dict.fromkeys(findings) if (instants := places_of(evidence, item))}
-    scales = scales_for([*moments, *(instant for instants in at_places.values() for instant in instants)])
-    rows = tuple(_row(item, scales, anchors.moment(k)) for k, item in enumerate(moments))
-    places = {finding: _place(instants, scales) for finding, instants in at_places.items()}
+    """Draw every snapshot of a file.
+
+    Parameters
+    ----------
+    evidence
+        The arrays of the file.
+    findings
+        The identifiers of the findings of the file.
+    anchors
+        The identifiers on the page.
+    """
+    snapshots = snapshots_of(evidence)
+    by_finding = {item: located for item in dict.fromkeys(findings) if (located := worst_location_of(evidence, item))}
+    scales = scales_for([*snapshots, *(snapshot for located in by_finding.values() for snapshot in located)])
+    rows = tuple(_row(snapshot, scales, anchors.snapshot(k)) for k, snapshot in enumerate(snapshots))
     panels = [panel for row in rows for panel in row.panels]
-    panels += [panel for place in places.values() for row in place.rows for panel in row.panels]
+    worst_locations = {}
+    for finding, located in by_finding.items():
+        in_time = [_row(snapshot, scales) for snapshot in located]
+        worst = next(row for row in in_time if row.worst)
+        beside = tuple(row for row in in_time if row is not worst)
+        worst_locations[finding] = WorstLocation(worst, beside)
+        panels += [panel for row in (worst, *beside) for panel in row.panels]
     if not panels:
-        return Pictures(None, places)
+        return Pictures(None, worst_locations)
     titles = (evidence.title(name) for name in evidence.under("moments") if not name.endswith("_us"))
-    return Pictures(Strip(rows, legends_for(tuple(panels), scales), tuple(dict.fromkeys(titles))), places)
+    strip = Strip(rows, legends_for(tuple(panels), scales), tuple(dict.fromkeys(titles)))
+    return Pictures(strip, worst_locations)
 
 
-def _place(instants: tuple[Instant, ...], scales: PictureScales) -> Place:
-    rows = [_row(instant, scales) for instant in instants]
-    worst = next(row for row in rows if row.worst)
-    return Place(worst, tuple(row for row in rows if row is not worst))
-
-
-def _row(instant: Instant, scales: PictureScales, anchor: str = "") -> Row:
-    time = "" if instant.time_us is None else seconds(instant.time_us)
-    return Row(anchor, time, instant.time_us, tuple(panels_of(instant, scales)), instant.worst)
+def _row(snapshot: Snapshot, scales: PictureScales, anchor: str = "") -> SnapshotRow:
+    time = "" if snapshot.time_us is None else seconds(snapshot.time_us)
+    return SnapshotRow(anchor, time, snapshot.time_us, tuple(panels_of(snapshot, scales)), snapshot.worst)

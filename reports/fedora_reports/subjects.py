@@ -1,16 +1,15 @@
-"""Every check, by subject: what was asked, measured, expected, and what would have been seen."""
+"""Every check, by subject: its question, and its measurements against expected value, limit and detection limit."""
 
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Final
 
-from fedora_qa.record.types import FileRecord, Measurement, Outcome, Result
+from fedora_qa.record.types import FileRecord, Measurement, Outcome
 from fedora_qa.record.wording import OUTCOME_WORDS, coverage_words, principal, with_error, with_unit
 from fedora_reports.anchors import Anchors
 from fedora_reports.detection_power import DetectableCause, PassDetectionPower
 from fedora_reports.evidence import Evidence
-from fedora_reports.gauges import Gauge, gauge_of
 from fedora_reports.maps import Exhibits, exhibits
 from fedora_reports.problems import Link
 
@@ -33,8 +32,43 @@ _TITLES: Final = {
 }
 
 _OPEN: Final[frozenset[Outcome]] = frozenset({"failed", "crashed", "warned"})
+_CONCLUSIVE: Final[frozenset[Outcome]] = frozenset({"passed", "failed", "warned"})
 _FARTHEST: Final = 1000.0
-_TELLING: Final[frozenset[Outcome]] = frozenset({"passed", "failed", "warned"})
+"""Largest distance from the expected value, in limits: the order of checks needs no larger one."""
+
+_REACH: Final = 2.0
+"""A gauge reaches this many limits to either side of the expected value."""
+
+
+@dataclass(frozen=True, slots=True)
+class Gauge:
+    """Places as shares of the drawing's width, 0 to 1.
+
+    Attributes
+    ----------
+    band
+        Left and right end of the values of a correct file.
+    value
+        The value; at an end of the drawing where it lies beyond.
+    error
+        Left and right end of one standard error about the value.
+    detection_limit
+        The detection limit, on the side that counts; None where it is unknown, below the limit or beyond the drawing.
+    beyond
+        -1 or 1 where the value lies beyond the drawing's left or right end, else 0.
+    counts
+        Whether the value lies beyond the limit on a side that counts.
+    text
+        The deviation in words.
+    """
+
+    band: tuple[float, float]
+    value: float
+    error: tuple[float, float]
+    detection_limit: float | None
+    beyond: int
+    counts: bool
+    text: str
 
 
 @dataclass(frozen=True, slots=True)
@@ -51,10 +85,10 @@ class MeasurementView:
 
 @dataclass(frozen=True, slots=True)
 class CheckView:
-    """One check: a row that is always seen, and its details.
+    """One check: a row that is always visible, and its details.
 
-    ``principal`` is the measurement that lies farthest out; None where the check could not tell. ``nearness`` is how
-    far out that is, in limits; of what must be exact 0 or 1000.
+    ``principal`` is the measurement that lies farthest out; None where the check was not conclusive. ``nearness`` is
+    its distance from the expected value, in limits; 0 or 1000 where the limit is 0.
     """
 
     anchor: str
@@ -74,7 +108,7 @@ class CheckView:
 
     @property
     def open(self) -> bool:
-        """Whether its details are shown at once."""
+        """Whether its details are unfolded at first."""
         return self.outcome in _OPEN
 
 
@@ -90,70 +124,107 @@ class Subject:
 def subjects_of(
     file: FileRecord, evidence: Evidence, anchors: Anchors, links: Sequence[Link], detection_power: PassDetectionPower
 ) -> tuple[Subject, ...]:
-    """Return the checks by subject, in the order of the record. ``links`` lead to the findings."""
+    """Return the checks by subject, in the order of the record.
+
+    Parameters
+    ----------
+    file
+        The record of the file.
+    evidence
+        The arrays of the file, those that checks keep among them.
+    anchors
+        The identifiers on the page.
+    links
+        A link to each finding, by its identifier.
+    detection_power
+        The faults that each check detects, where that was measured.
+    """
     by_subject: dict[str, list[CheckView]] = {}
     for k, result in enumerate(file.results):
-        view = _check(result, anchors.check(k), evidence, links, detection_power)
+        farthest = principal(result) if result.outcome in _CONCLUSIVE else None
+        # How far out that lies: on the side that counts, in limits.
+        nearness = 0.0
+        if farthest and farthest.value is not None and farthest.expected is not None and farthest.limit is not None:
+            deviation = farthest.value - farthest.expected
+            counted = {"both": abs(deviation), "upper": max(deviation, 0.0), "lower": max(-deviation, 0.0)}
+            distance = counted[farthest.side]
+            if not math.isfinite(distance) or distance > _FARTHEST * farthest.limit:
+                nearness = _FARTHEST
+            elif farthest.limit:
+                nearness = distance / farthest.limit
+        finding_ids = {finding.id for finding in result.findings}
+        view = CheckView(
+            anchor=anchors.check(k),
+            name=result.check,
+            outcome=result.outcome,
+            word=OUTCOME_WORDS[result.outcome],
+            question=result.question,
+            coverage=coverage_words(result.coverage),
+            reason=result.reason,
+            traceback=tuple(result.traceback.splitlines()),
+            principal=None if farthest is None else _measurement(farthest),
+            measurements=tuple(_measurement(measurement) for measurement in result.measurements),
+            findings=tuple(link for link in links if link.word in finding_ids),
+            exhibits=exhibits(evidence, tuple(evidence.under(result.check))),
+            detection_power=detection_power.of(result.check),
+            nearness=nearness,
+        )
         by_subject.setdefault(result.check.split(".", 1)[0], []).append(view)
-    return tuple(Subject(name, _title(name), tuple(views)) for name, views in by_subject.items())
-
-
-def _title(subject: str) -> str:
-    return _TITLES.get(subject) or subject.replace("_", " ").capitalize()
-
-
-def _check(
-    result: Result, anchor: str, evidence: Evidence, links: Sequence[Link], detection_power: PassDetectionPower
-) -> CheckView:
-    main = principal(result) if result.outcome in _TELLING else None
-    own = {finding.id for finding in result.findings}
-    return CheckView(
-        anchor=anchor,
-        name=result.check,
-        outcome=result.outcome,
-        word=OUTCOME_WORDS[result.outcome],
-        question=result.question,
-        coverage=coverage_words(result.coverage),
-        reason=result.reason,
-        traceback=tuple(result.traceback.splitlines()),
-        principal=None if main is None else _measurement(main),
-        measurements=tuple(_measurement(measurement) for measurement in result.measurements),
-        findings=tuple(link for link in links if link.word in own),
-        exhibits=exhibits(evidence, tuple(evidence.under(result.check))),
-        detection_power=detection_power.of(result.check),
-        nearness=0.0 if main is None else _nearness(main),
+    return tuple(
+        Subject(name, _TITLES.get(name) or name.replace("_", " ").capitalize(), tuple(views))
+        for name, views in by_subject.items()
     )
 
 
-def _nearness(measurement: Measurement) -> float:
-    """Return how far out a measurement lies on the side that counts, in limits, at most 1000."""
-    if measurement.value is None or measurement.expected is None or measurement.limit is None:
-        return 0.0
-    deviation = measurement.value - measurement.expected
-    counted = {"both": abs(deviation), "upper": max(deviation, 0.0), "lower": max(-deviation, 0.0)}[measurement.side]
-    if not math.isfinite(counted) or counted > _FARTHEST * measurement.limit:
-        return _FARTHEST
-    return counted / measurement.limit if measurement.limit else 0.0
+def gauge_of(measurement: Measurement) -> Gauge | None:
+    """Return the gauge of a measurement that has a value, an expected value and a limit greater than 0; else None."""
+    value, expected, limit = measurement.value, measurement.expected, measurement.limit
+    if value is None or expected is None or limit is None or not all(map(math.isfinite, (value, expected, limit))):
+        return None
+    if limit <= 0:
+        return None
+    deviation = value / limit - expected / limit
+    if not math.isfinite(deviation):
+        return None
+    error = measurement.standard_error or 0.0
+    spread = error / limit if math.isfinite(error) else 0.0
+    least = measurement.least_detectable
+    detection_limit = None
+    if least is not None and math.isfinite(least) and limit <= least <= _REACH * limit:
+        detection_limit = _share(-least / limit if measurement.side == "lower" else least / limit)
+    return Gauge(
+        band=(
+            0.0 if measurement.side == "upper" else _share(-1.0),
+            1.0 if measurement.side == "lower" else _share(1.0),
+        ),
+        value=_share(deviation),
+        error=(_share(deviation - spread), _share(deviation + spread)),
+        detection_limit=detection_limit,
+        beyond=0 if abs(deviation) <= _REACH else int(math.copysign(1, deviation)),
+        counts=(deviation > 1 and measurement.side != "lower") or (deviation < -1 and measurement.side != "upper"),
+        text=f"{abs(deviation):.3g} of the limit {'above' if deviation >= 0 else 'below'} the expected value",
+    )
 
 
 def _measurement(measurement: Measurement) -> MeasurementView:
+    # The largest deviation of a correct file, with the sign of the side on which it counts.
+    limit = ""
+    if measurement.limit == 0:
+        limit = {"both": "exact", "upper": "not above", "lower": "not below"}[measurement.side]
+    elif measurement.limit is not None:
+        sign = {"both": "±", "upper": "+", "lower": "−"}[measurement.side]
+        limit = f"{sign}{with_unit(measurement.limit, measurement.unit)}"
+    least = measurement.least_detectable
     return MeasurementView(
         name=measurement.name,
         value=with_error(measurement.value, measurement.standard_error, measurement.unit),
         expected="" if measurement.expected is None else with_unit(measurement.expected, measurement.unit),
-        limit=_limit(measurement),
-        least_detectable=""
-        if measurement.least_detectable is None
-        else with_unit(measurement.least_detectable, measurement.unit),
+        limit=limit,
+        least_detectable="" if least is None else with_unit(least, measurement.unit),
         gauge=gauge_of(measurement),
     )
 
 
-def _limit(measurement: Measurement) -> str:
-    """Return the largest honest deviation, with the side on which it counts."""
-    if measurement.limit is None:
-        return ""
-    if measurement.limit == 0:
-        return "exact" if measurement.side == "both" else {"upper": "not above", "lower": "not below"}[measurement.side]
-    sign = {"both": "±", "upper": "+", "lower": "−"}[measurement.side]
-    return f"{sign}{with_unit(measurement.limit, measurement.unit)}"
+def _share(deviation: float) -> float:
+    """Return the place of a deviation, in limits, on the drawing."""
+    return min(max((deviation + _REACH) / (2 * _REACH), 0.0), 1.0)

@@ -1,4 +1,4 @@
-"""The picture of a flight: in space where OpenGL works, else two plain views, with a note that says why."""
+"""The picture of a flight: in space where OpenGL works, else two flat views, with a note of the reason."""
 
 import io
 import os
@@ -27,8 +27,8 @@ _CRASHED: Final = "VTK ended without a word"
 class TrajectoryPicture:
     """A picture of a path: one of ``png`` and ``svg`` is empty.
 
-    ``caption`` says what is shown, with units. ``note`` says why plain views stand in place of the render; it is empty
-    where they do not.
+    ``caption`` describes the picture, with units. ``note`` is the reason for which flat views replace the picture in
+    space; empty where they do not.
     """
 
     png: bytes
@@ -52,16 +52,21 @@ def render_trajectory(
     positions_world_m
         (n, 3), east, north, up.
     speeds_m_s
-        (n,); NaN is drawn in grey.
+        (n,); poses of unknown speed (NaN) are grey.
     forward_world
-        (n, 3), the body's X axis; NaN is not drawn.
+        (n, 3), the body's X axis; rows of NaN have no arrow.
     time_limit_s
         For the picture in space.
+
+    Returns
+    -------
+    TrajectoryPicture
+        The picture in space, or flat views with the reason.
 
     Raises
     ------
     ValueError
-        Where the shapes are others.
+        Where the arrays have other shapes.
     """
     arrays = {
         "times_us": times_us,
@@ -85,7 +90,15 @@ _FLAT: Final = "Arrowheads show where the body points. Seen from above and from 
 
 
 def flat_views(path: FlownPath, marks: Sequence[Mark]) -> tuple[str, str]:
-    """Return two views of a path with findings marked, as SVG, and their caption."""
+    """Return two views of a path as SVG, and their caption.
+
+    Parameters
+    ----------
+    path
+        The path, which may have no pose.
+    marks
+        Findings to be marked on it.
+    """
     if not path.runs:
         return without_path(), "No pose has a finite position: there is no path to draw."
     marked = " Diamonds mark findings, each where the body was when it begins." if marks else ""
@@ -111,7 +124,7 @@ def _caption(path: FlownPath, start: str, end: str, rest: str) -> str:
 
 
 def _render(arrays: dict[str, Any], time_limit_s: float) -> tuple[bytes, str]:
-    """Return the picture as PNG, or none and why in one sentence."""
+    """Return the picture as PNG and an empty note, or no picture and the reason in one sentence."""
     if find_spec("pyvista") is None:
         return b"", "No picture in space, because pyvista is not installed: pip install 'fedora-qa[reports]'."
     with tempfile.TemporaryDirectory(prefix="fedora-trajectory-") as folder:
@@ -121,30 +134,23 @@ def _render(arrays: dict[str, Any], time_limit_s: float) -> tuple[bytes, str]:
         source.write_bytes(packed.getvalue())
         # -P: a file in the current folder must not stand in for a module.
         command = [sys.executable, "-P", "-m", "fedora_reports.trajectory_render", str(source), str(target)]
+        # EGL needs no display. Where there is no EGL, VTK uses OSMesa by itself.
+        environment = {"VTK_DEFAULT_OPENGL_WINDOW": "vtkEGLRenderWindow", **os.environ}
         try:
             done = subprocess.run(
-                command, env=_environment(), capture_output=True, text=True, timeout=time_limit_s, check=False
+                command, env=environment, capture_output=True, text=True, timeout=time_limit_s, check=False
             )
         except subprocess.TimeoutExpired:
-            return b"", _sorry(f"the render took more than {number(time_limit_s)} s")
-        if done.returncode == 0 and target.is_file():
-            return target.read_bytes(), ""
-        return b"", _sorry(_complaint(done))
-
-
-def _environment() -> dict[str, str]:
-    """Ask for EGL, which needs no display; VTK turns to OSMesa by itself where there is no EGL."""
-    return {"VTK_DEFAULT_OPENGL_WINDOW": "vtkEGLRenderWindow", **os.environ}
-
-
-def _sorry(reason: str) -> str:
-    return f"No picture in space, because OpenGL could not be used: {reason}; install libegl1 and libgl1-mesa-dri."
-
-
-def _complaint(done: subprocess.CompletedProcess[str]) -> str:
-    """Return what a failed process said, as half a sentence."""
-    lines = [line.strip() for line in done.stderr.splitlines()]
-    warnings = [line.rsplit("WARN|", 1)[1].split("!")[0].strip() for line in lines if "WARN|" in line]
-    if done.returncode < 0:
-        return warnings[0] if warnings else _CRASHED
-    return (lines[-1] if lines else _CRASHED).rstrip(".")
+            reason = f"the render took more than {number(time_limit_s)} s"
+        else:
+            if done.returncode == 0 and target.is_file():
+                return target.read_bytes(), ""
+            # A process that a signal ended leaves warnings of VTK at most; other failures end with a line of their own.
+            lines = [line.strip() for line in done.stderr.splitlines()]
+            warnings = [line.rsplit("WARN|", 1)[1].split("!")[0].strip() for line in lines if "WARN|" in line]
+            if done.returncode < 0:
+                reason = warnings[0] if warnings else _CRASHED
+            else:
+                reason = (lines[-1] if lines else _CRASHED).rstrip(".")
+    note = f"No picture in space, because OpenGL could not be used: {reason}; install libegl1 and libgl1-mesa-dri."
+    return b"", note

@@ -1,4 +1,4 @@
-"""From where a path is looked at."""
+"""The camera of the picture in space: its position and direction, so that the whole box of a path is visible."""
 
 from dataclasses import dataclass
 from typing import Final
@@ -10,7 +10,7 @@ Float64 = NDArray[np.float64]
 
 _ELEVATION_RAD: Final = np.radians(27.0)
 _OFF_THE_SIDE_RAD: Final = np.radians(62.0)
-"""Between the direction of flight and that of the view: a straight flight is seen mostly from the side."""
+"""Angle between the direction of flight and the direction of the view: a straight flight is shown mostly sideways."""
 _USUAL_AZIMUTH_RAD: Final = np.radians(-62.0)
 """A view from the south-south-east, east to the right."""
 
@@ -23,47 +23,47 @@ class View:
     target: Float64
     axes: Float64
 
-    def seen(self, points: Float64) -> Float64:
+    def project(self, points: Float64) -> Float64:
         """Return points (n, 3) as (right, up) slopes (n, 2) off the line of sight."""
         local = (points - self.eye) @ self.axes.T
         slopes: Float64 = local[:, :2] / -local[:, 2:]
         return slopes
 
 
-def view_of(positions: Float64, corners: Float64, half_angles: tuple[float, float]) -> View:
-    """Return the view, across the main direction of ``positions`` (n, 3), that just holds ``corners`` (m, 3).
+def view_of(positions: Float64, corners: Float64, most_slopes: tuple[float, float]) -> View:
+    """Return the view across the main direction of a path, from the least distance from which all corners are visible.
 
-    ``half_angles`` are the greatest slopes off the line of sight, to the right and upward.
+    Parameters
+    ----------
+    positions
+        (n, 3), the path.
+    corners
+        (m, 3), the corners of its box, in the same units.
+    most_slopes
+        The greatest slopes off the line of sight, to the right and upward.
     """
-    axes = _axes(_azimuth_rad(positions), _ELEVATION_RAD)
+    # The eye is beside the main horizontal direction, on the side nearest to the usual view.
+    azimuth_rad = float(_USUAL_AZIMUTH_RAD)
+    flat = positions[:, :2] - positions[:, :2].mean(axis=0)
+    spread = flat.T @ flat
+    if np.ptp(np.linalg.eigvalsh(spread)) > 0.5 * np.trace(spread):
+        main = np.linalg.eigh(spread)[1][:, -1]
+        along_rad = np.arctan2(main[1], main[0])
+        choices_rad = [along_rad + sign * _OFF_THE_SIDE_RAD + turn for sign in (-1, 1) for turn in (0.0, np.pi)]
+        azimuth_rad = float(max(choices_rad, key=lambda choice_rad: np.cos(choice_rad - _USUAL_AZIMUTH_RAD)))
+    across = np.array([np.cos(azimuth_rad), np.sin(azimuth_rad), 0.0])
+    backward_axis = np.cos(_ELEVATION_RAD) * across + np.sin(_ELEVATION_RAD) * np.array([0.0, 0.0, 1.0])
+    right_axis = np.array([-across[1], across[0], 0.0])
+    axes = np.stack([right_axis, np.cross(backward_axis, right_axis), backward_axis])
     right, up, backward = (corners @ axes.T).T
-    # A corner is inside when |offset| <= slope * depth: both sides of a direction bound target and distance together.
-    (target_right, distance_right) = _between(right, backward, half_angles[0])
-    (target_up, distance_up) = _between(up, backward, half_angles[1])
+    # A corner is visible where |offset| <= slope * depth: both sides of a direction bound target and distance together.
+    (target_right, distance_right) = _between(right, backward, most_slopes[0])
+    (target_up, distance_up) = _between(up, backward, most_slopes[1])
     target = np.array([target_right, target_up, 0.0]) @ axes
     return View(target + max(distance_right, distance_up) * axes[2], target, axes)
 
 
 def _between(offsets: Float64, backward: Float64, slope: float) -> tuple[float, float]:
-    """Return where to aim along one direction, and the least distance, so that all offsets are inside the slope."""
+    """Return the target along one direction, and the least distance at which all offsets are within the slope."""
     above, below = np.max(offsets + slope * backward), np.max(-offsets + slope * backward)
     return float(above - below) / 2, float(above + below) / (2 * slope)
-
-
-def _axes(azimuth_rad: float, elevation_rad: float) -> Float64:
-    flat = np.array([np.cos(azimuth_rad), np.sin(azimuth_rad), 0.0])
-    backward = np.cos(elevation_rad) * flat + np.sin(elevation_rad) * np.array([0.0, 0.0, 1.0])
-    right = np.array([-flat[1], flat[0], 0.0])
-    return np.stack([right, np.cross(backward, right), backward])
-
-
-def _azimuth_rad(positions: Float64) -> float:
-    """Return from where to look: beside the main horizontal direction, on the side nearest to the usual view."""
-    flat = positions[:, :2] - positions[:, :2].mean(axis=0)
-    spread = flat.T @ flat
-    if np.ptp(np.linalg.eigvalsh(spread)) <= 0.5 * np.trace(spread):
-        return float(_USUAL_AZIMUTH_RAD)
-    main = np.linalg.eigh(spread)[1][:, -1]
-    along = np.arctan2(main[1], main[0])
-    choices = [along + sign * _OFF_THE_SIDE_RAD + turn for sign in (-1, 1) for turn in (0.0, np.pi)]
-    return float(max(choices, key=lambda azimuth: np.cos(azimuth - _USUAL_AZIMUTH_RAD)))

@@ -1,4 +1,4 @@
-"""The path of a flight as drawings need it: what can be drawn of it, and the box of round metres that it stands in."""
+"""The path of a flight as drawings need it: the poses that can be drawn, and a box of round metres around them."""
 
 from dataclasses import dataclass
 from itertools import pairwise
@@ -13,7 +13,7 @@ from fedora_reports.scales import Axis
 Float64 = NDArray[np.float64]
 
 _STILL_M: Final = 1e-6
-"""A path that stays within this is a point; a box of a metre is drawn around it."""
+"""A path within this length is a point; it gets a box of a metre."""
 _STILL_M_S: Final = 1e-6
 _LEAST_SHARES: Final = np.array([0.4, 0.4, 0.15])
 """Least sides of the box as shares of its longest side, so that a straight or a vertical flight has a ground."""
@@ -28,7 +28,7 @@ class FlownPath:
     times_us
         (n,), on the file's clock.
     positions_world_m, forward_world
-        (n, 3): places, and the body's X axis.
+        (n, 3): positions, and the body's X axis.
     speeds_m_s
         (n,).
     runs
@@ -49,7 +49,7 @@ class FlownPath:
 
     @property
     def speed_varies(self) -> bool:
-        """Whether colours have something to show: more than a thousandth of the greatest speed, and than rounding."""
+        """Whether speeds differ by more than a thousandth of the greatest speed, and by more than rounding."""
         low, high = self.speed_range_m_s or (0.0, 0.0)
         return high - low > max(1e-3 * max(abs(low), abs(high)), _STILL_M_S)
 
@@ -79,7 +79,20 @@ class Box:
 
 
 def flown_path(times_us: Any, positions_world_m: Any, speeds_m_s: Any, forward_world: Any, *, most: int) -> FlownPath:
-    """Keep the poses that can be drawn, at most ``most`` of them, evenly thinned.
+    """Keep the poses that can be drawn.
+
+    Parameters
+    ----------
+    times_us
+        (n,), on the file's clock.
+    positions_world_m
+        (n, 3); a pose whose position is not finite is left out.
+    speeds_m_s
+        (n,).
+    forward_world
+        (n, 3), the body's X axis.
+    most
+        Largest number of poses; more are thinned evenly.
 
     Raises
     ------
@@ -100,7 +113,7 @@ def flown_path(times_us: Any, positions_world_m: Any, speeds_m_s: Any, forward_w
 
 
 def box_around(positions_world_m: Float64) -> Box:
-    """Return a box of round metres that holds finite positions (n, 3), n > 0, and has no side that is too thin."""
+    """Return a box of round metres around finite positions (n, 3), n > 0. A thin side is widened."""
     low, high = positions_world_m.min(axis=0), positions_world_m.max(axis=0)
     span = float(np.max(high - low))
     span = span if span > _STILL_M else 1.0
@@ -112,7 +125,7 @@ def box_around(positions_world_m: Float64) -> Box:
 
 
 def speed_colours(n: int) -> tuple[str, ...]:
-    """Return n colours from slow to fast, without the darkest and brightest: a line must show on any background."""
+    """Return n colours from slow to fast, without the darkest and brightest: lines are visible on any background."""
     return tuple("#" + bytes(SEQUENTIAL[level]).hex() for level in np.linspace(64, 250, n).astype(int))
 
 

@@ -36,27 +36,67 @@ _NO_SPEED: Final = "#9aa5b1"
 # Sizes as shares of the box's longest side.
 _TUBE: Final = 0.0055
 _BALL: Final = 0.014
-_NOSE: Final = (0.045, 0.013)
-"""Length and radius of the cones that show where the body points."""
+_CONE: Final = (0.045, 0.013)
+"""Length and radius of the cones that show the direction of the body."""
 _LABEL_OFFSET: Final = 0.045
-_NOSES: Final = 14
+_CONES: Final = 14
 _CLOSEST: Final = 2e-4
-"""Neighbouring points must differ by this share, or a tube has no direction there."""
+"""Least distance of neighbouring points of a tube."""
 
 
 def draw(path: FlownPath, target: Path) -> None:
-    """Write the picture of a path with at least one pose, SIZE_PX large, as PNG."""
+    """Write the picture of a path, SIZE_PX large, as PNG.
+
+    Parameters
+    ----------
+    path
+        At least one pose.
+    target
+        The file to be written.
+    """
     box = box_around(path.positions_world_m)
     plotter: Any = pv.Plotter(off_screen=True, window_size=list(SIZE_PX), lighting="light kit")
     plotter.set_background(_BACKGROUND)
     plotter.enable_anti_aliasing("ssaa")
     places = _scaled(path.positions_world_m, box)
-    view = _look(plotter, places, box)
-    _draw_floor(plotter, box)
+
+    corners = np.stack(np.meshgrid(*zip(box.low_m, box.high_m, strict=True)), axis=-1).reshape(-1, 3)
+    slope_up = np.tan(np.radians(_FIELD_OF_VIEW_DEG / 2))
+    slope_right = slope_up * SIZE_PX[0] / SIZE_PX[1]
+    view = view_of(places, _scaled(corners, box), (_MARGINS[0] * slope_right, _MARGINS[1] * slope_up))
+    plotter.camera.position, plotter.camera.focal_point = view.eye.tolist(), view.target.tolist()
+    plotter.camera.up, plotter.camera.view_angle = (0.0, 0.0, 1.0), _FIELD_OF_VIEW_DEG
+
+    # Lines of round metres on the floor of the box.
+    low, high = box.low_m, box.high_m
+    along_y = [[(x, low[1], low[2]), (x, high[1], low[2])] for x, _ in box.ticks(0)]
+    along_x = [[(low[0], y, low[2]), (high[0], y, low[2])] for y, _ in box.ticks(1)]
+    lines = _scaled(np.array(along_x + along_y).reshape(-1, 3), box)
+    plotter.add_mesh(pv.line_segments_from_points(lines), color=_GRID, line_width=3.0, lighting=False)
     _draw_labels(plotter, box, view)
-    _draw_shadow(plotter, path, places, box)
+
+    # The path on the floor, and plumb lines at both ends: without them height cannot be distinguished from distance.
+    floor = (box.low_m[2] - box.centre_m[2]) / box.span_m
+    below = np.column_stack([places[:, :2], np.full(len(places), floor + 1e-3)])
+    for start, stop in path.runs:
+        if stop - start > 1:
+            plotter.add_mesh(pv.lines_from_points(below[start:stop]), color=_SHADOW, line_width=4.0, lighting=False)
+    plumb = np.stack([places[0], below[0], places[-1], below[-1]])
+    plotter.add_mesh(pv.line_segments_from_points(plumb), color=_SHADOW, line_width=3.0, lighting=False)
+
     _draw_speeds(plotter, path, places)
-    _draw_noses(plotter, path, places)
+
+    # Cones in the direction of the body, at even distances along the path.
+    travelled = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(places, axis=0), axis=1))])
+    wanted = np.linspace(0.0, travelled[-1], _CONES)
+    rows = np.unique(np.searchsorted(travelled, wanted, side="left").clip(0, len(places) - 1))
+    length, radius = _CONE
+    for row in rows[np.isfinite(path.forward_world[rows]).all(axis=1)]:
+        forward = path.forward_world[row]
+        if np.linalg.norm(forward) > 0:
+            cone = pv.Cone(resolution=24, center=places[row], direction=forward, height=length, radius=radius)
+            plotter.add_mesh(cone, color=_INK, ambient=0.4)
+
     _draw_ends(plotter, places)
     plotter.reset_camera_clipping_range()
     plotter.screenshot(str(target))
@@ -64,39 +104,20 @@ def draw(path: FlownPath, target: Path) -> None:
 
 
 def _scaled(points_m: Float64, box: Box) -> Float64:
-    """Return points about the box's centre in units of its longest side: OpenGL has only single precision."""
+    """Return points about the centre of the box in units of its longest side: OpenGL has only single precision."""
     scaled: Float64 = (points_m - box.centre_m) / box.span_m
     return scaled
 
 
-def _look(plotter: Any, places: Float64, box: Box) -> View:
-    corners = np.stack(np.meshgrid(*zip(box.low_m, box.high_m, strict=True)), axis=-1).reshape(-1, 3)
-    half_up = np.tan(np.radians(_FIELD_OF_VIEW_DEG / 2))
-    half_right = half_up * SIZE_PX[0] / SIZE_PX[1]
-    view = view_of(places, _scaled(corners, box), (_MARGINS[0] * half_right, _MARGINS[1] * half_up))
-    plotter.camera.position, plotter.camera.focal_point = view.eye.tolist(), view.target.tolist()
-    plotter.camera.up, plotter.camera.view_angle = (0.0, 0.0, 1.0), _FIELD_OF_VIEW_DEG
-    return view
-
-
-def _draw_floor(plotter: Any, box: Box) -> None:
-    """Draw lines of round metres on the ground of the box."""
-    low, high = box.low_m, box.high_m
-    along_y = [[(x, low[1], low[2]), (x, high[1], low[2])] for x, _ in box.ticks(0)]
-    along_x = [[(low[0], y, low[2]), (high[0], y, low[2])] for y, _ in box.ticks(1)]
-    ends = np.array(along_x + along_y).reshape(-1, 3)
-    plotter.add_mesh(pv.line_segments_from_points(_scaled(ends, box)), color=_GRID, line_width=3.0, lighting=False)
-
-
 def _draw_labels(plotter: Any, box: Box, view: View) -> None:
-    """Label X and Y along the two near edges of the floor, and Z along the leftmost upright edge, which is drawn."""
+    """Label X and Y along the near edges of the floor, and Z along the leftmost upright edge, which is also drawn."""
     low, high = box.low_m, box.high_m
     near = np.where(view.eye > 0, high, low)
     outward = np.where(view.eye > 0, 1.0, -1.0) * _LABEL_OFFSET * box.span_m
     along_x = [((x, near[1] + outward[1], low[2]), label) for x, label in box.ticks(0)]
     along_y = [((near[0] + outward[0], y, low[2]), label) for y, label in box.ticks(1)]
     feet = np.array([(x, y, low[2]) for x in (low[0], high[0]) for y in (low[1], high[1])])
-    foot = feet[np.argmin(view.seen(_scaled(feet, box))[:, 0])]
+    foot = feet[np.argmin(view.project(_scaled(feet, box))[:, 0])]
     upright = np.stack([foot, [foot[0], foot[1], high[2]]])
     plotter.add_mesh(pv.lines_from_points(_scaled(upright, box)), color=_GRID, line_width=3.0, lighting=False)
     aside = -view.axes[0] * _LABEL_OFFSET * box.span_m
@@ -112,27 +133,31 @@ def _draw_labels(plotter: Any, box: Box, view: View) -> None:
         _write(plotter, _scaled(np.array(points), box), words, size)
 
 
-def _draw_shadow(plotter: Any, path: FlownPath, places: Float64, box: Box) -> None:
-    """Draw the path on the floor, and plumb lines at both ends: they tell height from distance."""
-    floor = (box.low_m[2] - box.centre_m[2]) / box.span_m
-    below = np.column_stack([places[:, :2], np.full(len(places), floor + 1e-3)])
-    for start, stop in path.runs:
-        if stop - start > 1:
-            plotter.add_mesh(pv.lines_from_points(below[start:stop]), color=_SHADOW, line_width=4.0, lighting=False)
-    ends = np.stack([places[0], below[0], places[-1], below[-1]])
-    plotter.add_mesh(pv.line_segments_from_points(ends), color=_SHADOW, line_width=3.0, lighting=False)
-
-
 def _draw_speeds(plotter: Any, path: FlownPath, places: Float64) -> None:
     """Draw the path as a tube in the colours of its speed, with a scale in m/s."""
-    runs = [_distinct(places[a:b], path.speeds_m_s[a:b]) for a, b in path.runs]
-    tube = pv.merge([_tube(points, speeds) for points, speeds in runs])
+    tubes = []
+    for start, stop in path.runs:
+        # A tube has no direction where neighbouring points coincide: such points are left out.
+        kept = [start]
+        for row in range(start + 1, stop):
+            if np.linalg.norm(places[row] - places[kept[-1]]) > _CLOSEST:
+                kept.append(row)
+        # A run that stays in one place is a ball.
+        if len(kept) == 1:
+            tube = pv.Sphere(radius=2 * _TUBE, center=places[start])
+            tube["speed"] = np.full(tube.n_points, path.speeds_m_s[start])
+        else:
+            line = pv.lines_from_points(places[kept])
+            line["speed"] = path.speeds_m_s[kept]
+            tube = line.tube(radius=_TUBE, n_sides=16, capping=True)
+        tubes.append(tube)
+    mesh = pv.merge(tubes)
     speed_range_m_s = path.speed_range_m_s
     if speed_range_m_s is None or not path.speed_varies:
-        plotter.add_mesh(tube, color=_NO_SPEED if speed_range_m_s is None else speed_colours(3)[1], ambient=0.35)
+        plotter.add_mesh(mesh, color=_NO_SPEED if speed_range_m_s is None else speed_colours(3)[1], ambient=0.35)
         return
     plotter.add_mesh(
-        tube,
+        mesh,
         scalars="speed",
         clim=speed_range_m_s,
         cmap=list(speed_colours(64)),
@@ -141,6 +166,9 @@ def _draw_speeds(plotter: Any, path: FlownPath, places: Float64) -> None:
         ambient=0.35,
         show_scalar_bar=False,
     )
+    # Labels have two digits of the step between them.
+    step_m_s = (speed_range_m_s[1] - speed_range_m_s[0]) / 4
+    decimals = max(0, 1 - math.floor(math.log10(step_m_s)))
     plotter.add_scalar_bar(
         "speed, m/s",
         vertical=True,
@@ -149,50 +177,11 @@ def _draw_speeds(plotter: Any, path: FlownPath, places: Float64) -> None:
         width=0.055,
         height=0.6,
         n_labels=5,
-        fmt=f"{{:.{_decimals((speed_range_m_s[1] - speed_range_m_s[0]) / 4)}f}}",
+        fmt=f"{{:.{decimals}f}}",
         color=_INK,
         title_font_size=18,
         label_font_size=17,
     )
-
-
-def _decimals(step: float) -> int:
-    """Return the decimals that show two digits of a step."""
-    return max(0, 1 - math.floor(math.log10(step)))
-
-
-def _distinct(points: Float64, speeds: Float64) -> tuple[Float64, Float64]:
-    """Drop points that lie on the one before."""
-    kept = [0]
-    for i in range(1, len(points)):
-        if np.linalg.norm(points[i] - points[kept[-1]]) > _CLOSEST:
-            kept.append(i)
-    return points[kept], speeds[kept]
-
-
-def _tube(points: Float64, speeds: Float64) -> Any:
-    """Return one run as a tube, or as a ball where it stays in one place, with its speeds."""
-    if len(points) == 1:
-        tube = pv.Sphere(radius=2 * _TUBE, center=points[0])
-        tube["speed"] = np.full(tube.n_points, speeds[0])
-        return tube
-    line = pv.lines_from_points(points)
-    line["speed"] = speeds
-    return line.tube(radius=_TUBE, n_sides=16, capping=True)
-
-
-def _draw_noses(plotter: Any, path: FlownPath, places: Float64) -> None:
-    """Draw where the body points, at places that are evenly spread along the path."""
-    travelled = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(places, axis=0), axis=1))])
-    wanted = np.linspace(0.0, travelled[-1], _NOSES)
-    rows = np.unique(np.searchsorted(travelled, wanted, side="left").clip(0, len(places) - 1))
-    length, radius = _NOSE
-    for row in rows[np.isfinite(path.forward_world[rows]).all(axis=1)]:
-        if np.linalg.norm(path.forward_world[row]) > 0:
-            nose = pv.Cone(
-                resolution=24, center=places[row], direction=path.forward_world[row], height=length, radius=radius
-            )
-            plotter.add_mesh(nose, color=_INK, ambient=0.4)
 
 
 def _draw_ends(plotter: Any, places: Float64) -> None:
@@ -227,7 +216,15 @@ def _write(plotter: Any, points: Float64, words: Any, size: int) -> None:
 
 
 def main(source: str, target: str) -> None:
-    """Draw the path of an npz file with the arguments of ``render_trajectory``."""
+    """Draw a path.
+
+    Parameters
+    ----------
+    source
+        An npz file with the arrays that ``render_trajectory`` gets.
+    target
+        The picture to be written, PNG.
+    """
     with np.load(source) as arrays:
         draw(flown_path(**arrays, most=_MOST_POINTS), Path(target))
 

@@ -1,11 +1,11 @@
-"""The verdict of a file in words, and what it rests on."""
+"""The verdict of a file in words, and the measurements that it rests on."""
 
 from collections import Counter
 from dataclasses import dataclass
 from itertools import accumulate
 from typing import Final
 
-from fedora_qa.record.types import FileRecord, Outcome, Result, Verdict
+from fedora_qa.record.types import FileRecord, Outcome, Verdict
 from fedora_qa.record.wording import OUTCOME_WORDS, canaries_seen, why_incomplete
 
 TITLES: Final[dict[Verdict, str]] = {"clean": "Clean", "findings": "Findings", "incomplete": "Incomplete"}
@@ -13,7 +13,7 @@ TITLES: Final[dict[Verdict, str]] = {"clean": "Clean", "findings": "Findings", "
 
 @dataclass(frozen=True, slots=True)
 class Share:
-    """How many checks had one outcome, and where they lie on a bar of all; ``left`` and ``width`` are shares."""
+    """The checks with one outcome: their number, and their place on a bar of all checks, as shares of it."""
 
     outcome: Outcome
     word: str
@@ -23,60 +23,57 @@ class Share:
 
 
 @dataclass(frozen=True, slots=True)
-class VerdictWords:
-    """The verdict, one sentence that says why, and what was looked at."""
+class VerdictText:
+    """The verdict, a sentence with its reason, and a sentence on the checks that it rests on."""
 
     verdict: Verdict
     title: str
     sentence: str
-    rests_on: str
+    basis: str
     shares: tuple[Share, ...]
 
 
-def verdict_of(file: FileRecord) -> VerdictWords:
+def verdict_of(file: FileRecord) -> VerdictText:
     """Return the verdict of a file in words."""
+    outcomes = Counter(result.outcome for result in file.results)
+    failed = outcomes["failed"]
+    if file.verdict == "incomplete":
+        more = f" {checks(failed).capitalize()} failed." if failed else ""
+        sentence = f"No verdict can be given: {why_incomplete(file)}.{more}"
+    elif file.verdict == "findings":
+        causes = len(file.diagnoses)
+        named = {0: "no cause could be named", 1: "one probable cause is named"}.get(
+            causes, f"{causes} probable causes are named"
+        )
+        sentence = f"{checks(failed).capitalize()} failed; {named}."
+    else:
+        sentence = "Nothing that was looked at differs from what an honest file gives."
+
+    conclusive = [result for result in file.results if result.outcome in {"passed", "failed", "warned"}]
+    if conclusive:
+        complete = sum(
+            result.coverage.seen >= result.coverage.of for result in conclusive if result.coverage is not None
+        )
+        extent = "all of them" if complete == len(conclusive) else f"{complete} of them"
+        measured = sum(len(result.measurements) for result in conclusive)
+        basis = (
+            f"It rests on {checks(len(conclusive))} with {measured} measurements; {extent} saw all that they asked for."
+        )
+    else:
+        basis = f"None of {checks(len(file.results))} could tell anything." if file.results else "No check was run."
     canaries = canaries_seen(file)
-    rests_on = (
-        f"{_rests_on(file.results)} {canaries[:1].upper()}{canaries[1:]}." if canaries else _rests_on(file.results)
+    if canaries:
+        basis = f"{basis} {canaries[:1].upper()}{canaries[1:]}."
+
+    present = [outcome for outcome in OUTCOME_WORDS if outcomes[outcome]]
+    widths = [outcomes[outcome] / len(file.results) for outcome in present]
+    shares = tuple(
+        Share(outcome, OUTCOME_WORDS[outcome], outcomes[outcome], left, width)
+        for outcome, left, width in zip(present, accumulate(widths, initial=0.0), widths, strict=False)
     )
-    return VerdictWords(file.verdict, TITLES[file.verdict], _sentence(file), rests_on, _shares(file))
+    return VerdictText(file.verdict, TITLES[file.verdict], sentence, basis, shares)
 
 
 def checks(count: int) -> str:
     """Return ``1 check``, ``2 checks``."""
     return f"{count} check" if count == 1 else f"{count} checks"
-
-
-def _sentence(file: FileRecord) -> str:
-    failed = sum(result.outcome == "failed" for result in file.results)
-    if file.verdict == "incomplete":
-        more = f" {checks(failed).capitalize()} failed." if failed else ""
-        return f"No verdict can be given: {why_incomplete(file)}.{more}"
-    if file.verdict == "findings":
-        causes = len(file.diagnoses)
-        named = {0: "no cause could be named", 1: "one probable cause is named"}.get(
-            causes, f"{causes} probable causes are named"
-        )
-        return f"{checks(failed).capitalize()} failed; {named}."
-    return "Nothing that was looked at differs from what an honest file gives."
-
-
-def _rests_on(results: tuple[Result, ...]) -> str:
-    conclusive = [result for result in results if result.outcome in {"passed", "failed", "warned"}]
-    covered = [result.coverage for result in conclusive if result.coverage is not None]
-    whole = sum(coverage.seen >= coverage.of for coverage in covered)
-    measured = sum(len(result.measurements) for result in conclusive)
-    if not conclusive:
-        return f"None of {checks(len(results))} could tell anything." if results else "No check was run."
-    extent = "all of them" if whole == len(conclusive) else f"{whole} of them"
-    return f"It rests on {checks(len(conclusive))} with {measured} measurements; {extent} saw all that they asked for."
-
-
-def _shares(file: FileRecord) -> tuple[Share, ...]:
-    counts = Counter(result.outcome for result in file.results)
-    present = [outcome for outcome in OUTCOME_WORDS if counts[outcome]]
-    ends = list(accumulate((counts[outcome] / len(file.results) for outcome in present), initial=0.0))
-    return tuple(
-        Share(outcome, OUTCOME_WORDS[outcome], counts[outcome], left, counts[outcome] / len(file.results))
-        for outcome, left in zip(present, ends, strict=False)
-    )

@@ -25,12 +25,7 @@ PUBLIC_FIELDS = {
 }
 """Fields of published documents, which keep their names."""
 
-NOT_RENAMED_YET: tuple[str, ...] = (
-    "reports/fedora_reports/comparison.py",
-    "reports/fedora_reports/detection_power.py",
-    "reports/fedora_reports/timeline.py",
-    "fedora_qa/engine/file_task.py",
-)
+NOT_RENAMED_YET: tuple[str, ...] = ("fedora_qa/engine/file_task.py",)
 """Folders and files whose names are still of the first edition."""
 
 

@@ -9,8 +9,7 @@ import pytest
 from fedora_qa.comparison.types import COMPARISON_VERSION, Comparison, Overlay, Subject
 from fedora_qa.record.types import Tool
 from fedora_reports.charts import HEIGHT, WIDTH
-from fedora_reports.comparison import page_of
-from fedora_reports.comparison_charts import MOST_DRAWN, overlay_chart
+from fedora_reports.comparison import MOST_DRAWN, overlay_chart, page_of
 from tests.reports.test_style import colours, contrast
 
 CSS = (files("fedora_reports") / "templates" / "comparison.css").read_text(encoding="utf-8")

@@ -20,7 +20,7 @@ def test_rows_are_of_the_best_checks_that_were_run() -> None:
     """A fault whose best check was not run has no row; the outcome says whether it was looked for here."""
     results = (passed(), failed(), not_observable())
     rows = detection_power_rows(WORTH, results, ("a", "b", "c"))
-    assert [(row.cause, row.check, row.anchor, row.word) for row in rows] == [
+    assert [(row.cause, row.check, row.anchor, row.outcome_word) for row in rows] == [
         ("rgb:unsorted", "clocks.order", "a", "passed"),
         ("imu:time_offset", "imu.timing", "c", "not observable"),
     ]

@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 
 from fedora_qa.record.types import Finding, Where
 from fedora_reports.evidence import Evidence
-from fedora_reports.strip import Row
+from fedora_reports.strip import SnapshotRow
 from fedora_reports.timeline import Located, Timeline, timeline_of
 from tests.reports.evidence_samples import timeline
 
@@ -24,8 +24,8 @@ def drawn(*places: Where, edges_us: np.ndarray | None = None) -> Timeline:
 def test_rows_are_the_streams_with_their_samples() -> None:
     """Each stream has a row with the number of its samples; an empty bin is a gap."""
     events, frames = drawn().rows
-    assert (events.stream, events.words) == ("events", "4\u202f500")
-    assert (frames.stream, frames.words) == ("rgb", "90")
+    assert (events.stream, events.count) == ("events", "4\u202f500")
+    assert (frames.stream, frames.count) == ("rgb", "90")
     assert "L300.0 100.0H400.0" in frames.path
 
 
@@ -89,10 +89,10 @@ def test_events_tell_their_greatest_rate() -> None:
     assert (events.peak, frames.peak) == ("up to 4.5 k events/s", "")
 
 
-def test_instants_with_pictures_are_marked_within_the_timeline() -> None:
-    """A moment in the middle is a stop there; one outside, or without a time, is none."""
-    rows = [Row(f"m{k}", str(time), time, ()) for k, time in enumerate((1e6, 9e9, None))]
+def test_snapshots_are_marked_within_the_timeline() -> None:
+    """A snapshot in the middle is marked there; one outside, or without a time, is none."""
+    rows = [SnapshotRow(f"m{k}", str(time), time, ()) for k, time in enumerate((1e6, 9e9, None))]
     found = timeline_of(Evidence(timeline(), {}), [], rows)
     assert found is not None
-    assert [(stop.anchor, stop.share) for stop in found.stops] == [("m0", 0.5)]
+    assert [(mark.anchor, mark.share) for mark in found.snapshots] == [("m0", 0.5)]
     assert (found.low_us, found.high_us) == (0.0, 2e6)

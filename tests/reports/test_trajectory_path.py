@@ -86,7 +86,7 @@ def test_camera_just_holds_the_box(name: str) -> None:
     corners = np.stack(np.meshgrid(*zip(box.low_m, box.high_m, strict=True)), axis=-1).reshape(-1, 3)
     view = view_of(places, corners, (0.3, 0.2))
     assert ((corners - view.eye) @ view.axes[2] < 0).all()
-    filled = np.abs(view.seen(corners)) / (0.3, 0.2)
+    filled = np.abs(view.project(corners)) / (0.3, 0.2)
     assert filled.max() == pytest.approx(1.0, abs=1e-6)
     np.testing.assert_allclose(view.axes @ view.axes.T, np.eye(3), atol=1e-12)
 

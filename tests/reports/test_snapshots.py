@@ -1,4 +1,4 @@
-"""Instants are read as they were kept, and their pictures tell their numbers."""
+"""Snapshots are read as they were kept, and their pictures tell their numbers."""
 
 import base64
 
@@ -9,10 +9,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from fedora_reports.evidence import Evidence
-from fedora_reports.instants import moments_of, places_of
 from fedora_reports.panels import arrows_over, panels_of
 from fedora_reports.picture_scales import scales_for
 from fedora_reports.pictures import Image, drawing
+from fedora_reports.snapshots import snapshots_of, worst_location_of
 from tests.reports.evidence_samples import beside, moments, place
 
 
@@ -23,14 +23,14 @@ def decoded(image: Image) -> np.ndarray:
 
 
 def evidence(**changed: np.ndarray) -> Evidence:
-    """Three moments, with some arrays exchanged."""
+    """Three snapshots, with some arrays exchanged."""
     return Evidence(moments() | {f"moments/{name}": array for name, array in changed.items()}, {})
 
 
 def captions(found: Evidence) -> dict[str, str]:
-    """The captions of the first moment."""
-    instants = moments_of(found)
-    return {panel.kind: panel.caption for panel in panels_of(instants[0], scales_for(instants))}
+    """The captions of the first snapshot."""
+    snapshots = snapshots_of(found)
+    return {panel.kind: panel.caption for panel in panels_of(snapshots[0], scales_for(snapshots))}
 
 
 def test_captions_tell_range_unit_and_interval() -> None:
@@ -55,18 +55,20 @@ def test_dark_frames_are_brightened_and_say_so() -> None:
     """A night frame is shown by a whole factor brighter, without burning out, and the caption tells the factor."""
     found = evidence(rgb=np.full((3, 8, 12, 3), 20, np.uint8))
     assert captions(found)["frame"] == "DN 20 to 20 of 255, shown 8 times as bright"
-    instants = moments_of(found)
-    frame = next(panels_of(instants[0], scales_for(instants)))
+    snapshots = snapshots_of(found)
+    frame = next(panels_of(snapshots[0], scales_for(snapshots)))
     assert abs(decoded(frame.image).astype(int) - 160).max() <= 3
 
 
-def test_one_colour_means_one_depth_in_all_moments() -> None:
-    """The scale spans all moments, so equal depths have equal colours wherever they are."""
+def test_one_colour_means_one_depth_in_all_snapshots() -> None:
+    """The scale spans all snapshots, so equal depths have equal colours wherever they are."""
     depth_m = np.full((3, 8, 12), 5.0)
     depth_m[0, 0, 0], depth_m[2, 0, 0] = 1.0, 25.0
-    instants = moments_of(evidence(depth_m=depth_m))
-    scales = scales_for(instants)
-    pictures = [decoded(panel.image) for one in instants for panel in panels_of(one, scales) if panel.kind == "depth"]
+    snapshots = snapshots_of(evidence(depth_m=depth_m))
+    scales = scales_for(snapshots)
+    pictures = [
+        decoded(panel.image) for snapshot in snapshots for panel in panels_of(snapshot, scales) if panel.kind == "depth"
+    ]
     np.testing.assert_array_equal(pictures[0][4, 4], pictures[2][4, 4])
     assert tuple(pictures[0][0, 0]) == (253, 231, 37)  # the nearest is the brightest
 
@@ -76,36 +78,36 @@ def test_a_missing_stream_costs_its_picture_only(stream: str) -> None:
     """The other four are drawn."""
     arrays = moments()
     del arrays[f"moments/{stream}"]
-    instants = moments_of(Evidence(arrays, {}))
-    assert len(list(panels_of(instants[0], scales_for(instants)))) == 4
+    snapshots = snapshots_of(Evidence(arrays, {}))
+    assert len(list(panels_of(snapshots[0], scales_for(snapshots)))) == 4
 
 
-def test_a_moment_without_frame_or_events_has_grey_panels() -> None:
-    """NaN instants mean that nothing was there: the columns stay, grey, and say so."""
+def test_a_snapshot_without_frame_or_events_has_grey_panels() -> None:
+    """NaN snapshots mean that nothing was there: the columns stay, grey, and say so."""
     times_us = np.array([np.nan, 5e5, 1e6])
     told = captions(evidence(rgb_times_us=times_us, events_interval_us=np.stack([times_us, times_us], axis=1)))
     assert (told["frame"], told["events"]) == ("none here", "none here")
 
 
 def test_place_has_its_box_and_time() -> None:
-    """A place is a moment without its first axis."""
-    (found,) = places_of(Evidence(place("F1"), {}), "F1")
+    """A place is a snapshot without its first axis."""
+    (found,) = worst_location_of(Evidence(place("F1"), {}), "F1")
     assert (found.box, found.time_us, found.worst) == ((0.0, 0.0, 0.5, 0.5), 500e3, True)
-    assert places_of(Evidence(place("F1"), {}), "F2") == ()
+    assert worst_location_of(Evidence(place("F1"), {}), "F2") == ()
 
 
 def test_frames_beside_a_place_share_its_box() -> None:
     """Before, at, and after, in time; the box of the place is drawn over all of them."""
-    found = places_of(Evidence(place("F1") | beside("F1"), {}), "F1")
+    found = worst_location_of(Evidence(place("F1") | beside("F1"), {}), "F1")
     assert [(one.time_us, one.worst) for one in found] == [(0.0, False), (500e3, True), (1e6, False)]
     assert {one.box for one in found} == {(0.0, 0.0, 0.5, 0.5)}
-    assert places_of(Evidence(beside("F1"), {}), "F1") == ()
+    assert worst_location_of(Evidence(beside("F1"), {}), "F1") == ()
 
 
 def test_whole_picture_needs_no_box() -> None:
     """A finding of the whole picture is not framed."""
     arrays = place("F1") | {"places/F1/box": np.array([0.0, 0.0, 1.0, 1.0])}
-    (found,) = places_of(Evidence(arrays, {}), "F1")
+    (found,) = worst_location_of(Evidence(arrays, {}), "F1")
     assert found.box is None
 
 
@@ -113,7 +115,7 @@ def test_whole_picture_needs_no_box() -> None:
 def test_box_of_one_pixel_can_be_seen(x: float, y: float) -> None:
     """A tiny box grows to be seen, stays within the picture, and still holds its pixel."""
     arrays = place("F1") | {"places/F1/box": np.array([x, y, x, y])}
-    (found,) = places_of(Evidence(arrays, {}), "F1")
+    (found,) = worst_location_of(Evidence(arrays, {}), "F1")
     assert found.box is not None
     left, top, right, bottom = found.box
     assert right - left == pytest.approx(0.06)
@@ -129,8 +131,8 @@ def test_events_are_drawn_over_the_frame() -> None:
     brighter[:, 3, 3] = 9
     rgb = np.zeros((3, 12, 18, 3), np.uint8)
     arrays = moments() | {"moments/rgb": rgb, "moments/brighter": brighter, "moments/darker": nothing}
-    (instant, *_) = moments_of(Evidence(arrays, {}))
-    picture = next(decoded(one.image) for one in panels_of(instant, scales_for([instant])) if one.kind == "events")
+    (snapshot, *_) = snapshots_of(Evidence(arrays, {}))
+    picture = next(decoded(one.image) for one in panels_of(snapshot, scales_for([snapshot])) if one.kind == "events")
     assert picture.shape == (12, 18, 3)
     red = np.argwhere(picture[..., 0].astype(int) - picture[..., 2] > 100)
     assert (red.min(axis=0).tolist(), red.max(axis=0).tolist()) == ([6, 6], [7, 7])
@@ -142,11 +144,11 @@ def test_one_colour_means_one_speed_of_flow() -> None:
     flow_px = np.full((3, 8, 12, 2), 1.0)
     interval_us = np.array([[0.0, 20e3], [0.0, 100e3], [0.0, 20e3]])
     flow_px[1] *= 5
-    instants = moments_of(evidence(flow_px=flow_px, flow_interval_us=interval_us))
+    snapshots = snapshots_of(evidence(flow_px=flow_px, flow_interval_us=interval_us))
     pictures = [
         decoded(panel.image)
-        for one in instants
-        for panel in panels_of(one, scales_for(instants))
+        for snapshot in snapshots
+        for panel in panels_of(snapshot, scales_for(snapshots))
         if panel.kind == "flow"
     ]
     np.testing.assert_array_equal(pictures[0], pictures[1])
@@ -154,9 +156,9 @@ def test_one_colour_means_one_speed_of_flow() -> None:
 
 def test_small_residuals_stay_pale() -> None:
     """What averaging leaves where all is right is not blown up to the full scale of colours."""
-    instants = moments_of(evidence(residual_dn=np.full((3, 8, 12), 1.0)))
+    snapshots = snapshots_of(evidence(residual_dn=np.full((3, 8, 12), 1.0)))
     (picture,) = (
-        decoded(panel.image) for panel in panels_of(instants[0], scales_for(instants)) if panel.kind == "residual"
+        decoded(panel.image) for panel in panels_of(snapshots[0], scales_for(snapshots)) if panel.kind == "residual"
     )
     assert picture.min() > 220
 

@@ -7,7 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from fedora_qa.record.types import Measurement
-from fedora_reports.gauges import gauge_of
+from fedora_reports.subjects import gauge_of
 
 
 def measured(value: float | None, limit: float | None = 2.0, side: str = "both", error: float = 0.5) -> Measurement:
@@ -67,4 +67,4 @@ def test_what_would_have_been_seen_is_marked(side: str, share: float) -> None:
     for least, expected in ((3.0, share), (None, None), (5.0, None), (1.0, None)):
         gauge = gauge_of(replace(measured(10.0, side=side), least_detectable=least))
         assert gauge is not None
-        assert gauge.sees == expected
+        assert gauge.detection_limit == expected
