@@ -159,7 +159,10 @@ def _snapshot(
 
 
 def _interval(interval_us: Array | None) -> Array | None:
-    return interval_us if interval_us is not None and bool(np.isfinite(interval_us).all()) else None
+    if interval_us is None or not np.isfinite(interval_us).all():
+        return None
+    # The difference of unsigned or short integers may overflow.
+    return interval_us.astype(np.float64)
 
 
 def _visible(start: float, stop: float) -> tuple[float, float]:

@@ -74,7 +74,8 @@ class Box:
     def ticks(self, axis: int, most: int = 7) -> tuple[tuple[float, str], ...]:
         """Return round metres along an axis (0 X, 1 Y, 2 Z) with their labels; short sides get fewer."""
         low, high = float(self.low_m[axis]), float(self.high_m[axis])
-        wanted = max(1, round(most * (high - low) / self.span_m))
+        # Far from the origin (1e17 m) metres are below the resolution of float64, and all sides are zero.
+        wanted = max(1, round(most * (high - low) / self.span_m)) if self.span_m > 0 else 1
         return tuple((low + tick.share * (high - low), tick.label) for tick in Axis(low, high).ticks(wanted))
 
 

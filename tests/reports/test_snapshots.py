@@ -154,6 +154,14 @@ def test_one_colour_means_one_speed_of_flow() -> None:
     np.testing.assert_array_equal(pictures[0], pictures[1])
 
 
+def test_the_length_of_an_interval_does_not_overflow() -> None:
+    """Whatever type of number holds the interval, an end before its start is no length."""
+    for dtype in (np.uint8, np.int16, np.uint64, np.float64):
+        interval_us = np.array([[1, 0], [0, 100], [100, 250]]).astype(dtype)
+        lengths_s = [snapshot.flow_interval_s for snapshot in snapshots_of(evidence(flow_interval_us=interval_us))]
+        assert lengths_s == pytest.approx([1.0, 100e-6, 150e-6])
+
+
 def test_small_residuals_stay_pale() -> None:
     """What averaging leaves where all is right is not blown up to the full scale of colours."""
     snapshots = snapshots_of(evidence(residual_dn=np.full((3, 8, 12), 1.0)))

@@ -98,3 +98,9 @@ def test_straight_flight_is_seen_from_the_side(heading: float) -> None:
     view = view_of(places, places + np.array([[0.0, 0.0, 1.0]]), (0.3, 0.2))
     along = places[-1] / 30.0
     assert abs(along @ view.axes[0]) > 0.8
+
+
+def test_a_path_beyond_the_resolution_of_metres_has_ticks() -> None:
+    """At 1e20 m the sides of the box vanish in rounding; each axis keeps one tick."""
+    box = box_around(np.full((3, 3), 1e20))
+    assert [len(box.ticks(axis)) for axis in range(3)] == [1, 1, 1]
