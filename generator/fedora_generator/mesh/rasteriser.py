@@ -12,21 +12,25 @@ from numpy.typing import NDArray
 from OpenGL import GL
 
 from fedora_generator.camera import Camera
-from fedora_generator.mesh.clip_control import use_depth_from_zero
 from fedora_generator.mesh.context import open_context
 from fedora_generator.mesh.detail import GAMMA, MeshDetail
-from fedora_generator.mesh.framebuffers import SAMPLES, FloatFramebuffer, SampledFramebuffer
 from fedora_generator.mesh.frustum import BoundingSpheres
 from fedora_generator.mesh.model import MeshModel
-from fedora_generator.mesh.program import Program
-from fedora_generator.mesh.upload import UploadedMesh, upload
+from fedora_generator.mesh.opengl import (
+    SAMPLES,
+    FloatFramebuffer,
+    Program,
+    SampledFramebuffer,
+    UploadedMesh,
+    upload,
+    use_depth_from_zero,
+)
 from fedora_generator.surfaces.light import Light
-from fedora_generator.surfaces.world import Lamp
 
 Floats = NDArray[np.float64]
 
 NEAR_M: Final = 0.05
-"""Nothing nearer is drawn: half of the nearest valid depth, so that its rounding at the border is seen, not clipped."""
+"""Near plane: half of the nearest valid depth, so that a surface at that depth is drawn, not clipped."""
 
 MOST_FRAGMENTS: Final = 2_000_000
 """Fragments drawn at once, 20 bytes a sample: larger images are drawn in bands of rows."""
@@ -51,32 +55,8 @@ class Rasteriser:
         weakref.finalize(self, _release, self._meshes).atexit = False
         self._fine: dict[tuple[int, int], SampledFramebuffer] = {}
         self._images: dict[tuple[int, int], FloatFramebuffer] = {}
-        self._set_light(light, lamps)
 
-    def radiance(self, camera: Camera, T_world_camera: Floats, factor: int) -> Floats:
-        """Linear radiance (height, width, 3) over each pixel, 1 is white; ``factor``^2 fragments a pixel."""
-        mean = self._image_of(camera)
-        rows = max(1, MOST_FRAGMENTS // (camera.width * factor**2))
-        fine = self._fine_of(camera.width * factor, min(rows, camera.height) * factor)
-        for first_row in range(0, camera.height, rows):
-            fine.bind()
-            # The window onto the whole image, moved so that the band lies in the framebuffer.
-            GL.glViewport(0, -first_row * factor, camera.width * factor, camera.height * factor)
-            self._draw_sky(camera, T_world_camera)
-            self._draw_meshes(self._surface, camera, T_world_camera)
-            mean.bind()
-            self._draw_average(fine, factor, first_row, min(rows, camera.height - first_row))
-        return mean.read_rgb()
-
-    def inverse_depth_per_m(self, camera: Camera, T_world_camera: Floats) -> Floats:
-        """1 / z-depth (height, width) at the pixel centres, 1/m; 0 where nothing is."""
-        target = self._image_of(camera)
-        target.bind()
-        GL.glViewport(0, 0, camera.width, camera.height)
-        self._draw_meshes(self._depth, camera, T_world_camera)
-        return target.read_depth() / NEAR_M
-
-    def _set_light(self, light: Light, lamps: list[Lamp]) -> None:
+        # The light stays the same for all images.
         self._surface.use()
         self._surface.set("ambient", light.ambient)
         self._surface.set("sun", light.sun_strength * light.to_sun)
@@ -92,8 +72,62 @@ class Rasteriser:
         self._average.use()
         self._average.set("gamma", self._gamma)
 
+    def radiance(self, camera: Camera, T_world_camera: Floats, factor: int) -> Floats:
+        """Linear radiance averaged over each pixel.
+
+        Parameters
+        ----------
+        camera
+            Camera matrix and size of the image.
+        T_world_camera
+            (4, 4) pose of the camera.
+        factor
+            Fragments along each side of a pixel.
+
+        Returns
+        -------
+        radiance
+            (height, width, 3); 1 is white.
+        """
+        mean = self._image_of(camera)
+        rows = max(1, MOST_FRAGMENTS // (camera.width * factor**2))
+        size = (camera.width * factor, min(rows, camera.height) * factor)
+        if size not in self._fine:
+            self._fine[size] = SampledFramebuffer(*size, self._format)
+        fine = self._fine[size]
+        for first_row in range(0, camera.height, rows):
+            fine.bind()
+            # The viewport of the whole image, shifted so that the band lies in the framebuffer.
+            GL.glViewport(0, -first_row * factor, camera.width * factor, camera.height * factor)
+            self._draw_sky(camera, T_world_camera)
+            self._draw_meshes(self._surface, camera, T_world_camera)
+            mean.bind()
+            self._draw_average(fine, factor, first_row, min(rows, camera.height - first_row))
+        return mean.read_rgb()
+
+    def inverse_depth_per_m(self, camera: Camera, T_world_camera: Floats) -> Floats:
+        """Inverse depth along the optical axis.
+
+        Parameters
+        ----------
+        camera
+            Camera matrix and size of the image.
+        T_world_camera
+            (4, 4) pose of the camera.
+
+        Returns
+        -------
+        inverse_depth
+            (height, width) 1 / z at the pixel centres, 1/m; 0 for the sky.
+        """
+        target = self._image_of(camera)
+        target.bind()
+        GL.glViewport(0, 0, camera.width, camera.height)
+        self._draw_meshes(self._depth, camera, T_world_camera)
+        return target.read_depth() / NEAR_M
+
     def _draw_sky(self, camera: Camera, T_world_camera: Floats) -> None:
-        """Fill the image: everything else is drawn over it."""
+        """Fill the image with the sky; the meshes are drawn over it."""
         fx, fy, cx, cy = _pinhole(camera)
         device_rays = np.array([[1 / fx, 0.0, -cx / fx], [0.0, 1 / fy, -cy / fy], [0.0, 0.0, 1.0]])
         self._sky.use()
@@ -107,8 +141,8 @@ class Rasteriser:
         GL.glEnable(GL.GL_SCISSOR_TEST)
         GL.glBindTexture(GL.GL_TEXTURE_2D_MULTISAMPLE, fine.texture)
         self._average.use()
-        self._average.set_whole("factor", factor)
-        self._average.set_whole("first_row", first_row)
+        self._average.set_integer("factor", factor)
+        self._average.set_integer("first_row", first_row)
         self._draw_everywhere()
         GL.glDisable(GL.GL_SCISSOR_TEST)
 
@@ -139,11 +173,6 @@ class Rasteriser:
             program.set("emission", mesh.emission_rgb)
             mesh.draw()
 
-    def _fine_of(self, width: int, height: int) -> SampledFramebuffer:
-        if (width, height) not in self._fine:
-            self._fine[width, height] = SampledFramebuffer(width, height, self._format)
-        return self._fine[width, height]
-
     def _image_of(self, camera: Camera) -> FloatFramebuffer:
         size = (camera.width, camera.height)
         if size not in self._images:
@@ -152,7 +181,7 @@ class Rasteriser:
 
 
 def _release(meshes: list[UploadedMesh]) -> None:
-    """Free what takes the most memory; the rest goes with the process."""
+    """Free the meshes, which take the most memory; the process frees the rest when it ends."""
     for mesh in meshes:
         mesh.delete()
 

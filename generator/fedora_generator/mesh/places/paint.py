@@ -83,8 +83,18 @@ def flakes(
     outline = np.array([[-1, 0], [-0.35, -0.8], [0.35, -0.8], [1, 0], [0.35, 0.8], [-0.35, 0.8]])
     scaled = outline[None] * sizes[:, None]
     polygons = centers[:, None] + scaled[..., :1] * along[:, None] + scaled[..., 1:] * across[:, None]
-    wrapped, flake = _wrapped(polygons, width, height)
-    for polygon, level in zip(np.rint(wrapped).astype(np.int32), palette[flake].tolist(), strict=True):
+
+    # Flakes that reach over an edge continue at the opposite edge: as copies, in the order of the flakes.
+    low, high = polygons.min(axis=1), polygons.max(axis=1)
+    copies, numbers = [], []
+    for shift in map(np.array, itertools.product((-width, 0, width), (-height, 0, height))):
+        inside = ((high + shift > 0) & (low + shift < (width, height))).all(axis=-1)
+        copies.append(polygons[inside] + shift)
+        numbers.append(np.flatnonzero(inside))
+    order = np.argsort(np.concatenate(numbers), kind="stable")
+    corners_px = np.rint(np.concatenate(copies)[order]).astype(np.int32)
+    levels_of_copies = palette[np.concatenate(numbers)[order]].tolist()
+    for polygon, level in zip(corners_px, levels_of_copies, strict=True):
         cv2.fillConvexPoly(canvas, polygon, level)
     small = cv2.resize(canvas, (below.shape[1], below.shape[0]), interpolation=cv2.INTER_AREA)
     return np.asarray(small, dtype=np.float32) / np.float32(255)
@@ -137,15 +147,3 @@ def speckled(rng: np.random.Generator, picture: Image, contrast: float) -> Image
     shape = (picture.shape[0], picture.shape[1])
     noise = fractal(rng, shape, slope=0.8, longest_px=min(shape) / 2)
     return bounded(picture * np.exp(contrast * noise)[..., None])
-
-
-def _wrapped(polygons: NDArray[np.float64], width: int, height: int) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
-    """Polygons (n, k, 2) and their copies where they reach over an edge; with the number of each, ascending."""
-    low, high = polygons.min(axis=1), polygons.max(axis=1)
-    copies, numbers = [], []
-    for shift in map(np.array, itertools.product((-width, 0, width), (-height, 0, height))):
-        inside = ((high + shift > 0) & (low + shift < (width, height))).all(axis=-1)
-        copies.append(polygons[inside] + shift)
-        numbers.append(np.flatnonzero(inside))
-    order = np.argsort(np.concatenate(numbers), kind="stable")
-    return np.concatenate(copies)[order], np.concatenate(numbers)[order]
