@@ -22,7 +22,20 @@ _HARMONIC: Final = TAG_PREFIX + "harmonic"
 
 
 def looked_up(flight: Mapping[str, Any], folder: Path) -> Mapping[str, Any]:
-    """Table of a flight as it is, or the table that it refers to: a plan in ``folder``, or a preset."""
+    """Table of a flight, with the table that it refers to in its place.
+
+    Parameters
+    ----------
+    flight
+        Table of a scene.
+    folder
+        Where a plan of QGroundControl lies.
+
+    Raises
+    ------
+    SceneError
+        There is no such plan or preset, or the plan cannot be flown.
+    """
     if flight.get("kind") == "plan":
         return waypoints_table(flight, folder)
     return preset_table(flight) if flight.get("kind") == "preset" else flight

@@ -195,5 +195,13 @@ def draw_gusts(options: WindOptions, drag_per_s: float, seed: int) -> Gusts:
 
 
 def mean_wind_m_s(speed_at_20_ft_m_s: float, altitude_m: float) -> float:
-    """Mean wind, m/s, at an altitude above the ground (3.7.3.2, logarithmic shear), from that at 20 ft."""
+    """Mean wind, m/s, by logarithmic shear (3.7.3.2).
+
+    Parameters
+    ----------
+    speed_at_20_ft_m_s
+        Mean wind at 20 ft.
+    altitude_m
+        Above the ground.
+    """
     return speed_at_20_ft_m_s * math.log(altitude_m / FOOT_M / ROUGHNESS_FT) / math.log(20 / ROUGHNESS_FT)

@@ -62,7 +62,17 @@ class Mission:
     landed: bool = False
 
     def fly_to(self, position_m: NDArray[np.float64], hold_s: float = 0.0, yaw_deg: float | None = None) -> None:
-        """Add a waypoint, or rest longer at the last one if it is the same."""
+        """Add a waypoint; at the position of the last waypoint, extend its rest instead.
+
+        Parameters
+        ----------
+        position_m
+            (3,) east, north, up from home.
+        hold_s
+            Rest at the waypoint.
+        yaw_deg
+            Counter-clockwise from east; None if the item has none.
+        """
         if self.waypoints:
             last = self.waypoints[-1]
             if np.linalg.norm(position_m - last.position_m) < SAME_PLACE_M:
@@ -122,7 +132,7 @@ def waypoints_table(flight: Mapping[str, Any], folder: Path) -> dict[str, Any]:
 
 
 def read_plan(document: Any) -> Mission:
-    """Mission of a parsed ``.plan``; a ValueError says what about it cannot be flown."""
+    """Mission of a parsed ``.plan``; a ValueError names the item that cannot be flown."""
     if not isinstance(document, Mapping) or document.get("fileType") != "Plan":
         raise ValueError("Expected a plan of QGroundControl, got JSON without fileType 'Plan'")
     table = document.get("mission")

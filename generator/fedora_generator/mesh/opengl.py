@@ -108,7 +108,15 @@ class Program:
         GL.glUseProgram(self._id)
 
     def set(self, name: str, value: float | NDArray[Any]) -> None:
-        """Set a float, a vector (3,) or (4,), vectors (n, 4), or a matrix (3, 3) of the program in use."""
+        """Set a uniform of the program in use.
+
+        Parameters
+        ----------
+        name
+            Of the uniform.
+        value
+            A float, a vector (3,) or (4,), vectors (n, 4), or a matrix (3, 3).
+        """
         values = np.ascontiguousarray(value, dtype=np.float32)
         if values.shape == (3, 3):
             GL.glUniformMatrix3fv(self._location(name), 1, GL.GL_TRUE, values)

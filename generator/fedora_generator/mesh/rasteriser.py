@@ -37,7 +37,17 @@ MOST_FRAGMENTS: Final = 2_000_000
 
 
 class Rasteriser:
-    """A model under a light in the memory of OpenGL. One thread may use it, and it draws one image at a time."""
+    """A model under a light in the memory of OpenGL. A single thread may use it.
+
+    Parameters
+    ----------
+    model
+        Meshes and lamps.
+    light
+        Sun, sky and the strength of the lamps.
+    detail
+        Precision; the number of fragments is an argument of ``radiance``.
+    """
 
     def __init__(self, model: MeshModel, light: Light, detail: MeshDetail) -> None:
         self._context = open_context()
@@ -95,14 +105,29 @@ class Rasteriser:
         if size not in self._fine:
             self._fine[size] = SampledFramebuffer(*size, self._format)
         fine = self._fine[size]
+        fx, fy, cx, cy = _pinhole(camera)
+        device_rays = np.array([[1 / fx, 0.0, -cx / fx], [0.0, 1 / fy, -cy / fy], [0.0, 0.0, 1.0]])
         for first_row in range(0, camera.height, rows):
             fine.bind()
             # The viewport of the whole image, shifted so that the band lies in the framebuffer.
             GL.glViewport(0, -first_row * factor, camera.width * factor, camera.height * factor)
-            self._draw_sky(camera, T_world_camera)
+            self._sky.use()
+            self._sky.set("rays", T_world_camera[:3, :3] @ device_rays)
+            self._draw_everywhere()
             self._draw_meshes(self._surface, camera, T_world_camera)
+
+            # The mean of the fragments of each pixel, in the band's rows of the image.
+            band_rows = min(rows, camera.height - first_row)
             mean.bind()
-            self._draw_average(fine, factor, first_row, min(rows, camera.height - first_row))
+            GL.glViewport(0, 0, camera.width, first_row + band_rows)
+            GL.glScissor(0, first_row, camera.width, band_rows)
+            GL.glEnable(GL.GL_SCISSOR_TEST)
+            GL.glBindTexture(GL.GL_TEXTURE_2D_MULTISAMPLE, fine.texture)
+            self._average.use()
+            self._average.set_integer("factor", factor)
+            self._average.set_integer("first_row", first_row)
+            self._draw_everywhere()
+            GL.glDisable(GL.GL_SCISSOR_TEST)
         return mean.read_rgb()
 
     def inverse_depth_per_m(self, camera: Camera, T_world_camera: Floats) -> Floats:
@@ -125,26 +150,6 @@ class Rasteriser:
         GL.glViewport(0, 0, camera.width, camera.height)
         self._draw_meshes(self._depth, camera, T_world_camera)
         return target.read_depth() / NEAR_M
-
-    def _draw_sky(self, camera: Camera, T_world_camera: Floats) -> None:
-        """Fill the image with the sky; the meshes are drawn over it."""
-        fx, fy, cx, cy = _pinhole(camera)
-        device_rays = np.array([[1 / fx, 0.0, -cx / fx], [0.0, 1 / fy, -cy / fy], [0.0, 0.0, 1.0]])
-        self._sky.use()
-        self._sky.set("rays", T_world_camera[:3, :3] @ device_rays)
-        self._draw_everywhere()
-
-    def _draw_average(self, fine: SampledFramebuffer, factor: int, first_row: int, rows: int) -> None:
-        """Average the fragments of a band into its rows of the image."""
-        GL.glViewport(0, 0, fine.width // factor, first_row + rows)
-        GL.glScissor(0, first_row, fine.width // factor, rows)
-        GL.glEnable(GL.GL_SCISSOR_TEST)
-        GL.glBindTexture(GL.GL_TEXTURE_2D_MULTISAMPLE, fine.texture)
-        self._average.use()
-        self._average.set_integer("factor", factor)
-        self._average.set_integer("first_row", first_row)
-        self._draw_everywhere()
-        GL.glDisable(GL.GL_SCISSOR_TEST)
 
     def _draw_everywhere(self) -> None:
         """Run the program in use on every pixel."""

@@ -187,10 +187,20 @@ def _cut_last(pieces: Pieces, last: int, l_x: float, l_y: float, center: float) 
 
 @njit(cache=True, error_model="numpy")
 def piece_footprint(pieces: Pieces, piece: int) -> tuple[float, float, float, float, float, float]:
-    """Area, centroid (x, y), and sides a = (a_x, a_y), b = (0, b_y) of a parallelogram with equal second moments.
+    """Parallelogram with the area, centroid and second moments of a piece.
 
     A parallelogram of sides a and b has the covariance (a a^T + b b^T) / 12, so that a and b are the columns of a
     Cholesky factor of 12 times the piece's covariance. For a rectangle along the axes they are its own sides.
+
+    Parameters
+    ----------
+    pieces, piece
+        Buffers of the pixel, and the number of the piece.
+
+    Returns
+    -------
+    area, x, y, a_x, a_y, b_y
+        Area (px^2), centroid and sides a = (a_x, a_y), b = (0, b_y), px; all 0 for a sliver.
     """
     area, m_x, m_y, m_xx, m_xy, m_yy = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
     corners = pieces.corners[piece]

@@ -24,14 +24,22 @@ TILE: Final = 16
 
 @njit(cache=True, error_model="numpy")
 def tile_origin(tile: int, width: int) -> tuple[int, int]:
-    """First column and row of a tile."""
+    """First column and row of a tile.
+
+    Parameters
+    ----------
+    tile
+        Number of the tile, in raster order.
+    width
+        Of the image, px.
+    """
     across = (width + TILE - 1) // TILE
     return tile % across * TILE, tile // across * TILE
 
 
 @njit(cache=True, error_model="numpy")
 def tile_count(height: int, width: int) -> int:
-    """Tiles of an image, numbered in raster order."""
+    """Count the tiles of an image of ``height`` x ``width`` pixels."""
     return ((width + TILE - 1) // TILE) * ((height + TILE - 1) // TILE)
 
 

@@ -15,7 +15,7 @@ from fedora_generator.surfaces.visibility_kernels import U, V, W, value
 class Surfaces(NamedTuple):
     """Appearance of the faces for c colour channels; one row per face, except where another shape is given.
 
-    ``texture_of_face`` (n,) and ``wave_offsets_m`` (n, 2) say which texture a face has, and where its waves start;
+    ``texture_of_face`` (n,) is the texture of a face, ``wave_offsets_m`` (n, 2) the offset of its waves;
     ``dark_dn`` and ``light_dn`` (textures, c) are the DN at s = 0 and 1 under irradiance 1. ``even_irradiance`` (n,)
     and ``lamps`` (n, lamps, 4) are the light of ``light.py``; ``sky_dn`` (2, c) is its horizon and zenith.
     """

@@ -26,7 +26,17 @@ SLIVER: Final = 1e-9
 
 @njit(cache=True, error_model="numpy")
 def value(lines: NDArray[np.float64], face: int, line: int, x: float, y: float) -> float:
-    """Value of a linear function at a point of the image."""
+    """Value of a linear function at a point of the image.
+
+    Parameters
+    ----------
+    lines
+        (m, 7, 3) of ``project_faces``.
+    face, line
+        Row and line: U, V, W or a border.
+    x, y
+        Point, px.
+    """
     return float(lines[face, line, 0] * x + lines[face, line, 1] * y + lines[face, line, 2])
 
 

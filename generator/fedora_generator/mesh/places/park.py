@@ -1,4 +1,4 @@
-"""A park in a town: a winding walk under trees, a pond, a cafe, and a fountain before a museum."""
+"""A park in a town: a winding walk under trees, a pond, a cafe, and a fountain in front of a museum."""
 
 from collections.abc import Mapping
 from typing import Final

@@ -1,4 +1,4 @@
-"""Shapes that places are built of: boxes, prisms, turned profiles, tubes, boulders and loose leaves."""
+"""Shapes of the objects of places: boxes, prisms, turned profiles, tubes, boulders and loose leaves."""
 
 import math
 from collections.abc import Sequence
@@ -166,7 +166,19 @@ def boulder(radii_m: ArrayLike, rng: np.random.Generator, roughness: float = 0.1
 
 
 def leaves(points_m: Floats, normals: Floats, length_m: float, width_m: float, rng: np.random.Generator) -> Surface:
-    """Loose leaves, pointed and flat, one at each point (n, 3), turned at random but mostly along the surface."""
+    """Build loose leaves, pointed and flat, with a random direction that is mostly along the surface.
+
+    Parameters
+    ----------
+    points_m
+        (n, 3) centre of each leaf.
+    normals
+        (n, 3) unit, of the surface at each point.
+    length_m, width_m
+        Mean size; each leaf is from 0.7 to 1.3 of it.
+    rng
+        Draws directions, sizes and texture offsets.
+    """
     count = len(points_m)
     facing = unit(normals + 0.6 * rng.normal(size=(count, 3)))
     along = unit(np.cross(facing, rng.normal(size=(count, 3))))
@@ -186,7 +198,7 @@ def roughened(surface: Surface, amplitude_m: float, wavelength_m: float, rng: np
     surface
         To be shifted.
     amplitude_m
-        Standard deviation of the shift along each axis, about.
+        Scale of the shift; its standard deviation along each axis is 0.7 of it.
     wavelength_m
         Of the field; its waves are from 1/1.6 to 1/0.6 of it.
     rng

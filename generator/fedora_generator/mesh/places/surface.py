@@ -80,7 +80,17 @@ def joined(surfaces: Sequence[Surface]) -> Surface:
 
 
 def moved(surface: Surface, position_m: ArrayLike = (0.0, 0.0, 0.0), yaw_deg: float = 0.0) -> Surface:
-    """Return the surface turned about the vertical, then shifted."""
+    """Return the surface rotated about the vertical, then shifted.
+
+    Parameters
+    ----------
+    surface
+        In its own frame.
+    position_m
+        (3,) shift.
+    yaw_deg
+        Rotation, counter-clockwise.
+    """
     R = yaw_matrix(yaw_deg)
     vertices_m = surface.vertices_m @ R.T + np.asarray(position_m, dtype=np.float64)
     return Surface(vertices_m, surface.normals @ R.T, surface.triangles, surface.uv_m)

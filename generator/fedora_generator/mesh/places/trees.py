@@ -1,4 +1,4 @@
-"""What grows: trees, conifers, bushes and hedges. Crowns are solid clusters under loose leaves, so depth is defined."""
+"""Plants: trees, conifers, bushes and hedges. Crowns are solid clusters under loose leaves, so depth is defined."""
 
 import math
 from collections.abc import Sequence
@@ -38,7 +38,7 @@ def broadleaf(
     foot_m = 0.035 * height_m
     trunk = tube(trunk_m, foot_m * np.array([1.5, 1.05, 0.85, 0.7, 0.45]), sides=10)
 
-    # Centres of the clusters in a unit ball: the first on top, the others in the golden angle, the lower the wider.
+    # Centres of the clusters in a unit ball: the first near the top, the others downwards in steps of the golden angle.
     heights = np.linspace(0.75, -0.75, clusters - 1)
     turns_rad = GOLDEN_ANGLE_RAD * np.arange(clusters - 1) + rng.uniform(0, 2 * math.pi)
     reach = np.sqrt(1 - (0.8 * heights) ** 2) * rng.uniform(0.8, 1.05, clusters - 1)
