@@ -100,17 +100,17 @@ def route_through(waypoints: Sequence[Waypoint], speed_m_s: float, corner_s: flo
 
     # Yaw from each waypoint on: the yaw that a waypoint so far has, else the course of the leg. A leg straight up and
     # the last waypoint have no course.
-    courses: list[float | None] = []
+    leg_yaws: list[float | None] = []
     waypoint_yaw: float | None = None
     for waypoint, leg_m in zip(waypoints, [*legs_m, np.zeros(3)], strict=True):
         waypoint_yaw = math.radians(waypoint.yaw_deg) if waypoint.yaw_deg is not None else waypoint_yaw
         course = math.atan2(leg_m[1], leg_m[0]) if np.any(leg_m[:2] != 0) else None
-        courses.append(waypoint_yaw if waypoint_yaw is not None else course)
+        leg_yaws.append(waypoint_yaw if waypoint_yaw is not None else course)
     # Without a yaw the last one stays; before the first one it already holds, so that a climb at the start does not
     # turn the nose.
-    latest_yaw = next((yaw for yaw in courses if yaw is not None), 0.0)
+    latest_yaw = next((yaw for yaw in leg_yaws if yaw is not None), 0.0)
     yaws = []
-    for yaw in courses:
+    for yaw in leg_yaws:
         latest_yaw = latest_yaw if yaw is None else yaw
         yaws.append(latest_yaw)
     yaws_rad = np.unwrap(np.array(yaws))  # the shorter way round

@@ -73,7 +73,7 @@ class SmoothedLine:
             tau_s = (times_s[rows] - self.times_s[corners])[:, None]
             z = tau_s / self.sigma_s
             phi = np.exp(-0.5 * z**2) / np.sqrt(2 * np.pi)
-            # Phi(z) and its first three derivatives with respect to time.
+            # First, second and third derivative of Phi(z) with respect to time.
             density = phi / self.sigma_s
             density_rate = -z / self.sigma_s * density
             density_curvature = (z**2 - 1) / self.sigma_s**2 * density

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from fedora_generator.surfaces.visibility_kernels import FIRST_BORDER, SLIVER, STOP_BORDER, W, value
 
 MAX_PIECES: Final = 64
-"""Pieces of a pixel at the same time. Each cut adds one, and a line cuts a piece once: more than 64 lines need."""
+"""Largest number of pieces of a pixel. Each cut adds one, and a line cuts a piece once: more than 64 lines need."""
 
 MAX_CORNERS: Final = 24
 
