@@ -14,15 +14,12 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.optimize import brentq
 
 from fedora_generator.flights.kinds import QuadrotorOptions, require_few, require_positive
 from fedora_generator.flights.route import Route
 from fedora_generator.flights.smoothed_line import SmoothedLine
 from fedora_qa.conventions import STANDARD_GRAVITY_M_S2
-
-Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -45,26 +42,6 @@ class BurstOptions(QuadrotorOptions):
 
     def route(self) -> Route:
         """Hover with corners of yaw, or of velocity, at each burst."""
-        self._require_possible()
-        sigma_s = _yaw_sigma_s(self) if self.axis == "yaw" else _roll_sigma_s(self)
-        if self.period_s < 8 * sigma_s:  # at 8 sigma a neighbour adds less than 1e-10 of its peak
-            raise ValueError(
-                f"Expected period_s >= {8 * sigma_s:.3g}, so that bursts do not run together, got {self.period_s}"
-            )
-        times_s = self.first_s + self.period_s * np.arange(self.count, dtype=np.float64)
-        still = np.zeros((self.count, 3))
-        yaw_steps, bends = still[:, :1], still
-        if self.axis == "yaw":
-            yaw_steps = math.radians(self.angle_deg) * _pattern(self.count, (1, -1))[:, None]
-        else:
-            bends = _roll_bends(self, sigma_s)
-        return Route(
-            SmoothedLine(np.array(self.position_m), times_s, still, bends, sigma_s),
-            SmoothedLine(np.radians([self.yaw_deg]), times_s, yaw_steps, still[:, :1], sigma_s),
-            self.first_s + self.period_s * (self.count - 1),
-        )
-
-    def _require_possible(self) -> None:
         require_positive(self, "angular_speed_rad_s", "angle_deg", "period_s")
         if not np.isfinite([*self.position_m, self.yaw_deg, self.first_s]).all():
             raise ValueError(f"Expected finite numbers, got {self.position_m}, {self.yaw_deg} and {self.first_s}")
@@ -74,13 +51,38 @@ class BurstOptions(QuadrotorOptions):
         if self.axis == "roll" and self.angle_deg >= 90:
             raise ValueError(f"Expected angle_deg below 90 for a roll, got {self.angle_deg}")
 
+        angle_rad = math.radians(self.angle_deg)
+        if self.axis == "yaw":
+            # The peak of a Gaussian yaw rate: angle / (sigma sqrt(2 pi)).
+            sigma_s = angle_rad / (self.angular_speed_rad_s * math.sqrt(2 * math.pi))
+        else:
+            sigma_s = _roll_sigma_s(math.tan(angle_rad), self.angular_speed_rad_s)
+        if self.period_s < 8 * sigma_s:  # at 8 sigma a neighbour adds less than 1e-10 of its peak
+            raise ValueError(
+                f"Expected period_s >= {8 * sigma_s:.3g}, so that bursts do not run together, got {self.period_s}"
+            )
+        times_s = self.first_s + self.period_s * np.arange(self.count, dtype=np.float64)
+        zeros = np.zeros((self.count, 3))
+        yaw_steps, bends = zeros[:, :1], zeros
+        if self.axis == "yaw":
+            signs = np.resize(np.array((1, -1), dtype=np.float64), self.count)
+            yaw_steps = angle_rad * signs[:, None]
+        else:
+            # Changes of velocity dv = A sigma g sqrt(2 pi) along the body's left: start and stop, left and then right.
+            signs = np.resize(np.array((1, -1, -1, 1), dtype=np.float64), self.count)
+            speed_m_s = sigma_s * math.sqrt(2 * math.pi) * STANDARD_GRAVITY_M_S2 * math.tan(angle_rad)
+            yaw_rad = math.radians(self.yaw_deg)
+            left_m_s = speed_m_s * np.array([-math.sin(yaw_rad), math.cos(yaw_rad), 0.0])
+            bends = np.outer(signs, left_m_s)
+        return Route(
+            SmoothedLine(np.array(self.position_m), times_s, zeros, bends, sigma_s),
+            SmoothedLine(np.radians([self.yaw_deg]), times_s, yaw_steps, zeros[:, :1], sigma_s),
+            self.first_s + self.period_s * (self.count - 1),
+        )
 
-def _yaw_sigma_s(options: BurstOptions) -> float:
-    return math.radians(options.angle_deg) / (options.angular_speed_rad_s * math.sqrt(2 * math.pi))
 
-
-def _roll_sigma_s(options: BurstOptions) -> float:
-    tangent = math.tan(math.radians(options.angle_deg))
+def _roll_sigma_s(tangent: float, angular_speed_rad_s: float) -> float:
+    """Compute the standard deviation of a change of velocity whose roll rate peaks at a speed; ``tangent`` is A."""
 
     def slope(x: float) -> float:
         squared = (tangent * math.exp(-0.5 * x * x)) ** 2
@@ -89,16 +91,4 @@ def _roll_sigma_s(options: BurstOptions) -> float:
     farthest = 2 + math.sqrt(2 * math.log1p(tangent**2))  # there A^2 e^2 < e^-4, and the slope is below 0
     x = float(brentq(slope, 1.0, farthest, xtol=1e-14))
     e = math.exp(-0.5 * x * x)
-    return tangent * x * e / (1 + (tangent * e) ** 2) / options.angular_speed_rad_s
-
-
-def _roll_bends(options: BurstOptions, sigma_s: float) -> Floats:
-    """Compute the changes of velocity (count, 3) along the body's left."""
-    speed_m_s = sigma_s * math.sqrt(2 * math.pi) * STANDARD_GRAVITY_M_S2 * math.tan(math.radians(options.angle_deg))
-    yaw_rad = math.radians(options.yaw_deg)
-    left = speed_m_s * np.array([-math.sin(yaw_rad), math.cos(yaw_rad), 0.0])
-    return np.outer(_pattern(options.count, (1, -1, -1, 1)), left)
-
-
-def _pattern(count: int, signs: tuple[int, ...]) -> Floats:
-    return np.resize(np.array(signs, dtype=np.float64), count)
+    return tangent * x * e / (1 + (tangent * e) ** 2) / angular_speed_rad_s

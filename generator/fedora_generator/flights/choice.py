@@ -13,16 +13,29 @@ from fedora_generator.flights.plan import waypoints_table
 from fedora_generator.flights.presets import preset_table
 
 TAG_PREFIX: Final = "kind="
-"""How the parts of an error's place begin that stand for a kind, and not for a key."""
+"""Prefix of those parts of an error's location that stand for a kind, and not for a key."""
 
 KINDS: Final = ("waypoints", "survey", "loop", "hover", "burst", "plan", "preset")
-"""What a scene may say; the last two are looked up first."""
+"""Values of ``kind`` in a scene; the last two refer to a table elsewhere."""
 
 _HARMONIC: Final = TAG_PREFIX + "harmonic"
 
 
 def looked_up(flight: Mapping[str, Any], folder: Path) -> Mapping[str, Any]:
-    """Table of a flight as it is, or the one that it refers to: a plan in ``folder``, or a preset."""
+    """Table of a flight, with the table that it refers to in its place.
+
+    Parameters
+    ----------
+    flight
+        Table of a scene.
+    folder
+        Where a plan of QGroundControl lies.
+
+    Raises
+    ------
+    SceneError
+        There is no such plan or preset, or the plan cannot be flown.
+    """
     if flight.get("kind") == "plan":
         return waypoints_table(flight, folder)
     return preset_table(flight) if flight.get("kind") == "preset" else flight

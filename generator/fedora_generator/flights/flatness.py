@@ -1,9 +1,9 @@
-"""The attitude of a quadrotor from its path: thrust points where the acceleration needs it, yaw is free.
+"""The attitude of a quadrotor from its path: thrust has the direction that the acceleration needs, yaw is free.
 
 Sources: D. Mellinger and V. Kumar, Minimum Snap Trajectory Generation and Control for Quadrotors (ICRA 2011), section
 III; M. Faessler, A. Franchi, D. Scaramuzza, Differential Flatness of Quadrotor Dynamics Subject to Rotor Drag (RA-L
-2018), eq. 8 to 16, here with the same drag in all directions. The intermediate axis is theirs, y_C: so the yaw of
-the route is the yaw of the intrinsic Z-Y-X angles.
+2018), eq. 8 to 16, here with the same drag in all directions. The intermediate axis is y_C, as in the second source: so
+the yaw of the route is the yaw of the intrinsic Z-Y-X angles.
 """
 
 from dataclasses import dataclass
@@ -37,7 +37,7 @@ def attitude_of_thrust(
     thrusts_world_m_s2, thrust_rates_world_m_s3
         (n, 3) thrust per mass, acceleration - gravity + drag, and its derivative.
     yaw_rad, yaw_rates_rad_s
-        (n,)
+        (n,) yaw of the route, and its derivative.
 
     Raises
     ------
@@ -46,9 +46,9 @@ def attitude_of_thrust(
     """
     if thrusts_world_m_s2.size and not (lowest := float(thrusts_world_m_s2[:, 2].min())) > 0:
         raise SceneError(f"Expected a thrust that points up, got {lowest:.3g} m/s^2; fly slower, or turn less sharply")
-    x, y, z = _turned_back(thrusts_world_m_s2, yaw_rad)
-    x_rate, y_rate, z_rate = _turned_back(thrust_rates_world_m_s3, yaw_rad)
-    # The frame that yaws with the body turns under the thrust.
+    x, y, z = _in_yaw_frame(thrusts_world_m_s2, yaw_rad)
+    x_rate, y_rate, z_rate = _in_yaw_frame(thrust_rates_world_m_s3, yaw_rad)
+    # The yaw frame turns with the body: the thrust turns the other way in it.
     x_rate, y_rate = x_rate + yaw_rates_rad_s * y, y_rate - yaw_rates_rad_s * x
     forward = np.hypot(x, z)
     forward_rate = (x * x_rate + z * z_rate) / forward
@@ -61,7 +61,7 @@ def attitude_of_thrust(
     )
 
 
-def _turned_back(vectors_world: Floats, yaw_rad: Floats) -> tuple[Floats, Floats, Floats]:
+def _in_yaw_frame(vectors_world: Floats, yaw_rad: Floats) -> tuple[Floats, Floats, Floats]:
     """Components of vectors (n, 3) along x_C, y_C (the axes turned by the yaw) and up."""
     x, y, z = np.moveaxis(vectors_world, -1, 0)
     cos, sin = np.cos(yaw_rad), np.sin(yaw_rad)

@@ -1,10 +1,10 @@
-"""Geodetic coordinates to a flat world around a home.
+"""Geodetic coordinates in a flat world around a home position.
 
 East and north are the coordinates in the plane that touches the WGS84 ellipsoid at home, up is the difference in
-altitude: so level flight stays level, as over the flat ground of a world. The price is the Earth's curvature: at a
-distance d from home a true tangent plane would have a point d^2 / 2R lower (8 cm at 1 km, 8 m at 10 km), and lengths
-along the ground come out short by d^2 / 6R^2 (4e-9 at 1 km). Altitudes above the sea count as above the ellipsoid,
-which changes lengths by a further 1e-5 at most.
+altitude: so level flight stays level, as over the flat ground of a world. This neglects the Earth's curvature: at a
+distance d from home a point lies d^2 / 2R lower in a true tangent plane (8 cm at 1 km, 8 m at 10 km), and lengths along
+the ground are too short by d^2 / 6R^2 of themselves (4e-9 at 1 km). Altitudes above the sea count as above the
+ellipsoid, which changes lengths by at most a further 1e-5 of themselves.
 """
 
 import math
@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 Floats = NDArray[np.float64]
 
 FARTHEST_M: Final = 10_000.0
-"""Beyond, the world is no longer flat."""
+"""Largest distance from home: beyond, the neglected curvature exceeds 8 m."""
 
 # Defining constants of WGS84: NGA.STND.0036, table 3.1.
 _SEMI_MAJOR_M: Final = 6_378_137.0
@@ -25,12 +25,17 @@ _ECCENTRICITY_SQUARED: Final = _FLATTENING * (2 - _FLATTENING)
 
 
 def enu_from_geodetic(place: tuple[float, float, float], home: tuple[float, float, float]) -> Floats:
-    """East, north, up (3,), metres from home; both are latitude and longitude in degrees, altitude in metres.
+    """East, north, up (3,) of a place, metres from home.
+
+    Parameters
+    ----------
+    place, home
+        Latitude and longitude, degrees, and altitude, metres.
 
     Raises
     ------
     ValueError
-        A latitude that cannot be, or a place farther from home than the flat world reaches.
+        An impossible latitude or longitude, or a place farther than ``FARTHEST_M`` from home.
     """
     latitude_rad, longitude_rad = np.radians(home[:2])
     sin_lat, cos_lat = math.sin(latitude_rad), math.cos(latitude_rad)

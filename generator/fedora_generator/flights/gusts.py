@@ -1,8 +1,8 @@
-"""Wind: a mean and Dryden gusts, as sums of sinusoids, and how far they push a quadrotor off its path.
+"""Wind: a mean and Dryden gusts, as sums of sinusoids, and the displacement of a quadrotor from its path.
 
 Source: MIL-F-8785C, Flying Qualities of Piloted Airplanes (1980), 3.7.2 (Dryden spectra) and 3.7.3 (low altitude).
-Each axis has sinusoids in bands of frequency; the variance of a band is the integral of the spectrum over it, in closed
-form, its frequency and phase are drawn. So every derivative is a sum of sinusoids as well.
+Each axis has a sinusoid in each band of frequency. The variance of a band is the integral of the spectrum over it, in
+closed form; its frequency and phase are random. So every derivative is a sum of sinusoids as well.
 """
 
 import math
@@ -23,7 +23,7 @@ BANDS: Final = 48
 LONGEST_SCALES: Final = 100.0
 """Gusts longer than this many scales count as one of that length."""
 SHORTEST_GUST_M: Final = 1.0
-"""Shorter gusts are left out: they average out over the vehicle."""
+"""The spectra end here: shorter gusts average out over the vehicle."""
 
 ROUGHNESS_FT: Final = 0.15
 """Of the ground, for flight near the ground (category C)."""
@@ -36,8 +36,8 @@ _WIND_KEY: Final = 3
 class WindOptions:
     """A wind of ``speed_m_s`` at 20 ft, blowing ``towards_deg`` (counter-clockwise from east), and its gusts.
 
-    ``altitude_m`` says where the spectra hold; ``airspeed_m_s`` how fast gusts are met (None: as fast as the wind
-    itself brings them). The pilot answers as a spring and damper of ``response_hz`` and ``damping_ratio``.
+    The spectra are those of ``altitude_m``. ``airspeed_m_s`` is the speed at which the vehicle meets gusts (None: the
+    mean wind). The pilot responds as a spring and damper of ``response_hz`` and ``damping_ratio``.
     """
 
     __pydantic_config__: ClassVar[ConfigDict] = ConfigDict(extra="forbid")
@@ -73,16 +73,24 @@ class Turbulence(NamedTuple):
 
 
 class Disturbance(NamedTuple):
-    """What the wind does at n instants, each (n, 3) in the world."""
+    """Effect of the wind at n instants, each (n, 3) in the world frame."""
 
     displacement: tuple[Floats, Floats, Floats, Floats]
-    """Off the path, metres, and its first three derivatives"""
+    """From the path, metres, and its first three derivatives"""
     wind_m_s: Floats
     wind_rate_m_s2: Floats
 
 
 def low_altitude_turbulence(speed_at_20_ft_m_s: float, altitude_m: float) -> Turbulence:
-    """Intensities and scales below 1000 ft (3.7.3.4, figures 10 and 11)."""
+    """Intensities and scales below 1000 ft (3.7.3.4, figures 10 and 11).
+
+    Parameters
+    ----------
+    speed_at_20_ft_m_s
+        Mean wind at 20 ft.
+    altitude_m
+        Above the ground.
+    """
     altitude_ft = altitude_m / FOOT_M
     ratio = 0.177 + 0.000823 * altitude_ft
     sigma_up = 0.1 * speed_at_20_ft_m_s
@@ -94,9 +102,21 @@ def low_altitude_turbulence(speed_at_20_ft_m_s: float, altitude_m: float) -> Tur
 
 
 def variance_share(x: Floats, axis: int) -> Floats:
-    """Share of the variance of an axis (0 along, 1 across, 2 up) at frequencies up to omega = x V / L.
+    """Share of the variance of an axis at frequencies up to omega = x V / L.
 
     Along, the spectrum is proportional to 1 / (1 + x^2); across and up to (1 + 3 x^2) / (1 + x^2)^2.
+
+    Parameters
+    ----------
+    x
+        (n,) frequency in units of V / L, airspeed over scale of length.
+    axis
+        0 along the wind, 1 across, 2 up.
+
+    Returns
+    -------
+    shares
+        (n,) from 0 to 1.
     """
     if axis == 0:
         return np.asarray(2 / np.pi * np.arctan(x))
@@ -120,35 +140,52 @@ class Gusts:
 
     def at(self, times_s: Floats) -> Disturbance:
         """Wind and displacement at ``times_s`` (n,)."""
-        along_wind = np.stack([self._axis_at(axis, times_s) for axis in range(3)], axis=-1)
-        *displacement, gust_m_s, gust_rate_m_s2 = along_wind @ self.R_world_wind.T
+        axes = []
+        for axis in range(3):
+            # A derivative multiplies an amplitude by i omega: rows (6, m) for displacement, velocity, acceleration and
+            # jerk, then for the gust and its rate.
+            rates = 1j * self.omegas_rad_s[axis]
+            displacements = [self.displacements_m[axis] * rates**order for order in range(4)]
+            gusts = [self.amplitudes_m_s[axis] * rates**order for order in range(2)]
+            oscillations = np.exp(rates[:, None] * times_s)
+            axes.append((np.stack(displacements + gusts) @ oscillations).real)
+        *displacement, gust_m_s, gust_rate_m_s2 = np.stack(axes, axis=-1) @ self.R_world_wind.T
         position, velocity, acceleration, jerk = displacement
         return Disturbance((position, velocity, acceleration, jerk), gust_m_s + self.mean_m_s, gust_rate_m_s2)
-
-    def _axis_at(self, axis: int, times_s: Floats) -> Floats:
-        """Displacement and its three derivatives, gust and its first, of one axis (6, n)."""
-        rates = 1j * self.omegas_rad_s[axis]
-        displacements = [self.displacements_m[axis] * rates**order for order in range(4)]
-        gusts = [self.amplitudes_m_s[axis] * rates**order for order in range(2)]
-        oscillations = np.exp(rates[:, None] * times_s)
-        return np.asarray((np.stack(displacements + gusts) @ oscillations).real)
 
 
 def draw_gusts(options: WindOptions, drag_per_s: float, seed: int) -> Gusts:
     """Draw the wind of a seed.
 
-    A vehicle that is dragged along with ``drag_per_s`` and held to its path by a spring and a damper is displaced by
-    ``x'' = drag (w - x') - 2 zeta omega_n x' - omega_n^2 x``; the pilot has trimmed the mean wind away.
+    The displacement x of a vehicle in a gust w follows ``x'' = drag (w - x') - 2 zeta omega_n x' - omega_n^2 x``: air
+    drags it along, a spring and a damper hold it to its path. The pilot trims the mean wind away.
+
+    Parameters
+    ----------
+    options
+        The mean wind, its gusts and the response of the pilot.
+    drag_per_s
+        Deceleration per speed through the air.
+    seed
+        Of the sequence.
     """
     rng = np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(_WIND_KEY,)))
     mean_m_s = mean_wind_m_s(options.speed_m_s, options.altitude_m)
     airspeed_m_s = mean_m_s if options.airspeed_m_s is None else options.airspeed_m_s
     turbulence = low_altitude_turbulence(options.speed_m_s, options.altitude_m)
-    drawn = [
-        _draw_axis(axis, sigma, scale_m / airspeed_m_s, 2 * math.pi * scale_m / SHORTEST_GUST_M, rng)
-        for axis, (sigma, scale_m) in enumerate(zip(*turbulence, strict=True))
-    ]
-    omegas_rad_s, amplitudes_m_s = (np.stack(rows) for rows in zip(*drawn, strict=True))
+    omegas, amplitudes = [], []
+    for axis, (sigma_m_s, scale_m) in enumerate(zip(*turbulence, strict=True)):
+        # Bands of equal ratio in units of V / L, each with a random frequency and phase.
+        edges = np.geomspace(1 / LONGEST_SCALES, 2 * math.pi * scale_m / SHORTEST_GUST_M, BANDS + 1)
+        frequencies = edges[:-1] * (edges[1:] / edges[:-1]) ** rng.uniform(size=BANDS)
+        shares = np.diff(variance_share(edges, axis), prepend=0.0)
+        shares = np.concatenate([[shares[0] + shares[1]], shares[2:]])  # what lies below the first band joins it
+        phases_rad = rng.uniform(0, 2 * np.pi, BANDS)
+        omegas.append(frequencies / (scale_m / airspeed_m_s))
+        amplitudes.append(sigma_m_s * np.sqrt(2 * shares) * np.exp(1j * phases_rad))
+    omegas_rad_s, amplitudes_m_s = np.stack(omegas), np.stack(amplitudes)
+
+    # Frequency response of the displacement to the gust.
     omega_n = 2 * math.pi * options.response_hz
     damping = 2 * options.damping_ratio * omega_n + drag_per_s
     response_s = drag_per_s / (omega_n**2 - omegas_rad_s**2 + 1j * damping * omegas_rad_s)
@@ -158,17 +195,13 @@ def draw_gusts(options: WindOptions, drag_per_s: float, seed: int) -> Gusts:
 
 
 def mean_wind_m_s(speed_at_20_ft_m_s: float, altitude_m: float) -> float:
-    """Mean wind at an altitude (3.7.3.2, logarithmic shear)."""
+    """Mean wind, m/s, by logarithmic shear (3.7.3.2).
+
+    Parameters
+    ----------
+    speed_at_20_ft_m_s
+        Mean wind at 20 ft.
+    altitude_m
+        Above the ground.
+    """
     return speed_at_20_ft_m_s * math.log(altitude_m / FOOT_M / ROUGHNESS_FT) / math.log(20 / ROUGHNESS_FT)
-
-
-def _draw_axis(
-    axis: int, sigma_m_s: float, time_scale_s: float, highest: float, rng: np.random.Generator
-) -> tuple[Floats, Complex]:
-    """Frequencies, rad/s, and complex amplitudes (m,); ``highest`` is the end of the bands in units of V / L."""
-    edges = np.geomspace(1 / LONGEST_SCALES, highest, BANDS + 1)
-    drawn = edges[:-1] * (edges[1:] / edges[:-1]) ** rng.uniform(size=BANDS)
-    shares = np.diff(variance_share(edges, axis), prepend=0.0)
-    shares = np.concatenate([[shares[0] + shares[1]], shares[2:]])  # what lies below the first band joins it
-    phases_rad = rng.uniform(0, 2 * np.pi, BANDS)
-    return drawn / time_scale_s, sigma_m_s * np.sqrt(2 * shares) * np.exp(1j * phases_rad)

@@ -1,4 +1,4 @@
-"""What a scene may say of a quadrotor's flight: ``[flight] kind = "waypoints"``, ``"survey"``, ``"loop"``, ``"hover"``.
+"""Options of a quadrotor's flight: ``[flight] kind = "waypoints"``, ``"survey"``, ``"loop"`` or ``"hover"``.
 
 ::
 
@@ -10,7 +10,7 @@
     spacing_m = 8.0
     speed_m_s = 4.0
 
-``"burst"`` lies in ``burst.py``. Any of them may have ``drag_per_s = 0.3`` and a ``[flight.wind]`` (``gusts.py``).
+``"burst"`` lies in ``burst.py``. Each kind may have ``drag_per_s = 0.3`` and a ``[flight.wind]`` (``gusts.py``).
 """
 
 import math
@@ -25,12 +25,12 @@ from fedora_generator.flights.gusts import WindOptions
 from fedora_generator.flights.route import Route, Waypoint, route_through
 
 MOST_REPEATS: Final = 3600
-"""The longest sequence lasts an hour, and nothing is flown in less than a second."""
+"""The longest sequence lasts an hour, and a lap, a lane or a burst takes at least a second."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class QuadrotorOptions(ABC):
-    """What every kind has: ``drag_per_s``, the deceleration per speed through the air, and a wind or none."""
+    """Options of every kind: ``drag_per_s``, the deceleration per speed through the air, and a wind or none."""
 
     __pydantic_config__: ClassVar[ConfigDict] = ConfigDict(extra="forbid")
 
@@ -46,12 +46,12 @@ class QuadrotorOptions(ABC):
 
     @abstractmethod
     def route(self) -> Route:
-        """Route that the options describe; a ValueError says what about them cannot be."""
+        """Route that the options describe; a ValueError names the option that is impossible."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LegsOptions(QuadrotorOptions):
-    """A route of straight legs at ``speed_m_s``, which it never exceeds.
+    """A route of straight legs at ``speed_m_s``, its largest speed.
 
     ``corner_s`` and ``turn_s`` are the standard deviations in time of its changes of velocity and of yaw.
     """
@@ -67,7 +67,7 @@ class LegsOptions(QuadrotorOptions):
 
     @abstractmethod
     def waypoints_in_order(self) -> tuple[Waypoint, ...]:
-        """Every place to fly by."""
+        """Every waypoint, in the order of flying."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -78,7 +78,7 @@ class WaypointsOptions(LegsOptions):
     waypoints: tuple[Waypoint, ...]
 
     def waypoints_in_order(self) -> tuple[Waypoint, ...]:
-        """Return the waypoints as they are."""
+        """Return the option ``waypoints``."""
         return self.waypoints
 
 
@@ -100,11 +100,11 @@ class LoopOptions(LegsOptions):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SurveyOptions(LegsOptions):
-    """To and fro along ``lanes`` parallel lanes, as a mower goes.
+    """Back and forth along ``lanes`` parallel lanes.
 
     The first starts at ``start_m`` and leads ``lane_m`` along ``course_deg`` (counter-clockwise from east); the next
-    lies ``spacing_m`` to its left, or to its right if negative. ``yaw_deg`` keeps the nose in one direction; without
-    it, it points along the lanes.
+    lies ``spacing_m`` to its left, or to its right if negative. ``yaw_deg`` fixes the yaw; without it, the nose points
+    along the lanes.
     """
 
     kind: Literal["survey"] = "survey"
@@ -134,7 +134,7 @@ class SurveyOptions(LegsOptions):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class HoverOptions(QuadrotorOptions):
-    """At rest at ``position_m`` for ever, moved by nothing but the wind."""
+    """At rest at ``position_m``; only the wind moves it."""
 
     kind: Literal["hover"] = "hover"
     position_m: tuple[float, float, float]
@@ -148,13 +148,13 @@ class HoverOptions(QuadrotorOptions):
 
 
 def require_few(name: str, value: int) -> None:
-    """Raise ValueError where something is repeated more often than an hour's flight can hold."""
+    """Raise ValueError if the number ``value`` of laps, lanes or bursts exceeds what fits an hour's flight."""
     if value > MOST_REPEATS:
         raise ValueError(f"Expected {name} up to {MOST_REPEATS}, got {value}")
 
 
 def require_positive(options: QuadrotorOptions, *names: str) -> None:
-    """Raise ValueError where an option is not a number above 0."""
+    """Raise ValueError if one of the options ``names`` is not a finite number above 0."""
     for name in names:
         value = getattr(options, name)
         if not (math.isfinite(value) and value > 0):

@@ -6,13 +6,13 @@ A ``.plan`` file is JSON. Of its mission these items are flown (numbers of MAV_C
  22 TAKEOFF         rest on the ground below its place, climb to its altitude
  16 WAYPOINT        fly by, or rest for its hold time; its yaw, where it has one
  19 LOITER_TIME     rest for its time
-178 DO_CHANGE_SPEED the speed from the place before it on
+178 DO_CHANGE_SPEED the speed, from the last place on
  21 LAND            fly above its place without changing altitude, then straight down; must be last
  20 RETURN          land where home is
 === =============== ==================================================================================
 
-Surveys, corridor scans and structure scans hold the simple items that they stand for, and these are flown. Orders to a
-camera move nothing and are passed over. Acceptance radii are not read: ``corner_s`` says how corners are cut.
+Surveys, corridor scans and structure scans list the simple items that they stand for, and these are flown. Commands
+to a camera move nothing and are ignored. Acceptance radii are ignored as well: ``corner_s`` sets how corners are cut.
 Everything else is refused by name.
 Source: QGroundControl developer guide, Plan File Format, version 1 and its mission, version 2.
 """
@@ -46,12 +46,15 @@ ABOVE_HOME: Final = (3, 6)
 """Values of MAV_FRAME: what an altitude counts from."""
 
 SAME_PLACE_M: Final = 1e-3
-"""Places closer than this are one: 1e-8 degrees of latitude, the last digit that files have."""
+"""Places closer than this are the same: 1e-8 degrees of latitude, the last digit that files have."""
 
 
 @dataclass(slots=True)
 class Mission:
-    """What has been read of a mission; ``waypoints`` are metres from home, east, north, up."""
+    """The mission up to an item; ``home`` is latitude, longitude (degrees) and altitude (m).
+
+    ``waypoints`` are metres from home, east, north, up.
+    """
 
     home: tuple[float, float, float]
     speed_m_s: float | None
@@ -59,7 +62,17 @@ class Mission:
     landed: bool = False
 
     def fly_to(self, position_m: NDArray[np.float64], hold_s: float = 0.0, yaw_deg: float | None = None) -> None:
-        """Add a waypoint, or rest longer at the last one if it is the same."""
+        """Add a waypoint; at the position of the last waypoint, extend its rest instead.
+
+        Parameters
+        ----------
+        position_m
+            (3,) east, north, up from home.
+        hold_s
+            Rest at the waypoint.
+        yaw_deg
+            Counter-clockwise from east; None if the item has none.
+        """
         if self.waypoints:
             last = self.waypoints[-1]
             if np.linalg.norm(position_m - last.position_m) < SAME_PLACE_M:
@@ -70,7 +83,7 @@ class Mission:
         self.waypoints.append(Waypoint(position_m=(x, y, z), hold_s=hold_s, yaw_deg=yaw_deg))
 
     def change_speed(self, speed_m_s: float) -> None:
-        """Order a speed from the last waypoint on."""
+        """Set the speed from the last waypoint on."""
         if self.waypoints:
             self.waypoints[-1] = replace(self.waypoints[-1], speed_m_s=speed_m_s)
         else:
@@ -80,8 +93,13 @@ class Mission:
 def waypoints_table(flight: Mapping[str, Any], folder: Path) -> dict[str, Any]:
     """Turn a scene's table of kind ``plan`` into one of kind ``waypoints``.
 
-    ``file`` lies in ``folder``; ``origin_m`` is where home lies in the world (default 0, 0, 0); ``speed_m_s``, where
-    given, replaces the mission's hover speed. All other keys stay as they are.
+    Parameters
+    ----------
+    flight
+        ``file`` is the plan; ``origin_m`` is the position of home in the world (default 0, 0, 0); ``speed_m_s``
+        replaces the mission's hover speed. All other keys stay as they are.
+    folder
+        Where the plan lies.
 
     Raises
     ------
@@ -95,7 +113,15 @@ def waypoints_table(flight: Mapping[str, Any], folder: Path) -> dict[str, Any]:
         raise SceneError(f"Expected origin_m to be x, y, z of home in the world, got {origin_m}")
     try:
         mission = read_plan(json.loads(path.read_text(encoding="utf-8")))
-        waypoints = [_moved(waypoint, origin_m) for waypoint in mission.waypoints]
+        waypoints = [
+            {
+                "position_m": np.add(waypoint.position_m, origin_m, dtype=np.float64).tolist(),
+                "hold_s": waypoint.hold_s,
+                "yaw_deg": waypoint.yaw_deg,
+                "speed_m_s": waypoint.speed_m_s,
+            }
+            for waypoint in mission.waypoints
+        ]
     except (OSError, UnicodeDecodeError, json.JSONDecodeError) as error:
         raise SceneError(f"Expected file to be a readable .plan of QGroundControl, got {path}: {error}") from error
     except ValueError as error:
@@ -105,41 +131,33 @@ def waypoints_table(flight: Mapping[str, Any], folder: Path) -> dict[str, Any]:
     return {"kind": "waypoints", "waypoints": waypoints, **options}
 
 
-def _moved(waypoint: Waypoint, origin_m: list[float]) -> dict[str, Any]:
-    position_m = np.add(waypoint.position_m, origin_m, dtype=np.float64).tolist()
-    return {
-        "position_m": position_m,
-        "hold_s": waypoint.hold_s,
-        "yaw_deg": waypoint.yaw_deg,
-        "speed_m_s": waypoint.speed_m_s,
-    }
-
-
 def read_plan(document: Any) -> Mission:
-    """Mission of a parsed ``.plan``; a ValueError says what about it cannot be flown."""
+    """Mission of a parsed ``.plan``; a ValueError names the item that cannot be flown."""
     if not isinstance(document, Mapping) or document.get("fileType") != "Plan":
         raise ValueError("Expected a plan of QGroundControl, got JSON without fileType 'Plan'")
-    mission = document.get("mission")
-    if not (isinstance(mission, Mapping) and isinstance(mission.get("items"), list)):
+    table = document.get("mission")
+    if not (isinstance(table, Mapping) and isinstance(table.get("items"), list)):
         raise ValueError("Expected a mission with a list of items, got none")
-    home = mission.get("plannedHomePosition")
+    home = table.get("plannedHomePosition")
     if not (isinstance(home, list) and len(home) == 3 and all(map(_is_number, home))):
         raise ValueError(f"Expected plannedHomePosition to be latitude, longitude, altitude, got {home}")
-    speed_m_s = mission.get("hoverSpeed")
-    flown = Mission((home[0], home[1], home[2]), float(speed_m_s) if _is_number(speed_m_s) and speed_m_s > 0 else None)
-    for number, item in enumerate(mission["items"], start=1):
+    speed_m_s = table.get("hoverSpeed")
+    mission = Mission(
+        (home[0], home[1], home[2]), float(speed_m_s) if _is_number(speed_m_s) and speed_m_s > 0 else None
+    )
+    for number, item in enumerate(table["items"], start=1):
         try:
-            for simple in _simple_items(item):
-                _fly(flown, simple)
+            for simple_item in _simple_items(item):
+                _add_item(mission, simple_item)
         except ValueError as error:
             raise ValueError(f"{error}, at mission item {number}") from error
-    if not flown.waypoints:
+    if not mission.waypoints:
         raise ValueError("Expected a mission with at least one place, got none")
-    return flown
+    return mission
 
 
 def _simple_items(item: Any) -> list[Mapping[str, Any]]:
-    """Return the item, or those that a complex one stands for, but for orders to a camera."""
+    """Return the item, or those that a complex item stands for, without commands to a camera."""
     items: Any = [item]
     if isinstance(item, Mapping) and item.get("type") == "ComplexItem":
         transects = item.get("TransectStyleComplexItem")
@@ -153,15 +171,29 @@ def _simple_items(item: Any) -> list[Mapping[str, Any]]:
     return [simple for simple in items if simple.get("command") not in TO_A_CAMERA]
 
 
-def _fly(mission: Mission, item: Mapping[str, Any]) -> None:
-    """Add one simple item to the mission."""
+def _add_item(mission: Mission, item: Mapping[str, Any]) -> None:
+    """Add a simple item to the mission."""
     if mission.landed:
         raise ValueError("Expected LAND or RETURN to be the last item, got another one after it")
-    command, params = item.get("command"), _params(item)
+    numbers = item.get("params")
+    if not (isinstance(numbers, list) and len(numbers) == 7 and all(_is_number(p) or p is None for p in numbers)):
+        raise ValueError(f"Expected seven numbers as params, got {numbers}")
+    params = [math.nan if value is None else float(value) for value in numbers]
+    command = item.get("command")
     if command == DO_CHANGE_SPEED:
-        _change_speed(mission, params)
+        kind, speed_m_s = params[:2]
+        if kind not in (0, 1):
+            raise ValueError(f"Expected DO_CHANGE_SPEED of kind 0 or 1 (air or ground), got {kind:g}")
+        if speed_m_s != -1:  # MAVLink: no change
+            if not speed_m_s > 0:
+                raise ValueError(f"Expected DO_CHANGE_SPEED to more than 0 m/s, got {speed_m_s:g}")
+            mission.change_speed(speed_m_s)
     elif command == TAKEOFF:
-        _take_off(mission, _place_m(mission, item, params))
+        position_m = _place_m(mission, item, params)
+        if mission.waypoints:
+            raise ValueError("Expected TAKEOFF to be the first place, got one before it")
+        mission.fly_to(position_m * (1.0, 1.0, 0.0))
+        mission.fly_to(position_m)
     elif command == WAYPOINT:
         yaw_deg = None if math.isnan(params[3]) else 90.0 - params[3]  # clockwise from north there
         mission.fly_to(_place_m(mission, item, params), _or_zero(params[0]), yaw_deg)
@@ -178,13 +210,6 @@ def _fly(mission: Mission, item: Mapping[str, Any]) -> None:
         )
 
 
-def _take_off(mission: Mission, position_m: NDArray[np.float64]) -> None:
-    if mission.waypoints:
-        raise ValueError("Expected TAKEOFF to be the first place, got one before it")
-    mission.fly_to(position_m * (1.0, 1.0, 0.0))
-    mission.fly_to(position_m)
-
-
 def _land(mission: Mission, position_m: NDArray[np.float64]) -> None:
     if not mission.waypoints:
         raise ValueError("Expected a place before LAND or RETURN, got none")
@@ -195,19 +220,8 @@ def _land(mission: Mission, position_m: NDArray[np.float64]) -> None:
     mission.landed = True
 
 
-def _change_speed(mission: Mission, params: list[float]) -> None:
-    kind, speed_m_s = params[:2]
-    if kind not in (0, 1):
-        raise ValueError(f"Expected DO_CHANGE_SPEED of kind 0 or 1 (air or ground), got {kind:g}")
-    if speed_m_s == -1:  # MAVLink: no change
-        return
-    if not speed_m_s > 0:
-        raise ValueError(f"Expected DO_CHANGE_SPEED to more than 0 m/s, got {speed_m_s:g}")
-    mission.change_speed(speed_m_s)
-
-
 def _place_m(mission: Mission, item: Mapping[str, Any], params: list[float]) -> NDArray[np.float64]:
-    """East, north, up of an item; a latitude and longitude of 0 or null mean where it already is."""
+    """East, north, up (3,) of an item from home; a latitude and longitude of 0 or null keep the current place."""
     latitude_deg, longitude_deg, altitude_m = params[4:7]
     frame = item.get("frame")
     if frame not in (*ABOVE_SEA, *ABOVE_HOME):
@@ -219,14 +233,6 @@ def _place_m(mission: Mission, item: Mapping[str, Any], params: list[float]) -> 
         x, y, _ = mission.waypoints[-1].position_m if mission.waypoints else (0.0, 0.0, 0.0)
         return np.array([x, y, above_home_m])
     return enu_from_geodetic((latitude_deg, longitude_deg, above_home_m + mission.home[2]), mission.home)
-
-
-def _params(item: Mapping[str, Any]) -> list[float]:
-    """Return the seven parameters, null as NaN."""
-    params = item.get("params")
-    if not (isinstance(params, list) and len(params) == 7 and all(_is_number(p) or p is None for p in params)):
-        raise ValueError(f"Expected seven numbers as params, got {params}")
-    return [math.nan if value is None else float(value) for value in params]
 
 
 def _or_zero(value: float) -> float:

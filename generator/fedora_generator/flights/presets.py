@@ -1,8 +1,8 @@
 """Flights of the package by name: ``[flight] kind = "preset"``, ``name = "baylands-day1"``.
 
-Each is as long, goes as far and is at most as fast and turns as fast as the sequence of that name in the table of the
-FEDORA paper; where it goes is its own. Those called baylands fit the avenue of the park, the others the straight of the
-racetrack. The package's scenes of the same names fly them.
+Duration, distance and largest speed and rate of turn are those of the sequence of that name in the table of the FEDORA
+paper; the route is not. The baylands flights fit the avenue of the park, the others the straight of the racetrack. The
+package's scenes of the same names fly them.
 """
 
 import tomllib
@@ -15,11 +15,17 @@ from fedora_generator.errors import SceneError
 _PRESETS: Final = Path(__file__).parents[1] / "scenes" / "flights"
 
 PRESET_NAMES: Final = ("baylands-day1", "baylands-day2", "baylands-ngt1", "racetrack-day", "racetrack-ngt")
-"""Of flights, and of scenes."""
+"""Names of flights, and of the scenes that fly them."""
 
 
 def preset_table(flight: Mapping[str, Any]) -> dict[str, Any]:
-    """Table of the preset that a scene's table names, with the scene's other keys put over it."""
+    """Table of the preset that a scene's table names, overridden by the scene's other keys.
+
+    Raises
+    ------
+    SceneError
+        There is no such preset.
+    """
     name = flight.get("name")
     if name not in PRESET_NAMES:
         raise SceneError(f"Expected name to be one of the flights {', '.join(PRESET_NAMES)}, got {name!r}")

@@ -21,9 +21,9 @@ _UP_M_S2: Final = np.array([0.0, 0.0, STANDARD_GRAVITY_M_S2])
 
 @dataclass(frozen=True, slots=True)
 class Quadrotor:
-    """The states of a route flown with drag ``-drag_per_s * (velocity - wind)`` (per mass), pushed about by gusts.
+    """The states along a route with drag ``-drag_per_s * (velocity - wind)`` (per mass), displaced by gusts.
 
-    The attitude is that of standard gravity, whatever gravity the inertial unit is told to feel.
+    The attitude follows from standard gravity, also where a scene sets another gravity for the inertial unit.
     """
 
     route: Route
@@ -36,7 +36,7 @@ class Quadrotor:
         wind_m_s, wind_rate_m_s2 = np.zeros(3), np.zeros(3)
         if self.gusts is not None:
             displacement, wind_m_s, wind_rate_m_s2 = self.gusts.at(times_s)
-            motion = Derivatives(*(ordered + pushed for ordered, pushed in zip(motion, displacement, strict=True)))
+            motion = Derivatives(*(planned + gust for planned, gust in zip(motion, displacement, strict=True)))
         positions, velocities, accelerations, jerks = motion
         yaw_rad, yaw_rates_rad_s = (column[:, 0] for column in self.route.yaw_rad.at(times_s)[:2])
         attitude = attitude_of_thrust(

@@ -1,4 +1,4 @@
-"""A route: waypoints flown along straight legs at constant speed, with rests and turns, as corners in time."""
+"""A route: straight legs from waypoint to waypoint at constant speed, with rests and turns, as corners in time."""
 
 import math
 from collections.abc import Sequence
@@ -18,8 +18,8 @@ Floats = NDArray[np.float64]
 class Waypoint:
     """A place to fly by, or to rest at for ``hold_s``.
 
-    ``yaw_deg`` (counter-clockwise from east) is kept from here to the next waypoint that has one; with none so far, the
-    nose points along each leg. ``speed_m_s`` is ordered from here on; None leaves it as it was.
+    ``yaw_deg`` (counter-clockwise from east) holds from here to the next waypoint that has a yaw; before the first of
+    them the nose points along each leg. ``speed_m_s`` holds from here on; None leaves it as it was.
     """
 
     __pydantic_config__: ClassVar[ConfigDict] = ConfigDict(extra="forbid")
@@ -54,8 +54,15 @@ class Route:
 def route_through(waypoints: Sequence[Waypoint], speed_m_s: float, corner_s: float, turn_s: float) -> Route:
     """Route along straight legs; rests before the first waypoint and after the last.
 
-    ``corner_s`` and ``turn_s`` are the standard deviations over which changes of velocity and of yaw are spread. A
-    corner that changes the velocity by dv is cut by 0.40 corner_s |dv| and takes dv / (2.5 corner_s) at its peak.
+    Parameters
+    ----------
+    waypoints
+        At least one; neighbours differ in position.
+    speed_m_s
+        Speed of each leg, until a waypoint has a speed of its own.
+    corner_s, turn_s
+        Standard deviations over which changes of velocity and of yaw are spread. A corner that changes the velocity by
+        dv is cut by 0.40 corner_s |dv|; its acceleration peaks at dv / (2.5 corner_s).
 
     Raises
     ------
@@ -72,59 +79,44 @@ def route_through(waypoints: Sequence[Waypoint], speed_m_s: float, corner_s: flo
         raise ValueError(
             f"Expected waypoints that differ from the one before, got {waypoints[place].position_m} twice; use hold_s"
         )
-    speeds_m_s = _speeds(waypoints, speed_m_s)
-    arrivals_s, departures_s = _times(waypoints, lengths_m / speeds_m_s)
-    velocities_m_s = legs_m / lengths_m[:, None] * speeds_m_s[:, None]
-    position = _position(positions_m[0], velocities_m_s, arrivals_s, departures_s, corner_s)
-    yaw = _yaw(_yaws_rad(waypoints, legs_m), 0.5 * (arrivals_s + departures_s), turn_s)
-    return Route(position, yaw, float(departures_s[-1]))
 
-
-def _speeds(waypoints: Sequence[Waypoint], speed_m_s: float) -> Floats:
-    """Speed (legs,) of each leg."""
-    speeds = []
+    # Velocity (legs, 3) of each leg.
+    speeds: list[float] = []
     for waypoint in waypoints[:-1]:
         speed_m_s = speed_m_s if waypoint.speed_m_s is None else waypoint.speed_m_s
         speeds.append(speed_m_s)
-    return np.array(speeds)
+    speeds_m_s = np.array(speeds)
+    velocities_m_s = legs_m / lengths_m[:, None] * speeds_m_s[:, None]
 
-
-def _times(waypoints: Sequence[Waypoint], leg_times_s: Floats) -> tuple[Floats, Floats]:
-    """Arrival at and departure from each waypoint (n,), the first arrival at 0."""
+    # Arrival at and departure from each waypoint (n,), the first arrival at 0.
     holds_s = np.array([waypoint.hold_s for waypoint in waypoints])
-    arrivals_s = np.concatenate([[0.0], np.cumsum(holds_s[:-1] + leg_times_s)])
-    return arrivals_s, arrivals_s + holds_s
+    arrivals_s = np.concatenate([[0.0], np.cumsum(holds_s[:-1] + lengths_m / speeds_m_s)])
+    departures_s = arrivals_s + holds_s
 
-
-def _position(
-    start_m: Floats, velocities_m_s: Floats, arrivals_s: Floats, departures_s: Floats, corner_s: float
-) -> SmoothedLine:
-    """Stop at each arrival, start at each departure; without a rest the two are one corner."""
-    times_s = np.stack([departures_s[:-1], arrivals_s[1:]], axis=1).ravel()
+    # The position stops at each arrival and starts at each departure; without a rest the two are one corner.
+    corners_s = np.stack([departures_s[:-1], arrivals_s[1:]], axis=1).ravel()
     bends = np.stack([velocities_m_s, -velocities_m_s], axis=1).reshape(-1, 3)
-    return SmoothedLine(start_m, times_s, np.zeros_like(bends), bends, corner_s)
+    position = SmoothedLine(positions_m[0], corners_s, np.zeros_like(bends), bends, corner_s)
 
-
-def _yaws_rad(waypoints: Sequence[Waypoint], legs_m: Floats) -> Floats:
-    """Yaw (n,) from each waypoint on; where nothing says it (straight up, or the end) it stays.
-
-    What comes before the first yaw that is known already has it, so that a climb is flown with the nose where it goes.
-    """
-    yaws: list[float | None] = []
-    ordered: float | None = None
-    for waypoint, leg in zip(waypoints, [*legs_m, np.zeros(3)], strict=True):
-        ordered = math.radians(waypoint.yaw_deg) if waypoint.yaw_deg is not None else ordered
-        course = math.atan2(leg[1], leg[0]) if np.any(leg[:2] != 0) else None
-        yaws.append(ordered if ordered is not None else course)
-    latest_yaw = next((yaw for yaw in yaws if yaw is not None), 0.0)
-    filled = []
-    for yaw in yaws:
+    # Yaw from each waypoint on: the yaw that a waypoint so far has, else the course of the leg. A leg straight up and
+    # the last waypoint have no course.
+    leg_yaws: list[float | None] = []
+    waypoint_yaw: float | None = None
+    for waypoint, leg_m in zip(waypoints, [*legs_m, np.zeros(3)], strict=True):
+        waypoint_yaw = math.radians(waypoint.yaw_deg) if waypoint.yaw_deg is not None else waypoint_yaw
+        course = math.atan2(leg_m[1], leg_m[0]) if np.any(leg_m[:2] != 0) else None
+        leg_yaws.append(waypoint_yaw if waypoint_yaw is not None else course)
+    # Without a yaw the last one stays; before the first one it already holds, so that a climb at the start does not
+    # turn the nose.
+    latest_yaw = next((yaw for yaw in leg_yaws if yaw is not None), 0.0)
+    yaws = []
+    for yaw in leg_yaws:
         latest_yaw = latest_yaw if yaw is None else yaw
-        filled.append(latest_yaw)
-    return np.unwrap(np.array(filled))  # the shorter way round
+        yaws.append(latest_yaw)
+    yaws_rad = np.unwrap(np.array(yaws))  # the shorter way round
 
-
-def _yaw(yaws_rad: Floats, times_s: Floats, turn_s: float) -> SmoothedLine:
-    """Turn at each waypoint, in the middle of its rest."""
+    # The yaw turns at each waypoint, in the middle of its rest.
+    turns_s = 0.5 * (arrivals_s + departures_s)
     steps = np.diff(yaws_rad)[:, None]
-    return SmoothedLine(yaws_rad[:1], times_s[1:], steps, np.zeros_like(steps), turn_s)
+    yaw_line = SmoothedLine(yaws_rad[:1], turns_s[1:], steps, np.zeros_like(steps), turn_s)
+    return Route(position, yaw_line, float(departures_s[-1]))

@@ -2,7 +2,7 @@
 
 Let the line jump by ``step`` and bend by ``bend`` (change its slope) at a corner, tau after it and z = tau / sigma.
 The average of a jump is the normal distribution Phi(z), that of a bend tau Phi(z) + sigma phi(z). An average never
-leaves the convex hull of what it averages: the curve stays within the hull of the line, and its derivative within
+leaves the convex hull of the averaged values: the curve stays within the hull of the line, and its derivative within
 that of the slopes (and steps). So a smoothed route cuts corners, overshoots none, and is nowhere faster than ordered.
 """
 
@@ -50,39 +50,35 @@ class SmoothedLine:
 
     def at(self, times_s: Floats) -> Derivatives:
         """Value and derivatives at ``times_s`` (n,)."""
+        # Corners before ``first_corner`` bend the line fully; those from ``stop_corner`` on do not act yet. Between the
+        # two, each corner adds its average.
         reach_s = REACH_SIGMAS * self.sigma_s
-        passed = np.searchsorted(self.times_s, times_s - reach_s)
-        reached = np.searchsorted(self.times_s, times_s + reach_s)
-        value, slope = self._line_after(passed, times_s)
-        total = Derivatives(value, slope, np.zeros_like(value), np.zeros_like(value))
-        for ahead in range(int(np.max(reached - passed, initial=0))):
-            rows = np.flatnonzero(passed + ahead < reached)
-            corners = passed[rows] + ahead
-            for sums, terms in zip(total, self._corner(corners, times_s[rows]), strict=True):
-                sums[rows] += terms
-        return total
+        first_corner = np.searchsorted(self.times_s, times_s - reach_s)
+        stop_corner = np.searchsorted(self.times_s, times_s + reach_s)
 
-    def _line_after(self, passed: NDArray[np.int64], times_s: Floats) -> tuple[Floats, Floats]:
-        """Value and slope (n, k) of the line bent by its first ``passed`` (n,) corners only."""
+        # Value and slope (n, k) of the line that is bent by the corners before ``first_corner`` only.
         slopes = np.vstack([np.zeros_like(self.start), np.cumsum(self.bends, axis=0)])
         rises = slopes[:-1] * np.diff(self.times_s, prepend=self.times_s[:1])[:, None] + self.steps
         vertices = self.start + np.vstack([np.zeros_like(self.start), np.cumsum(rises, axis=0)])
         corner_times_s = np.concatenate([[0.0], self.times_s])
-        slope = slopes[passed]
-        return vertices[passed] + slope * (times_s - corner_times_s[passed])[:, None], slope
+        slope = slopes[first_corner]
+        value = vertices[first_corner] + slope * (times_s - corner_times_s[first_corner])[:, None]
+        total = Derivatives(value, slope, np.zeros_like(value), np.zeros_like(value))
 
-    def _corner(self, corners: NDArray[np.int64], times_s: Floats) -> Derivatives:
-        """Compute what a corner each (n,) adds to the line before it, at ``times_s`` (n,)."""
-        steps, bends = self.steps[corners], self.bends[corners]
-        tau_s = (times_s - self.times_s[corners])[:, None]
-        z = tau_s / self.sigma_s
-        phi = np.exp(-0.5 * z**2) / np.sqrt(2 * np.pi)
-        density = phi / self.sigma_s
-        density_rate = -z / self.sigma_s * density
-        density_curvature = (z**2 - 1) / self.sigma_s**2 * density
-        return Derivatives(
-            steps * ndtr(z) + bends * (tau_s * ndtr(z) + self.sigma_s * phi),
-            steps * density + bends * ndtr(z),
-            steps * density_rate + bends * density,
-            steps * density_curvature + bends * density_rate,
-        )
+        # Rows have different numbers of corners in reach: the k-th corner of every row that has one is added at once.
+        for k in range(int(np.max(stop_corner - first_corner, initial=0))):
+            rows = np.flatnonzero(first_corner + k < stop_corner)
+            corners = first_corner[rows] + k
+            steps, bends = self.steps[corners], self.bends[corners]
+            tau_s = (times_s[rows] - self.times_s[corners])[:, None]
+            z = tau_s / self.sigma_s
+            phi = np.exp(-0.5 * z**2) / np.sqrt(2 * np.pi)
+            # First, second and third derivative of Phi(z) with respect to time.
+            density = phi / self.sigma_s
+            density_rate = -z / self.sigma_s * density
+            density_curvature = (z**2 - 1) / self.sigma_s**2 * density
+            total.value[rows] += steps * ndtr(z) + bends * (tau_s * ndtr(z) + self.sigma_s * phi)
+            total.first[rows] += steps * density + bends * ndtr(z)
+            total.second[rows] += steps * density_rate + bends * density
+            total.third[rows] += steps * density_curvature + bends * density_rate
+        return total

@@ -1,4 +1,4 @@
-"""What is known of a flight at an instant."""
+"""The state of a flight: pose, velocities and accelerations."""
 
 from dataclasses import dataclass
 
@@ -10,7 +10,7 @@ Floats = NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True)
 class FlightState:
-    """The truth at n instants, float64; ``p_world = R_world_body p_body + position``."""
+    """Ground truth at n instants, float64; ``p_world = R_world_body p_body + position``."""
 
     positions_world_m: Floats
     """(n, 3)"""

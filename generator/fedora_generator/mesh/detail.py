@@ -1,4 +1,4 @@
-"""How finely a mesh world is drawn."""
+"""Options of a mesh world: precision and antialiasing."""
 
 from dataclasses import dataclass
 from typing import ClassVar, Final, Literal
@@ -8,7 +8,7 @@ from pydantic import ConfigDict
 Precision = Literal["float", "8bit"]
 
 GAMMA: Final = 2.2
-"""Of the 8-bit path, as pyrender's own shader encodes its radiance."""
+"""Exponent of the 8-bit encoding, the same as in pyrender's own shader."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -1,20 +1,19 @@
-"""The world of rectangles and boxes as textured triangles: the scene that both renderers can draw.
+"""The exact world as textured triangles: so that both renderers can draw the same scene.
 
-Each face is cut into cells, small near the path of the camera and large far from it, and each cell gets an image of
-its procedural texture, averaged over every texel in closed form.
+Each face is cut into cells, small near the path of the camera and large far from it. Each cell has an image of the
+face's procedural texture, averaged over every texel in closed form.
 """
 
-from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
+from numba import njit, prange
 from numpy.typing import NDArray
 
 from fedora_generator.mesh.model import MeshModel, TexturedMesh
-from fedora_generator.mesh.texel_kernels import average_over_texels
 from fedora_generator.surfaces.faces import Faces, faces_of
-from fedora_generator.surfaces.texture_kernels import TextureTable
+from fedora_generator.surfaces.texture_kernels import TextureTable, steps_average, waves_average
 from fedora_generator.surfaces.textures import texture_table
 from fedora_generator.surfaces.world import World
 
@@ -28,8 +27,8 @@ FINEST_TEXEL_M: Final = 0.002
 
 CELL_TEXELS: Final = 512
 MARGIN_TEXELS: Final = 8
-"""Texels around a cell that show its neighbours, so that filters do not see its border; a power of two above the
-factor by which mipmaps reduce near the camera."""
+"""Texels around a cell that show its neighbours, so that filters do not reach beyond its image; a power of two above
+the factor by which mipmaps reduce near the camera."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -43,45 +42,91 @@ class Cell:
 
 
 def model_of_world(world: World, path_world_m: Floats, *, texel_rad: float = FINEST_TEXEL_RAD) -> MeshModel:
-    """Triangles that show a world to a camera whose path is ``path_world_m`` (n, 3)."""
+    """Triangles of a world, with textures as fine as a camera on a path can resolve.
+
+    Parameters
+    ----------
+    world
+        Rectangles and boxes.
+    path_world_m
+        (n, 3) positions of the camera.
+    texel_rad
+        Size of a texel over its distance from the path.
+    """
     faces, textures = faces_of(world), texture_table(list(world.textures.values()))
     colours = [np.array([texture.dark_rgb, texture.light_rgb]) for texture in world.textures.values()]
     meshes = [
-        _mesh_of(cell, faces, textures, colours[faces.textures[cell.face]])
+        _mesh_of_cell(cell, faces, textures, colours[faces.textures[cell.face]])
         for face in range(len(faces.textures))
-        for cell in _cells_of(face, faces, path_world_m, texel_rad)
+        for cell in _cells_of_face(face, faces, path_world_m, texel_rad)
     ]
     return MeshModel(name=world.name, meshes=tuple(meshes), lamps=world.lamps, solids=world.boxes)
 
 
-def _cells_of(face: int, faces: Faces, path_world_m: Floats, texel_rad: float) -> Iterator[Cell]:
-    """Cells of a face, none with more than ``CELL_TEXELS`` along a side."""
+@njit(parallel=True, cache=True, error_model="numpy")
+def average_over_texels(
+    textures: TextureTable,
+    texture: int,
+    first_uv_m: tuple[float, float],
+    texel_m: tuple[float, float],
+    wave_offset_m: tuple[float, float],
+    s: NDArray[np.float64],
+) -> None:
+    """Average a texture over the texels of an image.
+
+    Parameters
+    ----------
+    textures, texture
+        Table of all textures, and the index of one of them.
+    first_uv_m
+        Centre of the first texel on the face.
+    texel_m
+        Size of a texel along u and v.
+    wave_offset_m
+        Added to (u, v) for the waves.
+    s
+        (rows along v, columns along u) is filled with the texture's value, 0 to 1.
+    """
+    rows, columns = s.shape
+    du, dv = texel_m
+    for row in prange(rows):
+        terms = np.empty(textures.waves.shape[1])
+        v = first_uv_m[1] + row * dv
+        for column in range(columns):
+            u = first_uv_m[0] + column * du
+            waves = waves_average(
+                textures, texture, u + wave_offset_m[0], v + wave_offset_m[1], du, 0.0, 0.0, dv, terms
+            )
+            s[row, column] = 0.5 + waves + steps_average(textures, texture, u, v, du, 0.0, 0.0, dv)
+
+
+def _cells_of_face(face: int, faces: Faces, path_world_m: Floats, texel_rad: float) -> list[Cell]:
+    """Cut a face into cells, none with more than ``CELL_TEXELS`` along a side."""
     offsets_m = path_world_m - faces.centers_m[face]
     axes = np.stack([faces.u_axes[face], faces.v_axes[face], faces.normals[face]])
     path_face_m = offsets_m @ axes.T
-    waiting = [(-faces.half_sizes_m[face], faces.half_sizes_m[face])]
-    while waiting:
-        low_m, high_m = waiting.pop()
-        texel_m = max(FINEST_TEXEL_M, texel_rad * _distance_m(path_face_m, low_m, high_m))
+    cells = []
+    queue = [(-faces.half_sizes_m[face], faces.half_sizes_m[face])]
+    while queue:
+        low_m, high_m = queue.pop()
+        # Distance from the rectangle to the nearest point of the path: along u, v and the normal.
+        beside_m = np.maximum(0.0, np.maximum(low_m - path_face_m[:, :2], path_face_m[:, :2] - high_m))
+        distance_m = float(np.sqrt((beside_m**2).sum(axis=-1) + path_face_m[:, 2] ** 2).min())
+        texel_m = max(FINEST_TEXEL_M, texel_rad * distance_m)
         longest = int(np.argmax(high_m - low_m))
         if (high_m - low_m)[longest] <= CELL_TEXELS * texel_m:
-            yield Cell(face, low_m, high_m, texel_m)
-            continue
-        below_m, above_m = high_m.copy(), low_m.copy()
-        below_m[longest] = above_m[longest] = 0.5 * (low_m + high_m)[longest]
-        waiting += [(low_m, below_m), (above_m, high_m)]
+            cells.append(Cell(face, low_m, high_m, texel_m))
+        else:
+            below_m, above_m = high_m.copy(), low_m.copy()
+            below_m[longest] = above_m[longest] = 0.5 * (low_m + high_m)[longest]
+            queue += [(low_m, below_m), (above_m, high_m)]
+    return cells
 
 
-def _distance_m(path_face_m: Floats, low_m: Floats, high_m: Floats) -> float:
-    """Distance from a rectangle of the plane to the nearest point (n, 3) of the path: along u, v and the normal."""
-    beside_m = np.maximum(0.0, np.maximum(low_m - path_face_m[:, :2], path_face_m[:, :2] - high_m))
-    return float(np.sqrt((beside_m**2).sum(axis=-1) + path_face_m[:, 2] ** 2).min())
-
-
-def _mesh_of(cell: Cell, faces: Faces, textures: TextureTable, dark_and_light_rgb: Floats) -> TexturedMesh:
+def _mesh_of_cell(cell: Cell, faces: Faces, textures: TextureTable, dark_and_light_rgb: Floats) -> TexturedMesh:
     """Two triangles and their image."""
     size_m = cell.high_m - cell.low_m
-    # Sides in multiples of 16 texels, so that the first mipmaps halve them without a rest.
+    # Sides in multiples of 16 texels, so that the first four mipmaps halve them without remainder.
     sides = 16 * np.ceil((size_m / cell.texel_m + 2 * MARGIN_TEXELS) / 16).astype(np.int64)
     texel_m = size_m / (sides - 2 * MARGIN_TEXELS)
     first_m = cell.low_m + (0.5 - MARGIN_TEXELS) * texel_m

@@ -1,4 +1,4 @@
-"""What a camera cannot see need not be drawn."""
+"""Which meshes may be in a camera's view; the others are not drawn."""
 
 from dataclasses import dataclass
 
@@ -30,16 +30,26 @@ class BoundingSpheres:
         return cls(centers_m, np.array(farthest_m))
 
     def may_be_seen(self, camera: Camera, T_world_camera: Floats) -> NDArray[np.bool_]:
-        """Whether any point of each sphere may lie in the image (n,); never false where one does."""
+        """Whether any point of each sphere may lie in the image.
+
+        Parameters
+        ----------
+        camera
+            Camera matrix and size of the image.
+        T_world_camera
+            (4, 4) pose of the camera.
+
+        Returns
+        -------
+        visible
+            (n,) never false for a sphere that has a point in the image.
+        """
+        # Inward unit normals (5, 3), optical frame, of the planes through the centre and the borders, and of z = 0.
+        K = camera.K
+        left, top = (-0.5 - K[0, 2]) / K[0, 0], (-0.5 - K[1, 2]) / K[1, 1]
+        right, bottom = (camera.width - 0.5 - K[0, 2]) / K[0, 0], (camera.height - 0.5 - K[1, 2]) / K[1, 1]
+        normals = np.array([[1, 0, -left], [-1, 0, right], [0, 1, -top], [0, -1, bottom], [0, 0, 1]])
+        normals = normals / np.linalg.norm(normals, axis=1, keepdims=True)
         centers_camera_m = (self.centers_world_m - T_world_camera[:3, 3]) @ T_world_camera[:3, :3]
-        heights_m = centers_camera_m @ _inward_normals(camera).T
+        heights_m = centers_camera_m @ normals.T
         return np.asarray((heights_m >= -self.radii_m[:, None]).all(axis=1))
-
-
-def _inward_normals(camera: Camera) -> Floats:
-    """Return unit normals (5, 3), optical frame, of the planes through the centre and the borders, and of z = 0."""
-    K = camera.K
-    left, top = (-0.5 - K[0, 2]) / K[0, 0], (-0.5 - K[1, 2]) / K[1, 1]
-    right, bottom = (camera.width - 0.5 - K[0, 2]) / K[0, 0], (camera.height - 0.5 - K[1, 2]) / K[1, 1]
-    normals = np.array([[1, 0, -left], [-1, 0, right], [0, 1, -top], [0, -1, bottom], [0, 0, 1]])
-    return np.asarray(normals / np.linalg.norm(normals, axis=1, keepdims=True))

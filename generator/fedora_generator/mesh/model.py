@@ -1,4 +1,4 @@
-"""What a world of triangles consists of, before anything is drawn."""
+"""A world of triangles: meshes with textures, lamps, and solids that a camera must not enter."""
 
 from dataclasses import dataclass
 from typing import Final
@@ -13,14 +13,14 @@ GROUND: Final = "ground"
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TexturedMesh:
-    """Triangles under one texture. Surfaces are Lambert's: their radiance does not depend on where they are seen from.
+    """Triangles under one texture. Surfaces are Lambert's: their radiance does not depend on the direction of view.
 
     ``vertices_world_m`` (n, 3) and ``normals_world`` (n, 3, unit) are in the world frame (ENU); ``triangles`` (m, 3)
-    index them, counter-clockwise as seen from the front. ``uv`` (n, 2) are texture coordinates; (0, 0) is the outer
-    corner of the first texel of the first row, (1, 1) that of the last of the last. Beyond, the texture repeats, or
-    its outermost texels go on.
-    ``reflectance_rgb`` (h, w, 3), float32, linear, 0 to 1. ``emission_rgb`` is radiance of its own, linear, added
-    everywhere the same: 1 is white. A two-sided mesh is seen from behind too, with its normal turned around.
+    index them, counter-clockwise from the front. ``uv`` (n, 2) are texture coordinates; (0, 0) is the outer corner of
+    the first texel of the first row, (1, 1) that of the last texel of the last row. Beyond, the texture repeats if
+    ``repeats``; otherwise its outermost texels continue.
+    ``reflectance_rgb`` (h, w, 3), float32, linear, 0 to 1. ``emission_rgb`` is constant radiance, linear, added to the
+    reflected light: 1 is white. A two-sided mesh is visible from behind too, with its normal reversed.
     """
 
     name: str
@@ -45,9 +45,9 @@ class TexturedMesh:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MeshModel:
-    """Everything that stands in a world of triangles.
+    """A world of triangles, all at rest.
 
-    ``solids`` are what a camera must not enter; it must stay over the one that is called ``GROUND``, if there is one.
+    A camera must not enter ``solids``; it must stay over the solid with the name ``GROUND``, if there is one.
     """
 
     name: str
@@ -58,9 +58,19 @@ class MeshModel:
     def collision(
         self, positions_world_m: NDArray[np.float64], times_s: NDArray[np.float64] | None = None
     ) -> tuple[int, str] | None:
-        """First of the points (n, 3) that is inside a solid or not over the ground, and which; None if none is.
+        """First point that is inside a solid or not over the ground.
 
-        Nothing moves with time.
+        Parameters
+        ----------
+        positions_world_m
+            (n, 3) points.
+        times_s
+            (n,) ignored, as nothing moves.
+
+        Returns
+        -------
+        collision
+            Index of the point, and what it collides with; None if all points are free.
         """
         hits = [
             (int(np.argmax(inside)), f"inside {solid.name!r}")
@@ -69,5 +79,5 @@ class MeshModel:
         ]
         for ground in (solid for solid in self.solids if solid.name == GROUND):
             departed = departures(ground.heights_m(positions_world_m))
-            hits += [(index, what) for index, what in departed if index is not None]
+            hits += [(index, departure) for index, departure in departed if index is not None]
         return min(hits, default=None)

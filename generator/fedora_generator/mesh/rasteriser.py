@@ -12,28 +12,42 @@ from numpy.typing import NDArray
 from OpenGL import GL
 
 from fedora_generator.camera import Camera
-from fedora_generator.mesh.clip_control import use_depth_from_zero
 from fedora_generator.mesh.context import open_context
 from fedora_generator.mesh.detail import GAMMA, MeshDetail
-from fedora_generator.mesh.framebuffers import SAMPLES, FloatFramebuffer, SampledFramebuffer
 from fedora_generator.mesh.frustum import BoundingSpheres
 from fedora_generator.mesh.model import MeshModel
-from fedora_generator.mesh.program import Program
-from fedora_generator.mesh.upload import UploadedMesh, upload
+from fedora_generator.mesh.opengl import (
+    SAMPLES,
+    FloatFramebuffer,
+    Program,
+    SampledFramebuffer,
+    UploadedMesh,
+    upload,
+    use_depth_from_zero,
+)
 from fedora_generator.surfaces.light import Light
-from fedora_generator.surfaces.world import Lamp
 
 Floats = NDArray[np.float64]
 
 NEAR_M: Final = 0.05
-"""Nothing nearer is drawn: half of the nearest valid depth, so that its rounding at the border is seen, not clipped."""
+"""Near plane: half of the nearest valid depth, so that a surface at that depth is drawn, not clipped."""
 
 MOST_FRAGMENTS: Final = 2_000_000
 """Fragments drawn at once, 20 bytes a sample: larger images are drawn in bands of rows."""
 
 
 class Rasteriser:
-    """A model under a light in the memory of OpenGL. One thread may use it, and it draws one image at a time."""
+    """A model under a light in the memory of OpenGL. A single thread may use it.
+
+    Parameters
+    ----------
+    model
+        Meshes and lamps.
+    light
+        Sun, sky and the strength of the lamps.
+    detail
+        Precision; the number of fragments is an argument of ``radiance``.
+    """
 
     def __init__(self, model: MeshModel, light: Light, detail: MeshDetail) -> None:
         self._context = open_context()
@@ -51,32 +65,8 @@ class Rasteriser:
         weakref.finalize(self, _release, self._meshes).atexit = False
         self._fine: dict[tuple[int, int], SampledFramebuffer] = {}
         self._images: dict[tuple[int, int], FloatFramebuffer] = {}
-        self._set_light(light, lamps)
 
-    def radiance(self, camera: Camera, T_world_camera: Floats, factor: int) -> Floats:
-        """Linear radiance (height, width, 3) over each pixel, 1 is white; ``factor``^2 fragments a pixel."""
-        mean = self._image_of(camera)
-        rows = max(1, MOST_FRAGMENTS // (camera.width * factor**2))
-        fine = self._fine_of(camera.width * factor, min(rows, camera.height) * factor)
-        for first_row in range(0, camera.height, rows):
-            fine.bind()
-            # The window onto the whole image, moved so that the band lies in the framebuffer.
-            GL.glViewport(0, -first_row * factor, camera.width * factor, camera.height * factor)
-            self._draw_sky(camera, T_world_camera)
-            self._draw_meshes(self._surface, camera, T_world_camera)
-            mean.bind()
-            self._draw_average(fine, factor, first_row, min(rows, camera.height - first_row))
-        return mean.read_rgb()
-
-    def inverse_depth_per_m(self, camera: Camera, T_world_camera: Floats) -> Floats:
-        """1 / z-depth (height, width) at the pixel centres, 1/m; 0 where nothing is."""
-        target = self._image_of(camera)
-        target.bind()
-        GL.glViewport(0, 0, camera.width, camera.height)
-        self._draw_meshes(self._depth, camera, T_world_camera)
-        return target.read_depth() / NEAR_M
-
-    def _set_light(self, light: Light, lamps: list[Lamp]) -> None:
+        # The light stays the same for all images.
         self._surface.use()
         self._surface.set("ambient", light.ambient)
         self._surface.set("sun", light.sun_strength * light.to_sun)
@@ -92,25 +82,74 @@ class Rasteriser:
         self._average.use()
         self._average.set("gamma", self._gamma)
 
-    def _draw_sky(self, camera: Camera, T_world_camera: Floats) -> None:
-        """Fill the image: everything else is drawn over it."""
+    def radiance(self, camera: Camera, T_world_camera: Floats, factor: int) -> Floats:
+        """Linear radiance averaged over each pixel.
+
+        Parameters
+        ----------
+        camera
+            Camera matrix and size of the image.
+        T_world_camera
+            (4, 4) pose of the camera.
+        factor
+            Fragments along each side of a pixel.
+
+        Returns
+        -------
+        radiance
+            (height, width, 3); 1 is white.
+        """
+        mean = self._image_of(camera)
+        rows = max(1, MOST_FRAGMENTS // (camera.width * factor**2))
+        size = (camera.width * factor, min(rows, camera.height) * factor)
+        if size not in self._fine:
+            self._fine[size] = SampledFramebuffer(*size, self._format)
+        fine = self._fine[size]
         fx, fy, cx, cy = _pinhole(camera)
         device_rays = np.array([[1 / fx, 0.0, -cx / fx], [0.0, 1 / fy, -cy / fy], [0.0, 0.0, 1.0]])
-        self._sky.use()
-        self._sky.set("rays", T_world_camera[:3, :3] @ device_rays)
-        self._draw_everywhere()
+        for first_row in range(0, camera.height, rows):
+            fine.bind()
+            # The viewport of the whole image, shifted so that the band lies in the framebuffer.
+            GL.glViewport(0, -first_row * factor, camera.width * factor, camera.height * factor)
+            self._sky.use()
+            self._sky.set("rays", T_world_camera[:3, :3] @ device_rays)
+            self._draw_everywhere()
+            self._draw_meshes(self._surface, camera, T_world_camera)
 
-    def _draw_average(self, fine: SampledFramebuffer, factor: int, first_row: int, rows: int) -> None:
-        """Average the fragments of a band into its rows of the image."""
-        GL.glViewport(0, 0, fine.width // factor, first_row + rows)
-        GL.glScissor(0, first_row, fine.width // factor, rows)
-        GL.glEnable(GL.GL_SCISSOR_TEST)
-        GL.glBindTexture(GL.GL_TEXTURE_2D_MULTISAMPLE, fine.texture)
-        self._average.use()
-        self._average.set_whole("factor", factor)
-        self._average.set_whole("first_row", first_row)
-        self._draw_everywhere()
-        GL.glDisable(GL.GL_SCISSOR_TEST)
+            # The mean of the fragments of each pixel, in the band's rows of the image.
+            band_rows = min(rows, camera.height - first_row)
+            mean.bind()
+            GL.glViewport(0, 0, camera.width, first_row + band_rows)
+            GL.glScissor(0, first_row, camera.width, band_rows)
+            GL.glEnable(GL.GL_SCISSOR_TEST)
+            GL.glBindTexture(GL.GL_TEXTURE_2D_MULTISAMPLE, fine.texture)
+            self._average.use()
+            self._average.set_integer("factor", factor)
+            self._average.set_integer("first_row", first_row)
+            self._draw_everywhere()
+            GL.glDisable(GL.GL_SCISSOR_TEST)
+        return mean.read_rgb()
+
+    def inverse_depth_per_m(self, camera: Camera, T_world_camera: Floats) -> Floats:
+        """Inverse depth along the optical axis.
+
+        Parameters
+        ----------
+        camera
+            Camera matrix and size of the image.
+        T_world_camera
+            (4, 4) pose of the camera.
+
+        Returns
+        -------
+        inverse_depth
+            (height, width) 1 / z at the pixel centres, 1/m; 0 for the sky.
+        """
+        target = self._image_of(camera)
+        target.bind()
+        GL.glViewport(0, 0, camera.width, camera.height)
+        self._draw_meshes(self._depth, camera, T_world_camera)
+        return target.read_depth() / NEAR_M
 
     def _draw_everywhere(self) -> None:
         """Run the program in use on every pixel."""
@@ -139,11 +178,6 @@ class Rasteriser:
             program.set("emission", mesh.emission_rgb)
             mesh.draw()
 
-    def _fine_of(self, width: int, height: int) -> SampledFramebuffer:
-        if (width, height) not in self._fine:
-            self._fine[width, height] = SampledFramebuffer(width, height, self._format)
-        return self._fine[width, height]
-
     def _image_of(self, camera: Camera) -> FloatFramebuffer:
         size = (camera.width, camera.height)
         if size not in self._images:
@@ -152,7 +186,7 @@ class Rasteriser:
 
 
 def _release(meshes: list[UploadedMesh]) -> None:
-    """Free what takes the most memory; the rest goes with the process."""
+    """Free the meshes, which take the most memory; the process frees the rest when it ends."""
     for mesh in meshes:
         mesh.delete()
 

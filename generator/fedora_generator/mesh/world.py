@@ -33,10 +33,19 @@ class MeshWorld:
     def of(cls, model: MeshModel, light: Light, detail: MeshDetail | None = None) -> "MeshWorld":
         """Prepare a model for rendering.
 
+        Parameters
+        ----------
+        model
+            Meshes and lamps.
+        light
+            Sun, sky and the strength of the lamps.
+        detail
+            Precision and antialiasing; the default is ``MeshDetail()``.
+
         Raises
         ------
         GraphicsMissingError
-            There is no OpenGL here.
+            This machine has no OpenGL.
         """
         from fedora_generator.mesh.context import open_context  # noqa: PLC0415
 
@@ -48,7 +57,7 @@ class MeshWorld:
 
     @property
     def moves(self) -> bool:
-        """Nothing does."""
+        """Whether anything moves: no."""
         return False
 
     def at(self, time_us: int) -> "MeshWorld":
@@ -60,7 +69,7 @@ class MeshWorld:
         return np.zeros((len(times_s), 3))
 
     def bodies_seen(self, camera: Camera, T_world_camera: Floats) -> NDArray[np.int64]:
-        """Body (height, width) that each pixel shows: 0, which is all that stands."""
+        """Body (height, width) that each pixel shows: 0, as everything is at rest."""
         return np.zeros((camera.height, camera.width), dtype=np.int64)
 
     def rgb_dn(self, camera: Camera, T_world_camera: Floats) -> Floats:
@@ -73,5 +82,5 @@ class MeshWorld:
         return np.asarray(radiance_dn @ np.array(LUMA_WEIGHTS_RGB))
 
     def inverse_depth_per_m(self, camera: Camera, T_world_camera: Floats) -> Floats:
-        """1 / z-depth (height, width) along the optical axis at the pixel centres, 1/m; 0 where the sky is seen."""
+        """1 / z-depth (height, width) along the optical axis at the pixel centres, 1/m; 0 for the sky."""
         return self.rasteriser.inverse_depth_per_m(camera, T_world_camera)

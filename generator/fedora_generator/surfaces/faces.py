@@ -7,13 +7,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fedora_generator.surfaces.projection_kernels import FaceFrames
-from fedora_generator.surfaces.world import Box, Rectangle, World
+from fedora_generator.surfaces.world import World
 
 Floats = NDArray[np.float64]
 
 WAVE_SHIFT_M: Final = (17.3, 11.9)
-"""Where the waves of a face start, times the face's number, so that two boxes of one texture do not look alike.
-Its markings (stripes, checkers, dashes) stay centred on the face."""
+"""Offset of the waves of a face, times the face's number, so that two boxes of the same texture look different.
+Stripes, checkers and dashes stay centred on the face."""
 
 # Axes u and v of the faces of a box, in the box's frame; the outward normal is u x v.
 _BOX_FACES: Final = np.array(
@@ -48,7 +48,7 @@ class Faces:
     textures: NDArray[np.int64]
     """(n,), index into the world's textures"""
     bodies: NDArray[np.int64]
-    """(n,), 0 for what stands, k for the world's k-th mover, counted from 1"""
+    """(n,), 0 for faces at rest, k for the world's k-th mover, counted from 1"""
 
     @property
     def frames(self) -> FaceFrames:
@@ -59,11 +59,21 @@ class Faces:
 def faces_of(world: World) -> Faces:
     """All faces of the world: the rectangles, then six for each box and for each mover, as described."""
     names, boxes = list(world.textures), (*world.boxes, *world.movers)
-    parts = [_rectangle_face(rectangle) for rectangle in world.rectangles]
-    parts += [face for box in boxes for face in _box_faces(box)]
-    textures = [names.index(rectangle.texture) for rectangle in world.rectangles]
-    textures += [names.index(box.texture) for box in boxes for _ in _BOX_FACES]
+    parts, textures = [], []
+    for rectangle in world.rectangles:
+        axes = np.array([rectangle.u_axis, rectangle.v_axis], dtype=np.float64)
+        parts.append((np.array(rectangle.center_m, dtype=np.float64), *axes, 0.5 * np.array(rectangle.size_m)))
+        textures.append(names.index(rectangle.texture))
+    for box in boxes:
+        half_size_m = 0.5 * np.array(box.size_m)
+        for u_axis, v_axis in _BOX_FACES:
+            center_m = np.array(box.center_m) + box.axes_world @ (half_size_m * np.cross(u_axis, v_axis))
+            half_uv_m = np.array([np.abs(u_axis) @ half_size_m, np.abs(v_axis) @ half_size_m])
+            parts.append((center_m, box.axes_world @ u_axis, box.axes_world @ v_axis, half_uv_m))
+            textures.append(names.index(box.texture))
     centers_m, u_axes, v_axes, half_sizes = (np.array(column) for column in zip(*parts, strict=True))
+    faces_at_rest = np.zeros(len(world.rectangles) + len(world.boxes) * len(_BOX_FACES), np.int64)
+    faces_of_movers = np.repeat(1 + np.arange(len(world.movers)), len(_BOX_FACES))
     return Faces(
         centers_m=centers_m,
         u_axes=u_axes,
@@ -72,35 +82,18 @@ def faces_of(world: World) -> Faces:
         half_sizes_m=half_sizes,
         wave_offsets_m=np.outer(np.arange(len(parts)), WAVE_SHIFT_M),
         textures=np.array(textures, dtype=np.int64),
-        bodies=_bodies(world),
+        bodies=np.concatenate([faces_at_rest, faces_of_movers]),
     )
 
 
 def moved(faces: Faces, displacements_m: Floats) -> Faces:
-    """Faces with each body displaced by its row of ``displacements_m`` (1 + bodies, 3); row 0 is of what stands."""
+    """Displace each body of the faces.
+
+    Parameters
+    ----------
+    faces
+        As described, at no displacement.
+    displacements_m
+        (1 + movers, 3) by body, in the world frame; row 0, of the faces at rest, is zero.
+    """
     return replace(faces, centers_m=faces.centers_m + displacements_m[faces.bodies])
-
-
-def _bodies(world: World) -> NDArray[np.int64]:
-    standing = np.zeros(len(world.rectangles) + len(world.boxes) * len(_BOX_FACES), np.int64)
-    moving = np.repeat(1 + np.arange(len(world.movers)), len(_BOX_FACES))
-    return np.concatenate([standing, moving])
-
-
-def _rectangle_face(rectangle: Rectangle) -> tuple[Floats, Floats, Floats, Floats]:
-    return (
-        np.array(rectangle.center_m, dtype=np.float64),
-        np.array(rectangle.u_axis, dtype=np.float64),
-        np.array(rectangle.v_axis, dtype=np.float64),
-        0.5 * np.array(rectangle.size_m),
-    )
-
-
-def _box_faces(box: Box) -> list[tuple[Floats, Floats, Floats, Floats]]:
-    half_size_m = 0.5 * np.array(box.size_m)
-    faces = []
-    for u_axis, v_axis in _BOX_FACES:
-        center_m = np.array(box.center_m) + box.axes_world @ (half_size_m * np.cross(u_axis, v_axis))
-        half_uv_m = np.array([np.abs(u_axis) @ half_size_m, np.abs(v_axis) @ half_size_m])
-        faces.append((center_m, box.axes_world @ u_axis, box.axes_world @ v_axis, half_uv_m))
-    return faces

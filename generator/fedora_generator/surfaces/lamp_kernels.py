@@ -13,9 +13,16 @@ from numba import njit
 
 @njit(cache=True, error_model="numpy")
 def lamp_average(u: float, v: float, squared_height: float, au: float, av: float, bu: float, bv: float) -> float:
-    """Mean of (r^2 + H^2)^(-3/2), m^-3, over the parallelogram of sides a and b (m) around (u, v), m from the foot.
+    """Mean of (r^2 + H^2)^(-3/2), m^-3, over a parallelogram.
 
-    ``squared_height`` is H^2, above 0.
+    Parameters
+    ----------
+    u, v
+        Centre, m from the foot of the perpendicular.
+    squared_height
+        H^2, m^2, above 0.
+    au, av, bu, bv
+        Sides a and b along u and v, m.
     """
     p, q, r, s = (
         _corner(u - 0.5 * (au + bu), v - 0.5 * (av + bv), squared_height),

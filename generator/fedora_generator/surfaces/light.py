@@ -1,6 +1,6 @@
 """Light on Lambert surfaces: ambient, one sun, point lamps; no cast shadows.
 
-What moves keeps its light: it never turns, and no lamp is lit where anything moves (``scene.py``).
+The light of a mover is constant: it never turns, and a scene with movers has no lit lamps (``scene.py``).
 
 Irradiance is relative: a white surface under irradiance 1 has radiance ``WHITE_DN``.
 """
@@ -49,22 +49,45 @@ class Light:
 
     @property
     def to_sun(self) -> NDArray[np.float64]:
-        """Unit vector (3,) from any place towards the sun, world."""
+        """Unit vector (3,) towards the sun, in the world frame."""
         azimuth, elevation = math.radians(self.sun_azimuth_deg), math.radians(self.sun_elevation_deg)
         flat = math.cos(elevation)
         return np.array([flat * math.cos(azimuth), flat * math.sin(azimuth), math.sin(elevation)])
 
 
 def even_irradiance(light: Light, faces: Faces) -> NDArray[np.float64]:
-    """Irradiance (n,) that is the same all over a face: ambient, and the sun by Lambert's cosine."""
+    """Irradiance (n,) that is constant over a face: ambient, and the sun by Lambert's cosine.
+
+    Parameters
+    ----------
+    light
+        Of the scene.
+    faces
+        n faces in the world frame.
+    """
     return light.ambient + light.sun_strength * np.maximum(faces.normals @ light.to_sun, 0.0)
 
 
 def lamps_over_faces(light: Light, lamps: tuple[Lamp, ...], faces: Faces) -> NDArray[np.float64]:
-    """Lamps in the coordinates of every face, (n, lamps, 4): u, v, squared softened height, weight.
+    """Lamps in the coordinates of every face.
 
-    A lamp of strength I at height h over the plane gives I h / (r^2 + radius^2)^(3/2) at distance r: the cosine law
-    and the inverse square, softened so that a surface beside the lamp stays finite. Weight is I h, 0 from behind.
+    At distance r from its foot, a lamp of strength I at height h over the plane gives the irradiance
+    I h / (r^2 + h^2 + radius^2)^(3/2). This is the cosine law and the inverse square, softened so that a surface beside
+    the lamp stays finite.
+
+    Parameters
+    ----------
+    light
+        Of the scene.
+    lamps
+        Of the world; those of no strength under this light are left out.
+    faces
+        n faces in the world frame.
+
+    Returns
+    -------
+    table
+        (n, lamps, 4): u and v (m), squared softened height h^2 + radius^2 (m^2), weight I h, 0 if the lamp is behind.
     """
     lit = [lamp for lamp in lamps if lamp.strength * light.lamp_scale > 0]
     table = np.empty((len(faces.textures), len(lit), 4))

@@ -1,4 +1,4 @@
-"""How a box moves: along straight lines and sines, in closed form. It never turns, so that its light stays as it is."""
+"""Movement of a box along straight lines and sines, in closed form. A box never turns, so its light stays constant."""
 
 import math
 from dataclasses import dataclass
@@ -38,7 +38,7 @@ class Sway:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Movement:
-    """Where a box is, from where it stands in the description: ``velocity_m_s t`` and the sum of its sways."""
+    """Displacement of a box from its described position: ``velocity_m_s t`` and the sum of its sways."""
 
     __pydantic_config__: ClassVar[ConfigDict] = ConfigDict(extra="forbid")
 

@@ -13,12 +13,12 @@ from numpy.typing import NDArray
 from fedora_generator.surfaces.visibility_kernels import FIRST_BORDER, SLIVER, STOP_BORDER, W, value
 
 MAX_PIECES: Final = 64
-"""Open at once. Each cut opens one, and a line cuts a piece once: more than enough for 64 lines."""
+"""Largest number of pieces of a pixel. Each cut adds one, and a line cuts a piece once: more than 64 lines need."""
 
 MAX_CORNERS: Final = 24
 
 CUT: Final = -2
-NO_ROOM: Final = -3
+BUFFER_FULL: Final = -3
 
 COVERS: Final = -1
 MISSES: Final = -2
@@ -31,7 +31,11 @@ SAME_PLANE: Final = 1e-12
 
 
 class Pieces(NamedTuple):
-    """Room for the pieces of one pixel: corners (64, 24), how many each piece has (64,), and notes on faces (n,)."""
+    """Buffers for the pieces of a pixel.
+
+    ``x`` and ``y`` (64, 24) are the corners, ``corners`` (64,) their number in each piece. ``states`` (n,) is, for each
+    face of the pixel, COVERS, MISSES or the border that crosses the piece.
+    """
 
     x: NDArray[np.float64]
     y: NDArray[np.float64]
@@ -40,8 +44,8 @@ class Pieces(NamedTuple):
 
 
 @njit(cache=True, error_model="numpy")
-def room_for_pieces(faces: int) -> Pieces:
-    """Empty buffers for a pixel of at most so many faces."""
+def empty_pieces(faces: int) -> Pieces:
+    """Empty buffers for a pixel of at most ``faces`` faces."""
     return Pieces(
         np.empty((MAX_PIECES, MAX_CORNERS)),
         np.empty((MAX_PIECES, MAX_CORNERS)),
@@ -62,11 +66,29 @@ def start_pieces(pieces: Pieces) -> None:
 def face_or_cut(
     lines: NDArray[np.float64], faces: NDArray[np.int64], count: int, x: float, y: float, pieces: Pieces, last: int
 ) -> int:
-    """Face of the pixel (x, y) that the last piece shows, -1 for the sky; or CUT, and there is one more piece.
+    """Face that the last piece of a pixel shows, or cut that piece in two.
 
-    A piece is cut along the border of a face that shares it, or where one face pierces another, and only as long as
-    that face may be seen there: what is hidden behind one that covers the piece cuts nothing. NO_ROOM: it would have
-    to be cut, and there is no room for it.
+    A piece is cut along the border of a face that shares it, or where a face pierces another, if that face may be
+    visible there: a face that is hidden behind one that covers the piece cuts nothing.
+
+    Parameters
+    ----------
+    lines
+        (m, 7, 3) of ``project_faces``.
+    faces
+        Rows of ``lines``; the first ``count`` may appear in the pixel.
+    x, y
+        Centre of the pixel.
+    pieces
+        Buffers of the pixel; ``states`` is overwritten.
+    last
+        Number of the last piece.
+
+    Returns
+    -------
+    face
+        Row of ``lines``; -1 for the sky. CUT: there is one more piece. BUFFER_FULL: the piece has to be cut, and the
+        buffers have no space for it.
     """
     corners, xs, ys, states = pieces.corners[last], pieces.x[last], pieces.y[last], pieces.states
     hidden_from = 0.0  # as inverse depth: the farthest point of the nearest face that covers the piece
@@ -135,24 +157,19 @@ def _range_over(
 
 @njit(cache=True, error_model="numpy")
 def _cut_last(pieces: Pieces, last: int, l_x: float, l_y: float, center: float) -> int:
-    if last + 1 == MAX_PIECES or pieces.corners[last] + 2 > MAX_CORNERS:
-        return NO_ROOM
-    _cut(pieces, last, last + 1, l_x, l_y, center)
-    return CUT
-
-
-@njit(cache=True, error_model="numpy")
-def _cut(pieces: Pieces, piece: int, new: int, l_x: float, l_y: float, center: float) -> None:
-    """Leave the positive side of a convex polygon in ``piece``, put the other into ``new``."""
-    corners = pieces.corners[piece]
-    xs, ys = pieces.x[piece, :corners].copy(), pieces.y[piece, :corners].copy()
+    """Cut the last piece along a line: its positive side stays, the other becomes the next piece."""
+    corners = pieces.corners[last]
+    if last + 1 == MAX_PIECES or corners + 2 > MAX_CORNERS:
+        return BUFFER_FULL
+    new = last + 1
+    xs, ys = pieces.x[last, :corners].copy(), pieces.y[last, :corners].copy()
     kept, cut = 0, 0
     for i in range(corners):
         j = (i + 1) % corners
         here = l_x * xs[i] + l_y * ys[i] + center
         there = l_x * xs[j] + l_y * ys[j] + center
         if here >= 0.0:
-            pieces.x[piece, kept], pieces.y[piece, kept] = xs[i], ys[i]
+            pieces.x[last, kept], pieces.y[last, kept] = xs[i], ys[i]
             kept += 1
         else:
             pieces.x[new, cut], pieces.y[new, cut] = xs[i], ys[i]
@@ -160,19 +177,30 @@ def _cut(pieces: Pieces, piece: int, new: int, l_x: float, l_y: float, center: f
         if (here >= 0.0) != (there >= 0.0):
             share = here / (here - there)
             x, y = xs[i] + share * (xs[j] - xs[i]), ys[i] + share * (ys[j] - ys[i])
-            pieces.x[piece, kept], pieces.y[piece, kept] = x, y
+            pieces.x[last, kept], pieces.y[last, kept] = x, y
             pieces.x[new, cut], pieces.y[new, cut] = x, y
             kept += 1
             cut += 1
-    pieces.corners[piece], pieces.corners[new] = kept, cut
+    pieces.corners[last], pieces.corners[new] = kept, cut
+    return CUT
 
 
 @njit(cache=True, error_model="numpy")
 def piece_footprint(pieces: Pieces, piece: int) -> tuple[float, float, float, float, float, float]:
-    """Area, centroid (x, y), and sides a = (a_x, a_y), b = (0, b_y) of a parallelogram with equal second moments.
+    """Parallelogram with the area, centroid and second moments of a piece.
 
     A parallelogram of sides a and b has the covariance (a a^T + b b^T) / 12, so that a and b are the columns of a
     Cholesky factor of 12 times the piece's covariance. For a rectangle along the axes they are its own sides.
+
+    Parameters
+    ----------
+    pieces, piece
+        Buffers of the pixel, and the number of the piece.
+
+    Returns
+    -------
+    area, x, y, a_x, a_y, b_y
+        Area (px^2), centroid and sides a = (a_x, a_y), b = (0, b_y), px; all 0 for a sliver.
     """
     area, m_x, m_y, m_xx, m_xy, m_yy = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
     corners = pieces.corners[piece]

@@ -1,4 +1,4 @@
-"""What a camera pose makes of the faces: seven lines of the image each."""
+"""Projection of all faces for a camera pose: seven lines of the image for each face."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,8 +13,17 @@ def project_faces(faces: Faces, K: Floats, T_world_camera: Floats) -> tuple[NDAr
     """Lines of the faces that turn their front to the camera.
 
     With p = (column, row, 1) the z-depth is 1 / W.p and the surface coordinates are U.p / W.p and V.p / W.p, metres
-    from the face's centre. A pixel sees the face where all four borders ``a W -/+ U``, ``b W -/+ V`` are >= 0; each
+    from the face's centre. A pixel shows the face where all four borders ``a W -/+ U``, ``b W -/+ V`` are >= 0; each
     pair sums to a positive multiple of W, so that nothing behind the camera passes.
+
+    Parameters
+    ----------
+    faces
+        n faces in the world frame.
+    K
+        (3, 3) camera matrix, px.
+    T_world_camera
+        (4, 4) pose of the camera.
 
     Returns
     -------
@@ -30,5 +39,13 @@ def project_faces(faces: Faces, K: Floats, T_world_camera: Floats) -> tuple[NDAr
 
 
 def pixel_rays(K: Floats, T_world_camera: Floats) -> Floats:
-    """Matrix (3, 3) that takes (column, row, 1) to the ray's direction in the world, of optical z = 1."""
+    """Matrix (3, 3) from (column, row, 1) to the ray's direction in the world frame, of optical z = 1.
+
+    Parameters
+    ----------
+    K
+        (3, 3) camera matrix, px.
+    T_world_camera
+        (4, 4) pose of the camera.
+    """
     return np.asarray(T_world_camera[:3, :3] @ np.linalg.inv(K))

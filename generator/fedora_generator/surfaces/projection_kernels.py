@@ -1,4 +1,4 @@
-"""What a camera pose makes of a face: seven lines of the image."""
+"""Projection of a face for a camera pose: seven lines of the image."""
 
 from typing import Final, NamedTuple
 
@@ -13,7 +13,7 @@ LINES_PER_FACE: Final = 7
 
 
 class FaceFrames(NamedTuple):
-    """Where n faces lie: arrays of ``Faces``, as compiled code takes them."""
+    """Positions and axes of n faces: arrays of ``Faces``, as compiled code takes them."""
 
     centers_m: NDArray[np.float64]
     u_axes: NDArray[np.float64]
@@ -30,11 +30,24 @@ def project_face(
     rays: NDArray[np.float64],
     lines: NDArray[np.float64],
 ) -> bool:
-    """Fill ``lines`` (7, 3) with rows U, V, W, a W - U, a W + U, b W - V, b W + V; return whether it faces the camera.
+    """Project a face. A point of a ray is camera + z rays p; it is in the plane where normal.(offset + z rays p) = 0.
 
-    The lines of a face that turns its back say that it is nowhere. ``camera_m`` (3,) is the camera's place, ``rays``
-    (3, 3) take (column, row, 1) to directions in the world: a point of a ray is camera + z rays p, and in the plane
-    where normal.(offset + z rays p) = 0.
+    Parameters
+    ----------
+    frames, face
+        The faces, and the index of one of them.
+    camera_m
+        (3,) position of the camera in the world.
+    rays
+        (3, 3) of ``pixel_rays``.
+    lines
+        (7, 3) is filled with rows U, V, W, a W - U, a W + U, b W - V, b W + V. The borders of a face that turns its
+        back to the camera are negative everywhere.
+
+    Returns
+    -------
+    front
+        Whether the face turns its front to the camera.
     """
     height_m, offset_u_m, offset_v_m = 0.0, 0.0, 0.0
     for i in range(3):
@@ -66,7 +79,20 @@ def project_face(
 def project_every_face(
     frames: FaceFrames, camera_m: NDArray[np.float64], rays: NDArray[np.float64], lines: NDArray[np.float64]
 ) -> NDArray[np.bool_]:
-    """Fill ``lines`` (n, 7, 3); return which faces (n,) turn their front to the camera."""
+    """Project every face.
+
+    Parameters
+    ----------
+    frames, camera_m, rays
+        As in ``project_face``.
+    lines
+        (n, 7, 3) is filled.
+
+    Returns
+    -------
+    front
+        (n,) whether each face turns its front to the camera.
+    """
     front = np.empty(len(lines), np.bool_)
     for face in range(len(lines)):
         front[face] = project_face(frames, face, camera_m, rays, lines[face])

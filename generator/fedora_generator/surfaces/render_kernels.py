@@ -7,12 +7,12 @@ from numba import njit, prange
 from numpy.typing import NDArray
 
 from fedora_generator.surfaces.pixel_kernels import (
+    BUFFER_FULL,
     CUT,
-    NO_ROOM,
     Pieces,
+    empty_pieces,
     face_or_cut,
     piece_footprint,
-    room_for_pieces,
     start_pieces,
 )
 from fedora_generator.surfaces.shading_kernels import Surfaces, View, add_face, add_sky
@@ -24,14 +24,22 @@ TILE: Final = 16
 
 @njit(cache=True, error_model="numpy")
 def tile_origin(tile: int, width: int) -> tuple[int, int]:
-    """First column and row of a tile."""
+    """First column and row of a tile.
+
+    Parameters
+    ----------
+    tile
+        Number of the tile, in raster order.
+    width
+        Of the image, px.
+    """
     across = (width + TILE - 1) // TILE
     return tile % across * TILE, tile // across * TILE
 
 
 @njit(cache=True, error_model="numpy")
 def tile_count(height: int, width: int) -> int:
-    """Tiles of an image, numbered in raster order."""
+    """Count the tiles of an image of ``height`` x ``width`` pixels."""
     return ((width + TILE - 1) // TILE) * ((height + TILE - 1) // TILE)
 
 
@@ -39,7 +47,26 @@ def tile_count(height: int, width: int) -> int:
 def faces_around_tile(
     lines: NDArray[np.float64], column: int, row: int, reach_px: float, faces: NDArray[np.int64]
 ) -> tuple[int, bool]:
-    """Faces that the tile whose first pixel is (column, row), larger by ``reach_px`` on every side, can show."""
+    """Faces that a tile can show.
+
+    Parameters
+    ----------
+    lines
+        (m, 7, 3) of ``project_faces``.
+    column, row
+        First pixel of the tile.
+    reach_px
+        Margin that is added on every side of the tile.
+    faces
+        (m,) is filled with rows of ``lines``.
+
+    Returns
+    -------
+    count
+        Number of faces.
+    uniform
+        Whether there is exactly one face, and it fills the tile.
+    """
     half = 0.5 * TILE
     every = np.arange(len(lines))
     return possible_faces(lines, every, len(every), column + half - 0.5, row + half - 0.5, half + reach_px, faces)
@@ -47,14 +74,24 @@ def faces_around_tile(
 
 @njit(parallel=True, cache=True, error_model="numpy")
 def render_radiance(textures: TextureTable, surfaces: Surfaces, view: View, radiance_dn: NDArray[np.float64]) -> None:
-    """Fill ``radiance_dn`` (height, width, channels) with linear DN averaged over each pixel."""
+    """Render an image of linear radiance.
+
+    Parameters
+    ----------
+    textures, surfaces
+        Textures and light of the faces.
+    view
+        Faces as the camera pose projects them.
+    radiance_dn
+        (height, width, channels) is filled with DN averaged over each pixel.
+    """
     height, width = radiance_dn.shape[:2]
     for tile in prange(tile_count(height, width)):
         column, row = tile_origin(tile, width)
         in_tile = np.empty(len(view.front), np.int64)
         in_pixel = np.empty(len(view.front), np.int64)
         count, uniform = faces_around_tile(view.lines, column, row, 0.0, in_tile)
-        pieces = room_for_pieces(len(view.front))
+        pieces = empty_pieces(len(view.front))
         terms = np.empty(textures.waves.shape[1])
         for y in range(row, min(row + TILE, height)):
             for x in range(column, min(column + TILE, width)):
@@ -77,9 +114,22 @@ def render_pixel(
     terms: NDArray[np.float64],
     pixel_dn: NDArray[np.float64],
 ) -> None:
-    """Fill ``pixel_dn`` (channels,) with linear DN averaged over the pixel (x, y), which shows only given faces.
+    """Render a pixel.
 
-    ``uniform``: there is one, and it fills the pixel. ``in_pixel``, ``pieces`` and ``terms`` are scratch space.
+    Parameters
+    ----------
+    textures, surfaces, view
+        As in ``render_radiance``.
+    given
+        Rows of ``view.lines``; the pixel shows none but the first ``count``.
+    uniform
+        Whether there is exactly one face, and it fills the pixel.
+    x, y
+        Column and row.
+    in_pixel, pieces, terms
+        Scratch space for faces, for pieces and for the waves of a texture.
+    pixel_dn
+        (channels,) is filled with linear DN averaged over the pixel.
     """
     pixel_dn[:] = 0.0
     number, filled = count, uniform
@@ -117,7 +167,7 @@ def _add_pieces(
             last += 1
             continue
         area, dx, dy, a_x, a_y, b_y = piece_footprint(pieces, last)
-        if face == NO_ROOM:
+        if face == BUFFER_FULL:
             face = nearest_face(view.lines, faces, count, x + dx, y + dy)
         if face < 0:
             add_sky(surfaces, view, x + dx, y + dy, area, pixel_dn)
@@ -128,7 +178,15 @@ def _add_pieces(
 
 @njit(parallel=True, cache=True, error_model="numpy")
 def render_inverse_depth(view: View, inverse_depth: NDArray[np.float64]) -> None:
-    """Fill ``inverse_depth`` (height, width) with 1 / z at the pixel centres, 1/m; 0 for the sky."""
+    """Render inverse depth.
+
+    Parameters
+    ----------
+    view
+        Faces as the camera pose projects them.
+    inverse_depth
+        (height, width) is filled with 1 / z at the pixel centres, 1/m; 0 for the sky.
+    """
     height, width = inverse_depth.shape
     for tile in prange(tile_count(height, width)):
         column, row = tile_origin(tile, width)
@@ -142,7 +200,17 @@ def render_inverse_depth(view: View, inverse_depth: NDArray[np.float64]) -> None
 
 @njit(parallel=True, cache=True, error_model="numpy")
 def render_bodies(view: View, body_of_face: NDArray[np.int64], bodies: NDArray[np.int64]) -> None:
-    """Fill ``bodies`` (height, width) with the body that each pixel centre shows; 0 for what stands and the sky."""
+    """Render the body at each pixel.
+
+    Parameters
+    ----------
+    view
+        Faces as the camera pose projects them.
+    body_of_face
+        (n,) body of each face.
+    bodies
+        (height, width) is filled with the body at each pixel centre; 0 for faces at rest and the sky.
+    """
     height, width = bodies.shape
     for tile in prange(tile_count(height, width)):
         column, row = tile_origin(tile, width)

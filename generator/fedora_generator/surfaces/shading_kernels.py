@@ -13,9 +13,9 @@ from fedora_generator.surfaces.visibility_kernels import U, V, W, value
 
 
 class Surfaces(NamedTuple):
-    """What the faces look like, for c colour channels; one row per face unless said otherwise.
+    """Appearance of the faces for c colour channels; one row per face, except where another shape is given.
 
-    ``texture_of_face`` (n,) and ``wave_offsets_m`` (n, 2) say which texture a face has, and where its waves start;
+    ``texture_of_face`` (n,) is the texture of a face, ``wave_offsets_m`` (n, 2) the offset of its waves;
     ``dark_dn`` and ``light_dn`` (textures, c) are the DN at s = 0 and 1 under irradiance 1. ``even_irradiance`` (n,)
     and ``lamps`` (n, lamps, 4) are the light of ``light.py``; ``sky_dn`` (2, c) is its horizon and zenith.
     """
@@ -32,7 +32,7 @@ class Surfaces(NamedTuple):
 class View(NamedTuple):
     """One camera pose: ``front`` (m,) and ``lines`` (m, 7, 3) of ``project_faces``, ``rays`` (3, 3) of ``pixel_rays``.
 
-    A face is named by its row here; ``front`` takes it to its row in ``Surfaces``.
+    Kernels number a face by its row here; ``front`` gives its row in ``Surfaces``.
     """
 
     front: NDArray[np.int64]
@@ -40,10 +40,20 @@ class View(NamedTuple):
     rays: NDArray[np.float64]
 
 
-# These two are inlined: a call would copy the hundred words of their array arguments for every pixel.
+# These two are inlined: a call copies about a hundred machine words of array arguments for every pixel.
 @njit(cache=True, error_model="numpy", inline="always")
 def irradiance(surfaces: Surfaces, face: int, u: float, v: float, au: float, av: float, bu: float, bv: float) -> float:
-    """Mean irradiance of the parallelogram of sides a and b (m) around a point of a face (see ``lamps_over_faces``)."""
+    """Mean irradiance of a parallelogram of a face.
+
+    Parameters
+    ----------
+    surfaces, face
+        Light of the faces, and the row of one of them.
+    u, v
+        Centre, m.
+    au, av, bu, bv
+        Sides a and b along u and v, m.
+    """
     total = float(surfaces.even_irradiance[face])
     lamps = surfaces.lamps
     for lamp in range(lamps.shape[1]):
@@ -69,9 +79,24 @@ def add_face(
     terms: NDArray[np.float64],
     radiance_dn: NDArray[np.float64],
 ) -> None:
-    """Add the weighted radiance of a face, averaged over the parallelogram a, b (px) of the image around (x, y).
+    """Add the weighted radiance of a face, averaged over a parallelogram of the image.
 
-    ``terms`` is scratch space for the waves of a texture.
+    Parameters
+    ----------
+    textures, surfaces, view
+        Textures and light of the faces, and their projection.
+    face
+        Row of ``view.lines``.
+    x, y
+        Centre, px.
+    a_x, a_y, b_x, b_y
+        Sides a and b, px.
+    weight
+        Factor of the radiance: the area of the parallelogram, px^2.
+    terms
+        Scratch space for the waves of a texture.
+    radiance_dn
+        (channels,) to which the radiance is added, DN.
     """
     lines = view.lines
     z = 1.0 / value(lines, face, W, x, y)
@@ -96,7 +121,19 @@ def add_face(
 def add_sky(
     surfaces: Surfaces, view: View, x: float, y: float, weight: float, radiance_dn: NDArray[np.float64]
 ) -> None:
-    """Add the weighted radiance of the sky, which goes from horizon to zenith with the sine of the elevation."""
+    """Add the weighted radiance of the sky, which goes from horizon to zenith with the sine of the elevation.
+
+    Parameters
+    ----------
+    surfaces, view
+        Colours of the sky, and the rays of the camera.
+    x, y
+        Point of the image, px.
+    weight
+        Factor of the radiance: area, px^2.
+    radiance_dn
+        (channels,) to which the radiance is added, DN.
+    """
     rays = view.rays
     east = rays[0, 0] * x + rays[0, 1] * y + rays[0, 2]
     north = rays[1, 0] * x + rays[1, 1] * y + rays[1, 2]

@@ -26,7 +26,7 @@ LANES: Final = 4
 """Waves that one vector instruction handles (AVX2, float64); the number of waves is a multiple."""
 
 MOST_PERIODS: Final = 1024.0
-"""Longest footprint, in periods, whose border is walked from edge to edge of the pattern."""
+"""Longest footprint, in periods, whose border is integrated from edge to edge of the pattern."""
 WIDE: Final = 1e-2
 """Product of a footprint's two widths, in periods, from which the second difference keeps 14 digits."""
 NARROWEST: Final = 1e-5
@@ -108,10 +108,19 @@ def _share_past(distance: float, long: float, short: float) -> float:
 
 @njit(cache=True, error_model="numpy")
 def square_average(turns: float, width_a: float, width_b: float, duty: float) -> float:
-    """Average of a 0/1 square wave of period 1 over two uniform spreads of the given widths (turns).
+    """Average of a 0/1 square wave of period 1 over two uniform spreads.
 
-    Narrow footprints add up the share past each edge, as a difference would lose their digits; wide ones take the
-    second difference of the second antiderivative, whatever the number of edges.
+    For narrow footprints the shares past each edge are added up, as a difference would lose their digits. For wide ones
+    it is the second difference of the second antiderivative, whatever the number of edges.
+
+    Parameters
+    ----------
+    turns
+        Phase at the centre.
+    width_a, width_b
+        Widths of the spreads, turns.
+    duty
+        Share of a period where the wave is 1.
     """
     width_a, width_b = abs(width_a), abs(width_b)
     long, short = max(width_a, width_b), min(width_a, width_b)
@@ -154,7 +163,7 @@ def _next_edge(turns: float, rate: float, duty: float) -> int:
 
 @njit(cache=True, error_model="numpy")
 def _share_to_edge(edge: int, turns: float, rate: float, duty: float) -> float:
-    """How far along a line, on which the phase starts at ``turns`` and runs at ``rate``, an edge lies."""
+    """Position of an edge along a line on which the phase starts at ``turns`` and changes by ``rate``, 0 to 1."""
     if rate == 0.0:
         return math.inf
     return ((edge >> 1) + (duty if edge & 1 else 0.0) - turns) / rate
@@ -162,23 +171,23 @@ def _share_to_edge(edge: int, turns: float, rate: float, duty: float) -> float:
 
 @njit(cache=True, error_model="numpy")
 def _border_integral(
-    first: float, two: float, to_one: float, to_two: float, duty_one: float, duty_two: float, zero: float
+    first: float, second: float, to_one: float, to_two: float, duty_one: float, duty_two: float, zero: float
 ) -> float:
-    """Integral of f(w1) (G(w2) - zero) dw1 along a straight side from phases (one, two), by (to_one, to_two).
+    """Integral of f(w1) (G(w2) - zero) dw1 along a straight side from phases (first, second), by (to_one, to_two).
 
     f is the first square wave less its mean, G the antiderivative of the second. From edge to edge f is constant
-    and G linear, so that the midpoint is exact. Edges are counted, not searched for: which side of one we are on never
-    depends on rounding.
+    and G linear, so that the midpoint is exact. Edges are counted, not searched for: on which side of an edge a point
+    lies never depends on rounding.
     """
-    edge_one, edge_two = _next_edge(first, to_one, duty_one), _next_edge(two, to_two, duty_two)
+    edge_one, edge_two = _next_edge(first, to_one, duty_one), _next_edge(second, to_two, duty_two)
     on_one, on_two = (1 if to_one >= 0.0 else -1), (1 if to_two >= 0.0 else -1)
     total, s = 0.0, 0.0
     while s < 1.0:
         at_one = _share_to_edge(edge_one, first, to_one, duty_one)
-        at_two = _share_to_edge(edge_two, two, to_two, duty_two)
+        at_two = _share_to_edge(edge_two, second, to_two, duty_two)
         stop = max(s, min(at_one, at_two, 1.0))
         high = (edge_one & 1) == (on_one > 0)  # up to a falling edge, or down to a rising one
-        middle = two + 0.5 * (s + stop) * to_two
+        middle = second + 0.5 * (s + stop) * to_two
         total += (stop - s) * ((1.0 if high else 0.0) - duty_one) * (_antiderivative(middle, duty_two) - zero)
         s = stop
         if at_one <= at_two:
@@ -190,7 +199,7 @@ def _border_integral(
 
 @njit(cache=True, error_model="numpy")
 def _covariance(
-    first: float, two: float, a: tuple[float, float], b: tuple[float, float], duty_one: float, duty_two: float
+    first: float, second: float, a: tuple[float, float], b: tuple[float, float], duty_one: float, duty_two: float
 ) -> float:
     """Average of the product of two square waves, less their means, over the parallelogram of sides a and b (phases).
 
@@ -201,8 +210,8 @@ def _covariance(
     length = abs(a[0]) + abs(a[1]) + abs(b[0]) + abs(b[1])
     if abs(area) < THREAD * length or length > MOST_PERIODS:
         return 0.0
-    p, q = first - math.floor(first) - 0.5 * (a[0] + b[0]), two - math.floor(two) - 0.5 * (a[1] + b[1])
-    zero = _antiderivative(two, duty_two)
+    p, q = first - math.floor(first) - 0.5 * (a[0] + b[0]), second - math.floor(second) - 0.5 * (a[1] + b[1])
+    zero = _antiderivative(second, duty_two)
     total = _border_integral(p, q, a[0], a[1], duty_one, duty_two, zero)
     total += _border_integral(p + a[0], q + a[1], b[0], b[1], duty_one, duty_two, zero)
     total -= _border_integral(p + b[0], q + b[1], a[0], a[1], duty_one, duty_two, zero)
@@ -214,18 +223,28 @@ def _covariance(
 def step_average(
     steps: NDArray[np.float64], row: int, u: float, v: float, au: float, av: float, bu: float, bv: float
 ) -> float:
-    """Average, between -1 and 1, of one step-edge term over the parallelogram of sides a and b around (u, v)."""
+    """Average, between -1 and 1, of a step-edge term over a parallelogram.
+
+    Parameters
+    ----------
+    steps, row
+        Table of ``TextureTable.steps``, and the row of the term.
+    u, v
+        Centre, m.
+    au, av, bu, bv
+        Sides a and b along u and v, m.
+    """
     rule, _, k_u, k_v, phase, duty_one, l_u, l_v, phase_two, duty_two = steps[row]
     first, a_one, b_one = k_u * u + k_v * v + phase, k_u * au + k_v * av, k_u * bu + k_v * bv
     mean_one = square_average(first, a_one, b_one, duty_one)
     if rule == STRIPES:
         return 2.0 * mean_one - 1.0
-    two, a_two, b_two = l_u * u + l_v * v + phase_two, l_u * au + l_v * av, l_u * bu + l_v * bv
-    mean_two = square_average(two, a_two, b_two, duty_two)
+    second, a_two, b_two = l_u * u + l_v * v + phase_two, l_u * au + l_v * av, l_u * bu + l_v * bv
+    mean_two = square_average(second, a_two, b_two, duty_two)
     both = mean_one * mean_two
     if 0.0 < mean_one < 1.0 and 0.0 < mean_two < 1.0:
         both = duty_one * mean_two + duty_two * mean_one - duty_one * duty_two
-        both += _covariance(first, two, (a_one, a_two), (b_one, b_two), duty_one, duty_two)
+        both += _covariance(first, second, (a_one, a_two), (b_one, b_two), duty_one, duty_two)
     if rule == CHECKER:
         return 4.0 * both - 2.0 * (mean_one + mean_two) + 1.0
     return 2.0 * both - 1.0
@@ -243,10 +262,20 @@ def waves_average(
     bv: float,
     terms: NDArray[np.float64],
 ) -> float:
-    """Average of the cosines of a texture over the parallelogram of sides a and b (metres) around (u, v).
+    """Average of the cosines of a texture over a parallelogram.
 
-    ``terms`` is scratch space for as many values as a texture has waves. They are computed side by side and then
-    summed in order, which vectorises without changing a bit.
+    The terms are computed first and then summed in order, which vectorises without a change of rounding.
+
+    Parameters
+    ----------
+    textures, texture
+        Table of all textures, and the index of one of them.
+    u, v
+        Centre, m.
+    au, av, bu, bv
+        Sides a and b along u and v, m.
+    terms
+        Scratch space for as many values as a texture has waves.
     """
     start, stop = textures.wave_ranges[texture], textures.wave_ranges[texture + 1]
     amplitudes, phases = textures.waves[0, start:stop], textures.waves[3, start:stop]
@@ -265,7 +294,17 @@ def waves_average(
 def steps_average(
     textures: TextureTable, texture: int, u: float, v: float, au: float, av: float, bu: float, bv: float
 ) -> float:
-    """Average of the step-edge terms of a texture over the parallelogram of sides a and b (metres) around (u, v)."""
+    """Average of the step-edge terms of a texture over a parallelogram.
+
+    Parameters
+    ----------
+    textures, texture
+        Table of all textures, and the index of one of them.
+    u, v
+        Centre, m.
+    au, av, bu, bv
+        Sides a and b along u and v, m.
+    """
     total = 0.0
     for row in range(textures.step_ranges[texture], textures.step_ranges[texture + 1]):
         total += textures.steps[row, 1] * step_average(textures.steps, row, u, v, au, av, bu, bv)

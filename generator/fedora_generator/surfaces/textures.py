@@ -1,7 +1,8 @@
 """Textures as options, and the table of their terms that the kernels read.
 
-A texture is a scalar between 0 and 1 on the surface, and mixes two linear albedos. Cosines make it smooth, square
-waves give it edges; both are averaged over a pixel's footprint in closed form (``texture_kernels``).
+A texture is a scalar between 0 and 1 on the surface; it mixes two linear albedos. It is a sum of cosines, which are
+smooth, and square waves, which have edges; both are averaged over a pixel's footprint in closed form
+(``texture_kernels``).
 """
 
 import math
@@ -107,9 +108,11 @@ class Texture:
 
 def texture_table(textures: Sequence[Texture]) -> TextureTable:
     """Terms of all textures in order, as the kernels read them."""
-    waves = [
-        _filled_up(np.concatenate([np.empty((0, 4)), *(band.rows() for band in texture.waves)])) for texture in textures
-    ]
+    waves = []
+    for texture in textures:
+        rows = np.concatenate([np.empty((0, 4)), *(band.rows() for band in texture.waves)])
+        # Waves of amplitude 0 make their number a multiple of the lanes.
+        waves.append(np.pad(rows, ((0, -len(rows) % LANES), (0, 0))))
     steps = [np.array([step.row() for step in texture.steps]).reshape(-1, 10) for texture in textures]
     return TextureTable(
         wave_ranges=_starts(len(rows) for rows in waves),
@@ -117,11 +120,6 @@ def texture_table(textures: Sequence[Texture]) -> TextureTable:
         step_ranges=_starts(len(rows) for rows in steps),
         steps=np.concatenate(steps),
     )
-
-
-def _filled_up(waves: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Waves (n, 4) with as many of amplitude 0 as make n a multiple of ``LANES``."""
-    return np.pad(waves, ((0, -len(waves) % LANES), (0, 0)))
 
 
 def _starts(lengths: Iterable[int]) -> NDArray[np.int64]:

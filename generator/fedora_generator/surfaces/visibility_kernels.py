@@ -21,24 +21,49 @@ PARTLY: Final = 1
 COVERING: Final = 2
 
 SLIVER: Final = 1e-9
-"""Two faces that meet have the same border up to rounding. What lies within this of a border, px, is on it."""
+"""Distance from a border, px, within which a point is on it. Faces that meet have the same border up to rounding."""
 
 
 @njit(cache=True, error_model="numpy")
 def value(lines: NDArray[np.float64], face: int, line: int, x: float, y: float) -> float:
-    """Value of a linear function at a point of the image."""
+    """Value of a linear function at a point of the image.
+
+    Parameters
+    ----------
+    lines
+        (m, 7, 3) of ``project_faces``.
+    face, line
+        Row and line: U, V, W or a border.
+    x, y
+        Point, px.
+    """
     return float(lines[face, line, 0] * x + lines[face, line, 1] * y + lines[face, line, 2])
 
 
 @njit(cache=True, error_model="numpy")
 def spread(lines: NDArray[np.float64], face: int, line: int, half: float) -> float:
-    """Most that a linear function differs from its centre value on a square."""
+    """Largest difference of a linear function from its centre value on a square of half side ``half``."""
     return half * float(abs(lines[face, line, 0]) + abs(lines[face, line, 1]))
 
 
 @njit(cache=True, error_model="numpy")
 def coverage(lines: NDArray[np.float64], face: int, x: float, y: float, half: float) -> int:
-    """Whether a face, were it alone, would miss, share or fill a square. Sharing may be claimed falsely."""
+    """Whether a face misses, shares or fills a square, other faces aside.
+
+    Parameters
+    ----------
+    lines
+        (m, 7, 3) of ``project_faces``.
+    face
+        Row of ``lines``.
+    x, y, half
+        Centre and half side of the square, px.
+
+    Returns
+    -------
+    state
+        OUTSIDE, PARTLY or COVERING. PARTLY may be wrong near a corner of the face; the other two are exact.
+    """
     state = COVERING
     for border in range(FIRST_BORDER, STOP_BORDER):
         inside = value(lines, face, border, x, y)
@@ -60,14 +85,25 @@ def possible_faces(
     half: float,
     faces: NDArray[np.int64],
 ) -> tuple[int, bool]:
-    """Write to ``found`` which of the first ``count`` faces of ``given`` can be seen in a square.
+    """Faces that can be visible in a square.
 
     Faces that are hidden everywhere behind one that fills the square are left out.
+
+    Parameters
+    ----------
+    lines
+        (m, 7, 3) of ``project_faces``.
+    given
+        Rows of ``lines``; the first ``count`` are considered.
+    x, y, half
+        Centre and half side of the square, px.
+    faces
+        Is filled with the rows of the visible faces.
 
     Returns
     -------
     number
-        How many were found.
+        Of visible faces.
     filled
         Whether there is exactly one, and it fills the square.
     """
@@ -92,7 +128,19 @@ def possible_faces(
 
 @njit(cache=True, error_model="numpy")
 def nearest_face(lines: NDArray[np.float64], given: NDArray[np.int64], count: int, x: float, y: float) -> int:
-    """Face that a ray meets first, -1 for the sky. Its border belongs to it, so that no ray slips between two faces."""
+    """Face that a ray meets first, -1 for the sky.
+
+    A face includes its border, so that no ray passes between two faces.
+
+    Parameters
+    ----------
+    lines
+        (m, 7, 3) of ``project_faces``.
+    given
+        Rows of ``lines``; the first ``count`` are considered.
+    x, y
+        Point of the image, px.
+    """
     nearest, inverse_depth = -1, 0.0
     for i in range(count):
         face = given[i]

@@ -1,4 +1,4 @@
-"""What stands where: rectangles, boxes and lamps of the world (ENU, metres), as options read from TOML."""
+"""Rectangles, boxes, movers and lamps of the world (ENU, metres), as options read from TOML."""
 
 import math
 from dataclasses import dataclass, field
@@ -13,7 +13,7 @@ from fedora_generator.surfaces.textures import Texture
 Vector = tuple[float, float, float]
 
 HIGHEST_M: Final = 1000.0
-"""Higher than this over the ground, as far up as the rims of the package's worlds are away, nothing is worth a look."""
+"""Largest height of a flight over the ground: about the distance of the rims of the package's worlds."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -87,7 +87,7 @@ class Lamp:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class World:
-    """Everything that stands, and the ``movers``: bodies 1, 2, ... Boxes may touch and pierce each other."""
+    """Everything at rest (body 0), and the ``movers``: bodies 1, 2, ... Boxes may touch and pierce each other."""
 
     name: str
     textures: dict[str, Texture]
@@ -108,46 +108,56 @@ class World:
     def collision(
         self, positions_world_m: NDArray[np.float64], times_s: NDArray[np.float64] | None = None
     ) -> tuple[int, str] | None:
-        """First of the points (n, 3) that is inside a box, under the ground or beyond its rim, and which; or None.
+        """First point that is inside a box, under the ground or beyond its rim.
 
-        ``times_s`` (n,) says when each point is looked at; without it, movers are where they are at time 0.
+        Parameters
+        ----------
+        positions_world_m
+            (n, 3) points.
+        times_s
+            (n,) time at each point; without it, movers are at their position at time 0.
+
+        Returns
+        -------
+        collision
+            Index of the point, and what it collides with; None if all points are free.
         """
         hits = [(_first(box.contains(positions_world_m)), f"inside {box.name!r}") for box in self.boxes]
         for mover in self.movers:
             displacement_m = mover.movement.displacement_m(np.zeros(1) if times_s is None else times_s)
             hits.append((_first(mover.contains(positions_world_m - displacement_m)), f"inside {mover.name!r}"))
-        hits += [(_first(_is_under(flat, positions_world_m)), f"below {flat.name!r}") for flat in self.rectangles]
-        heights_m = [
-            heights for flat in self.rectangles if (heights := _heights_m(flat, positions_world_m)) is not None
-        ]
+        heights_m = []
+        for flat in self.rectangles:
+            axes = np.array([flat.u_axis, flat.v_axis])
+            normal = np.cross(*axes)
+            if normal[2] > 0.5:  # it faces up: it is ground
+                offsets_m = positions_world_m - np.array(flat.center_m)
+                over = (np.abs(offsets_m @ axes.T) <= 0.5 * np.array(flat.size_m)).all(axis=-1)
+                heights_m.append(np.where(over, offsets_m @ normal, np.nan))
+                hits.append((_first(heights_m[-1] <= 0), f"below {flat.name!r}"))
         if heights_m:  # a world without ground has no rim
             heights_m += [box.heights_m(positions_world_m) for box in self.boxes]
             hits += departures(np.fmin.reduce(heights_m))
-        return min(((index, what) for index, what in hits if index is not None), default=None)
+        return min(((index, obstacle) for index, obstacle in hits if index is not None), default=None)
 
 
 def departures(heights_m: NDArray[np.float64]) -> list[tuple[int | None, str]]:
-    """First of the heights (n,) over the ground with no ground below (NaN), and first too far above; None if none."""
+    """First point beyond the rim of the ground, and first point too far above it.
+
+    Parameters
+    ----------
+    heights_m
+        (n,) over the ground; NaN where there is no ground below.
+
+    Returns
+    -------
+    departures
+        Index of the point, None if there is none, and what it departs from.
+    """
     return [
         (_first(np.isnan(heights_m)), "beyond the rim of the ground"),
         (_first(heights_m > HIGHEST_M), f"more than {HIGHEST_M:g} m above the ground"),
     ]
-
-
-def _heights_m(flat: Rectangle, positions_world_m: NDArray[np.float64]) -> NDArray[np.float64] | None:
-    """Heights (n,) over a rectangle, NaN beside it; None if it does not face up."""
-    axes = np.array([flat.u_axis, flat.v_axis])
-    normal = np.cross(*axes)
-    if normal[2] <= 0.5:
-        return None
-    offsets_m = positions_world_m - np.array(flat.center_m)
-    over = (np.abs(offsets_m @ axes.T) <= 0.5 * np.array(flat.size_m)).all(axis=-1)
-    return np.where(over, offsets_m @ normal, np.nan)
-
-
-def _is_under(flat: Rectangle, positions_world_m: NDArray[np.float64]) -> NDArray[np.bool_]:
-    heights_m = _heights_m(flat, positions_world_m)
-    return np.zeros(len(positions_world_m), np.bool_) if heights_m is None else np.asarray(heights_m <= 0)
 
 
 def _first(flags: NDArray[np.bool_]) -> int | None:

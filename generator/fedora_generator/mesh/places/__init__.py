@@ -1,4 +1,13 @@
-"""Places of the mesh world, built in code: a park and a racetrack."""
+"""Places of the mesh world, built in code: a park and a racetrack.
+
+Read in this order:
+
+* ``park``, ``racetrack``: all objects of a place and their positions.
+* ``park_map``, ``track_map``, ``ground``: the ground as a large picture, and plain ground around it.
+* ``buildings``, ``race_buildings``, ``furniture``, ``race_furniture``, ``trees``: the objects.
+* ``group``, ``surface``, ``shapes``: surfaces in metres, and how they are combined and placed.
+* ``materials``, ``paint``: pictures of the materials.
+"""
 
 import zlib
 from collections.abc import Callable, Mapping
@@ -19,11 +28,18 @@ Builder = Callable[[np.random.Generator], Group]
 PLACES: Final[Mapping[str, tuple[Builder, Mapping[str, Material]]]] = MappingProxyType(
     {"park": (park, PARK_MATERIALS), "racetrack": (racetrack, RACETRACK_MATERIALS)}
 )
-"""Places by name: who builds it, and its own materials."""
+"""For each place its builder, and the materials that only it has."""
 
 
 def build_place(name: str, seed: int) -> MeshModel:
-    """Build a place: everything that stands in it, painted; the same for the same seed.
+    """Build a place with its meshes, lamps and solids.
+
+    Parameters
+    ----------
+    name
+        Of ``PLACES``.
+    seed
+        The same seed gives the same place.
 
     Raises
     ------
@@ -33,17 +49,35 @@ def build_place(name: str, seed: int) -> MeshModel:
     group = _group(name, seed)
     materials = {**MATERIALS, **PLACES[name][1]}
     by_material: dict[str, list[Surface]] = {}
-    for material, surface in group.surfaces:
-        by_material.setdefault(material, []).append(surface)
-    meshes = tuple(
-        _painted(material, materials[material], joined(surfaces), _generator(material, seed))
-        for material, surfaces in by_material.items()
-    )
-    return MeshModel(name=name, meshes=meshes, lamps=group.lamps, solids=group.solids)
+    for material_name, surface in group.surfaces:
+        by_material.setdefault(material_name, []).append(surface)
+    meshes = []
+    for material_name, surfaces in by_material.items():
+        material, surface = materials[material_name], joined(surfaces)
+        meshes.append(
+            TexturedMesh(
+                name=material_name,
+                vertices_world_m=surface.vertices_m,
+                normals_world=surface.normals,
+                triangles=surface.triangles,
+                uv=surface.uv_m / material.size_m,
+                reflectance_rgb=material.picture(_generator(material_name, seed), material.shape),
+                emission_rgb=material.emission_rgb,
+                two_sided=material.two_sided,
+            )
+        )
+    return MeshModel(name=name, meshes=tuple(meshes), lamps=group.lamps, solids=group.solids)
 
 
 def outline_place(name: str, seed: int) -> MeshModel:
-    """Return the solids of a place and nothing to draw, for who only needs to know what not to fly into.
+    """Build a place with its lamps and solids, but without meshes: enough to test a flight for collisions.
+
+    Parameters
+    ----------
+    name
+        Of ``PLACES``.
+    seed
+        As in ``build_place``.
 
     Raises
     ------
@@ -63,19 +97,6 @@ def _group(name: str, seed: int) -> Group:
     return build(_generator(name, seed))
 
 
-def _painted(name: str, material: Material, surface: Surface, rng: np.random.Generator) -> TexturedMesh:
-    return TexturedMesh(
-        name=name,
-        vertices_world_m=surface.vertices_m,
-        normals_world=surface.normals,
-        triangles=surface.triangles,
-        uv=surface.uv_m / material.size_m,
-        reflectance_rgb=material.picture(rng, material.shape),
-        emission_rgb=material.emission_rgb,
-        two_sided=material.two_sided,
-    )
-
-
 def _generator(name: str, seed: int) -> np.random.Generator:
-    """Random numbers of one thing: its own, whatever else is built."""
+    """Random numbers of a place or material; they do not depend on what else is built."""
     return np.random.default_rng([seed, zlib.crc32(name.encode())])

@@ -36,18 +36,25 @@ def house(rng: np.random.Generator, options: House) -> Group:
     length, depth, height = options.size_m
     walls = painted(options.wall, standing_box((length, depth, height + SUNK_M), z_m=-SUNK_M))
     plinth = painted("stone", standing_box((length + 0.12, depth + 0.12, 0.45 + SUNK_M), z_m=-SUNK_M))
-    facades = together(
-        _facade(rng, options, width, door=options.door and yaw == 0.0).at(*_wall_middle(yaw, away), yaw_deg=yaw)
-        for yaw, width, away in (
-            (0.0, length, depth),
-            (90.0, depth, length),
-            (180.0, length, depth),
-            (270.0, depth, length),
-        )
-    )
-    top = _gable_roof(options) if options.roof_rise_m > 0 else _flat_roof(options)
+    facades = []
+    for yaw_deg, width, away in (
+        (0.0, length, depth),
+        (90.0, depth, length),
+        (180.0, length, depth),
+        (270.0, depth, length),
+    ):
+        yaw_rad = math.radians(yaw_deg)
+        foot_m = (0.5 * away * math.sin(yaw_rad), -0.5 * away * math.cos(yaw_rad))
+        facade = _facade(rng, options, width, door=options.door and yaw_deg == 0.0)
+        facades.append(facade.at(*foot_m, yaw_deg=yaw_deg))
+    if options.roof_rise_m > 0:
+        top = _gable_roof(options)
+    else:
+        cornice = standing_box((length + 0.5, depth + 0.5, 0.35), z_m=height - 0.1)
+        parapet = standing_box((length + 0.2, depth + 0.2, 0.6), z_m=height + 0.1)
+        top = painted("stone", cornice, parapet)
     whole_m = (length + 0.6, depth + 0.6, height + options.roof_rise_m)
-    return walls + plinth + facades + top + solid("house", whole_m, (0, 0, 0.5 * whole_m[2]))
+    return walls + plinth + together(facades) + top + solid("house", whole_m, (0, 0, 0.5 * whole_m[2]))
 
 
 def window(width_m: float, height_m: float, pane: str) -> Group:
@@ -106,12 +113,6 @@ def colonnade(length_m: float, columns: int, height_m: float = 5.0) -> Group:
     return painted("white stone", *shafts, *feet, *caps, *steps, beam) + painted("sandstone", gable)
 
 
-def _wall_middle(yaw_deg: float, away_m: float) -> tuple[float, float]:
-    """Foot of the middle of the wall whose front looks to -y when turned by ``yaw_deg``."""
-    yaw_rad = math.radians(yaw_deg)
-    return 0.5 * away_m * math.sin(yaw_rad), -0.5 * away_m * math.cos(yaw_rad)
-
-
 def _facade(rng: np.random.Generator, options: House, width_m: float, *, door: bool) -> Group:
     """Windows of one wall in rows, and the door where its middle is."""
     columns = max(1, int((width_m - 0.8) // options.spacing_m))
@@ -147,11 +148,3 @@ def _gable_roof(options: House) -> Group:
     ]
     chimney = standing_box((0.7, 0.7, rise + 0.7), 0.28 * length, 0.2 * depth, height)
     return painted(options.roof, top) + painted("white paint", *edges, under) + painted(options.wall, *gables, chimney)
-
-
-def _flat_roof(options: House) -> Group:
-    """Build a cornice and a parapet."""
-    length, depth, height = options.size_m
-    cornice = standing_box((length + 0.5, depth + 0.5, 0.35), z_m=height - 0.1)
-    parapet = standing_box((length + 0.2, depth + 0.2, 0.6), z_m=height + 0.1)
-    return painted("stone", cornice, parapet)

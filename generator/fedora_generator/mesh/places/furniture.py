@@ -1,4 +1,4 @@
-"""What stands in parks and streets: benches, lamp posts, bins, railings, a fountain."""
+"""Objects of parks and streets: benches, lamp posts, bins, railings, a fountain."""
 
 from typing import Final
 

@@ -1,4 +1,4 @@
-"""The ground: one large picture around the flight, painted as a map, and plain ground as far as the hills."""
+"""The ground: a large picture around the flight, painted as a map, and plain ground as far as the hills."""
 
 import math
 from collections.abc import Sequence
@@ -15,7 +15,7 @@ Floats32 = NDArray[np.float32]
 Span = tuple[float, float]
 
 LAWN_TILE_M = 4.8
-"""The maps begin and end at multiples of it, so that their grass goes on in the plain ground around them."""
+"""The maps begin and end at multiples of it, so that their grass continues in the plain ground around them."""
 
 _LAWN_SEED = 5
 _BLADES = ((0.07, 0.11, 0.03), (0.15, 0.24, 0.06), (0.22, 0.36, 0.09), (0.32, 0.47, 0.14), (0.46, 0.56, 0.24))
@@ -61,25 +61,51 @@ def lawn(shape: Shape) -> Image:
 
 
 def tiled(tile: Image, shape: Shape) -> Image:
-    """Repeat a tile until it covers a picture; what stands over is cut."""
+    """Repeat a tile (h, w, c) from the first row and column on until it covers a picture of ``shape``."""
     rows, columns = (-(-whole // part) for whole, part in zip(shape, tile.shape[:2], strict=True))
     return np.tile(tile, (rows, columns, 1))[: shape[0], : shape[1]]
 
 
 def edge(distance_m: ArrayLike, softness_m: float) -> Floats32:
-    """Cover of a shape from the signed distance inside its border: 0 outside to 1 inside, smooth in between."""
+    """Cover of a shape with a soft border: 0 outside to 1 inside.
+
+    Parameters
+    ----------
+    distance_m
+        (h, w) distance inside the border; negative outside.
+    softness_m
+        Width of the border.
+    """
     share = np.clip(np.asarray(distance_m, dtype=np.float32) / np.float32(softness_m) + np.float32(0.5), 0, 1)
     return np.asarray(share * share * (3 - 2 * share), dtype=np.float32)
 
 
 def ellipse(x_m: Floats32, y_m: Floats32, center_m: Span, radii_m: Span) -> Floats32:
-    """Distance (h, w) inside an ellipse, metres, to first order; negative outside."""
+    """Distance (h, w) inside an ellipse, metres, to first order; negative outside.
+
+    Parameters
+    ----------
+    x_m, y_m
+        (1, w) and (h, 1) coordinates.
+    center_m, radii_m
+        Along x and y.
+    """
     away = np.hypot((x_m - center_m[0]) / radii_m[0], (y_m - center_m[1]) / radii_m[1])
     return np.asarray((1 - away) * min(radii_m), dtype=np.float32)
 
 
 def shade(picture: Image, area: MapArea, spots: Sequence[tuple[float, float, float, float]]) -> None:
-    """Darken the ground in place where little of the sky is seen: spots of x, y, radius (m) and depth (0 to 1)."""
+    """Darken the ground in place where objects hide much of the sky.
+
+    Parameters
+    ----------
+    picture
+        (h, w, 3) of the map.
+    area
+        Of the map.
+    spots
+        x, y and radius (m), and depth (0 to 1), of each shade.
+    """
     x_m, y_m = area.coordinates_m((picture.shape[0], picture.shape[1]))
     for center_x, center_y, radius_m, depth in spots:
         columns = np.flatnonzero(np.abs(x_m[0] - center_x) < 2 * radius_m)
@@ -93,14 +119,36 @@ def shade(picture: Image, area: MapArea, spots: Sequence[tuple[float, float, flo
 
 
 def plain(material: str, hole_x_m: Span, hole_y_m: Span, reach_m: float) -> Group:
-    """Level ground around a rectangular hole, in eight parts that share their corners."""
+    """Build level ground around a rectangular hole, in eight parts that share their corners.
+
+    Parameters
+    ----------
+    material
+        Its name.
+    hole_x_m, hole_y_m
+        Borders of the hole.
+    reach_m
+        The ground extends to +/- this in x and y.
+    """
     xs, ys = (-reach_m, *hole_x_m, reach_m), (-reach_m, *hole_y_m, reach_m)
     parts = [(i, j) for i in range(3) for j in range(3) if (i, j) != (1, 1)]
     return together(painted(material, plate((xs[i], xs[i + 1]), (ys[j], ys[j + 1]))) for i, j in parts)
 
 
 def hills(rng: np.random.Generator, material: str, radius_m: Span, height_m: float) -> Group:
-    """Build a ring of hills that rises from the ground and closes the horizon."""
+    """Build a ring of hills that rises from the ground and closes the horizon.
+
+    Parameters
+    ----------
+    rng
+        Draws the crest.
+    material
+        Its name.
+    radius_m
+        Of the foot and of the crest.
+    height_m
+        Of the highest point.
+    """
     bearings = np.linspace(0, 2 * math.pi, 145)
     orders = np.arange(2, 12)
     waves = np.cos(np.outer(bearings, orders) + rng.uniform(0, 2 * math.pi, len(orders))) @ (1 / orders)
@@ -115,7 +163,17 @@ def hills(rng: np.random.Generator, material: str, radius_m: Span, height_m: flo
 
 
 def lay(picture: Image, paint: ArrayLike, cover: Floats32) -> None:
-    """Lay a colour or a picture over another in place, ``cover`` (h, w) of 0 to 1 saying how much."""
+    """Blend a colour or a picture over another, in place.
+
+    Parameters
+    ----------
+    picture
+        (h, w, 3) is changed.
+    paint
+        (3,) or (h, w, 3).
+    cover
+        (h, w) weight of the paint, 0 to 1.
+    """
     rows, columns = (np.flatnonzero(cover.any(axis=axis)) for axis in (1, 0))
     if not len(rows):
         return

@@ -1,4 +1,4 @@
-"""Groups: painted surfaces with their lamps and solids, in a frame of their own, to be placed as one thing."""
+"""Groups: painted surfaces with their lamps and solids, in a frame of their own, which are placed together."""
 
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
@@ -21,7 +21,15 @@ class Group:
         return Group(self.surfaces + other.surfaces, self.lamps + other.lamps, self.solids + other.solids)
 
     def at(self, x_m: float, y_m: float, z_m: float = 0.0, yaw_deg: float = 0.0) -> "Group":
-        """Return the group turned about the vertical, then shifted."""
+        """Return the group rotated about the vertical, then shifted.
+
+        Parameters
+        ----------
+        x_m, y_m, z_m
+            Shift.
+        yaw_deg
+            Rotation, counter-clockwise.
+        """
         shift_m = np.array([x_m, y_m, z_m])
 
         def place(position_m: Vector) -> Vector:
@@ -43,7 +51,19 @@ def painted(material: str, *surfaces: Surface) -> Group:
 
 
 def solid(name: str, size_m: Vector, center_m: Vector, yaw_deg: float = 0.0) -> Group:
-    """Say that a camera must not enter an upright box; nothing is drawn."""
+    """Build an upright box that a camera must not enter; nothing is drawn.
+
+    Parameters
+    ----------
+    name
+        For the message of a collision.
+    size_m
+        Along the box's own x, y and z.
+    center_m
+        In the frame of the group.
+    yaw_deg
+        Rotation, counter-clockwise.
+    """
     return Group(solids=(Box(name=name, center_m=center_m, size_m=size_m, texture=name, yaw_deg=yaw_deg),))
 
 

@@ -1,4 +1,4 @@
-"""What surfaces are made of: a picture by rule, the metres that it covers, and light of its own."""
+"""Materials of surfaces: a procedural picture, the metres that it covers, and emitted light."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
@@ -63,7 +63,21 @@ def masonry(
     staggered: bool = True,
     shade: float = 0.0,
 ) -> Picture:
-    """Bricks, paving, roof tiles or planks; ``shade`` darkens each towards its top, as tiles under tiles are."""
+    """Bricks, paving, roof tiles or planks.
+
+    Parameters
+    ----------
+    dark, light, joint
+        Colours of the stones, and of the joints.
+    rows, columns
+        Number of stones in the picture.
+    joint_px
+        Width of a joint.
+    staggered
+        Whether every second row is shifted by half a stone.
+    shade
+        Darkening of each stone towards its top, 0 to 1, as under the tile above.
+    """
 
     def picture(rng: np.random.Generator, shape: Shape) -> Image:
         tones, joints, down = courses(rng, shape, rows, columns, joint_px, staggered=staggered)
@@ -74,7 +88,7 @@ def masonry(
 
 
 def foliage(colours: tuple[Rgb, ...], length_px: float = 10.0) -> Picture:
-    """Leaves upon leaves, the lowest in the dark."""
+    """Layers of leaves, the lowest of the first colour, the darkest."""
 
     def picture(rng: np.random.Generator, shape: Shape) -> Image:
         count = round(6.0 * shape[0] * shape[1] / length_px**2)
@@ -86,7 +100,7 @@ def foliage(colours: tuple[Rgb, ...], length_px: float = 10.0) -> Picture:
 
 
 def board(ground: Rgb, text: str, ink: Rgb) -> Picture:
-    """Build a sign with one line of text."""
+    """Build a sign with a line of text."""
 
     def picture(rng: np.random.Generator, shape: Shape) -> Image:
         return speckled(rng, lettering(flat(shape, ground), text, ink), 0.04)

@@ -1,4 +1,4 @@
-"""Pictures painted by rule: every one continues across its opposite edges. Linear reflectance, float32, (h, w, 3)."""
+"""Procedural pictures, which continue across their opposite edges. Linear reflectance, float32, (h, w, 3)."""
 
 import itertools
 from collections.abc import Sequence
@@ -30,8 +30,18 @@ def fractal(
 ) -> Image:
     """Periodic noise (h, w) of mean 0 and standard deviation 1.
 
-    Its amplitude spectrum falls with frequency to the power ``slope`` between two wavelengths: 1 gives every octave
-    the same contrast. ``stretch`` lengthens its features along rows (down) and columns (right).
+    Parameters
+    ----------
+    rng
+        Draws white noise, which is filtered.
+    shape
+        Rows and columns.
+    slope
+        The amplitude spectrum falls with frequency to this power: 1 gives every octave the same contrast.
+    longest_px, shortest_px
+        Wavelengths between which the spectrum lies.
+    stretch
+        Factors by which features are longer along rows (down) and columns (right).
     """
     down = np.fft.fftfreq(shape[0])[:, None] * stretch[0]
     right = np.fft.rfftfreq(shape[1])[None, :] * stretch[1]
@@ -43,13 +53,31 @@ def fractal(
 
 
 def between(field: NDArray[np.float32], dark: Rgb, light: Rgb) -> Image:
-    """Mix two colours by a field of standard deviation 1: two deviations reach either."""
+    """Mix two colours by a field.
+
+    Parameters
+    ----------
+    field
+        (h, w) of standard deviation 1.
+    dark, light
+        Colours at two deviations below and above 0.
+    """
     share = np.clip(0.5 + 0.25 * field, 0, 1)[..., None]
     return np.asarray(colour(dark) + share * (colour(light) - colour(dark)), dtype=np.float32)
 
 
 def over(below: Image, above: ArrayLike, cover: NDArray[np.float32]) -> Image:
-    """Lay a picture or colour over another, ``cover`` (h, w) of 0 to 1 saying how much."""
+    """Blend a picture or a colour over another.
+
+    Parameters
+    ----------
+    below
+        (h, w, 3).
+    above
+        (h, w, 3) or (3,).
+    cover
+        (h, w) weight of ``above``, 0 to 1.
+    """
     return np.asarray(below + cover[..., None] * (np.asarray(above, dtype=np.float32) - below), dtype=np.float32)
 
 
@@ -69,7 +97,23 @@ def flakes(
     direction_deg: float = 0.0,
     spread_deg: float = 180.0,
 ) -> Image:
-    """Scatter pointed flakes: leaves, blades or pebbles; the first colours lie lowest. Across edges they continue."""
+    """Scatter pointed flakes: leaves, blades or pebbles. They continue across the edges of the picture.
+
+    Parameters
+    ----------
+    rng
+        Draws colours, positions, directions and sizes.
+    below
+        (h, w, 3) picture that they lie on.
+    count
+        Number of flakes.
+    length_px, width_px
+        Size; each flake is from 0.6 to 1.3 of it.
+    colours
+        Of the flakes; those of the first colours lie lowest.
+    direction_deg, spread_deg
+        Mean direction, from the right towards down, and largest deviation from it.
+    """
     height, width = below.shape[0] * FINER, below.shape[1] * FINER
     levels = cv2.resize(below, (width, height), interpolation=cv2.INTER_NEAREST)
     canvas = np.ascontiguousarray(np.rint(levels * 255).astype(np.uint8))
@@ -83,8 +127,18 @@ def flakes(
     outline = np.array([[-1, 0], [-0.35, -0.8], [0.35, -0.8], [1, 0], [0.35, 0.8], [-0.35, 0.8]])
     scaled = outline[None] * sizes[:, None]
     polygons = centers[:, None] + scaled[..., :1] * along[:, None] + scaled[..., 1:] * across[:, None]
-    wrapped, flake = _wrapped(polygons, width, height)
-    for polygon, level in zip(np.rint(wrapped).astype(np.int32), palette[flake].tolist(), strict=True):
+
+    # Flakes that reach over an edge continue at the opposite edge: as copies, in the order of the flakes.
+    low, high = polygons.min(axis=1), polygons.max(axis=1)
+    copies, numbers = [], []
+    for shift in map(np.array, itertools.product((-width, 0, width), (-height, 0, height))):
+        inside = ((high + shift > 0) & (low + shift < (width, height))).all(axis=-1)
+        copies.append(polygons[inside] + shift)
+        numbers.append(np.flatnonzero(inside))
+    order = np.argsort(np.concatenate(numbers), kind="stable")
+    corners_px = np.rint(np.concatenate(copies)[order]).astype(np.int32)
+    levels_of_copies = palette[np.concatenate(numbers)[order]].tolist()
+    for polygon, level in zip(corners_px, levels_of_copies, strict=True):
         cv2.fillConvexPoly(canvas, polygon, level)
     small = cv2.resize(canvas, (below.shape[1], below.shape[0]), interpolation=cv2.INTER_AREA)
     return np.asarray(small, dtype=np.float32) / np.float32(255)
@@ -93,9 +147,29 @@ def flakes(
 def courses(
     rng: np.random.Generator, shape: Shape, rows: int, columns: int, joint_px: float, *, staggered: bool = True
 ) -> tuple[NDArray[np.float32], NDArray[np.float32], NDArray[np.float32]]:
-    """Stones, bricks, tiles or planks in rows: a random number for each (sd 1), where the joints are, how far down.
+    """Stones, bricks, tiles or planks in rows.
 
-    All (h, w); the joints are 0 to 1, and the way down each stone 0 at its top to 1. ``rows`` is even if staggered.
+    Parameters
+    ----------
+    rng
+        Draws the tones.
+    shape
+        Rows and columns of the picture.
+    rows, columns
+        Number of stones; ``rows`` is even if staggered.
+    joint_px
+        Width of a joint.
+    staggered
+        Whether every second row is shifted by half a stone.
+
+    Returns
+    -------
+    tones
+        (h, w) a random number for each stone, standard deviation 1.
+    joints
+        (h, w) cover of the joints, 0 to 1.
+    down
+        (h, w) position within a stone, from 0 at its top to 1.
     """
     y = (np.arange(shape[0]) + 0.5) / shape[0] * rows
     x = (np.arange(shape[1]) + 0.5) / shape[1] * columns
@@ -111,7 +185,19 @@ def courses(
 
 
 def lettering(below: Image, text: str, rgb: Rgb, *, height_share: float = 0.6) -> Image:
-    """Write a word across the middle of a picture, as large as it fits."""
+    """Write a text across the middle of a picture, as large as it fits.
+
+    Parameters
+    ----------
+    below
+        (h, w, 3) picture.
+    text
+        A line of text.
+    rgb
+        Colour of the text.
+    height_share
+        Largest height of the text over that of the picture.
+    """
     height, width = below.shape[:2]
     sheet = np.zeros((240, 120 * (len(text) + 2)), dtype=np.uint8)
     cv2.putText(sheet, text, (60, 160), cv2.FONT_HERSHEY_DUPLEX, 4.0, 255, 14, cv2.LINE_AA)
@@ -133,19 +219,17 @@ def bounded(picture: Image) -> Image:
 
 
 def speckled(rng: np.random.Generator, picture: Image, contrast: float) -> Image:
-    """Multiply with fine noise, so that no surface is without texture at any scale."""
+    """Multiply a picture with fine noise, so that every surface has texture at every scale.
+
+    Parameters
+    ----------
+    rng
+        Draws the noise.
+    picture
+        (h, w, 3).
+    contrast
+        Standard deviation of the logarithm of the noise.
+    """
     shape = (picture.shape[0], picture.shape[1])
     noise = fractal(rng, shape, slope=0.8, longest_px=min(shape) / 2)
     return bounded(picture * np.exp(contrast * noise)[..., None])
-
-
-def _wrapped(polygons: NDArray[np.float64], width: int, height: int) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
-    """Polygons (n, k, 2) and their copies where they reach over an edge; with the number of each, ascending."""
-    low, high = polygons.min(axis=1), polygons.max(axis=1)
-    copies, numbers = [], []
-    for shift in map(np.array, itertools.product((-width, 0, width), (-height, 0, height))):
-        inside = ((high + shift > 0) & (low + shift < (width, height))).all(axis=-1)
-        copies.append(polygons[inside] + shift)
-        numbers.append(np.flatnonzero(inside))
-    order = np.argsort(np.concatenate(numbers), kind="stable")
-    return np.concatenate(copies)[order], np.concatenate(numbers)[order]

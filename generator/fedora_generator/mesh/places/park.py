@@ -1,4 +1,4 @@
-"""A park in a town: a winding walk under trees, a pond, a cafe, and a fountain before a museum."""
+"""A park in a town: a winding walk under trees, a pond, a cafe, and a fountain in front of a museum."""
 
 from collections.abc import Mapping
 from typing import Final
@@ -43,11 +43,7 @@ _FOLIAGES: Final = {"green": GREEN, "deep": DEEP, "autumn": AUTUMN}
 
 def park(rng: np.random.Generator) -> Group:
     """Build the whole park. The walk begins at the origin and leads along x."""
-    return together([_ground(rng), _trees(rng), _walk(rng), _pond_shore(rng), _cafe(rng), _plaza(rng), _town(rng)])
-
-
-def _ground(rng: np.random.Generator) -> Group:
-    return (
+    ground = (
         PARK_AREA.surface("park map")
         + plain("lawn", PARK_AREA.x_m, PARK_AREA.y_m, 700.0)
         + hills(rng, "far hills", (330.0, 650.0), 70.0)
@@ -55,43 +51,37 @@ def _ground(rng: np.random.Generator) -> Group:
         + solid("ground", (1400.0, 1400.0, 1.0), (0.0, 0.0, -0.5))
     )
 
-
-def _trees(rng: np.random.Generator) -> Group:
-    """Trees beside the walk; those at the back are spruces among others."""
-    near = [
+    # Trees beside the walk, and a grove behind them.
+    trees = [
         broadleaf(rng, tree.height_m, tree.crown_m, _FOLIAGES[tree.foliage], clusters=12).at(tree.x_m, tree.y_m)
         for tree in TREES
     ]
-    return together(near) + grove(rng, _BACK_TREES_M)
+    trees.append(grove(rng, _BACK_TREES_M))
 
-
-def _walk(rng: np.random.Generator) -> Group:
-    """Lamps, benches, bins, hedges and flowers along the walk."""
-    lamps = [lamp_post().at(x, y) for x, y in ((4, 2.9), (11, -2.0), (18, 2.7), (25, -2.9), (32, 2.0), (39, -2.9))]
-    benches = [bench().at(x, y) for x, y in ((8.2, 3.4), (15.2, 3.3), (34.5, 2.2))]
-    benches += [bench().at(x, y, yaw_deg=180.0) for x, y in ((7.2, -1.9), (22.5, -2.9), (29.5, -3.2))]
-    bins = [litter_bin().at(x, y) for x, y in ((9.8, 3.3), (20.8, -2.7), (36.2, 2.2))]
-    hedges = [
+    # Lamps, benches, bins, hedges and flowers along the walk.
+    along_walk = [lamp_post().at(x, y) for x, y in ((4, 2.9), (11, -2.0), (18, 2.7), (25, -2.9), (32, 2.0), (39, -2.9))]
+    along_walk += [bench().at(x, y) for x, y in ((8.2, 3.4), (15.2, 3.3), (34.5, 2.2))]
+    along_walk += [bench().at(x, y, yaw_deg=180.0) for x, y in ((7.2, -1.9), (22.5, -2.9), (29.5, -3.2))]
+    along_walk += [litter_bin().at(x, y) for x, y in ((9.8, 3.3), (20.8, -2.7), (36.2, 2.2))]
+    along_walk += [
         hedge(rng, length).at(x, y) for x, y, length in ((4.5, 10.4, 16.0), (34.0, 10.4, 14.0), (4.0, -10.3, 10.0))
     ]
-    fences = [picket_fence(16.0).at(34.0, -10.3), picket_fence(6.0).at(18.0, 10.5)]
-    beds = [flower_bed(rng, 3.0, 0.9).at(x, y) for x, y in ((11.5, 3.6), (31.0, -3.6), (38.0, 2.6))]
-    bushes = [bush(rng, 0.55, foliage).at(x, y) for x, y, foliage in _BUSHES]
-    return together(lamps + benches + bins + hedges + fences + beds + bushes)
+    along_walk += [picket_fence(16.0).at(34.0, -10.3), picket_fence(6.0).at(18.0, 10.5)]
+    along_walk += [flower_bed(rng, 3.0, 0.9).at(x, y) for x, y in ((11.5, 3.6), (31.0, -3.6), (38.0, 2.6))]
+    along_walk += [bush(rng, 0.55, foliage).at(x, y) for x, y, foliage in _BUSHES]
 
-
-def _pond_shore(rng: np.random.Generator) -> Group:
-    """Boulders around the pond, which itself is painted on the map."""
+    # Boulders around the pond; its water is painted on the map.
     stones = []
     for bearing in np.linspace(0, 2 * np.pi, 17)[:-1]:
         x, y = 24.2 + 3.5 * np.cos(bearing), 6.3 + 2.25 * np.sin(bearing)
         size = rng.uniform(0.18, 0.42)
         stones.append(painted("stone", boulder((size, size, 0.7 * size), rng, 0.3, cells=5)).at(x, y, 0.2 * size))
-    return together(stones)
+
+    return together([ground, *trees, *along_walk, *stones, _cafe(rng), _plaza(rng), _town(rng)])
 
 
 def _cafe(rng: np.random.Generator) -> Group:
-    """Build a cafe with an awning, and lamps at its door."""
+    """Build a cafe with a sign, round tables, and lamps at its door."""
     options = House(
         size_m=(11.0, 6.5, 3.6),
         storeys=1,
@@ -102,16 +92,12 @@ def _cafe(rng: np.random.Generator) -> Group:
         spacing_m=2.3,
     )
     sign = painted("white paint", standing_box((3.2, 0.12, 0.5), y_m=-3.27, z_m=2.85))
-    tables = [_table().at(x, -5.0) for x in (-3.4, -1.6, 1.8, 3.6)]
-    lamps = [lamp_post(5.0).at(x, -4.2) for x in (-5.4, 5.4)]
-    return together([house(rng, options), sign, *tables, *lamps]).at(19.0, -13.8, yaw_deg=180.0)
-
-
-def _table() -> Group:
-    """Build a round table on one foot."""
     top = turned([(0, 0.7), (0.45, 0.7), (0.45, 0.76), (0, 0.76)])
     foot = turned([(0, -0.02), (0.28, -0.02), (0.28, 0.05), (0.06, 0.09), (0.06, 0.72), (0, 0.72)])
-    return painted("wood", top) + painted("metal", foot)
+    table = painted("wood", top) + painted("metal", foot)
+    tables = [table.at(x, -5.0) for x in (-3.4, -1.6, 1.8, 3.6)]
+    lamps = [lamp_post(5.0).at(x, -4.2) for x in (-5.4, 5.4)]
+    return together([house(rng, options), sign, *tables, *lamps]).at(19.0, -13.8, yaw_deg=180.0)
 
 
 def _plaza(rng: np.random.Generator) -> Group:

@@ -57,64 +57,52 @@ def paint_park_map(rng: np.random.Generator, shape: Shape) -> Image:
     texels = round(LAWN_TILE_M / PARK_AREA.texel_m)
     picture = tiled(lawn((texels, texels)), shape)
     ragged_m = 0.03 * tiled(fractal(rng, (texels, texels), 1.0, texels / 6)[..., None], shape)[..., 0]
-    _mow(picture, x_m, y_m)
-    walk_m = np.minimum(1.25 - np.abs(y_m - walk_y_m(x_m)), PARK_AREA.inside_m(x_m, y_m) + 1.2)
-    _gravel(rng, picture, np.maximum(walk_m, _side_walk_m(x_m, y_m)) + ragged_m)
-    _pond(rng, picture, x_m, y_m, ragged_m)
-    _fallen_leaves(rng, picture, x_m, y_m)
-    shade(picture, PARK_AREA, [(tree.x_m, tree.y_m, 0.75 * tree.crown_m, 0.45) for tree in TREES])
-    shade(picture, PARK_AREA, [(tree.x_m, tree.y_m, 0.5, 0.5) for tree in TREES])
-    return bounded(picture)
+    inside_map_m = PARK_AREA.inside_m(x_m, y_m)
 
-
-def _mow(picture: Image, x_m: Floats32, y_m: Floats32) -> None:
-    """Stripes of a mower along the walk, 1.6 m wide, fading towards the border."""
+    # Stripes of a mower along the walk, 1.6 m wide, fading towards the border.
     stripes = np.tanh(4 * np.sin(2 * np.pi * (y_m + 0.15 * x_m) / 3.2)).astype(np.float32)
-    fade = edge(PARK_AREA.inside_m(x_m, y_m) - 1.0, 2.0)
-    picture *= (1 + 0.10 * stripes * fade)[..., None]
+    picture *= (1 + 0.10 * stripes * edge(inside_map_m - 1.0, 2.0))[..., None]
 
-
-def _side_walk_m(x_m: Floats32, y_m: Floats32) -> Floats32:
-    """Distance inside the side walk to the cafe, and the space before it."""
+    # Distance inside the walks: the main walk, the side walk to the cafe, and the space before the cafe.
+    walk_m = np.minimum(1.25 - np.abs(y_m - walk_y_m(x_m)), inside_map_m + 1.2)
     bend_m = 15.6 + 3.4 * np.clip(-y_m / 8.0, 0, 1) ** 0.5
     lane_m = np.minimum(0.85 - np.abs(x_m - bend_m), np.minimum(-y_m, y_m + 8.6))
-    return np.asarray(np.maximum(lane_m, ellipse(x_m, y_m, (19.0, -8.0), (4.6, 1.3))), dtype=np.float32)
+    side_walk_m = np.maximum(lane_m, ellipse(x_m, y_m, (19.0, -8.0), (4.6, 1.3))).astype(np.float32)
+    walks_m = np.maximum(walk_m, side_walk_m) + ragged_m
 
-
-def _gravel(rng: np.random.Generator, picture: Image, inside_m: Floats32) -> None:
-    """Lay walks of gravel between borders of trodden earth."""
-    texels = round(LAWN_TILE_M / PARK_AREA.texel_m)
+    # The walks are gravel between borders of bare earth.
     bed = between(fractal(rng, (texels, texels), 1.0, texels / 3), (0.30, 0.26, 0.20), (0.56, 0.50, 0.41))
     gravel = speckled(rng, flakes(rng, bed, 9000, 5.0, 3.8, _PEBBLES), 0.06)
-    lay(picture, (0.20, 0.16, 0.10), 0.75 * edge(inside_m + 0.12, 0.16))
-    lay(picture, tiled(gravel, (picture.shape[0], picture.shape[1])), edge(inside_m, 0.06))
+    lay(picture, (0.20, 0.16, 0.10), 0.75 * edge(walks_m + 0.12, 0.16))
+    lay(picture, tiled(gravel, (picture.shape[0], picture.shape[1])), edge(walks_m, 0.06))
 
-
-def _pond(rng: np.random.Generator, picture: Image, x_m: Floats32, y_m: Floats32, ragged_m: Floats32) -> None:
-    """Water with lilies within a sandy shore."""
+    # The pond: water with lilies within a sandy shore.
     (center_x, center_y), (radius_x, radius_y) = POND_M
     columns = slice(*np.searchsorted(x_m[0], (center_x - radius_x - 1, center_x + radius_x + 1)))
     rows = slice(*np.searchsorted(-y_m[:, 0], (-center_y - radius_y - 1, -center_y + radius_y + 1)))
     part = picture[rows, columns]
-    inside_m = ellipse(x_m[:, columns], y_m[rows], *POND_M) + 2.5 * ragged_m[rows, columns]
-    water = paint_water(rng, (part.shape[0], part.shape[1]))
-    lilies = flakes(rng, flat((part.shape[0], part.shape[1]), (0.0, 0.0, 0.0)), 90, 30.0, 26.0, _LILY)
+    part_shape = (part.shape[0], part.shape[1])
+    pond_m = ellipse(x_m[:, columns], y_m[rows], *POND_M) + 2.5 * ragged_m[rows, columns]
+    water = paint_water(rng, part_shape)
+    lilies = flakes(rng, flat(part_shape, (0.0, 0.0, 0.0)), 90, 30.0, 26.0, _LILY)
     water = np.where(lilies.max(axis=-1, keepdims=True) > 0.08, lilies, water)
-    lay(part, (0.42, 0.36, 0.26), edge(inside_m + 0.22, 0.12))
-    lay(part, water, edge(inside_m, 0.05))
+    lay(part, (0.42, 0.36, 0.26), edge(pond_m + 0.22, 0.12))
+    lay(part, water, edge(pond_m, 0.05))
 
-
-def _fallen_leaves(rng: np.random.Generator, picture: Image, x_m: Floats32, y_m: Floats32) -> None:
-    """Leaves on the ground below the trees that are turning."""
+    # Fallen leaves below the trees in autumn colours.
     for tree in TREES:
         if tree.foliage != "autumn":
             continue
         columns = slice(*np.searchsorted(x_m[0], (tree.x_m - tree.crown_m, tree.x_m + tree.crown_m)))
         rows = slice(*np.searchsorted(-y_m[:, 0], (-tree.y_m - tree.crown_m, -tree.y_m + tree.crown_m)))
         part = picture[rows, columns]
-        strewn = flakes(rng, flat((part.shape[0], part.shape[1]), (0.0, 0.0, 0.0)), 700, 9.0, 5.0, _LITTER)
-        near = edge(ellipse(x_m[:, columns], y_m[rows], (tree.x_m, tree.y_m), (tree.crown_m,) * 2), 1.2)
-        lay(part, strewn, near * (strewn.max(axis=-1) > 0.12))
+        litter = flakes(rng, flat((part.shape[0], part.shape[1]), (0.0, 0.0, 0.0)), 700, 9.0, 5.0, _LITTER)
+        below_crown = edge(ellipse(x_m[:, columns], y_m[rows], (tree.x_m, tree.y_m), (tree.crown_m,) * 2), 1.2)
+        lay(part, litter, below_crown * (litter.max(axis=-1) > 0.12))
+
+    shade(picture, PARK_AREA, [(tree.x_m, tree.y_m, 0.75 * tree.crown_m, 0.45) for tree in TREES])
+    shade(picture, PARK_AREA, [(tree.x_m, tree.y_m, 0.5, 0.5) for tree in TREES])
+    return bounded(picture)
 
 
 def paint_water(rng: np.random.Generator, shape: Shape) -> Image:

@@ -1,4 +1,4 @@
-"""What stands at a racetrack: gates, gantry, tyre walls, kerbs, boards, flags, floodlights and cones."""
+"""Objects of a racetrack: gates, gantry, tyre walls, kerbs, boards, flags, floodlights and cones."""
 
 import math
 from collections.abc import Sequence

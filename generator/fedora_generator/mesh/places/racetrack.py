@@ -25,7 +25,6 @@ from fedora_generator.mesh.places.race_furniture import (
     tyre_wall,
 )
 from fedora_generator.mesh.places.shapes import height_field, plate
-from fedora_generator.mesh.places.surface import Surface
 from fedora_generator.mesh.places.track_map import (
     HALF_WIDTH_M,
     START_X_M,
@@ -100,77 +99,62 @@ _TREES_M: Final[Spots] = (
 
 def racetrack(rng: np.random.Generator) -> Group:
     """Build the whole track. The straight leads along x; the start lies ahead of the origin."""
-    return together(
-        [_ground(rng), _road(), _gates(), _walls(), _stands(rng), _far_end(), _flags_and_lights(), grove(rng, _TREES_M)]
-    )
-
-
-def _ground(rng: np.random.Generator) -> Group:
-    behind_m = TRACK_AREA.x_m[0] - TRACK_AREA.size_m[0]
-    return (
-        plain("lawn", (behind_m, STRAIGHT_END_M), TRACK_AREA.y_m, 700.0)
+    width_m = TRACK_AREA.size_m[0]
+    ground = (
+        plain("lawn", (TRACK_AREA.x_m[0] - width_m, STRAIGHT_END_M), TRACK_AREA.y_m, 700.0)
         + hills(rng, "far hills", (300.0, 650.0), 60.0)
         + wood_line(rng, 120, (150.0, 210.0), (10.0, 18.0))
         + solid("ground", (1400.0, 1400.0, 1.0), (0.0, 0.0, -0.5))
     )
 
-
-def _road() -> Group:
-    """Periods of the straight with their kerbs, the start among them, and the bend at the end."""
-    width_m = TRACK_AREA.size_m[0]
+    # Periods of the straight with their kerbs, the start among them.
     start = TRACK_AREA.surface("start")
     ((_, sheet),) = start.surfaces
     straight = together(painted("straight", sheet).at(i * width_m, 0.0) for i in (-1, 1, 2, 3))
     long_m = STRAIGHT_END_M - TRACK_AREA.x_m[0]
     middle_m = 0.5 * (STRAIGHT_END_M + TRACK_AREA.x_m[0])
     kerbs = kerb(long_m).at(middle_m, HALF_WIDTH_M) + kerb(long_m).at(middle_m, -HALF_WIDTH_M, yaw_deg=180.0)
-    return start + straight + kerbs + painted("asphalt", _bend())
 
-
-def _bend() -> Surface:
-    """Build a quarter of a circle to the left, 3 cm above the grass."""
+    # The bend at the end: an arc of 117 degrees to the left, 3 cm above the grass.
     angles = np.linspace(-0.5 * math.pi, 0.15 * math.pi, 33)
     radii = np.linspace(BEND_RADIUS_M + HALF_WIDTH_M, BEND_RADIUS_M - HALF_WIDTH_M, 3)[:, None]
     x = STRAIGHT_END_M + radii * np.cos(angles)
     y = BEND_RADIUS_M + radii * np.sin(angles)
     points = np.stack([x, y, np.full_like(x, 0.03)], axis=-1)
-    return height_field(points, points[..., :2] * (1.0, -1.0))
+    bend = painted("asphalt", height_field(points, points[..., :2] * (1.0, -1.0)))
 
-
-def _gates() -> Group:
-    """Gates along the straight, shifted as the course winds."""
+    # Gates along the straight, shifted as the course winds.
     colours = ("orange", "blue", "yellow")
     gates = [gate(f"{colours[i % 3]} panel", f"{colours[i % 3]} light").at(x, y) for i, (x, y) in enumerate(_GATES_M)]
-    return together(gates) + gantry().at(START_X_M, 0.0) + arch().at(38.0, 0.0)
+    over_track = [*gates, gantry().at(START_X_M, 0.0), arch().at(38.0, 0.0)]
 
-
-def _walls() -> Group:
-    left = tyre_wall(31.0).at(12.5, 6.7) + tyre_wall(24.8).at(58.0, 6.7)
-    right = barrier(76.0).at(40.0, -6.9) + tyre_wall(9.3).at(-1.0, -6.6) + tyre_wall(12.4).at(88.0, -6.2)
-    left_boards = boards(BOARD_NAMES, 18).at(34.0, 8.3)
-    return left + right + left_boards + together(cone().at(x, y) for x, y in _CONES_M)
-
-
-def _stands(rng: np.random.Generator) -> Group:
-    return (
+    walls_left = tyre_wall(31.0).at(12.5, 6.7) + tyre_wall(24.8).at(58.0, 6.7)
+    walls_right = barrier(76.0).at(40.0, -6.9) + tyre_wall(9.3).at(-1.0, -6.6) + tyre_wall(12.4).at(88.0, -6.2)
+    boards_left = boards(BOARD_NAMES, 18).at(34.0, 8.3)
+    cones = [cone().at(x, y) for x, y in _CONES_M]
+    stands = (
         grandstand(46.0).at(37.0, 10.6)
         + pits(48.0, 10).at(36.0, -15.6, yaw_deg=180.0)
         + control_tower(rng).at(70.0, -14.5, yaw_deg=180.0)
         + painted("asphalt", plate((8.0, 84.0), (-11.2, -9.7), 0.03))
     )
+    # A wall at the bend closes the view.
+    far_end = tyre_wall(30.0, 5).at(131.5, 8.0, yaw_deg=-84.0) + boards(BOARD_NAMES, 9).at(133.5, 6.0, yaw_deg=-84.0)
 
-
-def _flags_and_lights() -> Group:
     cloths = ("red cloth", "blue cloth", "chequered cloth")
-    feathers = [
+    flags = [
         feather_flag(cloths[i % 3]).at(x, y, yaw_deg=65.0 if y > 0 else -70.0) for i, (x, y) in enumerate(_FEATHERS_M)
     ]
-    poles = [flag(cloths[i % 3], 9.5).at(x, 19.6, yaw_deg=-65.0) for i, x in enumerate((14.5, 22.0, 37.0, 52.0, 59.5))]
+    flags += [flag(cloths[i % 3], 9.5).at(x, 19.6, yaw_deg=-65.0) for i, x in enumerate((14.5, 22.0, 37.0, 52.0, 59.5))]
     masts = [flood_mast(55.0).at(x, 9.4) for x in (5.0, 33.0, 62.0, 90.0)]
     masts += [flood_mast(55.0).at(x, -8.6, yaw_deg=180.0) for x in (9.0, 62.0, 92.0)]
-    return together(feathers + poles + masts)
 
-
-def _far_end() -> Group:
-    """Close the view at the bend."""
-    return tyre_wall(30.0, 5).at(131.5, 8.0, yaw_deg=-84.0) + boards(BOARD_NAMES, 9).at(133.5, 6.0, yaw_deg=-84.0)
+    return together(
+        [
+            *(ground, start, straight, kerbs, bend),
+            *over_track,
+            *(walls_left, walls_right, boards_left, *cones),
+            *(stands, far_end, *flags, *masts),
+            grove(rng, _TREES_M),
+        ]
+    )

@@ -1,4 +1,4 @@
-"""Shapes that places are built of: boxes, prisms, turned profiles, tubes, boulders and loose leaves."""
+"""Shapes of the objects of places: boxes, prisms, turned profiles, tubes, boulders and loose leaves."""
 
 import math
 from collections.abc import Sequence
@@ -47,7 +47,15 @@ def plate(x_m: tuple[float, float], y_m: tuple[float, float], z_m: float = 0.0) 
 
 
 def prism(outline_m: ArrayLike, length_m: float) -> Surface:
-    """Draw a convex outline (k, 2) of y and z, counter-clockwise as seen from +x, out along x about the middle."""
+    """Extrude an outline along x, about the origin.
+
+    Parameters
+    ----------
+    outline_m
+        (k, 2) y and z of a convex outline, counter-clockwise as seen from +x.
+    length_m
+        Along x.
+    """
     outline = np.asarray(outline_m, dtype=np.float64)
     front = np.insert(outline, 0, 0.5 * length_m, axis=1)
     back = front * (-1.0, 1.0, 1.0)
@@ -58,9 +66,15 @@ def prism(outline_m: ArrayLike, length_m: float) -> Surface:
 
 
 def turned(profile_m: ArrayLike, sides: int = 12) -> Surface:
-    """Build a profile (k, 2) of radius and height turned about the vertical, its outside at the right of its way.
+    """Turn a profile about the vertical: smooth around it, with edges between the parts of the profile.
 
-    It is closed where it starts and ends on the axis. Smooth around, with edges between the parts of the profile.
+    Parameters
+    ----------
+    profile_m
+        (k, 2) radius and height; the outside is at the right of the way along it. The surface is closed if the profile
+        starts and ends on the axis.
+    sides
+        Quadrilaterals around.
     """
     profile = np.asarray(profile_m, dtype=np.float64)
     around = 2 * math.pi * np.arange(sides + 1) / sides
@@ -75,9 +89,11 @@ def turned(profile_m: ArrayLike, sides: int = 12) -> Surface:
     v = np.broadcast_to((along_m[-1] - along_m)[:, None], rings.shape[:2])
     corners, uv = _patches(rings), _patches(np.stack([u, v], axis=-1))
     smooth = np.stack([normals[:, :-1], normals[:, 1:], normals[:, 1:], normals[:, :-1]], axis=2)
-    return _without_slivers(
-        quads(corners.reshape(-1, 4, 3), uv.reshape(-1, 4, 2), smooth.reshape(-1, 4, 3)), corners.reshape(-1, 4, 3)
-    )
+    surface = quads(corners.reshape(-1, 4, 3), uv.reshape(-1, 4, 2), smooth.reshape(-1, 4, 3))
+    # Where the profile meets its axis, triangles shrink to a line: these are left out.
+    points = surface.vertices_m[surface.triangles]
+    areas = np.linalg.norm(np.cross(points[:, 1] - points[:, 0], points[:, 2] - points[:, 0]), axis=-1)
+    return Surface(surface.vertices_m, surface.normals, surface.triangles[areas > 1e-12], surface.uv_m)
 
 
 def cylinder(radius_m: float, height_m: float, sides: int = 12) -> Surface:
@@ -86,7 +102,17 @@ def cylinder(radius_m: float, height_m: float, sides: int = 12) -> Surface:
 
 
 def tube(points_m: Sequence[Point] | Floats, radii_m: Sequence[float] | Floats, sides: int = 8) -> Surface:
-    """Build a tube along points (k, 3) with a radius at each, open at both ends, which are to lie in other things."""
+    """Build a tube that is open at both ends, which should lie inside other surfaces.
+
+    Parameters
+    ----------
+    points_m
+        (k, 3) along its axis.
+    radii_m
+        (k,) at each point.
+    sides
+        Quadrilaterals around.
+    """
     points, radii = np.asarray(points_m, dtype=np.float64), np.asarray(radii_m, dtype=np.float64)
     tangents = unit(np.gradient(points, axis=0))
     aside = np.array([1.0, 0.0, 0.0]) if abs(tangents[0, 0]) < 0.7 else np.array([0.0, 1.0, 0.0])
@@ -106,9 +132,20 @@ def tube(points_m: Sequence[Point] | Floats, radii_m: Sequence[float] | Floats, 
 
 
 def boulder(radii_m: ArrayLike, rng: np.random.Generator, roughness: float = 0.15, cells: int = 6) -> Surface:
-    """Build a lumpy, closed ball with half axes ``radii_m``: a stone, a bush, a part of a tree's crown.
+    """Build an uneven, closed ball: a stone, a bush, a part of a tree's crown.
 
-    The radius in direction d is 1 + sum a cos(k.d + phase), with its exact normal; 12 cells^2 triangles.
+    The radius in direction d is 1 + sum a cos(k.d + phase), with its exact normal.
+
+    Parameters
+    ----------
+    radii_m
+        (3,) half axes.
+    rng
+        Draws waves, phases and texture offsets.
+    roughness
+        Sum of the amplitudes a.
+    cells
+        Along each edge of the cube that is projected onto the ball: 12 cells^2 triangles.
     """
     waves = unit(rng.normal(size=(8, 3))) * np.geomspace(2.5, 11.0, 8)[:, None]
     phases, amplitudes = rng.uniform(0, 2 * math.pi, 8), np.full(8, roughness / 8)
@@ -129,7 +166,19 @@ def boulder(radii_m: ArrayLike, rng: np.random.Generator, roughness: float = 0.1
 
 
 def leaves(points_m: Floats, normals: Floats, length_m: float, width_m: float, rng: np.random.Generator) -> Surface:
-    """Loose leaves, pointed and flat, one at each point (n, 3), turned at random but mostly along the surface."""
+    """Build loose leaves, pointed and flat, with a random direction that is mostly along the surface.
+
+    Parameters
+    ----------
+    points_m
+        (n, 3) centre of each leaf.
+    normals
+        (n, 3) unit, of the surface at each point.
+    length_m, width_m
+        Mean size; each leaf is from 0.7 to 1.3 of it.
+    rng
+        Draws directions, sizes and texture offsets.
+    """
     count = len(points_m)
     facing = unit(normals + 0.6 * rng.normal(size=(count, 3)))
     along = unit(np.cross(facing, rng.normal(size=(count, 3))))
@@ -142,7 +191,19 @@ def leaves(points_m: Floats, normals: Floats, length_m: float, width_m: float, r
 
 
 def roughened(surface: Surface, amplitude_m: float, wavelength_m: float, rng: np.random.Generator) -> Surface:
-    """Build the surface with every point shifted by a smooth random field, faceted: equal points stay together."""
+    """Shift every point of a surface by a smooth random field; the result is faceted. Equal points stay together.
+
+    Parameters
+    ----------
+    surface
+        To be shifted.
+    amplitude_m
+        Scale of the shift; its standard deviation along each axis is 0.7 of it.
+    wavelength_m
+        Of the field; its waves are from 1/1.6 to 1/0.6 of it.
+    rng
+        Draws the field.
+    """
     waves = unit(rng.normal(size=(8, 3))) * (2 * math.pi / wavelength_m) * rng.uniform(0.6, 1.6, (8, 1))
     field = np.cos(surface.vertices_m @ waves.T + rng.uniform(0, 2 * math.pi, 8)) @ rng.normal(size=(8, 3))
     vertices_m = surface.vertices_m + amplitude_m * field / math.sqrt(8)
@@ -175,10 +236,3 @@ def height_field(xyz_m: Floats, uv_m: Floats) -> Surface:
 def _patches(grid: Floats) -> Floats:
     """Corners (rows - 1, columns - 1, 4, ...) of the cells of a grid whose rows go up and columns to the right."""
     return np.stack([grid[:-1, :-1], grid[:-1, 1:], grid[1:, 1:], grid[1:, :-1]], axis=2)
-
-
-def _without_slivers(surface: Surface, corners_m: Floats) -> Surface:
-    """Leave out triangles that shrink to a line, as where a profile meets its axis."""
-    points = surface.vertices_m[surface.triangles]
-    areas = np.linalg.norm(np.cross(points[:, 1] - points[:, 0], points[:, 2] - points[:, 0]), axis=-1)
-    return Surface(surface.vertices_m, surface.normals, surface.triangles[areas > 1e-12], surface.uv_m)

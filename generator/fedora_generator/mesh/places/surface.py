@@ -28,14 +28,27 @@ class Surface:
 
 
 def quads(corners_m: ArrayLike, uv_m: ArrayLike | None = None, normals: ArrayLike | None = None) -> Surface:
-    """Quadrilaterals (k, 4, 3), each from lower left to lower right, upper right and upper left, seen from the front.
+    """Build quadrilaterals.
 
-    Without ``uv_m`` (k, 4, 2) each has its own origin at its upper left corner. Without ``normals`` (k, 4, 3) each is
-    flat.
+    Parameters
+    ----------
+    corners_m
+        (k, 4, 3) each from lower left to lower right, upper right and upper left, seen from the front.
+    uv_m
+        (k, 4, 2) texture coordinates; without them, each quadrilateral is a rectangle with its origin at its upper left
+        corner.
+    normals
+        (k, 4, 3) unit; without them, each quadrilateral is flat.
     """
     corners = np.asarray(corners_m, dtype=np.float64)
     flat = unit(np.cross(corners[:, 2] - corners[:, 0], corners[:, 3] - corners[:, 1]))
-    uv = _rectangular_uv(corners) if uv_m is None else np.asarray(uv_m, dtype=np.float64)
+    if uv_m is None:
+        width = np.linalg.norm(corners[:, 1] - corners[:, 0], axis=-1)
+        height = np.linalg.norm(corners[:, 3] - corners[:, 0], axis=-1)
+        zero = np.zeros_like(width)
+        uv = np.moveaxis(np.array([[zero, height], [width, height], [width, zero], [zero, zero]]), -1, 0)
+    else:
+        uv = np.asarray(uv_m, dtype=np.float64)
     to_front = np.repeat(flat[:, None], 4, axis=1) if normals is None else np.asarray(normals, dtype=np.float64)
     first = 4 * np.arange(len(corners), dtype=np.int32)[:, None]
     triangles = np.concatenate([first + np.array(corner) for corner in ((0, 1, 2), (0, 2, 3))]).astype(np.int32)
@@ -67,7 +80,17 @@ def joined(surfaces: Sequence[Surface]) -> Surface:
 
 
 def moved(surface: Surface, position_m: ArrayLike = (0.0, 0.0, 0.0), yaw_deg: float = 0.0) -> Surface:
-    """Return the surface turned about the vertical, then shifted."""
+    """Return the surface rotated about the vertical, then shifted.
+
+    Parameters
+    ----------
+    surface
+        In its own frame.
+    position_m
+        (3,) shift.
+    yaw_deg
+        Rotation, counter-clockwise.
+    """
     R = yaw_matrix(yaw_deg)
     vertices_m = surface.vertices_m @ R.T + np.asarray(position_m, dtype=np.float64)
     return Surface(vertices_m, surface.normals @ R.T, surface.triangles, surface.uv_m)
@@ -83,11 +106,3 @@ def unit(vectors: ArrayLike) -> Floats:
     """Vectors (..., n) scaled to length 1."""
     values = np.asarray(vectors, dtype=np.float64)
     return np.asarray(values / np.linalg.norm(values, axis=-1, keepdims=True))
-
-
-def _rectangular_uv(corners_m: Floats) -> Floats:
-    width = np.linalg.norm(corners_m[:, 1] - corners_m[:, 0], axis=-1)
-    height = np.linalg.norm(corners_m[:, 3] - corners_m[:, 0], axis=-1)
-    none = np.zeros_like(width)
-    right_down = [[none, height], [width, height], [width, none], [none, none]]
-    return np.moveaxis(np.array(right_down), -1, 0)

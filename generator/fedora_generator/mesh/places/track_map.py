@@ -4,7 +4,7 @@ from typing import Final
 
 import numpy as np
 
-from fedora_generator.mesh.places.ground import LAWN_TILE_M, Floats32, MapArea, edge, lawn, lay, tiled
+from fedora_generator.mesh.places.ground import LAWN_TILE_M, MapArea, edge, lawn, lay, tiled
 from fedora_generator.mesh.places.paint import Image, Rgb, Shape, between, bounded, flakes, fractal, speckled
 
 TRACK_AREA: Final = MapArea(x_m=(-4.8, 19.2), y_m=(-9.6, 9.6), texel_m=0.0125)
@@ -28,8 +28,18 @@ def paint_straight(_: np.random.Generator, shape: Shape) -> Image:
     road = np.flatnonzero(np.abs(y_m[:, 0]) < HALF_WIDTH_M + 0.3)
     rows = slice(road[0], road[-1] + 1)
     picture[rows] = asphalt(rng, (len(road), shape[1]))
-    _rubber(rng, picture[rows], y_m[rows])
-    _edge_lines(rng, picture[rows], y_m[rows])
+    road_shape, across_m = (len(road), shape[1]), y_m[rows]
+
+    # Dark bands of rubber where the cars drive, and streaks of single tyres.
+    streaks = fractal(rng, road_shape, 0.8, 500.0, shortest_px=6.0, stretch=(1.0, 24.0))
+    lanes = np.exp(-(((np.abs(across_m + 0.2) - 1.0) / 0.55) ** 2))
+    rubber = np.clip(0.20 * lanes + 0.16 * np.maximum(streaks - 0.6, 0) * (0.4 + lanes), 0, 0.7)
+    picture[rows] *= (1 - rubber)[..., None]
+
+    # White lines along both borders, worn.
+    line = edge(0.085 - np.abs(np.abs(across_m) - (HALF_WIDTH_M - 0.25)), 0.02)
+    worn = np.clip(0.85 + 0.12 * fractal(rng, road_shape, 0.9, 120.0, shortest_px=3.0), 0, 1)
+    lay(picture[rows], _WHITE, np.asarray(line * worn, dtype=np.float32))
     return bounded(picture)
 
 
@@ -63,20 +73,3 @@ def asphalt(rng: np.random.Generator, shape: Shape) -> Image:
 def paint_asphalt(rng: np.random.Generator, shape: Shape) -> Image:
     """Asphalt alone, for the bend."""
     return asphalt(rng, shape)
-
-
-def _rubber(rng: np.random.Generator, road: Image, y_m: Floats32) -> None:
-    """Dark bands of rubber where the cars run, and streaks of single tyres."""
-    shape = (road.shape[0], road.shape[1])
-    streaks = fractal(rng, shape, 0.8, 500.0, shortest_px=6.0, stretch=(1.0, 24.0))
-    lanes = np.exp(-(((np.abs(y_m + 0.2) - 1.0) / 0.55) ** 2))
-    dark = np.clip(0.20 * lanes + 0.16 * np.maximum(streaks - 0.6, 0) * (0.4 + lanes), 0, 0.7)
-    road *= (1 - dark)[..., None]
-
-
-def _edge_lines(rng: np.random.Generator, road: Image, y_m: Floats32) -> None:
-    """White lines along both borders, worn."""
-    shape = (road.shape[0], road.shape[1])
-    line = edge(0.085 - np.abs(np.abs(y_m) - (HALF_WIDTH_M - 0.25)), 0.02)
-    worn = np.clip(0.85 + 0.12 * fractal(rng, shape, 0.9, 120.0, shortest_px=3.0), 0, 1)
-    lay(road, _WHITE, np.asarray(line * worn, dtype=np.float32))

@@ -1,4 +1,4 @@
-"""What grows: trees, conifers, bushes and hedges. Crowns are solid clusters under loose leaves, so depth is defined."""
+"""Plants: trees, conifers, bushes and hedges. Crowns are solid clusters under loose leaves, so depth is defined."""
 
 import math
 from collections.abc import Sequence
@@ -37,15 +37,31 @@ def broadleaf(
     trunk_m = np.stack([bend_m[0] * rise**2, bend_m[1] * rise**2, crown_z_m * rise], axis=-1)
     foot_m = 0.035 * height_m
     trunk = tube(trunk_m, foot_m * np.array([1.5, 1.05, 0.85, 0.7, 0.45]), sides=10)
-    centers_m = trunk_m[-1] + _crown_points(rng, clusters) * crown_radius_m * (0.62, 0.62, 0.5)
-    branches = [_branch(trunk_m, center_m, foot_m) for center_m in centers_m[1:]]
+
+    # Centres of the clusters in a unit ball: the first near the top, the others downwards in steps of the golden angle.
+    heights = np.linspace(0.75, -0.75, clusters - 1)
+    turns_rad = GOLDEN_ANGLE_RAD * np.arange(clusters - 1) + rng.uniform(0, 2 * math.pi)
+    reach = np.sqrt(1 - (0.8 * heights) ** 2) * rng.uniform(0.8, 1.05, clusters - 1)
+    around = np.stack([reach * np.cos(turns_rad), reach * np.sin(turns_rad), heights], axis=-1)
+    in_crown = np.concatenate([[[0.0, 0.0, 0.5]], around])
+    centers_m = trunk_m[-1] + in_crown * crown_radius_m * (0.62, 0.62, 0.5)
+
+    branches = []
+    fork_m = 0.45 * trunk_m[2] + 0.55 * trunk_m[3]
+    for center_m in centers_m[1:]:
+        middle_m = 0.5 * (fork_m + center_m) - (0.0, 0.0, 0.06 * float(np.linalg.norm(center_m - fork_m)))
+        branch_m = np.stack([fork_m, middle_m, center_m])
+        branches.append(tube(branch_m, foot_m * np.array([0.42, 0.32, 0.2]), sides=6))
     balls = [boulder(_ball_radii(rng, crown_radius_m), rng, 0.34) for _ in centers_m]
     crown = [_shifted(ball, center_m) for ball, center_m in zip(balls, centers_m, strict=True)]
+    top_x_m, top_y_m, top_z_m = trunk_m[-1].tolist()
+    crown_size_m = (2.1 * crown_radius_m, 2.1 * crown_radius_m, 2.0 * crown_radius_m)
     return (
         painted("bark", trunk, *branches)
         + painted(foliage.cluster, *crown)
         + painted(foliage.leaf, _loose_leaves(rng, joined(crown), 110 * clusters))
-        + _trunk_and_crown(trunk_m[-1], 2.6 * foot_m, crown_radius_m)
+        + solid("trunk", (2.6 * foot_m, 2.6 * foot_m, top_z_m), (0, 0, 0.5 * top_z_m))
+        + solid("crown", crown_size_m, (top_x_m, top_y_m, top_z_m))
     )
 
 
@@ -130,23 +146,8 @@ def wood_line(
     return together([painted("far trees", joined(crowns))])
 
 
-def _crown_points(rng: np.random.Generator, count: int) -> Floats:
-    """Points in and on the unit ball: the first on top, the others around in the golden angle, lower ones outside."""
-    heights = np.linspace(0.75, -0.75, count - 1)
-    turns = GOLDEN_ANGLE_RAD * np.arange(count - 1) + rng.uniform(0, 2 * math.pi)
-    reach = np.sqrt(1 - (0.8 * heights) ** 2) * rng.uniform(0.8, 1.05, count - 1)
-    around = np.stack([reach * np.cos(turns), reach * np.sin(turns), heights], axis=-1)
-    return np.concatenate([[[0.0, 0.0, 0.5]], around])
-
-
 def _ball_radii(rng: np.random.Generator, crown_radius_m: float) -> Floats:
     return crown_radius_m * rng.uniform(0.32, 0.52) * np.array([1.0, 1.0, rng.uniform(0.75, 0.92)])
-
-
-def _branch(trunk_m: Floats, tip_m: Floats, foot_m: float) -> Surface:
-    start_m = 0.45 * trunk_m[2] + 0.55 * trunk_m[3]
-    middle_m = 0.5 * (start_m + tip_m) - (0.0, 0.0, 0.06 * float(np.linalg.norm(tip_m - start_m)))
-    return tube(np.stack([start_m, middle_m, tip_m]), foot_m * np.array([0.42, 0.32, 0.2]), sides=6)
 
 
 def _loose_leaves(rng: np.random.Generator, body: Surface, count: int, length_m: float = 0.24) -> Surface:
@@ -157,13 +158,6 @@ def _loose_leaves(rng: np.random.Generator, body: Surface, count: int, length_m:
     normals = unit(np.sum(body.normals[body.triangles[chosen]] * weights, axis=1))
     above_m = length_m * rng.uniform(0.0, 0.5, (count, 1))
     return leaves(points + above_m * normals, normals, length_m, 0.5 * length_m, rng)
-
-
-def _trunk_and_crown(top_m: Floats, trunk_m: float, crown_radius_m: float) -> Group:
-    x_m, y_m, z_m = top_m.tolist()
-    crown_m = (2.1 * crown_radius_m, 2.1 * crown_radius_m, 2.0 * crown_radius_m)
-    trunk = solid("trunk", (trunk_m, trunk_m, z_m), (0, 0, 0.5 * z_m))
-    return trunk + solid("crown", crown_m, (x_m, y_m, z_m))
 
 
 def _shifted(surface: Surface, shift_m: Floats | tuple[float, float, float]) -> Surface:

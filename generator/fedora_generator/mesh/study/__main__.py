@@ -1,4 +1,4 @@
-"""Prints what is in mesh/README.md: ``python -m fedora_generator.mesh.study``, some minutes on two cores."""
+"""Prints the tables of mesh/README.md: ``python -m fedora_generator.mesh.study``, some minutes on two cores."""
 
 import time
 from collections.abc import Callable, Iterator

@@ -1,4 +1,4 @@
-"""How far two worlds disagree on one image: depth, flow and intensity, apart inside surfaces and at their edges."""
+"""Differences of the same image from two worlds: depth, flow and intensity, inside surfaces and at their edges."""
 
 from dataclasses import dataclass
 from typing import Final
@@ -17,19 +17,19 @@ SAME_SURFACE: Final = 1e-2
 """Relative difference of 1/z beyond which two renders show different surfaces at a pixel."""
 
 CREASE: Final = 1e-4
-"""Second difference of 1/z, relative, that no plane has: 1/z is linear in the image. Rounding gives 1e-6."""
+"""Relative second difference of 1/z that shows an edge: on a plane 1/z is linear in the image. Rounding gives 1e-6."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class DepthDisagreement:
-    """Relative differences of 1/z where both show the same surface; and how many pixels show another."""
+    """Relative differences of 1/z where both show the same surface, and the number of pixels with another surface."""
 
     median: float
     p999: float
     largest: float
     other_surface_pixels: int
     flow_largest_px: float
-    """Largest difference of the flow to the pose given, where both show the same surface."""
+    """Largest difference of the flow between the two poses, where both show the same surface."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -44,7 +44,17 @@ class RadianceDisagreement:
 def depth_disagreement(
     exact_per_m: Floats, other_per_m: Floats, camera: Camera, T_world_camera: Floats, T_world_camera_end: Floats
 ) -> DepthDisagreement:
-    """Compare two inverse depths (height, width) of one pose."""
+    """Compare two inverse depths.
+
+    Parameters
+    ----------
+    exact_per_m, other_per_m
+        (height, width) 1 / z, 1/m, from the same pose.
+    camera
+        Camera matrix.
+    T_world_camera, T_world_camera_end
+        (4, 4) poses between which the flow is compared.
+    """
     nearest = np.maximum(exact_per_m, other_per_m)
     difference = np.abs(exact_per_m - other_per_m)
     same = (difference <= SAME_SURFACE * nearest) & (nearest > 0)
@@ -71,7 +81,15 @@ def edges(inverse_depth_per_m: Floats) -> Flags:
 
 
 def radiance_disagreement(exact_dn: Floats, other_dn: Floats, where: Flags) -> RadianceDisagreement:
-    """Compare two luminances (height, width) at some pixels."""
+    """Compare two luminances.
+
+    Parameters
+    ----------
+    exact_dn, other_dn
+        (height, width) DN.
+    where
+        (height, width) pixels to compare.
+    """
     difference = np.abs(np.log(exact_dn[where] / other_dn[where]))
     return RadianceDisagreement(
         rms=float(np.sqrt((difference**2).mean())),

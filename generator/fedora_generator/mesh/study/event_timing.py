@@ -21,7 +21,10 @@ SENSOR: Final = EventSensorOptions(model="log", threshold_on=0.2, threshold_off=
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TimingError:
-    """``wrong_share`` of the pixels with any event have another sequence of polarities; the rest is of all others."""
+    """Errors of event times.
+
+    ``wrong_share`` of the pixels with any event have another sequence of polarities; the errors are of all others.
+    """
 
     wrong_share: float
     median_us: float
@@ -31,7 +34,15 @@ class TimingError:
 
 
 def record(luma: Luma, times_us: NDArray[np.int64]) -> EventBatch:
-    """Events of a sensor that is shown images at ``times_us`` (n,), ascending."""
+    """Simulate the events of a sensor from images.
+
+    Parameters
+    ----------
+    luma
+        Renders the luminance at a time.
+    times_us
+        (n,) ascending times of the images.
+    """
     first_dn = luma(int(times_us[0]))
     height, width = first_dn.shape
     sensor = EventSensor(SENSOR, height, width, np.random.SeedSequence(0))
@@ -43,14 +54,20 @@ def record(luma: Luma, times_us: NDArray[np.int64]) -> EventBatch:
 
 
 def compare(truth: EventBatch, other: EventBatch) -> TimingError:
-    """Match the k-th event of a pixel with the k-th of the same pixel, where all their polarities agree."""
+    """Match the k-th event of a pixel with the k-th of the same pixel, where all their polarities agree.
+
+    Parameters
+    ----------
+    truth, other
+        Events of the same pixels and times.
+    """
     width = int(max(truth.x.max(), other.x.max())) + 1
     pixels_a, times_a, polarities_a = _by_pixel(truth, width)
     pixels_b, times_b, polarities_b = _by_pixel(other, width)
     size = int(max(pixels_a.max(), pixels_b.max())) + 1
     counts_a, counts_b = np.bincount(pixels_a, minlength=size), np.bincount(pixels_b, minlength=size)
     wrong = counts_a != counts_b
-    a, b = ~wrong[pixels_a], ~wrong[pixels_b]  # the rows of both now belong to each other, one by one
+    a, b = ~wrong[pixels_a], ~wrong[pixels_b]  # row by row the same event
     wrong[pixels_a[a][polarities_a[a] != polarities_b[b]]] = True
     late_us = np.abs(times_b[b] - times_a[a])[~wrong[pixels_a[a]]]
     return TimingError(

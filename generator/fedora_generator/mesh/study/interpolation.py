@@ -1,7 +1,7 @@
-"""Images between sparse renders, moved along the known flow: tried as a way to more images a second.
+"""Images between sparse renders, moved along the known flow: a trial to get more images a second.
 
-At each instant only the depth is rendered. It says where every pixel was at the render before and will be at the one
-after; what both show there is mixed by the distance in time, where it is not hidden.
+At each instant only the depth is rendered. The flow that follows from it leads from every pixel to the render before
+and to the render after. The luminances there are mixed by the distance in time, where the surface is not hidden.
 """
 
 from collections.abc import Callable
@@ -19,12 +19,12 @@ from fedora_generator.rendered_world import RenderedWorld
 Floats = NDArray[np.float64]
 
 RETURN_PX: Final = 1.0
-"""A pixel that there and back again ends farther away is hidden: what is seen there is another surface."""
+"""Largest distance from a pixel to the end of its flow forth and back: farther away, another surface hides it."""
 
 
 @dataclass(frozen=True, slots=True)
 class Key:
-    """A render: where from, its luminance (height, width), DN, and 1/z, 1/m."""
+    """A render: its pose, its luminance (height, width), DN, and 1/z (height, width), 1/m."""
 
     T_world_camera: Floats
     luma_dn: Floats
@@ -50,22 +50,22 @@ class FlowInterpolation:
         inverse_depth = self.world.inverse_depth_per_m(self.camera, T_world_camera)
         share = rest_us / self.step_us
         total, weights = np.zeros_like(inverse_depth), np.zeros_like(inverse_depth)
-        for number, weight in ((before, 1 - share), (before + 1, share)):
-            seen_dn, hidden = self._look_up(self._key(number), T_world_camera, inverse_depth)
-            here = weight * np.where(hidden, 1e-6, 1.0)  # seen by neither: the mixture all the same
-            total += here * seen_dn
-            weights += here
-        return np.asarray(total / weights)
-
-    def _look_up(self, key: Key, T_world_camera: Floats, inverse_depth: Floats) -> tuple[Floats, NDArray[np.bool_]]:
-        """Return what a key shows where each pixel lies in it, and where that is another surface."""
-        flow = flow_px(inverse_depth, self.camera.K, T_world_camera, key.T_world_camera).astype(np.float64)
         rows, columns = np.indices(inverse_depth.shape)
-        at = np.stack([rows + flow[..., 1], columns + flow[..., 0]])
-        back = flow_px(key.inverse_depth_per_m, self.camera.K, key.T_world_camera, T_world_camera).astype(np.float64)
-        returned = [map_coordinates(back[..., i], at, order=0, mode="nearest") for i in (0, 1)]
-        away_px = np.hypot(flow[..., 0] + returned[0], flow[..., 1] + returned[1])
-        return map_coordinates(key.luma_dn, at, order=3, mode="nearest"), ~(away_px <= RETURN_PX)
+        for number, weight in ((before, 1 - share), (before + 1, share)):
+            key = self._key(number)
+            flow = flow_px(inverse_depth, self.camera.K, T_world_camera, key.T_world_camera).astype(np.float64)
+            coordinates = np.stack([rows + flow[..., 1], columns + flow[..., 0]])
+            # A pixel whose flow back from the key does not end near it is hidden in the key by another surface.
+            back = flow_px(key.inverse_depth_per_m, self.camera.K, key.T_world_camera, T_world_camera)
+            back_u, back_v = (
+                map_coordinates(back[..., i].astype(np.float64), coordinates, order=0, mode="nearest") for i in (0, 1)
+            )
+            away_px = np.hypot(flow[..., 0] + back_u, flow[..., 1] + back_v)
+            # Where both keys hide a pixel, the small weights still give the mixture.
+            weight_px = weight * np.where(~(away_px <= RETURN_PX), 1e-6, 1.0)
+            total += weight_px * map_coordinates(key.luma_dn, coordinates, order=3, mode="nearest")
+            weights += weight_px
+        return np.asarray(total / weights)
 
     def _key(self, number: int) -> Key:
         if number not in self.keys:

@@ -1,4 +1,4 @@
-"""What pyrender gives of itself, without anything of ours: the depth of its own renderer."""
+"""The depth of pyrender's own renderer, for comparison."""
 
 from typing import Final
 
@@ -18,12 +18,27 @@ _OPTICAL_FROM_OPENGL: Final = np.diag([1.0, -1.0, -1.0, 1.0])
 
 
 def stock_inverse_depth_per_m(model: MeshModel, camera: Camera, T_world_camera: Floats) -> Floats:
-    """1 / z-depth (height, width), 1/m, 0 for the sky: 24 bits, of the first of four samples of each pixel."""
+    """Inverse depth of 24 bits, at the first of four samples of each pixel.
+
+    Parameters
+    ----------
+    model
+        Triangles to draw.
+    camera
+        Camera matrix and size of the image.
+    T_world_camera
+        (4, 4) pose of the camera.
+
+    Returns
+    -------
+    inverse_depth
+        (height, width) 1 / z, 1/m; 0 for the sky.
+    """
     context = open_context()  # before anything imports OpenGL
     import pyrender  # noqa: PLC0415
     from OpenGL import GL  # noqa: PLC0415
 
-    from fedora_generator.mesh.clip_control import use_depth_from_minus_one  # noqa: PLC0415
+    from fedora_generator.mesh.opengl import use_depth_from_minus_one  # noqa: PLC0415
 
     K = camera.K
     lens = pyrender.IntrinsicsCamera(K[0, 0], K[1, 1], K[0, 2] + 0.5, K[1, 2] + 0.5, znear=NEAR_M, zfar=FAR_M)

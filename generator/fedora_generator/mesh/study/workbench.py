@@ -1,4 +1,4 @@
-"""A small world that both renderers can make, for measuring one against the other: a floor and boxes."""
+"""A small world that both renderers draw, to compare their images: a floor and boxes."""
 
 from typing import Final
 
@@ -62,5 +62,5 @@ FLIGHT: Final = FlightOptions(
 
 
 def path_world_m() -> NDArray[np.float64]:
-    """Positions (n, 3) of the camera over what is measured."""
+    """Positions (n, 3) of the camera during the study."""
     return Flight(FLIGHT).states_at(np.arange(0.0, 0.5, 0.02)).positions_world_m
