@@ -194,7 +194,13 @@ def _follow_pixel(
             margin, reference = care.caution * bend / 16, sensor.reference[y, x]
             if min(before, after) - margin > reference - off and max(before, after) + margin < reference + on:
                 top -= 1
-            elif _is_bent(care, after - before, bend) and stop - start > finest and top + 1 < DEEPEST:
+            # A signal may turn on its way where its bend is large beside its change; a bend below rounding is none.
+            elif (
+                abs(after - before) < care.caution * bend / 4
+                and bend > _ROUNDING
+                and stop - start > finest
+                and top + 1 < DEEPEST
+            ):
                 middle = 0.5 * (start + stop)
                 value = signal_at(stage, sensor, x, y, middle)
                 # Over half the time a signal bends a quarter as much; at a kink it is half, but that the middle sees.
@@ -210,12 +216,6 @@ def _follow_pixel(
                     return count
                 top -= 1
     return count
-
-
-@njit(cache=True, error_model="numpy", inline="always")
-def _is_bent(care: Care, change: float, bend: float) -> bool:
-    """Whether a signal may turn on its way."""
-    return bool(abs(change) < care.caution * bend / 4 and bend > _ROUNDING)
 
 
 @njit(cache=True, error_model="numpy", inline="always")
@@ -262,7 +262,10 @@ def _fire(
         start = _crossing(stage, sensor, care, x, y, level, start, before, stop, after)
         before = level
         place = y << clock.column_bits | x
-        keys[count] = _timestamp(clock, start) << clock.timestamp_shift | place << 1 | rising
+        # First tick not before the crossing, which lies after the start of the path: there the level was not reached.
+        offset_ns = min(max(math.floor(start * clock.span_ns + 0.5), 1), clock.span_ns)
+        timestamp = (clock.start_ns + offset_ns + clock.tick_ns - 1) // clock.tick_ns
+        keys[count] = timestamp << clock.timestamp_shift | place << 1 | rising
         count += 1
         sensor.reference[y, x] = level
         level += threshold
@@ -308,10 +311,3 @@ def _crossing(
             start, before, low = share, level + off_level, off_level
             high, stayed = (0.5 * high if stayed == 1 else high), 1
     return 0.5 * (start + stop)
-
-
-@njit(cache=True, error_model="numpy")
-def _timestamp(clock: Clock, share: float) -> int:
-    """First tick not before a crossing. It lies after the start of the path, where its level was not yet reached."""
-    offset_ns = min(max(math.floor(share * clock.span_ns + 0.5), 1), clock.span_ns)
-    return (clock.start_ns + offset_ns + clock.tick_ns - 1) // clock.tick_ns

@@ -8,9 +8,8 @@ from numba import njit
 from numpy.typing import NDArray
 
 from fedora_generator.adaptive.camera_path import RAY_ENTRIES
-from fedora_generator.adaptive.path_kernels import look
 from fedora_generator.surfaces.pixel_kernels import MAX_CORNERS, MAX_PIECES, Pieces
-from fedora_generator.surfaces.projection_kernels import LINES_PER_FACE, FaceFrames
+from fedora_generator.surfaces.projection_kernels import LINES_PER_FACE, FaceFrames, project_face
 from fedora_generator.surfaces.render_kernels import TILE, render_pixel
 from fedora_generator.surfaces.shading_kernels import Surfaces, View
 from fedora_generator.surfaces.texture_kernels import TextureTable
@@ -154,6 +153,53 @@ def stage_of(
 
 
 @njit(cache=True, error_model="numpy")
+def look(
+    frames: FaceFrames,
+    bodies: Integers,
+    coefficients: Floats,
+    share: float,
+    view: View,
+    cameras_m: Floats,
+    sums: Floats,
+) -> None:
+    """Turn ``view``, in place, to how its faces (``front``) appear at a share (0 to 1) of the path.
+
+    Parameters
+    ----------
+    frames
+        The faces before anything has moved.
+    bodies
+        Body (faces,) that each face belongs to.
+    coefficients
+        (terms, entries) of Chebyshev polynomials, as in ``CameraPath``.
+    share
+        0 at the start of the path, 1 at its end.
+    view
+        Its ``rays`` and ``lines`` are overwritten.
+    cameras_m, sums
+        Scratch space (bodies, 3) and (2, entries).
+    """
+    # Clenshaw's recurrence: b_k = c_k + 2 x b_(k+1) - b_(k+2), then f(x) = c_0 + x b_1 - b_2.
+    x = 2.0 * share - 1.0
+    sums[:] = 0.0
+    for term in range(len(coefficients) - 1, 0, -1):
+        for entry in range(sums.shape[1]):
+            value = coefficients[term, entry] + 2.0 * x * sums[0, entry] - sums[1, entry]
+            sums[1, entry] = sums[0, entry]
+            sums[0, entry] = value
+    for entry in range(sums.shape[1]):
+        row, column = divmod(entry, 3)
+        value = coefficients[0, entry] + x * sums[0, entry] - sums[1, entry]
+        if row < 3:
+            view.rays[row, column] = value
+        else:
+            cameras_m[row - 3, column] = value
+    for index in range(len(view.front)):
+        face = view.front[index]
+        project_face(frames, face, cameras_m[bodies[face]], view.rays, view.lines[index])
+
+
+@njit(cache=True, error_model="numpy")
 def sample_block(
     stage: Stage, sensor: Sensor, column: int, row: int, rows: int, columns: int, share: float, values: Floats
 ) -> None:
@@ -162,7 +208,8 @@ def sample_block(
     pieces, terms, radiance_dn = stage.pieces, stage.terms, stage.radiance_dn
     view = View(stage.view_front, stage.view_lines, stage.view_rays)
     look(stage.frames, stage.bodies, stage.coefficients, share, view, stage.cameras_m, stage.sums)
-    _give_all(given)
+    for index in range(len(given)):  # at first every face of the tile
+        given[index] = index
     x_middle, y_middle = column + 0.5 * (columns - 1), row + 0.5 * (rows - 1)
     half = 0.5 * max(rows, columns)
     # The list is shortened in place: a face moves to the front of itself.
@@ -187,7 +234,9 @@ def sample_block(
     if sensor.leak_per_s > 0.0:
         for y in range(rows):
             for x in range(columns):
-                values[y * columns + x] += _leaked(stage, sensor, column + x, row + y, share)
+                # Leak acts as a signal that rises for ever.
+                on, _ = thresholds_of(sensor, column + x, row + y)
+                values[y * columns + x] += float(sensor.leak_per_s * on * (sensor.elapsed_s + share * stage.span_s))
     stage.asked[0] += rows * columns
 
 
@@ -198,21 +247,8 @@ def signal_at(stage: Stage, sensor: Sensor, x: int, y: int, share: float) -> flo
     return float(stage.signal[0])
 
 
-@njit(cache=True, error_model="numpy")
-def _give_all(given: Integers) -> None:
-    for index in range(len(given)):
-        given[index] = index
-
-
 @njit(cache=True, error_model="numpy", inline="always")
 def thresholds_of(sensor: Sensor, x: int, y: int) -> tuple[float, float]:
     """Thresholds of a pixel, brighter and darker."""
     row_on, row_off = y if len(sensor.threshold_on) > 1 else 0, y if len(sensor.threshold_off) > 1 else 0
     return sensor.threshold_on[row_on, x], sensor.threshold_off[row_off, x]
-
-
-@njit(cache=True, error_model="numpy")
-def _leaked(stage: Stage, sensor: Sensor, x: int, y: int, share: float) -> float:
-    """Leak acts as a signal that rises for ever."""
-    on, _ = thresholds_of(sensor, x, y)
-    return float(sensor.leak_per_s * on * (sensor.elapsed_s + share * stage.span_s))

@@ -80,18 +80,16 @@ class PoissonEvents:
         """Return the sorted keys, not taken before, of events stamped up to and including ``stop_us``."""
         waiting = [] if self._waiting is None else [self._waiting]
         while self._drawn_blocks * _BLOCK_US < stop_us:
-            waiting.append(self._draw_block(self._drawn_blocks))
+            block = self._drawn_blocks
+            spawn_key = (*self.seed.spawn_key, block)
+            rng = np.random.default_rng(np.random.SeedSequence(self.seed.entropy, spawn_key=spawn_key))
+            count = rng.poisson(self.rate_hz * self.among.size * _BLOCK_US / US_PER_S)
+            timestamps_us = block * _BLOCK_US + rng.integers(1, _BLOCK_US, count, endpoint=True)
+            places = rng.choice(self.among, count)
+            polarities = rng.integers(0, 1, count, endpoint=True)
+            waiting.append(np.sort((timestamps_us << self.layout.timestamp_shift) | (places << 1) | polarities))
             self._drawn_blocks += 1
         keys = np.concatenate([np.empty(0, np.int64), *waiting])
         split = int(np.searchsorted(keys, self.layout.first_key_after(stop_us)))
         self._waiting = keys[split:]
         return keys[:split]
-
-    def _draw_block(self, block: int) -> NDArray[np.int64]:
-        spawn_key = (*self.seed.spawn_key, block)
-        rng = np.random.default_rng(np.random.SeedSequence(self.seed.entropy, spawn_key=spawn_key))
-        count = rng.poisson(self.rate_hz * self.among.size * _BLOCK_US / US_PER_S)
-        timestamps_us = block * _BLOCK_US + rng.integers(1, _BLOCK_US, count, endpoint=True)
-        places = rng.choice(self.among, count)
-        polarities = rng.integers(0, 1, count, endpoint=True)
-        return np.sort((timestamps_us << self.layout.timestamp_shift) | (places << 1) | polarities)

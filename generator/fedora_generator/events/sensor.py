@@ -48,7 +48,13 @@ class EventSensor:
         self._threshold_on = draw_thresholds(options.threshold_on, options.threshold_sigma, shape, self._rng(_ON))
         self._threshold_off = draw_thresholds(options.threshold_off, options.threshold_sigma, shape, self._rng(_OFF))
         self._hot = draw_hot_pixels(options.hot_pixel_count, height * width, self._rng(_HOT_PLACE))
-        self._spurious = self._spurious_sources()
+        # Every pixel draws shot noise, hot pixels fire besides; a source without rate or pixels is left out.
+        every, hot = (self._layout.places_of(pixels) for pixels in (np.arange(height * width), self._hot))
+        sources = (
+            PoissonEvents(options.shot_rate_hz, every, self._layout, self._child_seed(_SHOT)),
+            PoissonEvents(options.hot_pixel_rate_hz, hot, self._layout, self._child_seed(_HOT)),
+        )
+        self._spurious = tuple(source for source in sources if source.rate_hz > 0 and source.among.size)
         self._low_pass: LowPass | None = None
         self._start_ns: int | None = None
         self._now_ns = 0
@@ -105,12 +111,26 @@ class EventSensor:
             raise ValueError(f"Expected a time after {self._now_ns} ns, got {t_ns} ns; show images in order")
         self._signal, self._previous = self._previous, self._signal
         self._respond(luma_dn)
-        self._shape_signal((t_ns - self._now_ns) / NS_PER_S, (t_ns - self._start_ns) / NS_PER_S)
+        options = self._options
+        # Bandwidth, the linear model's rounding, and leak, which acts as a signal that rises for ever.
+        if self._low_pass is not None:
+            self._low_pass.advance((t_ns - self._now_ns) / NS_PER_S, self._signal)
+        if options.model == "linear":
+            np.rint(self._signal, out=self._signal)
+        if options.leak_rate_hz:
+            self._signal += options.leak_rate_hz * ((t_ns - self._start_ns) / NS_PER_S) * self._threshold_on
         start_ns, stop_ns = self._now_ns - self._start_ns, t_ns - self._start_ns
-        keys = self._fire(start_ns, stop_ns)
+        try:
+            if options.model == "linear":
+                keys = self._comparator.steps(self._signal, stop_ns)
+            else:
+                keys = self._comparator.crossings(self._previous, self._signal, start_ns, stop_ns)
+        except SignalNotFiniteError:
+            self._require_finite()
+            raise
         self._now_ns = t_ns
         first_us, last_us = start_ns // NS_PER_US, stop_ns // NS_PER_US
-        if not self._has_effects_on_keys():
+        if not (self._spurious or options.refractory_us or options.packet_interval_us):
             spare = self._comparator.spare(keys.size)
             return sort_and_decode(keys, self._layout, first_us, last_us, self._start_ns // NS_PER_US, spare)
         spare = np.empty(keys.size, np.int64)  # effects may keep what they are given
@@ -164,15 +184,6 @@ class EventSensor:
     def _child_seed(self, stream: int) -> np.random.SeedSequence:
         return np.random.SeedSequence(self._seed.entropy, spawn_key=(*self._seed.spawn_key, stream))
 
-    def _spurious_sources(self) -> tuple[PoissonEvents, ...]:
-        options, layout = self._options, self._layout
-        every, hot = (layout.places_of(pixels) for pixels in (np.arange(layout.height * layout.width), self._hot))
-        sources = (
-            PoissonEvents(options.shot_rate_hz, every, layout, self._child_seed(_SHOT)),
-            PoissonEvents(options.hot_pixel_rate_hz, hot, layout, self._child_seed(_HOT)),
-        )
-        return tuple(source for source in sources if source.rate_hz > 0 and source.among.size)
-
     def _respond(self, luma_dn: Floats) -> None:
         """Put the photoreceptor's answer to an image into the signal; the image itself is never kept."""
         if luma_dn.shape != self._shape:
@@ -184,27 +195,6 @@ class EventSensor:
             luma_dn = luma_dn + self._options.log_eps_dn
         with np.errstate(divide="ignore", invalid="ignore"):  # found and named by _require_finite
             np.log(luma_dn, out=self._signal)
-
-    def _shape_signal(self, step_s: float, elapsed_s: float) -> None:
-        """Bandwidth, the linear model's rounding, and leak, which acts as a signal that rises for ever."""
-        if self._low_pass is not None:
-            self._low_pass.advance(step_s, self._signal)
-        if self._options.model == "linear":
-            np.rint(self._signal, out=self._signal)
-        if self._options.leak_rate_hz:
-            self._signal += self._options.leak_rate_hz * elapsed_s * self._threshold_on
-
-    def _fire(self, start_ns: int, stop_ns: int) -> Keys:
-        try:
-            if self._options.model == "linear":
-                return self._comparator.steps(self._signal, stop_ns)
-            return self._comparator.crossings(self._previous, self._signal, start_ns, stop_ns)
-        except SignalNotFiniteError:
-            self._require_finite()
-            raise
-
-    def _has_effects_on_keys(self) -> bool:
-        return bool(self._spurious or self._options.refractory_us or self._options.packet_interval_us)
 
     def _with_effects(self, keys: Keys, stop_us: int) -> Keys:
         """Return sorted keys up to ``stop_us``: spurious events added, lost ones gone, packets formed."""

@@ -61,7 +61,14 @@ def dead_region(file: h5py.File, fault: Fault) -> None:
     longest = min(right - left, bottom - top)
     if side > longest:
         raise FaultError(f"Expected a side of at most {longest} px, got {side}")
-    fired = _fired(file, fault)[top:bottom, left:right]
+    # Events of each pixel (height, width) in the fault's window; those off the sensor are left out.
+    width, height = _size(file)
+    counts = np.zeros((height, width), np.int64)
+    for block in blocks(file[X], window_of(file, "events", fault)):
+        x, y = (file[key][block].astype(np.int64) for key in (X, Y))
+        inside = (x < width) & (y < height)
+        np.add.at(counts, (y[inside], x[inside]), 1)
+    fired = counts[top:bottom, left:right]
     if not fired.any():
         raise FaultError(f"Expected events in columns {left} to {right - 1}, rows {top} to {bottom - 1}, got none")
     row, column = divmod(int(fault.rng().choice(fired.size, p=fired.ravel() / fired.sum())), right - left)
@@ -119,17 +126,6 @@ def _size(file: h5py.File) -> tuple[int, int]:
 def _area(file: h5py.File, fault: Fault) -> Region:
     """Return the fault's region, or the whole sensor."""
     return fault.region or (0, 0, *_size(file))
-
-
-def _fired(file: h5py.File, fault: Fault) -> Keys:
-    """Return the events of each pixel (height, width) in the fault's window; those off the sensor are left out."""
-    width, height = _size(file)
-    fired = np.zeros((height, width), np.int64)
-    for block in blocks(file[X], window_of(file, "events", fault)):
-        x, y = (file[key][block].astype(np.int64) for key in (X, Y))
-        inside = (x < width) & (y < height)
-        np.add.at(fired, (y[inside], x[inside]), 1)
-    return fired
 
 
 def _keep_events(file: h5py.File, fault: Fault, keep_pixel: KeepPixel) -> slice:

@@ -79,7 +79,10 @@ def plant_fault(
         The target's folder does not exist, or its disk is full.
     """
     _require_legal(cause, stream)
-    _require_confinable(cause, stream, in_time=(start_s, stop_s) != (None, None), in_space=region is not None)
+    if (start_s, stop_s) != (None, None) and not knows_time(cause, stream):
+        raise FaultError(f"Expected no interval for {stream}:{cause}, got one: it befalls the whole stream or none")
+    if region is not None and not knows_region(cause, stream):
+        raise FaultError(f"Expected no region for {stream}:{cause}, got one: it befalls the whole image or none")
     unit = default_unit(cause, stream) if unit is None else unit
     fault = Fault(
         cause=cause,
@@ -92,7 +95,14 @@ def plant_fault(
         region=region,
         donor=donor,
     )
-    _require_two_files(source, target)
+    if not source.is_file() or not h5py.is_hdf5(source):
+        raise FaultError(f"Expected an HDF5 file, got {source}; name a file that the generator wrote")
+    if not target.parent.is_dir():
+        raise OutputError(f"Expected an existing folder to write into, got {target.parent}; create it first")
+    if target.exists() and target.samefile(source):
+        raise FaultError(
+            f"Expected a target other than the source, got {target} twice; faults are never planted in place"
+        )
     try:
         with source.open("rb") as clean, partial_file(target, overwrite=True) as copy:
             while copy.write(clean.read(_COPIED_AT_ONCE)):
@@ -140,21 +150,3 @@ def _require_legal(cause: str, stream: str) -> None:
     if stream not in legal_streams(cause):
         streams = ", ".join(legal_streams(cause))
         raise FaultError(f"Expected a stream that {cause} can befall, got {stream!r}; choose from {streams}")
-
-
-def _require_confinable(cause: str, stream: str, *, in_time: bool, in_space: bool) -> None:
-    if in_time and not knows_time(cause, stream):
-        raise FaultError(f"Expected no interval for {stream}:{cause}, got one: it befalls the whole stream or none")
-    if in_space and not knows_region(cause, stream):
-        raise FaultError(f"Expected no region for {stream}:{cause}, got one: it befalls the whole image or none")
-
-
-def _require_two_files(source: Path, target: Path) -> None:
-    if not source.is_file() or not h5py.is_hdf5(source):
-        raise FaultError(f"Expected an HDF5 file, got {source}; name a file that the generator wrote")
-    if not target.parent.is_dir():
-        raise OutputError(f"Expected an existing folder to write into, got {target.parent}; create it first")
-    if target.exists() and target.samefile(source):
-        raise FaultError(
-            f"Expected a target other than the source, got {target} twice; faults are never planted in place"
-        )

@@ -27,19 +27,15 @@ def confine_to_region(file: h5py.File, source: Path, fault: Fault, region: Regio
         for stream in streams_in(file, fault.stream):
             if stream == "events":
                 _confine_events(file, clean, region)
-            else:
-                _confine_images(file, clean, stream, fault, region)
-
-
-def _confine_images(file: h5py.File, clean: h5py.File, stream: str, fault: Fault, region: Region) -> None:
-    window = window_of(clean, stream, fault)
-    for faulty in values_in(file, stream):
-        before = clean[faulty.name]
-        left, top, right, bottom = _inside_image(region, width=before.shape[2], height=before.shape[1])
-        for block in blocks(faulty, window):
-            images = before[block]
-            images[:, top:bottom, left:right] = faulty[block][:, top:bottom, left:right]
-            faulty[block] = images
+                continue
+            window = window_of(clean, stream, fault)
+            for faulty in values_in(file, stream):
+                before = clean[faulty.name]
+                left, top, right, bottom = _inside_image(region, width=before.shape[2], height=before.shape[1])
+                for block in blocks(faulty, window):
+                    images = before[block]
+                    images[:, top:bottom, left:right] = faulty[block][:, top:bottom, left:right]
+                    faulty[block] = images
 
 
 def _confine_events(file: h5py.File, clean: h5py.File, region: Region) -> None:
@@ -54,7 +50,9 @@ def _confine_events(file: h5py.File, clean: h5py.File, region: Region) -> None:
     before, faulty = _columns(clean), _columns(file)
     outside, inside = ~_lie_in(before, region), _lie_in(faulty, region)
     merged = {name: np.concatenate([before[name][outside], faulty[name][inside]]) for name in before}
-    order = _canonical_order(merged) if _is_canonical(before) else np.argsort(merged["t"], kind="stable")
+    # Where the clean file is in canonical order, so is the faulty one; otherwise only time decides.
+    is_canonical = np.array_equal(_canonical_order(before), np.arange(len(before["t"])))
+    order = _canonical_order(merged) if is_canonical else np.argsort(merged["t"], kind="stable")
     for name, values in merged.items():
         dataset = file[f"path/events/{name}"]
         dataset.resize(len(values), axis=0)
@@ -84,7 +82,3 @@ def _lie_in(events: Columns, region: Region) -> NDArray[np.bool_]:
 
 def _canonical_order(events: Columns) -> NDArray[np.int64]:
     return np.lexsort((events["p"], events["x"], events["y"], events["t"]))
-
-
-def _is_canonical(events: Columns) -> bool:
-    return bool(np.array_equal(_canonical_order(events), np.arange(len(events["t"]))))

@@ -80,7 +80,9 @@ def rows_before(timestamps: h5py.Dataset, times_us: NDArray[np.int64]) -> NDArra
     """Count the rows (m,) stamped before each of ``times_us`` (m,), which in a sorted stream is their index."""
     counts = np.zeros(len(times_us), np.int64)
     for block in blocks(timestamps):
-        counts += np.searchsorted(_starts(timestamps[block]), times_us, side="left")
+        rows_us = timestamps[block]
+        starts_us = rows_us[:, 0] if rows_us.ndim == 2 else rows_us  # an interval of flow is stamped with its start
+        counts += np.searchsorted(starts_us, times_us, side="left")
     return counts
 
 
@@ -147,7 +149,9 @@ def keep_rows(dataset: h5py.Dataset, keep: Callable[[slice], NDArray[np.bool_]])
 def delete_rows(file: h5py.File, stream: str, gone: slice) -> None:
     """Remove consecutive rows from every dataset of a stream."""
     for dataset in datasets_in(file, stream).values():
-        keep_rows(dataset, lambda block: ~_inside(block, gone))
+        rows = np.arange(len(dataset))
+        kept = (rows < gone.start) | (rows >= gone.stop)
+        keep_rows(dataset, kept.__getitem__)
 
 
 def insert_rows(dataset: h5py.Dataset, before: NDArray[np.int64], values: Array) -> None:
@@ -165,16 +169,6 @@ def insert_rows(dataset: h5py.Dataset, before: NDArray[np.int64], values: Array)
         merged = np.insert(dataset[block], before[first:pending] - block.start, values[first:pending], axis=0)
         dataset[block.start + first : block.start + first + len(merged)] = merged
         pending = first
-
-
-def _starts(timestamps_us: Array) -> NDArray[np.int64]:
-    return timestamps_us[:, 0] if timestamps_us.ndim == 2 else timestamps_us
-
-
-def _inside(block: slice, rows: slice) -> NDArray[np.bool_]:
-    index = np.arange(block.start, block.stop)
-    inside: NDArray[np.bool_] = (index >= rows.start) & (index < rows.stop)
-    return inside
 
 
 def _require_resizable(dataset: h5py.Dataset) -> None:

@@ -1,10 +1,11 @@
-"""Faults of single samples: lost, repeated, exchanged, frozen, not a number; for every stream."""
+"""Faults of samples, for every stream: lost, repeated, exchanged, frozen, not a number, or of another sequence."""
 
 import h5py
 import numpy as np
 
 from fedora_generator.faults.fault import Fault, FaultError
 from fedora_generator.faults.rows import (
+    blocks,
     datasets_in,
     delete_rows,
     edit,
@@ -50,7 +51,9 @@ def frozen_frames(file: h5py.File, fault: Fault) -> None:
     for stream in streams_in(file, fault.stream):
         rows = place_of(file, stream, fault, fault.positive_count())
         for dataset in values_in(file, stream):
-            _freeze(dataset, rows)
+            still = dataset[rows.start - 1]
+            for block in blocks(dataset, rows):
+                dataset[block] = np.broadcast_to(still, (block.stop - block.start, *still.shape))
 
 
 def swapped_frames(file: h5py.File, fault: Fault) -> None:
@@ -71,9 +74,19 @@ def nan_in_stream(file: h5py.File, fault: Fault) -> None:
             edit(dataset, rows, lambda values: np.full_like(values, np.nan))
 
 
-def _freeze(dataset: h5py.Dataset, rows: slice) -> None:
-    still = dataset[rows.start - 1]
-    edit(dataset, rows, lambda values: np.broadcast_to(still, values.shape))
+def other_sequence(file: h5py.File, fault: Fault) -> None:
+    """Put the donor's samples, with the donor's timestamps, in the place of the stream's own."""
+    if fault.donor is None or not fault.donor.is_file() or not h5py.is_hdf5(fault.donor):
+        raise FaultError(f"Expected an HDF5 file to take {fault.stream} from, got {fault.donor}; use --donor")
+    with h5py.File(fault.donor) as donor:
+        for stream in streams_in(file, fault.stream):
+            for key, dataset in datasets_in(file, stream).items():
+                if key not in donor or donor[key].shape[1:] != dataset.shape[1:]:
+                    shape, got = dataset.shape[1:], donor[key].shape[1:] if key in donor else "none"
+                    raise FaultError(f"Expected {key} with rows of shape {shape} in {donor.filename}, got {got}")
+                dataset.resize(len(donor[key]), axis=0)
+                for block in blocks(dataset):
+                    dataset[block] = donor[key][block]
 
 
 def _affected(file: h5py.File, stream: str, fault: Fault) -> slice:
