@@ -61,19 +61,17 @@ def require_memory(scene: Scene, streams: frozenset[str]) -> None:
     needed, available = peak_bytes(scene, streams), available_bytes()
     if needed <= available:
         return
+    if fitting := _fitting_size(scene, streams, available):
+        remedy = f"use --size {fitting}, or fewer streams"
+    elif "events" in streams and _spurious_bytes(scene.camera, scene.events) > available:
+        remedy = "lower the rates of events that nothing causes"
+    else:
+        remedy = "free some, or raise its limit"
     raise SceneError(
         f"Expected at most {available / _MB:.0f} MB of memory, which is free, got {scene.camera.width}x"
         f"{scene.camera.height} of {', '.join(sorted(streams))}, which takes about {needed / _MB:.0f} MB; "
-        f"{_remedy(scene, streams, available)}"
+        f"{remedy}"
     )
-
-
-def _remedy(scene: Scene, streams: frozenset[str], available: float) -> str:
-    if fitting := _fitting_size(scene, streams, available):
-        return f"use --size {fitting}, or fewer streams"
-    if "events" in streams and _spurious_bytes(scene.camera, scene.events) > available:
-        return "lower the rates of events that nothing causes"
-    return "free some, or raise its limit"
 
 
 def _fitting_size(scene: Scene, streams: frozenset[str], available: float) -> str:
@@ -92,18 +90,12 @@ def _fitting_size(scene: Scene, streams: frozenset[str], available: float) -> st
 
 def available_bytes() -> float:
     """Memory that this process can still get, as far as the system tells: of the machine, its cgroup and its limits."""
-    return min((*_of_the_machine(), *of_the_cgroups(), *_of_the_limits()), default=float("inf"))
-
-
-def _of_the_machine() -> Iterator[float]:
-    yield from _kilobytes(Path("/proc/meminfo"), "MemAvailable")
-
-
-def _of_the_limits() -> Iterator[float]:
+    available = [*_kilobytes(Path("/proc/meminfo"), "MemAvailable"), *of_the_cgroups()]
     for limit, used in ((resource.RLIMIT_AS, "VmSize"), (resource.RLIMIT_DATA, "VmData")):
         most, _ = resource.getrlimit(limit)
         if most != resource.RLIM_INFINITY:
-            yield from (most - bytes_used for bytes_used in _kilobytes(Path("/proc/self/status"), used))
+            available += [most - bytes_used for bytes_used in _kilobytes(Path("/proc/self/status"), used)]
+    return min(available, default=float("inf"))
 
 
 def _kilobytes(path: Path, name: str) -> Iterator[float]:

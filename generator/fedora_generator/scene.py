@@ -44,8 +44,7 @@ from fedora_generator.imu import ImuOptions
 from fedora_generator.instants import FRAME_INTERVAL_US, IMU_RATE_HZ
 from fedora_generator.mesh.detail import MeshDetail
 from fedora_generator.pose import PoseOptions
-from fedora_generator.scene_tables import SCENE_NAMES, read_scene, scene_path
-from fedora_generator.scene_values import impossible_value
+from fedora_generator.scene_tables import SCENE_NAMES, impossible_value, read_scene, scene_path
 from fedora_generator.surfaces.light import Light
 from fedora_generator.surfaces.world import World
 
@@ -127,13 +126,13 @@ class Scene:
         if self.renderer == "exact" and self.mesh is not None:
             raise ValueError("Expected no table mesh with the exact renderer, got one; set renderer = 'mesh'")
         if self.world is not None and self.world.movers:
-            self._require_light_that_stays(self.world)
-
-    def _require_light_that_stays(self, world: World) -> None:
-        if self.renderer == "mesh":
-            raise ValueError("Expected no movers with the mesh renderer, got some; use the exact one")
-        if any(lamp.strength * self.light.lamp_scale > 0 for lamp in world.lamps):
-            raise ValueError("Expected no lit lamp where anything moves, whose light would change; set lamp_scale to 0")
+            # The light of the exact world is computed once, so that nothing may move in that of a lamp.
+            if self.renderer == "mesh":
+                raise ValueError("Expected no movers with the mesh renderer, got some; use the exact one")
+            if any(lamp.strength * self.light.lamp_scale > 0 for lamp in self.world.lamps):
+                raise ValueError(
+                    "Expected no lit lamp where anything moves, whose light would change; set lamp_scale to 0"
+                )
 
     @property
     def digest(self) -> str:
@@ -214,8 +213,7 @@ def _one_sentence(error: ValidationError) -> str:
         expected = "Expected a table"
     if first["type"] == "too_long":
         expected = f"Expected at most {first['ctx']['max_length']} values"
-    return f"{expected}, got {_shortened(repr(first['input']))} at {key}"
-
-
-def _shortened(text: str) -> str:
-    return text if len(text) <= _LONGEST_SHOWN else f"{text[:_LONGEST_SHOWN]}..."
+    got = repr(first["input"])
+    if len(got) > _LONGEST_SHOWN:
+        got = f"{got[:_LONGEST_SHOWN]}..."
+    return f"{expected}, got {got} at {key}"

@@ -15,7 +15,7 @@ import h5py
 import pytest
 from click.testing import CliRunner, Result
 
-from fedora_generator import room
+from fedora_generator import disk_space
 from fedora_generator.corpus import CorpusOptions, PlannedFile, build, plan_corpus
 from fedora_generator.corpus.cli import corpus as corpus_command
 from fedora_generator.corpus.ladders import STEP, ladder_of
@@ -162,7 +162,7 @@ def test_too_little_disk_is_refused_before_any_work(
 ) -> None:
     """With 1 kB free nothing is begun."""
     usage = shutil.disk_usage(tmp_path)
-    monkeypatch.setattr(room.shutil, "disk_usage", lambda _: usage._replace(free=1_000))
+    monkeypatch.setattr(disk_space.shutil, "disk_usage", lambda _: usage._replace(free=1_000))
     result = corpus(tmp_path / "corpus")
     assert "free for the corpus" in str(result.exception)
     assert list(tmp_path.iterdir()) == []
@@ -170,15 +170,15 @@ def test_too_little_disk_is_refused_before_any_work(
 
 def test_a_disk_that_fills_up_ends_the_work(corpus: Corpus, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """No space left while a fault is planted: said as such, no manifest, no file that is not whole."""
-    become, left = PartialFile.become, [2]
+    move_to, left = PartialFile.move_to, [2]
 
-    def become_while_there_is_room(file: PartialFile, target: Path) -> None:
+    def move_while_there_is_space(file: PartialFile, target: Path) -> None:
         left[0] -= 1
         if left[0] < 0:
             file.failure = OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
-        become(file, target)
+        move_to(file, target)
 
-    monkeypatch.setattr(PartialFile, "become", become_while_there_is_room)
+    monkeypatch.setattr(PartialFile, "move_to", move_while_there_is_space)
     result = corpus(tmp_path, "--causes", "gyro_bias", "--clean", "1")
     assert "full disk" in str(result.exception)
     assert sum(name.startswith("single/") for name in files(tmp_path)) < 3

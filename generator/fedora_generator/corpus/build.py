@@ -6,7 +6,7 @@ from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import Any, Final
+from typing import Final
 
 from fedora_generator.corpus.manifest import (
     MANIFEST,
@@ -20,13 +20,13 @@ from fedora_generator.corpus.manifest import (
 )
 from fedora_generator.corpus.plan import CorpusOptions, PlannedFault, PlannedFile, plan_corpus
 from fedora_generator.corpus.spread import stretch_s
+from fedora_generator.disk_space import expected_bytes, require_disk_space
 from fedora_generator.errors import OutputError
 from fedora_generator.faults import FaultError, plant_fault
 from fedora_generator.generate import STREAMS, Request, generate_sequence, require_free_flight
 from fedora_generator.instants import whole_us
 from fedora_generator.memory import require_memory
 from fedora_generator.metadata import generator_version
-from fedora_generator.room import expected_bytes, require_room
 from fedora_generator.scene import Scene
 
 _BETWEEN: Final = ".between-"
@@ -65,29 +65,25 @@ def build_corpus(
         stretch = stretch_s(scene, options.duration_s) if options.spread else 0.0
         require_free_flight(scene, whole_us(stretch + options.duration_s))
     sizes = {scene.name: expected_bytes(scene, options.duration_s) for scene in scenes}
-    _require_room(folder, missing_bytes(plan, sizes, earlier))
-    _make_folder(folder)
+    _require_disk_space(folder, missing_bytes(plan, sizes, earlier))
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise OutputError(f"Expected to be able to make the folder {folder}, got: {error.strerror}") from error
     work = _Work(folder, options, {scene.name: scene for scene in scenes}, made_with, earlier)
     for done, planned in enumerate(plan):
         report(done, len(plan), planned.file)
         work.make(planned)
         if planned.base is None:
             sizes[planned.scene] = (folder / planned.file).stat().st_size
-            _require_room(folder, missing_bytes(plan[done + 1 :], sizes, earlier))
+            _require_disk_space(folder, missing_bytes(plan[done + 1 :], sizes, earlier))
     report(len(plan), len(plan), MANIFEST)
     return work.finish()
 
 
-def _make_folder(folder: Path) -> None:
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise OutputError(f"Expected to be able to make the folder {folder}, got: {error.strerror}") from error
-
-
-def _require_room(folder: Path, needed_bytes: int) -> None:
+def _require_disk_space(folder: Path, needed_bytes: int) -> None:
     remedy = "ask for fewer causes, rungs or scenes, or a smaller size"
-    require_room(folder, needed_bytes, "the corpus", remedy)
+    require_disk_space(folder, needed_bytes, "the corpus", remedy)
 
 
 def missing_bytes(plan: tuple[PlannedFile, ...], sizes: dict[str, int], earlier: dict[str, Item]) -> int:
@@ -156,9 +152,23 @@ class _Work:
         path.unlink(missing_ok=True)
         path.parent.mkdir(exist_ok=True)
         try:
-            self._write(planned, path)
+            if planned.base is None:
+                request = Request(duration_s=self._options.duration_s, quality=self._options.quality)
+                scene = replace(self._scenes[planned.scene], seed=planned.seed)
+                if planned.start_s is not None:
+                    scene = scene.starting_at(planned.start_s)
+                generate_sequence(scene, path, request, overwrite=True)
+            else:
+                plant_together(self._folder / planned.base, path, planned.faults, self._folder)
+                if digest_of(path) == self._items[planned.base]["sha256"]:
+                    path.unlink()
+                    raise FaultError(
+                        "Expected a fault that changes the file, got one that changes nothing in this sequence"
+                    )
         except FaultError as error:
-            self._skipped.append({"file": planned.file, "reason": _without_folder(str(error), self._folder)})
+            # The folder's own path is left out, so that the manifest is the same wherever the corpus lies.
+            reason = str(error).replace(f"{self._folder}/", "")
+            self._skipped.append({"file": planned.file, "reason": reason})
             return
         self._items[planned.file] = item_of(planned, path)
         self._list(PROGRESS)
@@ -175,20 +185,6 @@ class _Work:
         items = self._earlier | self._items
         write_listing(self._folder / name, self._made_with, items.values(), self._skipped)
 
-    def _write(self, planned: PlannedFile, path: Path) -> None:
-        if planned.base is None:
-            request = Request(duration_s=self._options.duration_s, quality=self._options.quality)
-            scene = replace(self._scenes[planned.scene], seed=planned.seed)
-            if planned.start_s is not None:
-                scene = scene.starting_at(planned.start_s)
-            generate_sequence(scene, path, request, overwrite=True)
-            return
-        base = self._folder / planned.base
-        plant_together(base, path, planned.faults, self._folder)
-        if digest_of(path) == self._items[planned.base]["sha256"]:
-            path.unlink()
-            raise FaultError("Expected a fault that changes the file, got one that changes nothing in this sequence")
-
 
 def plant_together(base: Path, target: Path, faults: tuple[PlannedFault, ...], donors: Path) -> None:
     """Plant faults one after the other; only ``target``, with all of them, is left.
@@ -203,24 +199,17 @@ def plant_together(base: Path, target: Path, faults: tuple[PlannedFault, ...], d
         for index, fault in enumerate(faults):
             last = index == len(faults) - 1
             step = target if last else Path(between) / f"{index}.h5"
-            plant_fault(source, step, **_arguments(fault, donors))
+            plant_fault(
+                source,
+                step,
+                fault.cause,
+                fault.stream,
+                magnitude=fault.magnitude,
+                unit=fault.unit,
+                seed=fault.seed,
+                start_s=fault.start_s,
+                stop_s=fault.stop_s,
+                region=fault.region,
+                donor=None if fault.donor is None else donors / fault.donor,
+            )
             source = step
-
-
-def _arguments(fault: PlannedFault, donors: Path) -> dict[str, Any]:
-    return {
-        "cause": fault.cause,
-        "stream": fault.stream,
-        "magnitude": fault.magnitude,
-        "unit": fault.unit,
-        "seed": fault.seed,
-        "start_s": fault.start_s,
-        "stop_s": fault.stop_s,
-        "region": fault.region,
-        "donor": None if fault.donor is None else donors / fault.donor,
-    }
-
-
-def _without_folder(message: str, folder: Path) -> str:
-    """Take the corpus's own place out of a message, so that it is the same wherever the corpus lies."""
-    return message.replace(f"{folder}/", "")

@@ -1,11 +1,11 @@
 """Which files a corpus is to hold; nothing is made here."""
 
 import zlib
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from typing import Final
 
-from fedora_generator.camera import Camera, CameraOptions, colour_camera, event_camera
+from fedora_generator.camera import colour_camera, event_camera
 from fedora_generator.corpus.ladders import Ladder, depends_on_pose_noise, ladder_of
 from fedora_generator.corpus.spread import magnitude_of, start_of, trials_of
 from fedora_generator.faults import BYTE_FAULTS, FAULTS, FaultError, Region, knows_region, knows_time
@@ -120,9 +120,14 @@ def plan_corpus(options: CorpusOptions, scenes: tuple[Scene, ...]) -> tuple[Plan
         A cause that no fault has.
     """
     pairs, deep = _wanted(options.causes), _wanted(options.deep) if options.deep else ()
-    clean = tuple(_clean_files(options, scenes))
+    clean = []
+    for scene in scenes:
+        for seed in range(options.seed, options.seed + options.clean):
+            start_s = start_of(scene, seed, options.duration_s) if options.spread else None
+            file = f"clean/{scene.name}-{seed}.h5"
+            clean.append(PlannedFile(file=file, scene=scene.name, seed=seed, start_s=start_s))
     described = {scene.name: scene for scene in scenes}
-    planner = _Planner(options, described, clean)
+    planner = _Planner(options, described, tuple(clean))
     files = [*clean]
     for pair in pairs:
         trials = options.deep_trials if pair in deep else options.trials
@@ -142,13 +147,6 @@ def _wanted(causes: tuple[str, ...]) -> tuple[Pair, ...]:
     return tuple(
         (cause, stream) for cause, stream in table if not causes or cause in causes or f"{stream}:{cause}" in causes
     )
-
-
-def _clean_files(options: CorpusOptions, scenes: tuple[Scene, ...]) -> Iterator[PlannedFile]:
-    for scene in scenes:
-        for seed in range(options.seed, options.seed + options.clean):
-            start_s = start_of(scene, seed, options.duration_s) if options.spread else None
-            yield PlannedFile(file=f"clean/{scene.name}-{seed}.h5", scene=scene.name, seed=seed, start_s=start_s)
 
 
 @dataclass(frozen=True, slots=True)
@@ -187,7 +185,10 @@ class _Planner:
             observable = ladder.is_observable(fault.magnitude, share=1 / 2)
             yield _copy_of(base, "local", f"{_label(half)}-half", (half,), observable, "half of the time")
         if knows_region(*pair):
-            part = replace(fault, region=_middle_quarter(self.scenes[base.scene], pair[1]))
+            camera_of = event_camera if pair[1] == "events" else colour_camera
+            camera = camera_of(self.scenes[base.scene].camera)
+            left, top = camera.width // 4, camera.height // 4
+            part = replace(fault, region=(left, top, left + camera.width // 2, top + camera.height // 2))
             observable = ladder.is_observable(fault.magnitude, share=1 / 4)
             yield _copy_of(base, "local", f"{_label(part)}-quarter", (part,), observable, "a quarter of the image")
 
@@ -206,13 +207,18 @@ class _Planner:
 
     def _fault(self, pair: Pair, base: PlannedFile, magnitude: float | None) -> PlannedFault:
         cause, stream = pair
+        donor = None
+        if cause == "other_sequence":  # a clean file of another flight, if there is any
+            flight = self.scenes[base.scene].flight
+            others = [clean.file for clean in self.clean if self.scenes[clean.scene].flight != flight]
+            donor = others[_number(f"{pair}") % len(others)] if others else None
         return PlannedFault(
             cause=cause,
             stream=stream,
             magnitude=magnitude,
             unit=self._ladder(pair, base).unit or default_unit(cause, stream),
             seed=_number(f"{pair}{magnitude}"),
-            donor=self._donor(pair, base) if cause == "other_sequence" else None,
+            donor=donor,
         )
 
     def _bases(self, pair: Pair) -> tuple[PlannedFile, ...]:
@@ -229,12 +235,6 @@ class _Planner:
         candidates = [each for each in self.clean if _can_hold(self.scenes[each.scene], *pair)] or [*self.clean]
         return candidates[_number(f"{pair}") % len(candidates)]
 
-    def _donor(self, pair: Pair, base: PlannedFile) -> str | None:
-        """Return a clean file of another flight, if there is one."""
-        flight = self.scenes[base.scene].flight
-        others = [each.file for each in self.clean if self.scenes[each.scene].flight != flight]
-        return others[_number(f"{pair}") % len(others)] if others else None
-
 
 def _copy_of(
     base: PlannedFile, folder: str, name: str, faults: tuple[PlannedFault, ...], observable: bool, notes: str = ""
@@ -249,13 +249,6 @@ def _copy_of(
         observable=observable,
         notes=notes,
     )
-
-
-def _middle_quarter(scene: Scene, stream: str) -> Region:
-    camera_of: Callable[[CameraOptions], Camera] = event_camera if stream == "events" else colour_camera
-    camera = camera_of(scene.camera)
-    left, top = camera.width // 4, camera.height // 4
-    return left, top, left + camera.width // 2, top + camera.height // 2
 
 
 def _label(fault: PlannedFault) -> str:

@@ -106,7 +106,7 @@ def plant_fault(
     try:
         with source.open("rb") as clean, partial_file(target, overwrite=True) as copy:
             while copy.write(clean.read(_COPIED_AT_ONCE)):
-                copy.go_on()
+                copy.raise_pending()
             _apply(source, copy, fault, consistent_maps=consistent_maps)
     except OutputError:
         raise

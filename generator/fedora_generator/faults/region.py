@@ -50,7 +50,7 @@ def _confine_events(file: h5py.File, clean: h5py.File, region: Region) -> None:
     before, faulty = _columns(clean), _columns(file)
     outside, inside = ~_lie_in(before, region), _lie_in(faulty, region)
     merged = {name: np.concatenate([before[name][outside], faulty[name][inside]]) for name in before}
-    # Where the clean file is in canonical order, so is the faulty one; otherwise only time decides.
+    # The order of a clean file that is not canonical is that of its recorder: then only time decides.
     is_canonical = np.array_equal(_canonical_order(before), np.arange(len(before["t"])))
     order = _canonical_order(merged) if is_canonical else np.argsort(merged["t"], kind="stable")
     for name, values in merged.items():

@@ -149,9 +149,12 @@ def keep_rows(dataset: h5py.Dataset, keep: Callable[[slice], NDArray[np.bool_]])
 def delete_rows(file: h5py.File, stream: str, gone: slice) -> None:
     """Remove consecutive rows from every dataset of a stream."""
     for dataset in datasets_in(file, stream).values():
-        rows = np.arange(len(dataset))
-        kept = (rows < gone.start) | (rows >= gone.stop)
-        keep_rows(dataset, kept.__getitem__)
+        keep_rows(
+            dataset,
+            lambda block: (
+                (np.arange(block.start, block.stop) < gone.start) | (np.arange(block.start, block.stop) >= gone.stop)
+            ),
+        )
 
 
 def insert_rows(dataset: h5py.Dataset, before: NDArray[np.int64], values: Array) -> None:
