@@ -90,7 +90,7 @@ AnyFlightOptions = FlightOptions | WaypointsOptions | SurveyOptions | LoopOption
 
 
 class Motion(Protocol):
-    """Anything that can be asked where it is."""
+    """Anything with a state at every time."""
 
     def states_at(self, times_s: Floats) -> FlightState:
         """State at ``times_s`` (n,), seconds."""
@@ -100,7 +100,7 @@ class Motion(Protocol):
 class Flight:
     """The flight that ``options`` describe, at any time, however long.
 
-    ``seed`` is that of its wind. ``start_s`` is the second of the flight at which the clock shows 0.
+    ``seed`` is that of its wind. ``start_s`` is the time of the flight, s, at which the clock is 0.
     """
 
     options: AnyFlightOptions

@@ -1,4 +1,4 @@
-"""The streams on the grid of the colour camera: RGB, depth and flow, one instant at a time."""
+"""The streams on the grid of the colour camera: RGB, depth and flow, frame by frame."""
 
 from dataclasses import dataclass
 from typing import Final
@@ -25,7 +25,7 @@ DN_MAX: Final = 255
 
 @dataclass(frozen=True, slots=True)
 class FlowRows:
-    """The flow of one rate: its field of each interval, and where anything moves what of it does."""
+    """Flow of one rate: intervals, fields and, in a world where bodies move, the masks of their pixels."""
 
     intervals_us: NDArray[np.int64]
     """(k, 2)"""
@@ -35,7 +35,7 @@ class FlowRows:
 
 @dataclass(frozen=True, slots=True)
 class FrameRenderer:
-    """Renders the frames that were asked for into their datasets, in any order, each once."""
+    """Renders the requested frames into their datasets, in any order, each once."""
 
     scene: Scene
     world: RenderedWorld
@@ -67,12 +67,12 @@ class FrameRenderer:
             self.depth[index] = depth_mm(inverse_depth)
         if starting:
             bodies = world.bodies_seen(camera, T_world_camera)
-        for rows, k in starting:
-            end_us = int(rows.intervals_us[k, 1])
-            poses, times_us = (T_world_camera, camera.pose_at(self.flight, end_us)), (timestamp_us, end_us)
-            rows.flow[k] = scene_flow_px(world, camera, inverse_depth, bodies, poses, times_us)
-            if rows.moving is not None:
-                rows.moving[k] = bodies > 0
+            for rows, k in starting:
+                end_us = int(rows.intervals_us[k, 1])
+                poses, times_us = (T_world_camera, camera.pose_at(self.flight, end_us)), (timestamp_us, end_us)
+                rows.flow[k] = scene_flow_px(world, camera, inverse_depth, bodies, poses, times_us)
+                if rows.moving is not None:
+                    rows.moving[k] = bodies > 0
 
 
 def as_8_bit(radiance_dn: Floats) -> NDArray[np.uint8]:
@@ -81,9 +81,9 @@ def as_8_bit(radiance_dn: Floats) -> NDArray[np.uint8]:
 
 
 def in_range(inverse_depth_per_m: Floats, depth_range_m: tuple[float, float]) -> Floats:
-    """Inverse depth with NaN where the z-depth is nearer or farther than the range; both ends belong to it.
+    """Inverse depth with NaN where the z-depth is nearer or farther than the range, whose ends belong to it.
 
-    It is what will be stored that must lie in the range, so that rounding makes no holes in a wall at its very end.
+    The stored millimetres decide, so that rounding makes no holes in a wall at the very end of the range.
     """
     stored_mm = depth_mm(inverse_depth_per_m)
     near_mm, far_mm = (np.float32(MM_PER_M * end_m) for end_m in depth_range_m)
@@ -91,7 +91,7 @@ def in_range(inverse_depth_per_m: Floats, depth_range_m: tuple[float, float]) ->
 
 
 def depth_mm(inverse_depth_per_m: Floats) -> NDArray[np.float32]:
-    """Z-depth in millimetres as the file stores it; NaN stays NaN, and the sky (0) is infinitely far."""
+    """Z-depth in millimetres as the file stores it; NaN stays NaN, and the sky (0) is at infinity."""
     with np.errstate(divide="ignore", over="ignore"):
         return (MM_PER_M / inverse_depth_per_m).astype(np.float32)
 

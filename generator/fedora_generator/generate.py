@@ -43,7 +43,7 @@ Progress = Callable[[int], None]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Request:
-    """What to make of a scene: how long, which streams, how densely the events are rendered."""
+    """What to generate of a scene: how long, which streams, how densely the events are rendered."""
 
     duration_s: float = DEFAULT_DURATION_S
     streams: frozenset[str] = frozenset(STREAMS)
@@ -81,8 +81,22 @@ def generate_sequence(
 ) -> Summary:
     """Write the sequence of a scene to ``target``: all of it, or nothing.
 
-    The same scene, seed and request give the same datasets, bit for bit, on any number of threads. ``progress`` is
-    told the time that was reached, microseconds; ``warn`` is told, before any work, that the disk may not suffice.
+    The same scene, seed and request give the same datasets, bit for bit, on any number of threads.
+
+    Parameters
+    ----------
+    scene
+        With its seed.
+    target
+        The file to write.
+    request
+        Duration, streams and quality.
+    overwrite
+        Whether the target may exist.
+    progress
+        Called with the time that was reached, us.
+    warn
+        Called, before any work, with a sentence where the disk may be too small.
 
     Raises
     ------
@@ -101,7 +115,7 @@ def generate_sequence(
     if warning := shortage_warning(target.parent, expected_bytes(scene, request.duration_s, request.streams)):
         warn(warning)
 
-    def keep_going(time_us: int) -> None:
+    def report(time_us: int) -> None:  # a failed write or an interrupt ends the walk here
         partial.raise_pending()
         progress(time_us)
 
@@ -114,17 +128,17 @@ def generate_sequence(
             write_pose_stream(file, scene, duration_us, _seed(scene, _POSE_KEY))
         frames, events, rendered_pixels = 0, 0, 0
         if drawn:
-            # Where the camera is at every frame: textures are fine near its path.
+            # Positions (frames, 3) of the camera, near which textures must be fine.
             camera, flight = colour_camera(scene.camera), scene.fly()
             frames_us = pieces(timestamps_us(duration_us, FRAME_RATE_HZ))
             path_world_m = np.concatenate([camera.poses_at(flight, times_us)[:, :3, 3] for times_us in frames_us])
             world = render_surroundings(scene, surroundings, request.quality, path_world_m)
-            frames, events, rendered_pixels = _walk(file, scene, world, duration_us, request, keep_going)
+            frames, events, rendered_pixels = _walk(file, scene, world, duration_us, request, report)
     return Summary(frames, events, rendered_pixels, target.stat().st_size)
 
 
 def require_possible(scene: Scene, target: Path, duration_us: int, streams: frozenset[str], *, overwrite: bool) -> None:
-    """Raise where it is plain that the sequence cannot be written; takes no time and little memory.
+    """Raise where the request alone shows that the sequence cannot be written; takes no time and little memory.
 
     Raises
     ------
@@ -159,7 +173,7 @@ def require_possible(scene: Scene, target: Path, duration_us: int, streams: froz
 
 
 def require_free_flight(scene: Scene, duration_us: int) -> None:
-    """Raise SceneError where the camera enters a solid or the ground, looked at every millisecond."""
+    """Raise SceneError where the camera enters a solid or the ground, at any millisecond."""
     _require_free_flight(scene, surroundings_of(scene), duration_us)
 
 

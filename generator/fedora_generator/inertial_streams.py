@@ -1,4 +1,4 @@
-"""The streams that follow from the flight alone, IMU and pose, written piece by piece: nothing is rendered."""
+"""The streams that follow from the flight alone, IMU and pose, written piece by piece; nothing is rendered."""
 
 from collections.abc import Iterator
 
@@ -15,7 +15,7 @@ from fedora_qa.layout.create import create_dataset
 
 
 def write_imu_stream(file: h5py.File, scene: Scene, duration_us: int, seed: np.random.SeedSequence) -> None:
-    """Write all inertial samples, and what the file says of them."""
+    """Write all inertial samples and their metadata."""
     imu, flight, timestamps = (
         Imu(scene.imu, np.random.default_rng(seed)),
         scene.fly(),
@@ -31,7 +31,7 @@ def write_imu_stream(file: h5py.File, scene: Scene, duration_us: int, seed: np.r
 
 
 def write_pose_stream(file: h5py.File, scene: Scene, duration_us: int, seed: np.random.SeedSequence) -> None:
-    """Write all poses, and what the file says of them."""
+    """Write all poses and their metadata."""
     sensor, timestamps = PoseSensor(scene.pose, np.random.default_rng(seed)), timestamps_us(duration_us, POSE_RATE_HZ)
     flight, names = scene.fly(), ("position", "orientation", "ts")
     positions, orientations, times = (

@@ -1,7 +1,7 @@
-"""A file beside the target, under a hidden name, that takes the target's place only when it is whole.
+"""A file beside the target, under a hidden name, that replaces the target only when it is complete.
 
-A run that was killed leaves its file as ``.NAME.partial``; the next run to the same target uses it again. Two runs to
-the same target do not meet: whoever writes holds a lock, which ends with the process.
+A run that was killed leaves its file as ``.NAME.partial``; the next run to the same target uses it again. Two runs
+cannot write the same target at once: a run holds a lock, which ends with its process.
 """
 
 import errno
@@ -66,10 +66,10 @@ class DeferredInterrupts:
 
 
 class PartialFile(io.FileIO):
-    """The bytes of a file that is not whole yet, open to read and write; HDF5 writes through it.
+    """The bytes of a file that is not complete yet, open to read and write; HDF5 writes through it.
 
-    A write that fails seems to succeed, and all after it are dropped: HDF5 cannot close what it could not write, and
-    crashes over it when the interpreter ends. ``raise_pending`` says so.
+    A failed write looks successful to HDF5, and all later writes are dropped: HDF5 cannot close a file that it could
+    not write, and crashes at the end of the interpreter. ``raise_pending`` raises the error.
     """
 
     def __init__(self, path: Path, interrupts: DeferredInterrupts) -> None:
@@ -189,7 +189,7 @@ def _open_locked(path: Path, target: Path, interrupts: DeferredInterrupts) -> Pa
             file.close()
             raise OutputError(f"Expected to be the only run that writes {target}, got another at it") from error
         except OSError:
-            pass  # some network disks know no locks; there, it is the user who must not write one target twice
+            pass  # some network disks have no locks; there the user must not write one target twice
         # The run that held the lock may just have moved or removed its file: then this one is no longer at the path.
         try:
             is_at_path = os.path.samestat(path.stat(), os.fstat(file.fileno()))

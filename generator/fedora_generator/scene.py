@@ -4,8 +4,8 @@
 whose tables this one starts from. A world has a ``base`` as well: its textures are put over those of the other, its
 rectangles, boxes and lamps are added.
 
-``renderer`` says who draws: ``"exact"`` (the default) casts rays in float64; ``"mesh"`` draws triangles through OpenGL,
-either the same ``world``, or a place built in code, which only it can draw::
+``renderer`` is how it is drawn. ``"exact"`` (the default) casts rays in float64. ``"mesh"`` draws triangles through
+OpenGL: the same ``world``, or a place built in code, which only this renderer can draw::
 
     renderer = "mesh"
     place = { name = "park", seed = 3 }     # instead of world; seed is 0 if left out
@@ -22,7 +22,7 @@ Boxes that move are ``movers`` of an exact world; a scene may add them to the wo
 ``[flight]`` is a sum of steady rates and sines (``flight.py``), or, with a ``kind``, flown by a quadrotor
 (``flights/``).
 
-``[mesh]`` sets its precision and antialiasing (``mesh/detail.py``); without it the quality asked for does.
+``[mesh]`` sets its precision and antialiasing (``mesh/detail.py``); without it the quality of the request does.
 """
 
 import hashlib
@@ -48,9 +48,9 @@ from fedora_generator.scene_tables import SCENE_NAMES, impossible_value, read_sc
 from fedora_generator.surfaces.light import Light
 from fedora_generator.surfaces.world import World
 
-_LONGEST_SHOWN: Final = 60
+_LONGEST_VALUE_TEXT: Final = 60
 
-# What pydantic calls the two problems that deserve words of their own.
+# Pydantic's names of the two problems that have their own sentences.
 _UNKNOWN_KEY: Final = ("unexpected_keyword_argument", "extra_forbidden")
 _MISSING_KEY: Final = ("missing", "missing_argument", "missing_keyword_only_argument")
 
@@ -67,10 +67,10 @@ class Place:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Scene:
-    """Everything that a sequence follows from, but its duration.
+    """Everything that determines a sequence, but its duration.
 
-    It has either a ``world`` or a ``place``. ``mesh`` is None where the quality asked for decides. ``event_step_us``
-    fixes the renders of the event camera to a grid, as a game engine has it; 0 lets image motion decide.
+    It has either a ``world`` or a ``place``. ``mesh`` is None where the quality of the request decides.
+    ``event_step_us`` fixes the renders of the event camera to a grid, as in a game engine; with 0 image motion decides.
     ``depth_range_m`` is the nearest and farthest valid z-depth. The sequence begins ``start_s`` into the flight.
     """
 
@@ -184,7 +184,7 @@ def load_scene(name_or_path: str | Path) -> Scene:
     Raises
     ------
     SceneError
-        No such scene, not TOML, a key that is unknown or missing, or a value that cannot be.
+        No such scene, not TOML, a key that is unknown or missing, or a value that is refused.
     """
     path = scene_path(str(name_or_path))
     tables = read_scene(path)
@@ -198,7 +198,7 @@ def load_scene(name_or_path: str | Path) -> Scene:
 
 
 def _one_sentence(error: ValidationError) -> str:
-    """Say the first problem, with the key that it lies at: a key that is unknown explains one that is missing."""
+    """Return a sentence about the first problem and its key; an unknown key explains a missing one and comes first."""
     first = min(error.errors(), key=lambda problem: problem["type"] not in _UNKNOWN_KEY)
     parts = (str(part) for part in first["loc"])
     key = ".".join(part for part in parts if not part.startswith(TAG_PREFIX)) or "the scene"
@@ -214,6 +214,6 @@ def _one_sentence(error: ValidationError) -> str:
     if first["type"] == "too_long":
         expected = f"Expected at most {first['ctx']['max_length']} values"
     got = repr(first["input"])
-    if len(got) > _LONGEST_SHOWN:
-        got = f"{got[:_LONGEST_SHOWN]}..."
+    if len(got) > _LONGEST_VALUE_TEXT:
+        got = f"{got[:_LONGEST_VALUE_TEXT]}..."
     return f"{expected}, got {got} at {key}"

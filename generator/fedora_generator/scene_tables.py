@@ -24,7 +24,7 @@ SCENE_NAMES: Final = (
     "racetrack-mesh-night",
     *PRESET_NAMES,
 )
-"""Scenes of the package; the first has an exact world and every stream, the last are the paper's sequences."""
+"""Scenes of the package: the first has an exact world and every stream, the last are the paper's sequences."""
 
 _SCENES: Final = Path(__file__).parent / "scenes"
 _WORLDS: Final = _SCENES / "worlds"
@@ -37,7 +37,7 @@ MOST_SEED: Final = (1 << 63) - 1
 
 
 def scene_path(name_or_path: str) -> Path:
-    """Path of a scene of the package, or of one's own.
+    """Path of a scene of the package, or of a TOML file.
 
     Raises
     ------
@@ -54,7 +54,7 @@ def scene_path(name_or_path: str) -> Path:
 
 
 def read_scene(path: Path, started_from: tuple[Path, ...] = ()) -> dict[str, Any]:
-    """Tables of a scene, its base and world read; those of ``started_from`` name it as their base.
+    """Tables of a scene with those of its base and world; the files of ``started_from`` name it as their base.
 
     Raises
     ------
@@ -69,7 +69,7 @@ def read_scene(path: Path, started_from: tuple[Path, ...] = ()) -> dict[str, Any
         beside = path.parent / str(base)
         base_path = scene_path(str(beside) if beside.is_file() else str(base))
         base_tables = read_scene(base_path, (*started_from, path.resolve()))
-        tables = _merged(_without_rivals(base_tables, tables), tables)
+        tables = _merged(_without_replaced(base_tables, tables), tables)
     if isinstance(tables.get("world"), str):
         tables["world"] = _read_world(_world_path(tables["world"], beside=path))
     flight = tables.get("flight")
@@ -100,7 +100,7 @@ def _require_no_circle(path: Path, started_from: tuple[Path, ...]) -> None:
 
 
 def _read_world(path: Path, started_from: tuple[Path, ...] = ()) -> dict[str, Any]:
-    """Tables of a world; where it has a base, what stands there comes first."""
+    """Tables of a world; the solids of its base come first."""
     _require_no_circle(path, started_from)
     tables = _read_toml(path)
     name = tables.pop("base", None)
@@ -127,10 +127,10 @@ def _read_toml(path: Path) -> dict[str, Any]:
         raise SceneError(f"Expected a readable TOML file, got {path}: {error}") from error
 
 
-def _without_rivals(base: dict[str, Any], changes: Mapping[str, Any]) -> dict[str, Any]:
+def _without_replaced(base: dict[str, Any], changes: Mapping[str, Any]) -> dict[str, Any]:
     """Return the base without what the changes replace: its world by a place, its flight by one of another kind."""
-    rivals = {"world": "place", "place": "world"}
-    kept = {key: value for key, value in base.items() if rivals.get(key) not in changes}
+    alternatives = {"world": "place", "place": "world"}
+    kept = {key: value for key, value in base.items() if alternatives.get(key) not in changes}
     old, new = kept.get("flight"), changes.get("flight")
     if isinstance(old, Mapping) and isinstance(new, Mapping) and new.get("kind", old.get("kind")) != old.get("kind"):
         kept.pop("flight")
@@ -139,11 +139,11 @@ def _without_rivals(base: dict[str, Any], changes: Mapping[str, Any]) -> dict[st
 
 def _merged(base: Mapping[str, Any], changes: Mapping[str, Any]) -> dict[str, Any]:
     """Tables of ``base`` with those of ``changes`` put over them, key by key."""
-    both = dict(base)
+    merged = dict(base)
     for key, value in changes.items():
-        old = both.get(key)
-        both[key] = _merged(old, value) if isinstance(old, Mapping) and isinstance(value, Mapping) else value
-    return both
+        old = merged.get(key)
+        merged[key] = _merged(old, value) if isinstance(old, Mapping) and isinstance(value, Mapping) else value
+    return merged
 
 
 def _leaves(value: Any, key: str) -> Iterator[tuple[str, Any]]:

@@ -21,7 +21,7 @@ from fedora_generator.corpus.cli import corpus as corpus_command
 from fedora_generator.corpus.ladders import STEP, ladder_of
 from fedora_generator.corpus.manifest import MANIFEST, PROGRESS, digest_of
 from fedora_generator.errors import GeneratorError
-from fedora_generator.faults import BYTE_FAULTS, FAULTS, knows_region, plant_fault
+from fedora_generator.faults import BYTE_FAULTS, FAULTS, allows_region, plant_fault
 from fedora_generator.partial_file import PartialFile
 from fedora_generator.scene import Scene, load_scene
 from tests.generator.tiny_sequence import HEIGHT, WIDTH, declare_noise, write_tiny_sequence
@@ -217,7 +217,7 @@ def test_every_fault_of_the_table_is_planned() -> None:
     assert all(planned.base in {f.file for f in plan} for planned in plan if planned.faults)
     regions = {(f.faults[0].cause, f.faults[0].stream): f.faults[0].region for f in plan if f.faults[0:1]}
     local = [f for f in plan if f.file.endswith("h5") and "-quarter-" in f.file]
-    assert {(f.faults[0].cause, f.faults[0].stream) for f in local} == {p for p in regions if knows_region(*p)}
+    assert {(f.faults[0].cause, f.faults[0].stream) for f in local} == {p for p in regions if allows_region(*p)}
     assert {f.faults[0].region for f in local if f.faults[0].stream != "events"} == {(67, 50, 202, 150)}
 
 

@@ -1,8 +1,8 @@
-"""The camera's way over a short time, as polynomials that differ from the flight by rounding.
+"""The path of the camera over a short time, as polynomials that differ from the flight by rounding.
 
-Compiled code asks for poses at millions of instants, and a flight answers in Python. Its motion is smooth, so a few
-Chebyshev polynomials hold it; where they do not, the time is halved. A body that moves is seen as one that stands from
-a camera that moves the other way, so that every body has a place of the camera of its own.
+Compiled code needs poses at millions of instants, and a flight is evaluated in Python. Its motion is smooth, so a few
+Chebyshev polynomials represent it; where they do not, the time is halved. A moving body looks like a body at rest from
+a camera that moves the other way, so that every body has its own place of the camera.
 """
 
 from dataclasses import dataclass

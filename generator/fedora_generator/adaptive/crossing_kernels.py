@@ -1,8 +1,8 @@
-"""Every crossing of every pixel between the samples of its tile, found by asking the world for more light.
+"""Every crossing of every pixel between the samples of its tile, by rendering the pixel at more times.
 
 Between two samples a pixel is *quiet*, if its signal cannot reach a threshold, or *steep*, if it rises or falls all the
-way; else the middle is sampled too, and both halves are looked at in turn. What decides is the second difference of
-the samples around, d: a parabola leaves the range of its ends by d / 8 at most, and is steep where its ends differ by
+way; else the middle is sampled too, and both halves are examined in turn. The second difference of the samples around
+decides, d: a parabola leaves the range of its ends by d / 8 at most, and is steep where its ends differ by
 d / 2 or more. ``caution`` times as much is allowed for, as no signal is a parabola. In a steep piece the levels that
 lie between its ends are crossed once each, and a bracketed secant finds when.
 """
@@ -54,14 +54,14 @@ _ROUNDING: Final = 1e-10
 
 
 class Care(NamedTuple):
-    """How much is allowed for curvature beyond a parabola's, and how far a crossing may be off, s."""
+    """Factor on the curvature of a parabola, and the largest error of a crossing, s."""
 
     caution: float
     tolerance_s: float
 
 
 class Clock(NamedTuple):
-    """Start of the path, since that of the recording, its length and the tick of the stamps, ns; bits of a key."""
+    """Start of the path, since that of the recording, its length and the tick of the timestamps, ns; bits of a key."""
 
     start_ns: int
     span_ns: int
@@ -99,11 +99,11 @@ def follow_tiles(
         own = faces[face_starts[tile] : face_starts[tile + 1]]
         stage = stage_of(textures, surfaces, frames, bodies, coefficients, clock.span_ns * 1e-9, own, scratch, thread)
         values, stack, before = scratch.values[thread], scratch.stack[thread], scratch.before[thread]
-        stage.asked[0] = 0
+        stage.rendered[0] = 0
         counts[index] = _follow_tile(
             stage, sensor, care, clock, tile, values[: samples[tile] + 1], stack, before, keys[index]
         )
-        rendered += stage.asked[0]
+        rendered += stage.rendered[0]
     return rendered
 
 
@@ -152,7 +152,7 @@ def _follow_tile(
 
 @njit(cache=True, error_model="numpy", inline="always")
 def _is_quiet(sensor: Sensor, care: Care, x: int, y: int, values: Floats) -> bool:
-    """Whether a pixel is quiet all along its samples (n + 1,): most are, and are not looked at any closer."""
+    """Whether a pixel is quiet all along its samples (n + 1,): most are, and need no closer look."""
     lowest, highest, bend = values[0], values[0], 0.0
     for sample in range(1, len(values)):
         lowest, highest = min(lowest, values[sample]), max(highest, values[sample])

@@ -7,7 +7,7 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
-from fedora_generator.adaptive.camera_path import camera_paths
+from fedora_generator.adaptive.camera_path import CameraPath, camera_paths
 from fedora_generator.adaptive.crossing_kernels import DEEPEST, NO_ROOM, NOT_FINITE, Care, Clock, follow_tiles
 from fedora_generator.adaptive.light_kernels import Sensor, scratch_for
 from fedora_generator.adaptive.tile_plan import plan_tiles
@@ -26,20 +26,20 @@ Keys = NDArray[np.int64]
 FIRST_CAPACITY: Final = 1 << 11
 """Events of a tile and interval: 8 a pixel. Where there are more, the tile is computed again."""
 
-DEALS: Final = 64
-"""Tiles between two neighbours in the order in which threads take them."""
+TILE_STRIDE: Final = 64
+"""From a tile to the next in the order in which threads take them."""
 
 
 @dataclass(slots=True)
 class Follower:
-    """Finds the events of an interval of the flight, each tile sampled as its own motion asks for."""
+    """Finds the events of an interval of the flight; each tile is sampled as densely as its own motion requires."""
 
     world: ExactWorld
     camera: Camera
     flight: Flight
     fidelity: Fidelity
     tick_ns: int = NS_PER_US
-    """Unit of the stamps"""
+    """Unit of the timestamps"""
     rendered_pixels: int = 0
     """So far"""
 
@@ -51,45 +51,48 @@ class Follower:
         SignalNotFiniteError
             A pixel has no logarithm; it is left in the signal.
         """
+        paths = camera_paths(self.world, self.camera, self.flight, start_ns, stop_ns)
+        return np.sort(np.concatenate([self._path_crossings(path, pixels) for path in paths]))
+
+    def _path_crossings(self, path: CameraPath, pixels: Pixels) -> Keys:
+        """Keys of the events along one path; its scratch space and its room for keys are free afterwards."""
+        start_ns = path.start_ns - pixels.origin_ns  # the sensor counts from the start of the recording
         height, width = pixels.signal.shape
         layout, faces = KeyLayout(height, width), self.world.standing
+        plan = plan_tiles(faces, path, height, width, self.fidelity.motion_px)
         levels = (pixels.reference, pixels.signal, pixels.threshold_on, pixels.threshold_off)
+        sensor = Sensor(*levels, pixels.log_eps_dn, pixels.leak_per_s, start_ns / NS_PER_S)
         care = Care(self.fidelity.caution, self.fidelity.tolerance_us / US_PER_S)
-        keys_of_tiles = [np.empty(0, np.int64)]
-        for path in camera_paths(self.world, self.camera, self.flight, start_ns, stop_ns):
-            # The sensor counts time from the start of the recording, the path from that of the flight.
-            path_start_ns, span_ns = path.start_ns - pixels.origin_ns, path.stop_ns - path.start_ns
-            plan = plan_tiles(faces, path, height, width, self.fidelity.motion_px)
-            sensor = Sensor(*levels, pixels.log_eps_dn, pixels.leak_per_s, path_start_ns / NS_PER_S)
-            clock = Clock(path_start_ns, span_ns, self.tick_ns, layout.column_bits, layout.timestamp_shift)
-            scratch = scratch_for(
-                threads=numba.get_num_threads(),
-                faces=int(np.diff(plan.face_starts).max()),
-                waves=self.world.textures.waves.shape[1],
-                samples=int(plan.samples.max()),
-                entries=path.coefficients.shape[1],
-                depth=DEEPEST,
-            )
-            stage = (
-                self.world.textures,
-                self.world.grey,
-                faces.frames,
-                faces.bodies,
-                path.coefficients,
-                sensor,
-                care,
-                clock,
-            )
-            # Threads take equal shares of this order. Its neighbours lie far apart in the image, so that each share
-            # has about as much work; rows of the image differ more.
-            tiles = np.concatenate([np.arange(first, plan.samples.size, DEALS) for first in range(DEALS)])
-            capacity = FIRST_CAPACITY
-            while tiles.size:
-                keys, counts = np.empty((tiles.size, capacity), np.int64), np.empty(tiles.size, np.int64)
-                plan_arrays = (tiles, plan.samples, plan.face_starts, plan.faces)
-                self.rendered_pixels += follow_tiles(*stage, *plan_arrays, scratch, keys, counts)
-                if (counts == NOT_FINITE).any():
-                    raise SignalNotFiniteError("Expected finite signals, got one that is infinite or not a number")
-                keys_of_tiles += [row[:count] for row, count in zip(keys, counts, strict=True) if count > 0]
-                tiles, capacity = tiles[counts == NO_ROOM], 8 * capacity
-        return np.sort(np.concatenate(keys_of_tiles))
+        span_ns = path.stop_ns - path.start_ns
+        clock = Clock(start_ns, span_ns, self.tick_ns, layout.column_bits, layout.timestamp_shift)
+        scratch = scratch_for(
+            threads=numba.get_num_threads(),
+            faces=int(np.diff(plan.face_starts).max()),
+            waves=self.world.textures.waves.shape[1],
+            samples=int(plan.samples.max()),
+            entries=path.coefficients.shape[1],
+            depth=DEEPEST,
+        )
+        stage = (
+            self.world.textures,
+            self.world.grey,
+            faces.frames,
+            faces.bodies,
+            path.coefficients,
+            sensor,
+            care,
+            clock,
+        )
+        # Threads take equal shares of this order. Neighbouring tiles take about as much time, distant ones do not: the
+        # stride spreads each share over the image.
+        tiles = np.concatenate([np.arange(first, plan.samples.size, TILE_STRIDE) for first in range(TILE_STRIDE)])
+        rows, capacity = [np.empty(0, np.int64)], FIRST_CAPACITY
+        while tiles.size:
+            keys, counts = np.empty((tiles.size, capacity), np.int64), np.empty(tiles.size, np.int64)
+            plan_arrays = (tiles, plan.samples, plan.face_starts, plan.faces)
+            self.rendered_pixels += follow_tiles(*stage, *plan_arrays, scratch, keys, counts)
+            if (counts == NOT_FINITE).any():
+                raise SignalNotFiniteError("Expected finite signals, got one that is infinite or not a number")
+            rows += [row[:count] for row, count in zip(keys, counts, strict=True) if count > 0]
+            tiles, capacity = tiles[counts == NO_ROOM], 8 * capacity
+        return np.concatenate(rows)

@@ -36,10 +36,10 @@ class Sensor(NamedTuple):
 
 
 class Scratch(NamedTuple):
-    """Room for every thread to work in, first index.
+    """Scratch space of every thread, first index.
 
-    Compiled code counts references to arrays that it makes itself, which would cost more than the arithmetic; those
-    that it is given in a parallel loop it does not.
+    Compiled code counts references to arrays that it makes itself, which would cost more than the arithmetic. It does
+    not count those of arrays that are arguments of a parallel loop.
     """
 
     lines: Floats
@@ -58,11 +58,25 @@ class Scratch(NamedTuple):
     values: Floats
     stack: Floats
     before: Floats
-    asked: Integers
+    rendered: Integers
 
 
 def scratch_for(threads: int, faces: int, waves: int, samples: int, entries: int, depth: int) -> Scratch:
-    """Room for tiles of at most so many faces and samples, textures of so many waves, and ``depth`` open pieces."""
+    """Scratch space for tiles of at most so many faces and samples.
+
+    Parameters
+    ----------
+    threads
+        Number of threads.
+    faces, samples
+        Largest numbers of a tile.
+    waves
+        Waves of a texture.
+    entries
+        Entries of a row of path coefficients.
+    depth
+        Open pieces of a step.
+    """
     pixels = TILE * TILE
     return Scratch(
         lines=np.empty((threads, faces, LINES_PER_FACE, 3)),
@@ -81,14 +95,14 @@ def scratch_for(threads: int, faces: int, waves: int, samples: int, entries: int
         values=np.empty((threads, samples + 1, pixels)),
         stack=np.empty((threads, depth, 6)),
         before=np.empty((threads, pixels)),
-        asked=np.empty((threads, 1), np.int64),
+        rendered=np.empty((threads, 1), np.int64),
     )
 
 
 class Stage(NamedTuple):
-    """What one thread looks at, a world of one colour from the path of a camera, and what it works with.
+    """What one thread renders, a world of a single colour along a camera path, and its scratch space.
 
-    ``view`` holds the faces of the tile, ``given`` which of them may be seen; ``asked`` (1,) counts pixels.
+    ``view`` holds the faces of the tile, ``given`` which of them may be seen; ``rendered`` (1,) counts pixels.
     """
 
     textures: TextureTable
@@ -108,7 +122,7 @@ class Stage(NamedTuple):
     terms: Floats
     radiance_dn: Floats
     signal: Floats
-    asked: Integers
+    rendered: Integers
 
 
 @njit(cache=True, error_model="numpy", inline="always")
@@ -148,7 +162,7 @@ def stage_of(
         scratch.terms[thread],
         scratch.radiance_dn[thread],
         scratch.signal[thread],
-        scratch.asked[thread],
+        scratch.rendered[thread],
     )
 
 
@@ -237,7 +251,7 @@ def sample_block(
                 # Leak acts as a signal that rises for ever.
                 on, _ = thresholds_of(sensor, column + x, row + y)
                 values[y * columns + x] += float(sensor.leak_per_s * on * (sensor.elapsed_s + share * stage.span_s))
-    stage.asked[0] += rows * columns
+    stage.rendered[0] += rows * columns
 
 
 @njit(cache=True, error_model="numpy")

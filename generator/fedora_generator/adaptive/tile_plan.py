@@ -1,4 +1,4 @@
-"""How densely each tile of the image must be sampled over a path of the camera, and what it can show meanwhile."""
+"""How densely each tile of the image must be sampled along a path of the camera, and which faces it can show."""
 
 import itertools
 import math
@@ -52,10 +52,21 @@ class _View:
 
 
 def plan_tiles(standing: Faces, path: CameraPath, height: int, width: int, bound_px: float) -> TilePlan:
-    """Equal steps in each tile, in none of which its image moves farther than ``bound_px``; faces as yet unmoved.
+    """Plan equal steps for each tile, in none of which its image moves farther than ``bound_px``.
 
     What moves into a tile comes from a neighbour: a tile is sampled as densely as the densest around it, and its faces
     are those of a square that is larger by the motion.
+
+    Parameters
+    ----------
+    standing
+        Faces of the world before anything has moved.
+    path
+        Rays and places of the camera.
+    height, width
+        Of the image, px.
+    bound_px
+        Largest motion of the image in a step, px.
     """
     views = []
     for part in range(PARTS + 1):
@@ -66,10 +77,10 @@ def plan_tiles(standing: Faces, path: CameraPath, height: int, width: int, bound
     # Largest displacement (tiles,) from any view to the next or the one before, of a tile and its neighbours.
     rows, columns = math.ceil(height / TILE), math.ceil(width / TILE)
     motions_px = np.zeros(rows * columns)
-    for here, there in itertools.chain(itertools.pairwise(views), itertools.pairwise(reversed(views))):
-        to_there = np.linalg.inv(there.rays)
-        H, ts = to_there @ here.rays, (here.cameras_m - there.cameras_m) @ to_there.T
-        visible = (here.lines[here.front], standing.bodies[here.front])
+    for start, end in itertools.chain(itertools.pairwise(views), itertools.pairwise(reversed(views))):
+        to_end = np.linalg.inv(end.rays)
+        H, ts = to_end @ start.rays, (start.cameras_m - end.cameras_m) @ to_end.T
+        visible = (start.lines[start.front], standing.bodies[start.front])
         largest_motions(*visible, H, ts, height, width, motions_px)
     motions_px = maximum_filter(motions_px.reshape(rows, columns), size=3, mode="nearest").ravel()
     motions_px = PARTS * np.asarray(motions_px)

@@ -1,4 +1,4 @@
-"""Making a corpus: file by file, each whole or not there, and the manifest last."""
+"""Making a corpus file by file, each complete or absent, and the manifest last."""
 
 import shutil
 from collections import Counter
@@ -19,7 +19,7 @@ from fedora_generator.corpus.manifest import (
     write_listing,
 )
 from fedora_generator.corpus.plan import CorpusOptions, PlannedFault, PlannedFile, plan_corpus
-from fedora_generator.corpus.spread import stretch_s
+from fedora_generator.corpus.spread import start_span_s
 from fedora_generator.disk_space import expected_bytes, require_disk_space
 from fedora_generator.errors import OutputError
 from fedora_generator.faults import FaultError, plant_fault
@@ -29,10 +29,10 @@ from fedora_generator.memory import require_memory
 from fedora_generator.metadata import generator_version
 from fedora_generator.scene import Scene
 
-_BETWEEN: Final = ".between-"
+_STEPS_PREFIX: Final = ".between-"
 
 Report = Callable[[int, int, str], None]
-"""Is told the files done, the files planned, and the file that is being made."""
+"""Called with the number of files that are done, of those planned, and the name of the next."""
 
 
 def build_corpus(
@@ -45,8 +45,8 @@ def build_corpus(
 ) -> Path:
     """Write a corpus into a folder and return the path of its manifest.
 
-    Files of an earlier run that are whole and were made as they would be now are kept. The same arguments give the same
-    bytes of every file and of the manifest.
+    Complete files of an earlier run with the same arguments are kept. The same arguments give the same bytes of every
+    file and of the manifest.
 
     Raises
     ------
@@ -62,23 +62,23 @@ def build_corpus(
     earlier = _earlier_items(folder, made_with, force=force)
     for scene in scenes:
         require_memory(scene, frozenset(STREAMS))
-        stretch = stretch_s(scene, options.duration_s) if options.spread else 0.0
-        require_free_flight(scene, whole_us(stretch + options.duration_s))
+        start_span = start_span_s(scene, options.duration_s) if options.spread else 0.0
+        require_free_flight(scene, whole_us(start_span + options.duration_s))
     sizes = {scene.name: expected_bytes(scene, options.duration_s) for scene in scenes}
     _require_disk_space(folder, missing_bytes(plan, sizes, earlier))
     try:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise OutputError(f"Expected to be able to make the folder {folder}, got: {error.strerror}") from error
-    work = _Work(folder, options, {scene.name: scene for scene in scenes}, made_with, earlier)
+    writer = _CorpusWriter(folder, options, {scene.name: scene for scene in scenes}, made_with, earlier)
     for done, planned in enumerate(plan):
         report(done, len(plan), planned.file)
-        work.make(planned)
+        writer.make(planned)
         if planned.base is None:
             sizes[planned.scene] = (folder / planned.file).stat().st_size
             _require_disk_space(folder, missing_bytes(plan[done + 1 :], sizes, earlier))
     report(len(plan), len(plan), MANIFEST)
-    return work.finish()
+    return writer.finish()
 
 
 def _require_disk_space(folder: Path, needed_bytes: int) -> None:
@@ -87,7 +87,7 @@ def _require_disk_space(folder: Path, needed_bytes: int) -> None:
 
 
 def missing_bytes(plan: tuple[PlannedFile, ...], sizes: dict[str, int], earlier: dict[str, Item]) -> int:
-    """Bytes of the planned files that an earlier run has not left behind; ``sizes`` by scene."""
+    """Bytes of the planned files that an earlier run has not made; ``sizes`` by scene."""
     missing = Counter(planned.scene for planned in plan if planned.file not in earlier)
     return sum(count * sizes[scene] for scene, count in missing.items())
 
@@ -125,7 +125,7 @@ def _earlier_items(folder: Path, made_with: Item, *, force: bool) -> dict[str, I
     return {}
 
 
-class _Work:
+class _CorpusWriter:
     """A corpus being made."""
 
     def __init__(
@@ -138,13 +138,13 @@ class _Work:
         self._earlier = earlier
         self._items: dict[str, Item] = {}
         self._skipped: list[Item] = []
-        for left_by_a_killed_run in folder.glob(f"*/{_BETWEEN}*"):
-            shutil.rmtree(left_by_a_killed_run)
+        for steps_of_a_killed_run in folder.glob(f"*/{_STEPS_PREFIX}*"):
+            shutil.rmtree(steps_of_a_killed_run)
         self._list(PROGRESS)  # before the manifest goes, so that an interrupt loses neither
         (folder / MANIFEST).unlink(missing_ok=True)
 
     def make(self, planned: PlannedFile) -> None:
-        """Make one file, unless it is there as planned; one that the data cannot hold is skipped."""
+        """Make one file, unless it exists as planned; a fault that cannot be planted is skipped."""
         path, before = self._folder / planned.file, self._earlier.get(planned.file)
         if is_made(planned, path, before):
             self._items[planned.file] = dict(before or {})
@@ -174,7 +174,7 @@ class _Work:
         self._list(PROGRESS)
 
     def finish(self) -> Path:
-        """Write the manifest, which is what makes the folder a corpus."""
+        """Write the manifest, which completes the corpus, and return its path."""
         path = self._folder / MANIFEST
         self._earlier = {}
         self._list(MANIFEST)
@@ -187,18 +187,29 @@ class _Work:
 
 
 def plant_together(base: Path, target: Path, faults: tuple[PlannedFault, ...], donors: Path) -> None:
-    """Plant faults one after the other; only ``target``, with all of them, is left.
+    """Plant faults one after the other, and keep only the file with all of them.
+
+    Parameters
+    ----------
+    base
+        The clean file.
+    target
+        The file with all faults.
+    faults
+        In the order in which they are planted.
+    donors
+        Folder that the donors of the faults are in.
 
     Raises
     ------
     FaultError
         One of them cannot be planted; nothing is written.
     """
-    with TemporaryDirectory(dir=target.parent, prefix=_BETWEEN) as between:
+    with TemporaryDirectory(dir=target.parent, prefix=_STEPS_PREFIX) as steps:
         source = base
         for index, fault in enumerate(faults):
             last = index == len(faults) - 1
-            step = target if last else Path(between) / f"{index}.h5"
+            step = target if last else Path(steps) / f"{index}.h5"
             plant_fault(
                 source,
                 step,

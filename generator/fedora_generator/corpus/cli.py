@@ -1,4 +1,4 @@
-"""``fedora-generate corpus``: clean and faulty sequences, and the manifest that tells them apart."""
+"""``fedora-generate corpus``: clean and faulty sequences, and the manifest that lists which is which."""
 
 import re
 from pathlib import Path

@@ -25,8 +25,8 @@ from fedora_generator.events.quiet_kernels import (
     list_active,
     mark_quiet,
     middle_of,
-    room_for_a_row,
-    room_for_pixels,
+    pixel_buffer,
+    row_buffers,
 )
 from fedora_qa.conventions import NS_PER_US
 
@@ -93,13 +93,13 @@ class Comparator:
     def crossings(self, previous: Floats, signal: Floats, start_ns: int, stop_ns: int) -> Keys:
         """Keys of all levels that the straight line between two signals reaches; each becomes the reference.
 
-        Keys come in raster order, and those of a pixel in order of time; stamps lie in (start, stop]. The
-        next call overwrites them.
+        Keys come in raster order, and those of a pixel in order of time; timestamps lie in (start, stop].
+        The next call overwrites them.
 
         Raises
         ------
         SignalNotFiniteError
-            There is no telling which levels were reached.
+            The crossed levels of a pixel are undefined.
         """
         bits = (self._layout.column_bits, self._layout.timestamp_shift)
         interval = (previous, signal, *self._levels(), start_ns, stop_ns, *bits)
@@ -117,7 +117,7 @@ class Comparator:
         Raises
         ------
         SignalNotFiniteError
-            There is no telling how far a pixel is.
+            The distance of a pixel from its reference is undefined.
         """
         keys = np.empty(signal.size, np.int64)
         bits = (self._layout.column_bits, self._layout.timestamp_shift)
@@ -127,7 +127,7 @@ class Comparator:
         return keys[:count]
 
     def spare(self, count: int) -> Keys:
-        """Room for at least ``count`` keys, to sort them in; the next call may return the same."""
+        """Scratch space for at least ``count`` keys, to sort them in; the next call may return the same array."""
         if self._spare.size < count:
             self._spare = np.empty(2 * count, np.int64)
         return self._spare
@@ -181,15 +181,20 @@ def emit_crossings(
 ) -> tuple[int, int]:
     """Write a key for each level crossed between two samples, and leave ``reference`` (H, W) at the last level.
 
-    The signal is a straight line between the samples; times are nanoseconds since the start. Keys come in raster
-    order and each pixel's in order of time, after the ``count`` that there are; ``shares`` is room for as many numbers.
-    Returns the row to go on from, and how many keys there are now. Where there was no room left, calling again with
-    more finds what was not written yet, as every reference stands at the last level written. NOT_FINITE instead of a
-    row: a signal is not.
+    The signal is a straight line between the samples; times are nanoseconds since the start. Keys are in raster
+    order, those of a pixel in order of time, and follow the first ``count`` of ``keys``. ``shares`` is scratch space of
+    the same length. Where ``keys`` is full, a second call with a longer array writes the others, as every reference is
+    at the last level written.
+
+    Returns
+    -------
+    row, count
+        Row to continue from, the height when all is done, and the number of keys so far. The row is NOT_FINITE where a
+        signal is not finite.
     """
     height, width = signal.shape
-    quiet, words, candidates = room_for_a_row(width)
-    active, coming = room_for_pixels(width, _BAND), room_for_pixels(width, _BAND)
+    quiet, words, candidates = row_buffers(width)
+    active, coming = pixel_buffer(width, _BAND), pixel_buffer(width, _BAND)
     active_count = 0
     for band in range(first_row, height + _BAND, _BAND):
         active, coming, active_here, active_count = coming, active, active_count, 0
@@ -199,7 +204,7 @@ def emit_crossings(
         for pixel in coming[:active_count]:
             prefetch(previous, pixel >> COLUMN_BITS, pixel & COLUMN_MASK)
             prefetch(reference, pixel >> COLUMN_BITS, pixel & COLUMN_MASK)
-        first_key, is_full = count, False
+        first_key, keys_are_full = count, False
         for pixel in active[:active_here]:
             row, column = pixel >> COLUMN_BITS, pixel & COLUMN_MASK
             line = row if len(threshold_on) > 1 else np.uint64(0)
@@ -211,18 +216,18 @@ def emit_crossings(
             step = on if rising else -off
             direction = 1.0 if rising else -1.0
             while (value - (level + step)) * direction >= 0:
-                is_full = count == keys.size
-                if is_full:
+                keys_are_full = count == keys.size
+                if keys_are_full:
                     break
                 level += step
                 shares[count] = (level - before) / (value - before)
                 keys[count] = np.int64(row << column_bits | column) << 1 | rising
                 count += 1
             reference[row, column], middle[row, column] = level, middle_of(level, on, off, largest)
-            if is_full:
+            if keys_are_full:
                 break
         _timestamp(keys[first_key:count], shares[first_key:count], start_ns, stop_ns, timestamp_shift)
-        if is_full:
+        if keys_are_full:
             return band - _BAND, count
     return height, count
 
@@ -243,12 +248,16 @@ def emit_steps(
 ) -> int:
     """One event a pixel whose value differs from the reference by strictly more than the threshold.
 
-    The reference becomes the current value, however large the step. ``keys`` has room for every pixel. Returns how
-    many there are, sorted; or NOT_FINITE.
+    The reference becomes the current value, however large the step. ``keys`` holds one key for every pixel.
+
+    Returns
+    -------
+    count
+        Number of keys, which are sorted; or NOT_FINITE.
     """
     height, width = signal.shape
-    quiet, words, candidates = room_for_a_row(width)
-    active = room_for_pixels(width, 1)
+    quiet, words, candidates = row_buffers(width)
+    active = pixel_buffer(width, 1)
     count = 0
     for row in range(height):
         line = row if len(threshold_on) > 1 else 0

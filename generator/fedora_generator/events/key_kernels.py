@@ -1,4 +1,4 @@
-"""Compiled loops over event keys (``events/keys.py``): order, lose, align, take apart."""
+"""Compiled loops over event keys (``events/keys.py``): sort, drop, align, decode."""
 
 from typing import Final
 
@@ -14,10 +14,10 @@ _DIGIT_BITS: Final = 11
 
 @njit(cache=True)
 def sort_by_timestamp(keys: Keys, timestamp_shift: int, first_us: int, last_us: int, spare: Keys) -> Keys:
-    """Return the keys, stamps in [first, last], in order of their stamps; equal stamps keep theirs.
+    """Return the keys, timestamps in [first, last], sorted by timestamp; equal timestamps keep their order.
 
-    Radix sort on the digits of the stamp: with raster order going in, (t, y, x, p) comes out. It goes to and fro
-    between ``keys`` and ``spare``, which is no shorter, and returns the one that it ends in.
+    Radix sort on the digits of the timestamp: keys in raster order come out in the order (t, y, x, p). Each pass moves
+    the keys between ``keys`` and ``spare``, which is no shorter; the array that holds them after the last is returned.
     """
     starts = np.empty((1 << _DIGIT_BITS) + 1, np.int64)
     base, shift, span = first_us << timestamp_shift, timestamp_shift, last_us - first_us
@@ -64,7 +64,7 @@ def drop_refractory(keys: Keys, timestamp_shift: int, refractory_us: int, last_u
 
 @njit(cache=True)
 def align_to_packets(keys: Keys, timestamp_shift: int, packet_us: int) -> None:
-    """Move every stamp up, in place, to the first multiple of ``packet_us`` not before it."""
+    """Move every timestamp up, in place, to the first multiple of ``packet_us`` not before it."""
     below_timestamp = (1 << timestamp_shift) - 1
     for index in range(keys.size):
         packet = ((keys[index] >> timestamp_shift) + packet_us - 1) // packet_us
@@ -82,7 +82,7 @@ def decode_keys(
     t_us: NDArray[np.int64],
     p: NDArray[np.uint8],
 ) -> None:
-    """Take the keys apart into columns; ``start_us`` is added to the stamps."""
+    """Decode the keys into columns; ``start_us`` is added to the timestamps."""
     columns, places = (1 << column_bits) - 1, (1 << (timestamp_shift - 1)) - 1
     for index in range(keys.size):
         key = keys[index]
@@ -106,7 +106,7 @@ def sort_and_decode_keys(
     t_us: NDArray[np.int64],
     p: NDArray[np.uint8],
 ) -> None:
-    """Take the keys, stamps in [first, last], apart into columns in order of their stamps.
+    """Decode the keys, timestamps in [first, last], into columns sorted by timestamp.
 
     Both in one call, as a call that finds the caches cold costs 10 us, as much as 500 events.
     """

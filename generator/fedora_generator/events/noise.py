@@ -1,8 +1,8 @@
-"""What a real event pixel adds: mismatch of thresholds, finite bandwidth, spurious events.
+"""Effects of a real event pixel: mismatch of thresholds, finite bandwidth, spurious events.
 
 Sources: Hu, Liu and Delbruck, "v2e: From Video Frames to Realistic DVS Events" (2021), for mismatch, bandwidth, leak
 and shot noise; Rebecq, Gehrig and Scaramuzza, "ESIM" (2018), for the refractory period. Unlike v2e, thresholds and
-bandwidth do not depend on light here, so that what a file declares is what holds everywhere in it.
+bandwidth do not depend on light here, so that what a file declares holds everywhere in it.
 """
 
 import math
@@ -77,7 +77,7 @@ class PoissonEvents:
     _waiting: NDArray[np.int64] | None = None
 
     def take_until(self, stop_us: int) -> NDArray[np.int64]:
-        """Return the sorted keys, not taken before, of events stamped up to and including ``stop_us``."""
+        """Return the sorted keys, not returned before, of events up to and including ``stop_us``."""
         waiting = [] if self._waiting is None else [self._waiting]
         while self._drawn_blocks * _BLOCK_US < stop_us:
             block = self._drawn_blocks

@@ -1,7 +1,7 @@
 """The event stream: light through the sensor into the file.
 
-In the exact world the log sensor follows the light pixel by pixel (``adaptive/``). Everything else is shown images, as
-densely as motion or the scene asks for (``sampling``).
+In the exact world the log sensor follows the light pixel by pixel (``adaptive/``). Everything else takes images, as
+densely as motion or the scene requires (``sampling``).
 """
 
 import h5py
@@ -25,7 +25,8 @@ from fedora_qa.conventions import NS_PER_US
 class EventRecorder:
     """Runs the event camera along the flight; ``run_to`` ever later times, then ``finish``.
 
-    ``maps`` are the frame streams to index into the events: the key and size name of the dataset, and the stamps.
+    ``maps`` are the index maps to write: from the key of a dataset to the name of its size and the timestamps (n,), us,
+    of its frames.
     """
 
     def __init__(
@@ -41,7 +42,7 @@ class EventRecorder:
         self._world = world
         self._camera = event_camera(scene.camera)
         self._flight = scene.fly()
-        # A follower needs light that is known at all times; a fixed grid of renders is images by its definition.
+        # Only the exact world gives light at all times, and a fixed grid asks for images.
         self._follower: Follower | None = None
         if not scene.event_step_us and isinstance(world, ExactWorld) and follows_light(scene.events):
             self._follower = Follower(world, self._camera, self._flight, FIDELITY[quality])
@@ -83,7 +84,7 @@ class EventRecorder:
         self._now_us = stop_us
 
     def finish(self) -> None:
-        """Write what is left of the events, and the index maps."""
+        """Write the last events, and the index maps."""
         self._keep(self._sensor.finish())
         self._columns.finish()
         for key, (size, index_map) in self._maps.items():

@@ -51,7 +51,7 @@ def flow_gain(file: h5py.File, fault: Fault) -> None:
 
 
 def flow_unit(file: h5py.File, fault: Fault) -> None:
-    """Write px/s, or px s (the paper's equation) where the magnitude is negative: values too large, or too small."""
+    """Write px/s, or px s (the paper's equation) where the magnitude is negative: too large values, or too small."""
     power = 1 if fault.magnitude_in("1") > 0 else -1
     for stream in streams_in(file, fault.stream):
         timestamps_us = timestamps_in(file, stream)
@@ -65,20 +65,21 @@ def flow_rate_mixed(file: h5py.File, fault: Fault) -> None:
 
     With the stream ``flow`` the fastest rate keeps its own.
     """
-    present = [each for each in _FASTEST_FIRST if f"path/{each}" in file]
-    receivers = [each for each in streams_in(file, fault.stream) if fault.stream != "flow" or each != present[0]]
+    present = [stream for stream in _FASTEST_FIRST if f"path/{stream}" in file]
+    streams = streams_in(file, fault.stream)
+    receivers = [stream for stream in streams if fault.stream != "flow" or stream != present[0]]
     if len(present) < 2:
         raise FaultError(f"Expected flow at two rates or more, got {', '.join(present) or 'none'}")
     for stream in receivers:
-        donor = next(each for each in present if each != stream)
-        starts_us, donor_starts_us = (timestamps_in(file, each)[:, 0] for each in (stream, donor))
+        donor = next(other for other in present if other != stream)
+        starts_us, donor_starts_us = timestamps_in(file, stream)[:, 0], timestamps_in(file, donor)[:, 0]
         nearest = np.searchsorted(donor_starts_us, starts_us, side="right") - 1
         for row in _rows(file, stream, fault):
             file[f"path/{stream}"][row] = file[f"path/{donor}"][max(int(nearest[row]), 0)]
 
 
 def flow_interval_shifted(file: h5py.File, fault: Fault) -> None:
-    """Stamp fields too late by the given number of intervals; the fields at the end that have none repeat the last."""
+    """Stamp fields too late by the given number of intervals; at the end that becomes free, the last field repeats."""
     shift = fault.count()
     for stream in streams_in(file, fault.stream):
         fields = file[f"path/{stream}"]

@@ -16,7 +16,7 @@ _CAMERA: Final = "metadata/cameras/events"
 
 
 def confine_to_region(file: h5py.File, source: Path, fault: Fault, region: Region) -> None:
-    """Bring back, in the open faulty copy, everything of the fault's stream that lies outside the region.
+    """Restore, in the open faulty copy, everything of the fault's stream that lies outside the region.
 
     Raises
     ------
@@ -39,9 +39,9 @@ def confine_to_region(file: h5py.File, source: Path, fault: Fault, region: Regio
 
 
 def _confine_events(file: h5py.File, clean: h5py.File, region: Region) -> None:
-    """Put the untouched events outside and the faulty ones inside into one stream, in the order of the clean file.
+    """Merge the clean events outside the region and the faulty ones inside, in the order of the clean file.
 
-    All events are held in memory at once, for they may have changed places: about 60 bytes each.
+    All events are in memory at once, about 60 bytes each, as a fault may have changed their order.
     """
     if _CAMERA not in clean:
         raise FaultError(f"Expected {_CAMERA}, got none: the size of the sensor is needed")

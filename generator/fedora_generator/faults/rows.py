@@ -20,25 +20,25 @@ _BLOCK_BYTES: Final = 16 * 1024 * 1024
 def streams_in(file: h5py.File, stream: str) -> tuple[str, ...]:
     """Return the stream itself, or for ``flow`` every rate that the file holds."""
     wanted = FLOW_STREAMS if stream == "flow" else (stream,)
-    streams = tuple(each for each in wanted if any(spec.key in file for spec in datasets_of(each)))
+    streams = tuple(name for name in wanted if any(spec.key in file for spec in datasets_of(name)))
     if not streams:
         raise FaultError(f"Expected a file with the stream {stream}, got none in {file.filename}; name another stream")
     return streams
 
 
 def datasets_in(file: h5py.File, stream: str) -> dict[str, h5py.Dataset]:
-    """Return every dataset of one stream by its key, and those that lie beside it row by row."""
+    """Return every dataset of one stream by its key, with the datasets that share its rows."""
     specs = (*datasets_of(stream), *companions_of(stream))
     return {spec.key: file[spec.key] for spec in specs if spec.key in file}
 
 
 def values_in(file: h5py.File, stream: str) -> list[h5py.Dataset]:
-    """Return the datasets of one stream that are not its stamps."""
+    """Return the datasets of one stream other than its timestamps."""
     return [file[spec.key] for spec in datasets_of(stream) if spec.key in file and not spec.is_timestamps]
 
 
 def timestamps_in(file: h5py.File, stream: str) -> h5py.Dataset:
-    """Return the stamps of one stream, (n,) or for flow (n, 2)."""
+    """Return the timestamps of one stream, (n,) or for flow (n, 2), us."""
     key = TIMESTAMPS_OF.get(stream)
     if key is None or key not in file:
         raise FaultError(f"Expected a stream with stamps, got {stream}; name a stream that the file holds")
@@ -71,7 +71,7 @@ def edit_values(file: h5py.File, fault: Fault, change: Callable[[Array], Array])
 
 
 def origin_us(file: h5py.File) -> int:
-    """Return the earliest first stamp of the file."""
+    """Return the earliest first timestamp of the file, us."""
     firsts = [int(np.min(file[key][:1])) for key in TIMESTAMPS_OF.values() if key in file and len(file[key])]
     return min(firsts, default=0)
 
@@ -87,7 +87,7 @@ def rows_before(timestamps: h5py.Dataset, times_us: NDArray[np.int64]) -> NDArra
 
 
 def length_of(file: h5py.File, stream: str) -> int:
-    """Return the number of rows of a stream; an empty one cannot be broken."""
+    """Return the number of rows of a stream; no fault can be planted in an empty one."""
     length = len(next(iter(datasets_in(file, stream).values())))
     if length == 0:
         raise FaultError(f"Expected rows in {stream}, got none; name another stream")
@@ -99,7 +99,9 @@ def window_of(file: h5py.File, stream: str, fault: Fault) -> slice:
     if fault.start_s is None and fault.stop_s is None:
         return slice(0, length_of(file, stream))
     timestamps = timestamps_in(file, stream)
-    limits_us = [origin_us(file) + round(each * US_PER_S) for each in (fault.start_s, fault.stop_s) if each is not None]
+    limits_us = [
+        origin_us(file) + round(end_s * US_PER_S) for end_s in (fault.start_s, fault.stop_s) if end_s is not None
+    ]
     rows = [int(row) for row in rows_before(timestamps, np.array(limits_us, np.int64))]
     start = rows[0] if fault.start_s is not None else 0
     stop = rows[-1] if fault.stop_s is not None else len(timestamps)
@@ -109,9 +111,21 @@ def window_of(file: h5py.File, stream: str, fault: Fault) -> slice:
 
 
 def place_of(file: h5py.File, stream: str, fault: Fault, count: int) -> slice:
-    """Return ``count`` consecutive rows from ``start_s`` on, or in the middle of the stream; never the first row.
+    """Return consecutive rows from ``start_s`` on, or in the middle of the stream; never the first row.
 
-    With ``stop_s`` they must all lie before it.
+    Parameters
+    ----------
+    file, stream
+        The rows are those of the stream's datasets.
+    fault
+        Its interval confines the rows.
+    count
+        Number of rows.
+
+    Raises
+    ------
+    FaultError
+        The stream, or the interval up to ``stop_s``, has too few rows.
     """
     length = length_of(file, stream)
     if count > length - 1:
@@ -132,7 +146,20 @@ def require_before_stop(file: h5py.File, stream: str, fault: Fault, stop: int) -
 
 
 def keep_rows(dataset: h5py.Dataset, keep: Callable[[slice], NDArray[np.bool_]]) -> None:
-    """Remove, in place, the rows for which ``keep`` of their block says no."""
+    """Remove rows in place.
+
+    Parameters
+    ----------
+    dataset
+        Chunked, with an unlimited first axis.
+    keep
+        From a block of rows to a mask of those that stay.
+
+    Raises
+    ------
+    FaultError
+        The dataset cannot be resized.
+    """
     _require_resizable(dataset)
     kept = 0
     for block in blocks(dataset):
@@ -158,9 +185,23 @@ def delete_rows(file: h5py.File, stream: str, gone: slice) -> None:
 
 
 def insert_rows(dataset: h5py.Dataset, before: NDArray[np.int64], values: Array) -> None:
-    """Insert ``values`` (m, ...), each before the row of the old numbering in ``before`` (m,), ascending.
+    """Insert rows in place.
 
-    Works from the end, so that nothing is overwritten before it has been moved.
+    It works from the end of the dataset, so that no row is overwritten before it has been moved.
+
+    Parameters
+    ----------
+    dataset
+        Chunked, with an unlimited first axis.
+    before
+        (m,) row, in the numbering before the insertion, in front of which each value is inserted; ascending.
+    values
+        (m, ...) rows to insert.
+
+    Raises
+    ------
+    FaultError
+        The dataset cannot be resized.
     """
     _require_resizable(dataset)
     old_length = len(dataset)

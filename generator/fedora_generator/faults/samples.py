@@ -20,13 +20,13 @@ from fedora_generator.faults.rows import (
 
 
 def dropped_samples(file: h5py.File, fault: Fault) -> None:
-    """Lose consecutive samples: a number of them, or those of a duration."""
+    """Remove consecutive samples: a number of them, or those of a duration."""
     for stream in streams_in(file, fault.stream):
         delete_rows(file, stream, _affected(file, stream, fault))
 
 
 def duplicated_samples(file: h5py.File, fault: Fault) -> None:
-    """Write consecutive samples twice, each right after itself, so that the order of time still holds."""
+    """Write consecutive samples twice, each copy directly after its sample, so that timestamps stay sorted."""
     for stream in streams_in(file, fault.stream):
         rows = _affected(file, stream, fault)
         for dataset in datasets_in(file, stream).values():
@@ -40,14 +40,14 @@ def unsorted(file: h5py.File, fault: Fault) -> None:
         timestamps = timestamps_in(file, stream)
         rows = place_of(file, stream, fault, count)
         while rows.stop < len(timestamps) and np.all(timestamps[rows.stop - 1] == timestamps[rows.start]):
-            rows = slice(rows.start, rows.stop + 1)  # samples of one stamp have no order in time to break
+            rows = slice(rows.start, rows.stop + 1)  # samples of one timestamp have no order in time
         require_before_stop(file, stream, fault, rows.stop)
         for dataset in datasets_in(file, stream).values():
             dataset[rows] = dataset[rows][::-1]
 
 
 def frozen_frames(file: h5py.File, fault: Fault) -> None:
-    """Repeat the value before the place in the given number of samples; their stamps go on."""
+    """Give a number of samples the value before them; their timestamps stay."""
     for stream in streams_in(file, fault.stream):
         rows = place_of(file, stream, fault, fault.positive_count())
         for dataset in values_in(file, stream):
@@ -57,7 +57,7 @@ def frozen_frames(file: h5py.File, fault: Fault) -> None:
 
 
 def swapped_frames(file: h5py.File, fault: Fault) -> None:
-    """Exchange the values of one sample with those the given number of samples later; stamps stay."""
+    """Exchange the values of one sample with those the given number of samples later; timestamps stay."""
     distance = fault.positive_count()
     for stream in streams_in(file, fault.stream):
         first = place_of(file, stream, fault, distance + 1).start

@@ -1,4 +1,4 @@
-"""Faults of the file itself: what is missing, cut off, damaged, or stored in another form."""
+"""Faults of the file itself: missing, truncated, damaged, or stored in another form."""
 
 import os
 from pathlib import Path
@@ -39,7 +39,7 @@ def truncate_file(path: Path, fault: Fault) -> None:
 def corrupt_chunk(path: Path, fault: Fault) -> None:
     """Invert 16 bytes in the middle of so many stored chunks of the stream's first dataset, at each rate of flow."""
     count = fault.positive_count()
-    with h5py.File(path, locking=False) as file:  # whoever plants holds the lock
+    with h5py.File(path, locking=False) as file:  # the copy is open, with the lock, while a fault is planted
         of_streams = []  # offset and size in the file of every stored piece, by stream
         for stream in streams_in(file, fault.stream):
             dataset = _first_values(file, stream)
@@ -86,7 +86,7 @@ def wrong_shape(file: h5py.File, fault: Fault) -> None:
 
 
 def wrong_dtype(file: h5py.File, fault: Fault) -> None:
-    """Store the stream's first dataset (events: the stamps) in another type; in the metadata, widths as text."""
+    """Store the stream's first dataset (events: the timestamps) in another type; in the metadata, widths as text."""
     if fault.stream == "metadata":
         for camera in group_in(file, CAMERAS).values():
             camera.attrs["width"] = str(camera.attrs["width"])

@@ -1,4 +1,4 @@
-"""The file's own pose stream at other instants than its samples."""
+"""The pose stream of a file between its samples."""
 
 import h5py
 import numpy as np
@@ -15,7 +15,7 @@ _POSITION, _ORIENTATION, _TIMESTAMPS = "path/pose/position", "path/pose/orientat
 
 
 def attitudes_at(file: h5py.File, times_us: NDArray[np.int64]) -> Rotation:
-    """Body-to-world rotations (n), exact at the stream's stamps, a cubic spline between, held still outside."""
+    """Body-to-world rotations (n), exact at the stream's timestamps, a cubic spline between, constant outside."""
     pose_us = _pose_timestamps(file)
     # q and -q are the same rotation: signs are turned so that neighbours are close, and the spline has no jumps.
     orientations_xyzw = file[_ORIENTATION][...]
@@ -26,7 +26,7 @@ def attitudes_at(file: h5py.File, times_us: NDArray[np.int64]) -> Rotation:
 
 
 def body_poses_at(file: h5py.File, times_us: NDArray[np.int64]) -> Floats:
-    """``T_world_body`` (n, 4, 4), positions linear between the stream's stamps."""
+    """``T_world_body`` (n, 4, 4), positions linear between the stream's timestamps."""
     pose_us = _pose_timestamps(file)
     T_world_body = np.tile(np.eye(4), (len(times_us), 1, 1))
     T_world_body[:, :3, :3] = attitudes_at(file, times_us).as_matrix()
