@@ -25,14 +25,34 @@ _SPARE: Final = 1.05
 
 
 def expected_bytes(scene: Scene, duration_s: float, streams: frozenset[str] = ALL_STREAMS) -> int:
-    """Estimate the size of one sequence from its images; its events are a rough guess, as they depend on the light."""
+    """Estimate the size of one sequence from its images; its events are a rough guess, as they depend on the light.
+
+    Parameters
+    ----------
+    scene
+        Its image sizes.
+    duration_s
+        Length of the sequence, s.
+    streams
+        Those that are written; only images and events count.
+    """
     sensor = event_camera(scene.camera)
     event_bytes = sensor.width * sensor.height * _EVENTS_PER_PIXEL_S * _EVENT_BYTES if "events" in streams else 0
     return round(duration_s * (_image_bytes_a_second(scene, streams) + event_bytes) * _COMPRESSED)
 
 
 def least_bytes(scene: Scene, duration_us: int, streams: frozenset[str]) -> int:
-    """Smallest size of a sequence, bytes: that of images of a single colour."""
+    """Smallest size of a sequence, bytes: that of images of a single colour.
+
+    Parameters
+    ----------
+    scene
+        Its image sizes.
+    duration_us
+        Length of the sequence, us.
+    streams
+        Those that are written; only images count.
+    """
     return round(_image_bytes_a_second(scene, streams) * duration_us / US_PER_S / _BEST_COMPRESSION)
 
 

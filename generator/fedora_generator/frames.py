@@ -99,7 +99,26 @@ def depth_mm(inverse_depth_per_m: Floats) -> NDArray[np.float32]:
 def create_frames(
     file: h5py.File, scene: Scene, world: RenderedWorld, duration_us: int, streams: frozenset[str]
 ) -> FrameRenderer:
-    """Create the datasets and metadata of the image streams among ``streams``."""
+    """Create the datasets and metadata of the image streams among ``streams``.
+
+    Parameters
+    ----------
+    file
+        An open file without these streams.
+    scene
+        Its camera, flight and depth range.
+    world
+        The world to render.
+    duration_us
+        Length of the sequence, us.
+    streams
+        Names of streams, of which rgb, depth and flow are created.
+
+    Returns
+    -------
+    FrameRenderer
+        Renders a frame into the datasets.
+    """
     camera, timestamps = colour_camera(scene.camera), timestamps_us(duration_us, FRAME_RATE_HZ)
     size = {"H": camera.height, "W": camera.width, "H_rgb": camera.height, "W_rgb": camera.width}
     rgb = depth = None

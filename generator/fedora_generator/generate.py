@@ -140,6 +140,19 @@ def generate_sequence(
 def require_possible(scene: Scene, target: Path, duration_us: int, streams: frozenset[str], *, overwrite: bool) -> None:
     """Raise where the request alone shows that the sequence cannot be written; takes no time and little memory.
 
+    Parameters
+    ----------
+    scene
+        Its size, sensors and renderer.
+    target
+        The file to write.
+    duration_us
+        Length of the sequence, us.
+    streams
+        Those that are written.
+    overwrite
+        Whether the target may exist.
+
     Raises
     ------
     SceneError

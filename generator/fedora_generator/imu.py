@@ -53,7 +53,19 @@ class ImuSamples:
 def sample_imu(
     flight: Flight, times_us: NDArray[np.int64], options: ImuOptions, rng: np.random.Generator
 ) -> ImuSamples:
-    """Sample a new unit at ``times_us`` (m,), int64 microseconds of the flight's clock."""
+    """Sample a new unit.
+
+    Parameters
+    ----------
+    flight
+        The trajectory of the body.
+    times_us
+        (m,) int64 microseconds of the flight's clock, ascending.
+    options
+        Rate, gravity and noise.
+    rng
+        Source of the noise.
+    """
     return Imu(options, rng).sample(flight, times_us)
 
 

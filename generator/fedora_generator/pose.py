@@ -44,7 +44,19 @@ class PoseSamples:
 def sample_pose(
     flight: Flight, times_us: NDArray[np.int64], options: PoseOptions, rng: np.random.Generator
 ) -> PoseSamples:
-    """Sample poses of a new sensor at ``times_us`` (m,), int64 microseconds of the flight's clock."""
+    """Sample poses of a new sensor.
+
+    Parameters
+    ----------
+    flight
+        The trajectory of the body.
+    times_us
+        (m,) int64 microseconds of the flight's clock.
+    options
+        Noise of position and rotation.
+    rng
+        Source of the noise.
+    """
     return PoseSensor(options, rng).sample(flight, times_us)
 
 

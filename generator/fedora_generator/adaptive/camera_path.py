@@ -58,7 +58,23 @@ class CameraPath:
 
 
 def camera_paths(world: ExactWorld, camera: Camera, flight: Flight, start_ns: int, stop_ns: int) -> list[CameraPath]:
-    """Paths past the bodies of a world, one after the other from start to stop, each short enough for its polynomials.
+    """Paths past the bodies of a world, each short enough for its polynomials.
+
+    Parameters
+    ----------
+    world
+        Its bodies and their movements.
+    camera
+        Its intrinsics and mounting.
+    flight
+        The trajectory of the body.
+    start_ns, stop_ns
+        Ends of the time, ns of the flight's clock.
+
+    Returns
+    -------
+    paths
+        One after the other from start to stop.
 
     Raises
     ------

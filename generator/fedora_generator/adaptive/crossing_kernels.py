@@ -88,10 +88,37 @@ def follow_tiles(
     keys: Integers,
     counts: Integers,
 ) -> int:
-    """Sample each of ``tiles`` and find its events; return how many pixels were rendered.
+    """Sample tiles and find their events.
 
-    Tile ``tiles[i]`` writes its keys to ``keys[i]`` (room for m) and their number to ``counts[i]``; a pixel's are in
-    order of time. Reference and signal are left as at the end of the path.
+    Parameters
+    ----------
+    textures, surfaces, frames, bodies
+        The world, its faces before anything has moved.
+    coefficients
+        (terms, entries) of the camera path.
+    sensor
+        State and thresholds of the pixels; reference and signal are left as at the end of the path.
+    care
+        Allowance for curvature, and tolerance.
+    clock
+        Time and bits of a key.
+    tiles
+        (n,) numbers of the tiles to follow.
+    samples
+        (all tiles,) samples after the first.
+    face_starts, faces
+        Faces of each tile, as in ``TilePlan``.
+    scratch
+        Scratch space of the threads.
+    keys
+        (n, m) keys of each tile, those of a pixel in order of time.
+    counts
+        (n,) number of keys of each tile, or NOT_FINITE or NO_ROOM.
+
+    Returns
+    -------
+    rendered
+        Number of pixels that were rendered.
     """
     rendered = 0
     for index in prange(len(tiles)):

@@ -217,7 +217,23 @@ def look(
 def sample_block(
     stage: Stage, sensor: Sensor, column: int, row: int, rows: int, columns: int, share: float, values: Floats
 ) -> None:
-    """Fill ``values`` (pixels,) in raster order with the signals of a block of a tile at a share of the path."""
+    """Compute the signals of a block of a tile at a share of the path.
+
+    Parameters
+    ----------
+    stage
+        World, path and scratch space of the thread.
+    sensor
+        Its leak and the offset of its logarithm.
+    column, row
+        First pixel of the block.
+    rows, columns
+        Size of the block.
+    share
+        0 at the start of the path, 1 at its end.
+    values
+        (pixels,) to fill, in raster order.
+    """
     textures, surfaces, given, in_pixel = stage.textures, stage.surfaces, stage.given, stage.in_pixel
     pieces, terms, radiance_dn = stage.pieces, stage.terms, stage.radiance_dn
     view = View(stage.view_front, stage.view_lines, stage.view_rays)

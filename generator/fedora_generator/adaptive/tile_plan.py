@@ -107,8 +107,20 @@ def largest_motions(
 ) -> None:
     """Raise ``motions_px`` (tiles,) to the largest displacement of any pixel of a tile to another pose.
 
-    ``lines`` (n, 7, 3) are the faces from here, of ``bodies`` (n,); (column, row, 1) goes to H p + t / z, where t is
-    the body's row of ``ts`` (bodies, 3). What passes behind the camera has no displacement.
+    A point that passes behind the camera has no displacement.
+
+    Parameters
+    ----------
+    lines
+        (n, 7, 3) faces in the first pose.
+    bodies
+        (n,) body of each face.
+    H, ts
+        (3, 3) and (bodies, 3): (column, row, 1) is displaced to H p + t / z, with the t of its body.
+    height, width
+        Of the image, px.
+    motions_px
+        (tiles,) raised in place.
     """
     for tile in prange(tile_count(height, width)):
         column, row = tile_origin(tile, width)
@@ -137,7 +149,21 @@ def mark_faces(
     width: int,
     marked: NDArray[np.bool_],
 ) -> None:
-    """Mark in ``marked`` (tiles, faces) what each tile can show, taken larger by its reach (tiles,) on every side."""
+    """Mark the faces that each tile can show.
+
+    Parameters
+    ----------
+    lines
+        (n, 7, 3) faces in front of the camera.
+    front
+        (n,) their numbers.
+    reach_px
+        (tiles,) by how much each tile is taken larger on every side, px.
+    height, width
+        Of the image, px.
+    marked
+        (tiles, faces) set in place.
+    """
     for tile in prange(tile_count(height, width)):
         column, row = tile_origin(tile, width)
         faces = np.empty(len(lines), np.int64)

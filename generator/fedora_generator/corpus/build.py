@@ -48,6 +48,19 @@ def build_corpus(
     Complete files of an earlier run with the same arguments are kept. The same arguments give the same bytes of every
     file and of the manifest.
 
+    Parameters
+    ----------
+    folder
+        Where the corpus is written.
+    options
+        Which files it holds.
+    scenes
+        Scenes of the clean sequences.
+    force
+        Whether the folder may hold something else.
+    report
+        Called before each file.
+
     Raises
     ------
     FaultError
@@ -87,7 +100,17 @@ def _require_disk_space(folder: Path, needed_bytes: int) -> None:
 
 
 def missing_bytes(plan: tuple[PlannedFile, ...], sizes: dict[str, int], earlier: dict[str, Item]) -> int:
-    """Bytes of the planned files that an earlier run has not made; ``sizes`` by scene."""
+    """Bytes of the planned files that an earlier run has not made.
+
+    Parameters
+    ----------
+    plan
+        Files of the corpus.
+    sizes
+        Bytes of a sequence, by scene.
+    earlier
+        Items of an earlier run, by file.
+    """
     missing = Counter(planned.scene for planned in plan if planned.file not in earlier)
     return sum(count * sizes[scene] for scene, count in missing.items())
 

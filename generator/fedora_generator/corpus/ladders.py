@@ -92,7 +92,15 @@ def depends_on_pose_noise(cause: str, stream: str) -> bool:
 
 
 def ladder_of(cause: str, stream: str, *, noisy_pose: bool = False) -> Ladder:
-    """Return the ladder of a fault that the table of faults plants, in a sequence with noise of the pose or without."""
+    """Return the ladder of a fault.
+
+    Parameters
+    ----------
+    cause, stream
+        As the table of faults has them.
+    noisy_pose
+        Whether the pose of the sequence has noise.
+    """
     if (cause, stream) in USUAL_FACTORS:
         return Ladder(nominal=USUAL_FACTORS[cause, stream], unit="1", fixed=True)
     if noisy_pose and (cause, stream) in _UNDER_POSE_NOISE:

@@ -28,7 +28,17 @@ def trials_of(ladder: Ladder, wanted: int) -> int:
 
 
 def magnitude_of(ladder: Ladder, trial: int, beginning: float) -> float | None:
-    """Return the magnitude of a trial, uniform in its logarithm; ``beginning``, 0 to 1, differs between faults."""
+    """Return the magnitude of a trial, uniform in its logarithm.
+
+    Parameters
+    ----------
+    ladder
+        Magnitudes of the fault.
+    trial
+        Number of the trial.
+    beginning
+        0 to 1, different between faults.
+    """
     return ladder.at(SPAN ** (2 * _golden_fraction(trial, beginning) - 1))
 
 

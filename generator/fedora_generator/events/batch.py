@@ -29,7 +29,22 @@ class EventBatch:
 
 
 def decode(keys: Keys, layout: KeyLayout, start_us: int) -> EventBatch:
-    """Events of sorted keys, whose timestamps count from ``start_us``."""
+    """Events of sorted keys.
+
+    Parameters
+    ----------
+    keys
+        (n,) sorted.
+    layout
+        Bits of a key.
+    start_us
+        Added to the timestamps.
+
+    Returns
+    -------
+    EventBatch
+        In the order (t, y, x, p).
+    """
     batch = _empty_batch(keys.size)
     bits = (layout.column_bits, layout.timestamp_shift)
     key_kernels.decode_keys(keys, *bits, start_us, batch.x, batch.y, batch.t_us, batch.p)

@@ -93,8 +93,18 @@ class Comparator:
     def crossings(self, previous: Floats, signal: Floats, start_ns: int, stop_ns: int) -> Keys:
         """Keys of all levels that the straight line between two signals reaches; each becomes the reference.
 
-        Keys come in raster order, and those of a pixel in order of time; timestamps lie in (start, stop].
-        The next call overwrites them.
+        Parameters
+        ----------
+        previous, signal
+            (H, W) samples at both ends of the interval.
+        start_ns, stop_ns
+            Ends of the interval, since the start of the recording.
+
+        Returns
+        -------
+        keys
+            (n,) in raster order, those of a pixel in order of time; timestamps lie in (start, stop].
+            The next call overwrites them.
 
         Raises
         ------
@@ -185,6 +195,25 @@ def emit_crossings(
     order, those of a pixel in order of time, and follow the first ``count`` of ``keys``. ``shares`` is scratch space of
     the same length. Where ``keys`` is full, a second call with a longer array writes the others, as every reference is
     at the last level written.
+
+    Parameters
+    ----------
+    previous, signal
+        (H, W) samples at both ends of the interval.
+    reference, middle
+        (H, W) updated where a level is crossed.
+    near, largest
+        Half-width of what is surely quiet, and the largest middle.
+    threshold_on, threshold_off
+        (H, W) or (1, W), in the unit of the signal.
+    start_ns, stop_ns
+        Ends of the interval, since the start of the recording.
+    column_bits, timestamp_shift
+        Bits of a column, and below the timestamp.
+    keys, shares
+        (m,) keys to write, and scratch space.
+    first_row, count
+        Row to begin with, and the keys that are already written.
 
     Returns
     -------

@@ -28,6 +28,22 @@ def draw_thresholds(nominal: float, sigma: float, shape: tuple[int, int], rng: n
     """Thresholds (H, W), fixed for the whole recording, normal about ``nominal`` with a floor; one row without spread.
 
     A row that all rows share stays in the first cache.
+
+    Parameters
+    ----------
+    nominal
+        Mean of the thresholds.
+    sigma
+        Their standard deviation, in the same unit.
+    shape
+        (H, W) of the sensor.
+    rng
+        Source of the draw.
+
+    Returns
+    -------
+    thresholds
+        (H, W), at least a tenth of the nominal one; (1, W) without spread.
     """
     if sigma == 0:
         return np.full((1, shape[1]), nominal)

@@ -81,10 +81,28 @@ def mark_quiet(signal: Floats, middle: Middles, near: Floats, row: int, quiet: F
 
 @njit(cache=True)
 def list_active(words: Words, row: int, candidates: Words, pixels: Pixels, count: int) -> int:
-    """Append the pixels of a row that are not marked quiet to ``count`` others; return how many there are now.
+    """Append the pixels of a row that are not marked quiet to a list.
 
-    No branch depends on a single flag, which nobody can predict. Of each word that is not all quiet, the lanes are
-    found in a table; two pixels or eight are written and only those that are active are kept.
+    No branch depends on a single flag, which no processor can predict. Of each word that is not all quiet, the lanes
+    are found in a table; two pixels or eight are written and only the active ones stay.
+
+    Parameters
+    ----------
+    words
+        Flags of the row, eight to a word.
+    row
+        Number of the row.
+    candidates
+        Scratch space for as many words and one.
+    pixels
+        List with room for the row and a word more.
+    count
+        Pixels in the list so far.
+
+    Returns
+    -------
+    count
+        Pixels in the list now.
     """
     active_count = np.uint64(0)
     for first in range(np.uint64(0), np.uint64(words.size), _BLOCK):

@@ -18,6 +18,17 @@ _CAMERA: Final = "metadata/cameras/events"
 def confine_to_region(file: h5py.File, source: Path, fault: Fault, region: Region) -> None:
     """Restore, in the open faulty copy, everything of the fault's stream that lies outside the region.
 
+    Parameters
+    ----------
+    file
+        The open faulty copy.
+    source
+        The clean file.
+    fault
+        Its stream and interval.
+    region
+        (x0, y0, x1, y1), half-open, in pixels of the stream's own image.
+
     Raises
     ------
     FaultError

@@ -57,13 +57,33 @@ def blocks(dataset: h5py.Dataset, rows: slice | None = None) -> Iterator[slice]:
 
 
 def edit(dataset: h5py.Dataset, rows: slice, change: Callable[[Array], Array]) -> None:
-    """Replace each block of rows by what ``change`` makes of it, of the same shape."""
+    """Replace rows of a dataset in place, block by block.
+
+    Parameters
+    ----------
+    dataset
+        An open dataset.
+    rows
+        Those that change.
+    change
+        From a block of rows to one of the same shape.
+    """
     for block in blocks(dataset, rows):
         dataset[block] = change(dataset[block])
 
 
 def edit_values(file: h5py.File, fault: Fault, change: Callable[[Array], Array]) -> None:
-    """Apply one change to every value of the fault's streams, within its window."""
+    """Apply a change to every value of the fault's streams, within its interval.
+
+    Parameters
+    ----------
+    file
+        An open file.
+    fault
+        Its stream and interval.
+    change
+        From a block of rows to one of the same shape.
+    """
     for stream in streams_in(file, fault.stream):
         window = window_of(file, stream, fault)
         for dataset in values_in(file, stream):
@@ -95,7 +115,22 @@ def length_of(file: h5py.File, stream: str) -> int:
 
 
 def window_of(file: h5py.File, stream: str, fault: Fault) -> slice:
-    """Return the rows of a stream that lie in the fault's interval."""
+    """Return the rows of a stream that lie in the fault's interval.
+
+    Parameters
+    ----------
+    file
+        An open file.
+    stream
+        Name of a single stream.
+    fault
+        Its interval.
+
+    Raises
+    ------
+    FaultError
+        No row lies in the interval, or the stream has none.
+    """
     if fault.start_s is None and fault.stop_s is None:
         return slice(0, length_of(file, stream))
     timestamps = timestamps_in(file, stream)
@@ -174,7 +209,17 @@ def keep_rows(dataset: h5py.Dataset, keep: Callable[[slice], NDArray[np.bool_]])
 
 
 def delete_rows(file: h5py.File, stream: str, gone: slice) -> None:
-    """Remove consecutive rows from every dataset of a stream."""
+    """Remove consecutive rows from every dataset of a stream.
+
+    Parameters
+    ----------
+    file
+        An open file.
+    stream
+        Name of a single stream.
+    gone
+        Rows to remove.
+    """
     for dataset in datasets_in(file, stream).values():
         keep_rows(
             dataset,
