@@ -1,4 +1,4 @@
-"""Pinhole cameras: intrinsics, where they sit on the body, and their pose in the world."""
+"""Pinhole cameras: intrinsics, mounting on the body, and pose in the world."""
 
 import math
 from dataclasses import dataclass

@@ -19,8 +19,8 @@ from fedora_generator.faults.cli import fault
 from fedora_generator.generate import DEFAULT_DURATION_S, STREAMS, Request, generate_sequence
 from fedora_generator.instants import whole_us
 from fedora_generator.sampling import MOTION_BOUND_PX, Quality
-from fedora_generator.scene import Scene, list_scenes, load_scene
-from fedora_generator.scene_values import MOST_SEED
+from fedora_generator.scene import list_scenes, load_scene
+from fedora_generator.scene_tables import MOST_SEED
 
 MISUSE_EXIT_CODE = 2
 INTERRUPT_EXIT_CODE = 130
@@ -112,16 +112,12 @@ def sequence(
         streams=frozenset(name.strip() for name in streams.split(",") if name.strip()),
         quality=cast(Quality, quality),
     )
-    _generate(description, output, request, force=force, started=started)
-
-
-def _generate(scene: Scene, output: Path, request: Request, *, force: bool, started: float) -> None:
     console = Console(stderr=True)
     columns = (BarColumn(), TextColumn("{task.percentage:3.0f}%"), TimeRemainingColumn())
     with Progress("{task.description}", *columns, console=console, disable=not console.is_terminal) as bar:
-        task = bar.add_task(scene.name, total=whole_us(request.duration_s))
+        task = bar.add_task(description.name, total=whole_us(request.duration_s))
         summary = generate_sequence(
-            scene,
+            description,
             output,
             request,
             overwrite=force,

@@ -2,19 +2,19 @@
 
 ::
 
-    GeneratorError              what the user should read as one sentence (exit code 2)
-    ├── SceneError              the scene, or what is asked of it, cannot be generated
-    ├── GraphicsMissingError    a mesh world was asked for where nothing can draw it
+    GeneratorError              an error in one sentence for the user (exit code 2)
+    ├── SceneError              the scene, or a request for it, cannot be generated
+    ├── GraphicsMissingError    a mesh world is requested where nothing can draw it
     └── OutputError             the target cannot be written
 """
 
 
 class GeneratorError(Exception):
-    """Base of every error with a message meant for people."""
+    """Base of every error with a message for the user."""
 
 
 class SceneError(GeneratorError, ValueError):
-    """The scene's description is wrong, or what is asked of it cannot be generated."""
+    """The scene's description is wrong, or the request cannot be generated."""
 
 
 class GraphicsMissingError(GeneratorError, RuntimeError):

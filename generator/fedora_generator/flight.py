@@ -90,7 +90,7 @@ AnyFlightOptions = FlightOptions | WaypointsOptions | SurveyOptions | LoopOption
 
 
 class Motion(Protocol):
-    """Anything that can be asked where it is."""
+    """Anything with a state at every time."""
 
     def states_at(self, times_s: Floats) -> FlightState:
         """State at ``times_s`` (n,), seconds."""
@@ -100,7 +100,7 @@ class Motion(Protocol):
 class Flight:
     """The flight that ``options`` describe, at any time, however long.
 
-    ``seed`` is that of its wind. ``start_s`` is the second of the flight at which the clock shows 0.
+    ``seed`` is that of its wind. ``start_s`` is the time of the flight, s, at which the clock is 0.
     """
 
     options: AnyFlightOptions
@@ -109,7 +109,18 @@ class Flight:
     _motion: Motion = field(init=False, repr=False, compare=False)
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "_motion", _motion_of(self.options, self.seed))
+        options, seed = self.options, self.seed
+        motion: Motion
+        if isinstance(options, FlightOptions):
+            motion = HarmonicMotion(options)
+        elif options.wind is None:
+            motion = Quadrotor(options.route(), options.drag_per_s)
+        elif seed is None:  # a default would give each stream of a scene another wind, or all scenes the same
+            raise ValueError("Expected a seed with a wind, got none; use Scene.fly()")
+        else:
+            gusts = draw_gusts(options.wind, options.drag_per_s, seed)
+            motion = Quadrotor(options.route(), options.drag_per_s, gusts)
+        object.__setattr__(self, "_motion", motion)
 
     def states_at(self, times_s: Floats) -> FlightState:
         """State at ``times_s`` (n,), seconds of the clock, in closed form.
@@ -123,16 +134,6 @@ class Flight:
         if times_s.ndim != 1 or not np.all(np.isfinite(times_s)):
             raise ValueError(f"Expected times_s to be finite and of shape (n,), got shape {times_s.shape}")
         return self._motion.states_at(self.start_s + times_s)
-
-
-def _motion_of(options: AnyFlightOptions, seed: int | None) -> Motion:
-    if isinstance(options, FlightOptions):
-        return HarmonicMotion(options)
-    if options.wind is None:
-        return Quadrotor(options.route(), options.drag_per_s)
-    if seed is None:  # a default would give each stream of a scene the wind of another seed, or all scenes the same
-        raise ValueError("Expected a seed with a wind, got none; use Scene.fly()")
-    return Quadrotor(options.route(), options.drag_per_s, draw_gusts(options.wind, options.drag_per_s, seed))
 
 
 @dataclass(frozen=True, slots=True)
@@ -164,30 +165,24 @@ class HarmonicMotion:
         rate = np.tile(steady_rate, (times_s.size, 1))
         acceleration = np.zeros_like(value)
         for term in options.terms:
+            # a sin(w t + p), its rate a w cos(w t + p) and its acceleration -w^2 a sin(w t + p)
             column = AXES.index(term.axis)
-            derivatives = _harmonic(term, times_s)
-            for total, derivative in zip((value, rate, acceleration), derivatives, strict=True):
-                total[:, column] += derivative
+            amplitude = term.amplitude if column < _YAW else math.radians(term.amplitude)
+            omega_rad_s = 2 * math.pi * term.frequency_hz
+            phase_rad = omega_rad_s * times_s + math.radians(term.phase_deg)
+            sine = amplitude * np.sin(phase_rad)
+            value[:, column] += sine
+            rate[:, column] += amplitude * omega_rad_s * np.cos(phase_rad)
+            acceleration[:, column] += -(omega_rad_s**2) * sine
         for turn in options.turns:
-            for total, derivative in zip((value, rate, acceleration), _turn(turn, times_s), strict=True):
-                total[:, _YAW] += derivative
+            # A Gaussian yaw rate, its integral and its derivative.
+            angle_rad = math.radians(turn.angle_deg)
+            deviate = (times_s - turn.time_s) / turn.sigma_s
+            turn_rate_rad_s = angle_rad / (turn.sigma_s * math.sqrt(2 * math.pi)) * np.exp(-0.5 * deviate**2)
+            value[:, _YAW] += angle_rad * 0.5 * (1 + erf(deviate / math.sqrt(2)))
+            rate[:, _YAW] += turn_rate_rad_s
+            acceleration[:, _YAW] += -deviate / turn.sigma_s * turn_rate_rad_s
         return value, rate, acceleration
-
-
-def _harmonic(term: HarmonicTerm, times_s: Floats) -> tuple[Floats, Floats, Floats]:
-    amplitude = term.amplitude if AXES.index(term.axis) < _YAW else math.radians(term.amplitude)
-    omega_rad_s = 2 * math.pi * term.frequency_hz
-    phase_rad = omega_rad_s * times_s + math.radians(term.phase_deg)
-    value = amplitude * np.sin(phase_rad)
-    return value, amplitude * omega_rad_s * np.cos(phase_rad), -(omega_rad_s**2) * value
-
-
-def _turn(turn: Turn, times_s: Floats) -> tuple[Floats, Floats, Floats]:
-    angle_rad = math.radians(turn.angle_deg)
-    deviate = (times_s - turn.time_s) / turn.sigma_s
-    value = angle_rad * 0.5 * (1 + erf(deviate / math.sqrt(2)))
-    rate = angle_rad / (turn.sigma_s * math.sqrt(2 * math.pi)) * np.exp(-0.5 * deviate**2)
-    return value, rate, -deviate / turn.sigma_s * rate
 
 
 def _require_finite(options: HarmonicTerm | Turn | FlightOptions) -> None:

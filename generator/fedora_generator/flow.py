@@ -1,10 +1,12 @@
-"""Optical flow in closed form, from depth, noise-free poses and the motion of what moves."""
+"""Optical flow in closed form, from depth, noise-free poses and the motion of moving bodies."""
+
+import math
 
 import numpy as np
+from numba import njit, prange
 from numpy.typing import NDArray
 
 from fedora_generator.camera import Camera
-from fedora_generator.flow_kernels import displacements
 from fedora_generator.rendered_world import RenderedWorld
 from fedora_qa.conventions import US_PER_S
 
@@ -14,14 +16,26 @@ Floats = NDArray[np.float64]
 def flow_px(
     inverse_depth_per_m: Floats, K: Floats, T_world_camera_start: Floats, T_world_camera_end: Floats
 ) -> NDArray[np.float32]:
-    """Displacement (height, width, 2), u right and v down, of what each pixel shows and stands, between camera poses.
+    """Displacement of what each pixel shows between two camera poses, where nothing in the world moves.
 
-    The paper's x* = K pi(R z K^-1 x + T) with [R|T] = T_world_camera_end^-1 T_world_camera_start. Divided by z it is
-    pi(K R K^-1 x + K T / z), which also holds at infinity (inverse depth 0). Float64 inside, float32 out.
+    Points that leave the image or become occluded keep their displacement.
 
-    ``inverse_depth_per_m`` (height, width) is 1 / z at the start; NaN gives NaN, and so does a point that has gone
-    behind the camera. Points that leave the image or become occluded keep their displacement.
+    Parameters
+    ----------
+    inverse_depth_per_m
+        (height, width) 1 / z-depth at the start; 0 at infinity.
+    K
+        (3, 3) intrinsics, px.
+    T_world_camera_start, T_world_camera_end
+        (4, 4) camera poses.
+
+    Returns
+    -------
+    flow_px
+        (height, width, 2), u right and v down. NaN where the depth is NaN or the point ends behind the camera.
     """
+    # The paper's x* = K pi(R z K^-1 x + T) with [R|T] = T_end_start. Divided by z it is pi(K R K^-1 x + K T / z),
+    # which also holds at infinity. Computed in float64, stored in float32.
     T_end_start = np.linalg.inv(T_world_camera_end) @ T_world_camera_start
     flow = np.empty((*inverse_depth_per_m.shape, 2), dtype=np.float32)
     H = K @ T_end_start[:3, :3] @ np.linalg.inv(K)
@@ -37,17 +51,51 @@ def scene_flow_px(
     poses: tuple[Floats, Floats],
     times_us: tuple[int, int],
 ) -> NDArray[np.float32]:
-    """``flow_px`` with the own motion of what moves, between two camera poses at two times.
+    """Displacement of what each pixel shows, with the motion of moving bodies, between two camera poses at two times.
 
-    ``bodies`` and ``inverse_depth_per_m`` (height, width) are what the pixels show at the first. A body that goes by d
-    is seen as if it stood and the second camera were displaced by -d.
+    Parameters
+    ----------
+    world
+        Gives the displacements of its bodies.
+    camera
+        Its intrinsics.
+    inverse_depth_per_m, bodies
+        (height, width) what the pixels show at the first time.
+    poses
+        ``T_world_camera`` (4, 4) at both times.
+    times_us
+        Both times, us of the flight's clock.
+
+    Returns
+    -------
+    flow_px
+        (height, width, 2), as ``flow_px``.
     """
     start, end = poses
     flow = flow_px(inverse_depth_per_m, camera.K, start, end)
     for body in np.unique(bodies[bodies > 0]).tolist():
         start_m, end_m = world.displacement_m(body, np.array(times_us) / US_PER_S)
-        as_if = end.copy()
-        as_if[:3, 3] -= end_m - start_m
+        # A body that moves by d looks like one at rest from a second camera that is displaced by -d.
+        end_past_body = end.copy()
+        end_past_body[:3, 3] -= end_m - start_m
         of_body = bodies == body
-        flow[of_body] = flow_px(inverse_depth_per_m, camera.K, start, as_if)[of_body]
+        flow[of_body] = flow_px(inverse_depth_per_m, camera.K, start, end_past_body)[of_body]
     return flow
+
+
+@njit(parallel=True, cache=True)
+def displacements(
+    H: NDArray[np.float64], t: NDArray[np.float64], inverse_depth: NDArray[np.float64], flow_px: NDArray[np.float32]
+) -> None:
+    """Fill ``flow_px`` (height, width, 2) with pi(H p + inverse_depth t) - p; NaN or a point behind gives NaN."""
+    height, width = inverse_depth.shape
+    for y in prange(height):
+        for x in range(width):
+            w = inverse_depth[y, x]
+            ahead = H[2, 0] * x + H[2, 1] * y + H[2, 2] + w * t[2]
+            if ahead > 0.0:  # false for NaN
+                flow_px[y, x, 0] = (H[0, 0] * x + H[0, 1] * y + H[0, 2] + w * t[0]) / ahead - x
+                flow_px[y, x, 1] = (H[1, 0] * x + H[1, 1] * y + H[1, 2] + w * t[1]) / ahead - y
+            else:
+                flow_px[y, x, 0] = math.nan
+                flow_px[y, x, 1] = math.nan

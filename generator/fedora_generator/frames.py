@@ -1,4 +1,4 @@
-"""The streams on the grid of the colour camera: RGB, depth and flow, one instant at a time."""
+"""The streams on the grid of the colour camera: RGB, depth and flow, frame by frame."""
 
 from dataclasses import dataclass
 from typing import Final
@@ -8,7 +8,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fedora_generator.camera import colour_camera
-from fedora_generator.depth import depth_mm, in_range
 from fedora_generator.flight import Flight
 from fedora_generator.flow import scene_flow_px
 from fedora_generator.instants import FRAME_RATE_HZ, intervals_us, timestamps_us
@@ -16,7 +15,7 @@ from fedora_generator.metadata import write_camera, write_depth_range, write_flo
 from fedora_generator.rendered_world import RenderedWorld
 from fedora_generator.scene import Scene
 from fedora_generator.write import write_dataset
-from fedora_qa.conventions import FLOW_RATES_HZ
+from fedora_qa.conventions import FLOW_RATES_HZ, MM_PER_M
 from fedora_qa.layout.create import create_dataset
 
 Floats = NDArray[np.float64]
@@ -26,7 +25,7 @@ DN_MAX: Final = 255
 
 @dataclass(frozen=True, slots=True)
 class FlowRows:
-    """The flow of one rate: its field of each interval, and where anything moves what of it does."""
+    """Flow of one rate: intervals, fields and, in a world where bodies move, the masks of their pixels."""
 
     intervals_us: NDArray[np.int64]
     """(k, 2)"""
@@ -36,7 +35,7 @@ class FlowRows:
 
 @dataclass(frozen=True, slots=True)
 class FrameRenderer:
-    """Renders the frames that were asked for into their datasets, in any order, each once."""
+    """Renders the requested frames into their datasets, in any order, each once."""
 
     scene: Scene
     world: RenderedWorld
@@ -47,13 +46,18 @@ class FrameRenderer:
     """By rate in hertz."""
 
     def render(self, index: int, timestamp_us: int) -> None:
-        """Write everything that belongs to frame ``index`` at ``stamp_us``: the flow of intervals that start here."""
-        starting = self._flow_from(index)
+        """Write colour and depth of frame ``index`` at ``timestamp_us``, and the flow of intervals that start there."""
+        # Flow intervals that start at this frame: where they are stored, and their row there.
+        starting = []
+        for rate_hz, rows in self.flow.items():
+            k, rest = divmod(index * rate_hz, FRAME_RATE_HZ)
+            if rest == 0 and k < len(rows.intervals_us):
+                starting.append((rows, k))
         needs_depth = self.depth is not None or bool(starting)
         if self.rgb is None and not needs_depth:
             return
         camera, world = colour_camera(self.scene.camera), self.world.at(timestamp_us)
-        T_world_camera = self._pose_at(timestamp_us)
+        T_world_camera = camera.pose_at(self.flight, timestamp_us)
         if self.rgb is not None:
             self.rgb[index] = as_8_bit(world.rgb_dn(camera, T_world_camera))
         if not needs_depth:
@@ -62,31 +66,13 @@ class FrameRenderer:
         if self.depth is not None:
             self.depth[index] = depth_mm(inverse_depth)
         if starting:
-            self._write_flow(starting, world, inverse_depth, timestamp_us)
-
-    def _write_flow(
-        self, starting: list[tuple[FlowRows, int]], world: RenderedWorld, inverse_depth: Floats, start_us: int
-    ) -> None:
-        camera, start_pose = colour_camera(self.scene.camera), self._pose_at(start_us)
-        bodies = world.bodies_seen(camera, start_pose)
-        for rows, k in starting:
-            end_us = int(rows.intervals_us[k, 1])
-            poses, times_us = (start_pose, self._pose_at(end_us)), (start_us, end_us)
-            rows.flow[k] = scene_flow_px(world, camera, inverse_depth, bodies, poses, times_us)
-            if rows.moving is not None:
-                rows.moving[k] = bodies > 0
-
-    def _flow_from(self, index: int) -> list[tuple[FlowRows, int]]:
-        """Each flow interval that starts at a frame: where it is kept, and its row there."""
-        fields = []
-        for rate_hz, rows in self.flow.items():
-            k, rest = divmod(index * rate_hz, FRAME_RATE_HZ)
-            if rest == 0 and k < len(rows.intervals_us):
-                fields.append((rows, k))
-        return fields
-
-    def _pose_at(self, time_us: int) -> Floats:
-        return colour_camera(self.scene.camera).pose_at(self.flight, time_us)
+            bodies = world.bodies_seen(camera, T_world_camera)
+            for rows, k in starting:
+                end_us = int(rows.intervals_us[k, 1])
+                poses, times_us = (T_world_camera, camera.pose_at(self.flight, end_us)), (timestamp_us, end_us)
+                rows.flow[k] = scene_flow_px(world, camera, inverse_depth, bodies, poses, times_us)
+                if rows.moving is not None:
+                    rows.moving[k] = bodies > 0
 
 
 def as_8_bit(radiance_dn: Floats) -> NDArray[np.uint8]:
@@ -94,10 +80,45 @@ def as_8_bit(radiance_dn: Floats) -> NDArray[np.uint8]:
     return np.rint(np.clip(radiance_dn, 0, DN_MAX)).astype(np.uint8)
 
 
+def in_range(inverse_depth_per_m: Floats, depth_range_m: tuple[float, float]) -> Floats:
+    """Inverse depth with NaN where the z-depth is nearer or farther than the range, whose ends belong to it.
+
+    The stored millimetres decide, so that rounding makes no holes in a wall at the very end of the range.
+    """
+    stored_mm = depth_mm(inverse_depth_per_m)
+    near_mm, far_mm = (np.float32(MM_PER_M * end_m) for end_m in depth_range_m)
+    return np.where((stored_mm >= near_mm) & (stored_mm <= far_mm), inverse_depth_per_m, np.nan)
+
+
+def depth_mm(inverse_depth_per_m: Floats) -> NDArray[np.float32]:
+    """Z-depth in millimetres as the file stores it; NaN stays NaN, and the sky (0) is at infinity."""
+    with np.errstate(divide="ignore", over="ignore"):
+        return (MM_PER_M / inverse_depth_per_m).astype(np.float32)
+
+
 def create_frames(
     file: h5py.File, scene: Scene, world: RenderedWorld, duration_us: int, streams: frozenset[str]
 ) -> FrameRenderer:
-    """Create the datasets and metadata of the image streams among ``streams``."""
+    """Create the datasets and metadata of the image streams among ``streams``.
+
+    Parameters
+    ----------
+    file
+        An open file without these streams.
+    scene
+        Its camera, flight and depth range.
+    world
+        The world to render.
+    duration_us
+        Length of the sequence, us.
+    streams
+        Names of streams, of which rgb, depth and flow are created.
+
+    Returns
+    -------
+    FrameRenderer
+        Renders a frame into the datasets.
+    """
     camera, timestamps = colour_camera(scene.camera), timestamps_us(duration_us, FRAME_RATE_HZ)
     size = {"H": camera.height, "W": camera.width, "H_rgb": camera.height, "W_rgb": camera.width}
     rgb = depth = None

@@ -7,19 +7,19 @@ from typing import Final
 
 import h5py
 import numpy as np
-from numpy.typing import NDArray
 
 from fedora_generator.camera import colour_camera, event_camera
+from fedora_generator.disk_space import expected_bytes, least_bytes, require_disk_space, shortage_warning
 from fedora_generator.errors import SceneError
 from fedora_generator.events.stream import EventRecorder
 from fedora_generator.frames import create_frames
 from fedora_generator.inertial_streams import write_imu_stream, write_pose_stream
 from fedora_generator.instants import FRAME_RATE_HZ, IMU_RATE_HZ, pieces, timestamps_us, whole_us
+from fedora_generator.memory import require_memory
+from fedora_generator.mesh.context import open_context
 from fedora_generator.metadata import write_root
-from fedora_generator.partial_file import partial_file
-from fedora_generator.preflight import RENDERED_STREAMS, require_possible
+from fedora_generator.partial_file import partial_file, require_writable
 from fedora_generator.rendered_world import RenderedWorld
-from fedora_generator.room import expected_bytes, shortage
 from fedora_generator.sampling import MOTION_BOUND_PX, Quality
 from fedora_generator.scene import Scene
 from fedora_generator.surroundings import Surroundings, render_surroundings, surroundings_of
@@ -27,7 +27,13 @@ from fedora_qa.conventions import US_PER_S
 
 STREAMS: Final = ("rgb", "depth", "events", "imu", "pose", "flow")
 
+RENDERED_STREAMS: Final = frozenset({"rgb", "depth", "events", "flow"})
+"""Streams that are images of the world; the others follow from the flight alone."""
+
 DEFAULT_DURATION_S: Final = 2.0
+
+_MOST_COLUMNS: Final = 1 << 16
+"""Events are stored with 16 bits for the column and 16 for the row."""
 
 # Keys of the random streams: each sensor draws from its own, whatever else is generated.
 _EVENTS_KEY, _IMU_KEY, _POSE_KEY = range(3)
@@ -37,7 +43,7 @@ Progress = Callable[[int], None]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Request:
-    """What to make of a scene: how long, which streams, how densely the events are rendered."""
+    """What to generate of a scene: how long, which streams, how densely the events are rendered."""
 
     duration_s: float = DEFAULT_DURATION_S
     streams: frozenset[str] = frozenset(STREAMS)
@@ -75,8 +81,22 @@ def generate_sequence(
 ) -> Summary:
     """Write the sequence of a scene to ``target``: all of it, or nothing.
 
-    The same scene, seed and request give the same datasets, bit for bit, on any number of threads. ``progress`` is
-    told the time that was reached, microseconds; ``warn`` is told, before any work, that the disk may not suffice.
+    The same scene, seed and request give the same datasets, bit for bit, on any number of threads.
+
+    Parameters
+    ----------
+    scene
+        With its seed.
+    target
+        The file to write.
+    request
+        Duration, streams and quality.
+    overwrite
+        Whether the target may exist.
+    progress
+        Called with the time that was reached, us.
+    warn
+        Called, before any work, with a sentence where the disk may be too small.
 
     Raises
     ------
@@ -92,11 +112,11 @@ def generate_sequence(
     drawn = bool(request.streams & RENDERED_STREAMS)
     surroundings = surroundings_of(scene, drawn=drawn)
     _require_free_flight(scene, surroundings, duration_us)
-    if too_little := shortage(target.parent, expected_bytes(scene, request.duration_s, request.streams)):
-        warn(too_little)
+    if warning := shortage_warning(target.parent, expected_bytes(scene, request.duration_s, request.streams)):
+        warn(warning)
 
-    def keep_going(time_us: int) -> None:
-        partial.go_on()
+    def report(time_us: int) -> None:  # a failed write or an interrupt ends the walk here
+        partial.raise_pending()
         progress(time_us)
 
     # Whole chunks are written once: a cache of them would only fill, up to 1 MB a dataset.
@@ -108,13 +128,65 @@ def generate_sequence(
             write_pose_stream(file, scene, duration_us, _seed(scene, _POSE_KEY))
         frames, events, rendered_pixels = 0, 0, 0
         if drawn:
-            world = render_surroundings(scene, surroundings, request.quality, _path_world_m(scene, duration_us))
-            frames, events, rendered_pixels = _walk(file, scene, world, duration_us, request, keep_going)
+            # Positions (frames, 3) of the camera, near which textures must be fine.
+            camera, flight = colour_camera(scene.camera), scene.fly()
+            frames_us = pieces(timestamps_us(duration_us, FRAME_RATE_HZ))
+            path_world_m = np.concatenate([camera.poses_at(flight, times_us)[:, :3, 3] for times_us in frames_us])
+            world = render_surroundings(scene, surroundings, request.quality, path_world_m)
+            frames, events, rendered_pixels = _walk(file, scene, world, duration_us, request, report)
     return Summary(frames, events, rendered_pixels, target.stat().st_size)
 
 
+def require_possible(scene: Scene, target: Path, duration_us: int, streams: frozenset[str], *, overwrite: bool) -> None:
+    """Raise where the request alone shows that the sequence cannot be written; takes no time and little memory.
+
+    Parameters
+    ----------
+    scene
+        Its size, sensors and renderer.
+    target
+        The file to write.
+    duration_us
+        Length of the sequence, us.
+    streams
+        Those that are written.
+    overwrite
+        Whether the target may exist.
+
+    Raises
+    ------
+    SceneError
+        The sensors do not fit the size or the duration, or the size does not fit the memory.
+    OutputError
+        The target cannot be written, or the disk is full.
+    GraphicsMissingError
+        The scene is drawn by OpenGL, and there is none.
+    """
+    require_writable(target, overwrite=overwrite)
+    if "events" in streams:
+        camera = event_camera(scene.camera)
+        if max(camera.width, camera.height) > _MOST_COLUMNS:
+            raise SceneError(
+                f"Expected an event camera of at most {_MOST_COLUMNS} columns and rows, got "
+                f"{camera.width}x{camera.height}; use a smaller --size"
+            )
+        if scene.events.hot_pixel_count > camera.width * camera.height:
+            raise SceneError(
+                f"Expected hot_pixel_count up to the {camera.width * camera.height} pixels of the event camera, got "
+                f"{scene.events.hot_pixel_count}; lower it or use a larger --size"
+            )
+        if scene.event_step_us > duration_us:
+            raise SceneError(
+                f"Expected a duration of at least one event_step_us, {scene.event_step_us} us, got {duration_us} us"
+            )
+    require_memory(scene, streams)
+    if scene.renderer == "mesh" and streams & RENDERED_STREAMS:
+        open_context()
+    require_disk_space(target.resolve().parent, least_bytes(scene, duration_us, streams), "the sequence", "make room")
+
+
 def require_free_flight(scene: Scene, duration_us: int) -> None:
-    """Raise SceneError where the camera enters a solid or the ground, looked at every millisecond."""
+    """Raise SceneError where the camera enters a solid or the ground, at any millisecond."""
     _require_free_flight(scene, surroundings_of(scene), duration_us)
 
 
@@ -134,20 +206,17 @@ def _require_free_flight(scene: Scene, surroundings: Surroundings, duration_us: 
             )
 
 
-def _path_world_m(scene: Scene, duration_us: int) -> NDArray[np.float64]:
-    """Positions (n, 3) of the camera at every frame."""
-    camera, flight = colour_camera(scene.camera), scene.fly()
-    frames_us = pieces(timestamps_us(duration_us, FRAME_RATE_HZ))
-    return np.concatenate([camera.poses_at(flight, times_us)[:, :3, 3] for times_us in frames_us])
-
-
 def _walk(
     file: h5py.File, scene: Scene, world: RenderedWorld, duration_us: int, request: Request, progress: Progress
 ) -> tuple[int, int, int]:
     """Render frames and events in the order of time; return the numbers of frames, events and rendered event pixels."""
     timestamps = timestamps_us(duration_us, FRAME_RATE_HZ)
     frames = create_frames(file, scene, world, duration_us, request.streams)
-    recorder = _event_recorder(file, scene, world, duration_us, request) if "events" in request.streams else None
+    recorder: EventRecorder | None = None
+    if "events" in request.streams:
+        sizes = {name: size for name, size in (("rgb", "N"), ("depth", "D")) if name in request.streams}
+        maps = {f"metadata/{name}_to_event": (size, timestamps) for name, size in sizes.items()}
+        recorder = EventRecorder(file, scene, world, request.quality, maps, _seed(scene, _EVENTS_KEY))
     for index, timestamp_us in enumerate(timestamps.tolist()):
         if recorder is not None:
             recorder.run_to(timestamp_us)
@@ -158,15 +227,6 @@ def _walk(
     recorder.run_to(duration_us)
     recorder.finish()
     return len(timestamps), recorder.events, recorder.rendered_pixels
-
-
-def _event_recorder(
-    file: h5py.File, scene: Scene, world: RenderedWorld, duration_us: int, request: Request
-) -> EventRecorder:
-    timestamps = timestamps_us(duration_us, FRAME_RATE_HZ)
-    sizes = {"rgb": "N", "depth": "D"}
-    maps = {f"metadata/{name}_to_event": (size, timestamps) for name, size in sizes.items() if name in request.streams}
-    return EventRecorder(file, scene, world, request.quality, maps, _seed(scene, _EVENTS_KEY))
 
 
 def _seed(scene: Scene, key: int) -> np.random.SeedSequence:

@@ -53,12 +53,24 @@ class ImuSamples:
 def sample_imu(
     flight: Flight, times_us: NDArray[np.int64], options: ImuOptions, rng: np.random.Generator
 ) -> ImuSamples:
-    """Sample a unit of its own at ``times_us`` (m,), int64 microseconds of the flight's clock."""
+    """Sample a new unit.
+
+    Parameters
+    ----------
+    flight
+        The trajectory of the body.
+    times_us
+        (m,) int64 microseconds of the flight's clock, ascending.
+    options
+        Rate, gravity and noise.
+    rng
+        Source of the noise.
+    """
     return Imu(options, rng).sample(flight, times_us)
 
 
 class Imu:
-    """A unit that is asked for one piece of time after the other; what it answers does not depend on the cuts.
+    """A unit that samples one piece of time after the other; its samples do not depend on where time is cut.
 
     Each noise has a random stream of its own, so that adding one leaves the others as they were, and a longer recording
     begins like a shorter one.

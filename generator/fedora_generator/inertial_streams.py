@@ -1,4 +1,4 @@
-"""The streams that follow from the flight alone, IMU and pose, written piece by piece: nothing is rendered."""
+"""The streams that follow from the flight alone, IMU and pose, written piece by piece; nothing is rendered."""
 
 from collections.abc import Iterator
 
@@ -15,7 +15,19 @@ from fedora_qa.layout.create import create_dataset
 
 
 def write_imu_stream(file: h5py.File, scene: Scene, duration_us: int, seed: np.random.SeedSequence) -> None:
-    """Write all inertial samples, and what the file says of them."""
+    """Write all inertial samples and their metadata.
+
+    Parameters
+    ----------
+    file
+        An open file without the stream.
+    scene
+        Its flight and inertial unit.
+    duration_us
+        Length of the sequence, us.
+    seed
+        Of the noise.
+    """
     imu, flight, timestamps = (
         Imu(scene.imu, np.random.default_rng(seed)),
         scene.fly(),
@@ -31,7 +43,19 @@ def write_imu_stream(file: h5py.File, scene: Scene, duration_us: int, seed: np.r
 
 
 def write_pose_stream(file: h5py.File, scene: Scene, duration_us: int, seed: np.random.SeedSequence) -> None:
-    """Write all poses, and what the file says of them."""
+    """Write all poses and their metadata.
+
+    Parameters
+    ----------
+    file
+        An open file without the stream.
+    scene
+        Its flight and the noise of its poses.
+    duration_us
+        Length of the sequence, us.
+    seed
+        Of the noise.
+    """
     sensor, timestamps = PoseSensor(scene.pose, np.random.default_rng(seed)), timestamps_us(duration_us, POSE_RATE_HZ)
     flight, names = scene.fly(), ("position", "orientation", "ts")
     positions, orientations, times = (

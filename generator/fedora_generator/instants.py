@@ -1,4 +1,4 @@
-"""When things are sampled: int64 microseconds from the start of the sequence."""
+"""Timestamps of the streams: int64 microseconds from the start of the sequence."""
 
 import math
 from typing import Final
@@ -15,10 +15,10 @@ IMU_RATE_HZ: Final = 1000
 POSE_RATE_HZ: Final = 200
 
 LONGEST_S: Final = 3600.0
-"""All streams are written piece by piece; only stamps are kept for the whole length, 29 MB an hour."""
+"""All streams are written piece by piece; only timestamps are in memory for the whole length, 29 MB an hour."""
 
 PIECE: Final = 1 << 16
-"""Instants that are looked at together: about a minute of the fastest clock, and whole chunks of its dataset."""
+"""Timestamps that are processed together: about a minute of the fastest clock, and whole chunks of its dataset."""
 
 
 def whole_us(duration_s: float) -> int:
@@ -31,12 +31,12 @@ def whole_us(duration_s: float) -> int:
 
 
 def timestamps_us(duration_us: int, rate_hz: int) -> NDArray[np.int64]:
-    """Stamps (n,) of a stream, from 0 to the last that fits; both ends are written: n = floor(rate T) + 1."""
+    """Timestamps (n,) of a stream, from 0 to the last that fits; both ends are written: n = floor(rate T) + 1."""
     return np.arange(duration_us * rate_hz // US_PER_S + 1, dtype=np.int64) * US_PER_S // rate_hz
 
 
 def pieces(times_us: NDArray[np.int64]) -> list[NDArray[np.int64]]:
-    """Cut times (n,) into pieces of bounded size, so that what is computed of them does not grow with n."""
+    """Cut times (n,) into pieces of bounded size, so that memory does not grow with n."""
     return np.split(times_us, range(PIECE, len(times_us), PIECE))
 
 

@@ -1,7 +1,7 @@
-"""How much memory a sequence takes at its peak, and how much there is.
+"""Memory: how much a sequence takes at its peak, and how much is available.
 
-The numbers are what was measured of the resident set, rounded up. What is made does not grow with the length of a
-sequence, but for its stamps.
+The numbers are measurements of the resident set, rounded up. Memory does not grow with the length of a
+sequence, but for its timestamps.
 """
 
 import resource
@@ -26,7 +26,7 @@ _EVENT_BYTES: Final = 64  # of an event that no motion causes, while it is sorte
 _SPURIOUS_BLOCK_S, _LONGEST_STEP_S = 0.05, 0.02
 
 _NARROWEST: Final = 64
-"""Where nothing wider fits, it is not the size that is too large."""
+"""Where not even this width fits, a smaller size is no remedy."""
 
 _COMPILED_BYTES: Final = 100 * _MB  # kernels as they are loaded
 _DRAWN_BYTES: Final = 700 * _MB  # drivers, meshes and textures of a mesh world, and its supersampled band of an image
@@ -49,7 +49,7 @@ def _event_pixels(camera: CameraOptions) -> int:
 
 
 def _spurious_bytes(camera: CameraOptions, events: EventSensorOptions) -> float:
-    """Of the events that no motion causes, as many as are in memory at once."""
+    """Bytes of the events that no motion causes, as many as are in memory at once."""
     pixels = _event_pixels(camera)
     drawn_hz = events.shot_rate_hz * pixels + events.hot_pixel_rate_hz * events.hot_pixel_count
     at_once = drawn_hz * _SPURIOUS_BLOCK_S + events.leak_rate_hz * pixels * _LONGEST_STEP_S
@@ -57,23 +57,21 @@ def _spurious_bytes(camera: CameraOptions, events: EventSensorOptions) -> float:
 
 
 def require_memory(scene: Scene, streams: frozenset[str]) -> None:
-    """Raise SceneError where generating would take more memory than there is."""
+    """Raise SceneError where generating would take more memory than is available."""
     needed, available = peak_bytes(scene, streams), available_bytes()
     if needed <= available:
         return
+    if fitting := _fitting_size(scene, streams, available):
+        remedy = f"use --size {fitting}, or fewer streams"
+    elif "events" in streams and _spurious_bytes(scene.camera, scene.events) > available:
+        remedy = "lower the rates of events that nothing causes"
+    else:
+        remedy = "free some, or raise its limit"
     raise SceneError(
         f"Expected at most {available / _MB:.0f} MB of memory, which is free, got {scene.camera.width}x"
         f"{scene.camera.height} of {', '.join(sorted(streams))}, which takes about {needed / _MB:.0f} MB; "
-        f"{_remedy(scene, streams, available)}"
+        f"{remedy}"
     )
-
-
-def _remedy(scene: Scene, streams: frozenset[str], available: float) -> str:
-    if fitting := _fitting_size(scene, streams, available):
-        return f"use --size {fitting}, or fewer streams"
-    if "events" in streams and _spurious_bytes(scene.camera, scene.events) > available:
-        return "lower the rates of events that nothing causes"
-    return "free some, or raise its limit"
 
 
 def _fitting_size(scene: Scene, streams: frozenset[str], available: float) -> str:
@@ -91,19 +89,13 @@ def _fitting_size(scene: Scene, streams: frozenset[str], available: float) -> st
 
 
 def available_bytes() -> float:
-    """Memory that this process can still get, as far as the system tells: of the machine, its cgroup and its limits."""
-    return min((*_of_the_machine(), *of_the_cgroups(), *_of_the_limits()), default=float("inf"))
-
-
-def _of_the_machine() -> Iterator[float]:
-    yield from _kilobytes(Path("/proc/meminfo"), "MemAvailable")
-
-
-def _of_the_limits() -> Iterator[float]:
+    """Memory that this process can still get, by the machine, its cgroup and its limits; infinite where unknown."""
+    available = [*_kilobytes(Path("/proc/meminfo"), "MemAvailable"), *of_the_cgroups()]
     for limit, used in ((resource.RLIMIT_AS, "VmSize"), (resource.RLIMIT_DATA, "VmData")):
         most, _ = resource.getrlimit(limit)
         if most != resource.RLIM_INFINITY:
-            yield from (most - bytes_used for bytes_used in _kilobytes(Path("/proc/self/status"), used))
+            available += [most - bytes_used for bytes_used in _kilobytes(Path("/proc/self/status"), used)]
+    return min(available, default=float("inf"))
 
 
 def _kilobytes(path: Path, name: str) -> Iterator[float]:

@@ -1,4 +1,4 @@
-"""What the file says of itself: only of the streams that it holds."""
+"""What a file declares: only of the streams that it holds."""
 
 from collections.abc import Mapping
 from importlib.metadata import PackageNotFoundError, version
@@ -20,7 +20,7 @@ EVENT_ATTRIBUTES: Final = (
 
 
 def write_root(file: h5py.File, scene: Scene, world: str) -> None:
-    """Format, and where the sequence comes from; ``world`` is the name of what stands around the flight."""
+    """Format and origin of the sequence; ``world`` is the name of the surroundings of the flight."""
     _set(
         file,
         {
@@ -57,7 +57,7 @@ def write_depth_range(file: h5py.File, scene: Scene) -> None:
 
 
 def write_events(file: h5py.File, scene: Scene, hot_pixels: NDArray[np.int64]) -> None:
-    """Sensor model, thresholds and the effects that were added; ``hot_pixels`` is (n, 2) column, row."""
+    """Sensor model, thresholds and effects; ``hot_pixels`` is (n, 2) column, row."""
     group = file.require_group("metadata/events")
     _set(group, {name: getattr(scene.events, name) for name in EVENT_ATTRIBUTES})
     _set(group, {"polarity": "1=brighter"})

@@ -1,35 +1,78 @@
-"""A file beside the target, under a hidden name, that takes the target's place only when it is whole.
+"""A file beside the target, under a hidden name, that replaces the target only when it is complete.
 
-A run that was killed leaves its file as ``.NAME.partial``; the next run to the same target uses it again. Two runs to
-the same target do not meet: whoever writes holds a lock, which ends with the process.
+A run that was killed leaves its file as ``.NAME.partial``; the next run to the same target uses it again. Two runs
+cannot write the same target at once: a run holds a lock, which ends with its process.
 """
 
 import errno
 import fcntl
 import io
 import os
+import signal
+import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, Final
+from types import FrameType, TracebackType
+from typing import TYPE_CHECKING, Final, Self
 
 from fedora_generator.errors import OutputError
-from fedora_generator.interrupts import HeldInterrupts
 
 if TYPE_CHECKING:
     from _typeshed import ReadableBuffer
 
-_NO_ROOM: Final = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
+_DEFERRED: Final = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
+
+_DISK_FULL: Final = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
+
+
+class DeferredInterrupts:
+    """A block in which SIGINT, SIGTERM and SIGHUP wait for ``deliver``, or for its end; a second one does not wait.
+
+    HDF5 writes through Python, so that an interrupt could be raised inside HDF5. It would leave the file half closed,
+    and the interpreter would crash over it at its end. Only the main thread is interrupted; elsewhere the block does
+    nothing.
+    """
+
+    def __init__(self) -> None:
+        self._waiting: int | None = None
+        self._former: dict[int, signal._HANDLER] = {}
+
+    def __enter__(self) -> Self:
+        if threading.current_thread() is threading.main_thread():
+            self._former = {number: signal.signal(number, self._defer) for number in _DEFERRED}
+        return self
+
+    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, at: TracebackType | None) -> None:
+        self._restore()
+        self.deliver()
+
+    def deliver(self) -> None:
+        """Raise the interrupt that waits, if any."""
+        if self._waiting is not None:
+            number, self._waiting = self._waiting, None
+            self._restore()
+            signal.raise_signal(number)
+
+    def _defer(self, number: int, frame: FrameType | None) -> None:
+        if self._waiting is not None:
+            self.deliver()
+        self._waiting = number
+
+    def _restore(self) -> None:
+        while self._former:
+            number, handler = self._former.popitem()
+            signal.signal(number, signal.SIG_DFL if handler is None else handler)
 
 
 class PartialFile(io.FileIO):
-    """The bytes of a file that is not whole yet, open to read and write; HDF5 writes through it.
+    """The bytes of a file that is not complete yet, open to read and write; HDF5 writes through it.
 
-    A write that fails seems to succeed, and all after it are dropped: HDF5 cannot close what it could not write, and
-    crashes over it when the interpreter ends. ``go_on`` says so.
+    A failed write looks successful to HDF5, and all later writes are dropped: HDF5 cannot close a file that it could
+    not write, and crashes at the end of the interpreter. ``raise_pending`` raises the error.
     """
 
-    def __init__(self, path: Path, interrupts: HeldInterrupts) -> None:
+    def __init__(self, path: Path, interrupts: DeferredInterrupts) -> None:
         self.path = path
         self.failure: OSError | None = None
         self._interrupts = interrupts
@@ -38,7 +81,7 @@ class PartialFile(io.FileIO):
     def write(self, data: "ReadableBuffer", /) -> int:
         """Write all of ``data``."""
         view = memoryview(data).cast("B")
-        with self._remembering():
+        with self._recording_failure():
             written = 0
             while self.failure is None and written < len(view):
                 written += super().write(view[written:]) or 0
@@ -47,28 +90,28 @@ class PartialFile(io.FileIO):
     def truncate(self, size: int | None = None, /) -> int:
         """Cut or lengthen the file."""
         size = self.tell() if size is None else size
-        with self._remembering():
+        with self._recording_failure():
             if self.failure is None:
                 super().truncate(size)
         return size
 
-    def go_on(self) -> None:
-        """Raise what made a write fail, or an interrupt that has come meanwhile."""
+    def raise_pending(self) -> None:
+        """Raise the error of a write that failed, or an interrupt that has come since."""
         self._interrupts.deliver()
         if self.failure is not None:
             raise self.failure
 
-    def become(self, target: Path) -> None:
-        """Take the place of ``target`` with every byte on the disk, which may say only now that it is full."""
-        with self._remembering():
+    def move_to(self, target: Path) -> None:
+        """Replace ``target``, with every byte on the disk; only now may the disk report that it is full."""
+        with self._recording_failure():
             os.fsync(self.fileno())
-        self.go_on()
-        with self._remembering():
+        self.raise_pending()
+        with self._recording_failure():
             self.path.replace(target)
-        self.go_on()
+        self.raise_pending()
 
     @contextmanager
-    def _remembering(self) -> Iterator[None]:
+    def _recording_failure(self) -> Iterator[None]:
         try:
             yield
         except OSError as error:
@@ -79,7 +122,8 @@ class PartialFile(io.FileIO):
 def partial_file(target: Path, *, overwrite: bool) -> Iterator[PartialFile]:
     """Open an empty file that becomes ``target`` when the block ends; on any error or interrupt nothing is left.
 
-    A link is followed: the file that it leads to is replaced. Inside the block an interrupt waits for ``go_on``.
+    A link is followed: the file that it leads to is replaced. Inside the block an interrupt waits
+    for ``raise_pending``.
 
     Raises
     ------
@@ -88,16 +132,22 @@ def partial_file(target: Path, *, overwrite: bool) -> Iterator[PartialFile]:
     """
     require_writable(target, overwrite=overwrite)
     final = target.resolve()
-    with HeldInterrupts() as interrupts:
-        file = _open_alone(final.with_name(f".{final.name}.partial"), target, interrupts)
+    with DeferredInterrupts() as interrupts:
+        file = _open_locked(final.with_name(f".{final.name}.partial"), target, interrupts)
         try:
             yield file
-            file.become(final)
+            file.move_to(final)
         except BaseException as error:
             file.path.unlink(missing_ok=True)
-            if file.failure is not None:
-                raise _explained(file.failure, target) from error
-            raise
+            failure = file.failure
+            if failure is None:
+                raise
+            if failure.errno in _DISK_FULL:
+                raise OutputError(
+                    f"Expected room for {target}, got a full disk ({failure.strerror}); make room or ask for less"
+                ) from error
+            reason = failure.strerror or failure
+            raise OutputError(f"Expected to be able to write {target}, got: {reason}") from error
         finally:
             file.close()
 
@@ -107,30 +157,26 @@ def require_writable(target: Path, *, overwrite: bool) -> None:
 
     It is a folder or a device, or exists and ``overwrite`` is false; its folder is missing or cannot be written.
     """
+    refusal = ""
     try:
-        refusal = _refusal(target, overwrite=overwrite)
+        folder = target.resolve().parent
+        if target.is_dir():
+            refusal = f"Expected the path of a file to write, got the folder {target}"
+        elif target.exists() and not target.is_file():
+            refusal = f"Expected the path of a file to write, got {target}, which is a device or a pipe"
+        elif target.exists() and not overwrite:
+            refusal = f"Expected a new file, got {target}, which exists; choose another name or use --force"
+        elif not folder.is_dir():
+            refusal = f"Expected an existing folder to write into, got {folder}; create it first"
+        elif not os.access(folder, os.W_OK | os.X_OK):
+            refusal = f"Expected a folder that can be written, got {folder}; choose another or change its rights"
     except OSError as error:  # a name too long, a folder that cannot be searched
         refusal = f"Expected a path that can be written, got {target}: {error.strerror}"
     if refusal:
         raise OutputError(refusal)
 
 
-def _refusal(target: Path, *, overwrite: bool) -> str:
-    if target.is_dir():
-        return f"Expected the path of a file to write, got the folder {target}"
-    if target.exists() and not target.is_file():
-        return f"Expected the path of a file to write, got {target}, which is a device or a pipe"
-    if target.exists() and not overwrite:
-        return f"Expected a new file, got {target}, which exists; choose another name or use --force"
-    folder = target.resolve().parent
-    if not folder.is_dir():
-        return f"Expected an existing folder to write into, got {folder}; create it first"
-    if not os.access(folder, os.W_OK | os.X_OK):
-        return f"Expected a folder that can be written, got {folder}; choose another or change its rights"
-    return ""
-
-
-def _open_alone(path: Path, target: Path, interrupts: HeldInterrupts) -> PartialFile:
+def _open_locked(path: Path, target: Path, interrupts: DeferredInterrupts) -> PartialFile:
     """Open the partial file of ``target``, emptied, with a lock that no other run can get."""
     while True:
         try:
@@ -143,21 +189,13 @@ def _open_alone(path: Path, target: Path, interrupts: HeldInterrupts) -> Partial
             file.close()
             raise OutputError(f"Expected to be the only run that writes {target}, got another at it") from error
         except OSError:
-            pass  # some network disks know no locks; there, it is the user who must not write one target twice
-        if _is_at(path, file):
+            pass  # some network disks have no locks; there the user must not write one target twice
+        # The run that held the lock may just have moved or removed its file: then this one is no longer at the path.
+        try:
+            is_at_path = os.path.samestat(path.stat(), os.fstat(file.fileno()))
+        except FileNotFoundError:
+            is_at_path = False
+        if is_at_path:
             file.truncate(0)
             return file
-        file.close()  # the run that held the lock has just moved or removed its file
-
-
-def _is_at(path: Path, file: PartialFile) -> bool:
-    try:
-        return os.path.samestat(path.stat(), os.fstat(file.fileno()))
-    except FileNotFoundError:
-        return False
-
-
-def _explained(error: OSError, target: Path) -> OutputError:
-    if error.errno in _NO_ROOM:
-        return OutputError(f"Expected room for {target}, got a full disk ({error.strerror}); make room or ask for less")
-    return OutputError(f"Expected to be able to write {target}, got: {error.strerror or error}")
+        file.close()

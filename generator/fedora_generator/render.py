@@ -34,7 +34,7 @@ class ExactWorld:
     grey: Surfaces
     movements: tuple[Movement, ...]
     standing: Faces
-    """As described, before anything has moved."""
+    """Faces before anything has moved"""
 
     @classmethod
     def of(cls, world: World, light: Light) -> "ExactWorld":
@@ -52,7 +52,7 @@ class ExactWorld:
 
     @property
     def moves(self) -> bool:
-        """Whether anything does."""
+        """Whether any body moves."""
         return bool(self.movements)
 
     def at(self, time_us: int) -> "ExactWorld":

@@ -1,4 +1,4 @@
-"""What the sensors ask of a world, whoever renders it."""
+"""What the sensors need of a world, exact or rasterised."""
 
 from typing import Protocol
 
@@ -13,13 +13,13 @@ Floats = NDArray[np.float64]
 class RenderedWorld(Protocol):
     """A world under its light, at one instant where anything moves.
 
-    Radiance is linear DN (0..255 when nothing saturates), averaged over each pixel. What moves are bodies 1, 2, ...;
-    body 0 is all that stands.
+    Radiance is linear DN (0..255 when nothing saturates), averaged over each pixel. Moving bodies are 1, 2, ...;
+    body 0 is all that is at rest.
     """
 
     @property
     def moves(self) -> bool:
-        """Whether anything does."""
+        """Whether any body moves."""
         ...
 
     def at(self, time_us: int) -> "RenderedWorld":

@@ -52,7 +52,7 @@ def multiply_quaternions(left_xyzw: Floats, right_xyzw: Floats) -> Floats:
 def quaternions_from_rotation_vectors(rotation_vectors_rad: Floats) -> Floats:
     """Exponential map (n, 3) -> (n, 4): axis times angle to unit quaternion, exact down to zero angle."""
     angle_rad = np.linalg.norm(rotation_vectors_rad, axis=-1, keepdims=True)
-    # sin(angle / 2) / angle, written with numpy's sinc(x) = sin(pi x) / (pi x), which knows its limit at zero.
+    # sin(angle / 2) / angle, written with numpy's sinc(x) = sin(pi x) / (pi x), whose limit at zero is exact.
     factor = 0.5 * np.sinc(angle_rad / (2 * np.pi))
     return np.concatenate([factor * rotation_vectors_rad, np.cos(angle_rad / 2)], axis=-1)
 

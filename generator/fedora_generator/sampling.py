@@ -29,17 +29,17 @@ SHORTEST_STEP_US: Final = 10
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Fidelity:
-    """How closely the exact world is followed (``adaptive/``).
+    """How closely events follow the exact world (``adaptive/``).
 
     Attributes
     ----------
     motion_px
         Image motion between two samples of a tile, px of the event camera. A pixel averages over its own width, so
-        that nothing passes through it within one pixel of motion: at half of one, two samples see it.
+        that nothing passes through it within one pixel of motion: at half a pixel, two samples show it.
     caution
-        How many times the curvature of a parabola is allowed for between samples.
+        Factor on the curvature of a parabola between samples.
     tolerance_us
-        How far a crossing may be off before it is sampled again; the last correction is not.
+        Largest correction of a crossing that is not rendered again.
     """
 
     motion_px: float

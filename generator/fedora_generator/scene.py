@@ -4,8 +4,8 @@
 whose tables this one starts from. A world has a ``base`` as well: its textures are put over those of the other, its
 rectangles, boxes and lamps are added.
 
-``renderer`` says who draws: ``"exact"`` (the default) casts rays in float64; ``"mesh"`` draws triangles through OpenGL,
-either the same ``world``, or a place built in code, which only it can draw::
+``renderer`` is how it is drawn. ``"exact"`` (the default) casts rays in float64. ``"mesh"`` draws triangles through
+OpenGL: the same ``world``, or a place built in code, which only this renderer can draw::
 
     renderer = "mesh"
     place = { name = "park", seed = 3 }     # instead of world; seed is 0 if left out
@@ -22,7 +22,7 @@ Boxes that move are ``movers`` of an exact world; a scene may add them to the wo
 ``[flight]`` is a sum of steady rates and sines (``flight.py``), or, with a ``kind``, flown by a quadrotor
 (``flights/``).
 
-``[mesh]`` sets its precision and antialiasing (``mesh/detail.py``); without it the quality asked for does.
+``[mesh]`` sets its precision and antialiasing (``mesh/detail.py``); without it the quality of the request does.
 """
 
 import hashlib
@@ -44,14 +44,13 @@ from fedora_generator.imu import ImuOptions
 from fedora_generator.instants import FRAME_INTERVAL_US, IMU_RATE_HZ
 from fedora_generator.mesh.detail import MeshDetail
 from fedora_generator.pose import PoseOptions
-from fedora_generator.scene_tables import SCENE_NAMES, read_scene, scene_path
-from fedora_generator.scene_values import impossible_value
+from fedora_generator.scene_tables import SCENE_NAMES, impossible_value, read_scene, scene_path
 from fedora_generator.surfaces.light import Light
 from fedora_generator.surfaces.world import World
 
-_LONGEST_SHOWN: Final = 60
+_LONGEST_VALUE_TEXT: Final = 60
 
-# What pydantic calls the two problems that deserve words of their own.
+# Pydantic's names of the two problems that have their own sentences.
 _UNKNOWN_KEY: Final = ("unexpected_keyword_argument", "extra_forbidden")
 _MISSING_KEY: Final = ("missing", "missing_argument", "missing_keyword_only_argument")
 
@@ -68,10 +67,10 @@ class Place:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Scene:
-    """Everything that a sequence follows from, but its duration.
+    """Everything that determines a sequence, but its duration.
 
-    It has either a ``world`` or a ``place``. ``mesh`` is None where the quality asked for decides. ``event_step_us``
-    fixes the renders of the event camera to a grid, as a game engine has it; 0 lets image motion decide.
+    It has either a ``world`` or a ``place``. ``mesh`` is None where the quality of the request decides.
+    ``event_step_us`` fixes the renders of the event camera to a grid, as in a game engine; with 0 image motion decides.
     ``depth_range_m`` is the nearest and farthest valid z-depth. The sequence begins ``start_s`` into the flight.
     """
 
@@ -127,13 +126,13 @@ class Scene:
         if self.renderer == "exact" and self.mesh is not None:
             raise ValueError("Expected no table mesh with the exact renderer, got one; set renderer = 'mesh'")
         if self.world is not None and self.world.movers:
-            self._require_light_that_stays(self.world)
-
-    def _require_light_that_stays(self, world: World) -> None:
-        if self.renderer == "mesh":
-            raise ValueError("Expected no movers with the mesh renderer, got some; use the exact one")
-        if any(lamp.strength * self.light.lamp_scale > 0 for lamp in world.lamps):
-            raise ValueError("Expected no lit lamp where anything moves, whose light would change; set lamp_scale to 0")
+            # The light of the exact world is computed once, so that nothing may move in that of a lamp.
+            if self.renderer == "mesh":
+                raise ValueError("Expected no movers with the mesh renderer, got some; use the exact one")
+            if any(lamp.strength * self.light.lamp_scale > 0 for lamp in self.world.lamps):
+                raise ValueError(
+                    "Expected no lit lamp where anything moves, whose light would change; set lamp_scale to 0"
+                )
 
     @property
     def digest(self) -> str:
@@ -185,7 +184,7 @@ def load_scene(name_or_path: str | Path) -> Scene:
     Raises
     ------
     SceneError
-        No such scene, not TOML, a key that is unknown or missing, or a value that cannot be.
+        No such scene, not TOML, a key that is unknown or missing, or a value that is refused.
     """
     path = scene_path(str(name_or_path))
     tables = read_scene(path)
@@ -199,7 +198,7 @@ def load_scene(name_or_path: str | Path) -> Scene:
 
 
 def _one_sentence(error: ValidationError) -> str:
-    """Say the first problem, with the key that it lies at: a key that is unknown explains one that is missing."""
+    """Return a sentence about the first problem and its key; an unknown key explains a missing one and comes first."""
     first = min(error.errors(), key=lambda problem: problem["type"] not in _UNKNOWN_KEY)
     parts = (str(part) for part in first["loc"])
     key = ".".join(part for part in parts if not part.startswith(TAG_PREFIX)) or "the scene"
@@ -214,8 +213,7 @@ def _one_sentence(error: ValidationError) -> str:
         expected = "Expected a table"
     if first["type"] == "too_long":
         expected = f"Expected at most {first['ctx']['max_length']} values"
-    return f"{expected}, got {_shortened(repr(first['input']))} at {key}"
-
-
-def _shortened(text: str) -> str:
-    return text if len(text) <= _LONGEST_SHOWN else f"{text[:_LONGEST_SHOWN]}..."
+    got = repr(first["input"])
+    if len(got) > _LONGEST_VALUE_TEXT:
+        got = f"{got[:_LONGEST_VALUE_TEXT]}..."
+    return f"{expected}, got {got} at {key}"

@@ -1,7 +1,8 @@
-"""Scenes and worlds as tables: where their files lie, and what a base lends to what starts from it."""
+"""Scenes and worlds as tables: where their files lie, what they take from a base, and which values are refused."""
 
+import math
 import tomllib
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any, Final
 
@@ -23,14 +24,20 @@ SCENE_NAMES: Final = (
     "racetrack-mesh-night",
     *PRESET_NAMES,
 )
-"""Scenes of the package; the first has an exact world and every stream, the last are the paper's sequences."""
+"""Scenes of the package: the first has an exact world and every stream, the last are the paper's sequences."""
 
 _SCENES: Final = Path(__file__).parent / "scenes"
 _WORLDS: Final = _SCENES / "worlds"
 
+LARGEST: Final = 1e12
+"""Largest size of any quantity of a scene, in its unit; its squares and cubes are far from the end of float64."""
+
+MOST_SEED: Final = (1 << 63) - 1
+"""A file stores the seed with 64 bits."""
+
 
 def scene_path(name_or_path: str) -> Path:
-    """Path of a scene of the package, or of one's own.
+    """Path of a scene of the package, or of a TOML file.
 
     Raises
     ------
@@ -47,7 +54,7 @@ def scene_path(name_or_path: str) -> Path:
 
 
 def read_scene(path: Path, started_from: tuple[Path, ...] = ()) -> dict[str, Any]:
-    """Tables of a scene, its base and world read; those of ``started_from`` name it as their base.
+    """Tables of a scene with those of its base and world; the files of ``started_from`` name it as their base.
 
     Raises
     ------
@@ -58,8 +65,11 @@ def read_scene(path: Path, started_from: tuple[Path, ...] = ()) -> dict[str, Any
     tables = _read_toml(path)
     base = tables.pop("base", None)
     if base is not None:
-        base_tables = read_scene(_base_path(str(base), beside=path), (*started_from, path.resolve()))
-        tables = _merged(_without_rivals(base_tables, tables), tables)
+        # A base is a TOML file beside the scene, or else a scene of the package.
+        beside = path.parent / str(base)
+        base_path = scene_path(str(beside) if beside.is_file() else str(base))
+        base_tables = read_scene(base_path, (*started_from, path.resolve()))
+        tables = _merged(_without_replaced(base_tables, tables), tables)
     if isinstance(tables.get("world"), str):
         tables["world"] = _read_world(_world_path(tables["world"], beside=path))
     flight = tables.get("flight")
@@ -68,10 +78,20 @@ def read_scene(path: Path, started_from: tuple[Path, ...] = ()) -> dict[str, Any
     return tables
 
 
-def _base_path(name_or_path: str, beside: Path) -> Path:
-    """Scene of the package, or a TOML file beside the scene that starts from it."""
-    own = beside.parent / name_or_path
-    return scene_path(str(own) if own.is_file() else name_or_path)
+def impossible_value(tables: Mapping[str, Any]) -> str | None:
+    """Return a sentence about the first value that is refused whatever its key, or None.
+
+    Refused are numbers that are not finite or too large, booleans, and text with zero bytes.
+    """
+    for key, value in _leaves(tables, ""):
+        most = MOST_SEED if key.endswith("seed") else LARGEST
+        if isinstance(value, bool):
+            return f"Expected a number or a text, got {str(value).lower()} at {key}"
+        if isinstance(value, int | float) and not (math.isfinite(value) and abs(value) <= most):
+            return f"Expected a finite number of at most {most:g}, got {value:g} at {key}"
+        if isinstance(value, str) and "\0" in value:
+            return f"Expected text without zero bytes, got {value!r} at {key}"
+    return None
 
 
 def _require_no_circle(path: Path, started_from: tuple[Path, ...]) -> None:
@@ -80,7 +100,7 @@ def _require_no_circle(path: Path, started_from: tuple[Path, ...]) -> None:
 
 
 def _read_world(path: Path, started_from: tuple[Path, ...] = ()) -> dict[str, Any]:
-    """Tables of a world; where it has a base, what stands there comes first."""
+    """Tables of a world; the solids of its base come first."""
     _require_no_circle(path, started_from)
     tables = _read_toml(path)
     name = tables.pop("base", None)
@@ -107,10 +127,10 @@ def _read_toml(path: Path) -> dict[str, Any]:
         raise SceneError(f"Expected a readable TOML file, got {path}: {error}") from error
 
 
-def _without_rivals(base: dict[str, Any], changes: Mapping[str, Any]) -> dict[str, Any]:
+def _without_replaced(base: dict[str, Any], changes: Mapping[str, Any]) -> dict[str, Any]:
     """Return the base without what the changes replace: its world by a place, its flight by one of another kind."""
-    rivals = {"world": "place", "place": "world"}
-    kept = {key: value for key, value in base.items() if rivals.get(key) not in changes}
+    alternatives = {"world": "place", "place": "world"}
+    kept = {key: value for key, value in base.items() if alternatives.get(key) not in changes}
     old, new = kept.get("flight"), changes.get("flight")
     if isinstance(old, Mapping) and isinstance(new, Mapping) and new.get("kind", old.get("kind")) != old.get("kind"):
         kept.pop("flight")
@@ -119,8 +139,20 @@ def _without_rivals(base: dict[str, Any], changes: Mapping[str, Any]) -> dict[st
 
 def _merged(base: Mapping[str, Any], changes: Mapping[str, Any]) -> dict[str, Any]:
     """Tables of ``base`` with those of ``changes`` put over them, key by key."""
-    both = dict(base)
+    merged = dict(base)
     for key, value in changes.items():
-        old = both.get(key)
-        both[key] = _merged(old, value) if isinstance(old, Mapping) and isinstance(value, Mapping) else value
-    return both
+        old = merged.get(key)
+        merged[key] = _merged(old, value) if isinstance(old, Mapping) and isinstance(value, Mapping) else value
+    return merged
+
+
+def _leaves(value: Any, key: str) -> Iterator[tuple[str, Any]]:
+    """Every value that is neither a table nor a list, and where it lies."""
+    if isinstance(value, Mapping):
+        for name, part in value.items():
+            yield from _leaves(part, f"{key}.{name}" if key else name)
+    elif isinstance(value, list | tuple):
+        for index, part in enumerate(value):
+            yield from _leaves(part, f"{key}.{index}")
+    else:
+        yield key, value

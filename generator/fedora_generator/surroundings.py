@@ -1,4 +1,4 @@
-"""What stands around the flight, and who renders it."""
+"""The surroundings of the flight, and the renderer that draws them."""
 
 from typing import Final, Protocol
 
@@ -27,16 +27,16 @@ MESH_DETAIL: Final[dict[Quality, MeshDetail]] = {
 """Antialiasing by quality, where the scene does not set it (see mesh/README.md for what each leaves)."""
 
 LEAST_DETAIL_BY_LAMPS: Final = MeshDetail(colour_factor=2, event_factor=4)
-"""Where there is no sun: lit windows end in the dark, and what coarser steps leave of such an edge is more than frames
-and events of one pixel may differ by (mesh/README.md)."""
+"""Where there is no sun: lit windows end in the dark, and the error of coarser steps at such an edge exceeds the
+allowed difference of frames and events of one pixel (mesh/README.md)."""
 
 
 class Surroundings(Protocol):
-    """What a camera must not fly into."""
+    """Solids that a camera must not enter."""
 
     @property
     def name(self) -> str:
-        """Its name, as files say it."""
+        """Name, as files declare it."""
 
     def collision(
         self, positions_world_m: NDArray[np.float64], times_s: NDArray[np.float64] | None = None
@@ -45,7 +45,7 @@ class Surroundings(Protocol):
 
 
 def surroundings_of(scene: Scene, *, drawn: bool = True) -> World | MeshModel:
-    """World of a scene, or its place, built from its seed; painted only where it is to be ``drawn``."""
+    """World of a scene, or its place, built from its seed; painted only where it will be ``drawn``."""
     if scene.world is not None:
         return scene.world
     if scene.place is None:
@@ -60,9 +60,18 @@ def surroundings_of(scene: Scene, *, drawn: bool = True) -> World | MeshModel:
 def render_surroundings(
     scene: Scene, surroundings: World | MeshModel, quality: Quality, path_world_m: NDArray[np.float64]
 ) -> RenderedWorld:
-    """Surroundings of a scene under its light, made ready to render by whom the scene says.
+    """Prepare the surroundings of a scene, under its light, for the renderer of the scene.
 
-    ``path_world_m`` (n, 3) is where the camera goes: near it, textures are fine.
+    Parameters
+    ----------
+    scene
+        Its light, renderer and mesh detail.
+    surroundings
+        As ``surroundings_of`` returns them.
+    quality
+        Antialiasing of meshes, where the scene does not set it.
+    path_world_m
+        (n, 3) positions of the camera, near which textures are fine.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""Writing the datasets of a sequence, and what grows while events stream past."""
+"""Writing the datasets of a sequence: whole ones, and those that grow event by event."""
 
 from typing import Any
 
@@ -38,7 +38,7 @@ class EventColumns:
             self._write(self._waiting_rows - self._waiting_rows % EVENT_CHUNK_ROWS)
 
     def finish(self) -> None:
-        """Write what is left."""
+        """Write the rows that wait."""
         self._write(self._waiting_rows)
 
     def _write(self, rows: int) -> None:
@@ -60,7 +60,7 @@ class EventColumns:
 
 
 class IndexMap:
-    """``searchsorted(events_t, stamps, "left")``, computed while the events stream past."""
+    """``searchsorted(events_t, timestamps, "left")``, computed batch by batch."""
 
     def __init__(self, timestamps_us: NDArray[np.int64]) -> None:
         self._timestamps_us = timestamps_us
@@ -69,7 +69,7 @@ class IndexMap:
         self._events = 0
 
     def append(self, times_us: NDArray[np.int64]) -> None:
-        """Show the next events (n,), not earlier than those before."""
+        """Add the times of the next events (n,), us, not earlier than those before."""
         if len(times_us) == 0:
             return
         reached = int(np.searchsorted(self._timestamps_us, times_us[-1], side="right"))
@@ -80,6 +80,6 @@ class IndexMap:
         self._events += len(times_us)
 
     def finish(self) -> NDArray[np.int64]:
-        """Index (frames,) of the earliest event not before each stamp; the number of events where none is left."""
+        """Index (frames,) of the earliest event not before each timestamp; the number of events where none follows."""
         self._indices[self._resolved :] = self._events
         return self._indices

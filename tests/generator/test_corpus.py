@@ -15,13 +15,13 @@ import h5py
 import pytest
 from click.testing import CliRunner, Result
 
-from fedora_generator import room
+from fedora_generator import disk_space
 from fedora_generator.corpus import CorpusOptions, PlannedFile, build, plan_corpus
 from fedora_generator.corpus.cli import corpus as corpus_command
 from fedora_generator.corpus.ladders import STEP, ladder_of
 from fedora_generator.corpus.manifest import MANIFEST, PROGRESS, digest_of
 from fedora_generator.errors import GeneratorError
-from fedora_generator.faults import BYTE_FAULTS, FAULTS, knows_region, plant_fault
+from fedora_generator.faults import BYTE_FAULTS, FAULTS, allows_region, plant_fault
 from fedora_generator.partial_file import PartialFile
 from fedora_generator.scene import Scene, load_scene
 from tests.generator.tiny_sequence import HEIGHT, WIDTH, declare_noise, write_tiny_sequence
@@ -162,7 +162,7 @@ def test_too_little_disk_is_refused_before_any_work(
 ) -> None:
     """With 1 kB free nothing is begun."""
     usage = shutil.disk_usage(tmp_path)
-    monkeypatch.setattr(room.shutil, "disk_usage", lambda _: usage._replace(free=1_000))
+    monkeypatch.setattr(disk_space.shutil, "disk_usage", lambda _: usage._replace(free=1_000))
     result = corpus(tmp_path / "corpus")
     assert "free for the corpus" in str(result.exception)
     assert list(tmp_path.iterdir()) == []
@@ -170,15 +170,15 @@ def test_too_little_disk_is_refused_before_any_work(
 
 def test_a_disk_that_fills_up_ends_the_work(corpus: Corpus, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """No space left while a fault is planted: said as such, no manifest, no file that is not whole."""
-    become, left = PartialFile.become, [2]
+    move_to, left = PartialFile.move_to, [2]
 
-    def become_while_there_is_room(file: PartialFile, target: Path) -> None:
+    def move_while_there_is_space(file: PartialFile, target: Path) -> None:
         left[0] -= 1
         if left[0] < 0:
             file.failure = OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
-        become(file, target)
+        move_to(file, target)
 
-    monkeypatch.setattr(PartialFile, "become", become_while_there_is_room)
+    monkeypatch.setattr(PartialFile, "move_to", move_while_there_is_space)
     result = corpus(tmp_path, "--causes", "gyro_bias", "--clean", "1")
     assert "full disk" in str(result.exception)
     assert sum(name.startswith("single/") for name in files(tmp_path)) < 3
@@ -217,7 +217,7 @@ def test_every_fault_of_the_table_is_planned() -> None:
     assert all(planned.base in {f.file for f in plan} for planned in plan if planned.faults)
     regions = {(f.faults[0].cause, f.faults[0].stream): f.faults[0].region for f in plan if f.faults[0:1]}
     local = [f for f in plan if f.file.endswith("h5") and "-quarter-" in f.file]
-    assert {(f.faults[0].cause, f.faults[0].stream) for f in local} == {p for p in regions if knows_region(*p)}
+    assert {(f.faults[0].cause, f.faults[0].stream) for f in local} == {p for p in regions if allows_region(*p)}
     assert {f.faults[0].region for f in local if f.faults[0].stream != "events"} == {(67, 50, 202, 150)}
 
 

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from fedora_generator.events.comparator import Comparator, SignalNotFiniteError
 from fedora_generator.events.keys import KeyLayout
-from fedora_generator.events.quiet_kernels import COLUMN_MASK, list_active, mark_quiet, room_for_a_row, room_for_pixels
+from fedora_generator.events.quiet_kernels import COLUMN_MASK, list_active, mark_quiet, pixel_buffer, row_buffers
 from tests.generator.event_sensor_cases import Floats
 
 EXTREMES = [0.0, -0.0, 5e-324, -2.2e-308, 1e-45, 1.2e-38, 1.0, 819.2, -4096.0, 3.4e38, -3.5e38, 1e300, -1.7e308]
@@ -51,9 +51,9 @@ def test_most_of_the_quiet_are_surely_so(reference: float, share: float) -> None
 @settings(max_examples=60, deadline=None)
 def test_every_pixel_that_is_not_quiet_is_listed(width: int, share: float, seed: int) -> None:
     """From none to all of a row of any width, in order, after those that were listed before."""
-    quiet, words, candidates = room_for_a_row(width)
+    quiet, words, candidates = row_buffers(width)
     quiet[:width] = np.random.default_rng(seed).random(width) >= share
-    pixels = room_for_pixels(width, 2)
+    pixels = pixel_buffer(width, 2)
     count = list_active(words, 700, candidates, pixels, 0)
     count = list_active(words, 701, candidates, pixels, count)
     expected = np.flatnonzero(quiet == 0)

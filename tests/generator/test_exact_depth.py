@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
 from fedora_generator.camera import CameraOptions, colour_camera
-from fedora_generator.depth import depth_mm, in_range
+from fedora_generator.frames import depth_mm, in_range
 from fedora_generator.render import ExactWorld
 from fedora_generator.surfaces.light import Light
 from fedora_generator.surfaces.textures import Texture

@@ -14,13 +14,13 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from fedora_generator.faults import FAULTS, FaultError, knows_region, knows_time, plant_fault
+from fedora_generator.faults import FAULTS, FaultError, allows_interval, allows_region, plant_fault
 from fedora_generator.faults.cli import fault as fault_command
 from fedora_qa.layout.canonical import FLOW_STREAMS, TIMESTAMPS_OF, datasets_of
 from tests.generator.tiny_sequence import HEIGHT, WIDTH, declare_noise, write_tiny_sequence
 
-IN_TIME = [pair for pair in FAULTS if knows_time(*pair)]
-IN_SPACE = [pair for pair in FAULTS if knows_region(*pair)]
+IN_TIME = [pair for pair in FAULTS if allows_interval(*pair)]
+IN_SPACE = [pair for pair in FAULTS if allows_region(*pair)]
 MAGNITUDES = {"quantised_time": 3.0, "interpolated_pose": 50.0}
 PLACED_ANEW = {"dead_region", "hot_pixels"}
 """Faults that are drawn within the region, and so elsewhere than without one."""

@@ -11,11 +11,11 @@ from hypothesis import strategies as st
 from pydantic import TypeAdapter
 
 from fedora_generator.camera import Camera, CameraOptions, colour_camera, event_camera
-from fedora_generator.depth import depth_mm
 from fedora_generator.errors import SceneError
 from fedora_generator.faults.plant import plant_fault
 from fedora_generator.flight import FlightOptions
 from fedora_generator.flow import scene_flow_px
+from fedora_generator.frames import depth_mm
 from fedora_generator.generate import Request, generate_sequence
 from fedora_generator.render import ExactWorld
 from fedora_generator.sampling import MotionSteps

@@ -56,7 +56,7 @@ def asked_for(monkeypatch: pytest.MonkeyPatch, target: Path, *streams: str) -> s
 
 def test_imu_and_pose_need_no_world(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Neither rendered nor made ready to be: for meshes no graphics is opened and nothing is painted."""
-    for name in ("generate.render_surroundings", "preflight.open_context", "mesh.places.TexturedMesh"):
+    for name in ("generate.render_surroundings", "generate.open_context", "mesh.places.TexturedMesh"):
         monkeypatch.setattr(f"fedora_generator.{name}", never)
     for name in METHODS:
         monkeypatch.setattr(ExactWorld, name, never)

@@ -124,25 +124,25 @@ def write_until_the_disk_is_full(target: Path) -> None:
             dataset[32:] = rows[32:]
             sequence.attrs["late"] = "also dropped"
         assert file.path.stat().st_size == size
-        file.go_on()
+        file.raise_pending()
 
 
 def test_hdf5_closes_what_could_not_be_written(tmp_path: Path) -> None:
-    """A write that fails stops the run at ``go_on``, and HDF5, whose later writes are dropped, sees no error."""
+    """A write that fails stops the run at ``raise_pending``; HDF5, whose later writes are dropped, gets no error."""
     with pytest.raises(OutputError, match="got a full disk"):
         write_until_the_disk_is_full(tmp_path / "a.h5")
     assert list(tmp_path.iterdir()) == []
 
 
 def test_an_interrupt_waits_for_a_safe_moment(tmp_path: Path) -> None:
-    """Ctrl-C is answered at ``go_on``; nothing is left, and Ctrl-C means afterwards what it meant before."""
+    """Ctrl-C is answered at ``raise_pending``; nothing is left, and Ctrl-C means afterwards what it meant before."""
     handler, reached = signal.getsignal(signal.SIGINT), []
 
     def interrupted_run() -> None:
         with partial_file(tmp_path / "a.h5", overwrite=False) as file:
             signal.raise_signal(signal.SIGINT)
             reached.append("writes on")
-            file.go_on()
+            file.raise_pending()
             reached.append("never")
 
     with pytest.raises(KeyboardInterrupt):

@@ -1,1 +1,5 @@
-"""Events of the exact world, sampled pixel by pixel only where and when its light demands it."""
+"""Events of the exact world: each pixel is rendered only where and when its light requires it.
+
+``README.md`` describes the method. Read ``follower`` (one interval of the flight), then ``camera_path``, ``tile_plan``,
+``light_kernels`` and ``crossing_kernels`` in the order of its steps.
+"""

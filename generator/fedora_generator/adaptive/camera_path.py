@@ -1,8 +1,8 @@
-"""The camera's way over a short time, as polynomials that differ from the flight by rounding.
+"""The path of the camera over a short time, as polynomials that differ from the flight by rounding.
 
-Compiled code asks for poses at millions of instants, and a flight answers in Python. Its motion is smooth, so a few
-Chebyshev polynomials hold it; where they do not, the time is halved. A body that moves is seen as one that stands from
-a camera that moves the other way, so that every body has a place of the camera of its own.
+Compiled code needs poses at millions of instants, and a flight is evaluated in Python. Its motion is smooth, so a few
+Chebyshev polynomials represent it; where they do not, the time is halved. A moving body looks like a body at rest from
+a camera that moves the other way, so that every body has its own place of the camera.
 """
 
 from dataclasses import dataclass
@@ -58,7 +58,23 @@ class CameraPath:
 
 
 def camera_paths(world: ExactWorld, camera: Camera, flight: Flight, start_ns: int, stop_ns: int) -> list[CameraPath]:
-    """Paths past the bodies of a world, one after the other from start to stop, each short enough for its polynomials.
+    """Paths past the bodies of a world, each short enough for its polynomials.
+
+    Parameters
+    ----------
+    world
+        Its bodies and their movements.
+    camera
+        Its intrinsics and mounting.
+    flight
+        The trajectory of the body.
+    start_ns, stop_ns
+        Ends of the time, ns of the flight's clock.
+
+    Returns
+    -------
+    paths
+        One after the other from start to stop.
 
     Raises
     ------

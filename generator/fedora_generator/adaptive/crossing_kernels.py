@@ -1,8 +1,8 @@
-"""Every crossing of every pixel between the samples of its tile, found by asking the world for more light.
+"""Every crossing of every pixel between the samples of its tile, by rendering the pixel at more times.
 
 Between two samples a pixel is *quiet*, if its signal cannot reach a threshold, or *steep*, if it rises or falls all the
-way; else the middle is sampled too, and both halves are looked at in turn. What decides is the second difference of
-the samples around, d: a parabola leaves the range of its ends by d / 8 at most, and is steep where its ends differ by
+way; else the middle is sampled too, and both halves are examined in turn. The second difference of the samples around
+decides, d: a parabola leaves the range of its ends by d / 8 at most, and is steep where its ends differ by
 d / 2 or more. ``caution`` times as much is allowed for, as no signal is a parabola. In a steep piece the levels that
 lie between its ends are crossed once each, and a bracketed secant finds when.
 """
@@ -54,14 +54,14 @@ _ROUNDING: Final = 1e-10
 
 
 class Care(NamedTuple):
-    """How much is allowed for curvature beyond a parabola's, and how far a crossing may be off, s."""
+    """Factor on the curvature of a parabola, and the largest error of a crossing, s."""
 
     caution: float
     tolerance_s: float
 
 
 class Clock(NamedTuple):
-    """Start of the path, since that of the recording, its length and the tick of the stamps, ns; bits of a key."""
+    """Start of the path, since that of the recording, its length and the tick of the timestamps, ns; bits of a key."""
 
     start_ns: int
     span_ns: int
@@ -88,10 +88,37 @@ def follow_tiles(
     keys: Integers,
     counts: Integers,
 ) -> int:
-    """Sample each of ``tiles`` and find its events; return how many pixels were rendered.
+    """Sample tiles and find their events.
 
-    Tile ``tiles[i]`` writes its keys to ``keys[i]`` (room for m) and their number to ``counts[i]``; a pixel's are in
-    order of time. Reference and signal are left as at the end of the path.
+    Parameters
+    ----------
+    textures, surfaces, frames, bodies
+        The world, its faces before anything has moved.
+    coefficients
+        (terms, entries) of the camera path.
+    sensor
+        State and thresholds of the pixels; reference and signal are left as at the end of the path.
+    care
+        Allowance for curvature, and tolerance.
+    clock
+        Time and bits of a key.
+    tiles
+        (n,) numbers of the tiles to follow.
+    samples
+        (all tiles,) samples after the first.
+    face_starts, faces
+        Faces of each tile, as in ``TilePlan``.
+    scratch
+        Scratch space of the threads.
+    keys
+        (n, m) keys of each tile, those of a pixel in order of time.
+    counts
+        (n,) number of keys of each tile, or NOT_FINITE or NO_ROOM.
+
+    Returns
+    -------
+    rendered
+        Number of pixels that were rendered.
     """
     rendered = 0
     for index in prange(len(tiles)):
@@ -99,11 +126,11 @@ def follow_tiles(
         own = faces[face_starts[tile] : face_starts[tile + 1]]
         stage = stage_of(textures, surfaces, frames, bodies, coefficients, clock.span_ns * 1e-9, own, scratch, thread)
         values, stack, before = scratch.values[thread], scratch.stack[thread], scratch.before[thread]
-        stage.asked[0] = 0
+        stage.rendered[0] = 0
         counts[index] = _follow_tile(
             stage, sensor, care, clock, tile, values[: samples[tile] + 1], stack, before, keys[index]
         )
-        rendered += stage.asked[0]
+        rendered += stage.rendered[0]
     return rendered
 
 
@@ -152,7 +179,7 @@ def _follow_tile(
 
 @njit(cache=True, error_model="numpy", inline="always")
 def _is_quiet(sensor: Sensor, care: Care, x: int, y: int, values: Floats) -> bool:
-    """Whether a pixel is quiet all along its samples (n + 1,): most are, and are not looked at any closer."""
+    """Whether a pixel is quiet all along its samples (n + 1,): most are, and need no closer look."""
     lowest, highest, bend = values[0], values[0], 0.0
     for sample in range(1, len(values)):
         lowest, highest = min(lowest, values[sample]), max(highest, values[sample])
@@ -194,7 +221,13 @@ def _follow_pixel(
             margin, reference = care.caution * bend / 16, sensor.reference[y, x]
             if min(before, after) - margin > reference - off and max(before, after) + margin < reference + on:
                 top -= 1
-            elif _is_bent(care, after - before, bend) and stop - start > finest and top + 1 < DEEPEST:
+            # A signal may turn on its way where its bend is large beside its change; a bend below rounding is none.
+            elif (
+                abs(after - before) < care.caution * bend / 4
+                and bend > _ROUNDING
+                and stop - start > finest
+                and top + 1 < DEEPEST
+            ):
                 middle = 0.5 * (start + stop)
                 value = signal_at(stage, sensor, x, y, middle)
                 # Over half the time a signal bends a quarter as much; at a kink it is half, but that the middle sees.
@@ -210,12 +243,6 @@ def _follow_pixel(
                     return count
                 top -= 1
     return count
-
-
-@njit(cache=True, error_model="numpy", inline="always")
-def _is_bent(care: Care, change: float, bend: float) -> bool:
-    """Whether a signal may turn on its way."""
-    return bool(abs(change) < care.caution * bend / 4 and bend > _ROUNDING)
 
 
 @njit(cache=True, error_model="numpy", inline="always")
@@ -262,7 +289,10 @@ def _fire(
         start = _crossing(stage, sensor, care, x, y, level, start, before, stop, after)
         before = level
         place = y << clock.column_bits | x
-        keys[count] = _timestamp(clock, start) << clock.timestamp_shift | place << 1 | rising
+        # First tick not before the crossing, which lies after the start of the path: there the level was not reached.
+        offset_ns = min(max(math.floor(start * clock.span_ns + 0.5), 1), clock.span_ns)
+        timestamp = (clock.start_ns + offset_ns + clock.tick_ns - 1) // clock.tick_ns
+        keys[count] = timestamp << clock.timestamp_shift | place << 1 | rising
         count += 1
         sensor.reference[y, x] = level
         level += threshold
@@ -308,10 +338,3 @@ def _crossing(
             start, before, low = share, level + off_level, off_level
             high, stayed = (0.5 * high if stayed == 1 else high), 1
     return 0.5 * (start + stop)
-
-
-@njit(cache=True, error_model="numpy")
-def _timestamp(clock: Clock, share: float) -> int:
-    """First tick not before a crossing. It lies after the start of the path, where its level was not yet reached."""
-    offset_ns = min(max(math.floor(share * clock.span_ns + 0.5), 1), clock.span_ns)
-    return (clock.start_ns + offset_ns + clock.tick_ns - 1) // clock.tick_ns

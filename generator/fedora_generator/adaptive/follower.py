@@ -1,4 +1,4 @@
-"""The log sensor in the exact world: nothing is rendered between events but what tells where they are."""
+"""The log sensor in the exact world: between two events, only the samples that locate them are rendered."""
 
 from dataclasses import dataclass
 from typing import Final
@@ -23,23 +23,23 @@ from fedora_qa.conventions import NS_PER_S, NS_PER_US, US_PER_S
 Floats = NDArray[np.float64]
 Keys = NDArray[np.int64]
 
-FIRST_ROOM: Final = 1 << 11
-"""Events of a tile and interval: 8 a pixel. Where there are more, the tile is done again."""
+FIRST_CAPACITY: Final = 1 << 11
+"""Events of a tile and interval: 8 a pixel. Where there are more, the tile is computed again."""
 
-DEALS: Final = 64
-"""Threads take equal shares of the tiles, so they are dealt like cards."""
+TILE_STRIDE: Final = 64
+"""From a tile to the next in the order in which threads take them."""
 
 
 @dataclass(slots=True)
 class Follower:
-    """Finds the events of an interval of the flight, each tile sampled as its own motion asks for."""
+    """Finds the events of an interval of the flight; each tile is sampled as densely as its own motion requires."""
 
     world: ExactWorld
     camera: Camera
     flight: Flight
     fidelity: Fidelity
     tick_ns: int = NS_PER_US
-    """Unit of the stamps"""
+    """Unit of the timestamps"""
     rendered_pixels: int = 0
     """So far"""
 
@@ -52,10 +52,11 @@ class Follower:
             A pixel has no logarithm; it is left in the signal.
         """
         paths = camera_paths(self.world, self.camera, self.flight, start_ns, stop_ns)
-        return np.sort(np.concatenate([self._along(path, pixels) for path in paths]))
+        return np.sort(np.concatenate([self._path_crossings(path, pixels) for path in paths]))
 
-    def _along(self, path: CameraPath, pixels: Pixels) -> Keys:
-        start_ns = path.start_ns - pixels.origin_ns
+    def _path_crossings(self, path: CameraPath, pixels: Pixels) -> Keys:
+        """Keys of the events along one path; its scratch space and its room for keys are free afterwards."""
+        start_ns = path.start_ns - pixels.origin_ns  # the sensor counts from the start of the recording
         height, width = pixels.signal.shape
         layout, faces = KeyLayout(height, width), self.world.standing
         plan = plan_tiles(faces, path, height, width, self.fidelity.motion_px)
@@ -82,18 +83,16 @@ class Follower:
             care,
             clock,
         )
-        rows, room, tiles = [], FIRST_ROOM, _dealt(plan.samples.size)
+        # Threads take equal shares of this order. Neighbouring tiles take about as much time, distant ones do not: the
+        # stride spreads each share over the image.
+        tiles = np.concatenate([np.arange(first, plan.samples.size, TILE_STRIDE) for first in range(TILE_STRIDE)])
+        rows, capacity = [np.empty(0, np.int64)], FIRST_CAPACITY
         while tiles.size:
-            keys, counts = np.empty((tiles.size, room), np.int64), np.empty(tiles.size, np.int64)
+            keys, counts = np.empty((tiles.size, capacity), np.int64), np.empty(tiles.size, np.int64)
             plan_arrays = (tiles, plan.samples, plan.face_starts, plan.faces)
             self.rendered_pixels += follow_tiles(*stage, *plan_arrays, scratch, keys, counts)
             if (counts == NOT_FINITE).any():
                 raise SignalNotFiniteError("Expected finite signals, got one that is infinite or not a number")
             rows += [row[:count] for row, count in zip(keys, counts, strict=True) if count > 0]
-            tiles, room = tiles[counts == NO_ROOM], 8 * room
-        return np.concatenate([np.empty(0, np.int64), *rows])
-
-
-def _dealt(tiles: int) -> NDArray[np.int64]:
-    """Numbers of all tiles, in an order of which equal shares are equally hard: rows differ, neighbours do not."""
-    return np.concatenate([np.arange(first, tiles, DEALS) for first in range(DEALS)])
+            tiles, capacity = tiles[counts == NO_ROOM], 8 * capacity
+        return np.concatenate(rows)

@@ -8,9 +8,8 @@ from numba import njit
 from numpy.typing import NDArray
 
 from fedora_generator.adaptive.camera_path import RAY_ENTRIES
-from fedora_generator.adaptive.path_kernels import look
 from fedora_generator.surfaces.pixel_kernels import MAX_CORNERS, MAX_PIECES, Pieces
-from fedora_generator.surfaces.projection_kernels import LINES_PER_FACE, FaceFrames
+from fedora_generator.surfaces.projection_kernels import LINES_PER_FACE, FaceFrames, project_face
 from fedora_generator.surfaces.render_kernels import TILE, render_pixel
 from fedora_generator.surfaces.shading_kernels import Surfaces, View
 from fedora_generator.surfaces.texture_kernels import TextureTable
@@ -37,10 +36,10 @@ class Sensor(NamedTuple):
 
 
 class Scratch(NamedTuple):
-    """Room for every thread to work in, first index.
+    """Scratch space of every thread, first index.
 
-    Compiled code counts references to arrays that it makes itself, which would cost more than the arithmetic; those
-    that it is given in a parallel loop it does not.
+    Compiled code counts references to arrays that it makes itself, which would cost more than the arithmetic. It does
+    not count those of arrays that are arguments of a parallel loop.
     """
 
     lines: Floats
@@ -59,11 +58,25 @@ class Scratch(NamedTuple):
     values: Floats
     stack: Floats
     before: Floats
-    asked: Integers
+    rendered: Integers
 
 
 def scratch_for(threads: int, faces: int, waves: int, samples: int, entries: int, depth: int) -> Scratch:
-    """Room for tiles of at most so many faces and samples, textures of so many waves, and ``depth`` open pieces."""
+    """Scratch space for tiles of at most so many faces and samples.
+
+    Parameters
+    ----------
+    threads
+        Number of threads.
+    faces, samples
+        Largest numbers of a tile.
+    waves
+        Waves of a texture.
+    entries
+        Entries of a row of path coefficients.
+    depth
+        Open pieces of a step.
+    """
     pixels = TILE * TILE
     return Scratch(
         lines=np.empty((threads, faces, LINES_PER_FACE, 3)),
@@ -82,14 +95,14 @@ def scratch_for(threads: int, faces: int, waves: int, samples: int, entries: int
         values=np.empty((threads, samples + 1, pixels)),
         stack=np.empty((threads, depth, 6)),
         before=np.empty((threads, pixels)),
-        asked=np.empty((threads, 1), np.int64),
+        rendered=np.empty((threads, 1), np.int64),
     )
 
 
 class Stage(NamedTuple):
-    """What one thread looks at, a world of one colour from the path of a camera, and what it works with.
+    """What one thread renders, a world of a single colour along a camera path, and its scratch space.
 
-    ``view`` holds the faces of the tile, ``given`` which of them may be seen; ``asked`` (1,) counts pixels.
+    ``view`` holds the faces of the tile, ``given`` which of them may be seen; ``rendered`` (1,) counts pixels.
     """
 
     textures: TextureTable
@@ -109,7 +122,7 @@ class Stage(NamedTuple):
     terms: Floats
     radiance_dn: Floats
     signal: Floats
-    asked: Integers
+    rendered: Integers
 
 
 @njit(cache=True, error_model="numpy", inline="always")
@@ -149,20 +162,84 @@ def stage_of(
         scratch.terms[thread],
         scratch.radiance_dn[thread],
         scratch.signal[thread],
-        scratch.asked[thread],
+        scratch.rendered[thread],
     )
+
+
+@njit(cache=True, error_model="numpy")
+def look(
+    frames: FaceFrames,
+    bodies: Integers,
+    coefficients: Floats,
+    share: float,
+    view: View,
+    cameras_m: Floats,
+    sums: Floats,
+) -> None:
+    """Turn ``view``, in place, to how its faces (``front``) appear at a share (0 to 1) of the path.
+
+    Parameters
+    ----------
+    frames
+        The faces before anything has moved.
+    bodies
+        Body (faces,) that each face belongs to.
+    coefficients
+        (terms, entries) of Chebyshev polynomials, as in ``CameraPath``.
+    share
+        0 at the start of the path, 1 at its end.
+    view
+        Its ``rays`` and ``lines`` are overwritten.
+    cameras_m, sums
+        Scratch space (bodies, 3) and (2, entries).
+    """
+    # Clenshaw's recurrence: b_k = c_k + 2 x b_(k+1) - b_(k+2), then f(x) = c_0 + x b_1 - b_2.
+    x = 2.0 * share - 1.0
+    sums[:] = 0.0
+    for term in range(len(coefficients) - 1, 0, -1):
+        for entry in range(sums.shape[1]):
+            value = coefficients[term, entry] + 2.0 * x * sums[0, entry] - sums[1, entry]
+            sums[1, entry] = sums[0, entry]
+            sums[0, entry] = value
+    for entry in range(sums.shape[1]):
+        row, column = divmod(entry, 3)
+        value = coefficients[0, entry] + x * sums[0, entry] - sums[1, entry]
+        if row < 3:
+            view.rays[row, column] = value
+        else:
+            cameras_m[row - 3, column] = value
+    for index in range(len(view.front)):
+        face = view.front[index]
+        project_face(frames, face, cameras_m[bodies[face]], view.rays, view.lines[index])
 
 
 @njit(cache=True, error_model="numpy")
 def sample_block(
     stage: Stage, sensor: Sensor, column: int, row: int, rows: int, columns: int, share: float, values: Floats
 ) -> None:
-    """Fill ``values`` (pixels,) in raster order with the signals of a block of a tile at a share of the path."""
+    """Compute the signals of a block of a tile at a share of the path.
+
+    Parameters
+    ----------
+    stage
+        World, path and scratch space of the thread.
+    sensor
+        Its leak and the offset of its logarithm.
+    column, row
+        First pixel of the block.
+    rows, columns
+        Size of the block.
+    share
+        0 at the start of the path, 1 at its end.
+    values
+        (pixels,) to fill, in raster order.
+    """
     textures, surfaces, given, in_pixel = stage.textures, stage.surfaces, stage.given, stage.in_pixel
     pieces, terms, radiance_dn = stage.pieces, stage.terms, stage.radiance_dn
     view = View(stage.view_front, stage.view_lines, stage.view_rays)
     look(stage.frames, stage.bodies, stage.coefficients, share, view, stage.cameras_m, stage.sums)
-    _give_all(given)
+    for index in range(len(given)):  # at first every face of the tile
+        given[index] = index
     x_middle, y_middle = column + 0.5 * (columns - 1), row + 0.5 * (rows - 1)
     half = 0.5 * max(rows, columns)
     # The list is shortened in place: a face moves to the front of itself.
@@ -187,8 +264,10 @@ def sample_block(
     if sensor.leak_per_s > 0.0:
         for y in range(rows):
             for x in range(columns):
-                values[y * columns + x] += _leaked(stage, sensor, column + x, row + y, share)
-    stage.asked[0] += rows * columns
+                # Leak acts as a signal that rises for ever.
+                on, _ = thresholds_of(sensor, column + x, row + y)
+                values[y * columns + x] += float(sensor.leak_per_s * on * (sensor.elapsed_s + share * stage.span_s))
+    stage.rendered[0] += rows * columns
 
 
 @njit(cache=True, error_model="numpy")
@@ -198,21 +277,8 @@ def signal_at(stage: Stage, sensor: Sensor, x: int, y: int, share: float) -> flo
     return float(stage.signal[0])
 
 
-@njit(cache=True, error_model="numpy")
-def _give_all(given: Integers) -> None:
-    for index in range(len(given)):
-        given[index] = index
-
-
 @njit(cache=True, error_model="numpy", inline="always")
 def thresholds_of(sensor: Sensor, x: int, y: int) -> tuple[float, float]:
     """Thresholds of a pixel, brighter and darker."""
     row_on, row_off = y if len(sensor.threshold_on) > 1 else 0, y if len(sensor.threshold_off) > 1 else 0
     return sensor.threshold_on[row_on, x], sensor.threshold_off[row_off, x]
-
-
-@njit(cache=True, error_model="numpy")
-def _leaked(stage: Stage, sensor: Sensor, x: int, y: int, share: float) -> float:
-    """Leak acts as a signal that rises for ever."""
-    on, _ = thresholds_of(sensor, x, y)
-    return float(sensor.leak_per_s * on * (sensor.elapsed_s + share * stage.span_s))

@@ -1,4 +1,4 @@
-"""How densely each tile of the image must be sampled over a path of the camera, and what it can show meanwhile."""
+"""How densely each tile of the image must be sampled along a path of the camera, and which faces it can show."""
 
 import itertools
 import math
@@ -6,14 +6,15 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
+from numba import njit, prange
 from numpy.typing import NDArray
 from scipy.ndimage import maximum_filter
 
-from fedora_generator.adaptive import tile_plan_kernels as kernels
 from fedora_generator.adaptive.camera_path import CameraPath
 from fedora_generator.surfaces.faces import Faces, moved
 from fedora_generator.surfaces.projection_kernels import LINES_PER_FACE, project_every_face
-from fedora_generator.surfaces.render_kernels import TILE
+from fedora_generator.surfaces.render_kernels import TILE, faces_around_tile, tile_count, tile_origin
+from fedora_generator.surfaces.visibility_kernels import W, nearest_face, value
 
 Floats = NDArray[np.float64]
 
@@ -42,24 +43,6 @@ class TilePlan:
     """Faces that a tile can show at any time of the path"""
 
 
-def plan_tiles(standing: Faces, path: CameraPath, height: int, width: int, bound_px: float) -> TilePlan:
-    """Equal steps in each tile, in none of which its image moves farther than ``bound_px``; faces as yet unmoved.
-
-    What moves into a tile comes from a neighbour: a tile is sampled as densely as the densest around it, and its faces
-    are those of a square that is larger by the motion.
-    """
-    views = [_view(standing, path, part / PARTS) for part in range(PARTS + 1)]
-    motions_px = PARTS * _motions_px(views, standing.bodies, height, width)
-    samples = np.clip(np.ceil(motions_px / bound_px), FEWEST_SAMPLES, _most_samples(path)).astype(np.int64)
-    samples[motions_px <= STILL_PX] = 1
-    marked = np.zeros((samples.size, len(standing.textures)), dtype=np.bool_)
-    for view in views:
-        front = np.flatnonzero(view.front)
-        kernels.mark_faces(view.lines[front], front, motions_px / PARTS + 1, height, width, marked)
-    starts = np.concatenate([[0], np.cumsum(marked.sum(axis=1))])
-    return TilePlan(samples, starts.astype(np.int64), np.nonzero(marked)[1].astype(np.int64))
-
-
 @dataclass(frozen=True, slots=True)
 class _View:
     rays: Floats
@@ -68,24 +51,122 @@ class _View:
     front: NDArray[np.bool_]
 
 
-def _view(standing: Faces, path: CameraPath, share: float) -> _View:
-    rays, cameras_m = path.at(share)
-    lines = np.empty((len(standing.textures), LINES_PER_FACE, 3))
-    faces = moved(standing, cameras_m[0] - cameras_m)
-    return _View(rays, cameras_m, lines, project_every_face(faces.frames, cameras_m[0], rays, lines))
+def plan_tiles(standing: Faces, path: CameraPath, height: int, width: int, bound_px: float) -> TilePlan:
+    """Plan equal steps for each tile, in none of which its image moves farther than ``bound_px``.
 
+    What moves into a tile comes from a neighbour: a tile is sampled as densely as the densest around it, and its faces
+    are those of a square that is larger by the motion.
 
-def _motions_px(views: list[_View], bodies: NDArray[np.int64], height: int, width: int) -> Floats:
-    """Largest displacement (tiles,) from any view to the next or the one before, of a tile and its neighbours."""
+    Parameters
+    ----------
+    standing
+        Faces of the world before anything has moved.
+    path
+        Rays and places of the camera.
+    height, width
+        Of the image, px.
+    bound_px
+        Largest motion of the image in a step, px.
+    """
+    views = []
+    for part in range(PARTS + 1):
+        rays, cameras_m = path.at(part / PARTS)
+        lines = np.empty((len(standing.textures), LINES_PER_FACE, 3))
+        faces = moved(standing, cameras_m[0] - cameras_m)
+        views.append(_View(rays, cameras_m, lines, project_every_face(faces.frames, cameras_m[0], rays, lines)))
+    # Largest displacement (tiles,) from any view to the next or the one before, of a tile and its neighbours.
     rows, columns = math.ceil(height / TILE), math.ceil(width / TILE)
     motions_px = np.zeros(rows * columns)
-    for here, there in itertools.chain(itertools.pairwise(views), itertools.pairwise(reversed(views))):
-        to_there = np.linalg.inv(there.rays)
-        H, ts = to_there @ here.rays, (here.cameras_m - there.cameras_m) @ to_there.T
-        visible = (here.lines[here.front], bodies[here.front])
-        kernels.largest_motions(*visible, H, ts, height, width, motions_px)
-    return np.asarray(maximum_filter(motions_px.reshape(rows, columns), size=3, mode="nearest").ravel())
+    for start, end in itertools.chain(itertools.pairwise(views), itertools.pairwise(reversed(views))):
+        to_end = np.linalg.inv(end.rays)
+        H, ts = to_end @ start.rays, (start.cameras_m - end.cameras_m) @ to_end.T
+        visible = (start.lines[start.front], standing.bodies[start.front])
+        largest_motions(*visible, H, ts, height, width, motions_px)
+    motions_px = maximum_filter(motions_px.reshape(rows, columns), size=3, mode="nearest").ravel()
+    motions_px = PARTS * np.asarray(motions_px)
+    most_samples = max(FEWEST_SAMPLES, (path.stop_ns - path.start_ns) // SHORTEST_STEP_NS)
+    samples = np.clip(np.ceil(motions_px / bound_px), FEWEST_SAMPLES, most_samples).astype(np.int64)
+    samples[motions_px <= STILL_PX] = 1
+    marked = np.zeros((samples.size, len(standing.textures)), dtype=np.bool_)
+    for view in views:
+        front = np.flatnonzero(view.front)
+        mark_faces(view.lines[front], front, motions_px / PARTS + 1, height, width, marked)
+    starts = np.concatenate([[0], np.cumsum(marked.sum(axis=1))])
+    return TilePlan(samples, starts.astype(np.int64), np.nonzero(marked)[1].astype(np.int64))
 
 
-def _most_samples(path: CameraPath) -> int:
-    return max(FEWEST_SAMPLES, (path.stop_ns - path.start_ns) // SHORTEST_STEP_NS)
+@njit(parallel=True, cache=True, error_model="numpy")
+def largest_motions(
+    lines: NDArray[np.float64],
+    bodies: NDArray[np.int64],
+    H: NDArray[np.float64],
+    ts: NDArray[np.float64],
+    height: int,
+    width: int,
+    motions_px: NDArray[np.float64],
+) -> None:
+    """Raise ``motions_px`` (tiles,) to the largest displacement of any pixel of a tile to another pose.
+
+    A point that passes behind the camera has no displacement.
+
+    Parameters
+    ----------
+    lines
+        (n, 7, 3) faces in the first pose.
+    bodies
+        (n,) body of each face.
+    H, ts
+        (3, 3) and (bodies, 3): (column, row, 1) is displaced to H p + t / z, with the t of its body.
+    height, width
+        Of the image, px.
+    motions_px
+        (tiles,) raised in place.
+    """
+    for tile in prange(tile_count(height, width)):
+        column, row = tile_origin(tile, width)
+        in_tile = np.empty(len(lines), np.int64)
+        count, uniform = faces_around_tile(lines, column, row, 0.0, in_tile)
+        squared = motions_px[tile] ** 2
+        for y in range(row, min(row + TILE, height)):
+            for x in range(column, min(column + TILE, width)):
+                face = in_tile[0] if uniform else nearest_face(lines, in_tile, count, x, y)
+                w = value(lines, face, W, x, y) if face >= 0 else 0.0
+                t = ts[bodies[face] if face >= 0 else 0]
+                ahead = H[2, 0] * x + H[2, 1] * y + H[2, 2] + w * t[2]
+                if ahead > 0.0:
+                    dx = (H[0, 0] * x + H[0, 1] * y + H[0, 2] + w * t[0]) / ahead - x
+                    dy = (H[1, 0] * x + H[1, 1] * y + H[1, 2] + w * t[1]) / ahead - y
+                    squared = max(squared, dx * dx + dy * dy)
+        motions_px[tile] = math.sqrt(squared)
+
+
+@njit(parallel=True, cache=True, error_model="numpy")
+def mark_faces(
+    lines: NDArray[np.float64],
+    front: NDArray[np.int64],
+    reach_px: NDArray[np.float64],
+    height: int,
+    width: int,
+    marked: NDArray[np.bool_],
+) -> None:
+    """Mark the faces that each tile can show.
+
+    Parameters
+    ----------
+    lines
+        (n, 7, 3) faces in front of the camera.
+    front
+        (n,) their numbers.
+    reach_px
+        (tiles,) by how much each tile is taken larger on every side, px.
+    height, width
+        Of the image, px.
+    marked
+        (tiles, faces) set in place.
+    """
+    for tile in prange(tile_count(height, width)):
+        column, row = tile_origin(tile, width)
+        faces = np.empty(len(lines), np.int64)
+        count, _ = faces_around_tile(lines, column, row, reach_px[tile], faces)
+        for index in range(count):
+            marked[tile, front[faces[index]]] = True

@@ -1,7 +1,6 @@
-"""``fedora-generate corpus``: clean and faulty sequences, and the manifest that tells them apart."""
+"""``fedora-generate corpus``: clean and faulty sequences, and the manifest that lists which is which."""
 
 import re
-from collections.abc import Iterable
 from pathlib import Path
 from typing import Final, cast
 
@@ -10,10 +9,10 @@ from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
 from fedora_generator.corpus.build import build_corpus
-from fedora_generator.corpus.plan import CorpusOptions, PlannedFile, plan_corpus
-from fedora_generator.room import expected_bytes
+from fedora_generator.corpus.plan import CorpusOptions, plan_corpus
+from fedora_generator.disk_space import expected_bytes
 from fedora_generator.sampling import MOTION_BOUND_PX, Quality
-from fedora_generator.scene import Scene, load_scene
+from fedora_generator.scene import load_scene
 
 DEFAULT_SCENES: Final = "park-day,fast-turn,park-noisy"
 
@@ -90,7 +89,18 @@ def corpus(
         spread=spread,
     )
     if dry_run:
-        _print_plan(plan_corpus(options, described), described, duration_s)
+        # Files and bytes by kind, a line each, and in all.
+        sizes = {scene.name: expected_bytes(scene, duration_s) for scene in described}
+        rows: dict[str, list[int]] = {}
+        for planned in plan_corpus(options, described):
+            for kind in (planned.file.split("/", 1)[0], "all"):
+                row = rows.setdefault(kind, [0, 0])
+                row[0] += 1
+                row[1] += sizes[planned.scene]
+        rows["all"] = rows.pop("all")
+        click.echo(f"{'kind':<10} {'files':>6} {'MB, about':>10}")
+        for kind, (files, size_bytes) in rows.items():
+            click.echo(f"{kind:<10} {files:>6} {size_bytes / 1e6:>10.1f}")
         return
     console = Console(stderr=True)
     columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
@@ -104,18 +114,3 @@ def corpus(
             report=lambda done, planned, file: bar.update(task, completed=done, total=planned, description=file),
         )
     click.echo(f"{manifest}", err=True)
-
-
-def _print_plan(plan: Iterable[PlannedFile], scenes: tuple[Scene, ...], duration_s: float) -> None:
-    """Print files and bytes by kind, a line each, and in all."""
-    sizes = {scene.name: expected_bytes(scene, duration_s) for scene in scenes}
-    rows: dict[str, list[int]] = {}
-    for planned in plan:
-        for kind in (planned.file.split("/", 1)[0], "all"):
-            row = rows.setdefault(kind, [0, 0])
-            row[0] += 1
-            row[1] += sizes[planned.scene]
-    rows["all"] = rows.pop("all")
-    click.echo(f"{'kind':<10} {'files':>6} {'MB, about':>10}")
-    for kind, (files, size_bytes) in rows.items():
-        click.echo(f"{kind:<10} {files:>6} {size_bytes / 1e6:>10.1f}")

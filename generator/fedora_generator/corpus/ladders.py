@@ -1,9 +1,9 @@
-"""How large a planted fault is: a geometric ladder around the size that a good tool should just see.
+"""How large a planted fault is: a geometric ladder around the smallest size that a good tool should detect.
 
 The nominal sizes are what a second of a small sequence (270x200) can show, as the checks state it of a clean one, to
 within a factor of three or so. They order the rungs and set what a manifest expects to be ``observable``; a study of
 detection measures the limits themselves. Noise of the pose hides motion by orders of magnitude, so what is held against
-the pose has two nominal sizes; where there is no noise, the rounding of stamps and values sets the limit.
+the pose has two nominal sizes; where there is no noise, the rounding of timestamps and values sets the limit.
 """
 
 import math
@@ -34,11 +34,11 @@ class Ladder:
     most
         The largest magnitude that makes sense.
     fixed
-        One rung only, whatever is asked for.
+        A single rung, whatever the number requested.
     smaller_is_worse
         The fault grows as the magnitude falls.
     hidden
-        There is nothing to see: the file stays a legal one, or noise hides all sizes that make sense.
+        Not detectable: the file stays a legal one, or noise hides all sizes that make sense.
     """
 
     nominal: float | None = None
@@ -69,10 +69,10 @@ class Ladder:
         return tuple(sorted(distinct, reverse=self.smaller_is_worse))
 
     def is_observable(self, magnitude: float | None, share: float = 1.0) -> bool:
-        """Whether a good tool should see a fault of this size, where the sequence has texture and motion.
+        """Whether a good tool should detect a fault of this size, where the sequence has texture and motion.
 
-        A fault of a ``share`` of the pixels or of the time is seen from a size on that is larger by 1 / sqrt(share), as
-        the error of a mean over so many fewer samples is. One without a ladder is seen in any share.
+        The detection limit of a fault in a ``share`` of the pixels or of the time is larger by 1 / sqrt(share), like
+        the standard error of a mean over so many fewer samples. A fault without a ladder is detectable in any share.
         """
         if self.hidden:
             return False
@@ -92,7 +92,15 @@ def depends_on_pose_noise(cause: str, stream: str) -> bool:
 
 
 def ladder_of(cause: str, stream: str, *, noisy_pose: bool = False) -> Ladder:
-    """Return the ladder of a fault that the table of faults plants, in a sequence with noise of the pose or without."""
+    """Return the ladder of a fault.
+
+    Parameters
+    ----------
+    cause, stream
+        As the table of faults has them.
+    noisy_pose
+        Whether the pose of the sequence has noise.
+    """
     if (cause, stream) in USUAL_FACTORS:
         return Ladder(nominal=USUAL_FACTORS[cause, stream], unit="1", fixed=True)
     if noisy_pose and (cause, stream) in _UNDER_POSE_NOISE:
@@ -101,24 +109,24 @@ def ladder_of(cause: str, stream: str, *, noisy_pose: bool = False) -> Ladder:
 
 
 _SIZELESS: Final = Ladder()
-_ONE: Final = Ladder(nominal=1, whole=True)
+_COUNT: Final = Ladder(nominal=1, whole=True)
 
 _OF_CAUSE: Final[Mapping[str, Ladder]] = MappingProxyType(
     {
         "time_offset": Ladder(nominal=2.0, unit="ms"),
         "clock_rate": Ladder(nominal=20.0, unit="ppm"),
-        # 0.7 and its thirds and triples divide no sampling interval: every rung moves stamps.
+        # 0.7 and its thirds and triples divide no sampling interval: every rung moves timestamps.
         "quantised_time": Ladder(nominal=0.7, unit="ms"),
-        "dropped_samples": _ONE,
-        "duplicated_samples": _ONE,
+        "dropped_samples": _COUNT,
+        "duplicated_samples": _COUNT,
         "unsorted": Ladder(nominal=2, whole=True),
-        "frozen_frames": _ONE,
-        "swapped_frames": _ONE,
-        "nan_in_stream": _ONE,
-        "index_off_by_one": _ONE,
-        "spatial_offset": _ONE,
+        "frozen_frames": _COUNT,
+        "swapped_frames": _COUNT,
+        "nan_in_stream": _COUNT,
+        "index_off_by_one": _COUNT,
+        "spatial_offset": _COUNT,
         "dead_region": Ladder(nominal=5, unit="px", whole=True),
-        "hot_pixels": _ONE,
+        "hot_pixels": _COUNT,
         "threshold_misdeclared": Ladder(nominal=20.0, unit="percent"),
         "noise_misdeclared": Ladder(nominal=50.0, unit="percent"),
         "gyro_bias": Ladder(nominal=3e-7, unit="rad/s"),
@@ -142,7 +150,7 @@ _OF_CAUSE: Final[Mapping[str, Ladder]] = MappingProxyType(
 
 _OF_PAIR: Final[Mapping[tuple[str, str], Ladder]] = MappingProxyType(
     {
-        # Stamps are whole microseconds; a flow interval that begins at no depth frame shows at once.
+        # Timestamps are whole microseconds; a flow interval that begins at no depth frame is detected at once.
         **{("time_offset", stream): Ladder(nominal=3e-3, unit="ms") for stream in ("imu", "pose", "flow", "depth")},
         ("clock_rate", "events"): Ladder(nominal=1e4, unit="ppm"),
         ("quantised_time", "events"): Ladder(nominal=0.1, unit="ms"),
@@ -154,7 +162,7 @@ _OF_PAIR: Final[Mapping[tuple[str, str], Ladder]] = MappingProxyType(
         ("nan_in_stream", "metadata"): Ladder(nominal=1, fixed=True),
         ("noise_misdeclared", "imu"): Ladder(nominal=25.0, unit="percent"),
         ("lever_arm", "metadata"): Ladder(nominal=1e-3, unit="m"),
-        # A map may be left out, and unlike other streams nothing in the metadata promises one.
+        # A map may be absent: unlike for other streams, nothing in the metadata declares one.
         **{("missing_stream", stream): Ladder(hidden=True) for stream in INDEX_MAPS},
         ("truncated", "file"): Ladder(nominal=1.0, unit="percent", most=90.0),
     }
@@ -171,7 +179,7 @@ _UNDER_POSE_NOISE: Final[Mapping[tuple[str, str], Ladder]] = MappingProxyType(
         ("lever_arm", "imu"): Ladder(nominal=2.0, unit="m"),
         ("lever_arm", "pose"): Ladder(nominal=2.0, unit="m"),
         ("teleport", "pose"): Ladder(nominal=0.05, unit="m"),
-        # A small error of the pose turns and stretches flow as these do: frames alone tell them from it.
+        # A small error of the pose rotates and stretches flow as these faults do; only frames distinguish them.
         ("flow_gain", "flow"): Ladder(nominal=0.3, unit="percent"),
         ("intrinsics_focal", "flow"): Ladder(nominal=0.3, unit="percent"),
         ("intrinsics_focal", "metadata"): Ladder(nominal=0.3, unit="percent"),

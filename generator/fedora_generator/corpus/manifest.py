@@ -1,4 +1,4 @@
-"""``manifest.json``: what a corpus holds, read by whoever measures detection.
+"""``manifest.json``: what a corpus holds, for studies of detection.
 
 ::
 
@@ -7,16 +7,16 @@
      "items": [item, ...],
      "skipped": [{"file", "reason"}, ...]}
 
-An item says ``file`` (beneath the manifest's folder), ``scene``, ``seed``, ``base`` (the clean file it is a copy of,
-null for a clean one), ``faults``, ``sha256`` and ``bytes``; ``observable`` (whether a good tool should see the fault
+An item has ``file`` (beneath the manifest's folder), ``scene``, ``seed``, ``base`` (the clean file it is a copy of,
+null for a clean one), ``faults``, ``sha256`` and ``bytes``; ``observable`` (whether a good tool should detect the fault
 where the sequence has texture and motion) and ``notes``; and its first fault once more as ``cause``, ``stream``,
 ``magnitude`` and ``unit``, all null for a clean file, for readers that know one fault a file. Where sequences begin at
 different places of their flight, ``start_s`` says where.
 
-Each of ``faults`` says ``cause``, ``stream``, ``magnitude`` (positive: stamps too late, values too large; null where
-the fault has no size), ``unit``, ``seed``, ``start_s`` and ``stop_s`` (half-open, seconds after the file's first
-stamp), ``region`` ([x0, y0, x1, y1], half-open, pixels of the stream's own image), and ``donor`` (the clean file that
-the stream of another sequence comes from). What does not apply is null.
+Each of ``faults`` has ``cause``, ``stream``, ``magnitude`` (positive: timestamps too late, values too large; null
+where the fault has no size), ``unit``, ``seed``, ``start_s`` and ``stop_s`` (half-open, seconds after the file's first
+timestamp), ``region`` ([x0, y0, x1, y1], half-open, pixels of the stream's own image), and ``donor`` (the clean file
+that the stream of another sequence comes from). What does not apply is null.
 
 ``skipped`` names the faults that the data could not hold, and why.
 """
@@ -35,7 +35,7 @@ Item = dict[str, Any]
 
 MANIFEST: Final = "manifest.json"
 PROGRESS: Final = "progress.json"
-"""A manifest of what has been made so far, while a corpus is not whole."""
+"""A manifest of the files made so far, while a corpus is not complete."""
 
 CORPUS_VERSION: Final = 1
 
@@ -43,7 +43,7 @@ _OF_ONE_FAULT: Final = ("cause", "stream", "magnitude", "unit")
 
 
 def description_of(planned: PlannedFile) -> Item:
-    """Return the manifest's item of a planned file, as far as the plan knows it: all but digest and bytes."""
+    """Return the manifest's item of a planned file, as far as the plan determines it: all but digest and bytes."""
     item: Item = json.loads(json.dumps(asdict(planned)))
     if planned.start_s is None:
         del item["start_s"]  # as in corpora whose sequences all begin where their scenes do
@@ -57,7 +57,7 @@ def item_of(planned: PlannedFile, path: Path) -> Item:
 
 
 def is_made(planned: PlannedFile, path: Path, item: Item | None) -> bool:
-    """Whether a file is there, was made as planned, and is whole."""
+    """Whether a file exists, was made as planned, and is complete."""
     if item is None or not path.is_file() or path.stat().st_size != item.get("bytes"):
         return False
     return item == description_of(planned) | {"sha256": digest_of(path), "bytes": item["bytes"]}
@@ -70,7 +70,24 @@ def digest_of(path: Path) -> str:
 
 
 def write_listing(path: Path, made_with: Item, items: Iterable[Item], skipped: Iterable[Item]) -> None:
-    """Write a manifest in one step; the same content gives the same bytes."""
+    """Write a manifest in one step; the same content gives the same bytes.
+
+    Parameters
+    ----------
+    path
+        Of the manifest.
+    made_with
+        What every file depends on.
+    items
+        Files that are made.
+    skipped
+        Faults that could not be planted, with the reason.
+
+    Raises
+    ------
+    OutputError
+        The file cannot be written.
+    """
     content = {
         "corpus_version": CORPUS_VERSION,
         "made_with": made_with,
@@ -88,7 +105,7 @@ def write_listing(path: Path, made_with: Item, items: Iterable[Item], skipped: I
 
 
 def read_listing(folder: Path) -> Item | None:
-    """Return the manifest of a folder, or the progress of one that is not whole; None if it has neither."""
+    """Return the manifest of a folder, or the progress of one that is not complete; None if it has neither."""
     for name in (MANIFEST, PROGRESS):
         try:
             listing = json.loads((folder / name).read_text(encoding="utf-8"))

@@ -1,14 +1,14 @@
-"""Which files a corpus is to hold; nothing is made here."""
+"""The plan of a corpus: which files it will hold. Nothing is written here."""
 
 import zlib
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from typing import Final
 
-from fedora_generator.camera import Camera, CameraOptions, colour_camera, event_camera
+from fedora_generator.camera import colour_camera, event_camera
 from fedora_generator.corpus.ladders import Ladder, depends_on_pose_noise, ladder_of
 from fedora_generator.corpus.spread import magnitude_of, start_of, trials_of
-from fedora_generator.faults import BYTE_FAULTS, FAULTS, FaultError, Region, knows_region, knows_time
+from fedora_generator.faults import BYTE_FAULTS, FAULTS, FaultError, Region, allows_interval, allows_region
 from fedora_generator.faults.fault import default_unit
 from fedora_generator.sampling import Quality
 from fedora_generator.scene import Scene
@@ -28,7 +28,7 @@ TWO_AT_ONCE: Final[tuple[tuple[Pair, Pair], ...]] = (
     (("threshold_misdeclared", "events"), ("intrinsics_focal", "metadata")),
     (("clock_rate", "pose"), ("accel_bias", "imu")),
 )
-"""Composite faults: of different streams, some with symptoms in common and some with none."""
+"""Composite faults, of different streams: some pairs have symptoms in common, others none."""
 
 _PLACED: Final = frozenset(
     {
@@ -41,7 +41,7 @@ _PLACED: Final = frozenset(
         "teleport",
     }
 )
-"""Faults that happen at one place in time anyway: half of the time says nothing new."""
+"""Faults at one place in time: confined to half of the time they are the same faults."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -112,17 +112,22 @@ def plan_corpus(options: CorpusOptions, scenes: tuple[Scene, ...]) -> tuple[Plan
     """Return every file of the corpus: clean ones first, in an order that follows from the arguments alone.
 
     Each fault is planted in one clean sequence, the whole ladder in the same, or each trial in another; which one
-    follows from the name of the fault, so that the same fault gets the same file whatever others are asked for.
+    follows from the name of the fault, so that the same fault gets the same file whichever others are requested.
 
     Raises
     ------
     FaultError
         A cause that no fault has.
     """
-    pairs, deep = _wanted(options.causes), _wanted(options.deep) if options.deep else ()
-    clean = tuple(_clean_files(options, scenes))
+    pairs, deep = _pairs_of(options.causes), _pairs_of(options.deep) if options.deep else ()
+    clean = []
+    for scene in scenes:
+        for seed in range(options.seed, options.seed + options.clean):
+            start_s = start_of(scene, seed, options.duration_s) if options.spread else None
+            file = f"clean/{scene.name}-{seed}.h5"
+            clean.append(PlannedFile(file=file, scene=scene.name, seed=seed, start_s=start_s))
     described = {scene.name: scene for scene in scenes}
-    planner = _Planner(options, described, clean)
+    planner = _Planner(options, described, tuple(clean))
     files = [*clean]
     for pair in pairs:
         trials = options.deep_trials if pair in deep else options.trials
@@ -132,23 +137,16 @@ def plan_corpus(options: CorpusOptions, scenes: tuple[Scene, ...]) -> tuple[Plan
     return tuple(files)
 
 
-def _wanted(causes: tuple[str, ...]) -> tuple[Pair, ...]:
+def _pairs_of(causes: tuple[str, ...]) -> tuple[Pair, ...]:
     table = (*FAULTS, *BYTE_FAULTS)
     names = {cause for cause, _ in table} | {f"{stream}:{cause}" for cause, stream in table}
-    unknown = [each for each in causes if each not in names]
+    unknown = [cause for cause in causes if cause not in names]
     if unknown:
         legal = ", ".join(dict.fromkeys(cause for cause, _ in table))
         raise FaultError(f"Expected causes that can be planted, got {', '.join(unknown)}; choose from {legal}")
     return tuple(
         (cause, stream) for cause, stream in table if not causes or cause in causes or f"{stream}:{cause}" in causes
     )
-
-
-def _clean_files(options: CorpusOptions, scenes: tuple[Scene, ...]) -> Iterator[PlannedFile]:
-    for scene in scenes:
-        for seed in range(options.seed, options.seed + options.clean):
-            start_s = start_of(scene, seed, options.duration_s) if options.spread else None
-            yield PlannedFile(file=f"clean/{scene.name}-{seed}.h5", scene=scene.name, seed=seed, start_s=start_s)
 
 
 @dataclass(frozen=True, slots=True)
@@ -182,12 +180,15 @@ class _Planner:
         base = self._base(pair)
         ladder, fault = self._ladder(pair, base), self._severe(pair, base)
         quarter_s = self.options.duration_s / 4
-        if knows_time(*pair) and pair[0] not in _PLACED:
+        if allows_interval(*pair) and pair[0] not in _PLACED:
             half = replace(fault, start_s=quarter_s, stop_s=3 * quarter_s)
             observable = ladder.is_observable(fault.magnitude, share=1 / 2)
             yield _copy_of(base, "local", f"{_label(half)}-half", (half,), observable, "half of the time")
-        if knows_region(*pair):
-            part = replace(fault, region=_middle_quarter(self.scenes[base.scene], pair[1]))
+        if allows_region(*pair):
+            camera_of = event_camera if pair[1] == "events" else colour_camera
+            camera = camera_of(self.scenes[base.scene].camera)
+            left, top = camera.width // 4, camera.height // 4
+            part = replace(fault, region=(left, top, left + camera.width // 2, top + camera.height // 2))
             observable = ladder.is_observable(fault.magnitude, share=1 / 4)
             yield _copy_of(base, "local", f"{_label(part)}-quarter", (part,), observable, "a quarter of the image")
 
@@ -206,34 +207,37 @@ class _Planner:
 
     def _fault(self, pair: Pair, base: PlannedFile, magnitude: float | None) -> PlannedFault:
         cause, stream = pair
+        donor = None
+        if cause == "other_sequence":  # a clean file of another flight, if there is any
+            flight = self.scenes[base.scene].flight
+            others = [clean.file for clean in self.clean if self.scenes[clean.scene].flight != flight]
+            donor = others[_number(f"{pair}") % len(others)] if others else None
         return PlannedFault(
             cause=cause,
             stream=stream,
             magnitude=magnitude,
             unit=self._ladder(pair, base).unit or default_unit(cause, stream),
             seed=_number(f"{pair}{magnitude}"),
-            donor=self._donor(pair, base) if cause == "other_sequence" else None,
+            donor=donor,
         )
 
     def _bases(self, pair: Pair) -> tuple[PlannedFile, ...]:
         """Return the clean sequences that trials are planted in, those of one seed and different scenes in a row.
 
-        What noise of the pose moves by orders of magnitude is tried without it, where there is such a scene: one curve
-        could not hold both.
+        Faults whose nominal size noise of the pose changes by orders of magnitude are planted without that noise, where
+        there is such a scene: one curve of detection could not describe both.
         """
-        can_hold = [each for each in self.clean if _can_hold(self.scenes[each.scene], *pair)] or [*self.clean]
-        quiet = [each for each in can_hold if not _has_pose_noise(self.scenes[each.scene])]
-        return tuple(sorted(quiet if depends_on_pose_noise(*pair) and quiet else can_hold, key=lambda each: each.seed))
+        can_hold = self._can_hold(pair)
+        quiet = [file for file in can_hold if not _has_pose_noise(self.scenes[file.scene])]
+        return tuple(sorted(quiet if depends_on_pose_noise(*pair) and quiet else can_hold, key=lambda file: file.seed))
+
+    def _can_hold(self, pair: Pair) -> list[PlannedFile]:
+        """Return the clean sequences with the noise that the fault is about, or all where none has it."""
+        return [file for file in self.clean if _has_noise_of(self.scenes[file.scene], *pair)] or [*self.clean]
 
     def _base(self, pair: Pair) -> PlannedFile:
-        candidates = [each for each in self.clean if _can_hold(self.scenes[each.scene], *pair)] or [*self.clean]
+        candidates = self._can_hold(pair)
         return candidates[_number(f"{pair}") % len(candidates)]
-
-    def _donor(self, pair: Pair, base: PlannedFile) -> str | None:
-        """Return a clean file of another flight, if there is one."""
-        flight = self.scenes[base.scene].flight
-        others = [each.file for each in self.clean if self.scenes[each.scene].flight != flight]
-        return others[_number(f"{pair}") % len(others)] if others else None
 
 
 def _copy_of(
@@ -251,20 +255,13 @@ def _copy_of(
     )
 
 
-def _middle_quarter(scene: Scene, stream: str) -> Region:
-    camera_of: Callable[[CameraOptions], Camera] = event_camera if stream == "events" else colour_camera
-    camera = camera_of(scene.camera)
-    left, top = camera.width // 4, camera.height // 4
-    return left, top, left + camera.width // 2, top + camera.height // 2
-
-
 def _label(fault: PlannedFault) -> str:
     size = "" if fault.magnitude is None else f"-{fault.magnitude:g}"
     return f"{fault.stream}-{fault.cause}{size}"
 
 
 def _number(text: str) -> int:
-    """Return a number that follows from a text alone, on every machine."""
+    """Return a number that depends on a text alone and is the same on every machine."""
     return zlib.crc32(text.encode())
 
 
@@ -272,8 +269,8 @@ def _has_pose_noise(scene: Scene) -> bool:
     return scene.pose.position_sigma_m > 0 or scene.pose.rotation_sigma_rad > 0
 
 
-def _can_hold(scene: Scene, cause: str, stream: str) -> bool:
-    """Whether a noise that the fault is about exists in the scene."""
+def _has_noise_of(scene: Scene, cause: str, stream: str) -> bool:
+    """Whether the scene has the noise that a fault is about; other faults need none."""
     if cause not in ("noise_misdeclared", "flow_from_noisy_pose"):
         return True
     if stream == "events":

@@ -1,7 +1,7 @@
-"""Trials for a study of detection: many magnitudes of a fault, in many sequences that are not alike.
+"""Trials for a study of detection: many magnitudes of a fault, in many different sequences.
 
-Magnitudes and starts follow the golden ratio's multiples modulo 1, the sequence that stays most evenly spread however
-many are taken: asked for more trials or sequences, a corpus keeps those that it has.
+Magnitudes and starts follow the golden ratio's multiples modulo 1, the sequence that is most evenly spread for every
+number of terms: with more trials or sequences, a corpus keeps those that it has.
 """
 
 import math
@@ -13,36 +13,46 @@ from fedora_generator.scene import Scene
 SPAN: Final = 9.0
 """Magnitudes are drawn from a ninth of the nominal one to nine times it: two rungs of a ladder either way."""
 
-OF_ONE_SIZE: Final = 4
-"""A fault of one size only gets a fourth of the trials: they differ by sequence alone."""
+SINGLE_SIZE_DIVISOR: Final = 4
+"""A fault of a single size gets a fourth of the trials, as they differ by sequence alone."""
 
-STRETCH_S: Final = 40.0
-"""Seconds of a flight over which starts are spread; some flights meet their world after three quarters of a minute."""
+START_SPAN_S: Final = 40.0
+"""Seconds of a flight over which starts are spread; some flights hit a solid after three quarters of a minute."""
 
 _GOLDEN: Final = (math.sqrt(5) - 1) / 2
 
 
 def trials_of(ladder: Ladder, wanted: int) -> int:
     """Return how many trials a fault gets where so many are wanted of a fault with a range of sizes."""
-    return wanted if ladder.has_range else -(-wanted // OF_ONE_SIZE)
+    return wanted if ladder.has_range else -(-wanted // SINGLE_SIZE_DIVISOR)
 
 
 def magnitude_of(ladder: Ladder, trial: int, beginning: float) -> float | None:
-    """Return the magnitude of a trial, uniform in its logarithm; ``beginning``, 0 to 1, tells faults apart."""
-    return ladder.at(SPAN ** (2 * _place(trial, beginning) - 1))
+    """Return the magnitude of a trial, uniform in its logarithm.
+
+    Parameters
+    ----------
+    ladder
+        Magnitudes of the fault.
+    trial
+        Number of the trial.
+    beginning
+        0 to 1, different between faults.
+    """
+    return ladder.at(SPAN ** (2 * _golden_fraction(trial, beginning) - 1))
 
 
 def start_of(scene: Scene, seed: int, duration_s: float) -> float:
     """Return where in its flight a sequence begins, in seconds and to the millisecond; it follows from the seed."""
-    return round(scene.start_s + stretch_s(scene, duration_s) * _place(seed, 0.0), 3)
+    return round(scene.start_s + start_span_s(scene, duration_s) * _golden_fraction(seed, 0.0), 3)
 
 
-def stretch_s(scene: Scene, duration_s: float) -> float:
-    """Return the seconds over which starts are spread: less than usual where the flight is over before."""
+def start_span_s(scene: Scene, duration_s: float) -> float:
+    """Return the seconds over which starts are spread: fewer than usual where the flight ends earlier."""
     if scene.remaining_s is None:
-        return STRETCH_S
-    return max(0.0, min(STRETCH_S, scene.remaining_s - duration_s))
+        return START_SPAN_S
+    return max(0.0, min(START_SPAN_S, scene.remaining_s - duration_s))
 
 
-def _place(number: int, beginning: float) -> float:
+def _golden_fraction(number: int, beginning: float) -> float:
     return (beginning + number * _GOLDEN) % 1.0

@@ -29,8 +29,23 @@ class EventBatch:
 
 
 def decode(keys: Keys, layout: KeyLayout, start_us: int) -> EventBatch:
-    """Events of sorted keys, whose stamps count from ``start_us``."""
-    batch = _room_for_events(keys.size)
+    """Events of sorted keys.
+
+    Parameters
+    ----------
+    keys
+        (n,) sorted.
+    layout
+        Bits of a key.
+    start_us
+        Added to the timestamps.
+
+    Returns
+    -------
+    EventBatch
+        In the order (t, y, x, p).
+    """
+    batch = _empty_batch(keys.size)
     bits = (layout.column_bits, layout.timestamp_shift)
     key_kernels.decode_keys(keys, *bits, start_us, batch.x, batch.y, batch.t_us, batch.p)
     return batch
@@ -39,17 +54,33 @@ def decode(keys: Keys, layout: KeyLayout, start_us: int) -> EventBatch:
 def sort_and_decode(
     keys: Keys, layout: KeyLayout, first_us: int, last_us: int, start_us: int, spare: Keys
 ) -> EventBatch:
-    """Events of keys in raster order, their stamps in [first, last], counting from ``start_us``.
+    """Events of keys in raster order.
 
-    ``spare`` has room for as many keys; both are overwritten.
+    Parameters
+    ----------
+    keys
+        (n,) in raster order; overwritten.
+    layout
+        Bits of a key.
+    first_us, last_us
+        Least and largest timestamp of the keys.
+    start_us
+        Added to the timestamps.
+    spare
+        Scratch space for at least n keys; overwritten.
+
+    Returns
+    -------
+    EventBatch
+        In the order (t, y, x, p).
     """
-    batch = _room_for_events(keys.size)
+    batch = _empty_batch(keys.size)
     timestamps = (layout.column_bits, layout.timestamp_shift, first_us, last_us, start_us)
     key_kernels.sort_and_decode_keys(keys, *timestamps, spare, batch.x, batch.y, batch.t_us, batch.p)
     return batch
 
 
-def _room_for_events(count: int) -> EventBatch:
+def _empty_batch(count: int) -> EventBatch:
     return EventBatch(
         np.empty(count, np.uint16), np.empty(count, np.uint16), np.empty(count, np.int64), np.empty(count, np.uint8)
     )

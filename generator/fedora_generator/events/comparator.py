@@ -1,19 +1,38 @@
-"""The comparator of the event camera: a signal per pixel in, keys of events out, references in between."""
+"""The comparator of the event camera: a signal per pixel in, keys of events out, references in between.
 
-from typing import Final
+A pixel is *quiet* while its signal lies between its two thresholds. ``events/quiet_kernels`` lists the few pixels that
+may not be; the compiled loops here compare those exactly. In them thresholds and ``near`` are (height, width), or
+(1, width) where all rows share them; ``middle`` and ``near`` are as in ``events/quiet_kernels``.
+"""
+
+import math
+from typing import Any, Final
 
 import numpy as np
+from llvmlite import ir  # type: ignore[import-untyped]  # Numba's own dependency, published without types
+from numba import njit, types
+from numba.core import cgutils
+from numba.extending import intrinsic
 from numpy.typing import NDArray
 
-from fedora_generator.events import comparator_kernels as kernels
 from fedora_generator.events.keys import KeyLayout
-from fedora_generator.events.quiet_kernels import find_middles
+from fedora_generator.events.quiet_kernels import (
+    COLUMN_BITS,
+    COLUMN_MASK,
+    Floats,
+    Middles,
+    find_middles,
+    list_active,
+    mark_quiet,
+    middle_of,
+    pixel_buffer,
+    row_buffers,
+)
 from fedora_qa.conventions import NS_PER_US
 
-Floats = NDArray[np.float64]
 Keys = NDArray[np.int64]
 
-_FIRST_ROOM: Final = 1 << 12
+_FIRST_CAPACITY: Final = 1 << 12
 
 _LARGEST_MIDDLE: Final = 2.0**12
 """In half-widths of the narrowest quiet interval: how far from zero float32 serves, 819 nat for thresholds of 0.2."""
@@ -26,6 +45,18 @@ Let a signal be outside, at ``v >= fl(reference + on)``. In real numbers ``refer
 half-width; the float32 middle is off by at most 2^-24 |m| and what float64 adds, 2^-53 times a few |m| and w. So
 ``fl(v - middle) >= fl(w - 2^-23.9 |m| - 2^-50 w)``, as rounding keeps the order, and that is not near.
 """
+
+NOT_FINITE: Final = -1
+"""Returned instead of a number of events where a signal is not finite."""
+
+_BAND: Final = 8
+"""Rows that are compared before the crossings of the rows above: about the time that memory takes to answer."""
+
+_INT32: Final = ir.IntType(32)
+_BYTES: Final = ir.IntType(8).as_pointer()
+_PREFETCH: Final = ir.FunctionType(ir.VoidType(), [_BYTES, _INT32, _INT32, _INT32])
+_HINTS: Final = tuple(ir.Constant(_INT32, hint) for hint in (0, 3, 1))
+"""To read, to keep in all caches, data (LLVM language reference, llvm.prefetch)."""
 
 
 class SignalNotFiniteError(ArithmeticError):
@@ -51,7 +82,7 @@ class Comparator:
         self._middle = np.empty(reference.shape, np.float32)
         self.reset(reference)
         self._layout = layout
-        self._room, self._shares = np.empty(_FIRST_ROOM, np.int64), np.empty(_FIRST_ROOM)
+        self._keys, self._shares = np.empty(_FIRST_CAPACITY, np.int64), np.empty(_FIRST_CAPACITY)
         self._spare = np.empty(0, np.int64)
 
     def reset(self, reference: Floats) -> None:
@@ -62,23 +93,33 @@ class Comparator:
     def crossings(self, previous: Floats, signal: Floats, start_ns: int, stop_ns: int) -> Keys:
         """Keys of all levels that the straight line between two signals reaches; each becomes the reference.
 
-        Keys come in raster order, and those of a pixel in order of time; stamps lie in (start, stop]. The
-        next call overwrites them.
+        Parameters
+        ----------
+        previous, signal
+            (H, W) samples at both ends of the interval.
+        start_ns, stop_ns
+            Ends of the interval, since the start of the recording.
+
+        Returns
+        -------
+        keys
+            (n,) in raster order, those of a pixel in order of time; timestamps lie in (start, stop].
+            The next call overwrites them.
 
         Raises
         ------
         SignalNotFiniteError
-            There is no telling which levels were reached.
+            The crossed levels of a pixel are undefined.
         """
         bits = (self._layout.column_bits, self._layout.timestamp_shift)
         interval = (previous, signal, *self._levels(), start_ns, stop_ns, *bits)
-        row, count = kernels.emit_crossings(*interval, self._room, self._shares, 0, 0)
+        row, count = emit_crossings(*interval, self._keys, self._shares, 0, 0)
         while 0 <= row < self._layout.height:
-            self._room = np.concatenate([self._room, np.empty_like(self._room)])
-            self._shares = np.empty(self._room.size)
-            row, count = kernels.emit_crossings(*interval, self._room, self._shares, row, count)
+            self._keys = np.concatenate([self._keys, np.empty_like(self._keys)])
+            self._shares = np.empty(self._keys.size)
+            row, count = emit_crossings(*interval, self._keys, self._shares, row, count)
         _require_finite(row)
-        return self._room[:count]
+        return self._keys[:count]
 
     def steps(self, signal: Floats, stop_ns: int) -> Keys:
         """Keys in raster order, one for each pixel farther than its threshold; its signal becomes the reference.
@@ -86,17 +127,17 @@ class Comparator:
         Raises
         ------
         SignalNotFiniteError
-            There is no telling how far a pixel is.
+            The distance of a pixel from its reference is undefined.
         """
         keys = np.empty(signal.size, np.int64)
         bits = (self._layout.column_bits, self._layout.timestamp_shift)
-        timestamp_us = _timestamp_us(stop_ns)
-        count = kernels.emit_steps(signal, *self._levels(), timestamp_us, *bits, keys)
+        timestamp_us = -(-stop_ns // NS_PER_US)  # the first whole microsecond not before
+        count = emit_steps(signal, *self._levels(), timestamp_us, *bits, keys)
         _require_finite(count)
         return keys[:count]
 
     def spare(self, count: int) -> Keys:
-        """Room for at least ``count`` keys, to sort them in; the next call may return the same."""
+        """Scratch space for at least ``count`` keys, to sort them in; the next call may return the same array."""
         if self._spare.size < count:
             self._spare = np.empty(2 * count, np.int64)
         return self._spare
@@ -105,11 +146,173 @@ class Comparator:
         return self.reference, self._middle, self._near, self._largest, *self._thresholds
 
 
-def _timestamp_us(time_ns: int) -> int:
-    """First whole microsecond not before a time."""
-    return -(-time_ns // NS_PER_US)
-
-
-def _require_finite(answer: int) -> None:
-    if answer == kernels.NOT_FINITE:
+def _require_finite(row_or_count: int) -> None:
+    if row_or_count == NOT_FINITE:
         raise SignalNotFiniteError("Expected finite signals, got one that is infinite or not a number")
+
+
+def _prefetch(_typing: Any, array: Any, row: Any, column: Any) -> Any:
+    def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+        kind, (array, *indices) = signature.args[0], arguments
+        view = context.make_array(kind)(context, builder, array)
+        pointer_to: Any = cgutils.get_item_pointer
+        place = builder.bitcast(pointer_to(context, builder, kind, view, indices, wraparound=False), _BYTES)
+        builder.call(builder.module.declare_intrinsic("llvm.prefetch", [_BYTES], _PREFETCH), [place, *_HINTS])
+        return context.get_dummy_value()
+
+    return types.void(array, row, column), generate
+
+
+prefetch: Final[Any] = intrinsic(_prefetch)
+"""``prefetch(array, row, column)``, in compiled code: fetch the cache line of an item, and do not wait for it.
+
+Nothing is read or checked; the indices are unsigned.
+"""
+
+
+@njit(cache=True, error_model="numpy")  # no test for a division by zero: a crossed level lies between the samples
+def emit_crossings(
+    previous: Floats,
+    signal: Floats,
+    reference: Floats,
+    middle: Middles,
+    near: Floats,
+    largest: float,
+    threshold_on: Floats,
+    threshold_off: Floats,
+    start_ns: int,
+    stop_ns: int,
+    column_bits: int,
+    timestamp_shift: int,
+    keys: Keys,
+    shares: Floats,
+    first_row: int,
+    count: int,
+) -> tuple[int, int]:
+    """Write a key for each level crossed between two samples, and leave ``reference`` (H, W) at the last level.
+
+    The signal is a straight line between the samples; times are nanoseconds since the start. Keys are in raster
+    order, those of a pixel in order of time, and follow the first ``count`` of ``keys``. ``shares`` is scratch space of
+    the same length. Where ``keys`` is full, a second call with a longer array writes the others, as every reference is
+    at the last level written.
+
+    Parameters
+    ----------
+    previous, signal
+        (H, W) samples at both ends of the interval.
+    reference, middle
+        (H, W) updated where a level is crossed.
+    near, largest
+        Half-width of what is surely quiet, and the largest middle.
+    threshold_on, threshold_off
+        (H, W) or (1, W), in the unit of the signal.
+    start_ns, stop_ns
+        Ends of the interval, since the start of the recording.
+    column_bits, timestamp_shift
+        Bits of a column, and below the timestamp.
+    keys, shares
+        (m,) keys to write, and scratch space.
+    first_row, count
+        Row to begin with, and the keys that are already written.
+
+    Returns
+    -------
+    row, count
+        Row to continue from, the height when all is done, and the number of keys so far. The row is NOT_FINITE where a
+        signal is not finite.
+    """
+    height, width = signal.shape
+    quiet, words, candidates = row_buffers(width)
+    active, coming = pixel_buffer(width, _BAND), pixel_buffer(width, _BAND)
+    active_count = 0
+    for band in range(first_row, height + _BAND, _BAND):
+        active, coming, active_here, active_count = coming, active, active_count, 0
+        for row in range(band, min(band + _BAND, height)):
+            mark_quiet(signal, middle, near, row, quiet)
+            active_count = list_active(words, row, candidates, coming, active_count)
+        for pixel in coming[:active_count]:
+            prefetch(previous, pixel >> COLUMN_BITS, pixel & COLUMN_MASK)
+            prefetch(reference, pixel >> COLUMN_BITS, pixel & COLUMN_MASK)
+        first_key, keys_are_full = count, False
+        for pixel in active[:active_here]:
+            row, column = pixel >> COLUMN_BITS, pixel & COLUMN_MASK
+            line = row if len(threshold_on) > 1 else np.uint64(0)
+            on, off = threshold_on[line, column], threshold_off[line, column]
+            before, value, level = previous[row, column], signal[row, column], reference[row, column]
+            if not math.isfinite(value):
+                return NOT_FINITE, count
+            rising = value > level
+            step = on if rising else -off
+            direction = 1.0 if rising else -1.0
+            while (value - (level + step)) * direction >= 0:
+                keys_are_full = count == keys.size
+                if keys_are_full:
+                    break
+                level += step
+                shares[count] = (level - before) / (value - before)
+                keys[count] = np.int64(row << column_bits | column) << 1 | rising
+                count += 1
+            reference[row, column], middle[row, column] = level, middle_of(level, on, off, largest)
+            if keys_are_full:
+                break
+        _timestamp(keys[first_key:count], shares[first_key:count], start_ns, stop_ns, timestamp_shift)
+        if keys_are_full:
+            return band - _BAND, count
+    return height, count
+
+
+@njit(cache=True)
+def emit_steps(
+    signal: Floats,
+    reference: Floats,
+    middle: Middles,
+    near: Floats,
+    largest: float,
+    threshold_on: Floats,
+    threshold_off: Floats,
+    timestamp_us: int,
+    column_bits: int,
+    timestamp_shift: int,
+    keys: Keys,
+) -> int:
+    """One event a pixel whose value differs from the reference by strictly more than the threshold.
+
+    The reference becomes the current value, however large the step. ``keys`` holds one key for every pixel.
+
+    Returns
+    -------
+    count
+        Number of keys, which are sorted; or NOT_FINITE.
+    """
+    height, width = signal.shape
+    quiet, words, candidates = row_buffers(width)
+    active = pixel_buffer(width, 1)
+    count = 0
+    for row in range(height):
+        line = row if len(threshold_on) > 1 else 0
+        mark_quiet(signal, middle, near, row, quiet)
+        for pixel in active[: list_active(words, row, candidates, active, 0)]:
+            column = pixel & COLUMN_MASK
+            on, off = threshold_on[line, column], threshold_off[line, column]
+            value, level = signal[row, column], reference[row, column]
+            if not math.isfinite(value):
+                return NOT_FINITE
+            rising = value > level + on
+            if rising or value < level - off:
+                keys[count] = timestamp_us << timestamp_shift | (row << column_bits | np.int64(column)) << 1 | rising
+                count += 1
+                reference[row, column], middle[row, column] = value, middle_of(value, on, off, largest)
+    return count
+
+
+@njit(cache=True)
+def _timestamp(keys: Keys, shares: Floats, start_ns: int, stop_ns: int, timestamp_shift: int) -> None:
+    """Put into keys the first whole microsecond not before the crossing, which lies at a share of the interval.
+
+    In float64, of which a processor rounds several at once, and without error for intervals up to 52 days.
+    """
+    span_ns, start_us, after_us_ns = float(stop_ns - start_ns), start_ns // NS_PER_US, float(start_ns % NS_PER_US)
+    for index in range(keys.size):
+        offset_ns = np.floor(shares[index] * span_ns + 0.5)
+        offset_ns = min(max(offset_ns, 1.0), span_ns)  # the level was not yet reached at the previous sample
+        keys[index] |= (start_us + np.int64(np.ceil((after_us_ns + offset_ns) / NS_PER_US))) << timestamp_shift

@@ -1,4 +1,4 @@
-"""Compiled loops over event keys (``events/keys.py``): order, lose, align, take apart."""
+"""Compiled loops over event keys (``events/keys.py``): sort, drop, align, decode."""
 
 from typing import Final
 
@@ -14,10 +14,25 @@ _DIGIT_BITS: Final = 11
 
 @njit(cache=True)
 def sort_by_timestamp(keys: Keys, timestamp_shift: int, first_us: int, last_us: int, spare: Keys) -> Keys:
-    """Return the keys, stamps in [first, last], in order of their stamps; equal stamps keep theirs.
+    """Sort keys by timestamp; equal timestamps keep their order.
 
-    Radix sort on the digits of the stamp: with raster order going in, (t, y, x, p) comes out. It goes to and fro
-    between ``keys`` and ``spare``, which is no shorter, and returns the one that it ends in.
+    Radix sort on the digits of the timestamp: keys in raster order come out in the order (t, y, x, p).
+
+    Parameters
+    ----------
+    keys
+        (n,) in raster order; overwritten.
+    timestamp_shift
+        Bits below the timestamp.
+    first_us, last_us
+        Least and largest timestamp.
+    spare
+        Scratch space for at least n keys; overwritten.
+
+    Returns
+    -------
+    keys
+        (n,) sorted, in the memory of ``keys`` or of ``spare``.
     """
     starts = np.empty((1 << _DIGIT_BITS) + 1, np.int64)
     base, shift, span = first_us << timestamp_shift, timestamp_shift, last_us - first_us
@@ -46,9 +61,23 @@ def _digit(key: int, shift: int) -> int:
 
 @njit(cache=True)
 def drop_refractory(keys: Keys, timestamp_shift: int, refractory_us: int, last_us: NDArray[np.int64]) -> int:
-    """Keep in place the keys (sorted) that come ``refractory_us`` or more after their pixel's last; return how many.
+    """Drop the keys that follow their pixel's last event too soon.
 
-    ``last_us`` is indexed by place.
+    Parameters
+    ----------
+    keys
+        (n,) sorted; those that stay are moved to the front.
+    timestamp_shift
+        Bits below the timestamp.
+    refractory_us
+        Least time between two events of a pixel.
+    last_us
+        (places,) time of the last event of each pixel; updated.
+
+    Returns
+    -------
+    kept
+        Number of keys that stay.
     """
     kept = 0
     places = (1 << (timestamp_shift - 1)) - 1
@@ -64,7 +93,7 @@ def drop_refractory(keys: Keys, timestamp_shift: int, refractory_us: int, last_u
 
 @njit(cache=True)
 def align_to_packets(keys: Keys, timestamp_shift: int, packet_us: int) -> None:
-    """Move every stamp up, in place, to the first multiple of ``packet_us`` not before it."""
+    """Move every timestamp up, in place, to the first multiple of ``packet_us`` not before it."""
     below_timestamp = (1 << timestamp_shift) - 1
     for index in range(keys.size):
         packet = ((keys[index] >> timestamp_shift) + packet_us - 1) // packet_us
@@ -82,7 +111,19 @@ def decode_keys(
     t_us: NDArray[np.int64],
     p: NDArray[np.uint8],
 ) -> None:
-    """Take the keys apart into columns; ``start_us`` is added to the stamps."""
+    """Decode keys into columns.
+
+    Parameters
+    ----------
+    keys
+        (n,)
+    column_bits, timestamp_shift
+        Bits of a column, and below the timestamp.
+    start_us
+        Added to the timestamps.
+    x, y, t_us, p
+        (n,) columns to fill.
+    """
     columns, places = (1 << column_bits) - 1, (1 << (timestamp_shift - 1)) - 1
     for index in range(keys.size):
         key = keys[index]
@@ -106,7 +147,7 @@ def sort_and_decode_keys(
     t_us: NDArray[np.int64],
     p: NDArray[np.uint8],
 ) -> None:
-    """Take the keys, stamps in [first, last], apart into columns in order of their stamps.
+    """Decode the keys, timestamps in [first, last], into columns sorted by timestamp.
 
     Both in one call, as a call that finds the caches cold costs 10 us, as much as 500 events.
     """

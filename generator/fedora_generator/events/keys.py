@@ -1,7 +1,7 @@
-"""How an event travels through the sensor: one int64 that holds stamp, row, column and polarity, in this order.
+"""Keys: an event as one int64 of timestamp, row, column and polarity, in this order.
 
-Sorting keys is sorting events by (t, y, x, p). Stamps are microseconds since the start; the bits that row and column
-leave hold 278 years of them at 640x480.
+Sorting keys is sorting events by (t, y, x, p). Timestamps are microseconds since the start; at 640x480 the bits
+beside row and column hold 278 years of them.
 """
 
 from dataclasses import dataclass, field
@@ -17,7 +17,8 @@ POLARITY_BITS: Final = 1
 class KeyLayout:
     """Bits of a key on a sensor of ``height`` x ``width`` pixels.
 
-    A pixel's place is ``row << column_bits | column``; a key is ``stamp << stamp_shift | place << 1 | polarity``.
+    A pixel's place is ``row << column_bits | column``. A key is
+    ``timestamp << timestamp_shift | place << 1 | polarity``.
     """
 
     height: int
@@ -25,7 +26,7 @@ class KeyLayout:
     column_bits: int = field(init=False)
     """Bits of a column, the lowest of a place"""
     timestamp_shift: int = field(init=False)
-    """Bits below the stamp"""
+    """Bits below the timestamp"""
 
     def __post_init__(self) -> None:
         column_bits = (self.width - 1).bit_length()
@@ -43,9 +44,9 @@ class KeyLayout:
         return (rows << self.column_bits) | columns
 
     def first_key_after(self, timestamp_us: int) -> int:
-        """Least key whose stamp is later than ``stamp_us``."""
+        """Least key whose timestamp is later than ``timestamp_us``."""
         return (timestamp_us + 1) << self.timestamp_shift
 
     def restamp(self, keys: NDArray[np.int64], timestamp_us: int) -> NDArray[np.int64]:
-        """Return the keys with all stamps equal to ``stamp_us``."""
+        """Return the keys with all timestamps equal to ``timestamp_us``."""
         return (keys & ((1 << self.timestamp_shift) - 1)) | (timestamp_us << self.timestamp_shift)

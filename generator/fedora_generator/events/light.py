@@ -1,4 +1,4 @@
-"""Light that an event camera can follow at all times, and what it needs to know of the pixels."""
+"""Light that is known at all times, and the state of the pixels that its crossings depend on."""
 
 from dataclasses import dataclass
 from typing import Protocol
@@ -38,10 +38,10 @@ class CrossingSource(Protocol):
         Raises
         ------
         SignalNotFiniteError
-            A pixel has no logarithm; it is left in the signal.
+            A pixel has no logarithm; its value stays in the signal.
         """
 
 
 def follows_light(options: EventSensorOptions) -> bool:
-    """Whether a sensor can follow light: one with a bandwidth sees what it was, and ``linear`` compares images."""
+    """Whether a sensor can follow light: not with a bandwidth, which depends on the past, nor ``linear`` images."""
     return options.model == "log" and options.bandwidth_hz == 0

@@ -1,8 +1,8 @@
-"""What a real event pixel adds: mismatch of thresholds, finite bandwidth, spurious events.
+"""Effects of a real event pixel: mismatch of thresholds, finite bandwidth, spurious events.
 
 Sources: Hu, Liu and Delbruck, "v2e: From Video Frames to Realistic DVS Events" (2021), for mismatch, bandwidth, leak
 and shot noise; Rebecq, Gehrig and Scaramuzza, "ESIM" (2018), for the refractory period. Unlike v2e, thresholds and
-bandwidth do not depend on light here, so that what a file declares is what holds everywhere in it.
+bandwidth do not depend on light here, so that what a file declares holds everywhere in it.
 """
 
 import math
@@ -28,6 +28,22 @@ def draw_thresholds(nominal: float, sigma: float, shape: tuple[int, int], rng: n
     """Thresholds (H, W), fixed for the whole recording, normal about ``nominal`` with a floor; one row without spread.
 
     A row that all rows share stays in the first cache.
+
+    Parameters
+    ----------
+    nominal
+        Mean of the thresholds.
+    sigma
+        Their standard deviation, in the same unit.
+    shape
+        (H, W) of the sensor.
+    rng
+        Source of the draw.
+
+    Returns
+    -------
+    thresholds
+        (H, W), at least a tenth of the nominal one; (1, W) without spread.
     """
     if sigma == 0:
         return np.full((1, shape[1]), nominal)
@@ -77,21 +93,19 @@ class PoissonEvents:
     _waiting: NDArray[np.int64] | None = None
 
     def take_until(self, stop_us: int) -> NDArray[np.int64]:
-        """Return the sorted keys, not taken before, of events stamped up to and including ``stop_us``."""
+        """Return the sorted keys, not returned before, of events up to and including ``stop_us``."""
         waiting = [] if self._waiting is None else [self._waiting]
         while self._drawn_blocks * _BLOCK_US < stop_us:
-            waiting.append(self._draw_block(self._drawn_blocks))
+            block = self._drawn_blocks
+            spawn_key = (*self.seed.spawn_key, block)
+            rng = np.random.default_rng(np.random.SeedSequence(self.seed.entropy, spawn_key=spawn_key))
+            count = rng.poisson(self.rate_hz * self.among.size * _BLOCK_US / US_PER_S)
+            timestamps_us = block * _BLOCK_US + rng.integers(1, _BLOCK_US, count, endpoint=True)
+            places = rng.choice(self.among, count)
+            polarities = rng.integers(0, 1, count, endpoint=True)
+            waiting.append(np.sort((timestamps_us << self.layout.timestamp_shift) | (places << 1) | polarities))
             self._drawn_blocks += 1
         keys = np.concatenate([np.empty(0, np.int64), *waiting])
         split = int(np.searchsorted(keys, self.layout.first_key_after(stop_us)))
         self._waiting = keys[split:]
         return keys[:split]
-
-    def _draw_block(self, block: int) -> NDArray[np.int64]:
-        spawn_key = (*self.seed.spawn_key, block)
-        rng = np.random.default_rng(np.random.SeedSequence(self.seed.entropy, spawn_key=spawn_key))
-        count = rng.poisson(self.rate_hz * self.among.size * _BLOCK_US / US_PER_S)
-        timestamps_us = block * _BLOCK_US + rng.integers(1, _BLOCK_US, count, endpoint=True)
-        places = rng.choice(self.among, count)
-        polarities = rng.integers(0, 1, count, endpoint=True)
-        return np.sort((timestamps_us << self.layout.timestamp_shift) | (places << 1) | polarities)

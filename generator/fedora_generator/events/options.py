@@ -1,4 +1,4 @@
-"""What an event camera is told to be: its model, its thresholds, and the effects of a real one."""
+"""Options of an event camera: its model, its thresholds, and the effects of a real sensor."""
 
 import math
 from dataclasses import dataclass, fields
@@ -26,7 +26,7 @@ class EventSensorOptions:
         ``zero``: the first reference is the first signal. ``uniform``: the first reference is such that the signal
         lies anywhere between its two thresholds, as in a pixel that has been running.
     packet_interval_us
-        Stamps are moved up to multiples of this, counted from the start; 0 is asynchronous.
+        Timestamps are moved up to multiples of this, counted from the start; 0 is asynchronous.
     threshold_sigma
         Spread of the thresholds over pixels, in their own unit.
     leak_rate_hz
@@ -36,9 +36,9 @@ class EventSensorOptions:
     bandwidth_hz
         First-order low-pass of the signal before the comparator.
     refractory_us
-        An event sooner than this after its pixel's last one is lost; the reference moves all the same.
+        An event sooner than this after its pixel's last event is dropped; the reference moves all the same.
     hot_pixel_count, hot_pixel_rate_hz
-        Pixels that fire at random besides, and how often each does.
+        Pixels that also fire at random, and the rate of each.
     """
 
     __pydantic_config__: ClassVar[ConfigDict] = ConfigDict(extra="forbid")

@@ -1,8 +1,8 @@
 """Compiled loops that find the few pixels which may have left their thresholds.
 
-Most pixels are quiet most of the time, and reading memory is what their comparison costs. So the middle of each pixel's
-quiet interval, ``(reference - off, reference + on)``, is kept in float32 beside the reference, and a signal near enough
-to it is quiet. *Near enough* allows for all that rounding may cost, so that the answer is never wrong; only pixels that
+Most pixels are quiet most of the time, and their comparison costs memory reads. So the middle of each pixel's quiet
+interval, ``(reference - off, reference + on)``, is stored in float32 beside the reference, and a signal near enough
+to it is quiet. *Near enough* allows for all rounding, so that a pixel marked quiet always is; only pixels that
 are not near enough are compared exactly.
 """
 
@@ -58,15 +58,15 @@ def find_middles(reference: Floats, on: Floats, off: Floats, largest: float, mid
 
 
 @njit(cache=True)
-def room_for_a_row(width: int) -> tuple[Flags, Words, Words]:
-    """Return flags of a row filled up to whole blocks, the same as words, and a list of words with room to spare."""
+def row_buffers(width: int) -> tuple[Flags, Words, Words]:
+    """Return flags of a row in whole blocks, the same memory as words, and a list of as many words and one."""
     words = -(-width // 64) * 8
     quiet = np.ones(words * 8, np.uint8)
     return quiet, quiet.view(np.uint64), np.empty(words + 1, np.uint64)
 
 
 @njit(cache=True)
-def room_for_pixels(width: int, rows: int) -> Pixels:
+def pixel_buffer(width: int, rows: int) -> Pixels:
     """Return a list that holds all pixels of some rows, and a word more, which ``list_active`` may write."""
     return np.empty(width * rows + 8, np.uint32)
 
@@ -81,10 +81,28 @@ def mark_quiet(signal: Floats, middle: Middles, near: Floats, row: int, quiet: F
 
 @njit(cache=True)
 def list_active(words: Words, row: int, candidates: Words, pixels: Pixels, count: int) -> int:
-    """Append the pixels of a row that are not marked quiet to ``count`` others; return how many there are now.
+    """Append the pixels of a row that are not marked quiet to a list.
 
-    No branch depends on a single flag, which nobody can predict. Of each word that is not all quiet, the lanes are
-    found in a table; two pixels or eight are written and only those that are active are kept.
+    No branch depends on a single flag, which no processor can predict. Of each word that is not all quiet, the lanes
+    are found in a table; two pixels or eight are written and only the active ones stay.
+
+    Parameters
+    ----------
+    words
+        Flags of the row, eight to a word.
+    row
+        Number of the row.
+    candidates
+        Scratch space for as many words and one.
+    pixels
+        List with room for the row and a word more.
+    count
+        Pixels in the list so far.
+
+    Returns
+    -------
+    count
+        Pixels in the list now.
     """
     active_count = np.uint64(0)
     for first in range(np.uint64(0), np.uint64(words.size), _BLOCK):
@@ -108,7 +126,7 @@ def list_active(words: Words, row: int, candidates: Words, pixels: Pixels, count
 
 @njit(cache=True)
 def _all_quiet(words: Words, first: int) -> bool:
-    """Tell whether the words of a block are."""
+    """Whether all words of a block are quiet."""
     together = _ALL_QUIET
     for word in range(first, first + _BLOCK):
         together &= words[word]

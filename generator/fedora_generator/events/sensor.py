@@ -48,7 +48,13 @@ class EventSensor:
         self._threshold_on = draw_thresholds(options.threshold_on, options.threshold_sigma, shape, self._rng(_ON))
         self._threshold_off = draw_thresholds(options.threshold_off, options.threshold_sigma, shape, self._rng(_OFF))
         self._hot = draw_hot_pixels(options.hot_pixel_count, height * width, self._rng(_HOT_PLACE))
-        self._spurious = self._spurious_sources()
+        # Shot noise at every pixel, and hot pixels; a source without a rate or without pixels is left out.
+        all_places, hot_places = (self._layout.places_of(pixels) for pixels in (np.arange(height * width), self._hot))
+        sources = (
+            PoissonEvents(options.shot_rate_hz, all_places, self._layout, self._child_seed(_SHOT)),
+            PoissonEvents(options.hot_pixel_rate_hz, hot_places, self._layout, self._child_seed(_HOT)),
+        )
+        self._spurious = tuple(source for source in sources if source.rate_hz > 0 and source.among.size)
         self._low_pass: LowPass | None = None
         self._start_ns: int | None = None
         self._now_ns = 0
@@ -77,7 +83,7 @@ class EventSensor:
         )
 
     def start(self, t_ns: int, luma_dn: Floats) -> None:
-        """Show the first image, ``luma_dn`` (H, W) linear DN, at ``t_ns``, a whole microsecond."""
+        """Take the first image, ``luma_dn`` (H, W) linear DN, at ``t_ns``, a whole microsecond."""
         if self._start_ns is not None:
             raise RuntimeError("Expected start once, got it again; make a new EventSensor for each sequence")
         _require_whole_microsecond(t_ns)
@@ -94,9 +100,9 @@ class EventSensor:
         self._start_ns = self._now_ns = t_ns
 
     def advance(self, t_ns: int, luma_dn: Floats) -> EventBatch:
-        """Show the next image at ``t_ns``; return the events in (the last ``t_ns``, this one].
+        """Take the next image at ``t_ns``; return the events in (the last ``t_ns``, this ``t_ns``].
 
-        With packets, the events of an unfinished packet are held back until time has reached its stamp.
+        With packets, the events of an unfinished packet are held back until time has reached its timestamp.
         """
         if self._start_ns is None:
             raise RuntimeError("Expected start before advance; show the first image with start")
@@ -105,25 +111,39 @@ class EventSensor:
             raise ValueError(f"Expected a time after {self._now_ns} ns, got {t_ns} ns; show images in order")
         self._signal, self._previous = self._previous, self._signal
         self._respond(luma_dn)
-        self._shape_signal((t_ns - self._now_ns) / NS_PER_S, (t_ns - self._start_ns) / NS_PER_S)
+        options = self._options
+        # Bandwidth, the linear model's rounding, and leak, which acts as a signal that rises for ever.
+        if self._low_pass is not None:
+            self._low_pass.advance((t_ns - self._now_ns) / NS_PER_S, self._signal)
+        if options.model == "linear":
+            np.rint(self._signal, out=self._signal)
+        if options.leak_rate_hz:
+            self._signal += options.leak_rate_hz * ((t_ns - self._start_ns) / NS_PER_S) * self._threshold_on
         start_ns, stop_ns = self._now_ns - self._start_ns, t_ns - self._start_ns
-        keys = self._fire(start_ns, stop_ns)
+        try:
+            if options.model == "linear":
+                keys = self._comparator.steps(self._signal, stop_ns)
+            else:
+                keys = self._comparator.crossings(self._previous, self._signal, start_ns, stop_ns)
+        except SignalNotFiniteError:
+            self._require_finite()
+            raise
         self._now_ns = t_ns
         first_us, last_us = start_ns // NS_PER_US, stop_ns // NS_PER_US
-        if not self._has_effects_on_keys():
+        if not (self._spurious or options.refractory_us or options.packet_interval_us):
             spare = self._comparator.spare(keys.size)
             return sort_and_decode(keys, self._layout, first_us, last_us, self._start_ns // NS_PER_US, spare)
-        spare = np.empty(keys.size, np.int64)  # effects may keep what they are given
+        spare = np.empty(keys.size, np.int64)  # effects may keep the array
         keys = key_kernels.sort_by_timestamp(keys.copy(), self._layout.timestamp_shift, first_us, last_us, spare)
         return self._decode(self._with_effects(keys, last_us))
 
     def follow(self, t_ns: int, source: CrossingSource) -> EventBatch:
-        """Watch the light until ``t_ns``, a whole microsecond; return the events since the last time, as ``advance``.
+        """Follow the light until ``t_ns``, a whole microsecond; return the events since the last time, as ``advance``.
 
         Raises
         ------
         ValueError
-            Time does not go on, or the sensor is not one that light can be followed for (``follows_light``).
+            Time does not increase, or the sensor cannot follow light (``follows_light``).
         """
         if self._start_ns is None:
             raise RuntimeError("Expected start before follow; show the first image with start")
@@ -151,7 +171,7 @@ class EventSensor:
         return self._decode(self._with_effects(keys, (t_ns - self._start_ns) // NS_PER_US))
 
     def finish(self) -> EventBatch:
-        """Events of an unfinished packet, which closes with the recording: stamped with the last time shown."""
+        """Events of an unfinished packet, which closes with the recording at the time of the last image."""
         keys, self._pending = self._pending, np.empty(0, np.int64)
         if self._start_ns is not None:
             stop_us = (self._now_ns - self._start_ns) // NS_PER_US
@@ -164,17 +184,8 @@ class EventSensor:
     def _child_seed(self, stream: int) -> np.random.SeedSequence:
         return np.random.SeedSequence(self._seed.entropy, spawn_key=(*self._seed.spawn_key, stream))
 
-    def _spurious_sources(self) -> tuple[PoissonEvents, ...]:
-        options, layout = self._options, self._layout
-        every, hot = (layout.places_of(pixels) for pixels in (np.arange(layout.height * layout.width), self._hot))
-        sources = (
-            PoissonEvents(options.shot_rate_hz, every, layout, self._child_seed(_SHOT)),
-            PoissonEvents(options.hot_pixel_rate_hz, hot, layout, self._child_seed(_HOT)),
-        )
-        return tuple(source for source in sources if source.rate_hz > 0 and source.among.size)
-
     def _respond(self, luma_dn: Floats) -> None:
-        """Put the photoreceptor's answer to an image into the signal; the image itself is never kept."""
+        """Put the photoreceptor's response to an image into the signal; the image itself is not kept."""
         if luma_dn.shape != self._shape:
             raise ValueError(f"Expected luma_dn of shape {self._shape}, got {luma_dn.shape}")
         if self._options.model == "linear":
@@ -182,32 +193,11 @@ class EventSensor:
             return
         if self._options.log_eps_dn:
             luma_dn = luma_dn + self._options.log_eps_dn
-        with np.errstate(divide="ignore", invalid="ignore"):  # found and named by _require_finite
+        with np.errstate(divide="ignore", invalid="ignore"):  # _require_finite reports them
             np.log(luma_dn, out=self._signal)
 
-    def _shape_signal(self, step_s: float, elapsed_s: float) -> None:
-        """Bandwidth, the linear model's rounding, and leak, which acts as a signal that rises for ever."""
-        if self._low_pass is not None:
-            self._low_pass.advance(step_s, self._signal)
-        if self._options.model == "linear":
-            np.rint(self._signal, out=self._signal)
-        if self._options.leak_rate_hz:
-            self._signal += self._options.leak_rate_hz * elapsed_s * self._threshold_on
-
-    def _fire(self, start_ns: int, stop_ns: int) -> Keys:
-        try:
-            if self._options.model == "linear":
-                return self._comparator.steps(self._signal, stop_ns)
-            return self._comparator.crossings(self._previous, self._signal, start_ns, stop_ns)
-        except SignalNotFiniteError:
-            self._require_finite()
-            raise
-
-    def _has_effects_on_keys(self) -> bool:
-        return bool(self._spurious or self._options.refractory_us or self._options.packet_interval_us)
-
     def _with_effects(self, keys: Keys, stop_us: int) -> Keys:
-        """Return sorted keys up to ``stop_us``: spurious events added, lost ones gone, packets formed."""
+        """Return sorted keys up to ``stop_us``: spurious events added, refractory events dropped, packets formed."""
         if self._spurious:
             keys = np.sort(np.concatenate([keys, *(source.take_until(stop_us) for source in self._spurious)]))
         if self._options.refractory_us:

@@ -1,10 +1,8 @@
 """The event stream: light through the sensor into the file.
 
-In the exact world the log sensor follows the light pixel by pixel (``adaptive/``). Everything else is shown images, as
-densely as motion or the scene asks for (``sampling``).
+In the exact world the log sensor follows the light pixel by pixel (``adaptive/``). Everything else takes images, as
+densely as motion or the scene requires (``sampling``).
 """
-
-from collections.abc import Iterator
 
 import h5py
 import numpy as np
@@ -27,7 +25,8 @@ from fedora_qa.conventions import NS_PER_US
 class EventRecorder:
     """Runs the event camera along the flight; ``run_to`` ever later times, then ``finish``.
 
-    ``maps`` are the frame streams to index into the events: the key and size name of the dataset, and the stamps.
+    ``maps`` are the index maps to write: from the key of a dataset to the name of its size and the timestamps (n,), us,
+    of its frames.
     """
 
     def __init__(
@@ -43,8 +42,15 @@ class EventRecorder:
         self._world = world
         self._camera = event_camera(scene.camera)
         self._flight = scene.fly()
-        self._follower = self._follower_of(scene, quality)
-        self._sampling = self._sampling_of(scene, quality)
+        # Only the exact world gives light at all times, and a fixed grid asks for images.
+        self._follower: Follower | None = None
+        if not scene.event_step_us and isinstance(world, ExactWorld) and follows_light(scene.events):
+            self._follower = Follower(world, self._camera, self._flight, FIDELITY[quality])
+        self._sampling: Sampling
+        if scene.event_step_us:
+            self._sampling = FixedSteps(scene.event_step_us)
+        else:
+            self._sampling = MotionSteps(world, self._camera, self._flight, MOTION_BOUND_PX[quality])
         self._sensor = EventSensor(scene.events, self._camera.height, self._camera.width, seed)
         self._columns = EventColumns(file)
         self._maps = {key: (size, IndexMap(timestamps)) for key, (size, timestamps) in maps.items()}
@@ -69,25 +75,21 @@ class EventRecorder:
         """Record the events up to and including ``stop_us``."""
         if stop_us == self._now_us:
             return
-        for batch in self._batches(stop_us):
-            self._keep(batch)
+        if self._follower is not None:
+            self._keep(self._sensor.follow(stop_us * NS_PER_US, self._follower))
+        else:
+            for time_us in self._sampling.times_us(self._now_us, stop_us).tolist():
+                self._images += 1
+                self._keep(self._sensor.advance(time_us * NS_PER_US, self._luma_dn(time_us)))
         self._now_us = stop_us
 
     def finish(self) -> None:
-        """Write what is left of the events, and the index maps."""
+        """Write the last events, and the index maps."""
         self._keep(self._sensor.finish())
         self._columns.finish()
         for key, (size, index_map) in self._maps.items():
             indices = index_map.finish()
             write_dataset(self._file, key, indices, **{size: len(indices)})
-
-    def _batches(self, stop_us: int) -> Iterator[EventBatch]:
-        if self._follower is not None:
-            yield self._sensor.follow(stop_us * NS_PER_US, self._follower)
-            return
-        for time_us in self._sampling.times_us(self._now_us, stop_us).tolist():
-            self._images += 1
-            yield self._sensor.advance(time_us * NS_PER_US, self._luma_dn(time_us))
 
     def _keep(self, batch: EventBatch) -> None:
         self._columns.append(batch)
@@ -96,13 +98,3 @@ class EventRecorder:
 
     def _luma_dn(self, time_us: int) -> NDArray[np.float64]:
         return self._world.at(time_us).luma_dn(self._camera, self._camera.pose_at(self._flight, time_us))
-
-    def _follower_of(self, scene: Scene, quality: Quality) -> Follower | None:
-        if scene.event_step_us or not isinstance(self._world, ExactWorld) or not follows_light(scene.events):
-            return None
-        return Follower(self._world, self._camera, self._flight, FIDELITY[quality])
-
-    def _sampling_of(self, scene: Scene, quality: Quality) -> Sampling:
-        if scene.event_step_us:
-            return FixedSteps(scene.event_step_us)
-        return MotionSteps(self._world, self._camera, self._flight, MOTION_BOUND_PX[quality])

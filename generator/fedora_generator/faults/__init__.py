@@ -1,12 +1,21 @@
 """Faults planted in a copy of a file: each small, exact, and of one stream.
 
-``FAULTS`` says which cause can befall which stream; the work is done one file a stream, and in ``clocks``, ``samples``,
-``images`` and ``storage`` for what befalls several.
+Read ``fault`` (what to plant), then ``table`` (which causes a stream can have, and the function that plants each) and
+``plant`` (from a clean file to a faulty copy). Faults of one stream are in the file of its name; those of several in
+``clocks``, ``samples``, ``images`` and ``storage``. ``rows`` edits datasets block by block, ``trajectory`` interpolates
+the poses of a file, ``region`` confines a fault to a part of the image.
 """
 
 from fedora_generator.faults.fault import Fault, FaultError, Region
 from fedora_generator.faults.plant import plant_fault
-from fedora_generator.faults.table import BYTE_FAULTS, FAULTS, knows_region, knows_time, legal_causes, legal_streams
+from fedora_generator.faults.table import (
+    BYTE_FAULTS,
+    FAULTS,
+    allows_interval,
+    allows_region,
+    legal_causes,
+    legal_streams,
+)
 
 __all__ = [
     "BYTE_FAULTS",
@@ -14,8 +23,8 @@ __all__ = [
     "Fault",
     "FaultError",
     "Region",
-    "knows_region",
-    "knows_time",
+    "allows_interval",
+    "allows_region",
     "legal_causes",
     "legal_streams",
     "plant_fault",

@@ -17,7 +17,7 @@ def _read_region(_: click.Context, __: click.Parameter, value: str | None) -> Re
     match = re.fullmatch(r"([0-9]{1,6}),([0-9]{1,6}),([0-9]{1,6}),([0-9]{1,6})", value)
     if match is None:
         raise click.BadParameter(f"Expected x0,y0,x1,y1 such as 0,0,320,240, got {value!r}")
-    left, top, right, bottom = (int(each) for each in match.groups())
+    left, top, right, bottom = (int(digits) for digits in match.groups())
     return left, top, right, bottom
 
 

@@ -1,4 +1,4 @@
-"""Faults of a clock, for every stream that has stamps."""
+"""Faults of a clock, for every stream that has timestamps."""
 
 import h5py
 import numpy as np
@@ -10,7 +10,7 @@ US_PER_MS = 1_000
 
 
 def time_offset(file: h5py.File, fault: Fault) -> None:
-    """Make stamps late by a constant, rounded to a microsecond."""
+    """Make timestamps late by a constant, rounded to a microsecond."""
     offset_us = round(fault.magnitude_in("ms") * US_PER_MS)
     for stream in streams_in(file, fault.stream):
         edit(
@@ -19,7 +19,7 @@ def time_offset(file: h5py.File, fault: Fault) -> None:
 
 
 def clock_rate(file: h5py.File, fault: Fault) -> None:
-    """Let the clock run fast from the first stamp of the window on: ``t' = t + (t - t_first) * rate``."""
+    """Make the clock fast from the first timestamp of the window on: ``t' = t + (t - t_first) * rate``."""
     rate = fault.magnitude_in("1")
     for stream in streams_in(file, fault.stream):
         timestamps, window = timestamps_in(file, stream), window_of(file, stream, fault)
@@ -32,9 +32,9 @@ def clock_rate(file: h5py.File, fault: Fault) -> None:
 
 
 def quantised_time(file: h5py.File, fault: Fault) -> None:
-    """Round stamps to the nearest multiple of the magnitude.
+    """Round timestamps to the nearest multiple of the magnitude.
 
-    Rounding, not truncation as in an integer division: that would be an offset of half a grid besides.
+    Truncation, as in an integer division, would add an offset of half a grid.
     """
     grid_us = round(fault.magnitude_in("ms") * US_PER_MS)
     if grid_us < 2:
@@ -48,7 +48,7 @@ def quantised_time(file: h5py.File, fault: Fault) -> None:
 
 
 def time_unit(file: h5py.File, fault: Fault) -> None:
-    """Multiply stamps by the magnitude: 1000 writes nanoseconds, 0.001 milliseconds, rounded to whole ones."""
+    """Multiply timestamps by the magnitude: 1000 writes nanoseconds, 0.001 milliseconds, rounded to whole ones."""
     factor = fault.magnitude_in("1")
     if factor <= 0 or factor == 1:
         raise FaultError(f"Expected a positive factor other than 1, such as 1000 or 0.001, got {factor:g}")

@@ -44,7 +44,7 @@ def mirrored(file: h5py.File, fault: Fault) -> None:
 
 
 def spatial_offset(file: h5py.File, fault: Fault) -> None:
-    """Shift events to the right by whole pixels; those that leave the sensor are lost."""
+    """Shift events to the right by whole pixels; those that leave the sensor are removed."""
     shift, width = fault.count(), _size(file)[0]
     if abs(shift) >= width:
         raise FaultError(f"Expected a shift of less than {width} px, got {shift}")
@@ -53,15 +53,22 @@ def spatial_offset(file: h5py.File, fault: Fault) -> None:
 
 
 def dead_region(file: h5py.File, fault: Fault) -> None:
-    """Lose the events of a square of the given side, around a pixel that fires: one more often as it fires more.
+    """Remove the events of a square of the given side around a pixel, drawn in proportion to its number of events.
 
-    Where nothing fires, nothing is lost: anywhere on the sensor a square may cost no more than single events.
+    A square anywhere on the sensor might hold next to no events, and the fault would change next to nothing.
     """
     side, (left, top, right, bottom) = fault.positive_count(), _area(file, fault)
     longest = min(right - left, bottom - top)
     if side > longest:
         raise FaultError(f"Expected a side of at most {longest} px, got {side}")
-    fired = _fired(file, fault)[top:bottom, left:right]
+    # Events of each pixel (height, width) in the fault's window; those off the sensor are left out.
+    width, height = _size(file)
+    counts = np.zeros((height, width), np.int64)
+    for block in blocks(file[X], window_of(file, "events", fault)):
+        x, y = (file[key][block].astype(np.int64) for key in (X, Y))
+        inside = (x < width) & (y < height)
+        np.add.at(counts, (y[inside], x[inside]), 1)
+    fired = counts[top:bottom, left:right]
     if not fired.any():
         raise FaultError(f"Expected events in columns {left} to {right - 1}, rows {top} to {bottom - 1}, got none")
     row, column = divmod(int(fault.rng().choice(fired.size, p=fired.ravel() / fired.sum())), right - left)
@@ -71,7 +78,7 @@ def dead_region(file: h5py.File, fault: Fault) -> None:
 
 
 def hot_pixels(file: h5py.File, fault: Fault) -> None:
-    """Let the given number of pixels fire at random besides, without declaring them."""
+    """Add random events at the given number of pixels, without declaring them."""
     rng, count, (left, top, right, bottom) = fault.rng(), fault.positive_count(), _area(file, fault)
     available = (right - left) * (bottom - top)
     if count > available:
@@ -121,19 +128,8 @@ def _area(file: h5py.File, fault: Fault) -> Region:
     return fault.region or (0, 0, *_size(file))
 
 
-def _fired(file: h5py.File, fault: Fault) -> Keys:
-    """Return the events of each pixel (height, width) in the fault's window; those off the sensor are left out."""
-    width, height = _size(file)
-    fired = np.zeros((height, width), np.int64)
-    for block in blocks(file[X], window_of(file, "events", fault)):
-        x, y = (file[key][block].astype(np.int64) for key in (X, Y))
-        inside = (x < width) & (y < height)
-        np.add.at(fired, (y[inside], x[inside]), 1)
-    return fired
-
-
 def _keep_events(file: h5py.File, fault: Fault, keep_pixel: KeepPixel) -> slice:
-    """Remove, within the window, the events whose pixel is not to be kept; return the rows of those that are left."""
+    """Remove, within the window, the events of pixels that ``keep_pixel`` rejects; return the rows of the others."""
     window = window_of(file, "events", fault)
     keep = np.ones(len(file[X]), bool)
     for block in blocks(file[X], window):

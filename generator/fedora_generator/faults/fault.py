@@ -1,4 +1,4 @@
-"""What to plant: a cause, where, and how much of it."""
+"""What to plant: a cause, its place and its magnitude."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -25,7 +25,7 @@ Region = tuple[int, int, int, int]
 
 
 class FaultError(GeneratorError, ValueError):
-    """The fault cannot be planted as asked; the file is left as it was."""
+    """The fault cannot be planted as requested; the file stays as it was."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -37,14 +37,14 @@ class Fault:
     cause, stream
         As in ``fedora_qa.causes``; ``flow`` means every rate of the file.
     magnitude, unit
-        Positive: stamps too late, values too large. A fault without a size ignores them.
+        Positive: timestamps too late, values too large. A fault without a size ignores them.
     seed
         For what is placed or drawn at random.
     start_s, stop_s
-        Half-open interval after the file's first stamp that the fault is confined to. A fault of some samples begins
-        at ``start_s``, or in the middle of the stream; one of a declaration or of storage cannot be confined.
+        Half-open interval after the file's first timestamp that the fault is confined to. A fault of some samples
+        begins at ``start_s``, or in the middle of the stream; one of a declaration or of storage cannot be confined.
     region
-        Rectangle of the image that the fault is confined to: outside, everything is as it was.
+        Rectangle of the image that the fault is confined to: outside, the file does not change.
     donor
         The file that a stream of another sequence comes from.
     """
@@ -100,9 +100,9 @@ class Fault:
 
 
 def default_unit(cause: str, stream: str) -> str:
-    """Return the unit of a magnitude that comes without one.
+    """Return the unit of a magnitude that is given without a unit.
 
-    It is the cause's own, except that lost or repeated events are a packet, which has a duration.
+    It is the cause's own, except that dropped or duplicated events are a packet, which has a duration.
     """
     if cause in ("dropped_samples", "duplicated_samples") and stream_family(stream) == "events":
         return "ms"

@@ -1,4 +1,4 @@
-"""Faults that befall any stream of images alike: colour, depth and flow."""
+"""Faults that every stream of images can have: colour, depth and flow."""
 
 import h5py
 import numpy as np

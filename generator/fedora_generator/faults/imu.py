@@ -52,17 +52,17 @@ def accel_bias(file: h5py.File, fault: Fault) -> None:
 
 
 def gravity_missing(file: h5py.File, fault: Fault) -> None:
-    """Take the reaction to gravity away: f = R^T a. The attitude is the file's own pose, with its noise."""
+    """Remove the reaction to gravity: f = R^T a. The attitude is the file's own pose, with its noise."""
     _add_gravity(file, fault, -_declared_gravity(file))
 
 
 def gravity_sign(file: h5py.File, fault: Fault) -> None:
-    """Turn gravity over: f = R^T (a + g)."""
+    """Change the sign of gravity: f = R^T (a + g)."""
     _add_gravity(file, fault, -2 * _declared_gravity(file))
 
 
 def gravity_magnitude(file: h5py.File, fault: Fault) -> None:
-    """Fly under a gravity larger by the magnitude than the declared one."""
+    """Make the gravity of the samples larger by the magnitude than the declared gravity."""
     _add_gravity(file, fault, fault.magnitude_in("m/s^2"))
 
 
@@ -75,8 +75,9 @@ def lever_arm(file: h5py.File, fault: Fault) -> None:
     arm_body_m = fault.magnitude_in("m") * _X
     step_s = (timestamps_us[-1] - timestamps_us[0]) / (len(timestamps_us) - 1) / US_PER_S
     rates_of_rates = savgol_filter(rates, _DERIVATIVE_SAMPLES, 3, deriv=1, delta=step_s, axis=0)
-    felt = np.cross(rates_of_rates, arm_body_m) + np.cross(rates, np.cross(rates, arm_body_m))
-    file[ACCEL][window] = file[ACCEL][window] + felt
+    # w' x r + w x (w x r)
+    lever_arm_m_s2 = np.cross(rates_of_rates, arm_body_m) + np.cross(rates, np.cross(rates, arm_body_m))
+    file[ACCEL][window] = file[ACCEL][window] + lever_arm_m_s2
 
 
 def noise_misdeclared(file: h5py.File, fault: Fault) -> None:

@@ -1,4 +1,4 @@
-"""Faults of the maps from frames to events, and the maps themselves made anew."""
+"""Faults of the maps from frames to events, and the computation of the maps."""
 
 from typing import Final, Literal
 
@@ -26,8 +26,8 @@ _FOLLOWING: Final = frozenset(
         "other_sequence",
     }
 )
-"""Faults that happen before the recorder makes the maps. It makes them from the stamps that it has, wrong or lost,
-so a map that still knew the truth would betray the fault. Maps of unsorted events or another time unit are left."""
+"""Faults that happen before the recorder makes the maps. It makes them from the wrong or missing timestamps, so that a
+map of the true ones would reveal the fault. Maps of unsorted events or of another time unit stay as they are."""
 
 
 def maps_follow(fault: Fault) -> bool:
@@ -45,7 +45,7 @@ def index_off_by_one(file: h5py.File, fault: Fault) -> None:
 
 
 def index_side(file: h5py.File, fault: Fault) -> None:
-    """Point behind the events that have a frame's own stamp (``side="right"``)."""
+    """Point behind the events that have a frame's own timestamp (``side="right"``)."""
     indices, window = _map_in(file, fault.stream), _window_of_map(file, fault)
     behind = _indices(file, fault.stream, "right")[window]
     if np.array_equal(behind, indices[window]):
@@ -54,7 +54,7 @@ def index_side(file: h5py.File, fault: Fault) -> None:
 
 
 def remake_index_maps(file: h5py.File) -> None:
-    """Make the maps that the file holds from its stamps as they are now, as long as the frames are."""
+    """Compute the maps of the file again from its present timestamps, one index a frame."""
     for stream in INDEX_MAPS:
         key = _map_key(stream)
         if key not in file or not {TIMESTAMPS_OF[_frames_of(stream)], TIMESTAMPS_OF["events"]} <= _keys(file):
@@ -72,7 +72,7 @@ def _window_of_map(file: h5py.File, fault: Fault) -> slice:
 
 def _indices(file: h5py.File, stream: str, side: Literal["left", "right"]) -> NDArray[np.int64]:
     frame_timestamps_us = file[TIMESTAMPS_OF[_frames_of(stream)]][...]
-    # The events not after t are those before t + 1: stamps are whole.
+    # The events not after t are those before t + 1: timestamps are whole.
     return rows_before(file[TIMESTAMPS_OF["events"]], frame_timestamps_us + (side == "right"))
 
 

@@ -67,7 +67,24 @@ def nan_in_stream(file: h5py.File, fault: Fault) -> None:
 
 
 def declare_noise(file: h5py.File, key: str, names: tuple[str, ...], fault: Fault) -> None:
-    """Scale those of the named attributes that are not 0; refuse where that changes nothing."""
+    """Scale the declared noises that are not 0.
+
+    Parameters
+    ----------
+    file
+        An open file.
+    key
+        Group of the declaration.
+    names
+        Attributes of the group that are noises.
+    fault
+        Its magnitude is the change, percent.
+
+    Raises
+    ------
+    FaultError
+        The group is missing, or every noise is missing or 0.
+    """
     attributes = group_in(file, key).attrs
     present = [name for name in names if attributes.get(name, 0)]
     if not present:
@@ -84,7 +101,17 @@ def group_in(file: h5py.File, key: str) -> h5py.Group:
 
 
 def edit_cameras(file: h5py.File, attribute: str, change: MatrixChange) -> None:
-    """Change one matrix of every camera."""
+    """Change one matrix of every camera.
+
+    Parameters
+    ----------
+    file
+        An open file.
+    attribute
+        ``K`` or ``T_body_camera``.
+    change
+        From a matrix to the wrong one.
+    """
     for camera in group_in(file, CAMERAS).values():
         camera.attrs[attribute] = change(np.array(camera.attrs[attribute], dtype=np.float64))
 

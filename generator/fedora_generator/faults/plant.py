@@ -1,4 +1,4 @@
-"""Planting a fault: in a copy, complete or not at all."""
+"""Planting a fault in a copy of a file, which is complete or absent."""
 
 import math
 from pathlib import Path
@@ -16,15 +16,15 @@ from fedora_generator.faults.table import (
     BYTE_FAULTS,
     FAULTS,
     USUAL_FACTORS,
-    knows_region,
-    knows_time,
+    allows_interval,
+    allows_region,
     legal_causes,
     legal_streams,
 )
 from fedora_generator.partial_file import PartialFile, partial_file
 from fedora_qa.causes import stream_family
 
-_COPIED_AT_ONCE: Final = 1 << 20
+_COPY_BLOCK_BYTES: Final = 1 << 20
 
 
 def plant_fault(
@@ -47,24 +47,24 @@ def plant_fault(
     Parameters
     ----------
     source, target
-        The clean file, which is only read, and where the faulty one goes, replaced in one step when it is complete.
+        The clean file, which is only read, and the faulty one, replaced in one step when it is complete.
     cause, stream
         As ``legal_causes`` and ``legal_streams`` list them.
     magnitude, unit
-        Positive: stamps too late, values too large. The unit is the cause's own if none is given. Where the magnitude
-        is a factor, 1, which is no fault, stands for the usual one (``USUAL_FACTORS``); a fault without a size needs
-        none.
+        Positive: timestamps too late, values too large. The unit is the cause's own if none is given. Where the
+        magnitude is a factor, 1, which is no fault, stands for the usual factor (``USUAL_FACTORS``). A fault without a
+        size needs no magnitude.
     seed
-        For what is placed or drawn at random.
+        Seed of everything that the fault draws at random.
     start_s, stop_s
-        Half-open interval, seconds after the file's first stamp, to confine the fault to.
+        Half-open interval, seconds after the file's first timestamp, to confine the fault to.
     region
         Rectangle (x0, y0, x1, y1), half-open, in pixels of the stream's own image, to confine the fault to: inside, the
         file is as the fault makes it; outside, as it was.
     donor
         The file that ``other_sequence`` takes the stream from.
     consistent_maps
-        Make the index maps anew where a recorder would have made them after the fault.
+        Compute the index maps again where a recorder would have made them after the fault.
 
     Returns
     -------
@@ -74,17 +74,20 @@ def plant_fault(
     Raises
     ------
     FaultError
-        The fault cannot be planted as asked; nothing is written.
+        The fault cannot be planted as requested; nothing is written.
     OutputError
         The target's folder does not exist, or its disk is full.
     """
     _require_legal(cause, stream)
-    _require_confinable(cause, stream, in_time=(start_s, stop_s) != (None, None), in_space=region is not None)
+    if (start_s, stop_s) != (None, None) and not allows_interval(cause, stream):
+        raise FaultError(f"Expected no interval for {stream}:{cause}, got one: it befalls the whole stream or none")
+    if region is not None and not allows_region(cause, stream):
+        raise FaultError(f"Expected no region for {stream}:{cause}, got one: it befalls the whole image or none")
     unit = default_unit(cause, stream) if unit is None else unit
     fault = Fault(
         cause=cause,
         stream=stream,
-        magnitude=_size_of(cause, stream, magnitude, unit),
+        magnitude=_magnitude_of(cause, stream, magnitude, unit),
         unit=unit,
         seed=seed,
         start_s=start_s,
@@ -92,11 +95,18 @@ def plant_fault(
         region=region,
         donor=donor,
     )
-    _require_two_files(source, target)
+    if not source.is_file() or not h5py.is_hdf5(source):
+        raise FaultError(f"Expected an HDF5 file, got {source}; name a file that the generator wrote")
+    if not target.parent.is_dir():
+        raise OutputError(f"Expected an existing folder to write into, got {target.parent}; create it first")
+    if target.exists() and target.samefile(source):
+        raise FaultError(
+            f"Expected a target other than the source, got {target} twice; faults are never planted in place"
+        )
     try:
         with source.open("rb") as clean, partial_file(target, overwrite=True) as copy:
-            while copy.write(clean.read(_COPIED_AT_ONCE)):
-                copy.go_on()
+            while copy.write(clean.read(_COPY_BLOCK_BYTES)):
+                copy.raise_pending()
             _apply(source, copy, fault, consistent_maps=consistent_maps)
     except OutputError:
         raise
@@ -112,7 +122,7 @@ def _apply(source: Path, copy: PartialFile, fault: Fault, *, consistent_maps: bo
         return
     with h5py.File(copy, "r+") as file:
         if fault.stream != "metadata":
-            streams_in(file, fault.stream)  # says so if there is none
+            streams_in(file, fault.stream)  # raises where there is none
         FAULTS[key](file, fault)
         if fault.region is not None:
             confine_to_region(file, source, fault, fault.region)
@@ -120,7 +130,7 @@ def _apply(source: Path, copy: PartialFile, fault: Fault, *, consistent_maps: bo
             remake_index_maps(file)
 
 
-def _size_of(cause: str, stream: str, magnitude: float | None, unit: str) -> float:
+def _magnitude_of(cause: str, stream: str, magnitude: float | None, unit: str) -> float:
     usual = USUAL_FACTORS.get((cause, stream_family(stream)))
     if usual is not None and magnitude in (None, 1):
         return usual
@@ -140,21 +150,3 @@ def _require_legal(cause: str, stream: str) -> None:
     if stream not in legal_streams(cause):
         streams = ", ".join(legal_streams(cause))
         raise FaultError(f"Expected a stream that {cause} can befall, got {stream!r}; choose from {streams}")
-
-
-def _require_confinable(cause: str, stream: str, *, in_time: bool, in_space: bool) -> None:
-    if in_time and not knows_time(cause, stream):
-        raise FaultError(f"Expected no interval for {stream}:{cause}, got one: it befalls the whole stream or none")
-    if in_space and not knows_region(cause, stream):
-        raise FaultError(f"Expected no region for {stream}:{cause}, got one: it befalls the whole image or none")
-
-
-def _require_two_files(source: Path, target: Path) -> None:
-    if not source.is_file() or not h5py.is_hdf5(source):
-        raise FaultError(f"Expected an HDF5 file, got {source}; name a file that the generator wrote")
-    if not target.parent.is_dir():
-        raise OutputError(f"Expected an existing folder to write into, got {target.parent}; create it first")
-    if target.exists() and target.samefile(source):
-        raise FaultError(
-            f"Expected a target other than the source, got {target} twice; faults are never planted in place"
-        )

@@ -58,7 +58,7 @@ def quaternion_not_unit(file: h5py.File, fault: Fault) -> None:
 
 
 def teleport(file: h5py.File, fault: Fault) -> None:
-    """Jump along world X by the magnitude: at the start (or the middle), and back at the stop if there is one."""
+    """Jump along world X by the magnitude, at the start or in the middle; with a stop, jump back there."""
     window = window_of(file, "pose", fault)
     if fault.start_s is None:
         window = slice((window.start + window.stop) // 2, window.stop)

@@ -16,7 +16,18 @@ _CAMERA: Final = "metadata/cameras/events"
 
 
 def confine_to_region(file: h5py.File, source: Path, fault: Fault, region: Region) -> None:
-    """Bring back, in the open faulty copy, everything of the fault's stream that lies outside the region.
+    """Restore, in the open faulty copy, everything of the fault's stream that lies outside the region.
+
+    Parameters
+    ----------
+    file
+        The open faulty copy.
+    source
+        The clean file.
+    fault
+        Its stream and interval.
+    region
+        (x0, y0, x1, y1), half-open, in pixels of the stream's own image.
 
     Raises
     ------
@@ -27,25 +38,21 @@ def confine_to_region(file: h5py.File, source: Path, fault: Fault, region: Regio
         for stream in streams_in(file, fault.stream):
             if stream == "events":
                 _confine_events(file, clean, region)
-            else:
-                _confine_images(file, clean, stream, fault, region)
-
-
-def _confine_images(file: h5py.File, clean: h5py.File, stream: str, fault: Fault, region: Region) -> None:
-    window = window_of(clean, stream, fault)
-    for faulty in values_in(file, stream):
-        before = clean[faulty.name]
-        left, top, right, bottom = _inside_image(region, width=before.shape[2], height=before.shape[1])
-        for block in blocks(faulty, window):
-            images = before[block]
-            images[:, top:bottom, left:right] = faulty[block][:, top:bottom, left:right]
-            faulty[block] = images
+                continue
+            window = window_of(clean, stream, fault)
+            for faulty in values_in(file, stream):
+                before = clean[faulty.name]
+                left, top, right, bottom = _inside_image(region, width=before.shape[2], height=before.shape[1])
+                for block in blocks(faulty, window):
+                    images = before[block]
+                    images[:, top:bottom, left:right] = faulty[block][:, top:bottom, left:right]
+                    faulty[block] = images
 
 
 def _confine_events(file: h5py.File, clean: h5py.File, region: Region) -> None:
-    """Put the untouched events outside and the faulty ones inside into one stream, in the order of the clean file.
+    """Merge the clean events outside the region and the faulty ones inside, in the order of the clean file.
 
-    All events are held in memory at once, for they may have changed places: about 60 bytes each.
+    All events are in memory at once, about 60 bytes each, as a fault may have changed their order.
     """
     if _CAMERA not in clean:
         raise FaultError(f"Expected {_CAMERA}, got none: the size of the sensor is needed")
@@ -54,7 +61,9 @@ def _confine_events(file: h5py.File, clean: h5py.File, region: Region) -> None:
     before, faulty = _columns(clean), _columns(file)
     outside, inside = ~_lie_in(before, region), _lie_in(faulty, region)
     merged = {name: np.concatenate([before[name][outside], faulty[name][inside]]) for name in before}
-    order = _canonical_order(merged) if _is_canonical(before) else np.argsort(merged["t"], kind="stable")
+    # The order of a clean file that is not canonical is that of its recorder: then only time decides.
+    is_canonical = np.array_equal(_canonical_order(before), np.arange(len(before["t"])))
+    order = _canonical_order(merged) if is_canonical else np.argsort(merged["t"], kind="stable")
     for name, values in merged.items():
         dataset = file[f"path/events/{name}"]
         dataset.resize(len(values), axis=0)
@@ -84,7 +93,3 @@ def _lie_in(events: Columns, region: Region) -> NDArray[np.bool_]:
 
 def _canonical_order(events: Columns) -> NDArray[np.int64]:
     return np.lexsort((events["p"], events["x"], events["y"], events["t"]))
-
-
-def _is_canonical(events: Columns) -> bool:
-    return bool(np.array_equal(_canonical_order(events), np.arange(len(events["t"]))))

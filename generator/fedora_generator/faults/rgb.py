@@ -17,7 +17,7 @@ def channel_order(file: h5py.File, fault: Fault) -> None:
 
 
 def exposure_or_gamma(file: h5py.File, fault: Fault) -> None:
-    """Make the values too large by a magnitude in percent, as a longer exposure would, or bend them by a gamma.
+    """Make the values too large by a magnitude in percent, as a longer exposure would, or apply a gamma.
 
     Values are clipped at 255; -100 percent makes frames black. With the unit ``gamma``, a magnitude of 2.2 writes what
     a display of that gamma needs, white and black staying where they are; nothing is declared.
@@ -31,8 +31,8 @@ def _curve(fault: Fault) -> Array:
     if fault.unit == "gamma":
         if not fault.magnitude > 0:
             raise FaultError(f"Expected a gamma above 0, got {fault.magnitude:g}")
-        bent: Array = _WHITE * (codes / _WHITE) ** (1 / fault.magnitude)
+        values: Array = _WHITE * (codes / _WHITE) ** (1 / fault.magnitude)
     else:
-        bent = codes * (1 + fault.magnitude_in("percent") / 100)
-    stored: Array = np.rint(np.clip(bent, 0, _WHITE)).astype(np.uint8)
+        values = codes * (1 + fault.magnitude_in("percent") / 100)
+    stored: Array = np.rint(np.clip(values, 0, _WHITE)).astype(np.uint8)
     return stored

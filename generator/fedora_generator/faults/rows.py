@@ -20,25 +20,25 @@ _BLOCK_BYTES: Final = 16 * 1024 * 1024
 def streams_in(file: h5py.File, stream: str) -> tuple[str, ...]:
     """Return the stream itself, or for ``flow`` every rate that the file holds."""
     wanted = FLOW_STREAMS if stream == "flow" else (stream,)
-    streams = tuple(each for each in wanted if any(spec.key in file for spec in datasets_of(each)))
+    streams = tuple(name for name in wanted if any(spec.key in file for spec in datasets_of(name)))
     if not streams:
         raise FaultError(f"Expected a file with the stream {stream}, got none in {file.filename}; name another stream")
     return streams
 
 
 def datasets_in(file: h5py.File, stream: str) -> dict[str, h5py.Dataset]:
-    """Return every dataset of one stream by its key, and those that lie beside it row by row."""
+    """Return every dataset of one stream by its key, with the datasets that share its rows."""
     specs = (*datasets_of(stream), *companions_of(stream))
     return {spec.key: file[spec.key] for spec in specs if spec.key in file}
 
 
 def values_in(file: h5py.File, stream: str) -> list[h5py.Dataset]:
-    """Return the datasets of one stream that are not its stamps."""
+    """Return the datasets of one stream other than its timestamps."""
     return [file[spec.key] for spec in datasets_of(stream) if spec.key in file and not spec.is_timestamps]
 
 
 def timestamps_in(file: h5py.File, stream: str) -> h5py.Dataset:
-    """Return the stamps of one stream, (n,) or for flow (n, 2)."""
+    """Return the timestamps of one stream, (n,) or for flow (n, 2), us."""
     key = TIMESTAMPS_OF.get(stream)
     if key is None or key not in file:
         raise FaultError(f"Expected a stream with stamps, got {stream}; name a stream that the file holds")
@@ -57,13 +57,33 @@ def blocks(dataset: h5py.Dataset, rows: slice | None = None) -> Iterator[slice]:
 
 
 def edit(dataset: h5py.Dataset, rows: slice, change: Callable[[Array], Array]) -> None:
-    """Replace each block of rows by what ``change`` makes of it, of the same shape."""
+    """Replace rows of a dataset in place, block by block.
+
+    Parameters
+    ----------
+    dataset
+        An open dataset.
+    rows
+        Those that change.
+    change
+        From a block of rows to one of the same shape.
+    """
     for block in blocks(dataset, rows):
         dataset[block] = change(dataset[block])
 
 
 def edit_values(file: h5py.File, fault: Fault, change: Callable[[Array], Array]) -> None:
-    """Apply one change to every value of the fault's streams, within its window."""
+    """Apply a change to every value of the fault's streams, within its interval.
+
+    Parameters
+    ----------
+    file
+        An open file.
+    fault
+        Its stream and interval.
+    change
+        From a block of rows to one of the same shape.
+    """
     for stream in streams_in(file, fault.stream):
         window = window_of(file, stream, fault)
         for dataset in values_in(file, stream):
@@ -71,7 +91,7 @@ def edit_values(file: h5py.File, fault: Fault, change: Callable[[Array], Array])
 
 
 def origin_us(file: h5py.File) -> int:
-    """Return the earliest first stamp of the file."""
+    """Return the earliest first timestamp of the file, us."""
     firsts = [int(np.min(file[key][:1])) for key in TIMESTAMPS_OF.values() if key in file and len(file[key])]
     return min(firsts, default=0)
 
@@ -80,12 +100,14 @@ def rows_before(timestamps: h5py.Dataset, times_us: NDArray[np.int64]) -> NDArra
     """Count the rows (m,) stamped before each of ``times_us`` (m,), which in a sorted stream is their index."""
     counts = np.zeros(len(times_us), np.int64)
     for block in blocks(timestamps):
-        counts += np.searchsorted(_starts(timestamps[block]), times_us, side="left")
+        rows_us = timestamps[block]
+        starts_us = rows_us[:, 0] if rows_us.ndim == 2 else rows_us  # an interval of flow is stamped with its start
+        counts += np.searchsorted(starts_us, times_us, side="left")
     return counts
 
 
 def length_of(file: h5py.File, stream: str) -> int:
-    """Return the number of rows of a stream; an empty one cannot be broken."""
+    """Return the number of rows of a stream; no fault can be planted in an empty one."""
     length = len(next(iter(datasets_in(file, stream).values())))
     if length == 0:
         raise FaultError(f"Expected rows in {stream}, got none; name another stream")
@@ -93,11 +115,28 @@ def length_of(file: h5py.File, stream: str) -> int:
 
 
 def window_of(file: h5py.File, stream: str, fault: Fault) -> slice:
-    """Return the rows of a stream that lie in the fault's interval."""
+    """Return the rows of a stream that lie in the fault's interval.
+
+    Parameters
+    ----------
+    file
+        An open file.
+    stream
+        Name of a single stream.
+    fault
+        Its interval.
+
+    Raises
+    ------
+    FaultError
+        No row lies in the interval, or the stream has none.
+    """
     if fault.start_s is None and fault.stop_s is None:
         return slice(0, length_of(file, stream))
     timestamps = timestamps_in(file, stream)
-    limits_us = [origin_us(file) + round(each * US_PER_S) for each in (fault.start_s, fault.stop_s) if each is not None]
+    limits_us = [
+        origin_us(file) + round(end_s * US_PER_S) for end_s in (fault.start_s, fault.stop_s) if end_s is not None
+    ]
     rows = [int(row) for row in rows_before(timestamps, np.array(limits_us, np.int64))]
     start = rows[0] if fault.start_s is not None else 0
     stop = rows[-1] if fault.stop_s is not None else len(timestamps)
@@ -107,9 +146,21 @@ def window_of(file: h5py.File, stream: str, fault: Fault) -> slice:
 
 
 def place_of(file: h5py.File, stream: str, fault: Fault, count: int) -> slice:
-    """Return ``count`` consecutive rows from ``start_s`` on, or in the middle of the stream; never the first row.
+    """Return consecutive rows from ``start_s`` on, or in the middle of the stream; never the first row.
 
-    With ``stop_s`` they must all lie before it.
+    Parameters
+    ----------
+    file, stream
+        The rows are those of the stream's datasets.
+    fault
+        Its interval confines the rows.
+    count
+        Number of rows.
+
+    Raises
+    ------
+    FaultError
+        The stream, or the interval up to ``stop_s``, has too few rows.
     """
     length = length_of(file, stream)
     if count > length - 1:
@@ -130,7 +181,20 @@ def require_before_stop(file: h5py.File, stream: str, fault: Fault, stop: int) -
 
 
 def keep_rows(dataset: h5py.Dataset, keep: Callable[[slice], NDArray[np.bool_]]) -> None:
-    """Remove, in place, the rows for which ``keep`` of their block says no."""
+    """Remove rows in place.
+
+    Parameters
+    ----------
+    dataset
+        Chunked, with an unlimited first axis.
+    keep
+        From a block of rows to a mask of those that stay.
+
+    Raises
+    ------
+    FaultError
+        The dataset cannot be resized.
+    """
     _require_resizable(dataset)
     kept = 0
     for block in blocks(dataset):
@@ -145,15 +209,44 @@ def keep_rows(dataset: h5py.Dataset, keep: Callable[[slice], NDArray[np.bool_]])
 
 
 def delete_rows(file: h5py.File, stream: str, gone: slice) -> None:
-    """Remove consecutive rows from every dataset of a stream."""
+    """Remove consecutive rows from every dataset of a stream.
+
+    Parameters
+    ----------
+    file
+        An open file.
+    stream
+        Name of a single stream.
+    gone
+        Rows to remove.
+    """
     for dataset in datasets_in(file, stream).values():
-        keep_rows(dataset, lambda block: ~_inside(block, gone))
+        keep_rows(
+            dataset,
+            lambda block: (
+                (np.arange(block.start, block.stop) < gone.start) | (np.arange(block.start, block.stop) >= gone.stop)
+            ),
+        )
 
 
 def insert_rows(dataset: h5py.Dataset, before: NDArray[np.int64], values: Array) -> None:
-    """Insert ``values`` (m, ...), each before the row of the old numbering in ``before`` (m,), ascending.
+    """Insert rows in place.
 
-    Works from the end, so that nothing is overwritten before it has been moved.
+    It works from the end of the dataset, so that no row is overwritten before it has been moved.
+
+    Parameters
+    ----------
+    dataset
+        Chunked, with an unlimited first axis.
+    before
+        (m,) row, in the numbering before the insertion, in front of which each value is inserted; ascending.
+    values
+        (m, ...) rows to insert.
+
+    Raises
+    ------
+    FaultError
+        The dataset cannot be resized.
     """
     _require_resizable(dataset)
     old_length = len(dataset)
@@ -165,16 +258,6 @@ def insert_rows(dataset: h5py.Dataset, before: NDArray[np.int64], values: Array)
         merged = np.insert(dataset[block], before[first:pending] - block.start, values[first:pending], axis=0)
         dataset[block.start + first : block.start + first + len(merged)] = merged
         pending = first
-
-
-def _starts(timestamps_us: Array) -> NDArray[np.int64]:
-    return timestamps_us[:, 0] if timestamps_us.ndim == 2 else timestamps_us
-
-
-def _inside(block: slice, rows: slice) -> NDArray[np.bool_]:
-    index = np.arange(block.start, block.stop)
-    inside: NDArray[np.bool_] = (index >= rows.start) & (index < rows.stop)
-    return inside
 
 
 def _require_resizable(dataset: h5py.Dataset) -> None:

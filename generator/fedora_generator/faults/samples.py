@@ -1,10 +1,11 @@
-"""Faults of single samples: lost, repeated, exchanged, frozen, not a number; for every stream."""
+"""Faults of samples, for every stream: lost, repeated, exchanged, frozen, not a number, or of another sequence."""
 
 import h5py
 import numpy as np
 
 from fedora_generator.faults.fault import Fault, FaultError
 from fedora_generator.faults.rows import (
+    blocks,
     datasets_in,
     delete_rows,
     edit,
@@ -19,13 +20,13 @@ from fedora_generator.faults.rows import (
 
 
 def dropped_samples(file: h5py.File, fault: Fault) -> None:
-    """Lose consecutive samples: a number of them, or those of a duration."""
+    """Remove consecutive samples: a number of them, or those of a duration."""
     for stream in streams_in(file, fault.stream):
         delete_rows(file, stream, _affected(file, stream, fault))
 
 
 def duplicated_samples(file: h5py.File, fault: Fault) -> None:
-    """Write consecutive samples twice, each right after itself, so that the order of time still holds."""
+    """Write consecutive samples twice, each copy directly after its sample, so that timestamps stay sorted."""
     for stream in streams_in(file, fault.stream):
         rows = _affected(file, stream, fault)
         for dataset in datasets_in(file, stream).values():
@@ -39,22 +40,24 @@ def unsorted(file: h5py.File, fault: Fault) -> None:
         timestamps = timestamps_in(file, stream)
         rows = place_of(file, stream, fault, count)
         while rows.stop < len(timestamps) and np.all(timestamps[rows.stop - 1] == timestamps[rows.start]):
-            rows = slice(rows.start, rows.stop + 1)  # samples of one stamp have no order in time to break
+            rows = slice(rows.start, rows.stop + 1)  # samples of one timestamp have no order in time
         require_before_stop(file, stream, fault, rows.stop)
         for dataset in datasets_in(file, stream).values():
             dataset[rows] = dataset[rows][::-1]
 
 
 def frozen_frames(file: h5py.File, fault: Fault) -> None:
-    """Repeat the value before the place in the given number of samples; their stamps go on."""
+    """Give a number of samples the value before them; their timestamps stay."""
     for stream in streams_in(file, fault.stream):
         rows = place_of(file, stream, fault, fault.positive_count())
         for dataset in values_in(file, stream):
-            _freeze(dataset, rows)
+            still = dataset[rows.start - 1]
+            for block in blocks(dataset, rows):
+                dataset[block] = np.broadcast_to(still, (block.stop - block.start, *still.shape))
 
 
 def swapped_frames(file: h5py.File, fault: Fault) -> None:
-    """Exchange the values of one sample with those the given number of samples later; stamps stay."""
+    """Exchange the values of one sample with those the given number of samples later; timestamps stay."""
     distance = fault.positive_count()
     for stream in streams_in(file, fault.stream):
         first = place_of(file, stream, fault, distance + 1).start
@@ -71,9 +74,19 @@ def nan_in_stream(file: h5py.File, fault: Fault) -> None:
             edit(dataset, rows, lambda values: np.full_like(values, np.nan))
 
 
-def _freeze(dataset: h5py.Dataset, rows: slice) -> None:
-    still = dataset[rows.start - 1]
-    edit(dataset, rows, lambda values: np.broadcast_to(still, values.shape))
+def other_sequence(file: h5py.File, fault: Fault) -> None:
+    """Put the donor's samples, with the donor's timestamps, in the place of the stream's own."""
+    if fault.donor is None or not fault.donor.is_file() or not h5py.is_hdf5(fault.donor):
+        raise FaultError(f"Expected an HDF5 file to take {fault.stream} from, got {fault.donor}; use --donor")
+    with h5py.File(fault.donor) as donor:
+        for stream in streams_in(file, fault.stream):
+            for key, dataset in datasets_in(file, stream).items():
+                if key not in donor or donor[key].shape[1:] != dataset.shape[1:]:
+                    shape, got = dataset.shape[1:], donor[key].shape[1:] if key in donor else "none"
+                    raise FaultError(f"Expected {key} with rows of shape {shape} in {donor.filename}, got {got}")
+                dataset.resize(len(donor[key]), axis=0)
+                for block in blocks(dataset):
+                    dataset[block] = donor[key][block]
 
 
 def _affected(file: h5py.File, stream: str, fault: Fault) -> slice:

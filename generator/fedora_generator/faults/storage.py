@@ -1,4 +1,4 @@
-"""Faults of the file itself: what is missing, cut off, damaged, or stored in another form."""
+"""Faults of the file itself: missing, truncated, damaged, or stored in another form."""
 
 import os
 from pathlib import Path
@@ -39,8 +39,16 @@ def truncate_file(path: Path, fault: Fault) -> None:
 def corrupt_chunk(path: Path, fault: Fault) -> None:
     """Invert 16 bytes in the middle of so many stored chunks of the stream's first dataset, at each rate of flow."""
     count = fault.positive_count()
-    with h5py.File(path, locking=False) as file:  # whoever plants holds the lock
-        of_streams = [_stored(_first_values(file, stream)) for stream in streams_in(file, fault.stream)]
+    with h5py.File(path, locking=False) as file:  # the copy is open, with the lock, while a fault is planted
+        of_streams = []  # offset and size in the file of every stored piece, by stream
+        for stream in streams_in(file, fault.stream):
+            dataset = _first_values(file, stream)
+            if dataset.chunks is None:
+                whole = (dataset.id.get_offset(), dataset.id.get_storage_size())
+                of_streams.append([whole] if dataset.size else [])
+            else:
+                chunks = [dataset.id.get_chunk_info(index) for index in range(dataset.id.get_num_chunks())]
+                of_streams.append([(chunk.byte_offset, chunk.size) for chunk in chunks])
     fewest = min(map(len, of_streams))
     if count > fewest:
         raise FaultError(f"Expected at most the {fewest} chunks of {fault.stream}, got {count}")
@@ -50,9 +58,9 @@ def corrupt_chunk(path: Path, fault: Fault) -> None:
         for offset, size in sorted(chosen):
             damaged = min(_DAMAGED_BYTES, size)
             raw.seek(offset + (size - damaged) // 2)
-            whole = raw.read(damaged)
+            intact = raw.read(damaged)
             raw.seek(-damaged, os.SEEK_CUR)
-            raw.write(bytes(byte ^ 0xFF for byte in whole))
+            raw.write(bytes(byte ^ 0xFF for byte in intact))
 
 
 def missing_stream(file: h5py.File, fault: Fault) -> None:
@@ -78,7 +86,7 @@ def wrong_shape(file: h5py.File, fault: Fault) -> None:
 
 
 def wrong_dtype(file: h5py.File, fault: Fault) -> None:
-    """Store the stream's first dataset (events: the stamps) in another type; in the metadata, widths as text."""
+    """Store the stream's first dataset (events: the timestamps) in another type; in the metadata, widths as text."""
     if fault.stream == "metadata":
         for camera in group_in(file, CAMERAS).values():
             camera.attrs["width"] = str(camera.attrs["width"])
@@ -97,14 +105,6 @@ def _cut(length: int, fault: Fault) -> int:
 
 def _first_values(file: h5py.File, stream: str) -> h5py.Dataset:
     return values_in(file, stream)[0]
-
-
-def _stored(dataset: h5py.Dataset) -> list[tuple[int, int]]:
-    """Return offset and size in the file of every stored piece of a dataset."""
-    if dataset.chunks is None:
-        return [(dataset.id.get_offset(), dataset.id.get_storage_size())] if dataset.size else []
-    chunks = [dataset.id.get_chunk_info(index) for index in range(dataset.id.get_num_chunks())]
-    return [(chunk.byte_offset, chunk.size) for chunk in chunks]
 
 
 def _store_again(file: h5py.File, dataset: h5py.Dataset, shape: tuple[int, ...], dtype: np.dtype[Any]) -> None:

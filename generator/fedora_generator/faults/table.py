@@ -13,12 +13,10 @@ from fedora_generator.faults import (
     depth,
     events,
     flow,
-    flow_geometry,
     images,
     imu,
     index_maps,
     metadata,
-    other_sequence,
     pose,
     rgb,
     samples,
@@ -36,28 +34,28 @@ _IMAGES: Final = ("rgb", "depth", "flow")
 _STORED: Final = (*TIMED, *INDEX_MAPS)
 
 
-def _each(cause: str, streams: Iterable[str], edit: Edit) -> dict[tuple[str, str], Edit]:
+def _by_stream(cause: str, streams: Iterable[str], edit: Edit) -> dict[tuple[str, str], Edit]:
     return {(cause, stream): edit for stream in streams}
 
 
 FAULTS: Final[Mapping[tuple[str, str], Edit]] = MappingProxyType(
     {
-        **_each("time_offset", TIMED, clocks.time_offset),
-        **_each("clock_rate", TIMED, clocks.clock_rate),
-        **_each("quantised_time", TIMED, clocks.quantised_time),
-        **_each("time_unit", TIMED, clocks.time_unit),
-        **_each("dropped_samples", TIMED, samples.dropped_samples),
-        **_each("duplicated_samples", TIMED, samples.duplicated_samples),
-        **_each("unsorted", TIMED, samples.unsorted),
-        **_each("frozen_frames", ("rgb", "depth", "flow", "pose", "imu"), samples.frozen_frames),
-        **_each("swapped_frames", _IMAGES, samples.swapped_frames),
-        **_each("nan_in_stream", _FLOATS, samples.nan_in_stream),
-        **_each("other_sequence", TIMED, other_sequence.other_sequence),
-        **_each("index_off_by_one", INDEX_MAPS, index_maps.index_off_by_one),
-        **_each("index_side", INDEX_MAPS, index_maps.index_side),
-        **_each("mirrored", _IMAGES, images.mirrored),
-        **_each("spatial_offset", _IMAGES, images.spatial_offset),
-        **_each("invalid_encoding", ("depth", "flow"), images.invalid_encoding),
+        **_by_stream("time_offset", TIMED, clocks.time_offset),
+        **_by_stream("clock_rate", TIMED, clocks.clock_rate),
+        **_by_stream("quantised_time", TIMED, clocks.quantised_time),
+        **_by_stream("time_unit", TIMED, clocks.time_unit),
+        **_by_stream("dropped_samples", TIMED, samples.dropped_samples),
+        **_by_stream("duplicated_samples", TIMED, samples.duplicated_samples),
+        **_by_stream("unsorted", TIMED, samples.unsorted),
+        **_by_stream("frozen_frames", ("rgb", "depth", "flow", "pose", "imu"), samples.frozen_frames),
+        **_by_stream("swapped_frames", _IMAGES, samples.swapped_frames),
+        **_by_stream("nan_in_stream", _FLOATS, samples.nan_in_stream),
+        **_by_stream("other_sequence", TIMED, samples.other_sequence),
+        **_by_stream("index_off_by_one", INDEX_MAPS, index_maps.index_off_by_one),
+        **_by_stream("index_side", INDEX_MAPS, index_maps.index_side),
+        **_by_stream("mirrored", _IMAGES, images.mirrored),
+        **_by_stream("spatial_offset", _IMAGES, images.spatial_offset),
+        **_by_stream("invalid_encoding", ("depth", "flow"), images.invalid_encoding),
         ("polarity_inverted", "events"): events.polarity_inverted,
         ("axes_swapped", "events"): events.axes_swapped,
         ("mirrored", "events"): events.mirrored,
@@ -94,10 +92,10 @@ FAULTS: Final[Mapping[tuple[str, str], Edit]] = MappingProxyType(
         ("flow_unit", "flow"): flow.flow_unit,
         ("flow_rate_mixed", "flow"): flow.flow_rate_mixed,
         ("flow_interval_shifted", "flow"): flow.flow_interval_shifted,
-        ("intrinsics_focal", "flow"): flow_geometry.intrinsics_focal,
-        ("intrinsics_centre", "flow"): flow_geometry.intrinsics_centre,
-        ("extrinsic_rotation", "flow"): flow_geometry.extrinsic_rotation,
-        ("flow_from_noisy_pose", "flow"): flow_geometry.flow_from_noisy_pose,
+        ("intrinsics_focal", "flow"): flow.intrinsics_focal,
+        ("intrinsics_centre", "flow"): flow.intrinsics_centre,
+        ("extrinsic_rotation", "flow"): flow.extrinsic_rotation,
+        ("flow_from_noisy_pose", "flow"): flow.flow_from_noisy_pose,
         ("unit_mm_m", "depth"): depth.unit_mm_m,
         ("depth_ray_not_z", "depth"): depth.depth_ray_not_z,
         ("channel_order", "rgb"): rgb.channel_order,
@@ -109,13 +107,13 @@ FAULTS: Final[Mapping[tuple[str, str], Edit]] = MappingProxyType(
         ("frame_convention", "metadata"): metadata.frame_convention,
         ("gravity_magnitude", "metadata"): metadata.gravity_magnitude,
         ("nan_in_stream", "metadata"): metadata.nan_in_stream,
-        **_each("truncated", _STORED, storage.truncated),
-        **_each("missing_stream", (*_STORED, "metadata"), storage.missing_stream),
-        **_each("wrong_shape", (*_STORED, "metadata"), storage.wrong_shape),
-        **_each("wrong_dtype", (*_STORED, "metadata"), storage.wrong_dtype),
+        **_by_stream("truncated", _STORED, storage.truncated),
+        **_by_stream("missing_stream", (*_STORED, "metadata"), storage.missing_stream),
+        **_by_stream("wrong_shape", (*_STORED, "metadata"), storage.wrong_shape),
+        **_by_stream("wrong_dtype", (*_STORED, "metadata"), storage.wrong_dtype),
     }
 )
-"""(cause, stream) -> what it does to the open copy; ``flow`` stands for each of its rates too."""
+"""(cause, stream) -> the function that changes the open copy; ``flow`` also stands for every rate."""
 
 BYTE_FAULTS: Final[Mapping[tuple[str, str], Damage]] = MappingProxyType(
     {
@@ -123,7 +121,7 @@ BYTE_FAULTS: Final[Mapping[tuple[str, str], Damage]] = MappingProxyType(
         **{("corrupt_chunk", stream): storage.corrupt_chunk for stream in _STORED},
     }
 )
-"""(cause, stream) -> what it does to the bytes of the copy; ``file`` is the file as a whole."""
+"""(cause, stream) -> the function that changes the bytes of the copy; ``file`` is the file as a whole."""
 
 
 _TIMELESS: Final = frozenset(
@@ -140,18 +138,18 @@ _OF_ROWS: Final = frozenset(
         *("dropped_samples", "duplicated_samples", "unsorted"),
     }
 )
-"""Faults of stamps and of whole rows: an image has no part of them, while events are single pixels."""
+"""Faults of timestamps and of whole rows: a region of an image has none of its own, while events are single pixels."""
 
 _EVENTS_TOGETHER: Final = frozenset({"time_unit", "unsorted"})
-"""Faults of which a region makes no sense even for events: what is outside would end up elsewhere in the file."""
+"""Faults that no region confines even for events: the events outside would move to other rows of the file."""
 
 
-def knows_time(cause: str, stream: str) -> bool:
+def allows_interval(cause: str, stream: str) -> bool:
     """Whether a fault can be confined to an interval of time."""
     return stream != "metadata" and cause not in _TIMELESS
 
 
-def knows_region(cause: str, stream: str) -> bool:
+def allows_region(cause: str, stream: str) -> bool:
     """Whether a fault can be confined to a rectangle of the image."""
     family = stream_family(stream)
     if family == "events":
@@ -167,7 +165,7 @@ USUAL_FACTORS: Final[Mapping[tuple[str, str], float]] = MappingProxyType(
         **{("time_unit", stream): 1e3 for stream in TIMED},
     }
 )
-"""Factors of the values by which a unit is usually missed: depth in metres, positions in mm, rates in deg/s, ns."""
+"""Factors of the usual errors of units: depth in metres, positions in mm, rates in deg/s, timestamps in ns."""
 
 
 def legal_causes() -> tuple[str, ...]:
@@ -179,4 +177,4 @@ def legal_causes() -> tuple[str, ...]:
 def legal_streams(cause: str) -> tuple[str, ...]:
     """Return the streams that a cause can be planted in, ``flow`` with each of its rates."""
     families = [stream for fault_cause, stream in (*FAULTS, *BYTE_FAULTS) if fault_cause == cause]
-    return tuple(name for each in families for name in ((each, *FLOW_STREAMS) if each == "flow" else (each,)))
+    return tuple(name for family in families for name in ((family, *FLOW_STREAMS) if family == "flow" else (family,)))

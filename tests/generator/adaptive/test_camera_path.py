@@ -6,7 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from fedora_generator.adaptive.camera_path import camera_paths
-from fedora_generator.adaptive.path_kernels import look
+from fedora_generator.adaptive.light_kernels import look
 from fedora_generator.camera import event_camera
 from fedora_generator.errors import SceneError
 from fedora_generator.flight import Flight, FlightOptions, HarmonicTerm

@@ -1,4 +1,4 @@
-"""How much a sequence takes on the disk, and whether there is room for it."""
+"""Disk space: how much a sequence takes, and whether as much is free."""
 
 import shutil
 from pathlib import Path
@@ -25,34 +25,69 @@ _SPARE: Final = 1.05
 
 
 def expected_bytes(scene: Scene, duration_s: float, streams: frozenset[str] = ALL_STREAMS) -> int:
-    """Estimate the size of one sequence from its images; events are guessed at, for only the light decides on them."""
+    """Estimate the size of one sequence from its images; its events are a rough guess, as they depend on the light.
+
+    Parameters
+    ----------
+    scene
+        Its image sizes.
+    duration_s
+        Length of the sequence, s.
+    streams
+        Those that are written; only images and events count.
+    """
     sensor = event_camera(scene.camera)
     event_bytes = sensor.width * sensor.height * _EVENTS_PER_PIXEL_S * _EVENT_BYTES if "events" in streams else 0
     return round(duration_s * (_image_bytes_a_second(scene, streams) + event_bytes) * _COMPRESSED)
 
 
 def least_bytes(scene: Scene, duration_us: int, streams: frozenset[str]) -> int:
-    """Size that a sequence has at least, however little its images show."""
+    """Smallest size of a sequence, bytes: that of images of a single colour.
+
+    Parameters
+    ----------
+    scene
+        Its image sizes.
+    duration_us
+        Length of the sequence, us.
+    streams
+        Those that are written; only images count.
+    """
     return round(_image_bytes_a_second(scene, streams) * duration_us / US_PER_S / _BEST_COMPRESSION)
 
 
-def require_room(folder: Path, needed_bytes: int, what: str, remedy: str) -> None:
-    """Raise OutputError where the disk of a folder, which need not exist yet, has too little left for ``what``."""
-    there, free_bytes = _free_bytes(folder)
+def require_disk_space(folder: Path, needed_bytes: int, what: str, remedy: str) -> None:
+    """Raise OutputError where the disk of a folder has too little space for a file.
+
+    Parameters
+    ----------
+    folder
+        Need not exist yet; then its nearest parent that exists decides.
+    needed_bytes
+        Size of the file; 5% more must be free.
+    what, remedy
+        What is written, and what to do about it: words of the error.
+
+    Raises
+    ------
+    OutputError
+        The disk has less free than that, or nothing.
+    """
+    existing, free_bytes = _free_bytes(folder)
     if needed_bytes * _SPARE > free_bytes or free_bytes == 0:
         raise OutputError(
-            f"Expected {_in_words(needed_bytes * _SPARE)} free for {what}, got {_in_words(free_bytes)} at {there}; "
-            f"{remedy}"
+            f"Expected {_size_text(needed_bytes * _SPARE)} free for {what}, got {_size_text(free_bytes)} "
+            f"at {existing}; {remedy}"
         )
 
 
-def shortage(folder: Path, expected: int) -> str:
-    """Say that a sequence is expected to take more than the disk of a folder has left; nothing where it is not."""
-    there, free_bytes = _free_bytes(folder)
+def shortage_warning(folder: Path, expected: int) -> str:
+    """Return a warning where a sequence of ``expected`` bytes would fill the disk of a folder; else an empty text."""
+    existing, free_bytes = _free_bytes(folder)
     if expected <= free_bytes:
         return ""
     return (
-        f"about {_in_words(expected)} are expected, and {_in_words(free_bytes)} are free at {there}; "
+        f"about {_size_text(expected)} are expected, and {_size_text(free_bytes)} are free at {existing}; "
         "should the disk fill up, nothing is left of the sequence"
     )
 
@@ -64,10 +99,10 @@ def _image_bytes_a_second(scene: Scene, streams: frozenset[str]) -> int:
 
 
 def _free_bytes(folder: Path) -> tuple[Path, int]:
-    """Return the folder, or what there is of the way to it, and how much is free on its disk."""
-    there = next(each for each in (folder, *folder.absolute().parents) if each.exists())
-    return there, shutil.disk_usage(there).free
+    """Return the folder, or the nearest parent that exists, and the free bytes of its disk."""
+    existing = next(path for path in (folder, *folder.absolute().parents) if path.exists())
+    return existing, shutil.disk_usage(existing).free
 
 
-def _in_words(size_bytes: float) -> str:
+def _size_text(size_bytes: float) -> str:
     return f"{size_bytes / 1e9:.2f} GB" if size_bytes >= 1e7 else f"{size_bytes / 1e6:.2f} MB"
