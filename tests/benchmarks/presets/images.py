@@ -7,8 +7,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fedora_generator.camera import colour_camera
-from fedora_generator.depth import in_range
 from fedora_generator.flow import flow_px
+from fedora_generator.frames import in_range
 from fedora_generator.rendered_world import RenderedWorld
 from fedora_generator.scene import Scene
 from fedora_qa.conventions import FLOW_RATES_HZ, US_PER_S
