@@ -20,6 +20,8 @@ READ_ERRORS: Final = (OSError, RuntimeError, KeyError, ValueError, TypeError, Ov
 MAX_LINKS: Final = 16
 """Soft links followed in a row before they count as a loop."""
 
+_SHORT_PATH: Final = 16
+"""Names of a path; those of the canonical layout have at most four."""
 
 MOST_NAMES: Final = 1000
 """Of a group that are looked through one by one. The canonical layout has at most ten in a group."""
@@ -117,17 +119,19 @@ def _follow(
     root = h5g.open(file.id, b"/")
     parts = [part for part in path.split("/") if part not in {"", "."}]
     # HDF5 follows a path of hard links by itself, in one call: most paths are such, and a file has about a hundred.
+    # Each prefix is walked from the root, n^2 / 2 steps in all, so that long paths are followed step by step.
     target: _objects.ObjectID | None = None
-    with suppress(*READ_ERRORS):  # ``_step_by_step`` finds what is wrong, and where
-        way = b""
-        for part in parts:
-            way += part.encode("utf-8", "surrogateescape")
-            # Each prefix is tested: a link in the middle would lead HDF5 out of the file unchecked.
-            if root.links.get_info(way).type != h5l.TYPE_HARD:
-                break
-            way += b"/"
-        else:
-            target = h5o.open(root, way) if way else root
+    if len(parts) <= _SHORT_PATH:
+        with suppress(*READ_ERRORS):  # ``_step_by_step`` finds what is wrong, and where
+            way = b""
+            for part in parts:
+                way += part.encode("utf-8", "surrogateescape")
+                # Each prefix is tested: a link in the middle would lead HDF5 out of the file unchecked.
+                if root.links.get_info(way).type != h5l.TYPE_HARD:
+                    break
+                way += b"/"
+            else:
+                target = h5o.open(root, way) if way else root
     if target is None:
         return _step_by_step(file, root, parts, links_left, elsewhere)
     return _object(file, target)

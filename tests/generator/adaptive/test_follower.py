@@ -171,7 +171,7 @@ def test_the_result_does_not_depend_on_threads_or_room(monkeypatch: pytest.Monke
     """One thread or two, room for all events of a tile or for one: the same events, bit for bit."""
     scene = TimingScene.named("sharp")
     expected = as_rows(follow(scene, 2 * STEP_NS, threshold_on=0.05, threshold_off=0.05))
-    monkeypatch.setattr(follower, "FIRST_ROOM", 1)
+    monkeypatch.setattr(follower, "FIRST_CAPACITY", 1)
     assert as_rows(follow(scene, 2 * STEP_NS, threshold_on=0.05, threshold_off=0.05)) == expected
     threads = numba.get_num_threads()
     try:
