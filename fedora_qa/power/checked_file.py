@@ -7,7 +7,7 @@ from fedora_qa.record.types import FileRecord, Side
 
 
 @dataclass(frozen=True, slots=True)
-class Reading:
+class MeasuredDeviation:
     """One measurement: its deviation from what is expected, its limit, and its detection limit, all in ``unit``."""
 
     check: str
@@ -29,7 +29,7 @@ class Reading:
 
 
 @dataclass(frozen=True, slots=True)
-class Verdict:
+class NamedCause:
     """A diagnosis, as far as a study needs it."""
 
     name: str
@@ -47,7 +47,7 @@ class CheckedFile:
     ----------
     failed, crashed
         Names of checks.
-    readings
+    measurements
         Of the checks that came to a verdict.
     diagnoses
         Most probable first.
@@ -56,8 +56,8 @@ class CheckedFile:
     sha256: str
     failed: tuple[str, ...]
     crashed: tuple[str, ...]
-    readings: tuple[Reading, ...]
-    diagnoses: tuple[Verdict, ...]
+    measurements: tuple[MeasuredDeviation, ...]
+    diagnoses: tuple[NamedCause, ...]
 
     @property
     def is_found(self) -> bool:
@@ -65,15 +65,15 @@ class CheckedFile:
         return bool(self.failed)
 
     @property
-    def exceeded(self) -> Iterator[Reading]:
-        """The readings beyond their limits."""
-        return (reading for reading in self.readings if reading.exceeds)
+    def exceeded(self) -> Iterator[MeasuredDeviation]:
+        """The measurements beyond their limits."""
+        return (measurement for measurement in self.measurements if measurement.exceeds)
 
 
 def checked_from(file: FileRecord) -> CheckedFile:
     """Return what a study stores of a record."""
-    readings = tuple(
-        Reading(
+    measurements = tuple(
+        MeasuredDeviation(
             result.check,
             measurement.name,
             measurement.unit,
@@ -91,9 +91,9 @@ def checked_from(file: FileRecord) -> CheckedFile:
         sha256=file.sha256,
         failed=tuple(result.check for result in file.results if result.outcome == "failed"),
         crashed=tuple(result.check for result in file.results if result.outcome == "crashed"),
-        readings=readings,
+        measurements=measurements,
         diagnoses=tuple(
-            Verdict(
+            NamedCause(
                 f"{diagnosis.stream}:{diagnosis.cause}", diagnosis.magnitude, diagnosis.unit, diagnosis.standard_error
             )
             for diagnosis in file.diagnoses

@@ -11,7 +11,7 @@ which measurements are meant; whether their limits are true is counted over all 
 least limit counts.
 
 *By response*, where it does not (a clock error in ppm that shows as a shift in px, a fault without a size): a faulty
-file is a copy of a clean one, noise and all, so that the difference of the two readings is what the fault moved the
+file is a copy of a clean one, noise and all, so that the difference of the two measurements is what the fault moved the
 measurement by. That effect is compared with the limit stated of the clean file, and found is what the measurement
 itself exceeded. Of several, the one that exceeded most often is taken, and of those alike the one that moves most.
 Left out are trials whose fault makes the measurement's own limit more than twice what it was: it disturbs what the
@@ -30,7 +30,7 @@ from statistics import median
 from typing import Final
 
 from fedora_qa.power.binomial import chance_of, share_of
-from fedora_qa.power.checked_file import Reading
+from fedora_qa.power.checked_file import MeasuredDeviation
 from fedora_qa.power.detection import CauseTrials, curve_of, is_found_by
 from fedora_qa.power.study import Trial
 from fedora_qa.power.units import factor_between
@@ -138,10 +138,10 @@ def _by_size(sized: CauseTrials, check: str, clean: Mapping[str, Trial]) -> _Lim
     # The check's measurements that measure the fault's size: deviations over sizes, of what exceeded.
     deviations: dict[str, list[float]] = {}
     for size, trial in zip(sized.sizes, sized.trials, strict=True):
-        for reading in trial.checked.exceeded:
-            factor = factor_between(reading.unit, sized.unit)
-            if reading.check == check and factor is not None:
-                deviations.setdefault(reading.name, []).append(abs(reading.deviation) * factor / size)
+        for measurement in trial.checked.exceeded:
+            factor = factor_between(measurement.unit, sized.unit)
+            if measurement.check == check and factor is not None:
+                deviations.setdefault(measurement.name, []).append(abs(measurement.deviation) * factor / size)
     names = tuple(
         name
         for name, ratios in deviations.items()
@@ -151,10 +151,10 @@ def _by_size(sized: CauseTrials, check: str, clean: Mapping[str, Trial]) -> _Lim
     trials = []
     for size, trial in zip(sized.sizes, sized.trials, strict=True):
         limits = [
-            reading.least_detectable * to_size
-            for name, reading in _stated(trial, check, clean).items()
-            if name in names and reading.least_detectable
-            if (to_size := factor_between(reading.unit, sized.unit)) is not None
+            measurement.least_detectable * to_size
+            for name, measurement in _stated(trial, check, clean).items()
+            if name in names and measurement.least_detectable
+            if (to_size := factor_between(measurement.unit, sized.unit)) is not None
         ]
         if limits:
             trials.append(
@@ -169,7 +169,7 @@ def _by_response(sized: CauseTrials, check: str, clean: Mapping[str, Trial]) -> 
     for name, times in _names_exceeded(sized, check).items():
         if times < _FEWEST:
             continue
-        # Of each trial whose reading and whose clean reading are known.
+        # Of each trial whose measurement and whose clean measurement are known.
         units: list[str] = []
         compared: list[_Comparison] = []
         for trial in sized.trials:
@@ -180,7 +180,7 @@ def _by_response(sized: CauseTrials, check: str, clean: Mapping[str, Trial]) -> 
                 and before.least_detectable
                 and not (bool(before.limit) and (after.limit or 0.0) > _DISTURBED * (before.limit or 0.0))
             ):
-                # The noise of the clean file is in both readings and cancels: the difference is the effect of the
+                # The noise of the clean file is in both measurements and cancels: the difference is the effect of the
                 # fault.
                 ratio = before.harm(after.deviation - before.deviation) / before.least_detectable
                 compared.append(_Comparison(before.least_detectable, ratio, after.exceeds, trial.checked.is_found))
@@ -195,20 +195,20 @@ def _names_exceeded(sized: CauseTrials, check: str) -> dict[str, int]:
     """Count the trials in which each measurement of the check exceeded its limit."""
     times: dict[str, int] = {}
     for trial in sized.trials:
-        for reading in trial.checked.exceeded:
-            if reading.check == check:
-                times[reading.name] = times.get(reading.name, 0) + 1
+        for measurement in trial.checked.exceeded:
+            if measurement.check == check:
+                times[measurement.name] = times.get(measurement.name, 0) + 1
     return times
 
 
-def _stated(trial: Trial, check: str, clean: Mapping[str, Trial]) -> dict[str, Reading]:
-    """Return the readings of the trial's own clean file, by name."""
+def _stated(trial: Trial, check: str, clean: Mapping[str, Trial]) -> dict[str, MeasuredDeviation]:
+    """Return the measurements of the trial's own clean file, by name."""
     base = clean.get(trial.item.base or "")
     return _of_check(base, check) if base else {}
 
 
-def _of_check(trial: Trial, check: str) -> dict[str, Reading]:
-    return {reading.name: reading for reading in trial.checked.readings if reading.check == check}
+def _of_check(trial: Trial, check: str) -> dict[str, MeasuredDeviation]:
+    return {measurement.name: measurement for measurement in trial.checked.measurements if measurement.check == check}
 
 
 def _found_from(ratio: float, trials: Sequence[_Comparison]) -> Share:

@@ -182,23 +182,9 @@ class Sequence:
             self._remote.require_unchanged()
 
     def rows(self, key: str, start: int, stop: int, memory: Memory | None = None) -> NDArray[Any]:
-        """Return rows of a dataset in canonical units, timestamps as int64 ns from the origin.
+        """Return rows of a dataset in canonical units, as ``SequenceRows.rows``; timestamps as int64 ns.
 
         Images without any conversion are decoded into ``memory``, if it is given.
-
-        Parameters
-        ----------
-        key
-            Canonical key of the dataset.
-        start, stop
-            First row, and the row after the last.
-        memory
-            Memory for images; None for new memory.
-
-        Returns
-        -------
-        ndarray
-            (stop - start, ...).
 
         Raises
         ------
@@ -215,27 +201,7 @@ class Sequence:
             raise
 
     def raw_rows(self, key: str, start: int, stop: int) -> NDArray[Any]:
-        """Return rows of a dataset as stored.
-
-        Parameters
-        ----------
-        key
-            Canonical key of the dataset.
-        start, stop
-            First row, and the row after the last.
-
-        Returns
-        -------
-        ndarray
-            (stop - start, ...).
-
-        Raises
-        ------
-        UnreadableRowsError
-            The rows cannot be decoded.
-        StorageError
-            The server does not return the rows; this is no defect of the file.
-        """
+        """Return rows of a dataset as stored; parameters and errors as of ``rows``."""
         try:
             binding = self.layout.bindings[key]
             return raw_rows(self._holding(binding), binding, start, stop, self._opened)

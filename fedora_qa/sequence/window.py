@@ -176,25 +176,7 @@ class Window:
         return range(*self.span.owned.get(stream, (0, 0)))
 
     def rows(self, key: str, start: int, stop: int) -> NDArray[Any]:
-        """Return rows of a dataset in canonical units.
-
-        Parameters
-        ----------
-        key
-            Canonical key of the dataset.
-        start, stop
-            First row, and the row after the last.
-
-        Returns
-        -------
-        ndarray
-            (stop - start, ...).
-
-        Raises
-        ------
-        UnreadableRowsError
-            The rows cannot be decoded.
-        """
+        """Return rows of a dataset in canonical units, as ``RowSource.rows``."""
         return self._source.rows(key, start, stop)
 
     def once(self, key: Hashable, compute: Callable[[], T]) -> T:

@@ -76,7 +76,7 @@ def run(corpus: tuple[Path, Manifest], tmp_path: Path) -> Run:
 def test_keeps_what_matters_of_a_record(run: Run, checker: Checker) -> None:
     """Failed checks, readings and which of them exceed their limits, and diagnoses."""
     clean, late, *_ = run()
-    assert (clean.checked.failed, [one.name for one in clean.checked.readings]) == ((), ["backward_steps"])
+    assert (clean.checked.failed, [one.name for one in clean.checked.measurements]) == ((), ["backward_steps"])
     assert (list(clean.checked.exceeded), clean.checked.diagnoses) == ([], ())
     assert late.checked.failed == ("event_response.timing",)
     assert [(one.name, one.deviation) for one in late.checked.exceeded] == [("offset", 2.0634)]

@@ -14,7 +14,7 @@ from fedora_qa.power.study import Trial
 from fedora_qa.power.tables import magnitude_errors, power_of
 from fedora_qa.power.units import factor_between
 from fedora_qa.record.power_types import NOT_FOUND, StatedLimit
-from tests.support.studies import CHECK, CLEAN, ORIGIN, clean, faulty, late, reading, study
+from tests.support.studies import CHECK, CLEAN, ORIGIN, clean, faulty, late, measurement, study
 
 
 def limits_of(trials: tuple[Trial, ...]) -> StatedLimit:
@@ -132,7 +132,7 @@ def test_stated_limits_are_judged(limit_ms: float, truth: str) -> None:
 
 def test_each_file_is_held_to_its_own_limit() -> None:
     """Where one clean file states 1 ms and another 10, sizes count in units of each."""
-    trials = [clean(), clean("clean/night.h5", stated=(reading(least=10.0),))]
+    trials = [clean(), clean("clean/night.h5", stated=(measurement(least=10.0),))]
     for k in range(8):
         trial = late(k, 2.0, found=k % 2 == 0)
         item = trial.item if k % 2 == 0 else replace(trial.item, base="clean/night.h5")
@@ -146,7 +146,7 @@ def test_each_file_is_held_to_its_own_limit() -> None:
 def test_what_another_check_finds_counts_for_the_file_alone() -> None:
     """A check that says nothing of a fault that it should see is missing one, though the file does not pass."""
     trials = [clean(), *(late(number, 4.0, found=True) for number in range(4))]
-    by_others = replace(trials[-1], checked=replace(trials[-1].checked, failed=("another.check",), readings=()))
+    by_others = replace(trials[-1], checked=replace(trials[-1].checked, failed=("another.check",), measurements=()))
     stated = limits_of((*trials[:-1], by_others))
     by_any = stated.found_from_twice_by_any
     assert (stated.found_from_twice.count, stated.found_from_twice.of) == (3, 4)
@@ -156,13 +156,13 @@ def test_what_another_check_finds_counts_for_the_file_alone() -> None:
 
 def moved(number: int, effect_px: float, limit_px: float, clean_px: float = 0.0) -> Trial:
     """A late file whose events lie ``effect_px`` further from their frames than those of its clean file."""
-    after = replace(reading(clean_px + effect_px, name="shift", unit="px"), limit=limit_px)
-    return faulty(number, PlantedFault("time_offset", "events", 5.0, "ms"), found=after.exceeds, readings=(after,))
+    after = replace(measurement(clean_px + effect_px, name="shift", unit="px"), limit=limit_px)
+    return faulty(number, PlantedFault("time_offset", "events", 5.0, "ms"), found=after.exceeds, measurements=(after,))
 
 
 def in_px(trials: Sequence[Trial], clean_px: float = 0.0) -> StatedLimit:
     """What becomes of a stated limit of 1 px, where the clean file deviates as said."""
-    return limits_of((clean(stated=(reading(clean_px, name="shift", unit="px"),)), *trials))
+    return limits_of((clean(stated=(measurement(clean_px, name="shift", unit="px"),)), *trials))
 
 
 EFFECTS_PX = tuple(0.1 * 1.1**k for k in range(40))
@@ -186,7 +186,7 @@ def test_a_fault_that_widens_the_limit_is_no_test_of_it() -> None:
     """Where the fault itself makes the limit ten times as wide, its misses say nothing of the stated limit."""
     trials = [moved(k, effect, 0.7) for k, effect in enumerate(EFFECTS_PX)]
     wide = [moved(100 + k, 3.0, 7.0) for k in range(9)]
-    at_first = (replace(reading(name="shift", unit="px"), limit=0.7),)
+    at_first = (replace(measurement(name="shift", unit="px"), limit=0.7),)
     stated = limits_of((clean(stated=at_first), *trials, *wide))
     assert (stated.found_from_it.count, stated.found_from_it.of) == (15, 15)
 
@@ -201,7 +201,7 @@ def test_far_beyond_its_limit_a_fault_says_nothing_of_it() -> None:
 def test_what_cannot_be_compared_says_why(trials: int, reason: str) -> None:
     """Too few trials, or clean files that state no limit."""
     (sized,) = by_cause(moved(k, 5.0, 0.7) for k in range(trials))
-    true, (other,) = stated_limits(sized, {CLEAN: clean(stated=(reading(least=None, name="shift", unit="px"),))})
+    true, (other,) = stated_limits(sized, {CLEAN: clean(stated=(measurement(least=None, name="shift", unit="px"),))})
     assert true == ()
     assert reason in other.reason
 
@@ -209,7 +209,7 @@ def test_what_cannot_be_compared_says_why(trials: int, reason: str) -> None:
 def test_a_deviation_that_is_not_the_size_is_compared_by_response() -> None:
     """In the fault's unit, and ten times the fault: it does not measure it, but it responds."""
     fault = PlantedFault("time_offset", "events", 0.3, "ms")
-    (sized,) = by_cause(faulty(k, fault, readings=(reading(3.0),)) for k in range(5))
+    (sized,) = by_cause(faulty(k, fault, measurements=(measurement(3.0),)) for k in range(5))
     ((stated,), _) = stated_limits(sized, {CLEAN: clean()})
     assert (stated.compared, stated.found_from_twice.count, stated.truth) == ("response", 5, "true")
 

@@ -6,7 +6,7 @@ from math import erf, log, sqrt
 import numpy as np
 
 from fedora_qa.config import CheckConfig
-from fedora_qa.power.checked_file import CheckedFile, Reading, Verdict
+from fedora_qa.power.checked_file import CheckedFile, MeasuredDeviation, NamedCause
 from fedora_qa.power.manifest import CorpusItem, PlantedFault
 from fedora_qa.power.study import Trial
 from fedora_qa.power.tables import Origin
@@ -16,12 +16,16 @@ CLEAN = "clean/day.h5"
 ORIGIN = Origin(corpus="corpus", started="2024-05-01T12:00:00+00:00", config=CheckConfig())
 
 
-def reading(deviation: float = 0.0, least: float | None = 1.0, name: str = "offset", unit: str = "ms") -> Reading:
+def measurement(
+    deviation: float = 0.0, least: float | None = 1.0, name: str = "offset", unit: str = "ms"
+) -> MeasuredDeviation:
     """A measurement of ``CHECK`` that exceeds its limit where it deviates at all."""
-    return Reading(CHECK, name, unit, "both", deviation, 0.0, least)
+    return MeasuredDeviation(CHECK, name, unit, "both", deviation, 0.0, least)
 
 
-def clean(file: str = CLEAN, *, failed: Sequence[str] = (), stated: Sequence[Reading] = (reading(),)) -> Trial:
+def clean(
+    file: str = CLEAN, *, failed: Sequence[str] = (), stated: Sequence[MeasuredDeviation] = (measurement(),)
+) -> Trial:
     """A clean file, which states that it would have seen a fault of 1 ms."""
     return Trial(CorpusItem(file), CheckedFile("0" * 64, tuple(failed), (), tuple(stated), ()))
 
@@ -30,24 +34,24 @@ def faulty(
     number: int,
     *faults: PlantedFault,
     found: bool = True,
-    readings: Sequence[Reading] = (),
-    diagnoses: Sequence[Verdict] = (),
+    measurements: Sequence[MeasuredDeviation] = (),
+    diagnoses: Sequence[NamedCause] = (),
 ) -> Trial:
     """A copy of the clean file with faults, of which ``CHECK`` says something where they are found."""
     item = CorpusItem(f"single/{number}.h5", base=CLEAN, faults=faults)
     failed = (CHECK,) if found else ()
-    return Trial(item, CheckedFile("1" * 64, failed, (), tuple(readings), tuple(diagnoses)))
+    return Trial(item, CheckedFile("1" * 64, failed, (), tuple(measurements), tuple(diagnoses)))
 
 
 def late(number: int, size_ms: float, *, found: bool, named: str = "events:time_offset") -> Trial:
     """A file whose events are late, measured without error and named as said where that is found."""
     fault = PlantedFault("time_offset", "events", size_ms, "ms")
-    verdict = Verdict(named, size_ms, "ms", 0.1)
+    verdict = NamedCause(named, size_ms, "ms", 0.1)
     return faulty(
         number,
         fault,
         found=found,
-        readings=(reading(size_ms),) if found else (),
+        measurements=(measurement(size_ms),) if found else (),
         diagnoses=(verdict,) if found else (),
     )
 
