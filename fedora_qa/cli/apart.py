@@ -2,28 +2,29 @@
 
 import multiprocessing
 import os
-from concurrent.futures import ProcessPoolExecutor
-from concurrent.futures.process import BrokenProcessPool
-from typing import TypeVar
+from collections.abc import Callable
+from typing import Any
+
+from pebble import ProcessExpired, ProcessPool
 
 from fedora_qa.cli.host import usable_cores
 from fedora_qa.cli.workers import IN_PROCESS_VARIABLE
-from fedora_qa.engine.executors import Task
+from fedora_qa.engine.executor import Executor, InProcess, Task
 from fedora_qa.engine.processes import ProcessExecutor
 from fedora_qa.engine.progress import Progress, quiet
 from fedora_qa.errors import MisuseError, WorkerLostError
 from fedora_qa.storage.place import Place
 
-Result = TypeVar("Result")
 
-
-def apart(task: Task[Result], path: Place, progress: Progress = quiet) -> Result:
-    """Run a task that reads a file in a process of its own, and return its result.
+def apart(task: Task, path: Place, opening: Task | None, progress: Progress = quiet) -> Any:
+    """Do a task that reads a file in a process of its own, and return its result.
 
     Parameters
     ----------
-    task
-        Can be pickled. It limits its own processor time where HDF5 might never return (``time_limit``).
+    path
+        The file.
+    opening
+        Tests first whether the file opens at all (``opening_test``).
 
     Raises
     ------
@@ -32,26 +33,35 @@ def apart(task: Task[Result], path: Place, progress: Progress = quiet) -> Result
     FedoraError
         As the task does.
     """
-    if os.environ.get(IN_PROCESS_VARIABLE):
-        # A debugger cannot follow a task into another process.
-        return task(progress)
-    # One process at work: its numerical libraries may use all cores.
-    with ProcessExecutor(1, threads=usable_cores()) as processes:
+    # A debugger cannot follow a task into another process. One process at work may use all cores for images.
+    in_process = bool(os.environ.get(IN_PROCESS_VARIABLE))
+    executor: Executor = InProcess() if in_process else ProcessExecutor(1, threads=usable_cores())
+    with executor:
         try:
-            return processes.submit(task, progress).result()
+            if opening:
+                executor.submit(opening, quiet).result()
+            return executor.submit(task, progress).result()
         except WorkerLostError:
             raise _lost(path) from None
 
 
-def lightly_apart(task: Task[Result], path: Place) -> Result:
-    """Do the same without progress, in a process that loads only what the task needs: it starts sooner."""
+def lightly_apart(function: Callable[..., Any], arguments: tuple[Any, ...], path: Place, limit_s: float) -> Any:
+    """Call a function in a process that loads only what the function needs: it starts sooner.
+
+    Raises
+    ------
+    MisuseError
+        The process ended before it returned a result, or exceeded the limit of time.
+    FedoraError
+        As the function does.
+    """
     if os.environ.get(IN_PROCESS_VARIABLE):
-        return task(quiet)
+        return function(*arguments)
     # `spawn`, not `fork`: the new process then holds no HDF5 state and no threads of this one.
-    with ProcessPoolExecutor(1, multiprocessing.get_context("spawn")) as processes:
+    with ProcessPool(1, context=multiprocessing.get_context("spawn")) as processes:
         try:
-            return processes.submit(task, quiet).result()
-        except BrokenProcessPool:
+            return processes.schedule(function, args=arguments, timeout=limit_s).result()
+        except (ProcessExpired, TimeoutError):
             raise _lost(path) from None
 
 

@@ -3,7 +3,6 @@
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import partial
 from pathlib import Path
 from typing import Final
 
@@ -27,9 +26,10 @@ from fedora_qa.comparison.tables import comparison_to_markdown, headline, how_it
 from fedora_qa.comparison.text_table import SOURCE, TextTable
 from fedora_qa.comparison.types import Design
 from fedora_qa.config import parse_bytes
-from fedora_qa.engine.opening import require_end_of_opening
-from fedora_qa.engine.progress import Progress
+from fedora_qa.engine.executor import Task
 from fedora_qa.engine.statistics import FileStatistics, measure_file
+from fedora_qa.engine.tasks import opening_test
+from fedora_qa.engine.worker import Worker
 from fedora_qa.errors import MisuseError
 from fedora_qa.layout.dialect import Dialect, load_dialect
 from fedora_qa.record.atomic import write_text
@@ -178,7 +178,8 @@ def read_sources(
                     files.append(GivenFile(file.path, file.statistics, sampled, file))
                 continue
             with progress_bar(path.name) as report:
-                counted = apart(partial(_counted, path, dialect, memory_bytes, allow_external), path, report)
+                task = Task(_counted, (path, dialect, memory_bytes, allow_external))
+                counted = apart(task, path, opening_test(path, dialect, allow_external), report)
             # As a record holds them: values that are not finite become None, which means unknown.
             statistics = {
                 group: {key: None if isinstance(v, float) and not math.isfinite(v) else v for key, v in values.items()}
@@ -190,7 +191,6 @@ def read_sources(
 
 
 def _counted(
-    path: Path, dialect: Dialect | None, memory_bytes: int, allow_external: Sequence[Path], progress: Progress
+    path: Path, dialect: Dialect | None, memory_bytes: int, allow_external: Sequence[Path], worker: Worker
 ) -> FileStatistics:
-    require_end_of_opening(path, dialect, allow_external)
-    return measure_file(path, dialect, memory_bytes, progress, allow_external)
+    return measure_file(path, dialect, memory_bytes, worker.progress, allow_external)

@@ -1,7 +1,5 @@
 """``fedora-qa extract``: the least file that shows a finding, to send to somebody."""
 
-from contextlib import suppress
-from functools import partial
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any, get_args
@@ -14,18 +12,19 @@ from fedora_qa.cli.exit_codes import CLEAN, INCOMPLETE
 from fedora_qa.cli.output_options import PATH, allow_external_option
 from fedora_qa.cli.outputs import Outputs
 from fedora_qa.cli.progress import progress_bar
-from fedora_qa.engine.digest import file_digest
 from fedora_qa.engine.effort import Effort
-from fedora_qa.engine.opening import require_end_of_opening
+from fedora_qa.engine.executor import Task
 from fedora_qa.engine.options import CheckOptions
-from fedora_qa.engine.progress import Progress
 from fedora_qa.engine.run import check_file
+from fedora_qa.engine.tasks import opening_test
+from fedora_qa.engine.worker import Worker
 from fedora_qa.errors import MisuseError, UnreadableFileError
 from fedora_qa.extract.extract import LONGEST_S, Extracted, Wanted
 from fedora_qa.extract.extract import extract as extract_piece
 from fedora_qa.record.json_io import read_record
 from fedora_qa.record.types import FileRecord, Record
 from fedora_qa.record.wording import unobeyed
+from fedora_qa.storage.digest import file_digest
 
 
 @click.command(short_help="Cut out the least file that shows a finding, to send to somebody.")
@@ -73,11 +72,12 @@ def extract(
     effort = record.effort if record and record.effort in get_args(Effort) else None
     options = check_options(settings_from(config, {**given, "effort": given["effort"] or effort}))
     require_hdf5([file])
+    opening = opening_test(file, options.dialect, options.allow_external)
     if record and record_path:
         file_record = _part_about(file, record, record_path)
     else:
         with progress_bar(file.name) as bar:
-            file_record = apart(partial(_check, file, options), file, bar)
+            file_record = apart(Task(_check, (file, options)), file, opening, bar)
     wanted = _wanted(finding, file_record)
     with progress_bar(file.name) as bar:
         try:
@@ -85,7 +85,8 @@ def extract(
             # `replace` is atomic only within one file system.
             with TemporaryDirectory(prefix=f".{output.name}.", dir=output.parent) as folder:
                 written = Path(folder) / output.name
-                extracted = apart(partial(_cut, file, written, wanted, options, longest_s), file, bar)
+                task = Task(_cut, (file, written, wanted, options, longest_s))
+                extracted = apart(task, file, opening, bar)
                 written.replace(output)
         except UnreadableFileError as problem:
             raise MisuseError(
@@ -112,22 +113,17 @@ def extract(
     return CLEAN if extracted.finding else INCOMPLETE
 
 
-def _check(file: Path, options: CheckOptions, progress: Progress) -> FileRecord:
-    # Opening stands under a limit of processor time; this process ends if the file exceeds it.
-    _require_end(file, options)
-    return check_file(file, options, progress).record
-
-
-def _require_end(file: Path, options: CheckOptions) -> None:
-    with suppress(UnreadableFileError):  # the check that opens it next reports the fault
-        require_end_of_opening(file, options.dialect, options.allow_external)
+def _check(file: Path, options: CheckOptions, worker: Worker) -> FileRecord:
+    return check_file(file, options, worker.progress).record
 
 
 def _cut(
-    file: Path, output: Path, wanted: Wanted, options: CheckOptions, longest_s: float, progress: Progress
+    file: Path, output: Path, wanted: Wanted, options: CheckOptions, longest_s: float, worker: Worker
 ) -> Extracted:
-    _require_end(file, options)
-    return extract_piece(file, output, wanted, options, longest_s, lambda what: progress(f"looking at {what}", 0, 1))
+    def tell(what: str) -> None:
+        worker.progress(f"looking at {what}", 0, 1)
+
+    return extract_piece(file, output, wanted, options, longest_s, tell)
 
 
 def _part_about(file: Path, record: Record, record_path: Path) -> FileRecord:

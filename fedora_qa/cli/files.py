@@ -13,7 +13,7 @@ from fedora_qa.cli.progress import files_progress
 from fedora_qa.cli.workers import IN_PROCESS_VARIABLE
 from fedora_qa.config import LEAST_MEMORY_BYTES, CheckConfig
 from fedora_qa.engine.cluster import DaskExecutor
-from fedora_qa.engine.executors import Executor, InProcess
+from fedora_qa.engine.executor import Executor, InProcess
 from fedora_qa.engine.files import check_files
 from fedora_qa.engine.options import CheckOptions, FileRun
 from fedora_qa.engine.processes import ProcessExecutor

@@ -15,12 +15,12 @@ from fedora_qa import __version__
 from fedora_qa.cli.arrays import arrays_beside, read_arrays, write_arrays
 from fedora_qa.cli.host import PACKAGES, package_version
 from fedora_qa.cli.record import record_of
+from fedora_qa.code_digest import code_digest
 from fedora_qa.config import RULESET_VERSION, CheckConfig
-from fedora_qa.engine.code import code_digest
-from fedora_qa.engine.digest import file_digest
 from fedora_qa.engine.options import CheckOptions, FileRun
 from fedora_qa.errors import MisuseError
 from fedora_qa.record.json_io import read_record, write_record
+from fedora_qa.storage.digest import file_digest
 from fedora_qa.storage.place import Place
 from fedora_qa.storage.server import version_of
 

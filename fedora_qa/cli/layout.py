@@ -1,7 +1,6 @@
 """``fedora-qa layout``: what a file holds, where, and what was inferred."""
 
 from collections.abc import Sequence
-from functools import partial
 from pathlib import Path
 from typing import Final
 
@@ -16,8 +15,6 @@ from fedora_qa.cli.check import PATH, folders_named, require_hdf5
 from fedora_qa.cli.output_options import allow_external_option
 from fedora_qa.cli.outputs import Outputs
 from fedora_qa.cli.terminal import stdout_console, text
-from fedora_qa.engine.progress import Progress
-from fedora_qa.engine.time_limit import time_limit
 from fedora_qa.errors import UnreadableFileError
 from fedora_qa.layout.describe import DatasetRow, Description, describe
 from fedora_qa.layout.dialect import Dialect, load_dialect
@@ -45,10 +42,8 @@ def layout(file: Path, dialect: str | None, draft_path: Path | None, allow_exter
     dialect_read = load_dialect(dialect) if dialect else None
     Outputs(own=(draft_path,)).require_writable([file])
     require_hdf5([file])
-    description, draft = lightly_apart(
-        partial(_described, file, dialect_read, draft_path.stem if draft_path else "", folders_named(allow_external)),
-        file,
-    )
+    arguments = (file, dialect_read, draft_path.stem if draft_path else "", folders_named(allow_external))
+    description, draft = lightly_apart(_described, arguments, file, LONGEST_S)
     if draft_path:
         write_text(draft_path, draft)
     console = stdout_console()
@@ -97,14 +92,14 @@ def layout(file: Path, dialect: str | None, draft_path: Path | None, allow_exter
 
 
 def _described(
-    file: Path, dialect: Dialect | None, draft_name: str, allow_external: tuple[Path, ...], _: Progress
+    file: Path, dialect: Dialect | None, draft_name: str, allow_external: tuple[Path, ...]
 ) -> tuple[Description, str]:
     """Return what a file holds, and a draft of its dialect if a name is given for it, else an empty text."""
     elsewhere = Elsewhere(allow_external) if allow_external else None
     try:
         # The real path, because HDF5 searches for external files beside the name by which it was given this one.
         # Best-effort locking, because a read-only file system grants no locks.
-        with time_limit(LONGEST_S), h5py.File(file.resolve(), "r", locking="best-effort") as opened:
+        with h5py.File(file.resolve(), "r", locking="best-effort") as opened:
             description = describe(opened, resolve(opened, dialect, elsewhere))
             return description, draft_dialect(opened, draft_name) if draft_name else ""
     except OSError as error:

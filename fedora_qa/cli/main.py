@@ -4,6 +4,7 @@ Commands are imported when they are used, so that ``--help`` does not load numer
 """
 
 import errno
+import gc
 import importlib
 import os
 import sys
@@ -68,7 +69,13 @@ class LazyGroup(click.Group):
             return None
         ctx.meta.setdefault(BEGAN, time.monotonic())  # a budget of time pays for the import as well
         module, name = COMMANDS[cmd_name][0].split(":")
-        return cast(click.Command, getattr(importlib.import_module(module), name))
+        # Modules stay loaded: to scan them for garbage while more are loaded, and again at the end, would take a
+        # quarter of the time of loading (tests/benchmarks/start.py).
+        gc.disable()
+        command = cast(click.Command, getattr(importlib.import_module(module), name))
+        gc.freeze()
+        gc.enable()
+        return command
 
     def shell_complete(self, ctx: click.Context, incomplete: str) -> list[CompletionItem]:
         """Return the commands and options that begin so, without importing any command."""
@@ -103,11 +110,7 @@ def main() -> None:
         sys.exit(shell_complete(fedora_qa, {}, PROGRAM, COMPLETION_VARIABLE, instruction))
     arguments = sys.argv[1:]
     begin_to_load(arguments)
-    code = run(arguments)
-    # Looked up, not imported: a command that started no worker must not load it in order to end.
-    if fork_server := sys.modules.get("fedora_qa.engine.fork_server"):
-        fork_server.end_fork_server()
-    sys.exit(code)
+    sys.exit(run(arguments))
 
 
 def run(arguments: Sequence[str]) -> int:

@@ -3,7 +3,6 @@
 import json
 from collections.abc import Mapping
 from dataclasses import dataclass
-from functools import partial
 from pathlib import Path, PurePath
 from typing import Final
 
@@ -17,9 +16,10 @@ from fedora_qa.cli.outputs import Outputs
 from fedora_qa.cli.progress import progress_bar
 from fedora_qa.cli.terminal import print_table, stdout_console, text
 from fedora_qa.config import parse_bytes
-from fedora_qa.engine.opening import require_end_of_opening
-from fedora_qa.engine.progress import Progress
+from fedora_qa.engine.executor import Task
 from fedora_qa.engine.statistics import collect_statistics
+from fedora_qa.engine.tasks import opening_test
+from fedora_qa.engine.worker import Worker
 from fedora_qa.layout.dialect import Dialect, load_dialect
 from fedora_qa.record.atomic import write_text
 from fedora_qa.record.markdown import escape, table
@@ -70,8 +70,8 @@ def stats(
     by_file: dict[str, Statistics] = {}
     for path in files:
         with progress_bar(path.name) as report:
-            task = partial(_counted, path, dialect_read, memory_bytes, folders)
-            by_file[str(path)] = apart(task, path, report)
+            task = Task(_counted, (path, dialect_read, memory_bytes, folders))
+            by_file[str(path)] = apart(task, path, opening_test(path, dialect_read, folders), report)
     tables = tables_of(by_file)
     if json_path:
         tool = {"name": "fedora-qa", "version": __version__}
@@ -91,10 +91,9 @@ def stats(
 
 
 def _counted(
-    path: Path, dialect: Dialect | None, memory_bytes: int, allow_external: tuple[Path, ...], progress: Progress
+    path: Path, dialect: Dialect | None, memory_bytes: int, allow_external: tuple[Path, ...], worker: Worker
 ) -> Statistics:
-    require_end_of_opening(path, dialect, allow_external)
-    return collect_statistics(path, dialect, memory_bytes, progress, allow_external)
+    return collect_statistics(path, dialect, memory_bytes, worker.progress, allow_external)
 
 
 def tables_of(by_file: Mapping[str, Statistics]) -> tuple[StatsTable, ...]:

@@ -1,119 +1,387 @@
-"""What still fits into a budget of time, estimated from durations measured in this run and from nothing else.
+"""Check files within a budget of time: windows are visited in an order that spreads them evenly, while they fit.
 
-Two durations are measured: of windows, and of the steps from their states to a record. The latter is rehearsed on a
-copy whenever the number of windows has doubled since the last rehearsal. So all rehearsals together take less than
-twice as long as the last of them.
+Checks that need neither images nor events get every window, first. All others get windows in rounds. After each round
+the file is judged by the windows that were visited, so that there is a run at any time, and the duration of judgement
+is known from the last one. A round visits at most as many windows again as were visited before, so that all judgements
+together take less than three times as long as the last. States of single windows merge exactly in the order of time.
+
+Windows are visited at the density of ``quick`` until all of them fit. Further windows gain at least as much as density
+does: half as much time again for every flow field instead of every third lowers the limits of flow by a tenth, half as
+many windows again lower all limits by 18% (docs/trade.md). Only then denser efforts are tried, on the least number of
+windows, and the first with which all windows fit is chosen.
 """
 
+import time
 from collections import deque
-from dataclasses import dataclass, field
-from typing import Final
+from collections.abc import Iterator, Sequence
+from concurrent.futures import FIRST_COMPLETED, Future, wait
+from dataclasses import dataclass, field, replace
+from math import inf
+from typing import Any, Final
+
+from fedora_qa.checks.protocol import Check
+from fedora_qa.engine.effort import Effort
+from fedora_qa.engine.executor import Executor, Kept, Task
+from fedora_qa.engine.file_work import equal_parts
+from fedora_qa.engine.options import CheckOptions, FileRun
+from fedora_qa.engine.outcomes import DIED_TWICE, ENDLESS, lost_file
+from fedora_qa.engine.plan import FEWEST_WINDOWS, WINDOW_NS, Plan, sampling_of, sees_every_window
+from fedora_qa.engine.progress import Progress, ProgressTally, Report, quiet
+from fedora_qa.engine.survey import Survey, frame_pixels
+from fedora_qa.engine.tasks import finish_file, measure_windows, opening_test, survey_file
+from fedora_qa.errors import EndlessError, WorkerLostError
+from fedora_qa.storage.place import Place
+from fedora_qa.storage.server import version_of
+from fedora_qa.storage.traffic import NO_TRAFFIC
+
+_DENSER: Final[tuple[Effort, ...]] = ("full", "standard")
+
+_SNAPSHOTS_OVER: Final = 16
+"""Over how many windows, the first in the visiting order, the snapshots of the evidence are spread."""
 
 _LATEST: Final = 8
 """Number of latest windows whose slowest predicts the next one. The first windows, which also load and compile, drop
 out of them."""
 
-_MOST_WINDOWS: Final = 8
-"""Most windows of a step: a worker that dies loses them."""
+_SHORTEST_S: Final = 1e-3
+"""Seconds that a window takes at least."""
+
+_SILENCE_S: Final = 2.0
+"""Seconds without a result after which the executor is asked whether any worker is left."""
+
+
+@dataclass(frozen=True, slots=True)
+class _LostTask:
+    """Stands for the result of a task over which two processes died, or which did not end."""
+
+    end: str
+
+
+class _GivenUpError(Exception):
+    """A file is given up: ``doing`` states the step, ``end`` how its process ended."""
+
+    def __init__(self, doing: str, end: str) -> None:
+        super().__init__(doing, end)
+        self.doing = doing
+        self.end = end
 
 
 @dataclass(slots=True)
-class Pace:
-    """How fast the windows of one file are measured at one density.
+class _Density:
+    """The windows of a file at the density of an effort.
 
     Attributes
     ----------
-    windows
-        How many windows have been measured.
+    pending
+        Windows still to be visited, in their order.
+    parts
+        The passes over visited windows, by their numbers on the grid.
+    latest_s
+        Seconds of the latest windows.
     """
 
-    windows: int = 0
-    _spent_s: float = 0.0
-    _latest_s: deque[float] = field(default_factory=lambda: deque(maxlen=_LATEST))
-
-    def add(self, windows: int, seconds: float) -> None:
-        """Note how long some windows took together, with all that a step costs."""
-        self.windows += windows
-        self._spent_s += seconds
-        self._latest_s.append(seconds / windows)
-
-    @property
-    def mean_s(self) -> float:
-        """Mean seconds of the latest windows."""
-        return sum(self._latest_s) / len(self._latest_s)
+    effort: Effort
+    survey: Survey
+    pending: deque[int]
+    parts: dict[int, Kept] = field(default_factory=dict)
+    lost: list[int] = field(default_factory=list)
+    latest_s: deque[float] = field(default_factory=lambda: deque(maxlen=_LATEST))
 
     @property
     def longest_s(self) -> float:
         """Seconds of the slowest of the latest windows."""
-        return max(self._latest_s)
+        return max(self.latest_s, default=0.0)
+
+    @property
+    def mean_s(self) -> float:
+        """Mean seconds of the latest windows."""
+        return sum(self.latest_s) / max(len(self.latest_s), 1)
 
     @property
     def unevenness(self) -> float:
         """How many times slower than their mean the slowest of the latest windows was: 1 where nothing disturbs.
 
-        Another load of the machine, which makes some windows slower, may make judgement slower than rehearsed.
+        Another load of the machine, which makes some windows slower, may make judgement slower than the last one.
         """
         return self.longest_s / self.mean_s if self.mean_s else 1.0
 
     @property
-    def spent_s(self) -> float:
-        """Seconds of all windows so far."""
-        return self._spent_s
+    def visited(self) -> Survey:
+        """The survey whose plan is what was visited, or lost."""
+        chosen = tuple(sorted({*self.parts, *self.lost}))
+        return replace(self.survey, plan=replace(self.survey.plan, chosen=chosen))
 
 
-@dataclass(slots=True)
-class Reserve:
-    """How long judgement will take: follow-ups, conclusions, statistics and evidence."""
+def check_within_budget(
+    paths: Sequence[Place],
+    checks: tuple[Check[Any], ...],
+    options: CheckOptions,
+    executor: Executor,
+    report: Report,
+    began: float | None,
+) -> Iterator[tuple[Place, FileRun]]:
+    """Check files one after another, each in its part of the budget, in proportion to its bytes.
 
-    _rehearsed: list[tuple[int, float]] = field(default_factory=list)
+    What a file does not use is left to the files after it. The least number of windows is visited whatever the budget.
 
-    def add(self, windows: int, seconds: float) -> None:
-        """Note a rehearsal after so many windows."""
-        self._rehearsed.append((windows, seconds))
+    Parameters
+    ----------
+    options
+        With ``budget_s``.
+    began
+        Since when (``time.monotonic``) the budget counts; now where None.
 
-    @property
-    def is_known(self) -> bool:
-        """Whether there was any rehearsal."""
-        return bool(self._rehearsed)
+    Raises
+    ------
+    FedoraError
+        As ``check_files``.
+    """
+    deadline = (time.monotonic() if began is None else began) + (options.budget_s or 0.0)
+    sizes = [version_of(path).size for path in paths]
+    for number, path in enumerate(paths):
+        left_s = max(0.0, deadline - time.monotonic())
+        share = sizes[number] / max(sum(sizes[number:]), 1)
 
-    def seconds(self, windows: int) -> float:
-        """Return the seconds that judgement takes after so many windows, on the line through the last two rehearsals.
+        def tell(doing: str, done: int, of: int, number: int = number, path: Place = path) -> None:
+            at_work = int(sizes[number] * done / max(of, 1))
+            name = path.name
+            report(
+                ProgressTally(
+                    f"{name}: {doing}", number, len(paths), done, of, sum(sizes[:number]) + at_work, sum(sizes)
+                )
+            )
 
-        After one rehearsal they are proportional to the windows, an upper bound where judgement has a constant part.
-        They are never fewer than the last rehearsal took.
-        """
-        if not self._rehearsed:
-            return 0.0
-        last_windows, last_s = self._rehearsed[-1]
-        if len(self._rehearsed) == 1:
-            return last_s * max(1.0, windows / last_windows)
-        before_windows, before_s = self._rehearsed[-2]
-        # Judgement does not get faster with more windows: a negative slope is scatter of the measured times.
-        slope = max(0.0, (last_s - before_s) / max(last_windows - before_windows, 1))
-        return last_s + slope * max(0, windows - last_windows)
+        yield path, _BudgetedFile(path, checks, options, executor, tell, time.monotonic() + share * left_s).check()
 
-    def is_due(self, windows: int, pace: Pace, left_s: float) -> bool:
-        """Whether to rehearse: windows have doubled, and there is time for it and for more windows after it.
 
-        Before the first rehearsal its duration is unknown; then there must be time for as many windows again.
-        """
-        if not self._rehearsed:
-            # Assumed bound of the unknown duration: that of all windows so far.
-            return left_s > pace.spent_s
+class _BudgetedFile:
+    """One file and its deadline, s on the clock of ``time.monotonic``. ``tell`` gets the windows done, of all."""
+
+    def __init__(
+        self,
+        path: Place,
+        checks: tuple[Check[Any], ...],
+        options: CheckOptions,
+        executor: Executor,
+        tell: Progress,
+        deadline: float,
+    ) -> None:
+        self._path = path
+        self._checks = checks
+        self._options = options
+        self._executor = executor
+        self._tell = tell
+        self._deadline = deadline
+        self._windows = 0
+        self._steady: list[Kept] = []
+        self._judging_s: list[float] = []
+        self._traffic = NO_TRAFFIC
+
+    def check(self) -> FileRun:
+        """Return the run of the file by the windows that the budget sufficed for."""
+        try:
+            run, density = self._within_deadline()
+        except _GivenUpError as lost:
+            run, density = lost_file(self._path, self._checks, lost.doing, lost.end), None
+        overrun_s = time.monotonic() - self._deadline
+        if density is None:
+            reached = "the file cannot be opened"
+        else:
+            reached = f"{len(density.parts)} of {self._windows} windows at the density of {density.effort}"
+            if len(density.parts) <= FEWEST_WINDOWS < self._windows:
+                reached += ", the least that is always looked at"
+            reached += (
+                f", {overrun_s:.1f} s longer than there was" if overrun_s > 0 else f", with {-overrun_s:.1f} s left"
+            )
+        seconds = {**run.seconds}
+        if len(self._judging_s) > 1:
+            seconds["rehearsals"] = sum(self._judging_s[:-1])
+        # Tasks carry the absolute path; the record states the path that was given.
+        record = replace(run.record, path=str(self._path))
+        return replace(run, record=record, reached=reached, seconds=seconds, traffic=run.traffic + self._traffic)
+
+    def _within_deadline(self) -> tuple[FileRun, _Density | None]:
+        place = self._path.absolute()
+        if test := opening_test(place, self._options.dialect, self._options.allow_external):
+            self._do(test, "being opened")
+        survey = self._do(Task(survey_file, (place, self._checks, self._options)), "being opened")
+        if isinstance(survey, FileRun):
+            return survey, None
+        self._windows = survey.plan.of
+        # Windows shorter than 0.2 s are visited in groups of that length, as neighbours share decoded frames.
+        order = visiting_order(self._windows, max(1, WINDOW_NS // survey.scanned.cell_ns))
+        if any(sees_every_window(check.needs) for check in survey.asked):
+            self._measure_steady(survey)
+        density = sparse = self._visit_least(survey, "quick", order)
+        run, judged = self._judge(density), density
+        settled = False
+        while density.pending:
+            if not settled and self._fits_whole(sparse):
+                settled = True
+                for effort in _DENSER:
+                    denser = self._visit_least(survey, effort, order)
+                    if self._fits_whole(denser):
+                        density = denser
+                        break
+            if not self._visit_round(density):
+                break
+            run, judged = self._judge(density), density
+        return run, judged
+
+    def _measure_steady(self, survey: Survey) -> None:
+        """Hand every window to the checks that get all of them."""
+        tasks = [
+            Task(measure_windows, (survey, windows, "steady", None), keeps_result=True)
+            for windows in equal_parts(self._windows, self._executor.capacity)
+        ]
+        # Tasks end in any order; states merge in the order of time.
+        parts: dict[int, Kept] = {}
+        for task, part, _ in self._do_all(iter(tasks)):
+            if isinstance(part, _LostTask):
+                raise _GivenUpError("being measured", part.end)
+            parts[task.arguments[1][0]] = part
+        self._steady = [part for _, part in sorted(parts.items())]
+
+    def _visit_least(self, survey: Survey, effort: Effort, order: tuple[int, ...]) -> _Density:
+        """Visit the least number of windows at the density of an effort."""
+        sampling = sampling_of(effort, frame_pixels(survey.scanned.facts.layout))
+        plan = Plan(tuple(sorted(order[:_SNAPSHOTS_OVER])), len(order), sampling)
+        options = replace(survey.options, effort=effort)
+        density = _Density(effort, replace(survey, plan=plan, options=options), deque(order))
+        self._visit(density, FEWEST_WINDOWS, until=inf)
+        return density
+
+    def _visit_round(self, density: _Density) -> bool:
+        """Visit the windows that fit, at most as many as were visited so far; return whether there were any."""
+        done, left_s = len(density.parts), self._deadline - time.monotonic()
+        # c windows and their judgement fit where  c t / W + u J (n + c) / n <= left,  with t the seconds of the slowest
+        # of the latest windows, W the workers, J the seconds of the last judgement, after n windows, and u the
+        # unevenness. Judgement has a constant part, so that J (n + c) / n is an upper bound.
+        judging_s = density.unevenness * self._judging_s[-1]
+        each_s = density.longest_s / self._executor.capacity + judging_s / max(done, 1)
+        fitting = int((left_s - judging_s) / max(each_s, _SHORTEST_S))
+        count = min(fitting, max(done, 1))
         return (
-            # Twice: for the rehearsal and for judgement. Without time for one window more it would decide nothing.
-            windows >= 2 * self._rehearsed[-1][0]
-            and left_s > 2 * pace.unevenness * self.seconds(windows) + pace.longest_s
+            count >= 1 and self._visit(density, count, self._deadline - judging_s * (done + count) / max(done, 1)) > 0
         )
 
+    def _visit(self, density: _Density, count: int, until: float) -> int:
+        """Visit the next windows of a density while they end in time; return how many were visited, or lost."""
+        number = len(density.pending)
 
-def batch(left_s: float, pace: Pace, pending: int, workers: int) -> int:
-    """Return how many windows to measure in one step, 0 where none fits.
+        def tasks() -> Iterator[Task]:
+            for _ in range(min(count, len(density.pending))):
+                if time.monotonic() + density.longest_s > until:
+                    return
+                window = density.pending.popleft()
+                yield Task(measure_windows, (density.survey, (window,), "sampled", None), keeps_result=True)
 
-    At most half of the windows that fit, so that the pace is measured again before the end, and workers end together.
+        for task, part, seconds in self._do_all(tasks()):
+            (window,) = task.arguments[1]
+            if isinstance(part, _LostTask):
+                density.lost.append(window)
+            else:
+                density.parts[window] = part
+                density.latest_s.append(seconds)
+            self._tell("measuring", len(density.parts), self._windows)
+        return number - len(density.pending)
+
+    def _judge(self, density: _Density) -> FileRun:
+        """Return the run of the file by the windows that were visited at a density."""
+        began = time.monotonic()
+        parts = [*self._steady, *(part for _, part in sorted(density.parts.items()))]
+        run: FileRun = self._do(Task(finish_file, (density.visited, parts, sorted(density.lost))), "being judged")
+        self._judging_s.append(time.monotonic() - began)
+        return run
+
+    def _fits_whole(self, density: _Density) -> bool:
+        """Whether all windows that wait at a density fit, beside their judgement."""
+        measuring_s = density.mean_s * len(density.pending) / self._executor.capacity
+        # The last judgement may be one at another density, of as few windows.
+        judging_s = density.unevenness * self._judging_s[-1] * self._windows / max(len(density.parts), 1)
+        return time.monotonic() + measuring_s + judging_s <= self._deadline
+
+    def _do(self, task: Task, doing: str) -> Any:
+        """Do a task for the whole file, which is given up where that fails."""
+        ((_, result, _),) = self._do_all(iter([task]))
+        if isinstance(result, _LostTask):
+            raise _GivenUpError(doing, result.end)
+        return result
+
+    def _do_all(self, tasks: Iterator[Task]) -> Iterator[tuple[Task, Any, float]]:
+        """Yield tasks with their results and seconds as they end; one whose process dies is done again once."""
+        running: dict[Future[Any], tuple[Task, float, bool]] = {}
+
+        while True:
+            while len(running) < self._executor.capacity and (task := next(tasks, None)):
+                # An executor in this process does the task here: the clock is read before.
+                began = time.monotonic()
+                future = self._executor.submit(task, quiet)
+                running[future] = task, began, False
+            if not running:
+                return
+            ended, _ = wait(running, timeout=_SILENCE_S, return_when=FIRST_COMPLETED)
+            if not ended:
+                self._executor.require_workers()
+            for future in ended:
+                task, began, again = running.pop(future)
+                try:
+                    result = future.result()
+                except EndlessError:
+                    result = _LostTask(ENDLESS)
+                except WorkerLostError:
+                    if not again:
+                        running[self._executor.submit(task, quiet)] = task, began, True
+                        continue
+                    result = _LostTask(DIED_TWICE)
+                yield task, result, time.monotonic() - began
+
+
+def visiting_order(windows: int, together: int = 1) -> tuple[int, ...]:
+    """Return windows in the order in which they are visited: spread evenly over the file, however early it ends.
+
+    Groups of ``together`` neighbours follow each other in the order of ``_spread``, since neighbouring short windows
+    share decoded rows. One window of each of the first ``FEWEST_WINDOWS`` groups comes before all others.
+
+    Parameters
+    ----------
+    windows
+        How many there are.
+    together
+        How many neighbours make a group.
+
+    Returns
+    -------
+    tuple of int
+        The places 0 to ``windows`` - 1, the first and the last first.
     """
-    if not pending or pace.longest_s > left_s:
-        return 0
-    # Rounded up: the last windows are spread over all workers.
-    share = -(-pending // workers)
-    return max(1, min(_MOST_WINDOWS, int(left_s / pace.longest_s / 2), share))
+    groups = -(-windows // together)
+    order: dict[int, None] = {}
+    for group in _spread(groups)[:FEWEST_WINDOWS]:
+        # Of the last group its last window: the first windows visited shall span the whole sequence.
+        order[windows - 1 if 0 < group == groups - 1 else group * together] = None
+    for group in _spread(groups):
+        order |= dict.fromkeys(range(group * together, min((group + 1) * together, windows)))
+    return tuple(order)
+
+
+def _spread(count: int) -> tuple[int, ...]:
+    """Return the numbers 0 to ``count`` - 1: the first, the last, then always numbers between earlier ones.
+
+    They follow the sequence of van der Corput (1935): 1/2, 1/4, 3/4, 1/8, 5/8, ... of the way. After any number of them
+    the longest gap is at most twice that of as many places spread evenly, but for rounding.
+    """
+    order = dict.fromkeys(place for place in (0, count - 1) if 0 <= place < count)
+    number = 1
+    while len(order) < count:
+        # Radical inverse of the number in base 2: the sum of b_k 2^-(k+1) over its binary digits b_k, so that
+        # 1, 10, 11 become 0.1, 0.01, 0.11.
+        inverse, digit, digits = 0.0, 0.5, number
+        while digits:
+            inverse += digit * (digits & 1)
+            digits >>= 1
+            digit /= 2
+        # After rounding a number may come again; its first place in the order holds.
+        order.setdefault(round(inverse * (count - 1)))
+        number += 1
+    return tuple(order)

@@ -16,11 +16,11 @@ import numpy as np
 from fedora_qa.checks.protocol import Check, Observation
 from fedora_qa.engine.decode import BlockDecoder
 from fedora_qa.engine.effort import Effort
+from fedora_qa.engine.measure import PassState, attempt, conclude, measure
 from fedora_qa.engine.outcomes import crashed_result
 from fedora_qa.engine.plan import make_plan, sampling_of, sees_every_window
-from fedora_qa.engine.prepare import Prepared, prepare
 from fedora_qa.engine.progress import Progress, quiet
-from fedora_qa.engine.stream import PassState, attempt, conclude, measure
+from fedora_qa.engine.survey import Prepared, prepare
 from fedora_qa.faults.canaries import CANARIES
 from fedora_qa.faults.canary_conditions import MULTIPLES, CanaryConditions, UnplantableError
 from fedora_qa.faults.fault import Fault, FaultySequence
@@ -28,7 +28,6 @@ from fedora_qa.judgement.judge import judge
 from fedora_qa.record.types import Canary, Outcome, Result
 from fedora_qa.record.wording import OUTCOME_WORDS
 from fedora_qa.sequence.sequence import SequenceRows
-from fedora_qa.sequence.shared_images import SharedImages
 from fedora_qa.sequence.window import Span
 
 _IN_ORDER: tuple[Outcome, ...] = ("passed", "warned")
@@ -135,13 +134,13 @@ def _plant(check: Check[Any], fault: Fault, run: PlainRun, place_ns: int, *, kno
     else:
         facts = replace(ready.facts, declared=sequence.declared, layout=sequence.layout)
         # Blocks and images of the plain run hold values without the fault, so none may be reused.
-        decoder = BlockDecoder(sequence, ready.scanned, ready.decoder.cache_bytes, ready.decoder.memory_budget)
-        faulty = replace(ready, facts=facts, decoder=decoder, images=SharedImages(ready.images.limit_bytes))
+        decoder = BlockDecoder(sequence, ready.scanned, ready.decoder.leases.limit_bytes)
+        faulty = replace(ready, scanned=replace(ready.scanned, facts=facts), decoder=decoder)
     sampling = sampling_of(run.effort, faulty.frame_pixels)
     canary, reason = Canary(check.name, "silent", fault.description), ""
     # Windows of the faulty sequence: a fault that moves time is cut into other windows than the file.
     for spans in growing((faulty.spans if sees_every_window(check.needs) else _planned(run, faulty)), place_ns):
-        states = measure([check], spans, faulty.facts, faulty.decoder, sampling, quiet, faulty.images)
+        states = measure([check], spans, faulty.facts, faulty.decoder, sampling, quiet)
         # The check's result by the limits of the plain run, whose comparisons share one false-alarm rate.
         observed = conclude([check], states, faulty.facts)
         judged = judge({**run.observations, **observed}, [check] if observed else [], run.false_alarm_rate)

@@ -10,12 +10,12 @@ from concurrent.futures import Future
 from dataclasses import KW_ONLY, dataclass, replace
 from functools import cache
 from types import TracebackType
-from typing import Any, Final, Self, cast
+from typing import Any, Final, Self
 
-from fedora_qa.engine.code import code_digest
-from fedora_qa.engine.executors import Result, Task
-from fedora_qa.engine.file_task import FileTask, Sealed
-from fedora_qa.engine.progress import Progress, quiet
+from fedora_qa.code_digest import code_digest
+from fedora_qa.engine.executor import Kept, Task
+from fedora_qa.engine.progress import Progress
+from fedora_qa.engine.worker import OpenFile, Worker
 from fedora_qa.errors import FedoraError, MisuseError, WorkerLostError
 
 _CONNECT_S: Final = 10
@@ -30,20 +30,22 @@ _WITHOUT_WORKERS_S: Final = 60.0
 
 
 @dataclass(frozen=True, slots=True)
-class _WithWorker(Sealed[Any]):
-    """A value that stays on the worker that computed it, and moves from there to another that needs it.
+class _Remote(Kept):
+    """A result that stays on the worker that computed it, and moves from there to another that needs it.
 
-    Where that worker dies before, the cluster computes the value again.
+    Where that worker dies before, the cluster computes it again.
     """
 
     _: KW_ONLY
-    remote: Any
+    future: Any
 
-    def open(self) -> Any:
-        return self.remote.result().open()
+    def load(self) -> Any:
+        """Return the value."""
+        return self.future.result().load()
 
     def discard(self) -> None:
-        self.remote.release()
+        """Let the worker drop it."""
+        self.future.release()
 
 
 class DaskExecutor:
@@ -70,7 +72,6 @@ class DaskExecutor:
         except ImportError:
             raise MisuseError("Expected Dask for --dask; install it: pip install 'fedora-qa[dask]'") from None
         self.peak_memory_mib = 0
-        self.folder = None
         self._address = address
         self._dask: Any = dask
         self._distributed: Any = distributed
@@ -102,22 +103,16 @@ class DaskExecutor:
         """How many tasks share the memory of one worker."""
         return max(self._threads, default=1)
 
-    def submit(self, task: Task[Result], progress: Progress, worker: int | None = None) -> Future[Result]:
+    def submit(self, task: Task, progress: Progress) -> Future[Any]:
         """Give the task to the cluster; its progress is not reported."""
-        future: Future[Result] = Future()
-        # Dask resolves futures in arguments only, not within an object. Not pure: Dask would otherwise answer a step
+        future: Future[Any] = Future()
+        # Dask resolves futures in arguments only, not within an object. Not pure: Dask would otherwise answer a task
         # that is done again with the result of the first time, as it has the same arguments.
-        if isinstance(task, FileTask):
-            arguments = _told_apart(task.arguments)
-            remote = self._client.submit(
-                do_if_same_code, self._code, replace(task, arguments=()), arguments, pure=False
-            )
-            # States of windows are large (some 40 MB at 1440x1080): they stay, and do not pass through this process.
-            stays = bool(task.windows)
-        else:
-            remote, stays = self._client.submit(do_if_same_code, self._code, task, pure=False), False
+        remote = self._client.submit(
+            do_if_same_code, self._code, replace(task, arguments=()), _with_futures(task.arguments), pure=False
+        )
         self._remote[future] = remote
-        remote.add_done_callback(lambda done: self._settle(future, done, stays=stays))
+        remote.add_done_callback(lambda done: self._settle(future, done, keeps_result=task.keeps_result))
         return future
 
     def require_workers(self) -> None:
@@ -144,11 +139,11 @@ class DaskExecutor:
         if self._threads:
             self._seen_at = self._counted_at
 
-    def _settle(self, future: Future[Any], remote: Any, *, stays: bool) -> None:
+    def _settle(self, future: Future[Any], remote: Any, *, keeps_result: bool) -> None:
         self._remote.pop(future, None)
         try:
-            left = stays and remote.status == "finished"
-            future.set_result(_WithWorker(b"", remote=remote) if left else remote.result())
+            stays = keeps_result and remote.status == "finished"
+            future.set_result(_Remote(future=remote) if stays else remote.result())
         # Raised after ``allowed-failures`` deaths: the cluster itself has tried other workers before.
         except self._distributed.KilledWorker as death:
             future.set_exception(WorkerLostError(f"Expected a worker to end its task, got: {death}"))
@@ -158,8 +153,8 @@ class DaskExecutor:
             future.set_exception(error)
 
 
-def do_if_same_code(code: str, task: Task[Result], arguments: tuple[Any, ...] | None = None) -> Result:
-    """Do a task, in a worker, with its arguments where they come apart from it.
+def do_if_same_code(code: str, task: Task, arguments: tuple[Any, ...]) -> Any:
+    """Do a task, in a worker, with its arguments, which come apart from it.
 
     Raises
     ------
@@ -169,15 +164,13 @@ def do_if_same_code(code: str, task: Task[Result], arguments: tuple[Any, ...] | 
     # The record shall be the same to the last bit whoever measures; other code could differ without any error.
     if _code_here() != code:
         raise MisuseError("Expected the same fedora-qa on every worker, got another; install the same version on all")
-    if isinstance(task, FileTask) and arguments is not None:
-        task = cast(Task[Result], replace(task, arguments=arguments))
-    return task(quiet)
+    return replace(task, arguments=arguments).do(Worker(OpenFile(keeps=False)))
 
 
-def _told_apart(arguments: Any) -> Any:
-    """Return arguments with the futures of Dask in place of values that stay on workers."""
-    if isinstance(arguments, _WithWorker):
-        return arguments.remote
+def _with_futures(arguments: Any) -> Any:
+    """Return arguments with the futures of Dask in place of results that stay on workers."""
+    if isinstance(arguments, _Remote):
+        return arguments.future
     if isinstance(arguments, list | tuple):
-        return type(arguments)(_told_apart(argument) for argument in arguments)
+        return type(arguments)(_with_futures(argument) for argument in arguments)
     return arguments

@@ -1,23 +1,29 @@
-"""One file on its way to its record, as steps for any process: survey, batches of windows, judgement."""
+"""One file on its way to its record, as tasks for any process: survey, batches of windows, judgement."""
 
 from collections import deque
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
-from pathlib import Path
-from typing import TYPE_CHECKING, Any, Final
+from itertools import pairwise
+from typing import Any, Final
 
-from fedora_qa.engine.executors import DIED_TWICE, ENDLESS, Task
-from fedora_qa.engine.file_task import FileTask, Sealed, Surveyed
+from fedora_qa.checks.protocol import Check
+from fedora_qa.engine.executor import Kept, Task
 from fedora_qa.engine.options import CheckOptions, FileRun
+from fedora_qa.engine.outcomes import DIED_TWICE, ENDLESS, lost_file
 from fedora_qa.engine.progress import MEASURING, Progress
-from fedora_qa.engine.work_queue import WorkQueue
+from fedora_qa.engine.survey import Survey
+from fedora_qa.engine.tasks import check_whole, finish_file, measure_windows, opening_test, survey_file
 from fedora_qa.storage.place import Place
 
 _OPENED: Final = "being opened"
 
-if TYPE_CHECKING:  # the process that deals out the work loads no checks
-    from fedora_qa.checks.protocol import Check
+_SHARE: Final = 2 / 3
+_FEWEST_WINDOWS: Final = 4
+_MOST_WINDOWS: Final = 64
+"""Bounds of a batch: share of the windows that are left, and their number. States of windows, some 40 MB at 1440x1080,
+are written after each batch and read for the next, which takes as long as two windows there; a worker that dies loses
+one batch."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -27,7 +33,7 @@ class WorkStep:
     ``when_endless`` is called where the file took for ever to open, as it would again; None: ``when_lost`` is called.
     """
 
-    task: Task[Any]
+    task: Task
     progress: Progress
     then: Callable[[Any], None]
     when_lost: Callable[[], None]
@@ -36,11 +42,11 @@ class WorkStep:
 
 @dataclass(frozen=True, slots=True)
 class Part:
-    """The sealed pass over neighbouring windows, from ``start`` up to but without ``stop``."""
+    """The pass over neighbouring windows, from ``start`` up to but without ``stop``."""
 
     start: int
     stop: int
-    sealed_pass: Sealed[Any]
+    states: Kept
 
 
 class FileWork:
@@ -62,37 +68,38 @@ class FileWork:
         self,
         path: Place,
         size: int,
-        checks: "tuple[Check[Any], ...] | None",
+        checks: tuple[Check[Any], ...],
         options: CheckOptions,
         workers: int,
         report: Callable[[str], None],
-        folder: Path | None = None,
     ) -> None:
         self.path = path
         self.bytes = size
         self.ready: deque[WorkStep] = deque()
         self.run: FileRun | None = None
         self.windows = 0
+        # Absolute, because workers may have another working directory.
+        self._of_file = (path.absolute(), checks, options)
         self._checks = checks
         self._workers = workers
         self._report = report
-        self._folder = folder
         self._parts: dict[int, Part] = {}
         self._lost: list[int] = []
         self._seen: dict[int, int] = {}
-        self._surveyed_as: Surveyed | None = None
+        self._survey: Survey | None = None
         self._work_queue = WorkQueue(0, workers)
-        self._options = options
-        if workers == 1:
-            self._do_in_one()
+        begin = self._do_in_one if workers == 1 else self._do_in_steps
+        test = opening_test(path, options.dialect, options.allow_external)
+        if test:
+            self._do(_OPENED, test, lambda _: begin(), self._give_up_opening)
         else:
-            self._do_in_steps()
+            begin()
 
     def take(self, worker: int) -> WorkStep | None:
         """Return the next step for a worker, by its number; None where there is none for now."""
         if self.ready:
             return self.ready.popleft()
-        survey, windows = self._surveyed_as, self._work_queue.take(worker)
+        survey, windows = self._survey, self._work_queue.take(worker)
         if survey is None or not windows:
             return None
         return self._measuring(survey, windows, when_lost=partial(self._each_alone, survey, windows))
@@ -116,17 +123,22 @@ class FileWork:
                 self.windows, self._seen[0] = of, done
             self._tell(what, done, of)
 
-        task = FileTask("check_whole", self.path.absolute(), (self._checks, self._options))
-        self.ready.append(WorkStep(task, tell, self._finished, self._do_in_steps, self._give_up_opening))
+        task = Task(check_whole, self._of_file)
+        self.ready.append(WorkStep(task, tell, self._finished, self._do_in_steps))
 
     def _do_in_steps(self) -> None:
         self._seen.clear()
-        task = FileTask("survey_file", self.path.absolute(), (self._checks, self._options))
-        self._do(_OPENED, task, self._surveyed)
+        self._do(_OPENED, Task(survey_file, self._of_file), self._surveyed)
 
-    def _do(self, doing: str, task: Task[Any], then: Callable[[Any], None]) -> None:
+    def _do(
+        self,
+        doing: str,
+        task: Task,
+        then: Callable[[Any], None],
+        when_endless: Callable[[], None] | None = None,
+    ) -> None:
         """Make a task for the whole file ready; where its process dies twice, every check has crashed."""
-        once = WorkStep(task, self._tell, then, partial(self._give_up, doing, DIED_TWICE), self._give_up_opening)
+        once = WorkStep(task, self._tell, then, partial(self._give_up, doing, DIED_TWICE), when_endless)
         # The first loss makes the same step ready once more; the second gives the file up.
         self.ready.append(replace(once, when_lost=partial(self.ready.append, once)))
 
@@ -134,21 +146,18 @@ class FileWork:
         self._give_up(_OPENED, ENDLESS)
 
     def _give_up(self, doing: str, end: str) -> None:
-        from fedora_qa.engine.failures import lost_file  # noqa: PLC0415 - loads what measures
-        from fedora_qa.engine.run import asked_for  # noqa: PLC0415 - as above
+        self.run = lost_file(self.path, self._checks, doing, end)
 
-        self.run = lost_file(self.path, asked_for(self._checks, self._options), doing, end)
-
-    def _surveyed(self, survey: Surveyed | FileRun) -> None:
+    def _surveyed(self, survey: Survey | FileRun) -> None:
         if isinstance(survey, FileRun):
             self._finished(survey)
             return
-        self.windows = survey.windows
-        self._work_queue = WorkQueue(survey.windows, self._workers)
-        self._surveyed_as = survey
+        self.windows = len(survey.windows)
+        self._work_queue = WorkQueue(self.windows, self._workers)
+        self._survey = survey
         self._finish_if_measured(survey)
 
-    def _measuring(self, survey: Surveyed, windows: Sequence[int], when_lost: Callable[[], None]) -> WorkStep:
+    def _measuring(self, survey: Survey, windows: Sequence[int], when_lost: Callable[[], None]) -> WorkStep:
         first = windows[0]
         # A batch that follows a part extends its state: fewer large states have to be merged in the end.
         before = next((part for part in self._parts.values() if part.stop == first), None)
@@ -160,12 +169,12 @@ class FileWork:
             self._seen[first] = done
             self._tell(what, done, of)
 
-        def measured(part: Sealed[Any]) -> None:
+        def measured(states: Kept) -> None:
             self._seen[first] = len(windows)
-            self._keep(Part(before.start if before else first, windows[-1] + 1, part))
+            self._keep(Part(before.start if before else first, windows[-1] + 1, states))
             if before:
                 # Not before the extended part has come: a lost step needs the old one again.
-                before.sealed_pass.discard()
+                before.states.discard()
             self._finish_if_measured(survey)
 
         def lost() -> None:
@@ -173,36 +182,84 @@ class FileWork:
                 self._keep(before)
             when_lost()
 
-        task = FileTask("measure_windows", survey, (before.sealed_pass if before else None,), windows, self._folder)
+        numbers = [survey.windows[place] for place in windows]
+        arguments = (survey, numbers, "planned", before.states if before else None)
+        task = Task(measure_windows, arguments, keeps_result=True)
         return WorkStep(task, tell, measured, lost)
 
     def _keep(self, part: Part) -> None:
         self._parts[part.start] = part
 
-    def _each_alone(self, survey: Surveyed, windows: Sequence[int]) -> None:
+    def _each_alone(self, survey: Survey, windows: Sequence[int]) -> None:
         for window in windows:
             # What the lost batch had reported no longer counts.
             self._seen[window] = 0
             self.ready.append(self._measuring(survey, [window], when_lost=partial(self._lose, survey, window)))
 
-    def _lose(self, survey: Surveyed, window: int) -> None:
+    def _lose(self, survey: Survey, window: int) -> None:
         self._seen[window] = 1
         self._lost.append(window)
         self._finish_if_measured(survey)
 
-    def _finish_if_measured(self, survey: Surveyed) -> None:
+    def _finish_if_measured(self, survey: Survey) -> None:
         if self.windows_done == self.windows:
-            parts = [part.sealed_pass for _, part in sorted(self._parts.items())]
-            task = FileTask("finish_file", survey, (parts, sorted(self._lost)))
-            self._do("being judged", task, self._finished)
+            lost = [survey.windows[place] for place in sorted(self._lost)]
+            parts = [part.states for _, part in sorted(self._parts.items())]
+            self._do("being judged", Task(finish_file, (survey, parts, lost)), self._finished)
 
     def _finished(self, run: FileRun) -> None:
         # Tasks carry the absolute path; the record states the path that was given.
         self.run = replace(run, record=replace(run.record, path=str(self.path)))
         for part in self._parts.values():
-            part.sealed_pass.discard()
+            part.states.discard()
         self._parts.clear()
         self._seen = {0: self.windows}
 
     def _tell(self, what: str, done: int, of: int) -> None:
         self._report(f"{self.path.name}: {what}")
+
+
+class WorkQueue:
+    """The windows of a file that no worker has taken yet, in neighbourhoods.
+
+    Parameters
+    ----------
+    windows
+        How many there are.
+    workers
+        How many neighbourhoods to make of them.
+    """
+
+    def __init__(self, windows: int, workers: int) -> None:
+        self._left: list[Sequence[int]] = list(equal_parts(windows, workers))
+
+    def take(self, worker: int) -> Sequence[int]:
+        """Return the next batch for a worker; empty where nothing is left.
+
+        A long neighbourhood is taken in batches of at most two thirds of its rest, so that workers end at nearly the
+        same time.
+        """
+        if worker < len(self._left) and self._left[worker]:
+            left = self._left[worker]
+            length = _length(left)
+            self._left[worker] = left[length:]
+            return left[:length]
+        longest = max(range(len(self._left)), key=lambda number: len(self._left[number]), default=0)
+        if not self._left or not self._left[longest]:
+            return ()
+        left = self._left[longest]
+        length = _length(left)
+        # From the far end: its own worker continues at the near end, beside blocks that it has decoded.
+        self._left[longest] = left[:-length]
+        return left[-length:]
+
+
+def equal_parts(windows: int, count: int) -> tuple[Sequence[int], ...]:
+    """Cut windows into neighbouring parts, none of them empty."""
+    count = min(count, windows)
+    bounds = [windows * number // count for number in range(count + 1)] if count else []
+    return tuple(range(start, stop) for start, stop in pairwise(bounds))
+
+
+def _length(left: Sequence[int]) -> int:
+    return min(max(int(_SHARE * len(left)), _FEWEST_WINDOWS), _MOST_WINDOWS, len(left))

@@ -1,22 +1,21 @@
 """Check several files at once, and the windows of each, with whatever executor does the tasks."""
 
-import time
 from collections import deque
 from collections.abc import Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, wait
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any, Final
+from typing import Any, Final
 
-from fedora_qa.engine.executors import Executor
+from fedora_qa.checks.protocol import Check
+from fedora_qa.engine.budget import check_within_budget
+from fedora_qa.engine.executor import Executor
 from fedora_qa.engine.file_work import FileWork, WorkStep
 from fedora_qa.engine.options import CheckOptions, FileRun
 from fedora_qa.engine.progress import ProgressTally, Report
+from fedora_qa.engine.run import select_checks
 from fedora_qa.errors import EndlessError, WorkerLostError
 from fedora_qa.storage.place import Place
 from fedora_qa.storage.server import version_of
-
-if TYPE_CHECKING:  # the process that deals out the work loads no checks
-    from fedora_qa.checks.protocol import Check
 
 _LIBRARIES_BYTES: Final = 340_000_000
 """Bytes that all processes of a run share, as they are forked from one, and bytes of the process of the command.
@@ -44,7 +43,7 @@ def check_files(
     report: Report,
     began: float | None = None,
     *,
-    checks: "tuple[Check[Any], ...] | None" = None,
+    checks: tuple[Check[Any], ...] | None = None,
 ) -> Iterator[tuple[Place, FileRun]]:
     """Check files, and yield each as soon as it is done. The result does not depend on which worker measures.
 
@@ -70,6 +69,10 @@ def check_files(
     beside = _LIBRARIES_BYTES + executor.sharing * _COPIED_BYTES
     for_tasks = max(options.memory_bytes - beside, int(_LEAST_SHARE * options.memory_bytes))
     options = replace(options, memory_bytes=for_tasks // executor.sharing)
+    checks = select_checks(options.select, options.ignore) if checks is None else checks
+    if options.budget_s is not None:
+        yield from check_within_budget(paths, checks, options, executor, report, began)
+        return
 
     def tell(doing: str) -> None:
         # ``works`` is assigned below: nothing is reported before the first step runs.
@@ -85,33 +88,18 @@ def check_files(
             )
         )
 
-    began = time.monotonic() if began is None else began
-
-    def allot(work: FileWork) -> float:
-        now, ahead = time.monotonic(), works[works.index(work) :]
-        left_s = max(0.0, began + (options.budget_s or 0.0) - now)
-        # In proportion to the bytes of this file and of those after it that are not done.
-        return now + left_s * work.bytes / max(sum(item.bytes for item in ahead if item.run is None), 1)
-
-    def work_on(path: Place) -> FileWork:
-        of_file = (path, version_of(path).size, checks, options, executor.capacity, tell, executor.folder)
-        if options.budget_s is None:
-            return FileWork(*of_file)
-        from fedora_qa.engine.budgeted_work import BudgetedWork  # noqa: PLC0415 - loads what measures
-
-        return BudgetedWork(*of_file, allot)
-
-    works = [work_on(path) for path in paths]
+    works = [FileWork(path, version_of(path).size, checks, options, executor.capacity, tell) for path in paths]
     running: dict[Future[Any], tuple[WorkStep, int]] = {}
     waiting = list(works)
     while waiting:
-        # Keep the executor busy. Earlier files come first, so that few are open at a time and each is soon done.
+        # Keep the executor busy. Earlier files come first, so that few are open at a time and each is soon done. There
+        # are no more tasks than workers: the one that has just ended a task gets the next, of its own neighbourhood.
         busy = {worker for _, worker in running.values()}
         idle = deque(worker for worker in range(executor.capacity) if worker not in busy)
         for work in waiting:
             while idle and (step := work.take(idle[0])):
                 worker = idle.popleft()
-                running[executor.submit(step.task, step.progress, worker)] = step, worker
+                running[executor.submit(step.task, step.progress)] = step, worker
         done, _ = wait(running, timeout=_SILENCE_S, return_when=FIRST_COMPLETED)
         if not done:
             executor.require_workers()

@@ -1,15 +1,31 @@
-"""From judgements to the results of all checks, with those of checks that measured nothing."""
+"""Results beside those that checks measured: of lost windows, of files that do not open, of questions not asked."""
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from typing import Any, Final
 
-from fedora_qa.causes import stream_family
+from fedora_qa.causes import CAUSES, stream_family
 from fedora_qa.checks.protocol import Check
-from fedora_qa.engine.stream import PassState
+from fedora_qa.engine.measure import PassState
+from fedora_qa.engine.options import FileRun
 from fedora_qa.judgement.judge import Judged
-from fedora_qa.record.types import Result
+from fedora_qa.record.types import Coverage, Diagnosis, FileRecord, Finding, Result, Where
 from fedora_qa.sequence.facts import Facts
+from fedora_qa.sequence.window import Span
+from fedora_qa.storage.digest import Digest, file_digest
+from fedora_qa.storage.place import Place
+
+DIED_TWICE: Final = "died twice over it (out of memory, a library crashed, or it did not end)"
+ENDLESS: Final = "did not come to an end, and was ended"
+"""How the processes that did a task ended, as a record states it."""
+
+_READING_CHECK: Final = "integrity.readable"
+"""The check that fails on a file which cannot be opened."""
+
+LOST_WINDOWS: Final = "windows"
+"""Name of the result that states which windows could not be measured."""
+
+_COULD_BE_MEASURED: Final = "Could every window be measured?"
 
 _COLLECTORS: Final[Mapping[str, str]] = {
     "statistics": "What do the streams hold?",
@@ -30,7 +46,7 @@ def why_not_applicable(check: Check[Any], facts: Facts) -> str:
         )
     try:
         return check.not_applicable(facts)
-    # It counts as applicable for now: the same call fails again in ``stream.start``, which notes the crash.
+    # It counts as applicable for now: the same call fails again in ``measure.start``, which notes the crash.
     except Exception:  # noqa: BLE001 - it is asked, and crashes as it starts, where that becomes an outcome
         return ""
 
@@ -70,3 +86,92 @@ def results_in_order(
         crashed_result(name, _COLLECTORS[name], states.crashes[name]) for name in _COLLECTORS if name in states.crashes
     ]
     return tuple(results)
+
+
+def unreadable_record(path: Place, digest: Digest, checks: Iterable[Check[Any]], reason: str) -> FileRecord:
+    """Return the record of a file that begins like HDF5 and cannot be opened: a failed integrity, and nothing else.
+
+    Parameters
+    ----------
+    path
+        The file.
+    digest
+        Of its bytes.
+    checks
+        All that were selected; those other than ``integrity.readable`` are not applicable.
+    reason
+        The message of HDF5.
+    """
+    finding = Finding("F1", "integrity.readable.file", "critical", reason, Where())
+    # HDF5 compares the stated length of a file with its actual one, and names it truncated; other errors are damage.
+    cause = "truncated" if "truncated" in reason else "corrupt_chunk"
+    diagnosis = Diagnosis(
+        id="D1",
+        cause=cause,
+        stream="file",
+        magnitude=None,
+        unit="",
+        standard_error=None,
+        confidence=1.0 if cause == "truncated" else 0.5,
+        where=Where(),
+        remedy=CAUSES[cause].remedy,
+        explains=("F1",),
+    )
+    results = []
+    for check in checks:
+        result = not_applicable(check, "the file cannot be opened")
+        if check.name == _READING_CHECK:
+            result = replace(result, outcome="failed", reason="", findings=(finding,), coverage=Coverage(0, 1, "files"))
+        results.append(result)
+    return FileRecord(
+        path=str(path),
+        size=digest.version.size,
+        sha256=digest.sha256,
+        digest_kind=digest.kind,
+        dialect="",
+        inferred={},
+        statistics={},
+        verdict="findings",
+        results=tuple(results),
+        diagnoses=(diagnosis,),
+    )
+
+
+def lost_windows(lost: Sequence[Span], of: int, facts: Facts) -> tuple[Result, ...]:
+    """Return the result that names the windows that could not be measured; none where there are none."""
+    if not lost:
+        return ()
+    first = lost[0]
+    start_us, stop_us = (facts.to_file_us(time_ns) for time_ns in (first.start_ns, first.stop_ns))
+    reason = (
+        f"{len(lost)} of {of} windows were not seen by any check, as the process that measured one {DIED_TWICE}; "
+        f"the first is from {start_us:.0f} to {stop_us:.0f} us"
+    )
+    return (
+        Result(
+            LOST_WINDOWS, "crashed", _COULD_BE_MEASURED, coverage=Coverage(of - len(lost), of, "windows"), reason=reason
+        ),
+    )
+
+
+def lost_file(path: Place, checks: Iterable[Check[Any]], doing: str, end: str) -> FileRun:
+    """Return the run of a file that no process could open, or judge: every check crashed.
+
+    ``doing`` and ``end`` are parts of the reason: the step that failed, and how its process ended.
+    """
+    # Reads bytes only, not through HDF5, which may have ended the processes before.
+    digest = file_digest(path)
+    reason = f"the process by which it was {doing} {end}"
+    return FileRun(
+        FileRecord(
+            path=str(path),
+            size=digest.version.size,
+            sha256=digest.sha256,
+            digest_kind=digest.kind,
+            dialect="",
+            inferred={},
+            statistics={},
+            verdict="incomplete",
+            results=tuple(Result(check.name, "crashed", check.question, reason=reason) for check in checks),
+        )
+    )

@@ -1,20 +1,29 @@
-"""Tasks in processes of this machine, each with a pipe of its own, so that it is known which task ended which process.
+"""Tasks in processes of this machine. A process that dies takes the task it was doing with it and nothing else."""
 
-A process that dies takes the task it was doing with it and nothing else: the next task finds a new one.
-"""
-
-from concurrent.futures import Future, ThreadPoolExecutor
+import os
+import pickle
+import resource
+import sys
+from concurrent.futures import CancelledError, Future
+from concurrent.futures.process import BrokenProcessPool
+from contextlib import suppress
+from dataclasses import dataclass, field
+from functools import partial
+from itertools import count
+from multiprocessing.connection import Connection
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from threading import Condition, Lock
+from threading import Thread
 from types import TracebackType
-from typing import Any, Self
+from typing import Any, Final, Self
 
-from fedora_qa.engine.executors import Result, Task
+import cv2
+from pebble import ProcessExpired, ProcessPool
+
+from fedora_qa.engine.executor import Task
 from fedora_qa.engine.fork_server import worker_context
 from fedora_qa.engine.progress import Progress
-from fedora_qa.engine.time_limit import ENDED_BY
-from fedora_qa.engine.worker import ProgressReport, TaskFailure, TaskResult, serve
+from fedora_qa.engine.worker import OpenFile, Worker
 from fedora_qa.errors import EndlessError, WorkerLostError
 
 
@@ -30,31 +39,29 @@ class ProcessExecutor:
     """
 
     def __init__(self, jobs: int, threads: int = 1) -> None:
-        self.capacity = jobs
-        self.sharing = jobs
+        self.capacity = self.sharing = jobs
+        self.peak_memory_mib = 0
         self._folder = TemporaryDirectory(prefix="fedora-qa-")
-        self.folder = Path(self._folder.name)
         context = worker_context()
-        # One thread for each process: it waits at the pipe for the answer.
-        self._threads = ThreadPoolExecutor(jobs, thread_name_prefix="worker")
-        self._workers = tuple(_Worker(context, threads) for _ in range(jobs))
-        self._idle = list(range(jobs))
-        self._changed = Condition()
-        self._started = False
+        self._reports, self._reporting = context.Pipe(duplex=False)
+        self._pool = ProcessPool(jobs, initializer=_begin_worker, initargs=(self._reporting, threads), context=context)
+        self._numbers = count()
+        self._progress: dict[int, Progress] = {}
+        self._listener = Thread(target=self._listen, name="progress", daemon=True)
+        self._listener.start()
 
-    @property
-    def peak_memory_mib(self) -> int:
-        """The most memory that one of the processes is known to have held."""
-        return max(worker.peak_memory_mib for worker in self._workers)
+    def submit(self, task: Task, progress: Progress) -> Future[Any]:
+        """Give the task to the next process that is idle.
 
-    def submit(self, task: Task[Result], progress: Progress, worker: int | None = None) -> Future[Result]:
-        """Give the task to a process, or to the next that is idle."""
-        future = self._threads.submit(self._do, task, progress, worker)
-        if not self._started:
-            self._started = True
-            # Later tasks mostly wait for the first one, so that the other processes can start meanwhile.
-            for each in self._workers:
-                self._threads.submit(each.start)
+        While there are no more tasks than processes, one that has just ended a task gets the next.
+        """
+        number = next(self._numbers)
+        self._progress[number] = progress
+        future: Future[Any] = Future()
+        # As bytes both ways: what cannot be pickled fails by itself, and not with the channel to all processes.
+        arguments = (number, pickle.dumps(task, pickle.HIGHEST_PROTOCOL), Path(self._folder.name))
+        pooled = self._pool.schedule(_do, args=arguments, timeout=task.limit_s)
+        pooled.add_done_callback(lambda done: self._settle(number, task, future, done))
         return future
 
     def require_workers(self) -> None:
@@ -66,82 +73,77 @@ class ProcessExecutor:
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, traceback: TracebackType | None
     ) -> None:
-        # Threads wait at pipes: only the end of the processes lets them end.
-        self._threads.shutdown(wait=False, cancel_futures=True)
-        for worker in self._workers:
-            worker.close()
-        self._threads.shutdown()
+        self._pool.stop()  # type: ignore[no-untyped-call]
+        self._pool.join()
+        # No process is left that could write: the last copy of this end ends the listener.
+        self._reporting.close()
+        self._listener.join()
         self._folder.cleanup()
 
-    def _do(self, task: Task[Result], progress: Progress, wanted: int | None) -> Result:
-        with self._changed:
-            self._changed.wait_for(lambda: wanted in self._idle if wanted is not None else self._idle)
-            # A numbered worker still has the file open, with the blocks that lie beside the next windows.
-            number = self._idle[0] if wanted is None else wanted
-            self._idle.remove(number)
+    def _settle(self, number: int, task: Task, future: Future[Any], pooled: Future[Any]) -> None:
+        del self._progress[number]
         try:
-            return self._workers[number].do(task, progress)
-        finally:
-            with self._changed:
-                self._idle.append(number)
-                self._changed.notify_all()
-
-
-class _Worker:
-    """A process that does one task after another, and is started again after it has died."""
-
-    def __init__(self, context: Any, threads: int) -> None:
-        self.peak_memory_mib = 0
-        self._context = context
-        self._threads = threads
-        self._changing = Lock()
-        self._closed = False
-        self._process: Any = None
-        self._pipe: Any = None
-
-    def do(self, task: Task[Result], progress: Progress) -> Result:
-        """Do the task; raises ``WorkerLostError`` where the process dies, ``EndlessError`` by its own time limit."""
-        self.start()
-        try:
-            self._pipe.send(task)
-            while isinstance(answer := self._pipe.recv(), ProgressReport):
-                progress(answer.what, answer.done, answer.of)
-        except (EOFError, ConnectionError) as end:
+            pickled, peak_memory_mib = pooled.result()
+            result = pickle.loads(pickled)
+        except ProcessExpired as end:
             # A negative exit code is the number of the signal (multiprocessing).
-            code = self._end()
-            by = "never started" if code is None else f"signal {-code}" if code < 0 else f"exit code {code}"
-            lost = EndlessError if ENDED_BY is not None and code == -ENDED_BY else WorkerLostError
-            raise lost(f"Expected a process to end its task, got its own end: {by}") from end
-        if isinstance(answer, TaskFailure):
-            raise answer.error
-        if not isinstance(answer, TaskResult):
-            raise TypeError(f"Expected an answer of a worker, got {type(answer).__name__}")
-        self.peak_memory_mib = max(self.peak_memory_mib, answer.peak_memory_mib)
-        return answer.result  # type: ignore[no-any-return]  # what comes through a pipe has no type
+            by = f"signal {-end.exitcode}" if end.exitcode < 0 else f"exit code {end.exitcode}"
+            future.set_exception(WorkerLostError(f"Expected a process to end its task, got its own end: {by}"))
+        except (CancelledError, BrokenProcessPool) as end:
+            future.set_exception(WorkerLostError(f"Expected a process for the task, got none: {end or 'cancelled'}"))
+        except TimeoutError as error:
+            # Without a limit it is an error of the task itself.
+            limit_s = task.limit_s
+            endless = EndlessError(f"Expected a task to end within {limit_s:g} s, got no end") if limit_s else error
+            future.set_exception(endless)
+        except Exception as error:  # noqa: BLE001 - raised where the result is requested
+            future.set_exception(error)
+        else:
+            self.peak_memory_mib = max(self.peak_memory_mib, peak_memory_mib)
+            future.set_result(result)
 
-    def start(self) -> None:
-        """Start the process where there is none, or it has died."""
-        with self._changing:
-            if self._closed:
-                raise WorkerLostError("Expected a process for the task, got an executor that has been closed")
-            if self._process is None or not self._process.is_alive():
-                self._pipe, theirs = self._context.Pipe()
-                self._process = self._context.Process(target=serve, args=(theirs, self._threads), daemon=True)
-                self._process.start()
-                # The process then holds the only copy, so that its death ends the pipe and ``recv`` raises.
-                theirs.close()
+    def _listen(self) -> None:
+        with suppress(EOFError, OSError):
+            while True:
+                number, what, done, of = self._reports.recv()
+                if progress := self._progress.get(number):
+                    progress(what, done, of)
 
-    def close(self) -> None:
-        """End the process, and start no other."""
-        self._closed = True
-        self._end()
 
-    def _end(self) -> int | None:
-        """End the process, and return its exit code, negative for a signal; None where none was started."""
-        with self._changing:
-            if self._process is None:
-                return None
-            self._process.kill()
-            self._process.join()
-            code: int = self._process.exitcode
-            return code
+@dataclass(slots=True)
+class _Process:
+    """What a worker process keeps between tasks."""
+
+    reporting: "Connection[Any, Any] | None" = None
+    open_file: OpenFile = field(default_factory=lambda: OpenFile(keeps=True))
+
+
+_here: Final = _Process()
+"""Of this process; unused where it is no worker."""
+
+
+def _begin_worker(reporting: "Connection[Any, Any]", threads: int) -> None:
+    """Note where to report progress, and limit the threads of OpenCV, whose images do not depend on them."""
+    _here.reporting = reporting
+    cv2.setNumThreads(int(os.environ.get("OPENCV_FOR_THREADS_NUM", threads)))
+
+
+def _do(number: int, pickled: bytes, folder: Path) -> tuple[bytes, int]:
+    """Do a task in a worker; return its result, pickled, and the peak of memory of the process so far, MiB."""
+    try:
+        task: Task = pickle.loads(pickled)
+        result = pickle.dumps(task.do(Worker(_here.open_file, partial(_report, number)), folder))
+    except Exception as error:
+        try:
+            pickle.loads(pickle.dumps(error))
+        except Exception:  # noqa: BLE001 - whatever it is that cannot be done: its text alone then
+            raise RuntimeError(f"{type(error).__name__}: {error}") from None
+        raise
+    peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    return result, peak >> 20 if sys.platform == "darwin" else peak >> 10  # bytes there, KiB elsewhere
+
+
+def _report(number: int, what: str, done: int, of: int) -> None:
+    if _here.reporting:
+        # A short message is written at once, so that those of several processes do not mix.
+        _here.reporting.send((number, what, done, of))

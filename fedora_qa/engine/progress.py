@@ -1,7 +1,9 @@
-"""Progress of one step, and of all files together."""
+"""Progress of one step, and of all files together; seconds of each stage."""
 
-from collections.abc import Callable
-from dataclasses import dataclass
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, field
 from typing import Final
 
 Progress = Callable[[str, int, int], None]
@@ -41,3 +43,19 @@ class ProgressTally:
 
 Report = Callable[[ProgressTally], None]
 """Called with the progress of the run, from any thread."""
+
+
+@dataclass(slots=True)
+class Stopwatch:
+    """Seconds by stage; a stage that is entered again adds to its seconds."""
+
+    seconds: dict[str, float] = field(default_factory=dict)
+
+    @contextmanager
+    def stage(self, name: str) -> Iterator[None]:
+        """Add the seconds of the block to the stage."""
+        began = time.perf_counter()
+        try:
+            yield
+        finally:
+            self.seconds[name] = self.seconds.get(name, 0.0) + time.perf_counter() - began

@@ -6,7 +6,8 @@ from fedora_qa.checks import CHECKS
 from fedora_qa.checks.protocol import Check
 from fedora_qa.engine.options import CheckOptions, FileRun
 from fedora_qa.engine.progress import Progress, quiet
-from fedora_qa.engine.whole import check_whole
+from fedora_qa.engine.survey import survey_file
+from fedora_qa.engine.tasks import measure_and_assemble
 from fedora_qa.errors import MisuseError
 from fedora_qa.storage.place import Place
 
@@ -24,12 +25,8 @@ def check_file(path: Place, options: CheckOptions, progress: Progress = quiet) -
     """
     if options.budget_s is not None:
         raise MisuseError("Expected check_files for a budget of time, got check_file, which takes what it takes")
-    return check_whole(path, select_checks(options.select, options.ignore), options, progress)
-
-
-def asked_for(checks: tuple[Check[Any], ...] | None, options: CheckOptions) -> tuple[Check[Any], ...]:
-    """Return checks that are given, or where they are None those that the options select."""
-    return select_checks(options.select, options.ignore) if checks is None else checks
+    survey = survey_file(path, select_checks(options.select, options.ignore), options, progress)
+    return survey if isinstance(survey, FileRun) else measure_and_assemble(survey, progress)
 
 
 def select_checks(select: tuple[str, ...], ignore: tuple[str, ...]) -> tuple[Check[Any], ...]:

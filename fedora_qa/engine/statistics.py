@@ -7,10 +7,10 @@ from typing import Any
 
 from numpy.typing import NDArray
 
-from fedora_qa.engine.evidence import distributions_of
-from fedora_qa.engine.prepare import prepare
+from fedora_qa.engine.assemble import distributions_of
+from fedora_qa.engine.measure import Accumulator, attempt, measure
 from fedora_qa.engine.progress import Progress
-from fedora_qa.engine.stream import Accumulator, attempt, measure
+from fedora_qa.engine.survey import prepare
 from fedora_qa.evidence.distributions import DistributionsCollector
 from fedora_qa.layout.dialect import Dialect
 from fedora_qa.sequence.sequence import open_sequence

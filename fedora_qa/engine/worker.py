@@ -1,103 +1,62 @@
-"""The loop of a worker process: it receives tasks, reports their progress, and answers with their results.
+"""What a process has for its tasks: the file that it keeps open between them, and whom it reports its progress to."""
 
-It imports no large library: where they were not loaded before the fork, unpickling a task loads them, after the number
-of their threads has been set.
-"""
-
-import os
-import pickle
-import resource
-import signal
 import sys
-import traceback
+from collections.abc import Iterator
+from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
-from multiprocessing.connection import Connection
-from typing import Any, Final
 
-from fedora_qa.engine.file_task import FileTask
-from fedora_qa.engine.memory_budget import keep_unused_memory, return_unused_memory
-from fedora_qa.engine.open_file import OpenFile
-
-_PATIENCE_S: Final = 0.25
-"""Seconds for which a process without a task keeps its file open: the next task mostly comes within milliseconds, and
-an idle process shall not hold memory that working ones need."""
-
-_OPENCV_THREADS: Final = "OPENCV_FOR_THREADS_NUM"
-"""Read by OpenCV when it is loaded. Its images do not depend on it."""
-
-_BLAS_THREADS: Final = "OPENBLAS_NUM_THREADS"
-"""Read by NumPy and SciPy when they are loaded."""
+from fedora_qa.engine.progress import Progress, quiet
+from fedora_qa.engine.survey import OpenSurvey, Survey, opened, receivers, require_same
+from fedora_qa.storage.place import RemoteFile
+from fedora_qa.storage.server import version_of
 
 
-@dataclass(frozen=True, slots=True)
-class ProgressReport:
-    """Progress of a task."""
+class OpenFile:
+    """Holds one open file at most, so that neighbouring batches of windows share the rows between them.
 
-    what: str
-    done: int
-    of: int
-
-
-@dataclass(frozen=True, slots=True)
-class TaskResult:
-    """The result of a task, and the peak of memory of the process so far, MiB."""
-
-    result: Any
-    peak_memory_mib: int
-
-
-@dataclass(frozen=True, slots=True)
-class TaskFailure:
-    """The error that a task raised, with its traceback as a note."""
-
-    error: Exception
-
-
-def serve(pipe: "Connection[Any, Any]", threads: int) -> None:
-    """Do tasks until the other end of the pipe is closed, or gone."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # the interrupt is the parent's to handle
-    use_one_thread_of_blas()
-    os.environ.setdefault(_OPENCV_THREADS, str(threads))
-    # OpenCV that was loaded before the fork has read the variable already.
-    if opencv := sys.modules.get("cv2"):
-        opencv.setNumThreads(int(os.environ[_OPENCV_THREADS]))
-    keep_unused_memory()
-    open_file = OpenFile(keeps=True)
-    while True:
-        try:
-            if not pipe.poll(_PATIENCE_S):
-                open_file.clear()
-                return_unused_memory()
-            # Bytes, unpickled within ``_answer``: an error of pickling then becomes an answer, and the process stays.
-            pickled = pipe.recv_bytes()
-            pipe.send_bytes(_answer(pickled, pipe, open_file))
-        except (EOFError, ConnectionError):
-            return
-
-
-def use_one_thread_of_blas() -> None:
-    """Limit BLAS to the thread that calls it, unless the environment sets another number; before NumPy is loaded.
-
-    A worker has one core, and its matrices are small: further threads would mostly wait in a busy loop on the
-    cores of other workers.
+    Parameters
+    ----------
+    keeps
+        Whether the process is a worker of this package, in which a file stays open after a task; elsewhere each task
+        opens it anew. A file behind a URL never stays open, as each task reports its own traffic.
     """
-    os.environ.setdefault(_BLAS_THREADS, "1")
 
+    def __init__(self, *, keeps: bool) -> None:
+        self._keeps = keeps
+        self._token = ""
+        self._file: OpenSurvey | None = None
+        self._opened = ExitStack()
 
-def _answer(pickled: bytes, pipe: "Connection[Any, Any]", open_file: OpenFile) -> bytes:
-    def tell(what: str, done: int, of: int) -> None:
-        pipe.send(ProgressReport(what, done, of))
-
-    try:
-        task = pickle.loads(pickled)
-        result = task(tell, open_file) if isinstance(task, FileTask) else task(tell)
-        peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
-        peak_mib = peak >> 20 if sys.platform == "darwin" else peak >> 10  # bytes there, KiB elsewhere
-        return pickle.dumps(TaskResult(result, peak_mib), pickle.HIGHEST_PROTOCOL)
-    except Exception as error:  # noqa: BLE001 - raised where the result is requested
-        error.add_note("".join(traceback.format_exception(error)))
+    @contextmanager
+    def opened(self, survey: Survey) -> Iterator[OpenSurvey]:
+        """Open a surveyed file, or go on with it; raises ``FedoraError`` where it has been changed since."""
+        if self._file is not None and self._token == survey.token:
+            require_same(survey, version_of(survey.path))
+            # The same survey may come with another plan.
+            file = receivers(survey, self._file.sequence, self._file.ready)
+        else:
+            self.close()
+            file = self._file = self._opened.enter_context(opened(survey))
+            self._token = survey.token
         try:
-            pickle.loads(pickle.dumps(error))
-        except Exception:  # noqa: BLE001 - whatever it is that cannot be done: its text alone then
-            return pickle.dumps(TaskFailure(RuntimeError(f"{type(error).__name__}: {error}")))
-        return pickle.dumps(TaskFailure(error))
+            yield file
+        except BaseException:
+            self._file = None
+            # With the error, so that the file is closed without the test for a change, which would raise another one.
+            self._opened.__exit__(*sys.exc_info())
+            raise
+        if not self._keeps or isinstance(survey.path, RemoteFile):
+            self.close()
+
+    def close(self) -> None:
+        """Close the file, and drop its decoded rows."""
+        self._file = None
+        self._opened.close()
+
+
+@dataclass(frozen=True, slots=True)
+class Worker:
+    """What a task gets beside its arguments."""
+
+    open_file: OpenFile
+    progress: Progress = quiet

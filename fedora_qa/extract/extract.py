@@ -10,8 +10,8 @@ import h5py
 
 from fedora_qa.conventions import NS_PER_S
 from fedora_qa.engine.options import CheckOptions
+from fedora_qa.engine.plan import window_length_ns
 from fedora_qa.engine.run import check_file
-from fedora_qa.engine.windows import window_length_ns
 from fedora_qa.extract.cut import Cutter
 from fedora_qa.extract.place import pieces_around, place_of
 from fedora_qa.extract.rows import CutRows

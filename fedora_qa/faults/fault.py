@@ -7,7 +7,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from fedora_qa.layout.binding import Memory
 from fedora_qa.layout.canonical import DATASETS
 from fedora_qa.layout.resolve import Layout
 from fedora_qa.sequence.declared import Declared
@@ -112,7 +111,7 @@ class FaultySequence:
         self.declared: Declared = fault.declared or sequence.declared
         self.origin_ns: int = sequence.origin_ns
 
-    def rows(self, key: str, start: int, stop: int, memory: Memory | None = None) -> NDArray[Any]:
+    def rows(self, key: str, start: int, stop: int) -> NDArray[Any]:
         """Return rows of a dataset in canonical units, with the fault.
 
         Parameters
@@ -121,8 +120,6 @@ class FaultySequence:
             Canonical key of the dataset.
         start, stop
             First row, and the row after the last one.
-        memory
-            Gives the array into which images are decoded. It is not used for altered datasets. None: a new array.
 
         Returns
         -------
@@ -136,8 +133,7 @@ class FaultySequence:
         """
         alter = self._fault.rows.get(key)
         if alter is None:
-            return self._sequence.rows(key, start, stop, memory)
-        # Without ``memory``: an alteration may read other rows than it returns, and returns an array of its own.
+            return self._sequence.rows(key, start, stop)
         return alter(lambda first, last: self._sequence.rows(key, first, last), start, stop)
 
     def chunk_rows(self, key: str) -> int:

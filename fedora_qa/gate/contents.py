@@ -4,16 +4,16 @@ import hashlib
 from collections.abc import Iterable, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, replace
-from functools import partial
 from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
 
-from fedora_qa.engine.executors import Executor
-from fedora_qa.engine.opening import require_end_of_opening
-from fedora_qa.engine.progress import Progress, quiet
+from fedora_qa.engine.executor import Executor, Task
+from fedora_qa.engine.progress import quiet
+from fedora_qa.engine.tasks import opening_test
+from fedora_qa.engine.worker import Worker
 from fedora_qa.errors import UnreadableFileError, UnreadableRowsError, WorkerLostError
 from fedora_qa.gate.policy import Policy, each_stream
 from fedora_qa.gate.release import Release
@@ -147,9 +147,14 @@ def contents_of(
     for sequence, file in zip(release.sequences, files, strict=True):
         # A file whose checks all crashed would probably end the next process that opens it as well.
         died = file.results and all(result.outcome == "crashed" for result in file.results)
-        task = partial(_read, sequence.path, dialect, streams, bool(policy.splits), folders)
+        task = Task(_read, (sequence.path, dialect, streams, bool(policy.splits), folders))
+        opening = opening_test(sequence.path, dialect, folders)
+        contents = None
         try:
-            contents = None if died else executor.submit(task, quiet).result()
+            if opening and not died:
+                executor.submit(opening, quiet).result()
+            if not died:
+                contents = executor.submit(task, quiet).result()
         except WorkerLostError as lost:
             crash = Result(
                 "release.contents",
@@ -166,8 +171,6 @@ def contents_of(
 
 
 def _read(
-    path: Path, dialect: Dialect | None, streams: tuple[str, ...], poses: bool, folders: tuple[Path, ...], _: Progress
+    path: Path, dialect: Dialect | None, streams: tuple[str, ...], poses: bool, folders: tuple[Path, ...], _: Worker
 ) -> Contents | None:
-    with suppress(UnreadableFileError):
-        require_end_of_opening(path, dialect, folders)
     return read_contents(path, dialect, streams, poses=poses, allow_external=folders)

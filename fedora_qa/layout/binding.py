@@ -1,7 +1,7 @@
 """Where one dataset of a file lies, and how its stored values become canonical ones."""
 
 import os
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass
 from fractions import Fraction
 from itertools import product
@@ -22,7 +22,6 @@ from fedora_qa.layout.links import READ_ERRORS
 
 Polarity = Literal["01", "inverted", "plus_minus"]
 
-Memory = Callable[[tuple[int, ...], np.dtype[Any]], NDArray[Any]]
 """Gives an array of a shape and type to write into, of any values: ``numpy.empty``, or pages of one's own."""
 
 Opened = dict[str, StoredChunks]
@@ -139,7 +138,7 @@ def raw_rows(file: h5py.File, binding: Binding, start: int, stop: int, opened: O
     UnreadableRowsError
         The rows cannot be decoded: damaged bytes, a wrong checksum, or an unknown codec.
     """
-    stored = _read(file, binding, start, stop, None, opened)
+    stored = _read(file, binding, start, stop, opened)
     if binding.columns is None:
         return stored
     rank = len(DATASETS[binding.key].shape)
@@ -152,19 +151,17 @@ def raw_rows(file: h5py.File, binding: Binding, start: int, stop: int, opened: O
     return stored[..., list(binding.columns)]
 
 
-def _read(
-    file: h5py.File, binding: Binding, start: int, stop: int, memory: Memory | None, opened: Opened | None
-) -> NDArray[Any]:
-    """Return rows as they are stored, decoded into ``memory`` where there is some; raises ``UnreadableRowsError``."""
+def _read(file: h5py.File, binding: Binding, start: int, stop: int, opened: Opened | None) -> NDArray[Any]:
+    """Return rows as they are stored; raises ``UnreadableRowsError``."""
     try:
         opened = {} if opened is None else opened
         if binding.key not in opened:
             opened[binding.key] = StoredChunks(stored_dataset(file, binding))
         chunks = opened[binding.key]
         dataset = chunks.dataset
-        if memory is None:
+        if not binding.is_image_as_it_is:
             return np.asarray(dataset[start:stop])
-        rows = memory((stop - start, *dataset.shape[1:]), dataset.dtype)
+        rows = np.empty((stop - start, *dataset.shape[1:]), dataset.dtype)
         # Direct decoding covers one whole Blosc chunk. HDF5 reads all else, and names the fault of a damaged chunk.
         if not chunks.decode(start, rows):
             dataset.read_direct(rows, np.s_[start:stop])
@@ -196,10 +193,9 @@ def canonical_rows(
     start: int,
     stop: int,
     origin_ns: int,
-    memory: Memory | None = None,
     opened: Opened | None = None,
 ) -> NDArray[Any]:
-    """Return rows in canonical units; images with nothing to convert are decoded into ``memory``, if any is given.
+    """Return rows in canonical units.
 
     Timestamps become int64 nanoseconds from ``origin_ns``. Values are scaled, and samples beyond ``LARGEST_SAMPLE``
     become infinite; polarity is 1 brighter, 0 darker, and ``INVALID_POLARITY`` where the stored code is neither.
@@ -210,9 +206,6 @@ def canonical_rows(
     UnreadableRowsError
         As for ``raw_rows``.
     """
-    # Only values that need no conversion can be decoded into given memory: each conversion below makes a new array.
-    if memory and binding.is_image_as_it_is:
-        return _read(file, binding, start, stop, memory, opened)
     raw = raw_rows(file, binding, start, stop, opened)
     if binding.ns_per_unit is not None:
         return timestamps_ns(raw, binding, origin_ns)

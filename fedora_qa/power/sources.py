@@ -3,7 +3,7 @@
 from pathlib import Path
 from typing import Final
 
-from fedora_qa.engine.code import PACKAGE, code_digest
+from fedora_qa.code_digest import PACKAGE, code_digest
 
 MEASURED: Final = ("checks", "diagnosis", "estimators", "faults", "geometry", "judgement", "views")
 """The folders whose code and data decide what is found and named."""

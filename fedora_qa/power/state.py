@@ -7,10 +7,10 @@ from pathlib import Path
 
 from pydantic import TypeAdapter, ValidationError
 
-from fedora_qa.engine.digest import file_digest
 from fedora_qa.power.checked_file import CheckedFile
 from fedora_qa.power.manifest import CorpusItem
 from fedora_qa.record.atomic import write_text
+from fedora_qa.storage.digest import file_digest
 
 
 @dataclass(frozen=True, slots=True)

@@ -13,7 +13,7 @@ import h5py
 from numpy.typing import NDArray
 
 from fedora_qa.errors import UnreadableFileError, UnreadableRowsError
-from fedora_qa.layout.binding import Binding, Memory, Opened, canonical_rows, instant_ns, raw_rows
+from fedora_qa.layout.binding import Binding, Opened, canonical_rows, instant_ns, raw_rows
 from fedora_qa.layout.canonical import TIMESTAMPS_OF
 from fedora_qa.layout.dialect import Dialect
 from fedora_qa.layout.elsewhere import Elsewhere
@@ -50,7 +50,7 @@ class SequenceRows(Protocol):
         """The file's origin on its own clock, ns."""
         ...
 
-    def rows(self, key: str, start: int, stop: int, memory: Memory | None = None) -> NDArray[Any]:
+    def rows(self, key: str, start: int, stop: int) -> NDArray[Any]:
         """Return rows of a dataset in canonical units.
 
         Parameters
@@ -59,8 +59,6 @@ class SequenceRows(Protocol):
             Canonical key of the dataset.
         start, stop
             First row, and the row after the last.
-        memory
-            Memory for images; None for new memory.
 
         Returns
         -------
@@ -181,10 +179,8 @@ class Sequence:
         if self._remote:
             self._remote.require_unchanged()
 
-    def rows(self, key: str, start: int, stop: int, memory: Memory | None = None) -> NDArray[Any]:
+    def rows(self, key: str, start: int, stop: int) -> NDArray[Any]:
         """Return rows of a dataset in canonical units, as ``SequenceRows.rows``; timestamps as int64 ns.
-
-        Images without any conversion are decoded into ``memory``, if it is given.
 
         Raises
         ------
@@ -195,7 +191,7 @@ class Sequence:
         """
         try:
             binding = self.layout.bindings[key]
-            return canonical_rows(self._holding(binding), binding, start, stop, self.origin_ns, memory, self._opened)
+            return canonical_rows(self._holding(binding), binding, start, stop, self.origin_ns, self._opened)
         except UnreadableRowsError:
             self._require_sound()
             raise

@@ -14,9 +14,10 @@ from numpy.typing import NDArray
 from fedora_qa.conventions import MM_PER_M
 from fedora_qa.layout.canonical import TIMESTAMPS_OF
 from fedora_qa.sequence.facts import Facts
-from fedora_qa.sequence.shared_images import Image, SharedImages
+from fedora_qa.sequence.leases import Leases
 
 T = TypeVar("T")
+Image = TypeVar("Image", bound=NDArray[Any])
 
 
 class RowSource(Protocol):
@@ -161,15 +162,14 @@ class Window:
     """
 
     def __init__(
-        self, span: Span, facts: Facts, source: RowSource, sampling: Sampling, images: SharedImages | None = None
+        self, span: Span, facts: Facts, source: RowSource, sampling: Sampling, leases: Leases | None = None
     ) -> None:
         self.span = span
         self.facts = facts
         self.sampling = sampling
         self._source = source
-        self._images = images or SharedImages()
+        self._leases = leases or Leases()
         self._shared: dict[Hashable, Any] = {}
-        self._turn = 0
 
     def owned(self, stream: str) -> range:
         """Return the rows of the stream whose timestamps lie in this window."""
@@ -182,10 +182,6 @@ class Window:
     def once(self, key: Hashable, compute: Callable[[], T]) -> T:
         """Return a result, computed once and shared by all checks of this window.
 
-        The kind of a result is its key, or the first entry of a key of several. A result is dropped when no later check
-        has requested its kind so far. When a later check does so for the first time, the result is computed again, and
-        kept longer in the next windows.
-
         Parameters
         ----------
         key
@@ -193,18 +189,9 @@ class Window:
         compute
             Computes it.
         """
-        last, kind = self._images.last_turns, _kind(key)
-        last[kind] = max(last.get(kind, 0), self._turn)
         if key not in self._shared:
             self._shared[key] = compute()
         return cast(T, self._shared[key])
-
-    def take_turn(self, turn: int) -> None:
-        """Begin the turn of a check, by its number; drop results that only earlier checks request."""
-        self._turn = turn
-        last = self._images.last_turns
-        for key in [key for key in self._shared if last[_kind(key)] < turn]:
-            del self._shared[key]
 
     def of_image(self, name: str, row: int, compute: Callable[[], Image]) -> Image:
         """Return a result of one image, shared by all checks and with neighbouring windows.
@@ -218,7 +205,7 @@ class Window:
         compute
             Computes it from the image and the file alone, never from the window.
         """
-        return self._images.get((name, row), compute)
+        return self._leases.get((name, row), compute)
 
     def rgb(self, frame: int) -> NDArray[np.uint8]:
         """Return a colour frame, (H, W, 3), R, G, B, in DN as stored."""
@@ -237,10 +224,9 @@ class Window:
             if len(at_hand) == _DEPTHS_AT_HAND:
                 del at_hand[next(iter(at_hand))]
             # Millimetres in the file, metres in geometry; a float32 divisor keeps float32.
-            metres = self._images.get(
+            metres = self._leases.get(
                 ("depth_m", frame),
                 lambda: cast(NDArray[np.float32], self.rows("path/depth", frame, frame + 1)[0] / np.float32(MM_PER_M)),
-                in_a_moment=True,
             )
         at_hand[frame] = metres
         return metres
@@ -345,7 +331,3 @@ class Window:
             order = np.argsort(times_ns, kind="stable")
             x, y, times_ns, p = x[order], y[order], times_ns[order], p[order]
         return Events(x, y, times_ns, p)
-
-
-def _kind(key: Hashable) -> Hashable:
-    return key[0] if isinstance(key, tuple) and key else key

@@ -19,10 +19,8 @@ from numpy.typing import NDArray
 from fedora_qa.checks import CHECKS
 from fedora_qa.conventions import NS_PER_S
 from fedora_qa.engine import decode
-from fedora_qa.engine.memory_budget import keep_unused_memory
 from fedora_qa.engine.options import CheckOptions, FileRun
 from fedora_qa.engine.survey import Survey, opened, survey_file
-from fedora_qa.sequence.window import Window
 
 SUBJECTS: Final = ("event_stream", "event_response")
 SHAPE: Final = (480, 640)
@@ -133,7 +131,7 @@ def _seconds(survey: Survey, spent: list[float]) -> dict[str, float]:
     with opened(survey) as file:
         states = {check.name: check.start(file.ready.facts) for check in survey.asked}
         for span in file.windows:
-            window = Window(span, file.ready.facts, file.ready.decoder, survey.plan.sampling, file.ready.images)
+            window = file.ready.decoder.window(span, file.ready.facts, survey.plan.sampling)
             for check in survey.asked:
                 began, decoded = time.process_time(), spent[0]
                 check.update(states[check.name], window)
@@ -155,7 +153,6 @@ def print_cost(name: str, cost: Cost) -> None:
 
 def main(files: list[str]) -> None:
     """Print what files cost; the slope where none is given."""
-    keep_unused_memory()  # as a check does: what the system clears anew is no cost of an event
     if files:
         for name in files:
             print_cost(name, cost_of(Path(name)))

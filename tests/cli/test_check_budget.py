@@ -70,7 +70,7 @@ def test_never_clean_on_less_than_is_required(
     fedora_qa: Command, sequence: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Where a budget leaves less seen than the configuration requires, the file is incomplete."""
-    monkeypatch.setattr("fedora_qa.engine.windows.WINDOW_NS", 5_000_000)
+    monkeypatch.setattr("fedora_qa.engine.plan.WINDOW_NS", 5_000_000)
     config = tmp_path / "fedora-qa.toml"
     config.write_text("[required_coverage]\ndepth = 0.9\n")
     done = fedora_qa("check", sequence, "--budget", "0.01s", "--select", "depth", "--config", config)

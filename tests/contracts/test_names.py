@@ -25,9 +25,6 @@ PUBLIC_FIELDS = {
 }
 """Fields of published documents, which keep their names."""
 
-NOT_RENAMED_YET: tuple[str, ...] = ("fedora_qa/engine/file_task.py",)
-"""Folders and files whose names are still of the first edition."""
-
 
 def banned_names(source: str) -> list[str]:
     """Return the banned names that a module gives to variables, arguments and classes, in order."""
@@ -44,7 +41,7 @@ def banned_names(source: str) -> list[str]:
 
 def modules() -> list[str]:
     paths = [path.relative_to(ROOT) for package in PACKAGES for path in (ROOT / package).rglob("*.py")]
-    return sorted(str(path) for path in paths if not str(path).startswith(NOT_RENAMED_YET))
+    return sorted(str(path) for path in paths)
 
 
 @pytest.mark.parametrize("path", modules())
@@ -63,18 +60,11 @@ def test_a_banned_name_is_found(source: str) -> None:
 
 
 def test_classes_have_unique_names() -> None:
-    """No two classes of a package have one name, apart from those of folders that are not renamed yet."""
+    """No two classes of a package have one name."""
     for package in PACKAGES:
         places: dict[str, list[str]] = {}
         for path in sorted((ROOT / package).rglob("*.py")):
-            if str(path.relative_to(ROOT)).startswith(NOT_RENAMED_YET):
-                continue
             for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
                 if isinstance(node, ast.ClassDef):
                     places.setdefault(node.name, []).append(str(path.relative_to(ROOT)))
         assert {name: found for name, found in places.items() if len(found) > 1} == {}
-
-
-def test_what_is_not_renamed_yet_exists() -> None:
-    """The list holds no folder that is gone."""
-    assert all((ROOT / path).exists() for path in NOT_RENAMED_YET)

@@ -9,9 +9,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from fedora_qa.engine.budget import Pace, Reserve, batch
-from fedora_qa.engine.budgeted_work import visiting_order
-from fedora_qa.engine.executors import Executor, InProcess
+from fedora_qa.engine.budget import visiting_order
+from fedora_qa.engine.executor import Executor, InProcess
 from fedora_qa.engine.files import check_files
 from fedora_qa.engine.options import CheckOptions, FileRun
 from fedora_qa.engine.plan import EFFORTS, FEWEST_WINDOWS
@@ -52,42 +51,6 @@ def test_short_windows_are_visited_in_stretches(stretches: int, together: int) -
     assert sum(before != after for before, after in pairwise(rest)) == stretches - 1
 
 
-def test_the_slowest_of_the_latest_counts() -> None:
-    """What the first windows cost more, by loading and compiling, is forgotten after eight others."""
-    pace = Pace()
-    pace.add(1, 9.0)
-    pace.add(2, 2.0)
-    assert pace.longest_s == 9.0
-    for _ in range(8):
-        pace.add(1, 1.5)
-    assert (pace.longest_s, pace.mean_s, pace.windows) == (1.5, 1.5, 11)
-    pace.add(1, 3.5)
-    assert pace.unevenness == 3.5 / 1.75
-    assert pace.spent_s == 26.5
-
-
-def test_the_reserve_follows_what_was_rehearsed() -> None:
-    """After one rehearsal in proportion to the windows, after two on their line, and never less than the last."""
-    reserve = Reserve()
-    reserve.add(4, 2.0)
-    assert [reserve.seconds(n) for n in (2, 4, 8)] == [2.0, 2.0, 4.0]
-    reserve.add(8, 3.0)
-    assert [reserve.seconds(n) for n in (4, 8, 16)] == [3.0, 3.0, 5.0]
-    reserve.add(16, 2.5)
-    assert reserve.seconds(100) == 2.5
-
-
-@given(left_s=st.floats(0, 1e4), pending=st.integers(0, 500), workers=st.integers(1, 16))
-def test_a_step_fits(left_s: float, pending: int, workers: int) -> None:
-    """Several windows take at most half of what is left, by the slowest of the latest; where one fits, one is done."""
-    pace = Pace()
-    pace.add(1, 2.0)
-    count = batch(left_s, pace, pending, workers)
-    assert count <= min(8, pending)
-    assert (count > 0) == (pending > 0 and left_s >= 2.0)
-    assert count == 0 or (left_s >= 2.0 and (count == 1 or 2.0 * count <= left_s / 2))
-
-
 class Clock:
     """A clock that only moves when it is told to."""
 
@@ -119,7 +82,7 @@ class Slow(Counts):
 @pytest.fixture
 def many_windows(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """A file of 51 windows of 2 ms."""
-    for module in ("windows", "budgeted_work"):
+    for module in ("plan", "budget"):
         monkeypatch.setattr(f"fedora_qa.engine.{module}.WINDOW_NS", 2_000_000)
     return write_handmade(tmp_path / "seq.h5")
 
@@ -128,8 +91,7 @@ def many_windows(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 def slow(monkeypatch: pytest.MonkeyPatch) -> Clock:
     """Run the slow check alone, by a clock that only it moves."""
     monkeypatch.setattr("fedora_qa.engine.run.CHECKS", (Slow(),))
-    for module in ("budgeted_work", "budget_steps", "files"):
-        monkeypatch.setattr(f"fedora_qa.engine.{module}.time", CLOCK)
+    monkeypatch.setattr("fedora_qa.engine.budget.time", CLOCK)
     CLOCK.now = 100.0
     return CLOCK
 
@@ -223,7 +185,7 @@ def test_with_time_for_all_it_is_a_full_check(
     executor: Executor, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """All checks on all windows, visited in whatever order by one or three: the record of ``full``, to the last bit."""
-    monkeypatch.setattr("fedora_qa.engine.windows.WINDOW_NS", 20_000_000)
+    monkeypatch.setattr("fedora_qa.engine.plan.WINDOW_NS", 20_000_000)
     path = write_handmade(tmp_path / "seq.h5")
     budgeted, full = run_of(path, 3600.0, executor), run_of(path, None)
     assert budgeted.reached.startswith("6 of 6 windows at the density of full")
@@ -234,7 +196,7 @@ def test_with_time_for_all_it_is_a_full_check(
 def test_a_window_that_kills(times: int, gone: list[int], many_windows: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """It is looked at again, at each density; one that kills always is told, and the file is incomplete."""
     monkeypatch.setattr("fedora_qa.engine.run.CHECKS", (Counts(),))
-    executor = Loses("measure_sampled seq.h5 [0]", times=times)
+    executor = Loses("measure_windows seq.h5 [0]", times=times)
     run = run_of(many_windows, 3600.0, executor)
     assert (run.record.verdict == "incomplete") == bool(gone)
     assert [window for window in range(51) if window not in seen(run)] == gone

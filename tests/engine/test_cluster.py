@@ -3,8 +3,7 @@
 import os
 import signal
 import sys
-from collections.abc import Iterator
-from functools import partial
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -14,11 +13,11 @@ from distributed import LocalCluster
 
 from fedora_qa.engine import cluster as cluster_module
 from fedora_qa.engine.cluster import DaskExecutor
-from fedora_qa.engine.executors import InProcess
-from fedora_qa.engine.file_task import FileTask
+from fedora_qa.engine.executor import InProcess, Task
 from fedora_qa.engine.files import check_files
 from fedora_qa.engine.options import CheckOptions, FileRun
 from fedora_qa.engine.progress import quiet
+from fedora_qa.engine.tasks import measure_windows, survey_file
 from fedora_qa.errors import FedoraError, MisuseError, WorkerLostError
 from tests.support import tasks
 from tests.support.handmade import write_handmade
@@ -44,18 +43,18 @@ def test_tasks_are_done(address: str) -> None:
     """Results and errors come back from as many workers as there are."""
     with DaskExecutor(address) as executor:
         assert (executor.capacity, executor.sharing) == (2, 1)
-        results = [executor.submit(partial(tasks.count, number), quiet) for number in range(5)]
+        results = [executor.submit(Task(tasks.count, (number,)), quiet) for number in range(5)]
         assert [result.result()[0] for result in results] == list(range(5))
         with pytest.raises(ZeroDivisionError):
-            executor.submit(partial(tasks.divide, 0), quiet).result()
+            executor.submit(Task(tasks.divide, (0,)), quiet).result()
 
 
 def test_a_task_that_kills_is_lost(address: str) -> None:
     """A task that kills every worker that tries it is lost, and the next one is done."""
     with DaskExecutor(address) as executor:
         with pytest.raises(WorkerLostError, match="died"):
-            executor.submit(tasks.die, quiet).result()
-        assert executor.submit(partial(tasks.count, 1), quiet).result()[0] == 1
+            executor.submit(Task(tasks.die), quiet).result()
+        assert executor.submit(Task(tasks.count, (1,)), quiet).result()[0] == 1
 
 
 def test_a_worker_killed_on_the_way(address: str, tmp_path: Path) -> None:
@@ -78,24 +77,29 @@ def test_a_worker_killed_on_the_way(address: str, tmp_path: Path) -> None:
 
 def test_what_windows_have_shown_stays_with_workers(address: str, park_day: Path) -> None:
     """It comes to nobody before it is asked for; where its worker is killed before that, it is made again."""
-    asked = ((Counts(),), CheckOptions(evidence=None))
+    of_file = (park_day, (Counts(),), CheckOptions(evidence=None))
     with DaskExecutor(address) as executor:
-        surveyed = executor.submit(FileTask("survey_file", park_day, asked), quiet).result()
-        first = executor.submit(FileTask("measure_windows", surveyed, (None,), [0]), quiet).result()
+        survey = executor.submit(Task(survey_file, of_file), quiet).result()
+
+        def measured(windows: Sequence[int], before: Any) -> Any:
+            arguments = (survey, windows, "planned", before)
+            return executor.submit(Task(measure_windows, arguments, keeps_result=True), quiet).result()
+
+        first = measured([0], None)
         assert not first.pickled
-        (holder,) = executor._client.who_has([first.remote])[first.remote.key]
+        (holder,) = executor._client.who_has([first.future])[first.future.key]
         os.kill(executor._client.run(os.getpid)[holder], signal.SIGKILL)
-        others = range(1, surveyed.windows)
-        both = executor.submit(FileTask("measure_windows", surveyed, (first,), others), quiet).result()
+        others = survey.windows[1:]
+        both = measured(others, first)
         first.discard()
-        assert both.open().states.states["test.counts"] == [0, *others] != [0]
+        assert both.load().states["test.counts"] == [0, *others] != [0]
 
 
 def test_other_code_is_refused(address: str, monkeypatch: pytest.MonkeyPatch) -> None:
     """A worker that has another version does nothing, and says what to do."""
     monkeypatch.setattr(cluster_module, "code_digest", lambda: "another")
     with DaskExecutor(address) as executor, pytest.raises(MisuseError, match="install the same version"):
-        executor.submit(partial(tasks.count, 1), quiet).result()
+        executor.submit(Task(tasks.count, (1,)), quiet).result()
 
 
 def test_nobody_at_the_address(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -7,27 +7,26 @@ from typing import Any
 import h5py
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from fedora_generator.faults import plant_fault
 from fedora_qa.engine.decode import BlockDecoder
+from fedora_qa.engine.plan import WINDOW_NS
 from fedora_qa.engine.run import CheckOptions, check_file
-from fedora_qa.engine.windows import WINDOW_NS
 from fedora_qa.errors import UnreadableRowsError
-from fedora_qa.layout.binding import Binding, Memory, canonical_rows
+from fedora_qa.faults.fault import Fault, FaultySequence
+from fedora_qa.layout.binding import Binding, canonical_rows
 from fedora_qa.sequence.scan import scan
 from fedora_qa.sequence.sequence import Sequence, open_sequence
-from fedora_qa.sequence.window import Span
-from tests.support.films import IMAGE_BYTES, NOTHING_SCANNED, Films, images_of
+from fedora_qa.sequence.window import Sampling, Span
+from tests.support.films import FACTS, IMAGE_BYTES, NOTHING_SCANNED, Films, images_of
 
 
-@pytest.mark.parametrize("cache_bytes", [1, 1 << 28])
-def test_rows_are_those_of_the_file(park_day: Path, cache_bytes: int) -> None:
-    """Whatever the cache, any range of rows is what the file holds."""
+@pytest.mark.parametrize("limit_bytes", [1, 1 << 28])
+def test_rows_are_those_of_the_file(park_day: Path, limit_bytes: int) -> None:
+    """Whatever the limit, any range of rows is what the file holds."""
     with open_sequence(park_day) as sequence:
-        decoder = BlockDecoder(sequence, scan(sequence, WINDOW_NS), cache_bytes)
+        decoder = BlockDecoder(sequence, scan(sequence, WINDOW_NS), limit_bytes)
         for key, start, stop in [
             ("path/rgb", 3, 7),
             ("path/events/t", 10, 5000),
@@ -78,43 +77,15 @@ def test_damaged_block_is_named_and_the_rest_goes_on(park_day: Path, tmp_path: P
     assert readable.findings[0].where.index_start == unreadable[0]
 
 
-@given(st.lists(st.integers(0, 9), max_size=40), st.integers(1, 5))
-def test_blocks_stay_within_their_limit(wanted: list[int], images: int) -> None:
-    """Whatever is asked for, the images are right, those asked for last are kept, and no more is held than fits."""
-    decoder, recent = BlockDecoder(Films(), NOTHING_SCANNED, images * IMAGE_BYTES), list[int]()
-    for frame in wanted:
-        assert images_of(decoder, frame) == (frame not in recent)
-        recent = [*(one for one in recent if one != frame), frame][-images:]
-        assert decoder.held_bytes <= images * IMAGE_BYTES
+def test_a_window_ends_the_leases_of_the_one_before_the_last() -> None:
+    """Images that two neighbouring windows request are decoded once; later ones are decoded again."""
+    decoder = BlockDecoder(Films(), NOTHING_SCANNED, 1 << 28)
 
+    def decoded(*frames: int) -> int:
+        decoder.window(Span(0, 0, 1, {}), FACTS, Sampling())
+        return images_of(decoder, *frames)
 
-def test_what_is_looked_at_is_not_dropped() -> None:
-    """An image that somebody holds is kept, as to drop it would free nothing."""
-    decoder = BlockDecoder(Films(), NOTHING_SCANNED, 2 * IMAGE_BYTES)
-    held = decoder.rows("path/depth", 0, 1)
-    assert images_of(decoder, 1, 2, 3) == 3
-    assert images_of(decoder, 0) == 0
-    assert np.all(held == 0)
-
-
-def test_all_that_is_looked_at_is_held_beyond_the_limit() -> None:
-    """Where somebody looks at more than fits, more is held, and given back afterwards."""
-    decoder = BlockDecoder(Films(), NOTHING_SCANNED, 2 * IMAGE_BYTES)
-    held = [decoder.rows("path/depth", frame, frame + 1) for frame in range(5)]
-    assert decoder.held_bytes == 5 * IMAGE_BYTES
-    assert [float(one[0, 0, 0]) for one in held] == [0, 1, 2, 3, 4]
-    held.clear()
-    images_of(decoder, 6)
-    assert decoder.held_bytes == 2 * IMAGE_BYTES
-
-
-def test_what_lies_before_the_window_goes_first() -> None:
-    """Images behind the window are dropped before those that were not used for longer."""
-    decoder = BlockDecoder(Films(), NOTHING_SCANNED, 3 * IMAGE_BYTES)
-    decoder.begin(Span(0, 0, 1, {"depth": (4, 6)}))
-    images_of(decoder, 5, 4, 3, 6)
-    assert images_of(decoder, 5, 4, 6) == 0
-    assert images_of(decoder, 3) == 1
+    assert [decoded(0, 1, 2), decoded(2, 3), decoded(3, 4), decoded(2, 3)] == [3, 1, 1, 1]
 
 
 @pytest.fixture
@@ -139,19 +110,19 @@ class Stored(Films):
         self._binding = Binding("path/depth", "d", 2, (2, 512, 1024), np.dtype(np.float32), chunk_rows=1)
         self.layout = SimpleNamespace(bindings={"path/depth": self._binding})
 
-    def rows(self, key: str, start: int, stop: int, memory: Memory | None = None) -> NDArray[Any]:
-        return canonical_rows(self._file, self._binding, start, stop, 0, memory)
+    def rows(self, key: str, start: int, stop: int) -> NDArray[Any]:
+        return canonical_rows(self._file, self._binding, start, stop, 0)
 
 
-def test_a_damaged_image_leaves_its_pages_to_the_next(large: Path) -> None:
+def test_a_damaged_image_costs_itself_alone(large: Path) -> None:
     """One that cannot be decoded holds no memory, although its error is kept."""
     with h5py.File(large) as file:
         decoder = BlockDecoder(Stored(file), NOTHING_SCANNED, 8 * IMAGE_BYTES)
         with pytest.raises(UnreadableRowsError):
             decoder.rows("path/depth", 1, 2)
-        assert decoder.held_bytes == IMAGE_BYTES
+        assert decoder.leases.kept_bytes == 0
         first = decoder.rows("path/depth", 0, 1)
-        assert decoder.held_bytes == IMAGE_BYTES
+        assert decoder.leases.kept_bytes == IMAGE_BYTES
         np.testing.assert_array_equal(first.ravel(), np.arange(1 << 19))
 
 
@@ -159,7 +130,7 @@ def test_damage_keeps_nobody_alive_for_long() -> None:
     """An image that cannot be decoded raises the same each time, and does not remember all who asked."""
 
     class Damaged(Films):
-        def rows(self, key: str, start: int, stop: int, memory: Memory | None = None) -> NDArray[Any]:
+        def rows(self, key: str, start: int, stop: int) -> NDArray[Any]:
             raise UnreadableRowsError(key, start, stop, "scratched")
 
     decoder, depths = BlockDecoder(Damaged(), NOTHING_SCANNED, IMAGE_BYTES), []
@@ -172,10 +143,10 @@ def test_damage_keeps_nobody_alive_for_long() -> None:
 
 @pytest.mark.parametrize("lines", [4, 512])
 def test_rows_lie_one_after_another_however_they_come(lines: int) -> None:
-    """Channels that a dialect picks come transposed, be they small or in pages; compiled loops want neither."""
+    """Channels that a dialect picks come transposed; compiled loops are specialised for contiguous rows."""
 
     class Turned(Films):
-        def rows(self, key: str, start: int, stop: int, memory: Memory | None = None) -> NDArray[Any]:
+        def rows(self, key: str, start: int, stop: int) -> NDArray[Any]:
             return super().rows(key, start, stop)[:, :lines].transpose(0, 2, 1)
 
     decoder = BlockDecoder(Turned(), NOTHING_SCANNED, 1 << 28)
@@ -184,13 +155,16 @@ def test_rows_lie_one_after_another_however_they_come(lines: int) -> None:
     np.testing.assert_array_equal(image, Turned().rows("path/depth", 3, 4))
 
 
-def test_all_is_forgotten() -> None:
-    """After that nothing is held, and images are decoded again."""
-    decoder = BlockDecoder(Films(), NOTHING_SCANNED, 3 * IMAGE_BYTES)
-    images_of(decoder, 0, 1)
-    decoder.forget()
-    assert decoder.held_bytes == 0
-    assert images_of(decoder, 0, 1) == 2
+def test_a_view_of_a_sequence_is_decoded_like_a_file(park_day: Path) -> None:
+    """Rows of a view, such as one with a fault, come as the view alters them, and are leased like others."""
+    fault = Fault("depth doubled", rows={"path/depth": lambda rows, start, stop: 2 * rows(start, stop)})
+    with open_sequence(park_day) as sequence:
+        view = FaultySequence(sequence, fault)
+        decoder = BlockDecoder(view, scan(sequence, WINDOW_NS), 1 << 28)
+        np.testing.assert_array_equal(decoder.rows("path/depth", 1, 3), 2 * sequence.rows("path/depth", 1, 3))
+        decoded = decoder.decoded_bytes
+        decoder.rows("path/depth", 1, 3)
+        assert decoder.decoded_bytes == decoded
 
 
 def len_of(sequence: Sequence, key: str) -> int:

@@ -2,14 +2,14 @@
 
 import os
 import time
-from collections.abc import Iterator
-from functools import partial
+import traceback
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
 import pytest
 
-from fedora_qa.engine.executors import Executor, InProcess
+from fedora_qa.engine.executor import Executor, InProcess, Kept, Task
 from fedora_qa.engine.processes import ProcessExecutor
 from fedora_qa.engine.progress import quiet
 from fedora_qa.errors import EndlessError, WorkerLostError
@@ -30,68 +30,89 @@ def executor(request: pytest.FixtureRequest, processes: ProcessExecutor) -> Exec
 def test_result_and_progress_come_back(executor: Executor) -> None:
     """A task gives its result, and what it told arrives in order before it."""
     told: list[tuple[str, int, int]] = []
-    result, _ = executor.submit(partial(tasks.count, 3), lambda *what: told.append(what)).result()
+    result, _ = executor.submit(Task(tasks.count, (3,)), lambda *what: told.append(what)).result()
     assert result == 3
     assert told == [("counting", number, 3) for number in range(3)]
 
 
 def test_errors_come_back(executor: Executor) -> None:
     """What a task raises is raised where its result is asked for, with the place where it happened."""
-    future = executor.submit(partial(tasks.divide, 0), quiet)
+    future = executor.submit(Task(tasks.divide, (0,)), quiet)
     with pytest.raises(ZeroDivisionError) as raised:
         future.result()
-    shown = [str(entry.path) for entry in raised.traceback] + getattr(raised.value, "__notes__", [])
-    assert "tasks.py" in "".join(shown)
+    shown = "".join(traceback.format_exception(raised.value))
+    assert "tasks.py" in shown
 
 
 def test_an_error_that_cannot_travel_is_told(processes: ProcessExecutor) -> None:
     """An error that cannot be unpickled arrives as its name and words."""
     with pytest.raises(RuntimeError, match="StubbornError: this and that"):
-        processes.submit(tasks.be_stubborn, quiet).result()
+        processes.submit(Task(tasks.be_stubborn), quiet).result()
 
 
 def test_a_task_that_cannot_travel_costs_no_process(processes: ProcessExecutor) -> None:
     """A task that cannot be pickled is refused, and the next one is done."""
     with pytest.raises(Exception, match="pickle"):
-        processes.submit(lambda progress: None, quiet).result()
-    assert processes.submit(partial(tasks.count, 1), quiet).result()[0] == 1
+        processes.submit(Task(lambda worker: None), quiet).result()
+    assert processes.submit(Task(tasks.count, (1,)), quiet).result()[0] == 1
 
 
 @pytest.mark.parametrize(("task", "how"), [(tasks.die, "signal 9"), (tasks.leave, "exit code 7")])
 def test_a_death_costs_its_own_task(task: Any, how: str, processes: ProcessExecutor) -> None:
     """A process that dies is reported by the task it did; all others, before and after, are done."""
-    submitted = [processes.submit(partial(tasks.count, 2), quiet) for _ in range(3)]
-    lost = processes.submit(task, quiet)
-    submitted += [processes.submit(partial(tasks.count, 2), quiet) for _ in range(3)]
+    submitted = [processes.submit(Task(tasks.count, (2,)), quiet) for _ in range(3)]
+    lost = processes.submit(Task(task), quiet)
+    submitted += [processes.submit(Task(tasks.count, (2,)), quiet) for _ in range(3)]
     with pytest.raises(WorkerLostError, match=how):
         lost.result()
     assert [future.result()[0] for future in submitted] == [2] * 6
 
 
 def test_what_never_ends_is_told_from_what_dies(processes: ProcessExecutor) -> None:
-    """A process that its fuse has ended would end so again; one that was killed need not."""
-    with pytest.raises(EndlessError):
-        processes.submit(tasks.burn, quiet).result()
+    """A task that exceeds its limit would do so again; one whose process was killed need not."""
+    with pytest.raises(EndlessError, match=r"within 0\.2 s"):
+        processes.submit(Task(tasks.burn, limit_s=0.2), quiet).result()
     with pytest.raises(WorkerLostError) as killed:
-        processes.submit(tasks.die, quiet).result()
+        processes.submit(Task(tasks.die), quiet).result()
     assert not isinstance(killed.value, EndlessError)
+
+
+@pytest.mark.parametrize("kind", [InProcess, lambda: ProcessExecutor(2)], ids=["in process", "processes"])
+def test_a_large_result_stays_where_it_was_made(kind: Callable[[], Executor]) -> None:
+    """The future gives a handle, which later tasks load as often as they need it, until it is discarded."""
+    with kind() as executor:
+        kept = executor.submit(Task(tasks.count, (3,), keeps_result=True), quiet).result()
+        assert isinstance(kept, Kept)
+        for _ in range(2):
+            assert executor.submit(Task(tasks.load, (kept,)), quiet).result()[0] == 3
+        kept.discard()
+        assert kept.path is None or not kept.path.exists()
+
+
+def test_a_task_follows_its_predecessor_to_the_same_process(processes: ProcessExecutor) -> None:
+    """While no more tasks run than there are processes, the one that is idle gets the next: its file is open."""
+    busy = processes.submit(Task(tasks.sleep, (1.0,)), quiet)
+    ids = {processes.submit(Task(tasks.process_id), quiet).result() for _ in range(5)}
+    assert busy.result() not in ids
+    assert len(ids) == 1
 
 
 def test_an_interrupt_is_not_for_workers(processes: ProcessExecutor) -> None:
     """Ctrl-C, which the terminal sends to every process, ends no worker."""
-    assert processes.submit(tasks.interrupt, quiet).result() == "done"
+    assert processes.submit(Task(tasks.interrupt), quiet).result() == "done"
 
 
 def test_leaving_ends_what_is_being_done(tmp_path: Path) -> None:
     """After the executor is left, the process of a task that would never end is gone, and its task is lost."""
     note = tmp_path / "id"
     with ProcessExecutor(1) as executor:
-        endless = executor.submit(partial(tasks.write_id_and_sleep, note), quiet)
-        waiting = executor.submit(partial(tasks.count, 1), quiet)
+        endless = executor.submit(Task(tasks.write_id_and_sleep, (note,)), quiet)
+        waiting = executor.submit(Task(tasks.count, (1,)), quiet)
         while not note.exists():
             time.sleep(0.01)
     with pytest.raises(WorkerLostError):
         endless.result()
-    assert waiting.cancelled()
+    with pytest.raises(WorkerLostError):
+        waiting.result()
     with pytest.raises(ProcessLookupError):
         os.kill(int(note.read_text()), 0)

@@ -1,6 +1,7 @@
 """Files are checked at once and in parts: what is found does not depend on it, and a death costs what it interrupts."""
 
 from collections.abc import Sequence
+from concurrent.futures import Future
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -10,13 +11,15 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from fedora_generator.faults import plant_fault
-from fedora_qa.engine.executors import Executor, InProcess
+from fedora_qa.engine.executor import Executor, InProcess, Task
+from fedora_qa.engine.file_work import WorkQueue
 from fedora_qa.engine.files import check_files
 from fedora_qa.engine.options import CheckOptions, FileRun
 from fedora_qa.engine.processes import ProcessExecutor
-from fedora_qa.engine.progress import ProgressTally
-from fedora_qa.engine.work_queue import WorkQueue
-from fedora_qa.errors import MisuseError
+from fedora_qa.engine.progress import Progress, ProgressTally
+from fedora_qa.engine.tasks import OPENING_VARIABLE, open_and_close, opening_test, survey_file
+from fedora_qa.errors import EndlessError, MisuseError
+from fedora_qa.storage.place import RemoteFile
 from tests.support.fake_executors import Loses, Travels
 from tests.support.handmade import write_handmade
 from tests.support.identical import identical
@@ -29,7 +32,7 @@ WINDOWS = 6
 @pytest.fixture
 def short_windows(monkeypatch: pytest.MonkeyPatch) -> None:
     """Cut windows of 20 ms."""
-    monkeypatch.setattr("fedora_qa.engine.windows.WINDOW_NS", 20_000_000)
+    monkeypatch.setattr("fedora_qa.engine.plan.WINDOW_NS", 20_000_000)
 
 
 @pytest.fixture
@@ -179,17 +182,18 @@ def test_progress_tells_the_truth(handmade: Path, tmp_path: Path) -> None:
 @pytest.mark.usefixtures("counting")
 def test_memory_is_shared(handmade: Path) -> None:
     """Each of three workers gets a third of what libraries leave of the memory, or of a quarter of it."""
-    seen: list[Any] = []
+    seen: list[CheckOptions] = []
 
     class Looks(Travels):
-        def submit(self, task: Any, progress: Any, worker: int | None = None) -> Any:
-            seen.append(task)
-            return super().submit(task, progress, worker)
+        def submit(self, task: Task, progress: Progress) -> Future[Any]:
+            if task.function is survey_file:
+                seen.append(task.arguments[2])
+            return super().submit(task, progress)
 
     for memory_bytes, share in ((1_000_000_000, 200_000_000), (240_000_000, 20_000_000)):
         seen.clear()
         only_run(handmade, Looks(), CheckOptions(evidence=None, memory_bytes=memory_bytes))
-        assert seen[0].arguments[1].memory_bytes == share
+        assert [options.memory_bytes for options in seen] == [share]
 
 
 @pytest.mark.usefixtures("counting")
@@ -217,3 +221,37 @@ def test_workers_stay_in_their_neighbourhoods() -> None:
     assert regions.take(1) == range(20, 33)
     assert regions.take(0) == range(36, 40)
     assert regions.take(1) == range(33, 36)
+
+
+@pytest.mark.usefixtures("counting")
+def test_a_file_that_does_not_end_opening_is_not_opened_again(handmade: Path, tmp_path: Path) -> None:
+    """It is given up at the first time, and the next file stands."""
+    other = write_handmade(tmp_path / "other.h5")
+    tried: list[str] = []
+
+    class Endless(Travels):
+        def submit(self, task: Task, progress: Progress) -> Future[Any]:
+            if task.function is open_and_close and task.arguments[0].name == "seq.h5":
+                tried.append(task.arguments[0].name)
+                future: Future[Any] = Future()
+                future.set_exception(EndlessError("endless"))
+                return future
+            return super().submit(task, progress)
+
+    runs = all_runs([handmade, other], Endless())
+    assert tried == ["seq.h5"]
+    (crashed,) = runs[handmade].record.results
+    assert crashed.reason == "the process by which it was being opened did not come to an end, and was ended"
+    assert runs[other].record.results[0].outcome == "passed"
+
+
+def test_opening_has_a_limit_of_time(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A minute where nobody says otherwise; a file behind a URL has the limits of its server."""
+    test = opening_test(Path("seq.h5"))
+    assert test is not None
+    assert test.limit_s == 60.0
+    monkeypatch.setenv(OPENING_VARIABLE, "5")
+    test = opening_test(Path("seq.h5"))
+    assert test is not None
+    assert test.limit_s == 5.0
+    assert opening_test(RemoteFile("https://host/seq.h5")) is None

@@ -10,10 +10,10 @@ from hypothesis import strategies as st
 from fedora_qa.checks import CHECKS
 from fedora_qa.checks.protocol import Check
 from fedora_qa.engine.decode import BlockDecoder
+from fedora_qa.engine.measure import Accumulator, PassState, conclude, measure, merge
 from fedora_qa.engine.outcomes import why_not_applicable
+from fedora_qa.engine.plan import cut_windows
 from fedora_qa.engine.run import quiet
-from fedora_qa.engine.stream import Accumulator, PassState, conclude, measure, merge
-from fedora_qa.engine.windows import cut_windows
 from fedora_qa.evidence.collector import EvidenceCollector
 from fedora_qa.evidence.options import EvidenceOptions
 from fedora_qa.sequence.scan import Scan, scan
@@ -37,9 +37,9 @@ class Bench:
         self.collectors = [StatisticsCollector(), EvidenceCollector(self.spans, self.spans, EvidenceOptions())]
         self.accumulators: list[Accumulator] = [*self.checks, *self.collectors]
 
-    def measure(self, start: int, stop: int, cache_bytes: int = 1 << 26) -> PassState:
-        source = BlockDecoder(self.sequence, self.scanned, cache_bytes)
-        return measure(self.accumulators, self.spans[start:stop], self.scanned.facts, source, Sampling(), quiet)
+    def measure(self, start: int, stop: int, limit_bytes: int = 1 << 26) -> PassState:
+        decoder = BlockDecoder(self.sequence, self.scanned, limit_bytes)
+        return measure(self.accumulators, self.spans[start:stop], self.scanned.facts, decoder, Sampling(), quiet)
 
     def conclude(self, states: PassState) -> dict[str, Any]:
         assert not states.crashes, "\n".join(states.crashes.values())
@@ -64,12 +64,12 @@ def in_one_piece(bench: Bench) -> dict[str, Any]:
 @settings(max_examples=4, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(data=st.data())
 def test_random_cuts_and_merges_change_no_bit(data: st.DataObject, bench: Bench, in_one_piece: dict[str, Any]) -> None:
-    """Cut anywhere, measure each stretch alone with any cache, merge neighbours in any order: the same bits."""
+    """Cut anywhere, measure each batch alone with any memory, merge neighbours in any order: the same bits."""
     count = len(bench.spans)
     cuts = sorted(data.draw(st.sets(st.integers(1, count - 1), max_size=4)))
     bounds = [0, *cuts, count]
-    cache = data.draw(st.sampled_from([1, 1 << 26]))
-    parts = [bench.measure(start, stop, cache) for start, stop in pairwise(bounds)]
+    limit_bytes = data.draw(st.sampled_from([1, 1 << 26]))
+    parts = [bench.measure(start, stop, limit_bytes) for start, stop in pairwise(bounds)]
     while len(parts) > 1:
         i = data.draw(st.integers(0, len(parts) - 2))
         parts[i : i + 2] = [merge(bench.accumulators, parts[i], parts[i + 1])]

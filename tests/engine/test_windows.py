@@ -9,8 +9,7 @@ import numpy as np
 import pytest
 
 from fedora_qa.engine.effort import Effort
-from fedora_qa.engine.plan import EFFORTS, make_plan, sees_every_window
-from fedora_qa.engine.windows import WINDOW_NS, cut_windows, window_length_ns
+from fedora_qa.engine.plan import EFFORTS, WINDOW_NS, cut_windows, make_plan, sees_every_window, window_length_ns
 from fedora_qa.sequence.scan import Scan, scan
 from fedora_qa.sequence.sequence import open_sequence
 from fedora_qa.sequence.window import Span

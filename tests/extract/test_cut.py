@@ -11,8 +11,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from fedora_qa.engine.plan import window_length_ns
 from fedora_qa.engine.run import CheckOptions, check_file
-from fedora_qa.engine.windows import window_length_ns
 from fedora_qa.extract.cut import Cutter, entries_kept
 from fedora_qa.extract.place import Piece
 from fedora_qa.extract.rows import CutRows

@@ -16,7 +16,7 @@ import h5py
 import hdf5plugin
 import numpy as np
 
-from fedora_qa.engine.prepare import Prepared, prepare
+from fedora_qa.engine.survey import Prepared, prepare
 from fedora_qa.sequence.sequence import open_sequence
 from tests.support.handmade import write_handmade
 

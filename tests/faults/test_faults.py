@@ -11,7 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from fedora_qa.engine.prepare import prepare
+from fedora_qa.engine.survey import prepare
 from fedora_qa.errors import UnreadableRowsError
 from fedora_qa.faults.canaries import CANARIES
 from fedora_qa.faults.canary_conditions import CanaryConditions, UnplantableError

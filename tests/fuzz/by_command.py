@@ -1,6 +1,6 @@
 """What the command makes of a mutant that did not come to an end within a process of ours.
 
-HDF5 follows some structures for ever. The command opens files in processes that end themselves (docs/hostile-files.md).
+HDF5 follows some structures for ever. The command opens files in processes that it ends (docs/hostile-files.md).
 """
 
 import os
@@ -12,6 +12,7 @@ from typing import Final
 
 from fedora_qa.cli.exit_codes import INCOMPLETE
 from fedora_qa.cli.workers import IN_PROCESS_VARIABLE
+from fedora_qa.engine.tasks import OPENING_VARIABLE
 
 LONGEST_S: Final = 10
 """Seconds of processor after which something hangs."""
@@ -22,6 +23,7 @@ WAITS_S: Final = 600
 def by_command(mutant: Path) -> str:
     """Return ``ended`` where the command, start included, ended within ``LONGEST_S`` and did not call it seen."""
     environment = {name: value for name, value in os.environ.items() if name != IN_PROCESS_VARIABLE}
+    environment[OPENING_VARIABLE] = "5"
     spent_s = _children_s()
     command = [sys.executable, "-m", "fedora_qa", "check", str(mutant)]
     try:

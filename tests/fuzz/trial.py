@@ -12,12 +12,11 @@ from typing import Final
 import numpy as np
 
 from fedora_qa.checks import CHECKS
-from fedora_qa.engine.finish import finish_open
 from fedora_qa.engine.options import CheckOptions, FileRun
-from fedora_qa.engine.partial_pass import measure_open
 from fedora_qa.engine.progress import quiet
 from fedora_qa.engine.run import check_file, select_checks
-from fedora_qa.engine.survey import opened, survey_file
+from fedora_qa.engine.survey import survey_file
+from fedora_qa.engine.tasks import measure_and_assemble
 from fedora_qa.errors import FedoraError, MisuseError
 from fedora_qa.layout.canonical import DATASETS
 from fedora_qa.sequence.sequence import OpeningFacts, open_sequence
@@ -82,9 +81,7 @@ def _checked(path: Path, seed: int, kind: str, true: Digests) -> tuple[str, str]
         survey = survey_file(path, select_checks(options.select, options.ignore), options, quiet)
         if isinstance(survey, FileRun):
             return _judged(survey, lambda: [])
-        with opened(survey) as file:
-            measured = measure_open(survey, file, range(len(survey.windows)), quiet)
-            run = finish_open(survey, file, [measured], [], quiet)
+        run = measure_and_assemble(survey, quiet)
         became, said = _judged(
             run, lambda: _unseen(path, survey.opening_facts, true, GUARDED if kind in DAMAGES else frozenset())
         )

@@ -11,6 +11,7 @@ from typing import Final
 import pytest
 
 from fedora_qa.cli.workers import IN_PROCESS_VARIABLE
+from fedora_qa.engine.tasks import OPENING_VARIABLE
 from tests.fuzz.by_command import by_command
 from tests.hostile import patched
 
@@ -48,6 +49,7 @@ def folder(clean_bytes: bytes, tmp_path: Path) -> Path:
 def ran(folder: Path, *arguments: str) -> subprocess.CompletedProcess[str]:
     """Run Python in the folder, as somebody does who has set no variable of ours."""
     environment = {name: value for name, value in os.environ.items() if name != IN_PROCESS_VARIABLE}
+    environment[OPENING_VARIABLE] = "3"
     environment["PYTHONPATH"] = os.pathsep.join(path or str(Path.cwd()) for path in sys.path)
     return subprocess.run(
         [sys.executable, *arguments],

@@ -11,7 +11,7 @@ from distributed import LocalCluster
 from s3fs import S3FileSystem
 
 from fedora_qa.cli.main import run
-from fedora_qa.engine.digest import file_digest
+from fedora_qa.storage.digest import file_digest
 from fedora_qa.storage.place import place_of
 from tests.storage.conftest import BUCKET
 from tests.support.servers import FileServer
@@ -159,8 +159,8 @@ def test_a_change_meanwhile(
 
 def test_the_digest_is_the_same_wherever_a_long_file_lies(server: FileServer, monkeypatch: pytest.MonkeyPatch) -> None:
     """From the length on at which only pieces are read, a copy on a disk has the digest of the one behind a URL."""
-    monkeypatch.setattr("fedora_qa.engine.digest._WHOLE_UP_TO", 16 * 64 * 16)
-    monkeypatch.setattr("fedora_qa.engine.digest._PIECE", 16)
+    monkeypatch.setattr("fedora_qa.storage.digest._WHOLE_UP_TO", 16 * 64 * 16)
+    monkeypatch.setattr("fedora_qa.storage.digest._PIECE", 16)
     here, there = file_digest(server.folder / "seq.h5"), file_digest(place_of(server.url("seq.h5")))
     assert (here.sha256, here.kind) == (there.sha256, there.kind)
     assert there.traffic.transferred_bytes == 64 * 16

@@ -4,9 +4,10 @@ import pickle
 from concurrent.futures import Future
 from typing import Any
 
-from fedora_qa.engine.executors import InProcess, Task
-from fedora_qa.engine.file_task import FileTask, Surveyed
+from fedora_qa.engine.executor import InProcess, Task
 from fedora_qa.engine.progress import Progress
+from fedora_qa.engine.survey import Survey
+from fedora_qa.engine.worker import OpenFile, Worker
 from fedora_qa.errors import WorkerLostError
 
 
@@ -16,10 +17,10 @@ class Travels(InProcess):
     capacity = 3
     sharing = 3
 
-    def submit(self, task: Task[Any], progress: Progress, worker: int | None = None) -> Future[Any]:
-        arrived = pickle.loads(pickle.dumps(task))
+    def submit(self, task: Task, progress: Progress) -> Future[Any]:
+        arrived: Task = pickle.loads(pickle.dumps(task))
         future: Future[Any] = Future()
-        future.set_result(pickle.loads(pickle.dumps(arrived(progress))))
+        future.set_result(pickle.loads(pickle.dumps(arrived.do(Worker(OpenFile(keeps=False), progress)))))
         return future
 
 
@@ -33,7 +34,7 @@ class Loses(Travels):
         self._left = dict.fromkeys(words, times)
         self.done: list[str] = []
 
-    def submit(self, task: Task[Any], progress: Progress, worker: int | None = None) -> Future[Any]:
+    def submit(self, task: Task, progress: Progress) -> Future[Any]:
         described = describe(task)
         for word in self._left:
             if word in described and self._left[word]:
@@ -42,14 +43,11 @@ class Loses(Travels):
                 future.set_exception(WorkerLostError("lost"))
                 return future
         self.done.append(described)
-        return super().submit(task, progress, worker)
+        return super().submit(task, progress)
 
 
-def describe(task: Any) -> str:
+def describe(task: Task) -> str:
     """Return the task's function, the name of its file, and its windows."""
-    if isinstance(task, FileTask):
-        place = task.subject.path if isinstance(task.subject, Surveyed) else task.subject
-        return f"{task.function} {place.name} {list(task.windows) or ''}".strip()
-    path = task.args[0].path
-    windows = list(task.args[1]) if task.func.__name__ == "measure_sampled" else ""
-    return f"{task.func.__name__} {path.name} {windows}".strip()
+    subject, name = task.arguments[0], task.function.__name__
+    place = subject.path if isinstance(subject, Survey) else subject
+    return f"{name} {place.name} {list(task.arguments[1]) if name == 'measure_windows' else ''}".strip()

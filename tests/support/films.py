@@ -7,7 +7,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fedora_qa.engine.decode import BlockDecoder
-from fedora_qa.layout.binding import Memory
 
 
 class Films:
@@ -17,14 +16,15 @@ class Films:
     declared: Any = None
     layout: Any = SimpleNamespace(bindings={"path/depth": SimpleNamespace(rows=100)})
 
-    def rows(self, key: str, start: int, stop: int, memory: Memory | None = None) -> NDArray[Any]:
+    def rows(self, key: str, start: int, stop: int) -> NDArray[Any]:
         return np.repeat(np.arange(start, stop, dtype=np.float32), IMAGE_BYTES // 4).reshape(stop - start, -1, 1024)
 
     def chunk_rows(self, key: str) -> int:
         return 1
 
 
-NOTHING_SCANNED: Any = SimpleNamespace(block_first_ns=np.empty(0, np.int64), facts=SimpleNamespace(events=None))
+FACTS: Any = SimpleNamespace(events=None)
+NOTHING_SCANNED: Any = SimpleNamespace(block_first_ns=np.empty(0, np.int64), facts=FACTS)
 IMAGE_BYTES = 1 << 21
 
 

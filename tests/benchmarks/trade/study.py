@@ -25,13 +25,11 @@ from fedora_generator.faults import plant_fault
 from fedora_generator.generate import Request, generate_sequence
 from fedora_generator.scene import load_scene
 from fedora_qa.cli.exit_codes import CLEAN
-from fedora_qa.engine.budgeted_work import visiting_order
+from fedora_qa.engine.budget import visiting_order
 from fedora_qa.engine.effort import Effort
-from fedora_qa.engine.finish import finish_open
-from fedora_qa.engine.partial_pass import measure_open
-from fedora_qa.engine.prepare import prepare
 from fedora_qa.engine.run import CheckOptions, FileRun, check_file, quiet, select_checks
-from fedora_qa.engine.survey import opened, survey_file
+from fedora_qa.engine.survey import prepare, survey_file
+from fedora_qa.engine.tasks import measure_and_assemble
 from fedora_qa.sequence.sequence import open_sequence
 from tests.benchmarks.full_size.measured_run import fedora_qa, run_measured
 from tests.benchmarks.trade.chart import chart
@@ -143,9 +141,7 @@ def _fails(path: Path, effort: Effort, check: str, windows: int | None = None) -
     if windows is not None:
         chosen = tuple(sorted(visiting_order(survey.plan.of)[:windows]))
         survey = replace(survey, plan=replace(survey.plan, chosen=chosen))
-    with opened(survey) as file:
-        measured = measure_open(survey, file, range(len(survey.windows)), quiet)
-        return finish_open(survey, file, [measured], [], quiet).record.verdict == "findings"
+    return measure_and_assemble(survey, quiet).record.verdict == "findings"
 
 
 def _reach(scene: str, budget: str) -> Reach:

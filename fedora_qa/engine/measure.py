@@ -6,7 +6,7 @@ same bit for bit however the windows were dealt out.
 
 import time
 import traceback
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field
 from functools import partial
 from typing import Any, Protocol, TypeVar
@@ -17,8 +17,8 @@ from fedora_qa.engine.plan import FEWEST_FOLLOW_UPS, FOLLOW_UP_SHARE
 from fedora_qa.engine.progress import MEASURING, Progress
 from fedora_qa.errors import UnreadableRowsError
 from fedora_qa.sequence.facts import Facts
-from fedora_qa.sequence.shared_images import SharedImages
 from fedora_qa.sequence.window import Sampling, Span, Window
+from fedora_qa.storage.traffic import NO_TRAFFIC, Traffic
 
 T = TypeVar("T")
 
@@ -43,16 +43,29 @@ class Accumulator(Protocol):
 
 @dataclass(slots=True)
 class PassState:
-    """The states of a pass, by the name of the check.
+    """The states of a pass by the name of the check, and what the pass cost.
 
-    ``missed`` counts the windows that a check could not measure because rows in them cannot be decoded; ``crashes``
-    holds the traceback of each check that failed itself.
+    Attributes
+    ----------
+    missed
+        Number of windows that a check could not measure because rows in them cannot be decoded.
+    crashes
+        Traceback of each check that failed itself.
+    seconds
+        Seconds of each check.
+    measuring_s
+        Seconds of the windows, in all processes together.
+    decoded_bytes, traffic
+        What was decoded for the windows, and requested of a server.
     """
 
     states: dict[str, Any]
     missed: dict[str, int] = field(default_factory=dict)
     crashes: dict[str, str] = field(default_factory=dict)
     seconds: dict[str, float] = field(default_factory=dict)
+    measuring_s: float = 0.0
+    decoded_bytes: int = 0
+    traffic: Traffic = NO_TRAFFIC
 
 
 def start(checks: Iterable[Accumulator], facts: Facts) -> PassState:
@@ -83,10 +96,9 @@ def measure(
     checks: Sequence[Accumulator],
     spans: Sequence[Span],
     facts: Facts,
-    source: BlockDecoder,
+    decoder: BlockDecoder,
     sampling: Sampling,
     progress: Progress,
-    images: SharedImages | None = None,
     audience: Callable[[Span], Sequence[Accumulator]] | None = None,
     states: PassState | None = None,
 ) -> PassState:
@@ -94,15 +106,14 @@ def measure(
 
     ``states`` are those after the windows before, and are extended; new ones where None.
     """
-    images = images or SharedImages()
     states = states or start(checks, facts)
-    # By these numbers a window drops each shared view after the last check that asks for it (``Window.take_turn``).
-    turns = {check.name: turn for turn, check in enumerate(checks)}
+    began, decoded_before = time.perf_counter(), decoder.decoded_bytes
     for done, span in enumerate(spans):
         progress(MEASURING, done, len(spans))
-        source.begin(span)
         tasks = [(check.name, check.update) for check in (audience(span) if audience else checks)]
-        _show(Window(span, facts, source, sampling, images), tasks, states, turns)
+        _hand_out(decoder.window(span, facts, sampling), tasks, states)
+    states.measuring_s += time.perf_counter() - began
+    states.decoded_bytes += decoder.decoded_bytes - decoded_before
     return states
 
 
@@ -111,13 +122,11 @@ def follow_up(
     states: PassState,
     spans: Sequence[Span],
     facts: Facts,
-    source: BlockDecoder,
+    decoder: BlockDecoder,
     sampling: Sampling,
     progress: Progress,
-    images: SharedImages | None = None,
 ) -> int:
     """Hand the windows that checks name to them once more, a bounded share of all windows; return how many."""
-    turns = {check.name: turn for turn, check in enumerate(checks)}
     wanted: dict[str, tuple[int, ...]] = {}
     for check in checks:
         state = states.states.get(check.name)
@@ -136,21 +145,39 @@ def follow_up(
     numbers = sorted(granted & by_index.keys())
     for done, number in enumerate(numbers):
         progress("looking again", done, len(numbers))
-        source.begin(by_index[number])
         asking = [(check.name, check.follow_up) for check in checks if number in wanted[check.name]]
-        _show(Window(by_index[number], facts, source, sampling, images), asking, states, turns)
+        _hand_out(decoder.window(by_index[number], facts, sampling), asking, states)
     return len(numbers)
 
 
 def merge(checks: Iterable[Accumulator], earlier: PassState, later: PassState) -> PassState:
-    """Return the states after the windows of both."""
-    # Of two crashes of a check the earlier one stays, as a single pass over all windows would have noted it.
-    merged = PassState({}, _added(earlier.missed, later.missed), {**later.crashes, **earlier.crashes},
-                    _added(earlier.seconds, later.seconds))  # fmt: skip
+    """Return the states after the windows of both; those of checks that only one of them has as they are."""
+    merged = PassState(
+        states={},
+        missed=_sums(earlier.missed, later.missed),
+        # Of two crashes of a check the earlier one stays, as a single pass over all windows would have noted it.
+        crashes={**later.crashes, **earlier.crashes},
+        seconds=_sums(earlier.seconds, later.seconds),
+        measuring_s=earlier.measuring_s + later.measuring_s,
+        decoded_bytes=earlier.decoded_bytes + later.decoded_bytes,
+        traffic=earlier.traffic + later.traffic,
+    )
     for check in checks:
-        states = (part.states.get(check.name) for part in (earlier, later))
-        merged.states[check.name] = attempt(merged, check.name, partial(check.merge, *states))
+        states = [part.states[check.name] for part in (earlier, later) if check.name in part.states]
+        if len(states) == 1:
+            merged.states[check.name] = states[0]
+        elif states:
+            merged.states[check.name] = attempt(merged, check.name, partial(check.merge, *states))
     return merged
+
+
+def merge_all(checks: Sequence[Accumulator], parts: Iterable[PassState], facts: Facts) -> PassState:
+    """Merge passes over batches of windows, in the order of time: the same as one pass over all, bit for bit."""
+    whole: PassState | None = None
+    # Parts are loaded one at a time, so that memory holds the merged pass and one part.
+    for part in parts:
+        whole = merge(checks, whole, part) if whole else part
+    return whole or start(checks, facts)
 
 
 def conclude(checks: Iterable[Check[Any]], states: PassState, facts: Facts) -> dict[str, Observation]:
@@ -164,26 +191,20 @@ def conclude(checks: Iterable[Check[Any]], states: PassState, facts: Facts) -> d
     return observations
 
 
-def _show(
-    window: Window,
-    tasks: Iterable[tuple[str, Callable[[Any, Window], None]]],
-    states: PassState,
-    turns: Mapping[str, int],
-) -> None:
-    for name, see in tasks:
-        window.take_turn(turns[name])
+def _hand_out(window: Window, tasks: Iterable[tuple[str, Callable[[Any, Window], None]]], states: PassState) -> None:
+    for name, update in tasks:
         began = time.perf_counter()
-        attempt(states, name, partial(_see, states, name, see, window))
+        attempt(states, name, partial(_update, states, name, update, window))
         states.seconds[name] = states.seconds.get(name, 0.0) + time.perf_counter() - began
 
 
-def _see(states: PassState, name: str, see: Callable[[Any, Window], None], window: Window) -> None:
+def _update(states: PassState, name: str, update: Callable[[Any, Window], None], window: Window) -> None:
     try:
-        see(states.states[name], window)
+        update(states.states[name], window)
     except UnreadableRowsError:
         # Rows that cannot be decoded cost a check this window only; ``integrity.readable`` reports them.
         states.missed[name] = states.missed.get(name, 0) + 1
 
 
-def _added(earlier: dict[str, Any], other: dict[str, Any]) -> dict[str, Any]:
-    return {name: earlier.get(name, 0) + other.get(name, 0) for name in {**earlier, **other}}
+def _sums(earlier: dict[str, Any], later: dict[str, Any]) -> dict[str, Any]:
+    return {name: earlier.get(name, 0) + later.get(name, 0) for name in {**earlier, **later}}

@@ -1,0 +1,154 @@
+"""From the passes over the windows to the record of the file: follow-ups, judgement, evidence, canaries."""
+
+from collections.abc import Iterable, Mapping, Sequence
+
+from fedora_qa.checks.protocol import Observation
+from fedora_qa.diagnosis.diagnose import diagnose
+from fedora_qa.engine.canaries import PlainRun, held_to_canaries, prove_alive
+from fedora_qa.engine.measure import PassState, attempt, conclude, follow_up, merge_all
+from fedora_qa.engine.options import FileRun
+from fedora_qa.engine.outcomes import lost_windows, results_in_order
+from fedora_qa.engine.plan import FOLLOW_UP_SHARE
+from fedora_qa.engine.progress import MEASURING, Progress, Stopwatch
+from fedora_qa.engine.survey import OpenSurvey, Prepared, Survey
+from fedora_qa.evidence.collector import EvidenceCollector
+from fedora_qa.evidence.distributions import DistributionsCollector
+from fedora_qa.evidence.follow_up import images_of, keep_worst_locations
+from fedora_qa.evidence.options import EvidenceOptions
+from fedora_qa.evidence.titled_arrays import TitledArrays, merged
+from fedora_qa.evidence.trajectory import keep_trajectory
+from fedora_qa.judgement.judge import judge
+from fedora_qa.judgement.verdict import crossing_streams, verdict_of
+from fedora_qa.record.evidence import named
+from fedora_qa.record.types import Canary, FileRecord, Finding
+from fedora_qa.sequence.facts import Facts
+from fedora_qa.sequence.window import Span
+from fedora_qa.storage.place import RemoteFile
+
+
+def assemble(
+    survey: Survey, file: OpenSurvey, parts: Iterable[PassState], lost: Sequence[int], progress: Progress
+) -> FileRun:
+    """Judge a file by the passes over its windows.
+
+    Parameters
+    ----------
+    parts
+        Passes over batches of windows, in the order of time.
+    lost
+        Windows that could not be measured, by their numbers on the grid.
+    """
+    # A copy: within a budget of time a survey is judged several times.
+    watch = Stopwatch(dict(survey.seconds))
+    ready, options, asked = file.ready, survey.options, file.asked
+    facts, decoded_before = ready.facts, ready.decoder.decoded_bytes
+    with watch.stage(MEASURING):
+        states = merge_all(file.accumulators, parts, facts)
+    # Beside the seconds of merging, those that the windows took in all processes.
+    watch.seconds[MEASURING] += states.measuring_s
+    never = [ready.spans[number] for number in lost]
+    measured_spans = [span for span in file.chosen if span not in never]
+    with watch.stage("second look"):
+        again = follow_up(asked, states, measured_spans, facts, ready.decoder, survey.plan.sampling, progress)
+    with watch.stage("judgement"):
+        observations = conclude(asked, states, facts)
+        judged = judge(observations, asked, options.false_alarm_rate)
+        alarms = [alarm for result in judged for alarm in result.alarms]
+        diagnoses = diagnose(alarms, facts)
+    with watch.stage("statistics"):
+        collector = file.statistics
+        tables = attempt(states, collector.name, lambda: collector.conclude(states.states[collector.name], facts))
+    with watch.stage("evidence"):
+        kept = evidence_of_checks(observations)
+        wanted = options.evidence
+        if file.keeper is not None and file.distributions is not None and wanted is not None:
+            findings = [alarm.finding for alarm in alarms]
+            of_pass = evidence_of_pass(file.keeper, states, findings, ready, file.chosen, wanted, again)
+            kept = merged([of_pass, kept, distributions_of(file.distributions, states, facts)])
+    results = results_in_order(survey.checks, judged, states, survey.reasons)
+    canaries: tuple[Canary, ...] = ()
+    if options.canary:
+        with watch.stage("canaries"):
+            plain = PlainRun(
+                file.sequence, ready, observations, options.effort, options.memory_bytes, options.false_alarm_rate
+            )
+            proofs = prove_alive(survey.checks, results, plain, progress)
+            results = held_to_canaries(results, proofs)
+            canaries = tuple(proof.canary for proof in proofs)
+    # Last, as this result belongs to no check, and no canary is planted for it.
+    results += lost_windows(never, len(file.windows), facts)
+    inferred = dict(facts.layout.inferred)
+    for observation in observations.values():
+        inferred.update(observation.inferred)
+    # The version tag of a file behind a URL, as its partial digest does not cover all bytes.
+    if isinstance(survey.path, RemoteFile) and survey.version.tag:
+        inferred["storage.version"] = survey.version.tag
+    record = FileRecord(
+        path=str(survey.path),
+        size=survey.version.size,
+        sha256=survey.digest.sha256,
+        digest_kind=survey.digest.kind,
+        dialect=facts.layout.dialect_name,
+        inferred=inferred,
+        statistics=tables or {},
+        verdict=verdict_of(results, crossing_streams(survey.checks)),
+        results=results,
+        diagnoses=diagnoses,
+        evidence=kept.titles,
+        canaries=canaries,
+    )
+    seconds = watch.seconds | {f"check {name}": spent for name, spent in states.seconds.items()}
+    decoded_bytes = states.decoded_bytes + ready.decoder.decoded_bytes - decoded_before
+    traffic = survey.traffic + states.traffic + file.sequence.traffic
+    return FileRun(record, kept.arrays, seconds, decoded_bytes, traffic)
+
+
+def evidence_of_checks(observations: Mapping[str, Observation]) -> TitledArrays:
+    """Return the arrays that checks keep, under ``<check>/<name>``; one without a title is called by its name."""
+    return merged(
+        TitledArrays.titled(
+            {
+                named(check, name): (array, observation.titles.get(name, name.replace("_", " ")))
+                for name, array in observation.evidence.items()
+            }
+        )
+        for check, observation in observations.items()
+    )
+
+
+def evidence_of_pass(
+    collector: EvidenceCollector,
+    states: PassState,
+    findings: Iterable[Finding],
+    ready: Prepared,
+    chosen: Sequence[Span],
+    options: EvidenceOptions,
+    looked_again: int,
+) -> TitledArrays:
+    """Return evidence of the pass, the trajectory, and the worst places. A crash is noted, and costs all that follows.
+
+    Parameters
+    ----------
+    chosen
+        The windows that were measured.
+    looked_again
+        How many of them were measured again for checks: the worst places share one budget with these follow-ups.
+    """
+    facts, source = ready.facts, ready.decoder
+    # Images that may still be read again: the share of follow-ups less those done, and at least those of one window.
+    mean = images_of(chosen) / max(len(chosen), 1)
+    images = round(mean * max(1.0, FOLLOW_UP_SHARE * len(chosen) - looked_again))
+    parts = (
+        attempt(states, collector.name, lambda: collector.conclude(states.states[collector.name], facts)),
+        attempt(states, collector.name, lambda: keep_trajectory(facts, source, options.trajectory_points)),
+        attempt(
+            states, collector.name, lambda: keep_worst_locations(findings, ready.spans, facts, source, options, images)
+        ),
+    )
+    return merged(part for part in parts if part is not None)
+
+
+def distributions_of(collector: DistributionsCollector, states: PassState, facts: Facts) -> TitledArrays:
+    """Return what was counted by block of time; nothing, and a note among the crashes, where that failed."""
+    counted = attempt(states, collector.name, lambda: collector.conclude(states.states[collector.name], facts))
+    return counted or TitledArrays()

@@ -1,0 +1,21 @@
+"""Importing this loads everything that measures: into the process that worker processes are forked from.
+
+No file is open here, and no library has started threads of its own.
+"""
+
+import gc
+import os
+import signal
+
+signal.signal(signal.SIGINT, signal.SIG_IGN)  # the process of the command handles it
+# Modules stay loaded: to scan them for garbage while more are loaded would take a fifth of the time.
+gc.disable()
+
+# OpenBLAS reads its number of threads when NumPy loads it. A worker has one core and small matrices.
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+
+import fedora_qa.engine.tasks  # noqa: E402, F401
+
+# A collection writes into each object that it scans, and would copy its page in every forked worker.
+gc.freeze()
+gc.enable()

@@ -1,0 +1,121 @@
+"""What workers do for a file: the functions of tasks, each with its arguments and the worker that does it."""
+
+import os
+from collections.abc import Iterable, Sequence
+from contextlib import suppress
+from pathlib import Path
+from typing import Any, Final, Literal
+
+from fedora_qa.checks.protocol import Check
+from fedora_qa.engine.assemble import assemble
+from fedora_qa.engine.executor import Kept, Task
+from fedora_qa.engine.measure import Accumulator, PassState, measure
+from fedora_qa.engine.options import CheckOptions, FileRun
+from fedora_qa.engine.progress import Progress
+from fedora_qa.engine.survey import OpenSurvey, Survey, opened
+from fedora_qa.engine.survey import survey_file as survey_of
+from fedora_qa.engine.worker import Worker
+from fedora_qa.errors import UnreadableFileError
+from fedora_qa.layout.dialect import Dialect
+from fedora_qa.sequence.sequence import open_sequence
+from fedora_qa.storage.place import Place, RemoteFile
+
+OPENING_VARIABLE: Final = "FEDORA_QA_OPENING_S"
+"""Environment variable: seconds within which a file must open."""
+
+_OPENING_S: Final = 60.0
+"""A file opens in hundredths of a second, over a slow network in some seconds. HDF5 follows structures that refer to
+themselves for ever (docs/hostile-files.md)."""
+
+
+Audience = Literal["planned", "steady", "sampled"]
+"""Who gets a window: all whom the plan gives it to; checks that get every window, whatever the plan; all others."""
+
+
+def opening_test(path: Place, dialect: Dialect | None = None, allow_external: Iterable[Path] = ()) -> Task | None:
+    """Return the task that tests whether a file opens within a limit of time; None for a file behind a URL."""
+    if isinstance(path, RemoteFile):
+        return None
+    limit_s = float(os.environ.get(OPENING_VARIABLE, _OPENING_S))
+    return Task(open_and_close, (path, dialect, tuple(allow_external)), limit_s=limit_s)
+
+
+def open_and_close(path: Place, dialect: Dialect | None, allow_external: Iterable[Path], _: Worker) -> None:
+    """Open a file as later tasks do; one that HDF5 refuses is theirs to report."""
+    with suppress(UnreadableFileError):
+        open_sequence(path, dialect, allow_external=allow_external).close()
+
+
+def check_whole(path: Place, checks: tuple[Check[Any], ...], options: CheckOptions, worker: Worker) -> FileRun:
+    """Check a file from beginning to end in one process, so that follow-ups find rows that are still decoded."""
+    survey = survey_file(path, checks, options, worker)
+    return survey if isinstance(survey, FileRun) else measure_and_assemble(survey, worker.progress)
+
+
+def measure_and_assemble(survey: Survey, progress: Progress) -> FileRun:
+    """Measure all windows of a survey, and judge the file."""
+    with opened(survey) as file:
+        measured = measure_open(survey, file, survey.windows, progress)
+        return assemble(survey, file, [measured], [], progress)
+
+
+def survey_file(path: Place, checks: tuple[Check[Any], ...], options: CheckOptions, worker: Worker) -> Survey | FileRun:
+    """Scan the timestamps of a file and plan its windows; its whole run where HDF5 refuses to open it."""
+    worker.open_file.close()
+    return survey_of(path, checks, options, worker.progress)
+
+
+def measure_windows(
+    survey: Survey, windows: Sequence[int], audience: Audience, before: Kept | None, worker: Worker
+) -> PassState:
+    """Measure windows of a file, by their numbers on its grid.
+
+    Parameters
+    ----------
+    audience
+        Who gets them.
+    before
+        The pass over the windows just before them, which is extended; None for a new pass.
+    """
+    with worker.open_file.opened(survey) as file:
+        states = measure_open(survey, file, windows, worker.progress, audience, before.load() if before else None)
+        # A file behind a URL is opened for each task alone, so that this counts no request twice.
+        states.traffic += file.sequence.traffic
+        return states
+
+
+def measure_open(
+    survey: Survey,
+    file: OpenSurvey,
+    windows: Sequence[int],
+    progress: Progress,
+    audience: Audience = "planned",
+    before: PassState | None = None,
+) -> PassState:
+    """Measure windows of an open file; parameters as of ``measure_windows``."""
+    ready, steady = file.ready, file.steady
+    accumulators: Sequence[Accumulator] = file.accumulators
+    if audience == "steady":
+        accumulators = steady
+    elif audience == "sampled":
+        accumulators = [each for each in file.accumulators if each not in steady]
+    return measure(
+        accumulators,
+        [ready.spans[number] for number in windows],
+        ready.facts,
+        ready.decoder,
+        survey.plan.sampling,
+        progress,
+        file.audience if audience == "planned" else None,
+        before,
+    )
+
+
+def finish_file(survey: Survey, parts: Sequence[Kept], lost: Sequence[int], worker: Worker) -> FileRun:
+    """Judge a file by the passes over its batches of windows, in the order of time, and the numbers of lost windows."""
+    with worker.open_file.opened(survey) as file:
+        # Decoded rows make place for the states of all workers, which are merged here.
+        file.ready.decoder.leases.forget()
+        run = assemble(survey, file, (part.load() for part in parts), lost, worker.progress)
+    worker.open_file.close()
+    return run

@@ -1,0 +1,67 @@
+"""Arrays that neighbouring windows share: decoded rows, and what is computed of single images.
+
+The halo of a window lies in its neighbours, so that most rows are needed by two or more windows. A window leases each
+array that it requests. The lease ends when a whole window has passed that did not request the array.
+"""
+
+from collections.abc import Callable, Hashable
+from typing import Any, Final, TypeVar, cast
+
+Value = TypeVar("Value")
+
+_UNLIMITED: Final = 1 << 62
+
+
+class Leases:
+    """Keeps an array until a window has passed in which it was not requested.
+
+    Where a limit of bytes is reached, leases of the window before end first, the oldest first. What does not fit then
+    is made for its caller alone, and is made again at the next request: that costs time and changes no result.
+
+    Parameters
+    ----------
+    limit_bytes
+        Most bytes to keep.
+    """
+
+    def __init__(self, limit_bytes: int = _UNLIMITED) -> None:
+        self.limit_bytes = limit_bytes
+        self.kept_bytes = 0
+        # Requested by the window before and not yet by this one; requested by this one. Both in the order of request.
+        self._before: dict[Hashable, Any] = {}
+        self._now: dict[Hashable, Any] = {}
+
+    def begin_window(self) -> None:
+        """End the leases of what the last window did not request."""
+        for key in tuple(self._before):
+            self._end(key)
+        self._before, self._now = self._now, {}
+
+    def get(self, key: Hashable, make: Callable[[], Value]) -> Value:
+        """Return the value of a key, an array or an error in its place; ``make`` makes it where it is not kept."""
+        if key in self._now:
+            return cast(Value, self._now[key])
+        if key in self._before:
+            value = self._now[key] = self._before.pop(key)
+            return cast(Value, value)
+        value = make()
+        size = _bytes(value)
+        while self._before and self.kept_bytes + size > self.limit_bytes:
+            self._end(next(iter(self._before)))
+        if self.kept_bytes + size <= self.limit_bytes:
+            self._now[key] = value
+            self.kept_bytes += size
+        return value
+
+    def forget(self) -> None:
+        """End all leases."""
+        self._before.clear()
+        self._now.clear()
+        self.kept_bytes = 0
+
+    def _end(self, key: Hashable) -> None:
+        self.kept_bytes -= _bytes(self._before.pop(key))
+
+
+def _bytes(value: Any) -> int:
+    return getattr(value, "nbytes", 0)
