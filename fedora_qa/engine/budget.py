@@ -30,9 +30,9 @@ from fedora_qa.engine.progress import Progress, ProgressTally, Report, quiet
 from fedora_qa.engine.survey import Survey, frame_pixels
 from fedora_qa.engine.tasks import finish_file, measure_windows, opening_test, survey_file
 from fedora_qa.errors import EndlessError, WorkerLostError
-from fedora_qa.storage.place import Place
+from fedora_qa.storage.place import Place, RemoteFile
 from fedora_qa.storage.server import version_of
-from fedora_qa.storage.traffic import NO_TRAFFIC
+from fedora_qa.storage.traffic import NO_TRAFFIC, Traffic
 
 _DENSER: Final[tuple[Effort, ...]] = ("full", "standard")
 
@@ -42,6 +42,8 @@ _SNAPSHOTS_OVER: Final = 16
 _LATEST: Final = 8
 """Number of latest windows whose slowest predicts the next one. The first windows, which also load and compile, drop
 out of them."""
+
+_DONE: Final = "done"
 
 _SHORTEST_S: Final = 1e-3
 """Seconds that a window takes at least."""
@@ -143,15 +145,16 @@ def check_within_budget(
         share = sizes[number] / max(sum(sizes[number:]), 1)
 
         def tell(doing: str, done: int, of: int, number: int = number, path: Place = path) -> None:
-            at_work = int(sizes[number] * done / max(of, 1))
-            name = path.name
-            report(
-                ProgressTally(
-                    f"{name}: {doing}", number, len(paths), done, of, sum(sizes[:number]) + at_work, sum(sizes)
-                )
-            )
+            # The file counts as done with its record, and as one window less before.
+            ended = doing == _DONE
+            bytes_done = sum(sizes[:number]) + (sizes[number] if ended else int(sizes[number] * done / (of + 1)))
+            doing = f"{path.name}: {doing}"
+            report(ProgressTally(doing, number + ended, len(paths), done, of, bytes_done, sum(sizes)))
 
-        yield path, _BudgetedFile(path, checks, options, executor, tell, time.monotonic() + share * left_s).check()
+        file = _BudgetedFile(path, checks, options, executor, tell, time.monotonic() + share * left_s)
+        run = file.check()
+        tell(_DONE, 1, 1)
+        yield path, run
 
 
 class _BudgetedFile:
@@ -173,7 +176,9 @@ class _BudgetedFile:
         self._tell = tell
         self._deadline = deadline
         self._windows = 0
+        self._visited = 0
         self._steady: list[Kept] = []
+        self._kept: list[Kept] = []
         self._judging_s: list[float] = []
         self._traffic = NO_TRAFFIC
 
@@ -185,7 +190,7 @@ class _BudgetedFile:
             run, density = lost_file(self._path, self._checks, lost.doing, lost.end), None
         overrun_s = time.monotonic() - self._deadline
         if density is None:
-            reached = "the file cannot be opened"
+            reached = "the file was given up" if self._windows else "the file cannot be opened"
         else:
             reached = f"{len(density.parts)} of {self._windows} windows at the density of {density.effort}"
             if len(density.parts) <= FEWEST_WINDOWS < self._windows:
@@ -196,9 +201,12 @@ class _BudgetedFile:
         seconds = {**run.seconds}
         if len(self._judging_s) > 1:
             seconds["rehearsals"] = sum(self._judging_s[:-1])
+        traffic = run.traffic if density is None else self._traffic + self._traffic_of(self._kept)
+        for part in self._kept:
+            part.discard()
         # Tasks carry the absolute path; the record states the path that was given.
         record = replace(run.record, path=str(self._path))
-        return replace(run, record=record, reached=reached, seconds=seconds, traffic=run.traffic + self._traffic)
+        return replace(run, record=record, reached=reached, seconds=seconds, traffic=traffic)
 
     def _within_deadline(self) -> tuple[FileRun, _Density | None]:
         place = self._path.absolute()
@@ -208,6 +216,7 @@ class _BudgetedFile:
         if isinstance(survey, FileRun):
             return survey, None
         self._windows = survey.plan.of
+        self._traffic = survey.traffic
         # Windows shorter than 0.2 s are visited in groups of that length, as neighbours share decoded frames.
         order = visiting_order(self._windows, max(1, WINDOW_NS // survey.scanned.cell_ns))
         if any(sees_every_window(check.needs) for check in survey.asked):
@@ -240,6 +249,7 @@ class _BudgetedFile:
             if isinstance(part, _LostTask):
                 raise _GivenUpError("being measured", part.end)
             parts[task.arguments[1][0]] = part
+            self._kept.append(part)
         self._steady = [part for _, part in sorted(parts.items())]
 
     def _visit_least(self, survey: Survey, effort: Effort, order: tuple[int, ...]) -> _Density:
@@ -283,7 +293,10 @@ class _BudgetedFile:
             else:
                 density.parts[window] = part
                 density.latest_s.append(seconds)
-            self._tell("measuring", len(density.parts), self._windows)
+                self._kept.append(part)
+            # A new density begins with no windows; the progress that is reported does not run backwards.
+            self._visited = max(self._visited, len(density.parts))
+            self._tell("measuring", self._visited, self._windows)
         return number - len(density.pending)
 
     def _judge(self, density: _Density) -> FileRun:
@@ -292,7 +305,15 @@ class _BudgetedFile:
         parts = [*self._steady, *(part for _, part in sorted(density.parts.items()))]
         run: FileRun = self._do(Task(finish_file, (density.visited, parts, sorted(density.lost))), "being judged")
         self._judging_s.append(time.monotonic() - began)
+        # Its own traffic: that of the survey and of the parts is counted once for all judgements.
+        self._traffic += run.traffic - density.survey.traffic - self._traffic_of(parts)
         return run
+
+    def _traffic_of(self, parts: Sequence[Kept]) -> Traffic:
+        """Return the requests to a server for passes over windows."""
+        if not isinstance(self._path, RemoteFile):
+            return NO_TRAFFIC
+        return sum((part.load().traffic for part in parts), NO_TRAFFIC)
 
     def _fits_whole(self, density: _Density) -> bool:
         """Whether all windows that wait at a density fit, beside their judgement."""
