@@ -27,9 +27,8 @@ from fedora_qa.comparison.text_table import SOURCE, TextTable
 from fedora_qa.comparison.types import Design
 from fedora_qa.config import parse_bytes
 from fedora_qa.engine.executor import Task
-from fedora_qa.engine.statistics import FileStatistics, measure_file
+from fedora_qa.engine.statistics import collect_statistics
 from fedora_qa.engine.tasks import opening_test
-from fedora_qa.engine.worker import Worker
 from fedora_qa.errors import MisuseError
 from fedora_qa.layout.dialect import Dialect, load_dialect
 from fedora_qa.record.atomic import write_text
@@ -178,7 +177,7 @@ def read_sources(
                     files.append(GivenFile(file.path, file.statistics, sampled, file))
                 continue
             with progress_bar(path.name) as report:
-                task = Task(_counted, (path, dialect, memory_bytes, allow_external))
+                task = Task(collect_statistics, (path, dialect, memory_bytes, allow_external, True))
                 counted = apart(task, path, opening_test(path, dialect, allow_external), report)
             # As a record holds them: values that are not finite become None, which means unknown.
             statistics = {
@@ -188,9 +187,3 @@ def read_sources(
             files.append(GivenFile(str(path), statistics, sampled_from(counted.arrays)))
         subjects.append(Given(name, tuple(files)))
     return tuple(subjects)
-
-
-def _counted(
-    path: Path, dialect: Dialect | None, memory_bytes: int, allow_external: Sequence[Path], worker: Worker
-) -> FileStatistics:
-    return measure_file(path, dialect, memory_bytes, worker.progress, allow_external)

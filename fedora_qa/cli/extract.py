@@ -15,8 +15,8 @@ from fedora_qa.cli.progress import progress_bar
 from fedora_qa.engine.effort import Effort
 from fedora_qa.engine.executor import Task
 from fedora_qa.engine.options import CheckOptions
-from fedora_qa.engine.run import check_file
-from fedora_qa.engine.tasks import opening_test
+from fedora_qa.engine.run import select_checks
+from fedora_qa.engine.tasks import check_whole, opening_test
 from fedora_qa.engine.worker import Worker
 from fedora_qa.errors import MisuseError, UnreadableFileError
 from fedora_qa.extract.extract import LONGEST_S, Extracted, Wanted
@@ -77,7 +77,8 @@ def extract(
         file_record = _part_about(file, record, record_path)
     else:
         with progress_bar(file.name) as bar:
-            file_record = apart(Task(_check, (file, options)), file, opening, bar)
+            checks = select_checks(options.select, options.ignore)
+            file_record = apart(Task(check_whole, (file, checks, options)), file, opening, bar).record
     wanted = _wanted(finding, file_record)
     with progress_bar(file.name) as bar:
         try:
@@ -111,10 +112,6 @@ def extract(
     for line in lines:
         click.echo(unobeyed(line))
     return CLEAN if extracted.finding else INCOMPLETE
-
-
-def _check(file: Path, options: CheckOptions, worker: Worker) -> FileRecord:
-    return check_file(file, options, worker.progress).record
 
 
 def _cut(

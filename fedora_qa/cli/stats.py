@@ -19,8 +19,7 @@ from fedora_qa.config import parse_bytes
 from fedora_qa.engine.executor import Task
 from fedora_qa.engine.statistics import collect_statistics
 from fedora_qa.engine.tasks import opening_test
-from fedora_qa.engine.worker import Worker
-from fedora_qa.layout.dialect import Dialect, load_dialect
+from fedora_qa.layout.dialect import load_dialect
 from fedora_qa.record.atomic import write_text
 from fedora_qa.record.markdown import escape, table
 from fedora_qa.record.types import Scalar
@@ -70,8 +69,9 @@ def stats(
     by_file: dict[str, Statistics] = {}
     for path in files:
         with progress_bar(path.name) as report:
-            task = Task(_counted, (path, dialect_read, memory_bytes, folders))
-            by_file[str(path)] = apart(task, path, opening_test(path, dialect_read, folders), report)
+            task = Task(collect_statistics, (path, dialect_read, memory_bytes, folders, False))
+            opening = opening_test(path, dialect_read, folders)
+            by_file[str(path)] = apart(task, path, opening, report).statistics
     tables = tables_of(by_file)
     if json_path:
         tool = {"name": "fedora-qa", "version": __version__}
@@ -88,12 +88,6 @@ def stats(
         console.print()
     console.print(text(NOTES, "dim"))
     return 0
-
-
-def _counted(
-    path: Path, dialect: Dialect | None, memory_bytes: int, allow_external: tuple[Path, ...], worker: Worker
-) -> Statistics:
-    return collect_statistics(path, dialect, memory_bytes, worker.progress, allow_external)
 
 
 def tables_of(by_file: Mapping[str, Statistics]) -> tuple[StatsTable, ...]:

@@ -185,7 +185,7 @@ class _BudgetedFile:
     def check(self) -> FileRun:
         """Return the run of the file by the windows that the budget sufficed for."""
         try:
-            run, density = self._within_deadline()
+            run, density = self._checked()
         except _GivenUpError as lost:
             run, density = lost_file(self._path, self._checks, lost.doing, lost.end), None
         overrun_s = time.monotonic() - self._deadline
@@ -208,7 +208,8 @@ class _BudgetedFile:
         record = replace(run.record, path=str(self._path))
         return replace(run, record=record, reached=reached, seconds=seconds, traffic=traffic)
 
-    def _within_deadline(self) -> tuple[FileRun, _Density | None]:
+    def _checked(self) -> tuple[FileRun, _Density | None]:
+        """Return the last run that was judged, with its density; None where the file cannot be opened."""
         place = self._path.absolute()
         if test := opening_test(place, self._options.dialect, self._options.allow_external):
             self._do(test, "being opened")
@@ -217,10 +218,19 @@ class _BudgetedFile:
             return survey, None
         self._windows = survey.plan.of
         self._traffic = survey.traffic
+        if any(sees_every_window(check.needs) for check in survey.asked):
+            # Tasks end in any order; states merge in the order of time.
+            parts: dict[int, Kept] = {}
+            batches = equal_parts(self._windows, self._executor.capacity)
+            tasks = (Task(measure_windows, (survey, batch, "steady", None), keeps_result=True) for batch in batches)
+            for task, part, _ in self._do_all(tasks):
+                if isinstance(part, _LostTask):
+                    raise _GivenUpError("being measured", part.end)
+                parts[task.arguments[1][0]] = part
+                self._kept.append(part)
+            self._steady = [part for _, part in sorted(parts.items())]
         # Windows shorter than 0.2 s are visited in groups of that length, as neighbours share decoded frames.
         order = visiting_order(self._windows, max(1, WINDOW_NS // survey.scanned.cell_ns))
-        if any(sees_every_window(check.needs) for check in survey.asked):
-            self._measure_steady(survey)
         density = sparse = self._visit_least(survey, "quick", order)
         run, judged = self._judge(density), density
         settled = False
@@ -232,25 +242,17 @@ class _BudgetedFile:
                     if self._fits_whole(denser):
                         density = denser
                         break
-            if not self._visit_round(density):
+            # c windows and their judgement fit where  c t / W + u J (n + c) / n <= left,  with t the seconds of the
+            # slowest of the latest windows, W the workers, J the seconds of the last judgement, after n windows, and u
+            # the unevenness. Judgement has a constant part, so that J (n + c) / n is an upper bound.
+            done, left_s = max(len(density.parts), 1), self._deadline - time.monotonic()
+            judging_s = density.unevenness * self._judging_s[-1]
+            each_s = density.longest_s / self._executor.capacity + judging_s / done
+            count = min(int((left_s - judging_s) / max(each_s, _SHORTEST_S)), done)
+            if count < 1 or not self._visit(density, count, self._deadline - judging_s * (done + count) / done):
                 break
             run, judged = self._judge(density), density
         return run, judged
-
-    def _measure_steady(self, survey: Survey) -> None:
-        """Hand every window to the checks that get all of them."""
-        tasks = [
-            Task(measure_windows, (survey, windows, "steady", None), keeps_result=True)
-            for windows in equal_parts(self._windows, self._executor.capacity)
-        ]
-        # Tasks end in any order; states merge in the order of time.
-        parts: dict[int, Kept] = {}
-        for task, part, _ in self._do_all(iter(tasks)):
-            if isinstance(part, _LostTask):
-                raise _GivenUpError("being measured", part.end)
-            parts[task.arguments[1][0]] = part
-            self._kept.append(part)
-        self._steady = [part for _, part in sorted(parts.items())]
 
     def _visit_least(self, survey: Survey, effort: Effort, order: tuple[int, ...]) -> _Density:
         """Visit the least number of windows at the density of an effort."""
@@ -260,20 +262,6 @@ class _BudgetedFile:
         density = _Density(effort, replace(survey, plan=plan, options=options), deque(order))
         self._visit(density, FEWEST_WINDOWS, until=inf)
         return density
-
-    def _visit_round(self, density: _Density) -> bool:
-        """Visit the windows that fit, at most as many as were visited so far; return whether there were any."""
-        done, left_s = len(density.parts), self._deadline - time.monotonic()
-        # c windows and their judgement fit where  c t / W + u J (n + c) / n <= left,  with t the seconds of the slowest
-        # of the latest windows, W the workers, J the seconds of the last judgement, after n windows, and u the
-        # unevenness. Judgement has a constant part, so that J (n + c) / n is an upper bound.
-        judging_s = density.unevenness * self._judging_s[-1]
-        each_s = density.longest_s / self._executor.capacity + judging_s / max(done, 1)
-        fitting = int((left_s - judging_s) / max(each_s, _SHORTEST_S))
-        count = min(fitting, max(done, 1))
-        return (
-            count >= 1 and self._visit(density, count, self._deadline - judging_s * (done + count) / max(done, 1)) > 0
-        )
 
     def _visit(self, density: _Density, count: int, until: float) -> int:
         """Visit the next windows of a density while they end in time; return how many were visited, or lost."""

@@ -1,6 +1,7 @@
 """Decode stored blocks of rows, each of them once while neighbouring windows lease it."""
 
 from bisect import bisect_left
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -50,10 +51,13 @@ class BlockDecoder:
         if stop <= start:
             return self._sequence.rows(key, 0, 0)
         rows = self._sequence.chunk_rows(key)
-        blocks = range(start // rows, (stop - 1) // rows + 1)
-        parts = [
-            self._block(key, number, rows)[max(start - number * rows, 0) : stop - number * rows] for number in blocks
-        ]
+        parts: list[NDArray[Any]] = []
+        for number in range(start // rows, (stop - 1) // rows + 1):
+            block = self.leases.get((key, number), partial(self._decode, key, number, rows))
+            if isinstance(block, UnreadableRowsError):
+                # Each raise extends the traceback, whose frames would keep their arrays alive for the rest of the run.
+                raise block.with_traceback(None)
+            parts.append(block[max(start - number * rows, 0) : stop - number * rows])
         # Rows within one block are returned as a view, without a copy.
         return parts[0] if len(parts) == 1 else np.concatenate(parts)
 
@@ -68,13 +72,6 @@ class BlockDecoder:
         # Bisection reads about twenty of up to a million timestamps; to concatenate them all would take longer.
         rows = range(start, stop)
         return start + bisect_left(rows, time_ns, key=lambda row: int(self.rows(timestamps, row, row + 1)[0]))
-
-    def _block(self, key: str, number: int, rows: int) -> NDArray[Any]:
-        block = self.leases.get((key, number), lambda: self._decode(key, number, rows))
-        if isinstance(block, UnreadableRowsError):
-            # Each raise extends the traceback, whose frames would keep their arrays alive for the rest of the run.
-            raise block.with_traceback(None)
-        return block
 
     def _decode(self, key: str, number: int, rows: int) -> Block:
         count = self._sequence.layout.bindings[key].rows

@@ -91,7 +91,7 @@ class FileWork:
         begin = self._do_in_one if workers == 1 else self._do_in_steps
         test = opening_test(path, options.dialect, options.allow_external)
         if test:
-            self._do(_OPENED, test, lambda _: begin(), self._give_up_opening)
+            self._do(_OPENED, test, lambda _: begin(), partial(self._give_up, _OPENED, ENDLESS))
         else:
             begin()
 
@@ -141,9 +141,6 @@ class FileWork:
         once = WorkStep(task, self._tell, then, partial(self._give_up, doing, DIED_TWICE), when_endless)
         # The first loss makes the same step ready once more; the second gives the file up.
         self.ready.append(replace(once, when_lost=partial(self.ready.append, once)))
-
-    def _give_up_opening(self) -> None:
-        self._give_up(_OPENED, ENDLESS)
 
     def _give_up(self, doing: str, end: str) -> None:
         self.run = lost_file(self.path, self._checks, doing, end)

@@ -104,22 +104,18 @@ def check_files(
         if not done:
             executor.require_workers()
         for future in done:
-            _settle(running.pop(future)[0], future)
+            step, _ = running.pop(future)
+            try:
+                result = future.result()
+            except EndlessError:
+                (step.when_endless or step.when_lost)()
+            except WorkerLostError:
+                step.when_lost()
+            else:
+                step.then(result)
         # A copy, as files that are done leave the list.
         for work in tuple(waiting):
             if work.run:
                 waiting.remove(work)
                 tell(f"{work.path.name}: done")
                 yield work.path, work.run
-
-
-def _settle(step: WorkStep, future: Future[Any]) -> None:
-    # A function of its own, so that nothing holds the result after the step has taken it.
-    try:
-        result = future.result()
-    except EndlessError:
-        (step.when_endless or step.when_lost)()
-    except WorkerLostError:
-        step.when_lost()
-    else:
-        step.then(result)

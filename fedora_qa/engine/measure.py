@@ -193,17 +193,17 @@ def conclude(checks: Iterable[Check[Any]], states: PassState, facts: Facts) -> d
 
 def _hand_out(window: Window, tasks: Iterable[tuple[str, Callable[[Any, Window], None]]], states: PassState) -> None:
     for name, update in tasks:
+        if name in states.crashes:
+            continue
         began = time.perf_counter()
-        attempt(states, name, partial(_update, states, name, update, window))
+        try:
+            update(states.states[name], window)
+        except UnreadableRowsError:
+            # Rows that cannot be decoded cost a check this window only; ``integrity.readable`` reports them.
+            states.missed[name] = states.missed.get(name, 0) + 1
+        except Exception:  # noqa: BLE001 - as in ``attempt``
+            states.crashes[name] = traceback.format_exc()
         states.seconds[name] = states.seconds.get(name, 0.0) + time.perf_counter() - began
-
-
-def _update(states: PassState, name: str, update: Callable[[Any, Window], None], window: Window) -> None:
-    try:
-        update(states.states[name], window)
-    except UnreadableRowsError:
-        # Rows that cannot be decoded cost a check this window only; ``integrity.readable`` reports them.
-        states.missed[name] = states.missed.get(name, 0) + 1
 
 
 def _sums(earlier: dict[str, Any], later: dict[str, Any]) -> dict[str, Any]:

@@ -136,12 +136,27 @@ def window_length_ns(sequence: SequenceRows) -> int:
 
     It follows from the file alone and not from the workers, so that results do not depend on them.
     """
+    bytes_per_s = 0.0
+    for stream in sorted(sequence.layout.streams & set(TIMESTAMPS_OF)):
+        images = [spec for spec in DATASETS.values() if spec.stream == stream and spec.is_image]
+        rows = sequence.layout.bindings[TIMESTAMPS_OF[stream]].rows
+        if not images or rows < 2:
+            continue
+        try:
+            timestamps = sequence.rows(TIMESTAMPS_OF[stream], 0, min(rows, 1000))
+        except UnreadableRowsError:
+            continue
+        # The rate from the median step of the first timestamps, which ignores single wrong ones. Rows of flow are
+        # (start, end): the start counts.
+        step_ns = float(np.median(np.diff(timestamps.reshape(len(timestamps), -1)[:, 0])))
+        if step_ns <= 0:
+            continue
+        shape = sequence.layout.bindings[images[0].key].shape
+        row_bytes = int(np.prod(shape[1:], dtype=np.int64)) * np.dtype(images[0].dtype).itemsize
+        # At most all rows of the stream, however small a step wrong timestamps give.
+        bytes_per_s += row_bytes * min(NS_PER_S / step_ns, rows)
     length = WINDOW_NS
-    streams = sorted(sequence.layout.streams & set(TIMESTAMPS_OF))
-    while (
-        length > _SHORTEST_WINDOW_NS
-        and sum(_image_bytes_per_s(sequence, stream) for stream in streams) * length / NS_PER_S > _MOST_WINDOW_BYTES
-    ):
+    while length > _SHORTEST_WINDOW_NS and bytes_per_s * length / NS_PER_S > _MOST_WINDOW_BYTES:
         length //= 2
     return length
 
@@ -170,23 +185,3 @@ def cut_windows(scan: Scan) -> tuple[Span, ...]:
         )
         for number, cell in enumerate(every)
     )
-
-
-def _image_bytes_per_s(sequence: SequenceRows, stream: str) -> float:
-    """Estimate decoded image bytes of a stream per second from the median step of its first timestamps."""
-    images = [spec for spec in DATASETS.values() if spec.stream == stream and spec.is_image]
-    rows = sequence.layout.bindings[TIMESTAMPS_OF[stream]].rows
-    if not images or rows < 2:
-        return 0.0
-    try:
-        timestamps = sequence.rows(TIMESTAMPS_OF[stream], 0, min(rows, 1000))
-    except UnreadableRowsError:
-        return 0.0
-    # Rows of flow are (start, end): the start counts. The median ignores single timestamps that are wrong.
-    step_ns = float(np.median(np.diff(timestamps.reshape(len(timestamps), -1)[:, 0])))
-    if step_ns <= 0:
-        return 0.0
-    shape = sequence.layout.bindings[images[0].key].shape
-    row_bytes = int(np.prod(shape[1:], dtype=np.int64)) * np.dtype(images[0].dtype).itemsize
-    # At most all rows of the stream, however small a step wrong timestamps give.
-    return row_bytes * min(NS_PER_S / step_ns, rows)

@@ -117,6 +117,12 @@ class _Process:
     reporting: "Connection[Any, Any] | None" = None
     open_file: OpenFile = field(default_factory=lambda: OpenFile(keeps=True))
 
+    def report(self, number: int, what: str, done: int, of: int) -> None:
+        """Report the progress of a task by its number."""
+        if self.reporting:
+            # A short message is written at once, so that those of several processes do not mix.
+            self.reporting.send((number, what, done, of))
+
 
 _here: Final = _Process()
 """Of this process; unused where it is no worker."""
@@ -132,7 +138,7 @@ def _do(number: int, pickled: bytes, folder: Path) -> tuple[bytes, int]:
     """Do a task in a worker; return its result, pickled, and the peak of memory of the process so far, MiB."""
     try:
         task: Task = pickle.loads(pickled)
-        result = pickle.dumps(task.do(Worker(_here.open_file, partial(_report, number)), folder))
+        result = pickle.dumps(task.do(Worker(_here.open_file, partial(_here.report, number)), folder))
     except Exception as error:
         try:
             pickle.loads(pickle.dumps(error))
@@ -141,9 +147,3 @@ def _do(number: int, pickled: bytes, folder: Path) -> tuple[bytes, int]:
         raise
     peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
     return result, peak >> 20 if sys.platform == "darwin" else peak >> 10  # bytes there, KiB elsewhere
-
-
-def _report(number: int, what: str, done: int, of: int) -> None:
-    if _here.reporting:
-        # A short message is written at once, so that those of several processes do not mix.
-        _here.reporting.send((number, what, done, of))

@@ -9,8 +9,8 @@ from numpy.typing import NDArray
 
 from fedora_qa.engine.assemble import distributions_of
 from fedora_qa.engine.measure import Accumulator, attempt, measure
-from fedora_qa.engine.progress import Progress
 from fedora_qa.engine.survey import prepare
+from fedora_qa.engine.worker import Worker
 from fedora_qa.evidence.distributions import DistributionsCollector
 from fedora_qa.layout.dialect import Dialect
 from fedora_qa.sequence.sequence import open_sequence
@@ -20,23 +20,21 @@ from fedora_qa.statistics.collector import Statistics, StatisticsCollector
 
 @dataclass(frozen=True, slots=True)
 class FileStatistics:
-    """The statistics of a file, and the arrays of its distributions by the names that a record gives them."""
+    """The statistics of a file, and the arrays of its distributions by the names that a record gives them, if any."""
 
     statistics: Statistics
     arrays: Mapping[str, NDArray[Any]] = field(default_factory=dict)
 
 
 def collect_statistics(
-    path: Path, dialect: Dialect | None, memory_bytes: int, progress: Progress, allow_external: Iterable[Path] = ()
-) -> Statistics:
-    """Hand every window of a file to the collector of statistics; raises as ``measure_file`` does."""
-    return _measured(path, dialect, memory_bytes, progress, allow_external, distributed=False).statistics
-
-
-def measure_file(
-    path: Path, dialect: Dialect | None, memory_bytes: int, progress: Progress, allow_external: Iterable[Path] = ()
+    path: Path,
+    dialect: Dialect | None,
+    memory_bytes: int,
+    allow_external: Iterable[Path],
+    with_distributions: bool,
+    worker: Worker,
 ) -> FileStatistics:
-    """Return statistics and distributions of a file.
+    """Hand every window of a file to the collectors of statistics and, where asked for, of distributions.
 
     Raises
     ------
@@ -45,29 +43,17 @@ def measure_file(
     RuntimeError
         A collector itself failed.
     """
-    return _measured(path, dialect, memory_bytes, progress, allow_external, distributed=True)
-
-
-def _measured(
-    path: Path,
-    dialect: Dialect | None,
-    memory_bytes: int,
-    progress: Progress,
-    allow_external: Iterable[Path],
-    *,
-    distributed: bool,
-) -> FileStatistics:
     statistics = StatisticsCollector()
     with open_sequence(path, dialect, allow_external=allow_external) as sequence:
         ready = prepare(sequence, memory_bytes)
         distributions = DistributionsCollector(ready.spans)
-        collectors: list[Accumulator] = [statistics, *([distributions] if distributed else [])]
+        collectors: list[Accumulator] = [statistics, *([distributions] if with_distributions else [])]
         # The default sampling reads every tile and every field: statistics describe the whole file.
-        states = measure(collectors, ready.spans, ready.facts, ready.decoder, Sampling(), progress)
+        states = measure(collectors, ready.spans, ready.facts, ready.decoder, Sampling(), worker.progress)
         tables = attempt(
             states, statistics.name, lambda: statistics.conclude(states.states[statistics.name], ready.facts)
         )
-        arrays = distributions_of(distributions, states, ready.facts).arrays if distributed else {}
+        arrays = distributions_of(distributions, states, ready.facts).arrays if with_distributions else {}
     if tables is None or states.crashes:
         raise RuntimeError(next(iter(states.crashes.values())).strip().splitlines()[-1])
     return FileStatistics(tables, arrays)

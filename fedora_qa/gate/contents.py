@@ -55,9 +55,9 @@ def read_contents(
     path: Path,
     dialect: Dialect | None,
     streams: Iterable[str],
-    *,
     poses: bool,
-    allow_external: Iterable[Path] = (),
+    allow_external: Iterable[Path],
+    _: Worker,
 ) -> Contents | None:
     """Return the contents of a sequence, or None where it cannot be opened, which its record says.
 
@@ -147,7 +147,7 @@ def contents_of(
     for sequence, file in zip(release.sequences, files, strict=True):
         # A file whose checks all crashed would probably end the next process that opens it as well.
         died = file.results and all(result.outcome == "crashed" for result in file.results)
-        task = Task(_read, (sequence.path, dialect, streams, bool(policy.splits), folders))
+        task = Task(read_contents, (sequence.path, dialect, streams, bool(policy.splits), folders))
         opening = opening_test(sequence.path, dialect, folders)
         contents = None
         try:
@@ -168,9 +168,3 @@ def contents_of(
         if contents:
             contents_by_name[sequence.name] = contents
     return contents_by_name, records_read
-
-
-def _read(
-    path: Path, dialect: Dialect | None, streams: tuple[str, ...], poses: bool, folders: tuple[Path, ...], _: Worker
-) -> Contents | None:
-    return read_contents(path, dialect, streams, poses=poses, allow_external=folders)

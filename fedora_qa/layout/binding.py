@@ -138,7 +138,23 @@ def raw_rows(file: h5py.File, binding: Binding, start: int, stop: int, opened: O
     UnreadableRowsError
         The rows cannot be decoded: damaged bytes, a wrong checksum, or an unknown codec.
     """
-    stored = _read(file, binding, start, stop, opened)
+    try:
+        opened = {} if opened is None else opened
+        if binding.key not in opened:
+            opened[binding.key] = StoredChunks(stored_dataset(file, binding))
+        chunks = opened[binding.key]
+        dataset = chunks.dataset
+        if binding.is_image_as_it_is:
+            stored = np.empty((stop - start, *dataset.shape[1:]), dataset.dtype)
+            # Direct decoding covers one whole Blosc chunk. HDF5 reads all else, and names the fault of a damaged chunk.
+            if not chunks.decode(start, stored):
+                dataset.read_direct(stored, np.s_[start:stop])
+        else:
+            stored = np.asarray(dataset[start:stop])
+    except READ_ERRORS as error:
+        failing = tuple(_failing_chunks(file, binding, start, stop))
+        cause = error.with_traceback(None)  # its frames would hold the rows that were to be read
+        raise UnreadableRowsError(binding.key, start, stop, str(error), failing) from cause
     if binding.columns is None:
         return stored
     rank = len(DATASETS[binding.key].shape)
@@ -149,27 +165,6 @@ def raw_rows(file: h5py.File, binding: Binding, start: int, stop: int, opened: O
         # A grey image has no axis of channels; columns (0, 0, 0) then read its one channel as R, G and B.
         stored = stored[..., np.newaxis]
     return stored[..., list(binding.columns)]
-
-
-def _read(file: h5py.File, binding: Binding, start: int, stop: int, opened: Opened | None) -> NDArray[Any]:
-    """Return rows as they are stored; raises ``UnreadableRowsError``."""
-    try:
-        opened = {} if opened is None else opened
-        if binding.key not in opened:
-            opened[binding.key] = StoredChunks(stored_dataset(file, binding))
-        chunks = opened[binding.key]
-        dataset = chunks.dataset
-        if not binding.is_image_as_it_is:
-            return np.asarray(dataset[start:stop])
-        rows = np.empty((stop - start, *dataset.shape[1:]), dataset.dtype)
-        # Direct decoding covers one whole Blosc chunk. HDF5 reads all else, and names the fault of a damaged chunk.
-        if not chunks.decode(start, rows):
-            dataset.read_direct(rows, np.s_[start:stop])
-        return rows
-    except READ_ERRORS as error:
-        failing = tuple(_failing_chunks(file, binding, start, stop))
-        cause = error.with_traceback(None)  # its frames would hold what was to be written into
-        raise UnreadableRowsError(binding.key, start, stop, str(error), failing) from cause
 
 
 def _failing_chunks(file: h5py.File, binding: Binding, start: int, stop: int) -> Iterator[int]:

@@ -8,6 +8,7 @@ import h5py
 import numpy as np
 import pytest
 
+from fedora_qa.engine.worker import OpenFile, Worker
 from fedora_qa.gate.contents import Contents, read_contents
 from fedora_qa.gate.policy import Bounds
 from fedora_qa.gate.rules import (
@@ -25,6 +26,7 @@ from tests.support.records import file_record, passed
 
 CAMERA = Camera(36, 27, np.array([[31.2, 0, 17.5], [0, 31.2, 13.0], [0, 0, 1]]), np.eye(4))
 STREAMS = ("rgb", "events", "imu", "pose")
+WORKER = Worker(OpenFile(keeps=False))
 SPLITS = {"train": ("train/*",), "test": ("test/*",)}
 
 
@@ -82,7 +84,7 @@ def test_totals() -> None:
 
 def contents(path: Path) -> Contents:
     """What a file holds, all streams digested."""
-    held = read_contents(path, None, STREAMS, poses=True)
+    held = read_contents(path, None, STREAMS, True, (), WORKER)
     assert held
     return held
 
@@ -128,7 +130,7 @@ def test_one_value_makes_another_stream(moving: Path) -> None:
 def test_a_truncated_file_has_no_contents(moving: Path) -> None:
     """What cannot be opened is left to its record."""
     moving.write_bytes(moving.read_bytes()[:5000])
-    assert read_contents(moving, None, STREAMS, poses=True) is None
+    assert read_contents(moving, None, STREAMS, True, (), WORKER) is None
 
 
 def test_copies_are_named(moving: Path) -> None:
