@@ -85,7 +85,9 @@ class FileWork:
         self._report = report
         self._parts: dict[int, Part] = {}
         self._lost: list[int] = []
-        self._seen: dict[int, int] = {}
+        # Windows that were measured or lost; and for progress, which may be reported late, so many by first window.
+        self._settled = 0
+        self._reported: dict[int, int] = {}
         self._survey: Survey | None = None
         self._work_queue = WorkQueue(0, workers)
         begin = self._do_in_one if workers == 1 else self._do_in_steps
@@ -106,9 +108,9 @@ class FileWork:
 
     @property
     def windows_done(self) -> int:
-        """How many windows have been measured, or lost."""
-        # A copy of the values: threads of workers add windows while this sums.
-        return sum(tuple(self._seen.values()))
+        """How many windows have been measured, or lost, as far as progress was reported."""
+        # A copy of the values: other threads add windows while this sums.
+        return min(sum(tuple(self._reported.values())), self.windows)
 
     @property
     def share_done(self) -> float:
@@ -120,14 +122,14 @@ class FileWork:
 
         def tell(what: str, done: int, of: int) -> None:
             if what == MEASURING:
-                self.windows, self._seen[0] = of, done
+                self.windows, self._reported[0] = of, done
             self._tell(what, done, of)
 
         task = Task(check_whole, self._of_file)
         self.ready.append(WorkStep(task, tell, self._finished, self._do_in_steps))
 
     def _do_in_steps(self) -> None:
-        self._seen.clear()
+        self._reported.clear()
         self._do(_OPENED, Task(survey_file, self._of_file), self._surveyed)
 
     def _do(
@@ -163,11 +165,12 @@ class FileWork:
             del self._parts[before.start]
 
         def tell(what: str, done: int, of: int) -> None:
-            self._seen[first] = done
+            self._reported[first] = done
             self._tell(what, done, of)
 
         def measured(states: Kept) -> None:
-            self._seen[first] = len(windows)
+            self._reported[first] = len(windows)
+            self._settled += len(windows)
             self._keep(Part(before.start if before else first, windows[-1] + 1, states))
             if before:
                 # Not before the extended part has come: a lost step needs the old one again.
@@ -190,16 +193,17 @@ class FileWork:
     def _each_alone(self, survey: Survey, windows: Sequence[int]) -> None:
         for window in windows:
             # What the lost batch had reported no longer counts.
-            self._seen[window] = 0
+            self._reported[window] = 0
             self.ready.append(self._measuring(survey, [window], when_lost=partial(self._lose, survey, window)))
 
     def _lose(self, survey: Survey, window: int) -> None:
-        self._seen[window] = 1
+        self._reported[window] = 1
+        self._settled += 1
         self._lost.append(window)
         self._finish_if_measured(survey)
 
     def _finish_if_measured(self, survey: Survey) -> None:
-        if self.windows_done == self.windows:
+        if self._settled == self.windows:
             lost = [survey.windows[place] for place in sorted(self._lost)]
             parts = [part.states for _, part in sorted(self._parts.items())]
             self._do("being judged", Task(finish_file, (survey, parts, lost)), self._finished)
@@ -210,7 +214,7 @@ class FileWork:
         for part in self._parts.values():
             part.states.discard()
         self._parts.clear()
-        self._seen = {0: self.windows}
+        self._reported = {0: self.windows}
 
     def _tell(self, what: str, done: int, of: int) -> None:
         self._report(f"{self.path.name}: {what}")

@@ -27,7 +27,7 @@ of library files, which all share.
 
 _COPIED_BYTES: Final = 20_000_000
 """Bytes of those pages that each process copies as it writes into them, 17 MB after some windows, which
-``MemoryBudget`` cannot distinguish from shared ones; and bytes of its page tables."""
+its share of the memory does not hold; and bytes of its page tables."""
 
 _LEAST_SHARE: Final = 0.25
 """Least share of the memory for the tasks, where libraries would leave less."""

@@ -22,7 +22,7 @@ from pebble import ProcessExpired, ProcessPool
 
 from fedora_qa.engine.executor import Task
 from fedora_qa.engine.fork_server import worker_context
-from fedora_qa.engine.progress import Progress
+from fedora_qa.engine.progress import Progress, quiet
 from fedora_qa.engine.worker import OpenFile, Worker
 from fedora_qa.errors import EndlessError, WorkerLostError
 
@@ -106,7 +106,9 @@ class ProcessExecutor:
         with suppress(EOFError, OSError):
             while True:
                 number, what, done, of = self._reports.recv()
-                if progress := self._progress.get(number):
+                progress = self._progress.get(number, quiet)
+                # An error where progress is shown must not end this loop: processes would wait for a full pipe.
+                with suppress(Exception):
                     progress(what, done, of)
 
 

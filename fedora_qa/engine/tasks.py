@@ -15,7 +15,7 @@ from fedora_qa.engine.progress import Progress
 from fedora_qa.engine.survey import OpenSurvey, Survey, opened
 from fedora_qa.engine.survey import survey_file as survey_of
 from fedora_qa.engine.worker import Worker
-from fedora_qa.errors import UnreadableFileError
+from fedora_qa.errors import MisuseError, UnreadableFileError
 from fedora_qa.layout.dialect import Dialect
 from fedora_qa.sequence.sequence import open_sequence
 from fedora_qa.storage.place import Place, RemoteFile
@@ -27,16 +27,25 @@ _OPENING_S: Final = 60.0
 """A file opens in hundredths of a second, over a slow network in some seconds. HDF5 follows structures that refer to
 themselves for ever (docs/hostile-files.md)."""
 
-
 Audience = Literal["planned", "steady", "sampled"]
 """Who gets a window: all whom the plan gives it to; checks that get every window, whatever the plan; all others."""
 
 
 def opening_test(path: Place, dialect: Dialect | None = None, allow_external: Iterable[Path] = ()) -> Task | None:
-    """Return the task that tests whether a file opens within a limit of time; None for a file behind a URL."""
+    """Return the task that tests whether a file opens within a limit of time; None for a file behind a URL.
+
+    Raises
+    ------
+    MisuseError
+        The environment sets a limit that is no number.
+    """
     if isinstance(path, RemoteFile):
         return None
-    limit_s = float(os.environ.get(OPENING_VARIABLE, _OPENING_S))
+    given = os.environ.get(OPENING_VARIABLE)
+    try:
+        limit_s = _OPENING_S if given is None else float(given)
+    except ValueError:
+        raise MisuseError(f"Expected seconds in {OPENING_VARIABLE}, such as 60, got {given!r}") from None
     return Task(open_and_close, (path, dialect, tuple(allow_external)), limit_s=limit_s)
 
 
@@ -61,6 +70,7 @@ def measure_and_assemble(survey: Survey, progress: Progress) -> FileRun:
 
 def survey_file(path: Place, checks: tuple[Check[Any], ...], options: CheckOptions, worker: Worker) -> Survey | FileRun:
     """Scan the timestamps of a file and plan its windows; its whole run where HDF5 refuses to open it."""
+    # Rows of another file are of no use any more.
     worker.open_file.close()
     return survey_of(path, checks, options, worker.progress)
 

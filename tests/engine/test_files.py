@@ -254,4 +254,26 @@ def test_opening_has_a_limit_of_time(monkeypatch: pytest.MonkeyPatch) -> None:
     test = opening_test(Path("seq.h5"))
     assert test is not None
     assert test.limit_s == 5.0
+    monkeypatch.setenv(OPENING_VARIABLE, "soon")
+    with pytest.raises(MisuseError, match="Expected seconds in FEDORA_QA_OPENING_S"):
+        opening_test(Path("seq.h5"))
     assert opening_test(RemoteFile("https://host/seq.h5")) is None
+
+
+@pytest.mark.usefixtures("counting")
+def test_progress_that_comes_late_changes_nothing(handmade: Path) -> None:
+    """What a task reports after its result, as threads may bring it about, neither ends a file early nor never."""
+
+    class Late(Travels):
+        def __init__(self) -> None:
+            self.late: list[Progress] = []
+
+        def submit(self, task: Task, progress: Progress) -> Future[Any]:
+            future = super().submit(task, progress)
+            for earlier in self.late:
+                earlier("measuring", 0, 1)
+                earlier("measuring", 99, 100)
+            self.late.append(progress)
+            return future
+
+    assert same(only_run(handmade, Late()), only_run(handmade, InProcess()))
