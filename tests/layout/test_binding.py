@@ -185,43 +185,36 @@ def test_columns_are_selected_and_reordered(file: h5py.File) -> None:
     assert rgb.tolist() == [[[[7, 7, 7], [9, 9, 9]]]]
 
 
-def test_images_with_nothing_to_convert_are_decoded_into_memory(file: h5py.File) -> None:
-    """An array is asked for once, of the right shape and type, and comes back filled."""
-    given = np.full((2, 3, 4), -1.0, dtype=np.float32)
-    asked: list[tuple[tuple[int, ...], np.dtype[Any]]] = []
-
-    def memory(shape: tuple[int, ...], dtype: np.dtype[Any]) -> np.ndarray[Any, np.dtype[Any]]:
-        asked.append((shape, dtype))
-        return given
-
+def test_images_with_nothing_to_convert_come_as_they_are(file: h5py.File) -> None:
+    """Several rows of chunks of one row each, in the stored type."""
     stored = np.arange(60, dtype=np.float32).reshape(5, 3, 4)
     dataset = file.create_dataset("d", data=stored, chunks=(1, 3, 4), compression="gzip")
-    rows = canonical_rows(file, bind(dataset, "path/depth"), 1, 3, 0, memory)
-    assert rows is given
-    assert asked == [((2, 3, 4), np.dtype(np.float32))]
+    binding = bind(dataset, "path/depth")
+    assert binding.is_image_as_it_is
+    rows = canonical_rows(file, binding, 1, 3, 0)
     np.testing.assert_array_equal(rows, stored[1:3])
+    assert rows.dtype == np.float32
 
 
 @pytest.mark.parametrize(
-    ("stored", "how"),
+    ("stored", "how", "value"),
     [
-        (np.ones((2, 3, 4), np.float32), {"scale": 1000.0}),
-        (np.ones((2, 3, 4), ">f4"), {}),
-        (np.ones((2, 3, 4), np.float64), {}),
-        (np.ones((2, 3, 4), np.uint16), {}),
-        (np.ones((2, 3, 4, 1), np.float32), {"columns": (0,)}),
+        (np.ones((2, 3, 4), np.float32), {"scale": 1000.0}, 1000.0),
+        (np.ones((2, 3, 4), ">f4"), {}, 1.0),
+        (np.ones((2, 3, 4), np.float64), {}, 1.0),
+        (np.ones((2, 3, 4), np.uint16), {}, 1.0),
+        (np.ones((2, 3, 4, 1), np.float32), {"columns": (0,)}, 1.0),
     ],
     ids=["scaled", "big-endian", "float64", "integers", "columns"],
 )
-def test_images_with_something_to_convert_are_not(file: h5py.File, stored: Any, how: dict[str, Any]) -> None:
-    """What a dialect stores otherwise is converted as ever, and no memory is asked for."""
-
-    def memory(shape: tuple[int, ...], dtype: np.dtype[Any]) -> np.ndarray[Any, np.dtype[Any]]:
-        raise AssertionError(f"asked for {shape} of {dtype}")
-
+def test_images_with_something_to_convert_are_converted(
+    file: h5py.File, stored: Any, how: dict[str, Any], value: float
+) -> None:
+    """What a dialect stores otherwise comes in the canonical type, unit and axes."""
     binding = bind(file.create_dataset("d", data=stored), "path/depth", **how)
-    rows = canonical_rows(file, binding, 0, 2, 0, memory)
-    np.testing.assert_array_equal(rows, canonical_rows(file, binding, 0, 2, 0))
+    assert not binding.is_image_as_it_is
+    rows = canonical_rows(file, binding, 0, 2, 0)
+    np.testing.assert_array_equal(rows, np.full((2, 3, 4), value))
     assert rows.dtype == np.float32
 
 
