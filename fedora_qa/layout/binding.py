@@ -123,7 +123,7 @@ def stored_dataset(file: h5py.File, binding: Binding) -> h5py.Dataset:
         return file[binding.path]
     access = h5p.create(h5p.DATASET_ACCESS)
     # HDF5 resolves names of external files against the working directory by default. The prefix makes it the folder of
-    # the file, where ``Elsewhere.require_sources`` has checked them.
+    # the file, where ``ExternalFiles.require_sources`` has checked them.
     access.set_efile_prefix(os.fsencode(Path(file.filename).parent))
     return h5py.Dataset(h5d.open(file.id, binding.source[1].encode("utf-8", "surrogateescape"), access), readonly=True)
 

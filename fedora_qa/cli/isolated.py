@@ -16,7 +16,7 @@ from fedora_qa.errors import MisuseError, WorkerLostError
 from fedora_qa.storage.place import Place
 
 
-def apart(task: Task, path: Place, opening: Task | None, progress: Progress = quiet) -> Any:
+def run_isolated(task: Task, path: Place, opening: Task | None, progress: Progress = quiet) -> Any:
     """Do a task that reads a file in a process of its own, and return its result.
 
     Parameters
@@ -45,7 +45,7 @@ def apart(task: Task, path: Place, opening: Task | None, progress: Progress = qu
             raise _lost(path) from None
 
 
-def lightly_apart(function: Callable[..., Any], arguments: tuple[Any, ...], path: Place, limit_s: float) -> Any:
+def run_isolated_light(function: Callable[..., Any], arguments: tuple[Any, ...], path: Place, limit_s: float) -> Any:
     """Call a function in a process that loads only what the function needs: it starts sooner.
 
     Raises
