@@ -1,4 +1,4 @@
-"""Read a file in another process, as ``check`` does: on a damaged file HDF5 may crash or never return."""
+"""Read a file in a process of its own, as ``check`` does: on a damaged file HDF5 may crash or never return."""
 
 import multiprocessing
 import os
