@@ -3,6 +3,7 @@
 import multiprocessing
 import os
 from collections.abc import Callable
+from concurrent.futures.process import BrokenProcessPool
 from typing import Any
 
 from pebble import ProcessExpired, ProcessPool
@@ -58,11 +59,14 @@ def run_isolated_light(function: Callable[..., Any], arguments: tuple[Any, ...],
     if os.environ.get(IN_PROCESS_VARIABLE):
         return function(*arguments)
     # `spawn`, not `fork`: the new process then holds no HDF5 state and no threads of this one.
-    with ProcessPool(1, context=multiprocessing.get_context("spawn")) as processes:
-        try:
-            return processes.schedule(function, args=arguments, timeout=limit_s).result()
-        except (ProcessExpired, TimeoutError):
-            raise _lost(path) from None
+    processes = ProcessPool(1, context=multiprocessing.get_context("spawn"))
+    try:
+        return processes.schedule(function, args=arguments, timeout=limit_s).result()
+    except (ProcessExpired, TimeoutError, BrokenProcessPool):
+        raise _lost(path) from None
+    finally:
+        processes.stop()  # type: ignore[no-untyped-call]
+        processes.join()
 
 
 def _lost(path: Place) -> MisuseError:

@@ -22,7 +22,6 @@ from fedora_qa.layout.links import READ_ERRORS
 
 Polarity = Literal["01", "inverted", "plus_minus"]
 
-"""Gives an array of a shape and type to write into, of any values: ``numpy.empty``, or pages of one's own."""
 
 Opened = dict[str, StoredChunks]
 """Datasets of a file that stay open with it, by canonical key: to open one takes longer than to read a few lines."""
