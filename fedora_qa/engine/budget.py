@@ -145,7 +145,9 @@ def check_within_budget(
         left_s = max(0.0, deadline - time.monotonic())
         share = sizes[number] / max(sum(sizes[number:]), 1)
 
-        def tell(doing: str, done: int, of: int, number: int = number, before: int = windows_before) -> None:
+        def tell(
+            doing: str, done: int, of: int, number: int = number, path: Place = path, before: int = windows_before
+        ) -> None:
             # The file counts as done with its record, and judgement as one more window.
             ended = doing == _DONE
             bytes_done = sum(sizes[:number]) + (sizes[number] if ended else int(sizes[number] * done / (of + 1)))
