@@ -106,7 +106,7 @@ same-results: $(READY)
 	$(BIN)/python -m tests.same_results --base $(BASE) --every $(EVERY) --jobs $(JOBS)
 
 study-mesh: $(READY)
-	$(BIN)/python -m fedora_generator.mesh.study
+	$(BIN)/python -m tests.benchmarks.mesh_study
 
 study-trade: $(READY)
 	OMP_NUM_THREADS=1 NUMBA_NUM_THREADS=1 $(BIN)/python -m tests.benchmarks.trade.study --fresh

@@ -9,6 +9,7 @@
     ├── UnreadableFileError    an HDF5 signature, and no way in (a finding, not misuse)
     ├── UnreadableRowsError    some rows of one dataset cannot be decoded (a finding; the rest goes on)
     └── WorkerLostError        the process that did a task died (the task is done again; the rest goes on)
+        └── EndlessError       it was ended, as the task exceeded its limit of time (the task is not done again)
 """
 
 
@@ -60,4 +61,4 @@ class WorkerLostError(FedoraError):
 
 
 class EndlessError(WorkerLostError):
-    """A process has ended itself, as a file took for ever to open (``fuse``); it will again."""
+    """A task exceeded its limit of time, as a file took for ever to open; it will again."""

@@ -10,14 +10,14 @@ from typing import TYPE_CHECKING, Any, Final
 import click
 from click.shell_completion import CompletionItem
 
-from fedora_qa.cli.began import BEGAN
 from fedora_qa.cli.check_names import complete_check
 from fedora_qa.cli.exit_codes import exit_code
 from fedora_qa.cli.files import Request, checked, executor_for
-from fedora_qa.cli.kept import kept_folder
 from fedora_qa.cli.output_options import allow_external_option, record_options
 from fedora_qa.cli.outputs import Outputs
 from fedora_qa.cli.record import gathered_arrays, record_of
+from fedora_qa.cli.resume import resume_folder
+from fedora_qa.cli.start_time import START_TIME
 from fedora_qa.cli.summary import print_record
 from fedora_qa.config import CheckConfig, read_config
 from fedora_qa.engine.options import CheckOptions
@@ -146,11 +146,11 @@ def check(
     outputs.require_writable([file for file in files if isinstance(file, Path)])
     require_hdf5(files)
     started = datetime.now(UTC).isoformat(timespec="seconds")
-    kept = kept_folder(resume, settings, options) if resume else None
+    kept = resume_folder(resume, settings, options) if resume else None
     executor = executor_for(settings, dask)
     # Read before the executor is closed: afterwards a cluster has no workers to count.
     jobs = executor.capacity
-    began = click.get_current_context().meta.get(BEGAN)
+    began = click.get_current_context().meta.get(START_TIME)
     runs = checked(files, Request(settings, options, started, kept, began), executor)
     workers = {"peak_worker_memory_mib": executor.peak_memory_mib} if executor.peak_memory_mib else {}
     record = record_of(runs, settings, started, {"jobs": jobs, **workers})

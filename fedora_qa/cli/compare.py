@@ -9,9 +9,9 @@ from typing import Final
 import click
 from rich.console import Console
 
-from fedora_qa.cli.apart import apart
 from fedora_qa.cli.arrays import arrays_beside, read_arrays
 from fedora_qa.cli.check import PATH, folders_named, require_hdf5
+from fedora_qa.cli.isolated import run_isolated
 from fedora_qa.cli.output_options import allow_external_option
 from fedora_qa.cli.outputs import Outputs
 from fedora_qa.cli.progress import progress_bar
@@ -161,7 +161,7 @@ def sources_of(given: Sequence[Path], dialect: Dialect | None) -> tuple[Source, 
 def read_sources(
     sources: Sequence[Source], dialect: Dialect | None, memory_bytes: int, allow_external: Sequence[Path] = ()
 ) -> tuple[Given, ...]:
-    """Read the records, and measure the other files, each in a process of its own; raises as ``apart``."""
+    """Read the records, and measure the other files, each in a process of its own; raises as ``run_isolated``."""
     names = labels([str(source.given) for source in sources])
     subjects = []
     for name, source in zip(names, sources, strict=True):
@@ -178,7 +178,7 @@ def read_sources(
                 continue
             with progress_bar(path.name) as report:
                 task = Task(collect_statistics, (path, dialect, memory_bytes, allow_external, True))
-                counted = apart(task, path, opening_test(path, dialect, allow_external), report)
+                counted = run_isolated(task, path, opening_test(path, dialect, allow_external), report)
             # As a record holds them: values that are not finite become None, which means unknown.
             statistics = {
                 group: {key: None if isinstance(v, float) and not math.isfinite(v) else v for key, v in values.items()}

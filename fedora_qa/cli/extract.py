@@ -6,9 +6,9 @@ from typing import Any, get_args
 
 import click
 
-from fedora_qa.cli.apart import apart
 from fedora_qa.cli.check import check_options, require_hdf5, settings_from
 from fedora_qa.cli.exit_codes import CLEAN, INCOMPLETE
+from fedora_qa.cli.isolated import run_isolated
 from fedora_qa.cli.output_options import PATH, allow_external_option
 from fedora_qa.cli.outputs import Outputs
 from fedora_qa.cli.progress import progress_bar
@@ -78,7 +78,7 @@ def extract(
     else:
         with progress_bar(file.name) as bar:
             checks = select_checks(options.select, options.ignore)
-            file_record = apart(Task(check_whole, (file, checks, options)), file, opening, bar).record
+            file_record = run_isolated(Task(check_whole, (file, checks, options)), file, opening, bar).record
     wanted = _wanted(finding, file_record)
     with progress_bar(file.name) as bar:
         try:
@@ -87,7 +87,7 @@ def extract(
             with TemporaryDirectory(prefix=f".{output.name}.", dir=output.parent) as folder:
                 written = Path(folder) / output.name
                 task = Task(_cut, (file, written, wanted, options, longest_s))
-                extracted = apart(task, file, opening, bar)
+                extracted = run_isolated(task, file, opening, bar)
                 written.replace(output)
         except UnreadableFileError as problem:
             raise MisuseError(

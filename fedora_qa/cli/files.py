@@ -8,8 +8,8 @@ from typing import Final
 import click
 
 from fedora_qa.cli.host import usable_cores
-from fedora_qa.cli.kept import KeptFolder
 from fedora_qa.cli.progress import files_progress
+from fedora_qa.cli.resume import ResumeFolder
 from fedora_qa.cli.workers import IN_PROCESS_VARIABLE
 from fedora_qa.config import LEAST_MEMORY_BYTES, CheckConfig
 from fedora_qa.engine.cluster import DaskExecutor
@@ -34,7 +34,7 @@ class Request:
     settings: CheckConfig
     options: CheckOptions
     started: str
-    kept: KeptFolder | None = None
+    kept: ResumeFolder | None = None
     began: float | None = None
 
 

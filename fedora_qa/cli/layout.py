@@ -10,8 +10,8 @@ from rich.padding import Padding
 from rich.table import Table
 from rich.text import Text
 
-from fedora_qa.cli.apart import lightly_apart
 from fedora_qa.cli.check import PATH, folders_named, require_hdf5
+from fedora_qa.cli.isolated import run_isolated_light
 from fedora_qa.cli.output_options import allow_external_option
 from fedora_qa.cli.outputs import Outputs
 from fedora_qa.cli.terminal import stdout_console, text
@@ -19,7 +19,7 @@ from fedora_qa.errors import UnreadableFileError
 from fedora_qa.layout.describe import DatasetRow, Description, describe
 from fedora_qa.layout.dialect import Dialect, load_dialect
 from fedora_qa.layout.draft import draft_dialect
-from fedora_qa.layout.elsewhere import Elsewhere
+from fedora_qa.layout.external_files import ExternalFiles
 from fedora_qa.layout.resolve import resolve
 from fedora_qa.record.atomic import write_text
 from fedora_qa.record.wording import number
@@ -43,7 +43,7 @@ def layout(file: Path, dialect: str | None, draft_path: Path | None, allow_exter
     Outputs(own=(draft_path,)).require_writable([file])
     require_hdf5([file])
     arguments = (file, dialect_read, draft_path.stem if draft_path else "", folders_named(allow_external))
-    description, draft = lightly_apart(_described, arguments, file, LONGEST_S)
+    description, draft = run_isolated_light(_described, arguments, file, LONGEST_S)
     if draft_path:
         write_text(draft_path, draft)
     console = stdout_console()
@@ -95,12 +95,12 @@ def _described(
     file: Path, dialect: Dialect | None, draft_name: str, allow_external: tuple[Path, ...]
 ) -> tuple[Description, str]:
     """Return what a file holds, and a draft of its dialect if a name is given for it, else an empty text."""
-    elsewhere = Elsewhere(allow_external) if allow_external else None
+    external_files = ExternalFiles(allow_external) if allow_external else None
     try:
         # The real path, because HDF5 searches for external files beside the name by which it was given this one.
         # Best-effort locking, because a read-only file system grants no locks.
         with h5py.File(file.resolve(), "r", locking="best-effort") as opened:
-            description = describe(opened, resolve(opened, dialect, elsewhere))
+            description = describe(opened, resolve(opened, dialect, external_files))
             return description, draft_dialect(opened, draft_name) if draft_name else ""
     except OSError as error:
         raise UnreadableFileError(f"Expected a complete HDF5 file, got: {str(error).splitlines()[0]}") from None

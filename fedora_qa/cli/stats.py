@@ -9,8 +9,8 @@ from typing import Final
 import click
 
 from fedora_qa import __version__
-from fedora_qa.cli.apart import apart
 from fedora_qa.cli.check import PATH, folders_named, require_hdf5
+from fedora_qa.cli.isolated import run_isolated
 from fedora_qa.cli.output_options import allow_external_option
 from fedora_qa.cli.outputs import Outputs
 from fedora_qa.cli.progress import progress_bar
@@ -71,7 +71,7 @@ def stats(
         with progress_bar(path.name) as report:
             task = Task(collect_statistics, (path, dialect_read, memory_bytes, folders, False))
             opening = opening_test(path, dialect_read, folders)
-            by_file[str(path)] = apart(task, path, opening, report).statistics
+            by_file[str(path)] = run_isolated(task, path, opening, report).statistics
     tables = tables_of(by_file)
     if json_path:
         tool = {"name": "fedora-qa", "version": __version__}

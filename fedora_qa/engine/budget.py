@@ -28,7 +28,7 @@ from fedora_qa.engine.outcomes import DIED_TWICE, ENDLESS, lost_file
 from fedora_qa.engine.plan import FEWEST_WINDOWS, WINDOW_NS, Plan, sampling_of, sees_every_window
 from fedora_qa.engine.progress import Progress, ProgressTally, Report, quiet
 from fedora_qa.engine.survey import Survey, frame_pixels
-from fedora_qa.engine.tasks import finish_file, measure_windows, opening_test, survey_file
+from fedora_qa.engine.tasks import finish_file, measure_windows, opening_test, survey_file, traffic_of
 from fedora_qa.errors import EndlessError, WorkerLostError
 from fedora_qa.storage.place import Place, RemoteFile
 from fedora_qa.storage.server import version_of
@@ -140,25 +140,35 @@ def check_within_budget(
     """
     deadline = (time.monotonic() if began is None else began) + (options.budget_s or 0.0)
     sizes = [version_of(path).size for path in paths]
+    windows_before = 0
     for number, path in enumerate(paths):
         left_s = max(0.0, deadline - time.monotonic())
         share = sizes[number] / max(sum(sizes[number:]), 1)
 
-        def tell(doing: str, done: int, of: int, number: int = number, path: Place = path) -> None:
-            # The file counts as done with its record, and as one window less before.
+        def tell(
+            doing: str, done: int, of: int, number: int = number, path: Place = path, before: int = windows_before
+        ) -> None:
+            # The file counts as done with its record, and judgement as one more window.
             ended = doing == _DONE
             bytes_done = sum(sizes[:number]) + (sizes[number] if ended else int(sizes[number] * done / (of + 1)))
             doing = f"{path.name}: {doing}"
-            report(ProgressTally(doing, number + ended, len(paths), done, of, bytes_done, sum(sizes)))
+            report(ProgressTally(doing, number + ended, len(paths), before + done, before + of, bytes_done, sum(sizes)))
 
         file = _BudgetedFile(path, checks, options, executor, tell, time.monotonic() + share * left_s)
         run = file.check()
-        tell(_DONE, 1, 1)
+        tell(_DONE, file.windows, file.windows)
+        windows_before += file.windows
         yield path, run
 
 
 class _BudgetedFile:
-    """One file and its deadline, s on the clock of ``time.monotonic``. ``tell`` gets the windows done, of all."""
+    """One file and its deadline, s on the clock of ``time.monotonic``. ``tell`` gets the windows done, of all.
+
+    Attributes
+    ----------
+    windows
+        How many the file has; 0 until it was surveyed.
+    """
 
     def __init__(
         self,
@@ -175,11 +185,12 @@ class _BudgetedFile:
         self._executor = executor
         self._tell = tell
         self._deadline = deadline
-        self._windows = 0
+        self.windows = 0
         self._visited = 0
         self._steady: list[Kept] = []
         self._kept: list[Kept] = []
         self._judging_s: list[float] = []
+        self._judged_windows = 1
         self._traffic = NO_TRAFFIC
 
     def check(self) -> FileRun:
@@ -190,10 +201,10 @@ class _BudgetedFile:
             run, density = lost_file(self._path, self._checks, lost.doing, lost.end), None
         overrun_s = time.monotonic() - self._deadline
         if density is None:
-            reached = "the file was given up" if self._windows else "the file cannot be opened"
+            reached = "the file was given up" if self.windows else "the file cannot be opened"
         else:
-            reached = f"{len(density.parts)} of {self._windows} windows at the density of {density.effort}"
-            if len(density.parts) <= FEWEST_WINDOWS < self._windows:
+            reached = f"{len(density.parts)} of {self.windows} windows at the density of {density.effort}"
+            if len(density.parts) <= FEWEST_WINDOWS < self.windows:
                 reached += ", the least that is always looked at"
             reached += (
                 f", {overrun_s:.1f} s longer than there was" if overrun_s > 0 else f", with {-overrun_s:.1f} s left"
@@ -201,9 +212,8 @@ class _BudgetedFile:
         seconds = {**run.seconds}
         if len(self._judging_s) > 1:
             seconds["rehearsals"] = sum(self._judging_s[:-1])
-        traffic = run.traffic if density is None else self._traffic + self._traffic_of(self._kept)
-        for part in self._kept:
-            part.discard()
+        self._discard(self._kept)
+        traffic = run.traffic if density is None else self._traffic
         # Tasks carry the absolute path; the record states the path that was given.
         record = replace(run.record, path=str(self._path))
         return replace(run, record=record, reached=reached, seconds=seconds, traffic=traffic)
@@ -216,12 +226,12 @@ class _BudgetedFile:
         survey = self._do(Task(survey_file, (place, self._checks, self._options)), "being opened")
         if isinstance(survey, FileRun):
             return survey, None
-        self._windows = survey.plan.of
+        self.windows = survey.plan.of
         self._traffic = survey.traffic
         if any(sees_every_window(check.needs) for check in survey.asked):
             # Tasks end in any order; states merge in the order of time.
             parts: dict[int, Kept] = {}
-            batches = equal_parts(self._windows, self._executor.capacity)
+            batches = equal_parts(self.windows, self._executor.capacity)
             tasks = (Task(measure_windows, (survey, batch, "steady", None), keeps_result=True) for batch in batches)
             for task, part, _ in self._do_all(tasks):
                 if isinstance(part, _LostTask):
@@ -230,7 +240,7 @@ class _BudgetedFile:
                 self._kept.append(part)
             self._steady = [part for _, part in sorted(parts.items())]
         # Windows shorter than 0.2 s are visited in groups of that length, as neighbours share decoded frames.
-        order = visiting_order(self._windows, max(1, WINDOW_NS // survey.scanned.cell_ns))
+        order = visiting_order(self.windows, max(1, WINDOW_NS // survey.scanned.cell_ns))
         density = sparse = self._visit_least(survey, "quick", order)
         run, judged = self._judge(density), density
         settled = False
@@ -240,18 +250,25 @@ class _BudgetedFile:
                 for effort in _DENSER:
                     denser = self._visit_least(survey, effort, order)
                     if self._fits_whole(denser):
+                        # It was judged, and nothing is added to it.
+                        self._discard(tuple(sparse.parts.values()))
                         density = denser
                         break
+                    self._discard(tuple(denser.parts.values()))
             # c windows and their judgement fit where  c t / W + u J (n + c) / n <= left,  with t the seconds of the
             # slowest of the latest windows, W the workers, J the seconds of the last judgement, after n windows, and u
             # the unevenness. Judgement has a constant part, so that J (n + c) / n is an upper bound.
             done, left_s = max(len(density.parts), 1), self._deadline - time.monotonic()
-            judging_s = density.unevenness * self._judging_s[-1]
+            judging_s = density.unevenness * self._judging_s[-1] * done / self._judged_windows
             each_s = density.longest_s / self._executor.capacity + judging_s / done
             count = min(int((left_s - judging_s) / max(each_s, _SHORTEST_S)), done)
             if count < 1 or not self._visit(density, count, self._deadline - judging_s * (done + count) / done):
                 break
-            run, judged = self._judge(density), density
+            try:
+                run, judged = self._judge(density), density
+            except _GivenUpError:
+                # The run by fewer windows stands.
+                break
         return run, judged
 
     def _visit_least(self, survey: Survey, effort: Effort, order: tuple[int, ...]) -> _Density:
@@ -284,7 +301,7 @@ class _BudgetedFile:
                 self._kept.append(part)
             # A new density begins with no windows; the progress that is reported does not run backwards.
             self._visited = max(self._visited, len(density.parts))
-            self._tell("measuring", self._visited, self._windows)
+            self._tell("measuring", self._visited, self.windows)
         return number - len(density.pending)
 
     def _judge(self, density: _Density) -> FileRun:
@@ -293,6 +310,7 @@ class _BudgetedFile:
         parts = [*self._steady, *(part for _, part in sorted(density.parts.items()))]
         run: FileRun = self._do(Task(finish_file, (density.visited, parts, sorted(density.lost))), "being judged")
         self._judging_s.append(time.monotonic() - began)
+        self._judged_windows = max(len(density.parts), 1)
         # Its own traffic: that of the survey and of the parts is counted once for all judgements.
         self._traffic += run.traffic - density.survey.traffic - self._traffic_of(parts)
         return run
@@ -301,13 +319,20 @@ class _BudgetedFile:
         """Return the requests to a server for passes over windows."""
         if not isinstance(self._path, RemoteFile):
             return NO_TRAFFIC
-        return sum((part.load().traffic for part in parts), NO_TRAFFIC)
+        traffic: Traffic = self._do(Task(traffic_of, (parts,)), "being judged")
+        return traffic
+
+    def _discard(self, parts: Sequence[Kept]) -> None:
+        """Drop passes over windows that are judged no more, after noting their traffic."""
+        self._traffic += self._traffic_of(parts)
+        for part in parts:
+            part.discard()
+        self._kept = [part for part in self._kept if part not in parts]
 
     def _fits_whole(self, density: _Density) -> bool:
         """Whether all windows that wait at a density fit, beside their judgement."""
         measuring_s = density.mean_s * len(density.pending) / self._executor.capacity
-        # The last judgement may be one at another density, of as few windows.
-        judging_s = density.unevenness * self._judging_s[-1] * self._windows / max(len(density.parts), 1)
+        judging_s = density.unevenness * self._judging_s[-1] * self.windows / self._judged_windows
         return time.monotonic() + measuring_s + judging_s <= self._deadline
 
     def _do(self, task: Task, doing: str) -> Any:

@@ -41,7 +41,7 @@ class Task:
 
 @dataclass(frozen=True, slots=True)
 class Kept:
-    """A large result of a task, which the process that deals out tasks never loads: as bytes, or as a file."""
+    """A large result of a task, which other tasks load: as bytes, or as a file."""
 
     pickled: bytes = b""
     path: Path | None = None

@@ -39,6 +39,9 @@ def worker_context() -> BaseContext:
     if start_method() == "forkserver":
         context.set_forkserver_preload(_PRELOADED)
         forkserver.ensure_running()
+    else:
+        # Processes inherit it. OpenBLAS reads it when NumPy is loaded; a worker has one core and small matrices.
+        os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     return context
 
 

@@ -177,7 +177,12 @@ def merge_all(checks: Sequence[Accumulator], parts: Iterable[PassState], facts: 
     # Parts are loaded one at a time, so that memory holds the merged pass and one part.
     for part in parts:
         whole = merge(checks, whole, part) if whole else part
-    return whole or start(checks, facts)
+    whole = whole or PassState({})
+    # Of some checks there may be no pass, where all their windows were lost.
+    begun = start([check for check in checks if check.name not in whole.states], facts)
+    whole.states |= begun.states
+    whole.crashes |= begun.crashes
+    return whole
 
 
 def conclude(checks: Iterable[Check[Any]], states: PassState, facts: Facts) -> dict[str, Observation]:

@@ -11,7 +11,7 @@ from fedora_qa.judgement.false_alarm_rate import DEFAULT_FALSE_ALARM_RATE
 from fedora_qa.record.types import FileRecord
 from fedora_qa.storage.traffic import NO_TRAFFIC, Traffic
 
-if TYPE_CHECKING:  # the process that deals out the work loads no checks
+if TYPE_CHECKING:  # commands that measure nothing load neither NumPy nor HDF5
     from numpy.typing import NDArray
 
     from fedora_qa.layout.dialect import Dialect

@@ -15,7 +15,7 @@ from fedora_qa.sequence.window import Span
 from fedora_qa.storage.digest import Digest, file_digest
 from fedora_qa.storage.place import Place
 
-DIED_TWICE: Final = "died twice over it (out of memory, a library crashed, or it did not end)"
+DIED_TWICE: Final = "died twice over it (out of memory, or a library crashed)"
 ENDLESS: Final = "did not come to an end, and was ended"
 """How the processes that did a task ended, as a record states it."""
 

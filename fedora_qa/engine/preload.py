@@ -14,6 +14,7 @@ gc.disable()
 # OpenBLAS reads its number of threads when NumPy loads it. A worker has one core and small matrices.
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
+import fedora_qa.engine.processes  # noqa: E402
 import fedora_qa.engine.tasks  # noqa: E402, F401
 
 # A collection writes into each object that it scans, and would copy its page in every forked worker.

@@ -1,34 +1,48 @@
-"""Tasks in processes of this machine. A process that dies takes the task it was doing with it and nothing else."""
+"""Tasks in processes of this machine. A process that dies takes the task it was doing with it and nothing else.
 
+Each process is a pool of its own (pebble), which is made anew after its process has died or was ended: locks and
+pipes of a pool are not safe after a death. Tasks and results travel as files, so that no message is longer than what a
+pipe takes at once.
+"""
+
+import math
+import multiprocessing
 import os
 import pickle
 import resource
+import signal
 import sys
-from concurrent.futures import CancelledError, Future
+import traceback
+from concurrent.futures import CancelledError, Future, ThreadPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
-from contextlib import suppress
 from dataclasses import dataclass, field
-from functools import partial
-from itertools import count
 from multiprocessing.connection import Connection
+from multiprocessing.context import BaseContext
 from pathlib import Path
+from queue import LifoQueue
 from tempfile import TemporaryDirectory
-from threading import Thread
 from types import TracebackType
 from typing import Any, Final, Self
+from uuid import uuid4
 
 import cv2
 from pebble import ProcessExpired, ProcessPool
 
 from fedora_qa.engine.executor import Task
 from fedora_qa.engine.fork_server import worker_context
-from fedora_qa.engine.progress import Progress, quiet
+from fedora_qa.engine.progress import Progress
 from fedora_qa.engine.worker import OpenFile, Worker
 from fedora_qa.errors import EndlessError, WorkerLostError
 
+_SILENCE_S: Final = 0.1
+"""Seconds without a report after which a process is looked after."""
+
+_GRACE_S: Final = 10
+"""Seconds after its limit at which a process ends itself, where nobody has ended it: its command has died."""
+
 
 class ProcessExecutor:
-    """Does as many tasks at once as it has processes, all of which are started with the first task.
+    """Does as many tasks at once as it has processes.
 
     Parameters
     ----------
@@ -40,29 +54,24 @@ class ProcessExecutor:
 
     def __init__(self, jobs: int, threads: int = 1) -> None:
         self.capacity = self.sharing = jobs
-        self.peak_memory_mib = 0
         self._folder = TemporaryDirectory(prefix="fedora-qa-")
         context = worker_context()
-        self._reports, self._reporting = context.Pipe(duplex=False)
-        self._pool = ProcessPool(jobs, initializer=_begin_worker, initargs=(self._reporting, threads), context=context)
-        self._numbers = count()
-        self._progress: dict[int, Progress] = {}
-        self._listener = Thread(target=self._listen, name="progress", daemon=True)
-        self._listener.start()
+        self._processes = [_WorkerProcess(context, threads, Path(self._folder.name)) for _ in range(jobs)]
+        # The process that ended a task last is the first to get another: it has the file of that task open.
+        self._idle: LifoQueue[_WorkerProcess] = LifoQueue()
+        for process in reversed(self._processes):
+            self._idle.put(process)
+        # One thread for each process: it waits for the end of the task.
+        self._threads = ThreadPoolExecutor(jobs, thread_name_prefix="worker")
+
+    @property
+    def peak_memory_mib(self) -> int:
+        """The most memory that one of the processes is known to have held."""
+        return max(process.peak_memory_mib for process in self._processes)
 
     def submit(self, task: Task, progress: Progress) -> Future[Any]:
-        """Give the task to the next process that is idle.
-
-        While there are no more tasks than processes, one that has just ended a task gets the next.
-        """
-        number = next(self._numbers)
-        self._progress[number] = progress
-        future: Future[Any] = Future()
-        # As bytes both ways: what cannot be pickled fails by itself, and not with the channel to all processes.
-        arguments = (number, pickle.dumps(task, pickle.HIGHEST_PROTOCOL), Path(self._folder.name))
-        pooled = self._pool.schedule(_do, args=arguments, timeout=task.limit_s)
-        pooled.add_done_callback(lambda done: self._settle(number, task, future, done))
-        return future
+        """Give the task to the next process that is idle."""
+        return self._threads.submit(self._do, task, progress)
 
     def require_workers(self) -> None:
         """Raise nothing: a process that died is replaced."""
@@ -73,43 +82,130 @@ class ProcessExecutor:
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, traceback: TracebackType | None
     ) -> None:
-        self._pool.stop()  # type: ignore[no-untyped-call]
-        self._pool.join()
-        # No process is left that could write: the last copy of this end ends the listener.
-        self._reporting.close()
-        self._listener.join()
-        self._folder.cleanup()
-
-    def _settle(self, number: int, task: Task, future: Future[Any], pooled: Future[Any]) -> None:
-        del self._progress[number]
         try:
-            pickled, peak_memory_mib = pooled.result()
-            result = pickle.loads(pickled)
-        except ProcessExpired as end:
-            # A negative exit code is the number of the signal (multiprocessing).
-            by = f"signal {-end.exitcode}" if end.exitcode < 0 else f"exit code {end.exitcode}"
-            future.set_exception(WorkerLostError(f"Expected a process to end its task, got its own end: {by}"))
-        except (CancelledError, BrokenProcessPool) as end:
-            future.set_exception(WorkerLostError(f"Expected a process for the task, got none: {end or 'cancelled'}"))
-        except TimeoutError as error:
-            # Without a limit it is an error of the task itself.
-            limit_s = task.limit_s
-            endless = EndlessError(f"Expected a task to end within {limit_s:g} s, got no end") if limit_s else error
-            future.set_exception(endless)
-        except Exception as error:  # noqa: BLE001 - raised where the result is requested
-            future.set_exception(error)
-        else:
-            self.peak_memory_mib = max(self.peak_memory_mib, peak_memory_mib)
-            future.set_result(result)
+            self._threads.shutdown(wait=False, cancel_futures=True)
+            for process in self._processes:
+                process.close()
+            self._threads.shutdown()
+        finally:
+            self._folder.cleanup()
 
-    def _listen(self) -> None:
-        with suppress(EOFError, OSError):
-            while True:
-                number, what, done, of = self._reports.recv()
-                progress = self._progress.get(number, quiet)
-                # An error where progress is shown must not end this loop: processes would wait for a full pipe.
-                with suppress(Exception):
-                    progress(what, done, of)
+    def _do(self, task: Task, progress: Progress) -> Any:
+        process = self._idle.get()
+        try:
+            return process.do(task, progress)
+        finally:
+            self._idle.put(process)
+
+
+class _WorkerProcess:
+    """A process that does one task after another, and is started with its first task."""
+
+    def __init__(self, context: BaseContext, threads: int, folder: Path) -> None:
+        self.peak_memory_mib = 0
+        self._context = context
+        self._threads = threads
+        self._folder = folder
+        self._closed = False
+        self._pool: ProcessPool | None = None
+        self._reports: Connection[Any, Any] | None = None
+
+    def do(self, task: Task, progress: Progress) -> Any:
+        """Do the task; raises what it raises, and ``WorkerLostError`` or ``EndlessError`` where its process ends."""
+        files = _TaskFiles(self._folder / uuid4().hex)
+        files.task.write_bytes(pickle.dumps(task, pickle.HIGHEST_PROTOCOL))
+        try:
+            peak_memory_mib = self._wait(files, task.limit_s, progress)
+            outcome = pickle.loads(files.outcome.read_bytes())
+        except BaseException as end:
+            files.remove()
+            # Whatever the process is doing now, its next task must not wait for it.
+            self._end()
+            if isinstance(end, ProcessExpired):
+                # A negative exit code is the number of the signal (multiprocessing).
+                by = f"signal {-end.exitcode}" if end.exitcode < 0 else f"exit code {end.exitcode}"
+                raise WorkerLostError(f"Expected a process to end its task, got its own end: {by}") from end
+            if isinstance(end, TimeoutError):
+                raise EndlessError(f"Expected a task to end within {task.limit_s:g} s, got no end") from end
+            if isinstance(end, CancelledError | BrokenProcessPool):
+                raise WorkerLostError("Expected a process for the task, got none") from end
+            raise
+        files.remove()
+        self.peak_memory_mib = max(self.peak_memory_mib, peak_memory_mib)
+        if isinstance(outcome, _Failure):
+            raise outcome.error
+        return outcome
+
+    def close(self) -> None:
+        """End the process, and start no other."""
+        self._closed = True
+        self._end()
+
+    def _wait(self, files: "_TaskFiles", limit_s: float | None, progress: Progress) -> int:
+        """Return the peak of memory of the process, MiB, once it has done the task."""
+        if self._closed:
+            raise CancelledError
+        if self._pool is None or self._reports is None or not self._pool.active:
+            self._end()
+            self._reports, reporting = self._context.Pipe(duplex=False)
+            arguments = (reporting, self._threads)
+            self._pool = ProcessPool(1, initializer=_begin_worker, initargs=arguments, context=self._context)
+        reports, process_id = self._reports, 0
+        pooled = self._pool.schedule(_do, args=(files, limit_s), timeout=limit_s)
+        while not pooled.done():
+            if reports.poll(_SILENCE_S):
+                report = reports.recv()
+                if report is None:
+                    break
+                if isinstance(report, int):
+                    process_id = report
+                else:
+                    progress(*report)
+            elif self._closed:
+                raise CancelledError
+            # To the pool a process that exits with code 0 in the middle of a task is no death.
+            elif (
+                process_id
+                and process_id not in {child.pid for child in multiprocessing.active_children()}
+                and not wait([pooled], timeout=10 * _SILENCE_S).done
+            ):
+                raise ProcessExpired("gone", 0)  # type: ignore[no-untyped-call]
+        peak: int = pooled.result()
+        while reports.poll():
+            reports.recv()
+        return peak
+
+    def _end(self) -> None:
+        pool, self._pool = self._pool, None
+        if pool is not None:
+            pool.stop()  # type: ignore[no-untyped-call]
+            pool.join()
+
+
+@dataclass(frozen=True, slots=True)
+class _TaskFiles:
+    """Where a task and its outcome lie: ``stem`` is their common path without the endings."""
+
+    stem: Path
+
+    @property
+    def task(self) -> Path:
+        return self.stem.with_suffix(".task")
+
+    @property
+    def outcome(self) -> Path:
+        return self.stem.with_suffix(".outcome")
+
+    def remove(self) -> None:
+        for path in (self.task, self.outcome):
+            path.unlink(missing_ok=True)
+
+
+@dataclass(frozen=True, slots=True)
+class _Failure:
+    """Stands for the result of a task that raised an error, which has its traceback as a note."""
+
+    error: Exception
 
 
 @dataclass(slots=True)
@@ -119,11 +215,10 @@ class _Process:
     reporting: "Connection[Any, Any] | None" = None
     open_file: OpenFile = field(default_factory=lambda: OpenFile(keeps=True))
 
-    def report(self, number: int, what: str, done: int, of: int) -> None:
-        """Report the progress of a task by its number."""
+    def report(self, what: str, done: int, of: int) -> None:
+        """Report the progress of a task."""
         if self.reporting:
-            # A short message is written at once, so that those of several processes do not mix.
-            self.reporting.send((number, what, done, of))
+            self.reporting.send((what, done, of))
 
 
 _here: Final = _Process()
@@ -133,19 +228,35 @@ _here: Final = _Process()
 def _begin_worker(reporting: "Connection[Any, Any]", threads: int) -> None:
     """Note where to report progress, and limit the threads of OpenCV, whose images do not depend on them."""
     _here.reporting = reporting
-    cv2.setNumThreads(int(os.environ.get("OPENCV_FOR_THREADS_NUM", threads)))
+    cv2.setNumThreads(threads)
 
 
-def _do(number: int, pickled: bytes, folder: Path) -> tuple[bytes, int]:
-    """Do a task in a worker; return its result, pickled, and the peak of memory of the process so far, MiB."""
+def _do(files: _TaskFiles, limit_s: float | None) -> int:
+    """Do a task in a worker, write its outcome, and return the peak of memory of the process so far, MiB."""
+    reporting = _here.reporting
+    if reporting:
+        reporting.send(os.getpid())
+    if limit_s and hasattr(signal, "alarm"):
+        # The default action of the signal ends the process, also within a call into C.
+        signal.signal(signal.SIGALRM, signal.SIG_DFL)
+        signal.alarm(math.ceil(limit_s) + _GRACE_S)
     try:
-        task: Task = pickle.loads(pickled)
-        result = pickle.dumps(task.do(Worker(_here.open_file, partial(_here.report, number)), folder))
-    except Exception as error:
+        task: Task = pickle.loads(files.task.read_bytes())
+        outcome = pickle.dumps(
+            task.do(Worker(_here.open_file, _here.report), files.stem.parent), pickle.HIGHEST_PROTOCOL
+        )
+    except Exception as error:  # noqa: BLE001 - raised where the result is requested
+        error.add_note("".join(traceback.format_exception(error)))
         try:
-            pickle.loads(pickle.dumps(error))
+            outcome = pickle.dumps(_Failure(error))
+            pickle.loads(outcome)
         except Exception:  # noqa: BLE001 - whatever it is that cannot be done: its text alone then
-            raise RuntimeError(f"{type(error).__name__}: {error}") from None
-        raise
+            outcome = pickle.dumps(_Failure(RuntimeError(f"{type(error).__name__}: {error}")))
+    finally:
+        if hasattr(signal, "alarm"):
+            signal.alarm(0)
+    files.outcome.write_bytes(outcome)
+    if reporting:
+        reporting.send(None)
     peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
-    return result, peak >> 20 if sys.platform == "darwin" else peak >> 10  # bytes there, KiB elsewhere
+    return peak >> 20 if sys.platform == "darwin" else peak >> 10  # bytes there, KiB elsewhere

@@ -1,5 +1,6 @@
 """What workers do for a file: the functions of tasks, each with its arguments and the worker that does it."""
 
+import math
 import os
 from collections.abc import Iterable, Sequence
 from contextlib import suppress
@@ -19,6 +20,7 @@ from fedora_qa.errors import MisuseError, UnreadableFileError
 from fedora_qa.layout.dialect import Dialect
 from fedora_qa.sequence.sequence import open_sequence
 from fedora_qa.storage.place import Place, RemoteFile
+from fedora_qa.storage.traffic import NO_TRAFFIC, Traffic
 
 OPENING_VARIABLE: Final = "FEDORA_QA_OPENING_S"
 """Environment variable: seconds within which a file must open."""
@@ -45,7 +47,9 @@ def opening_test(path: Place, dialect: Dialect | None = None, allow_external: It
     try:
         limit_s = _OPENING_S if given is None else float(given)
     except ValueError:
-        raise MisuseError(f"Expected seconds in {OPENING_VARIABLE}, such as 60, got {given!r}") from None
+        limit_s = 0.0
+    if not 0.0 < limit_s < math.inf:
+        raise MisuseError(f"Expected seconds in {OPENING_VARIABLE}, such as 60, got {given!r}")
     return Task(open_and_close, (path, dialect, tuple(allow_external)), limit_s=limit_s)
 
 
@@ -129,3 +133,8 @@ def finish_file(survey: Survey, parts: Sequence[Kept], lost: Sequence[int], work
         run = assemble(survey, file, (part.load() for part in parts), lost, worker.progress)
     worker.open_file.close()
     return run
+
+
+def traffic_of(parts: Sequence[Kept], _: Worker) -> Traffic:
+    """Return the requests to a server for passes over windows."""
+    return sum((part.load().traffic for part in parts), NO_TRAFFIC)

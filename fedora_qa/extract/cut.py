@@ -24,7 +24,7 @@ from fedora_qa.extract.storage import (
 )
 from fedora_qa.layout.canonical import DATASETS
 from fedora_qa.layout.dialect import Dialect
-from fedora_qa.layout.elsewhere import Elsewhere
+from fedora_qa.layout.external_files import ExternalFiles
 from fedora_qa.layout.links import READ_ERRORS, RefusedError, find_dataset, find_object
 from fedora_qa.sequence.facts import IndexMap
 from fedora_qa.sequence.scan import FRAMES_OF_MAP, Scan
@@ -65,7 +65,7 @@ class Cutter:
         Its timestamps and index maps.
     dialect
         How it names things.
-    elsewhere
+    external_files
         Which other files may be read; None: no other. Their values are written into the piece.
     """
 
@@ -75,10 +75,10 @@ class Cutter:
         sequence: SequenceRows,
         scanned: Scan,
         dialect: Dialect,
-        elsewhere: Elsewhere | None = None,
+        external_files: ExternalFiles | None = None,
     ) -> None:
         self._file = file
-        self._elsewhere = elsewhere
+        self._external_files = external_files
         self._sequence = sequence
         self._scanned = scanned
         # Every dataset of a stream that can be opened, by canonical key, also of streams that lack another dataset.
@@ -89,7 +89,7 @@ class Cutter:
             if place is None or not spec.chunk_rows:
                 continue
             with suppress(RefusedError):
-                dataset = find_dataset(file, place.path or key, elsewhere)
+                dataset = find_dataset(file, place.path or key, external_files)
                 if dataset is not None and dataset.shape:
                     # External files are named relative to their own file, not to the working directory.
                     datasets[key] = beside_its_file(dataset) if dataset.external else dataset
@@ -139,7 +139,7 @@ class Cutter:
             cuts[_linked_place(dataset.file, dataset.name)] = _Cut(dataset, kept[stream], entries)
         with RememberingFile(target) as file:
             with h5py.File(file, "w") as copy:
-                writer = _Writer(cuts, file, self._file.filename, self._elsewhere)
+                writer = _Writer(cuts, file, self._file.filename, self._external_files)
                 writer.group(self._file, copy)
             file.go_on()
         return kept, tuple(writer.left_out)
@@ -170,7 +170,7 @@ class _Writer:
     cuts: Mapping[_Place, _Cut]
     file: RememberingFile
     source: str
-    elsewhere: Elsewhere | None
+    external_files: ExternalFiles | None
     written: dict[_Place, str] = field(default_factory=dict)
     left_out: list[str] = field(default_factory=list)
 
@@ -201,9 +201,9 @@ class _Writer:
         # nowhere in the piece.
         leaves = isinstance(link, h5py.ExternalLink) or source.file.filename != self.source
         target: Any = None
-        if self.elsewhere is not None and leaves:
+        if self.external_files is not None and leaves:
             with suppress(RefusedError):
-                target = find_object(source.file, f"{source.name}/{name}", self.elsewhere)
+                target = find_object(source.file, f"{source.name}/{name}", self.external_files)
         if target is None:
             copy[name] = link
         else:

@@ -16,7 +16,7 @@ from fedora_qa.extract.cut import Cutter
 from fedora_qa.extract.place import pieces_around, place_of
 from fedora_qa.extract.rows import CutRows
 from fedora_qa.layout.detect import detect_dialect
-from fedora_qa.layout.elsewhere import Elsewhere
+from fedora_qa.layout.external_files import ExternalFiles
 from fedora_qa.record.atomic import replacing
 from fedora_qa.record.types import Finding
 from fedora_qa.sequence.scan import scan
@@ -88,9 +88,11 @@ def extract(
     with ExitStack() as opened:
         sequence = opened.enter_context(open_sequence(source, options.dialect, allow_external=folders))
         file = opened.enter_context(h5py.File(source.resolve() if folders else source, "r", locking="best-effort"))
-        elsewhere = opened.enter_context(closing(Elsewhere(folders))) if folders else None
+        external_files = opened.enter_context(closing(ExternalFiles(folders))) if folders else None
         scanned = scan(sequence, window_length_ns(sequence))
-        cutter = Cutter(file, sequence, scanned, options.dialect or detect_dialect(file, elsewhere), elsewhere)
+        cutter = Cutter(
+            file, sequence, scanned, options.dialect or detect_dialect(file, external_files), external_files
+        )
         place = place_of(wanted.finding.where, wanted.check, scanned)
         with replacing(target) as temporary:
             for piece in pieces_around(place, round(longest_s * NS_PER_S)):

@@ -22,7 +22,6 @@ from fedora_qa.layout.links import READ_ERRORS
 
 Polarity = Literal["01", "inverted", "plus_minus"]
 
-"""Gives an array of a shape and type to write into, of any values: ``numpy.empty``, or pages of one's own."""
 
 Opened = dict[str, StoredChunks]
 """Datasets of a file that stay open with it, by canonical key: to open one takes longer than to read a few lines."""
@@ -123,7 +122,7 @@ def stored_dataset(file: h5py.File, binding: Binding) -> h5py.Dataset:
         return file[binding.path]
     access = h5p.create(h5p.DATASET_ACCESS)
     # HDF5 resolves names of external files against the working directory by default. The prefix makes it the folder of
-    # the file, where ``Elsewhere.require_sources`` has checked them.
+    # the file, where ``ExternalFiles.require_sources`` has checked them.
     access.set_efile_prefix(os.fsencode(Path(file.filename).parent))
     return h5py.Dataset(h5d.open(file.id, binding.source[1].encode("utf-8", "surrogateescape"), access), readonly=True)
 

@@ -6,7 +6,7 @@ from fedora_qa.conventions import FORMAT_NAME
 from fedora_qa.layout.canonical import DATASETS
 from fedora_qa.layout.conform import legal_ranks
 from fedora_qa.layout.dialect import DIALECT_NAMES, Dialect, load_dialect
-from fedora_qa.layout.elsewhere import Elsewhere
+from fedora_qa.layout.external_files import ExternalFiles
 from fedora_qa.layout.links import READ_ERRORS, RefusedError, find_dataset
 from fedora_qa.layout.stored_attribute import text_attribute
 
@@ -18,7 +18,7 @@ def declares_fedora(file: h5py.File) -> bool:
     return text_attribute(file, "format") == FORMAT_NAME
 
 
-def detect_dialect(file: h5py.File, elsewhere: Elsewhere | None = None) -> Dialect:
+def detect_dialect(file: h5py.File, external_files: ExternalFiles | None = None) -> Dialect:
     """Return the dialect that the file declares, or else the one that finds most datasets.
 
     Hints decide between equals, then the order of ``DIALECT_NAMES``; a file in which nothing is found is read as
@@ -32,12 +32,12 @@ def detect_dialect(file: h5py.File, elsewhere: Elsewhere | None = None) -> Diale
         count, hinted = 0, False
         for spec in DATASETS.values():
             place = dialect.place_of(spec.key)
-            dataset = None if place is None else _dataset(file, place.path or spec.key, elsewhere)
+            dataset = None if place is None else _dataset(file, place.path or spec.key, external_files)
             # Rank only: a dataset of a wrong size still identifies its dialect, and the size is reported later.
             if place is not None and dataset is not None and len(dataset.shape) in legal_ranks(spec, place):
                 count += 1
         for hint in dialect.hints:
-            dataset = _dataset(file, hint.path, elsewhere)
+            dataset = _dataset(file, hint.path, external_files)
             if dataset is None or hint.rank not in {None, len(dataset.shape)}:
                 continue
             hinted = hint.kind is None or dataset.dtype.kind in _KINDS[hint.kind]
@@ -48,10 +48,10 @@ def detect_dialect(file: h5py.File, elsewhere: Elsewhere | None = None) -> Diale
     return dialects[scores.index(max(scores))]
 
 
-def _dataset(file: h5py.File, path: str, elsewhere: Elsewhere | None) -> h5py.Dataset | None:
+def _dataset(file: h5py.File, path: str, external_files: ExternalFiles | None) -> h5py.Dataset | None:
     """Return the dataset at a path if it has a shape and a type that can be read."""
     try:
-        dataset = find_dataset(file, path, elsewhere)
+        dataset = find_dataset(file, path, external_files)
         legible = dataset is not None and dataset.shape is not None and dataset.dtype is not None
     except (RefusedError, *READ_ERRORS):
         return None

@@ -12,7 +12,7 @@ import h5py
 from h5py import _objects, h5d, h5g, h5i, h5l, h5o
 
 if TYPE_CHECKING:
-    from fedora_qa.layout.elsewhere import Elsewhere
+    from fedora_qa.layout.external_files import ExternalFiles
 
 READ_ERRORS: Final = (OSError, RuntimeError, KeyError, ValueError, TypeError, OverflowError, MemoryError)
 """What h5py raises where stored bytes are damaged, a filter is missing, or a size is absurd."""
@@ -51,12 +51,12 @@ class RefusedError(Exception):
         self.magnitude = magnitude
 
 
-def find_dataset(file: h5py.File, path: str, elsewhere: "Elsewhere | None" = None) -> h5py.Dataset | None:
+def find_dataset(file: h5py.File, path: str, external_files: "ExternalFiles | None" = None) -> h5py.Dataset | None:
     """Return the dataset at a path, or None where there is nothing.
 
     Parameters
     ----------
-    elsewhere
+    external_files
         Which other files may be read; None: no other.
 
     Raises
@@ -65,15 +65,15 @@ def find_dataset(file: h5py.File, path: str, elsewhere: "Elsewhere | None" = Non
         The path leads out of the file, dangles, ends at a group, or cannot be followed because bytes are damaged.
     """
     with reading(path):
-        target = _follow(file, path, MAX_LINKS, elsewhere)
+        target = _follow(file, path, MAX_LINKS, external_files)
         if target is None:
             return None
         if not isinstance(target, h5py.Dataset):
             message = f"Expected a dataset at {path}, got a group or named type"
             raise RefusedError("not_a_dataset", "wrong_shape", message)
         outside = target.is_virtual or target.external
-        if outside and elsewhere is not None:
-            elsewhere.require_sources(target, path)
+        if outside and external_files is not None:
+            external_files.require_sources(target, path)
         elif outside:
             message = (
                 f"Expected the values of {path} in this file, got a virtual or externally stored dataset; copy them"
@@ -91,16 +91,16 @@ def reading(path: str) -> Iterator[None]:
         raise RefusedError("unreadable", "corrupt_chunk", f"Expected {path} to be readable, got: {error}") from error
 
 
-def has_group(file: h5py.File, path: str, elsewhere: "Elsewhere | None" = None) -> bool:
+def has_group(file: h5py.File, path: str, external_files: "ExternalFiles | None" = None) -> bool:
     """Whether a group lies at the path, inside this file or where else may be read."""
     try:
-        return isinstance(find_object(file, path, elsewhere), h5py.Group)
+        return isinstance(find_object(file, path, external_files), h5py.Group)
     except RefusedError:
         return False
 
 
 def find_object(
-    file: h5py.File, path: str, elsewhere: "Elsewhere | None" = None
+    file: h5py.File, path: str, external_files: "ExternalFiles | None" = None
 ) -> h5py.Group | h5py.Dataset | h5py.Datatype | None:
     """Return the object at a path, following only links that stay where may be read; None where there is nothing.
 
@@ -110,11 +110,11 @@ def find_object(
         As for ``find_dataset``.
     """
     with reading(path):
-        return _follow(file, path, MAX_LINKS, elsewhere)
+        return _follow(file, path, MAX_LINKS, external_files)
 
 
 def _follow(
-    file: h5py.File, path: str, links_left: int, elsewhere: "Elsewhere | None"
+    file: h5py.File, path: str, links_left: int, external_files: "ExternalFiles | None"
 ) -> h5py.Group | h5py.Dataset | h5py.Datatype | None:
     root = h5g.open(file.id, b"/")
     parts = [part for part in path.split("/") if part not in {"", "."}]
@@ -133,12 +133,12 @@ def _follow(
             else:
                 target = h5o.open(root, way) if way else root
     if target is None:
-        return _step_by_step(file, root, parts, links_left, elsewhere)
+        return _step_by_step(file, root, parts, links_left, external_files)
     return _object(file, target)
 
 
 def _step_by_step(
-    file: h5py.File, root: h5g.GroupID, parts: list[str], links_left: int, elsewhere: "Elsewhere | None"
+    file: h5py.File, root: h5g.GroupID, parts: list[str], links_left: int, external_files: "ExternalFiles | None"
 ) -> h5py.Group | h5py.Dataset | h5py.Datatype | None:
     here, path = root, "/".join(parts)
     for depth, part in enumerate(parts):
@@ -154,13 +154,13 @@ def _step_by_step(
         kind = here.links.get_info(name).type
         if kind == h5l.TYPE_EXTERNAL:
             filename, target = (stored.decode("utf-8", "surrogateescape") for stored in here.links.get_val(name))
-            if elsewhere is None:
+            if external_files is None:
                 raise RefusedError("outside_link", "missing_stream", f"Expected {path} in this file, got a link to "
                                    f"{filename}; copy the data into the file")  # fmt: skip
             rest = "/".join([target, *parts[depth + 1 :]])
             # The count bounds the recursion: two files may link to each other.
-            other = elsewhere.named(file, filename, path) if links_left else None
-            located = _follow(other, rest, links_left - 1, elsewhere) if other else None
+            other = external_files.named(file, filename, path) if links_left else None
+            located = _follow(other, rest, links_left - 1, external_files) if other else None
             if located is None:
                 raise RefusedError("dangling_link", "missing_stream", f"Expected data at {path}, got a link to "
                                    f"{target} in {filename}, where there is nothing")  # fmt: skip
@@ -171,7 +171,7 @@ def _step_by_step(
             # A relative soft link starts at the group that holds it.
             target = link if link.startswith("/") else "/".join([above, link])
             rest = "/".join([target, *parts[depth + 1 :]])
-            located = _follow(file, rest, links_left - 1, elsewhere) if links_left else None
+            located = _follow(file, rest, links_left - 1, external_files) if links_left else None
             if located is None:
                 raise RefusedError("dangling_link", "missing_stream", f"Expected data at {path}, got a link to "
                                    f"{link}, where there is nothing")  # fmt: skip

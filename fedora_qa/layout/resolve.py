@@ -22,7 +22,7 @@ from fedora_qa.layout.canonical import (
 from fedora_qa.layout.conform import require_readable_type, require_shape
 from fedora_qa.layout.detect import declares_fedora, detect_dialect
 from fedora_qa.layout.dialect import NS_PER_TIME_UNIT, QUATERNION_COLUMNS, DatasetPlace, Dialect, scale_of
-from fedora_qa.layout.elsewhere import Elsewhere
+from fedora_qa.layout.external_files import ExternalFiles
 from fedora_qa.layout.filters import require_filters
 from fedora_qa.layout.links import (
     MOST_NAMES,
@@ -82,7 +82,7 @@ class Layout:
     inferred: Mapping[str, str | float] = field(default_factory=dict)
 
 
-def resolve(file: h5py.File, dialect: Dialect | None = None, elsewhere: Elsewhere | None = None) -> Layout:
+def resolve(file: h5py.File, dialect: Dialect | None = None, external_files: ExternalFiles | None = None) -> Layout:
     """Find every canonical dataset.
 
     Parameters
@@ -91,15 +91,15 @@ def resolve(file: h5py.File, dialect: Dialect | None = None, elsewhere: Elsewher
         Open for reading.
     dialect
         The dialect to read in; None: the one that the file declares, or else the one that finds most.
-    elsewhere
+    external_files
         Which other files it may read from; None: no other.
     """
     inferred: dict[str, str | float] = {}
     if dialect is None:
-        dialect = detect_dialect(file, elsewhere)
+        dialect = detect_dialect(file, external_files)
         if not declares_fedora(file):
             inferred["layout.dialect"] = dialect.name
-    finder = _Finder(file, dialect, elsewhere)
+    finder = _Finder(file, dialect, external_files)
     # In the order of the layout: the first stream with a symbolic size is the reference for all later ones.
     for stream in (*STREAMS, *_EXTRA_STREAMS):
         finder.find(stream)
@@ -121,9 +121,9 @@ def resolve(file: h5py.File, dialect: Dialect | None = None, elsewhere: Elsewher
 class _Finder:
     """Walks the streams in order and keeps what it finds; sizes are agreed on between streams as they come."""
 
-    def __init__(self, file: h5py.File, dialect: Dialect, elsewhere: Elsewhere | None) -> None:
+    def __init__(self, file: h5py.File, dialect: Dialect, external_files: ExternalFiles | None) -> None:
         self.file = file
-        self.elsewhere = elsewhere
+        self.external_files = external_files
         self.dialect = dialect
         self.bindings: dict[str, Binding] = {}
         self.absent: dict[str, str] = {}
@@ -175,18 +175,18 @@ class _Finder:
         """Report streams that the metadata declare and that are not there at all."""
         reported = {problem.stream for problem in self.problems}
         for stream, group in PROMISED_BY.items():
-            if stream in self.absent and stream not in reported and has_group(self.file, group, self.elsewhere):
+            if stream in self.absent and stream not in reported and has_group(self.file, group, self.external_files):
                 self._report_promise(stream, group)
         # One group declares flow of all rates, and any one rate fulfils it.
         no_flow = all(stream in self.absent and stream not in reported for stream in FLOW_STREAMS)
-        if no_flow and has_group(self.file, "metadata/flow", self.elsewhere):
+        if no_flow and has_group(self.file, "metadata/flow", self.external_files):
             self._report_promise("flow", "metadata/flow")
 
     def hold_to_links(self) -> None:
         """Report groups of metadata that lie elsewhere, or whose link leads nowhere: what they declare is not read."""
         for owner in METADATA_GROUPS:
             try:
-                find_object(self.file, owner, self.elsewhere)
+                find_object(self.file, owner, self.external_files)
             except RefusedError as refused:
                 self._report("metadata", "", refused)
 
@@ -210,7 +210,7 @@ class _Finder:
             return True if garbled or looked_at == MOST_NAMES else None
 
         try:
-            stored = find_object(self.file, group, self.elsewhere)
+            stored = find_object(self.file, group, self.external_files)
             if isinstance(stored, h5py.Group):
                 stored.id.links.iterate(look)
         except (RefusedError, *READ_ERRORS):
@@ -237,7 +237,7 @@ class _Finder:
 
     def _dataset(self, spec: DatasetSpec) -> h5py.Dataset | None:
         try:
-            return find_dataset(self.file, self._path(spec.key), self.elsewhere)
+            return find_dataset(self.file, self._path(spec.key), self.external_files)
         except RefusedError as refused:
             raise _BrokenError(spec.key, refused) from refused
 
@@ -281,7 +281,7 @@ class _Finder:
                     self._report(spec.stream, spec.key, RefusedError("unwritten", "truncated", message, share))
                 offset_ns = self._offset_ns(place, binding)
                 source: tuple[str, str] | None = None
-                if self.elsewhere is not None:
+                if self.external_files is not None:
                     there = dataset.file.filename
                     outside = there != self.file.filename or dataset.is_virtual or dataset.external
                     source = (there, dataset.name) if outside else None

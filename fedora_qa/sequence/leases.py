@@ -16,7 +16,7 @@ class Leases:
     """Keeps an array until a window has passed in which it was not requested.
 
     Where a limit of bytes is reached, leases of the window before end first, the oldest first. What does not fit then
-    is made for its caller alone, and is made again at the next request: that costs time and changes no result.
+    is made for its caller, and is made again at a later request: that costs time and changes no result.
 
     Parameters
     ----------
@@ -30,12 +30,15 @@ class Leases:
         # Requested by the window before and not yet by this one; requested by this one. Both in the order of request.
         self._before: dict[Hashable, Any] = {}
         self._now: dict[Hashable, Any] = {}
+        # What did not fit, the latest: a search reads one block many times.
+        self._latest: tuple[Hashable, Any] | None = None
 
     def begin_window(self) -> None:
         """End the leases of what the last window did not request."""
         for key in tuple(self._before):
             self._end(key)
         self._before, self._now = self._now, {}
+        self._latest = None
 
     def get(self, key: Hashable, make: Callable[[], Value]) -> Value:
         """Return the value of a key, an array or an error in its place; ``make`` makes it where it is not kept."""
@@ -44,19 +47,24 @@ class Leases:
         if key in self._before:
             value = self._now[key] = self._before.pop(key)
             return cast(Value, value)
+        if self._latest and self._latest[0] == key:
+            return cast(Value, self._latest[1])
         value = make()
         size = _bytes(value)
-        while self._before and self.kept_bytes + size > self.limit_bytes:
+        while self._before and size <= self.limit_bytes < self.kept_bytes + size:
             self._end(next(iter(self._before)))
         if self.kept_bytes + size <= self.limit_bytes:
             self._now[key] = value
             self.kept_bytes += size
+        else:
+            self._latest = key, value
         return value
 
     def forget(self) -> None:
         """End all leases."""
         self._before.clear()
         self._now.clear()
+        self._latest = None
         self.kept_bytes = 0
 
     def _end(self, key: Hashable) -> None:

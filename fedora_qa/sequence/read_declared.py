@@ -14,7 +14,7 @@ from fedora_qa.errors import UnreadableRowsError
 from fedora_qa.layout.binding import Binding, canonical_rows, stored_dataset
 from fedora_qa.layout.bounds import LARGEST_IMAGE_PIXELS
 from fedora_qa.layout.canonical import ATTRIBUTES, DATASETS, AttributeSpec, attributes_of
-from fedora_qa.layout.elsewhere import Elsewhere
+from fedora_qa.layout.external_files import ExternalFiles
 from fedora_qa.layout.links import READ_ERRORS, RefusedError, find_object
 from fedora_qa.layout.resolve import Layout
 from fedora_qa.layout.stored_attribute import stored_attribute, text_attribute
@@ -56,7 +56,7 @@ class MalformedError(Exception):
         self.cause = cause
 
 
-def read_declared(file: h5py.File, layout: Layout, elsewhere: Elsewhere | None = None) -> Declared:
+def read_declared(file: h5py.File, layout: Layout, external_files: ExternalFiles | None = None) -> Declared:
     """Read every attribute of the layout; attributes that cannot be used become problems.
 
     A group that is absent as a whole gives one problem with an empty ``name``. A required attribute that is absent, or
@@ -69,7 +69,7 @@ def read_declared(file: h5py.File, layout: Layout, elsewhere: Elsewhere | None =
         The open file.
     layout
         Paths of its objects.
-    elsewhere
+    external_files
         Other files that it links to; None where these may not be read.
 
     Returns
@@ -77,7 +77,7 @@ def read_declared(file: h5py.File, layout: Layout, elsewhere: Elsewhere | None =
     Declared
         Problems are in the order of the layout.
     """
-    reader = _Reader(file, layout, elsewhere)
+    reader = _Reader(file, layout, external_files)
     values = {owner: reader.read(owner) for owner in _OWNERS}
     flow, events = values["metadata/flow"], values["metadata/events"]
     imu, pose = values["metadata/imu"], values["metadata/pose"]
@@ -112,8 +112,8 @@ def read_declared(file: h5py.File, layout: Layout, elsewhere: Elsewhere | None =
 class _Reader:
     """Reads owner by owner and keeps the problems in order."""
 
-    def __init__(self, file: h5py.File, layout: Layout, elsewhere: Elsewhere | None) -> None:
-        self.elsewhere = elsewhere
+    def __init__(self, file: h5py.File, layout: Layout, external_files: ExternalFiles | None) -> None:
+        self.external_files = external_files
         self.file = file
         self.layout = layout
         self.problems: list[DeclarationProblem] = []
@@ -124,7 +124,7 @@ class _Reader:
         path = binding.path if binding else owner
         holder = None
         try:
-            holder = find_object(self.file, path, self.elsewhere)
+            holder = find_object(self.file, path, self.external_files)
         except RefusedError as refused:
             self._problem(path, "", refused.cause, str(refused))
         if not isinstance(holder, h5py.Group | h5py.Dataset):
@@ -197,7 +197,7 @@ class _Reader:
         return labels
 
     def _holding(self, binding: Binding) -> h5py.File:
-        return self.elsewhere.holding(self.file, binding) if self.elsewhere else self.file
+        return self.external_files.holding(self.file, binding) if self.external_files else self.file
 
     def _problem(self, owner: str, name: str, cause: str, message: str) -> None:
         cause_named = cause if allowed(cause, "metadata") else "unknown"

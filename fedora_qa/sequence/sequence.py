@@ -16,7 +16,7 @@ from fedora_qa.errors import UnreadableFileError, UnreadableRowsError
 from fedora_qa.layout.binding import Binding, Opened, canonical_rows, instant_ns, raw_rows
 from fedora_qa.layout.canonical import TIMESTAMPS_OF
 from fedora_qa.layout.dialect import Dialect
-from fedora_qa.layout.elsewhere import Elsewhere
+from fedora_qa.layout.external_files import ExternalFiles
 from fedora_qa.layout.links import RefusedError
 from fedora_qa.layout.resolve import Layout, resolve
 from fedora_qa.sequence.declared import Declared
@@ -120,17 +120,17 @@ class Sequence:
         dialect: Dialect | None,
         remote: RemoteBytes | None = None,
         opening_facts: OpeningFacts | None = None,
-        elsewhere: Elsewhere | None = None,
+        external_files: ExternalFiles | None = None,
     ) -> None:
         self.path = path
         self._file = file
         self._remote = remote
-        self._elsewhere = elsewhere
-        self._opened: Opened | None = {} if elsewhere is None else None  # other files are closed and opened again
+        self._external_files = external_files
+        self._opened: Opened | None = {} if external_files is None else None  # other files are closed and opened again
         self.version: Version = remote.version if remote else version_of(path)
-        self.layout: Layout = opening_facts.layout if opening_facts else resolve(file, dialect, elsewhere)
+        self.layout: Layout = opening_facts.layout if opening_facts else resolve(file, dialect, external_files)
         self.declared: Declared = (
-            opening_facts.declared if opening_facts else read_declared(file, self.layout, elsewhere)
+            opening_facts.declared if opening_facts else read_declared(file, self.layout, external_files)
         )
         self.origin_ns: int = opening_facts.origin_ns if opening_facts else 0
         if not opening_facts:
@@ -159,8 +159,8 @@ class Sequence:
     def close(self) -> None:
         """Close the file."""
         self._file.close()
-        if self._elsewhere:
-            self._elsewhere.close()
+        if self._external_files:
+            self._external_files.close()
         if self._remote:
             self._remote.close()
 
@@ -215,10 +215,10 @@ class Sequence:
         return max(1, (1 << 20) // max(row_bytes, 1))
 
     def _holding(self, binding: Binding) -> h5py.File:
-        if self._elsewhere is None:
+        if self._external_files is None:
             return self._file
         try:
-            return self._elsewhere.holding(self._file, binding)
+            return self._external_files.holding(self._file, binding)
         except (RefusedError, OSError) as error:
             raise UnreadableRowsError(binding.key, 0, binding.rows, str(error)) from error
 
@@ -277,19 +277,19 @@ def open_sequence(
             opened.pop_all()
             return sequence
     require_signature(path)
-    elsewhere = Elsewhere(folders) if (folders := tuple(allow_external)) else None
+    external_files = ExternalFiles(folders) if (folders := tuple(allow_external)) else None
     try:  # HDF5 searches linked files beside the name under which this one is opened
-        name = os.path.realpath(path) if elsewhere else path
+        name = os.path.realpath(path) if external_files else path
         file = h5py.File(name, "r", locking="best-effort", rdcc_nbytes=_NO_CHUNKS)
     except OSError as error:
         raise UnreadableFileError(f"Expected a complete HDF5 file, got: {_first_line(error)}") from error
     try:
-        return Sequence(path, file, dialect, opening_facts=opening_facts, elsewhere=elsewhere)
+        return Sequence(path, file, dialect, opening_facts=opening_facts, external_files=external_files)
     # Also on an interrupt: an open file keeps its lock.
     except BaseException:
         file.close()
-        if elsewhere:
-            elsewhere.close()
+        if external_files:
+            external_files.close()
         raise
 
 

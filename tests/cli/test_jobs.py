@@ -175,7 +175,7 @@ def test_other_code_starts_afresh(
 ) -> None:
     """What was found by other code, or with other libraries, counts for nothing."""
     resumed()
-    monkeypatch.setattr(f"fedora_qa.cli.kept.{changed}", lambda *_: "another")
+    monkeypatch.setattr(f"fedora_qa.cli.resume.{changed}", lambda *_: "another")
     resumed()
     assert len(watch.checked) == 4
 

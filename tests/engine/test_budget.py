@@ -1,20 +1,27 @@
 """A budget of time: as many windows as fit, evenly spread, judged on time; and what is found is what they show."""
 
 import json
+from concurrent.futures import Future
 from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
+from typing import Any
 
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from fedora_qa.checks.protocol import Observation
 from fedora_qa.engine.budget import visiting_order
-from fedora_qa.engine.executor import Executor, InProcess
+from fedora_qa.engine.executor import Executor, InProcess, Task
 from fedora_qa.engine.files import check_files
 from fedora_qa.engine.options import CheckOptions, FileRun
 from fedora_qa.engine.plan import EFFORTS, FEWEST_WINDOWS
 from fedora_qa.engine.processes import ProcessExecutor
+from fedora_qa.engine.progress import Progress, ProgressTally
+from fedora_qa.engine.tasks import finish_file, measure_windows
+from fedora_qa.errors import WorkerLostError
+from fedora_qa.record.types import Coverage
 from fedora_qa.sequence.facts import Facts
 from fedora_qa.sequence.window import Window
 from tests.support.fake_executors import Loses, Travels
@@ -77,6 +84,17 @@ class Slow(Counts):
         """Take longer the more was seen."""
         CLOCK.now += 2.0 + 0.1 * len(state)
         return super().conclude(state, facts)
+
+
+class Steady(Counts):
+    """What does a check of single samples see?"""
+
+    name = "test.steady"
+    needs = ("imu",)
+
+    def conclude(self, state: list[int], facts: Facts) -> Observation:
+        """Say nothing of what the other check has seen."""
+        return Observation(Coverage(len(state), len(state), "windows"))
 
 
 @pytest.fixture
@@ -208,3 +226,57 @@ def test_with_real_processes(park_day: Path) -> None:
     run = run_of(park_day, 600.0, ProcessExecutor(2), select=select)
     assert " windows at the density of full, with " in run.reached
     assert identical(run.record, run_of(park_day, None, select=select).record)
+
+
+def test_progress_never_runs_backwards(many_windows: Path, slow: Clock, tmp_path: Path) -> None:
+    """Over two files, with windows visited anew at another density: counts grow, and end with all that was done."""
+    paths = [many_windows, write_handmade(tmp_path / "other.h5")]
+    tallies: list[ProgressTally] = []
+    options = CheckOptions(budget_s=1000.0, evidence=None)
+    for _ in check_files(paths, options, InProcess(), tallies.append):
+        pass
+    for counts in ("files_done", "windows_done", "windows", "bytes_done"):
+        values = [getattr(tally, counts) for tally in tallies]
+        assert values == sorted(values)
+    sizes = sum(path.stat().st_size for path in paths)
+    assert (tallies[-1].files_done, tallies[-1].windows_done, tallies[-1].bytes_done) == (2, 102, sizes)
+
+
+def test_a_judgement_that_is_lost_leaves_the_one_before(many_windows: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Where a later round kills whoever judges it, the run by fewer windows stands."""
+    monkeypatch.setattr("fedora_qa.engine.run.CHECKS", (Counts(),))
+
+    class Forgets(Travels):
+        judged = 0
+
+        def submit(self, task: Task, progress: Progress) -> Future[Any]:
+            if task.function is finish_file:
+                self.judged += 1
+                if self.judged > 1:
+                    future: Future[Any] = Future()
+                    future.set_exception(WorkerLostError("lost"))
+                    return future
+            return super().submit(task, progress)
+
+    run = run_of(many_windows, 3600.0, Forgets())
+    assert len(seen(run)) == FEWEST_WINDOWS
+    assert run.reached.startswith("4 of 51 windows at the density of quick")
+
+
+def test_all_windows_lost_is_no_crash_of_checks(many_windows: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Checks whose windows were all lost have seen none, beside checks that get every window."""
+    monkeypatch.setattr("fedora_qa.engine.run.CHECKS", (Counts(), Steady()))
+
+    class Kills(Travels):
+        def submit(self, task: Task, progress: Progress) -> Future[Any]:
+            if task.function is measure_windows and task.arguments[2] == "sampled":
+                future: Future[Any] = Future()
+                future.set_exception(WorkerLostError("lost"))
+                return future
+            return super().submit(task, progress)
+
+    run = run_of(many_windows, 3600.0, Kills())
+    outcomes = {result.check: result.outcome for result in run.record.results}
+    assert outcomes["windows"] == "crashed"
+    assert outcomes["test.counts"] != "crashed"
+    assert run.record.verdict == "incomplete"

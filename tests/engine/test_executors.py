@@ -1,6 +1,7 @@
 """Tasks are done, wherever; a process that dies takes one task with it, and nothing waits for it."""
 
 import os
+import signal
 import time
 import traceback
 from collections.abc import Callable, Iterator
@@ -57,7 +58,9 @@ def test_a_task_that_cannot_travel_costs_no_process(processes: ProcessExecutor) 
     assert processes.submit(Task(tasks.count, (1,)), quiet).result()[0] == 1
 
 
-@pytest.mark.parametrize(("task", "how"), [(tasks.die, "signal 9"), (tasks.leave, "exit code 7")])
+@pytest.mark.parametrize(
+    ("task", "how"), [(tasks.die, "signal 9"), (tasks.leave, "exit code 7"), (tasks.leave_quietly, "exit code 0")]
+)
 def test_a_death_costs_its_own_task(task: Any, how: str, processes: ProcessExecutor) -> None:
     """A process that dies is reported by the task it did; all others, before and after, are done."""
     submitted = [processes.submit(Task(tasks.count, (2,)), quiet) for _ in range(3)]
@@ -112,7 +115,26 @@ def test_leaving_ends_what_is_being_done(tmp_path: Path) -> None:
             time.sleep(0.01)
     with pytest.raises(WorkerLostError):
         endless.result()
-    with pytest.raises(WorkerLostError):
-        waiting.result()
+    assert waiting.cancelled()
     with pytest.raises(ProcessLookupError):
         os.kill(int(note.read_text()), 0)
+
+
+def test_an_idle_process_that_was_killed_is_replaced() -> None:
+    """Its end concerns no task: the next one gets another process."""
+    with ProcessExecutor(1) as executor:
+        first = executor.submit(Task(tasks.process_id), quiet).result()
+        os.kill(first, signal.SIGKILL)
+        time.sleep(0.5)
+        second = executor.submit(Task(tasks.process_id), quiet).result()
+    assert first != second
+
+
+def test_deaths_in_a_row_are_told_each_time() -> None:
+    """Whether a process dies before or after it has reported its task, nobody waits for ever."""
+    with ProcessExecutor(2) as executor:
+        for _ in range(10):
+            futures = [executor.submit(Task(tasks.die), quiet), executor.submit(Task(tasks.count, (1,)), quiet)]
+            with pytest.raises(WorkerLostError):
+                futures[0].result(timeout=60)
+            assert futures[1].result(timeout=60)[0] == 1

@@ -254,9 +254,10 @@ def test_opening_has_a_limit_of_time(monkeypatch: pytest.MonkeyPatch) -> None:
     test = opening_test(Path("seq.h5"))
     assert test is not None
     assert test.limit_s == 5.0
-    monkeypatch.setenv(OPENING_VARIABLE, "soon")
-    with pytest.raises(MisuseError, match="Expected seconds in FEDORA_QA_OPENING_S"):
-        opening_test(Path("seq.h5"))
+    for wrong in ("soon", "0", "-1", "nan", "inf"):
+        monkeypatch.setenv(OPENING_VARIABLE, wrong)
+        with pytest.raises(MisuseError, match="Expected seconds in FEDORA_QA_OPENING_S"):
+            opening_test(Path("seq.h5"))
     assert opening_test(RemoteFile("https://host/seq.h5")) is None
 
 

@@ -70,11 +70,13 @@ def test_leases_of_the_window_before_end_first() -> None:
     assert maker.made == [1, 2, 3, 4, 2]
 
 
-def test_what_does_not_fit_is_made_for_its_caller_alone() -> None:
-    """A limit that holds two images makes the third at each request, and keeps the two."""
+def test_what_does_not_fit_is_made_again() -> None:
+    """A limit that holds two images keeps these two, and beside them the latest of the others in this window."""
     maker = Maker(Leases(2 * IMAGE_BYTES))
     maker.window(1, 2, 3, 1, 2, 3)
-    assert maker.made == [1, 2, 3, 3]
+    assert maker.made == [1, 2, 3]
+    maker.window(1, 2, 3, 3, 4, 3)
+    assert maker.made == [1, 2, 3, 3, 4, 3]
 
 
 def test_an_error_is_leased_like_an_image() -> None:

@@ -28,6 +28,11 @@ def leave(worker: Worker) -> None:
     os._exit(7)
 
 
+def leave_quietly(worker: Worker) -> None:
+    """End the process from within, as if all were well."""
+    os._exit(0)
+
+
 def burn(worker: Worker) -> None:
     """Never end."""
     while True:

@@ -7,5 +7,4 @@ Read ``README.md`` first, then
 * ``world``, ``detail``: the images of the sensors, and options of precision and antialiasing.
 * ``rasteriser``, ``frustum``: how an image is drawn.
 * ``context``, ``opengl``, ``shaders``: the OpenGL context and the objects in it.
-* ``study``: the figures of ``README.md``.
 """

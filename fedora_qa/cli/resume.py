@@ -29,29 +29,29 @@ _KEY: Final = "resume_key"
 
 
 @dataclass(frozen=True, slots=True)
-class KeptFolder:
+class ResumeFolder:
     """A folder of stored runs. ``checked_with`` identifies everything but the file that determines a run's results."""
 
     folder: Path
     settings: CheckConfig
     checked_with: str
 
-    def place(self, path: Place) -> "KeptFile":
+    def place(self, path: Place) -> "StoredRun":
         """Return a file's place in the folder, with the present version of the file."""
         whole = path.absolute()
         # The stem is for people; the digest of the whole path keeps files of one name in different folders apart.
         name = f"{path.stem}-{hashlib.sha256(os.fsencode(str(whole))).hexdigest()[:12]}.json"
-        return KeptFile(path, self.folder / name, version_of(path).tag, self)
+        return StoredRun(path, self.folder / name, version_of(path).tag, self)
 
 
 @dataclass(frozen=True, slots=True)
-class KeptFile:
+class StoredRun:
     """Where the run of one file is kept."""
 
     path: Place
     target: Path
     tag: str
-    kept: KeptFolder
+    kept: ResumeFolder
 
     def load(self) -> FileRun | None:
         """Return the file's run; None where none is stored, or one of other content, code or configuration."""
@@ -93,7 +93,7 @@ class KeptFile:
         return hashlib.sha256(json.dumps(parts).encode()).hexdigest()
 
 
-def kept_folder(folder: Path, settings: CheckConfig, options: CheckOptions) -> KeptFolder:
+def resume_folder(folder: Path, settings: CheckConfig, options: CheckOptions) -> ResumeFolder:
     """Make the folder where it is missing; raises ``MisuseError`` where it cannot be written to.
 
     Parameters
@@ -110,4 +110,4 @@ def kept_folder(folder: Path, settings: CheckConfig, options: CheckOptions) -> K
     # Another version of NumPy or OpenCV may change a measurement in its last digits, and so an outcome at a limit.
     libraries = [package_version(name) for name in PACKAGES]
     parts = [__version__, RULESET_VERSION, code_digest(), libraries, settings.digest, repr(options)]
-    return KeptFolder(folder, settings, hashlib.sha256(json.dumps(parts).encode()).hexdigest())
+    return ResumeFolder(folder, settings, hashlib.sha256(json.dumps(parts).encode()).hexdigest())

@@ -3,5 +3,5 @@
 from typing import Final
 
 # Monotonic time in s: a correction of the wall clock must not shorten or lengthen a budget.
-BEGAN: Final = "fedora_qa.began"
+START_TIME: Final = "fedora_qa.began"
 """Key of the instant (``time.monotonic``) in ``click.Context.meta``."""

@@ -30,7 +30,7 @@ _PREFIXES: Final = ("HDF5_VDS_PREFIX", "HDF5_EXTFILE_PREFIX")
 """Variables that make HDF5 look elsewhere first."""
 
 
-class Elsewhere:
+class ExternalFiles:
     """Opens the other files that a file names, and holds them open until it is closed.
 
     Parameters

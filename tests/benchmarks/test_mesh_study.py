@@ -9,13 +9,13 @@ from fedora_generator.flight import Flight
 from fedora_generator.mesh.detail import MeshDetail
 from fedora_generator.mesh.from_world import model_of_world
 from fedora_generator.mesh.model import MeshModel
-from fedora_generator.mesh.study.agreement import depth_disagreement, edges, radiance_disagreement
-from fedora_generator.mesh.study.event_timing import compare, record
-from fedora_generator.mesh.study.interpolation import FlowInterpolation
-from fedora_generator.mesh.study.stock import stock_inverse_depth_per_m
-from fedora_generator.mesh.study.workbench import DAY, FLIGHT, WORKBENCH, path_world_m
 from fedora_generator.mesh.world import MeshWorld
 from fedora_generator.render import ExactWorld
+from tests.benchmarks.mesh_study.agreement import depth_disagreement, edges, radiance_disagreement
+from tests.benchmarks.mesh_study.event_timing import compare, record
+from tests.benchmarks.mesh_study.interpolation import FlowInterpolation
+from tests.benchmarks.mesh_study.stock import stock_inverse_depth_per_m
+from tests.benchmarks.mesh_study.workbench import DAY, FLIGHT, WORKBENCH, path_world_m
 
 SIZE = CameraOptions(width=270, height=200)
 POSE_US = 300_000

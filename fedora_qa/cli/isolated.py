@@ -1,8 +1,9 @@
-"""Read a file in another process, as ``check`` does: on a damaged file HDF5 may crash or never return."""
+"""Read a file in a process of its own, as ``check`` does: on a damaged file HDF5 may crash or never return."""
 
 import multiprocessing
 import os
 from collections.abc import Callable
+from concurrent.futures.process import BrokenProcessPool
 from typing import Any
 
 from pebble import ProcessExpired, ProcessPool
@@ -16,7 +17,7 @@ from fedora_qa.errors import MisuseError, WorkerLostError
 from fedora_qa.storage.place import Place
 
 
-def apart(task: Task, path: Place, opening: Task | None, progress: Progress = quiet) -> Any:
+def run_isolated(task: Task, path: Place, opening: Task | None, progress: Progress = quiet) -> Any:
     """Do a task that reads a file in a process of its own, and return its result.
 
     Parameters
@@ -45,7 +46,7 @@ def apart(task: Task, path: Place, opening: Task | None, progress: Progress = qu
             raise _lost(path) from None
 
 
-def lightly_apart(function: Callable[..., Any], arguments: tuple[Any, ...], path: Place, limit_s: float) -> Any:
+def run_isolated_light(function: Callable[..., Any], arguments: tuple[Any, ...], path: Place, limit_s: float) -> Any:
     """Call a function in a process that loads only what the function needs: it starts sooner.
 
     Raises
@@ -58,11 +59,14 @@ def lightly_apart(function: Callable[..., Any], arguments: tuple[Any, ...], path
     if os.environ.get(IN_PROCESS_VARIABLE):
         return function(*arguments)
     # `spawn`, not `fork`: the new process then holds no HDF5 state and no threads of this one.
-    with ProcessPool(1, context=multiprocessing.get_context("spawn")) as processes:
-        try:
-            return processes.schedule(function, args=arguments, timeout=limit_s).result()
-        except (ProcessExpired, TimeoutError):
-            raise _lost(path) from None
+    processes = ProcessPool(1, context=multiprocessing.get_context("spawn"))
+    try:
+        return processes.schedule(function, args=arguments, timeout=limit_s).result()
+    except (ProcessExpired, TimeoutError, BrokenProcessPool):
+        raise _lost(path) from None
+    finally:
+        processes.stop()  # type: ignore[no-untyped-call]
+        processes.join()
 
 
 def _lost(path: Place) -> MisuseError:

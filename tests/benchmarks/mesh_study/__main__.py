@@ -1,4 +1,9 @@
-"""Prints the tables of mesh/README.md: ``python -m fedora_generator.mesh.study``, some minutes on two cores."""
+"""Measures the mesh world against the exact world: ``make study-mesh``, some minutes on two cores.
+
+Prints the tables of generator/fedora_generator/mesh/README.md. ``workbench`` is the world and the flight. ``agreement``
+compares depth and radiance, ``event_timing`` compares events. ``stock`` is the depth of pyrender's own renderer,
+``interpolation`` a trial with fewer renders.
+"""
 
 import time
 from collections.abc import Callable, Iterator
@@ -13,15 +18,15 @@ from fedora_generator.camera import Camera, CameraOptions, colour_camera, event_
 from fedora_generator.flight import Flight
 from fedora_generator.mesh.detail import MeshDetail
 from fedora_generator.mesh.from_world import model_of_world
-from fedora_generator.mesh.study.agreement import depth_disagreement, edges, radiance_disagreement
-from fedora_generator.mesh.study.event_timing import Luma, TimingError, compare, record
-from fedora_generator.mesh.study.interpolation import FlowInterpolation
-from fedora_generator.mesh.study.stock import stock_inverse_depth_per_m
-from fedora_generator.mesh.study.workbench import DAY, FLIGHT, WORKBENCH, path_world_m
 from fedora_generator.mesh.world import MeshWorld
 from fedora_generator.render import ExactWorld
 from fedora_generator.rendered_world import RenderedWorld
 from fedora_generator.sampling import MotionSteps
+from tests.benchmarks.mesh_study.agreement import depth_disagreement, edges, radiance_disagreement
+from tests.benchmarks.mesh_study.event_timing import Luma, TimingError, compare, record
+from tests.benchmarks.mesh_study.interpolation import FlowInterpolation
+from tests.benchmarks.mesh_study.stock import stock_inverse_depth_per_m
+from tests.benchmarks.mesh_study.workbench import DAY, FLIGHT, WORKBENCH, path_world_m
 
 Floats = NDArray[np.float64]
 
