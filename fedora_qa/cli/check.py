@@ -12,13 +12,13 @@ from click.shell_completion import CompletionItem
 
 from fedora_qa.cli.check_names import complete_check
 from fedora_qa.cli.exit_codes import exit_code
-from fedora_qa.cli.files import Request, checked, executor_for
 from fedora_qa.cli.output_options import allow_external_option, record_options
 from fedora_qa.cli.outputs import Outputs
 from fedora_qa.cli.record import gathered_arrays, record_of
 from fedora_qa.cli.resume import resume_folder
 from fedora_qa.cli.start_time import START_TIME
 from fedora_qa.cli.summary import print_record
+from fedora_qa.cli.workers import loading
 from fedora_qa.config import CheckConfig, read_config
 from fedora_qa.engine.options import CheckOptions
 from fedora_qa.errors import MisuseError
@@ -135,6 +135,9 @@ def check(
 
     Exit codes: 0 clean; 1 findings at or above --fail-on; 2 misuse; 3 incomplete. With several, 2 before 3 before 1.
     """
+    with loading():
+        from fedora_qa.cli.files import Request, checked, executor_for  # noqa: PLC0415 - loads what measures
+
     settings = settings_from(config, given)
     # Only an effort from the command line contradicts a budget; one in the configuration file gives way to it.
     require_budget_alone(budget, given["effort"], settings)

@@ -1,19 +1,15 @@
 """Read a file in a process of its own, as ``check`` does: on a damaged file HDF5 may crash or never return."""
 
-import multiprocessing
 import os
-from collections.abc import Callable
-from concurrent.futures.process import BrokenProcessPool
 from typing import Any
 
-from pebble import ProcessExpired, ProcessPool
-
 from fedora_qa.cli.host import usable_cores
+from fedora_qa.cli.isolated_light import process_ended
 from fedora_qa.cli.workers import IN_PROCESS_VARIABLE
 from fedora_qa.engine.executor import Executor, InProcess, Task
 from fedora_qa.engine.processes import ProcessExecutor
 from fedora_qa.engine.progress import Progress, quiet
-from fedora_qa.errors import MisuseError, WorkerLostError
+from fedora_qa.errors import WorkerLostError
 from fedora_qa.storage.place import Place
 
 
@@ -43,31 +39,4 @@ def run_isolated(task: Task, path: Place, opening: Task | None, progress: Progre
                 executor.submit(opening, quiet).result()
             return executor.submit(task, progress).result()
         except WorkerLostError:
-            raise _lost(path) from None
-
-
-def run_isolated_light(function: Callable[..., Any], arguments: tuple[Any, ...], path: Place, limit_s: float) -> Any:
-    """Call a function in a process that loads only what the function needs: it starts sooner.
-
-    Raises
-    ------
-    MisuseError
-        The process ended before it returned a result, or exceeded the limit of time.
-    FedoraError
-        As the function does.
-    """
-    if os.environ.get(IN_PROCESS_VARIABLE):
-        return function(*arguments)
-    # `spawn`, not `fork`: the new process then holds no HDF5 state and no threads of this one.
-    processes = ProcessPool(1, context=multiprocessing.get_context("spawn"))
-    try:
-        return processes.schedule(function, args=arguments, timeout=limit_s).result()
-    except (ProcessExpired, TimeoutError, BrokenProcessPool):
-        raise _lost(path) from None
-    finally:
-        processes.stop()  # type: ignore[no-untyped-call]
-        processes.join()
-
-
-def _lost(path: Place) -> MisuseError:
-    return MisuseError(f"Expected a file that HDF5 can read, got {path}, over which the process that read it has ended")
+            raise process_ended(path) from None

@@ -11,7 +11,7 @@ from rich.table import Table
 from rich.text import Text
 
 from fedora_qa.cli.check import PATH, folders_named, require_hdf5
-from fedora_qa.cli.isolated import run_isolated_light
+from fedora_qa.cli.isolated_light import run_isolated_light
 from fedora_qa.cli.output_options import allow_external_option
 from fedora_qa.cli.outputs import Outputs
 from fedora_qa.cli.terminal import stdout_console, text

@@ -4,7 +4,6 @@ Commands are imported when they are used, so that ``--help`` does not load numer
 """
 
 import errno
-import gc
 import importlib
 import os
 import sys
@@ -20,7 +19,7 @@ from click.shell_completion import CompletionItem, shell_complete
 from fedora_qa import __version__
 from fedora_qa.cli.exit_codes import FINDINGS, INCOMPLETE, INTERRUPTED, MISUSE, OUTPUT_CLOSED
 from fedora_qa.cli.start_time import START_TIME
-from fedora_qa.cli.workers import begin_to_load
+from fedora_qa.cli.workers import begin_to_load, loading
 from fedora_qa.errors import FedoraError, MisuseError, UnreadableFileError
 from fedora_qa.record.wording import unobeyed
 
@@ -69,13 +68,8 @@ class LazyGroup(click.Group):
             return None
         ctx.meta.setdefault(START_TIME, time.monotonic())  # a budget of time pays for the import as well
         module, name = COMMANDS[cmd_name][0].split(":")
-        # Modules stay loaded: to scan them for garbage while more are loaded, and again at the end, would take a
-        # quarter of the time of loading (tests/benchmarks/start.py).
-        gc.disable()
-        command = cast(click.Command, getattr(importlib.import_module(module), name))
-        gc.freeze()
-        gc.enable()
-        return command
+        with loading():
+            return cast(click.Command, getattr(importlib.import_module(module), name))
 
     def shell_complete(self, ctx: click.Context, incomplete: str) -> list[CompletionItem]:
         """Return the commands and options that begin so, without importing any command."""

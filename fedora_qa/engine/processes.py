@@ -125,7 +125,7 @@ class _WorkerProcess:
                 # A negative exit code is the number of the signal (multiprocessing).
                 by = f"signal {-end.exitcode}" if end.exitcode < 0 else f"exit code {end.exitcode}"
                 raise WorkerLostError(f"Expected a process to end its task, got its own end: {by}") from end
-            if isinstance(end, TimeoutError):
+            if isinstance(end, TimeoutError) and task.limit_s:
                 raise EndlessError(f"Expected a task to end within {task.limit_s:g} s, got no end") from end
             if isinstance(end, CancelledError | BrokenProcessPool):
                 raise WorkerLostError("Expected a process for the task, got none") from end
