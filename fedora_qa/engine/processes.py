@@ -152,7 +152,8 @@ class _WorkerProcess:
             self._pool = ProcessPool(1, initializer=_begin_worker, initargs=arguments, context=self._context)
         reports, process_id = self._reports, 0
         pooled = self._pool.schedule(_do, args=(files, limit_s), timeout=limit_s)
-        while not pooled.done():
+        # A short task ends before its first report is read.
+        while not pooled.done() or reports.poll():
             if reports.poll(_SILENCE_S):
                 report = reports.recv()
                 if report is None:
@@ -171,8 +172,6 @@ class _WorkerProcess:
             ):
                 raise ProcessExpired("gone", 0)  # type: ignore[no-untyped-call]
         peak: int = pooled.result()
-        while reports.poll():
-            reports.recv()
         return peak
 
     def _end(self) -> None:

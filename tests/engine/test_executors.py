@@ -36,6 +36,18 @@ def test_result_and_progress_come_back(executor: Executor) -> None:
     assert told == [("counting", number, 3) for number in range(3)]
 
 
+def test_progress_is_complete_where_the_task_ends_first(processes: ProcessExecutor) -> None:
+    """Reports of a task that ended before they were read are read."""
+    reports: list[int] = []
+
+    def read_slowly(what: str, done: int, of: int) -> None:
+        time.sleep(0.3)
+        reports.append(done)
+
+    processes.submit(Task(tasks.count, (3,)), read_slowly).result()
+    assert reports == [0, 1, 2]
+
+
 def test_errors_come_back(executor: Executor) -> None:
     """What a task raises is raised where its result is asked for, with the place where it happened."""
     future = executor.submit(Task(tasks.divide, (0,)), quiet)
