@@ -1,6 +1,6 @@
 """Sequences that several tests share."""
 
-from functools import cache
+import os
 from pathlib import Path
 
 import pytest
@@ -9,6 +9,7 @@ from fedora_generator.scene import load_scene
 from fedora_qa.cli.workers import IN_PROCESS_VARIABLE
 from tests.support.graphics import require_chromium, require_opengl
 from tests.support.sequences import CleanSequence, make_sequence
+from tests.support.shared_files import SharedFiles
 
 
 @pytest.fixture(autouse=True)
@@ -18,23 +19,28 @@ def in_this_process(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 @pytest.fixture(scope="session")
-def clean_sequence(tmp_path_factory: pytest.TempPathFactory) -> CleanSequence:
-    """A clean second of any scene, made once a run; half of one of what is flown fast and drawn by software.
+def shared_files(tmp_path_factory: pytest.TempPathFactory) -> SharedFiles:
+    """Files that are written once a run, whichever process needs them first."""
+    folder = tmp_path_factory.getbasetemp()
+    if "PYTEST_XDIST_WORKER" in os.environ:
+        # Each process has a folder of its own within that of the run.
+        folder = folder.parent
+    (folder / "shared").mkdir(exist_ok=True)
+    return SharedFiles(folder / "shared")
 
-    Tests must not write into it.
+
+@pytest.fixture(scope="session")
+def clean_sequence(shared_files: SharedFiles) -> CleanSequence:
+    """A clean second of any scene; half of one of what is flown fast and drawn by software.
 
     Where there is no OpenGL, a test that asks for a scene of meshes is skipped, or fails where CI is set.
     """
-    folder = tmp_path_factory.mktemp("clean")
-
-    @cache
-    def made(scene: str) -> Path:
-        return make_sequence(folder / f"{scene}.h5", scene, 0.5 if scene.startswith("racetrack-mesh") else 1.0)
 
     def clean(scene: str) -> Path:
         if load_scene(scene).renderer == "mesh":
             require_opengl()
-        return made(scene)
+        duration_s = 0.5 if scene.startswith("racetrack-mesh") else 1.0
+        return shared_files.file(f"{scene}.h5", lambda path: make_sequence(path, scene, duration_s))
 
     return clean
 

@@ -5,9 +5,10 @@ from pathlib import Path
 import pytest
 
 from tests.extremes.files import generated, park
+from tests.support.shared_files import SharedFiles
 
 
 @pytest.fixture(scope="session")
-def half_second(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def half_second(shared_files: SharedFiles) -> Path:
     """Half a second of the park by day. Tests must not write into it."""
-    return generated(park(), tmp_path_factory.mktemp("extremes") / "park.h5")
+    return shared_files.file("park-half-second.h5", lambda path: generated(park(), path))
