@@ -8,7 +8,8 @@ One histogram of values of 8 bits: a gain after rounding leaves codes that canno
 again, omit every code between rint(g k) and rint(g (k + 1)) where g > 1, and put two codes on one where g < 1. In a
 histogram of many values neighbouring codes are about equally frequent. A code without any value among frequent ones, or
 one twice as frequent, is therefore no chance event. It is even less likely that all such codes, and no others, are
-those of one gain: m of n codes are one given set with probability one over n choose m.
+those of one gain: m of n codes are one given set with probability one over n choose m. A scene of few flat colours
+has some codes far more frequent than their neighbours, and other codes absent: no gain below 1 does both.
 
 With g > 1 the j-th omitted code c lies between those of k = c - j and k + 1. With g < 1 the j-th doubled code c has
 those of k = c + j - 1 and k + 1. Rounding then bounds the gain by each such code::
@@ -179,10 +180,11 @@ def gain_after_rounding(counts: NDArray[np.integer]) -> CodeGain | None:
     values = np.asarray(counts, dtype=np.int64)
     before, middle, after = values[1:-3], values[2:-2], values[3:-1]
     fewest, most = np.minimum(before, after), np.maximum(before, after)
-    # A gain above 1 leaves codes out; one below 1 puts two codes on one.
-    return _gain_of_pattern(middle == 0, fewest >= _FREQUENT, 1) or _gain_of_pattern(
-        middle > _TWICE * most, fewest >= _FREQUENT_TWICE, -1
-    )
+    absent = (middle == 0) & (fewest >= _FREQUENT)
+    # A gain above 1 leaves codes out; one below 1 puts two codes on one and leaves none out.
+    if absent.any():
+        return _gain_of_pattern(absent, fewest >= _FREQUENT, 1)
+    return _gain_of_pattern(middle > _TWICE * most, fewest >= _FREQUENT_TWICE, -1)
 
 
 def _gain_of_pattern(marked: Bools, frequent: Bools, sign: int) -> CodeGain | None:

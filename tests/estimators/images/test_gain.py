@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
@@ -97,6 +97,7 @@ def test_a_gain_before_rounding_betrays_nothing(gain: float, seed: int) -> None:
 
 @settings(max_examples=30)
 @given(st.integers(2, 200), st.integers(0, 2**32 - 1))
+@example(shades=144, seed=20157)  # three codes of 43 stand out as those of a gain of 0.835 do; others are absent
 def test_few_shades_betray_nothing(shades: int, seed: int) -> None:
     """A scene of few flat colours, in whatever codes, is not taken for a gain."""
     rng = np.random.default_rng(seed)
