@@ -156,6 +156,10 @@ wheel: $(TOOLS)/.ready
 	cmp $(OUT)/wheel-1/*.whl $(OUT)/wheel-2/*.whl
 	sha256sum $(OUT)/wheel-1/*.whl
 
+# Each process of the run uses one thread: those of two would wait for each other.
+test: export OMP_NUM_THREADS = 1
+test: export OPENBLAS_NUM_THREADS = 1
+test: export LP_NUM_THREADS = 1
 test: lint
 	$(BIN)/pytest --numprocesses auto --dist worksteal
 

@@ -3,6 +3,8 @@
 import os
 from pathlib import Path
 
+import cv2
+import numba
 import pytest
 
 from fedora_generator.scene import load_scene
@@ -16,6 +18,13 @@ from tests.support.shared_files import SharedFiles
 def in_this_process(monkeypatch: pytest.MonkeyPatch) -> None:
     """Commands check in the process of the test, which sees what they warn of; tests of processes ask for them."""
     monkeypatch.setenv(IN_PROCESS_VARIABLE, "1")
+
+
+@pytest.fixture(autouse=True, scope="session")
+def one_thread() -> None:
+    """Each process of a test run uses one thread; a test of threads asks for more."""
+    numba.set_num_threads(1)
+    cv2.setNumThreads(1)
 
 
 @pytest.fixture(scope="session")

@@ -1,4 +1,4 @@
-"""True events of a pixel from its closed form: turning points refined, every crossing between them bisected."""
+"""True events of a pixel from its closed form: turning points refined, every crossing between them by Brent's method."""
 
 from collections.abc import Callable
 from itertools import pairwise
@@ -6,7 +6,7 @@ from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import bisect, minimize_scalar
+from scipy.optimize import brentq, minimize_scalar
 
 Floats = NDArray[np.float64]
 Signal = Callable[[float], float]
@@ -17,7 +17,7 @@ TIE: Final = 1e-9
 FLAT: Final = 1e-12
 """Change of L between two samples that is rounding."""
 
-BISECTION_S: Final = 1e-14
+ROOT_S: Final = 1e-14
 
 
 def true_events(signal: Signal, times_s: Floats, samples: Floats, threshold: float) -> list[tuple[float, int]] | None:
@@ -32,9 +32,7 @@ def true_events(signal: Signal, times_s: Floats, samples: Floats, threshold: flo
             if abs(distance) <= TIE:
                 return None
             reference += direction * threshold
-            found_s = bisect(
-                lambda t, level=reference: signal(t) - level, start_s, stop_s, xtol=BISECTION_S, rtol=1e-15
-            )
+            found_s = brentq(lambda t, level=reference: signal(t) - level, start_s, stop_s, xtol=ROOT_S, rtol=1e-15)
             events.append((found_s, (direction + 1) // 2))
     return events
 

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import replace
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -40,7 +41,7 @@ def path(tmp_path: Path) -> Path:
 
 
 def outcomes(path: Path) -> dict[str, str]:
-    results = check_file(path, CheckOptions(select=("event_response",))).record.results
+    results = check_file(path, CheckOptions(select=("event_response",), evidence=None)).record.results
     crashes = [result.traceback for result in results if result.outcome == "crashed"]
     if crashes:
         raise RuntimeError(crashes[0])
@@ -251,6 +252,7 @@ def test_conservation_sees_scattered_losses(share: float, path: Path) -> None:
     assert failed == {"conservation"}
 
 
+@cache
 def from_the_signal() -> EventFile:
     """A sensor whose first reference is the signal at the first frame."""
     begun = log_events(LOG_WORLD, SHAPE, DURATION_MS * MS, phase=0.0)

@@ -60,7 +60,8 @@ def no_depth(file: h5py.File) -> None:
 def no_depth_and_no_flow(file: h5py.File) -> None:
     no_depth(file)
     for rate_hz in FLOW_HZ:
-        file[f"path/flow/{rate_hz}hz"][...] = np.nan
+        flow = file[f"path/flow/{rate_hz}hz"]
+        flow[...] = np.full(flow.shape, np.nan)
 
 
 def test_nowhere_valid_depth_is_said(half_second: Path, tmp_path: Path) -> None:

@@ -91,7 +91,7 @@ def test_glare_hides_polarity_and_that_is_said(glare: Path, tmp_path: Path) -> N
 
 def filled_with(value_dn: int) -> Callable[[h5py.File], None]:
     def fill(file: h5py.File) -> None:
-        file["path/rgb"][...] = value_dn
+        file["path/rgb"][...] = np.full(file["path/rgb"].shape, value_dn)
 
     return fill
 

@@ -157,7 +157,7 @@ def test_check_names_its_planted_fault(
     """The check fails, and the first diagnosis is the planted cause in its stream, with its size."""
     path = tmp_path / "faulty.h5"
     plant(planted, clean_sequence(planted.scene), path)
-    record = check_file(path, CheckOptions()).record
+    record = check_file(path, CheckOptions(evidence=None)).record
     failed = {result.check: result for result in record.results if result.outcome == "failed"}
     assert record.verdict == "findings"
     assert check in failed
