@@ -17,7 +17,7 @@ def small_scene(name: str, width: int = 270, height: int = 200) -> Scene:
     return replace(scene, camera=replace(scene.camera, width=width, height=height))
 
 
-def make_sequence(target: Path, name: str, duration_s: float = 1.0) -> Path:
+def make_sequence(target: Path, name: str, duration_s: float = 1.0, width: int = 270, height: int = 200) -> Path:
     """Write a small sequence of a scene."""
-    generate_sequence(small_scene(name), target, Request(duration_s=duration_s, quality="draft"))
+    generate_sequence(small_scene(name, width, height), target, Request(duration_s=duration_s, quality="draft"))
     return target
