@@ -22,6 +22,7 @@ from fedora_generator.corpus.ladders import STEP, ladder_of
 from fedora_generator.corpus.manifest import MANIFEST, PROGRESS, digest_of
 from fedora_generator.errors import GeneratorError
 from fedora_generator.faults import BYTE_FAULTS, FAULTS, allows_region, plant_fault
+from fedora_generator.faults.fault import default_unit
 from fedora_generator.partial_file import PartialFile
 from fedora_generator.scene import Scene, load_scene
 from tests.generator.tiny_sequence import HEIGHT, WIDTH, declare_noise, write_tiny_sequence
@@ -219,6 +220,11 @@ def test_every_fault_of_the_table_is_planned() -> None:
     local = [f for f in plan if f.file.endswith("h5") and "-quarter-" in f.file]
     assert {(f.faults[0].cause, f.faults[0].stream) for f in local} == {p for p in regions if allows_region(*p)}
     assert {f.faults[0].region for f in local if f.faults[0].stream != "events"} == {(67, 50, 202, 150)}
+
+
+def test_every_fault_with_a_size_has_a_ladder() -> None:
+    """Without a nominal size the fault would be refused when the corpus is made, after hours at worst."""
+    assert [pair for pair in (*FAULTS, *BYTE_FAULTS) if default_unit(*pair) and ladder_of(*pair).nominal is None] == []
 
 
 def test_ladders_are_geometric_around_their_nominal_size() -> None:

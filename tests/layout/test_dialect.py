@@ -19,6 +19,12 @@ def written(tmp_path: Path, text: str) -> Path:
     return path
 
 
+def test_every_file_of_the_folder_is_known_by_name() -> None:
+    """The names have an order, which decides between equals, so they are written out."""
+    folder = resources.files("fedora_qa.layout") / "dialects"
+    assert sorted(entry.name for entry in folder.iterdir()) == sorted(f"{name}.toml" for name in DIALECT_NAMES)
+
+
 @pytest.mark.parametrize("name", DIALECT_NAMES)
 def test_what_is_shipped_is_valid(name: str, tmp_path: Path) -> None:
     """A dialect that is known by name is read without a validator, and gives what a validator makes of it."""

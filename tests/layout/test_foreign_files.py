@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from fedora_qa.layout.binding import canonical_rows, instant_ns, raw_rows
+from fedora_qa.layout.dialect import DIALECT_NAMES
 from fedora_qa.layout.resolve import Layout, resolve
 from fedora_qa.sequence.sequence import open_sequence
 from tests.support.foreign import EPOCH_S, write_dsec, write_m3ed, write_mvsec, write_purdue_lab
@@ -20,6 +21,11 @@ FILES = {
     "mvsec": (write_mvsec, {"rgb", "events"}),
     "m3ed": (write_m3ed, {"rgb", "events", "imu", "rgb_to_event"}),
 }
+
+
+def test_every_dialect_has_a_file() -> None:
+    """The canonical one has the files of the generator."""
+    assert {*FILES, "fedora"} == set(DIALECT_NAMES)
 
 
 @pytest.mark.parametrize("name", FILES)
