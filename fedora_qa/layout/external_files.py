@@ -16,9 +16,8 @@ from h5py import h5s
 
 from fedora_qa.layout.binding import Binding
 from fedora_qa.layout.bounds import MOST_EXPANSION, SMALL_BYTES, require_small_chunks, unwritten_chunks
-from fedora_qa.layout.filters import require_filters
+from fedora_qa.layout.filters import require_filters, require_whole_chunks
 from fedora_qa.layout.links import RefusedError, find_dataset
-from fedora_qa.layout.whole_chunks import require_whole_chunks
 
 MOST_FILES: Final = 64
 """Other files that one file may name."""

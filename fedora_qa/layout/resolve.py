@@ -19,21 +19,11 @@ from fedora_qa.layout.canonical import (
     companions_of,
     datasets_of,
 )
-from fedora_qa.layout.conform import require_readable_type, require_shape
 from fedora_qa.layout.detect import declares_fedora, detect_dialect
 from fedora_qa.layout.dialect import NS_PER_TIME_UNIT, QUATERNION_COLUMNS, DatasetPlace, Dialect, scale_of
 from fedora_qa.layout.external_files import ExternalFiles
-from fedora_qa.layout.filters import require_filters
-from fedora_qa.layout.links import (
-    MOST_NAMES,
-    READ_ERRORS,
-    RefusedError,
-    find_dataset,
-    find_object,
-    has_group,
-    reading,
-)
-from fedora_qa.layout.whole_chunks import require_whole_chunks
+from fedora_qa.layout.filters import require_filters, require_whole_chunks
+from fedora_qa.layout.links import RefusedError, damaged_name, find_dataset, find_object, has_group, reading
 
 _EXTRA_STREAMS: Final = ("depth_range",)
 """Datasets of the layout that are declarations, not streams."""
@@ -129,7 +119,7 @@ class _Finder:
         self.absent: dict[str, str] = {}
         self.problems: list[LayoutProblem] = []
         self._sizes: dict[str, tuple[int, str]] = {}
-        self._looked_into: set[str] = set()
+        self._searched_groups: set[str] = set()
 
     def find(self, stream: str) -> None:
         """Bind all datasets of a stream, or none and say why."""
@@ -142,8 +132,16 @@ class _Finder:
             datasets = {spec.key: self._dataset(spec) for spec in specs}
             missing = [key for key, dataset in datasets.items() if dataset is None]
             if len(missing) == len(specs):
-                self.absent[stream] = f"there is no {self._path(specs[0].key)} in the file"
-                self._hold_to_names(stream, self._path(specs[0].key))
+                path = self._path(specs[0].key)
+                self.absent[stream] = f"there is no {path} in the file"
+                # A damaged name in the group, reported once a group, may be that of the missing stream.
+                group = path.rpartition("/")[0]
+                if group not in self._searched_groups:
+                    self._searched_groups.add(group)
+                    damaged = damaged_name(self.file, group, self.external_files)
+                    if damaged is not None:
+                        message = f"Expected {path}, or names of text in {group or '/'}, got a damaged one: {damaged}"
+                        self._report(stream, "", RefusedError("unreadable", "corrupt_chunk", message))
                 return
             if missing:
                 present = next(key for key, dataset in datasets.items() if dataset is not None)
@@ -189,35 +187,6 @@ class _Finder:
                 find_object(self.file, owner, self.external_files)
             except RefusedError as refused:
                 self._report("metadata", "", refused)
-
-    def _hold_to_names(self, stream: str, path: str) -> None:
-        """Report a damaged name, once a group, where a stream is missing: it may be that stream's.
-
-        Names carry no checksum, so that a damaged one only looks odd. ``MOST_NAMES`` of a group are looked at.
-        """
-        group = path.rpartition("/")[0]
-        if group in self._looked_into:
-            return
-        self._looked_into.add(group)
-        looked_at, garbled = 0, list[str]()
-
-        def look(name: bytes) -> bool | None:
-            nonlocal looked_at
-            looked_at += 1
-            # Bytes that are not UTF-8 decode to lone surrogates, which are not printable.
-            if not name.decode("utf-8", "surrogateescape").isprintable():
-                garbled.append(ascii(name)[2:-1])
-            return True if garbled or looked_at == MOST_NAMES else None
-
-        try:
-            stored = find_object(self.file, group, self.external_files)
-            if isinstance(stored, h5py.Group):
-                stored.id.links.iterate(look)
-        except (RefusedError, *READ_ERRORS):
-            return  # a group that is not there, or cannot be listed, is for others to report
-        if garbled:
-            message = f"Expected {path}, or names of text in {group or '/'}, got a damaged one: {garbled[0]}"
-            self._report(stream, "", RefusedError("unreadable", "corrupt_chunk", message))
 
     def _report_promise(self, stream: str, group: str) -> None:
         message = f"Expected {stream}, which /{group} declares, got no such stream; write it or drop the declaration"
@@ -325,6 +294,33 @@ class _Finder:
                         reason = RefusedError("wrong_shape", "truncated", message, 100 * (agreed - size) / agreed)
                     raise _BrokenError(spec.key, reason)
         self._sizes = sizes
+
+
+def require_readable_type(spec: DatasetSpec, dataset: h5py.Dataset, path: str) -> None:
+    """Refuse types without a safe conversion: all that are not numbers, and colours that are not 8-bit codes."""
+    # At most 8 bytes: an extended float does not fit float64 without loss.
+    numeric = dataset.dtype.kind in "iufb" and dataset.dtype.subdtype is None and dataset.dtype.itemsize <= 8
+    if not numeric or (spec.key == "path/rgb" and dataset.dtype != np.uint8):
+        message = f"Expected {path} as {spec.dtype}, got {dataset.dtype}, which cannot be converted safely"
+        raise RefusedError("wrong_dtype", "wrong_dtype", message)
+
+
+def require_shape(spec: DatasetSpec, place: DatasetPlace, dataset: h5py.Dataset, path: str) -> None:
+    """Refuse a rank, a fixed size or an empty image that the layout does not have."""
+    shape: tuple[int, ...] | None = dataset.shape
+    # Length 0 along time is a legal empty stream; rows or images without entries are not.
+    if shape is None or len(shape) not in place.ranks_of(spec) or 0 in shape[1:]:
+        fits = False
+    elif place.columns:
+        # A table (rank 2) or an image with channels has the axis of columns; a grey image counts as one entry.
+        has_columns = len(shape) == 2 or len(shape) == len(spec.shape)
+        entries = shape[-1] if has_columns else 1
+        fits = all(0 <= column < entries for column in place.columns)
+    else:
+        fits = all(isinstance(size, str) or size == stored for size, stored in zip(spec.shape, shape, strict=True))
+    if not fits:
+        expected = " x ".join(str(size) for size in spec.shape)
+        raise RefusedError("wrong_shape", "wrong_shape", f"Expected {path} of shape {expected}, got {shape}")
 
 
 class _BrokenError(Exception):
