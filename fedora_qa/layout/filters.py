@@ -5,7 +5,7 @@ from math import prod
 from typing import Final
 
 import h5py
-import hdf5plugin  # noqa: F401  importing it is how HDF5 learns the codecs
+import hdf5plugin  # noqa: F401  the import registers the codecs with HDF5
 
 from fedora_qa.layout.links import RefusedError
 

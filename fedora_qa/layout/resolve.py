@@ -1,4 +1,4 @@
-"""Find the canonical datasets in a file: which dialect it speaks, what is whole, what is absent, what is wrong."""
+"""Find the canonical datasets in a file: its dialect, complete streams, absent streams, and problems."""
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
@@ -31,7 +31,7 @@ _EXTRA_STREAMS: Final = ("depth_range",)
 
 @dataclass(frozen=True, slots=True)
 class LayoutProblem:
-    """Something about the layout that a correct file would not show.
+    """A defect of the layout.
 
     ``code`` is ``integrity.layout.<rule>``, ``cause`` an identifier of ``causes.py``, ``magnitude`` in its unit.
     """
@@ -55,13 +55,13 @@ class Layout:
     bindings
         By canonical key; only of whole streams.
     streams
-        The streams that are whole: every dataset there, shapes consistent, types readable.
+        The complete streams: every dataset exists, shapes are consistent, types can be read.
     absent
-        Why each other stream is not, by stream.
+        Why each other stream is absent, by stream.
     problems
-        Everything wrong with the layout, in the order of the canonical layout.
+        Defects of the layout, in the order of the canonical layout.
     inferred
-        What was concluded and not declared, for the record.
+        Values that were inferred and not declared, for the record.
     """
 
     dialect_name: str
@@ -80,7 +80,7 @@ def resolve(file: h5py.File, dialect: Dialect | None = None, external_files: Ext
     file
         Open for reading.
     dialect
-        The dialect to read in; None: the one that the file declares, or else the one that finds most.
+        The dialect of the file; None: as ``detect_dialect`` returns it.
     external_files
         Which other files it may read from; None: no other.
     """
@@ -93,10 +93,10 @@ def resolve(file: h5py.File, dialect: Dialect | None = None, external_files: Ext
     # In the order of the layout: the first stream with a symbolic size is the reference for all later ones.
     for stream in (*STREAMS, *_EXTRA_STREAMS):
         finder.find(stream)
-    # Only metadata of the canonical layout promise streams; files of other dialects carry none.
+    # Only metadata of the canonical layout declare streams; files of other dialects carry none.
     if dialect.canonical_elsewhere:
-        finder.hold_to_promises()
-        finder.hold_to_links()
+        finder.report_declared_streams()
+        finder.report_metadata_links()
     return Layout(
         dialect_name=dialect.name,
         bindings=finder.bindings,
@@ -109,7 +109,7 @@ def resolve(file: h5py.File, dialect: Dialect | None = None, external_files: Ext
 
 
 class _Finder:
-    """Walks the streams in order and keeps what it finds; sizes are agreed on between streams as they come."""
+    """Finds the datasets stream by stream. All streams must agree on symbolic sizes; the first with a size sets it."""
 
     def __init__(self, file: h5py.File, dialect: Dialect, external_files: ExternalFiles | None) -> None:
         self.file = file
@@ -122,7 +122,7 @@ class _Finder:
         self._searched_groups: set[str] = set()
 
     def find(self, stream: str) -> None:
-        """Bind all datasets of a stream, or none and say why."""
+        """Bind all datasets of a stream, or none, with the reason in ``absent``."""
         specs = datasets_of(stream)
         unplaced = [spec.key for spec in specs if self.dialect.place_of(spec.key) is None]
         if unplaced:
@@ -154,7 +154,7 @@ class _Finder:
             self._report(stream, broken.key, broken.reason)
             return
         self.bindings.update(bound)
-        # What may lie beside a stream is bound by itself: the stream is whole without it.
+        # A companion is bound by itself: the stream is complete without it.
         for spec in companions_of(stream):
             if self.dialect.place_of(spec.key) is None:
                 continue
@@ -169,26 +169,26 @@ class _Finder:
                 continue
             self.bindings.update(bound)
 
-    def hold_to_promises(self) -> None:
-        """Report streams that the metadata declare and that are not there at all."""
+    def report_declared_streams(self) -> None:
+        """Report streams that the metadata declare and of which the file holds nothing."""
         reported = {problem.stream for problem in self.problems}
         for stream, group in PROMISED_BY.items():
             if stream in self.absent and stream not in reported and has_group(self.file, group, self.external_files):
-                self._report_promise(stream, group)
+                self._report_declared(stream, group)
         # One group declares flow of all rates, and any one rate fulfils it.
         no_flow = all(stream in self.absent and stream not in reported for stream in FLOW_STREAMS)
         if no_flow and has_group(self.file, "metadata/flow", self.external_files):
-            self._report_promise("flow", "metadata/flow")
+            self._report_declared("flow", "metadata/flow")
 
-    def hold_to_links(self) -> None:
-        """Report groups of metadata that lie elsewhere, or whose link leads nowhere: what they declare is not read."""
+    def report_metadata_links(self) -> None:
+        """Report groups of metadata behind links that are not followed: their declarations are not read."""
         for owner in METADATA_GROUPS:
             try:
                 find_object(self.file, owner, self.external_files)
             except RefusedError as refused:
                 self._report("metadata", "", refused)
 
-    def _report_promise(self, stream: str, group: str) -> None:
+    def _report_declared(self, stream: str, group: str) -> None:
         message = f"Expected {stream}, which /{group} declares, got no such stream; write it or drop the declaration"
         self._report(stream, "", RefusedError("missing_stream", "missing_stream", message))
 
@@ -277,7 +277,7 @@ class _Finder:
         return offset
 
     def _agree_on_sizes(self, specs: Iterable[DatasetSpec], bound: Mapping[str, Binding]) -> None:
-        """Hold symbolic sizes to what earlier datasets had; keep the new ones only if the whole stream agrees."""
+        """Compare symbolic sizes with those of earlier datasets; keep the new ones only if the whole stream agrees."""
         # A copy: a stream that fails must not fix the sizes of the streams after it.
         sizes = dict(self._sizes)
         for spec in specs:
@@ -324,7 +324,7 @@ def require_shape(spec: DatasetSpec, place: DatasetPlace, dataset: h5py.Dataset,
 
 
 class _BrokenError(Exception):
-    """One dataset keeps its stream from being whole."""
+    """A defect of one dataset, for which its stream is absent."""
 
     def __init__(self, key: str, reason: RefusedError) -> None:
         super().__init__(str(reason))
