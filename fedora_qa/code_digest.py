@@ -1,4 +1,4 @@
-"""Which code made a result: the SHA-256 of sources, of all of the package unless some folders are named."""
+"""Identify the code that made a result: the SHA-256 of the sources of the package, or of some of its folders."""
 
 import hashlib
 from collections.abc import Sequence

@@ -1,6 +1,6 @@
-"""What a measurement shows of its failure, as typed values that name no cause: a delay, a ratio, a mask.
+"""Features of a failed measurement, as typed values that name no cause: a delay, a ratio, a mask.
 
-A check, or a view that it looks at, derives its features from ``Feature``; ``diagnosis/`` reads them.
+Checks and views derive their features from ``Feature``; ``diagnosis/`` reads them.
 """
 
 

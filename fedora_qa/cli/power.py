@@ -17,8 +17,7 @@ from fedora_qa.cli.terminal import print_table, stdout_console, text
 from fedora_qa.errors import MisuseError
 from fedora_qa.power.detection_power import detection_power_of, write_detection_power
 from fedora_qa.power.manifest import MANIFEST, read_manifest, require_files, require_other_names
-from fedora_qa.power.state import State
-from fedora_qa.power.study import Trial, measured_with, run_study, state_folder
+from fedora_qa.power.study import State, Trial, measured_with, run_study, state_folder
 from fedora_qa.power.tables import Origin, power_of
 from fedora_qa.record.atomic import write_text
 from fedora_qa.record.power_json import power_to_json

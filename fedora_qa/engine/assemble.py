@@ -13,10 +13,10 @@ from fedora_qa.engine.progress import MEASURING, Progress, Stopwatch
 from fedora_qa.engine.survey import OpenSurvey, Prepared, Survey
 from fedora_qa.evidence.collector import EvidenceCollector
 from fedora_qa.evidence.distributions import DistributionsCollector
-from fedora_qa.evidence.follow_up import images_of, keep_worst_locations
 from fedora_qa.evidence.options import EvidenceOptions
 from fedora_qa.evidence.titled_arrays import TitledArrays, merged
 from fedora_qa.evidence.trajectory import keep_trajectory
+from fedora_qa.evidence.worst_locations import images_of, keep_worst_locations
 from fedora_qa.judgement.judge import judge
 from fedora_qa.judgement.verdict import crossing_streams, verdict_of
 from fedora_qa.record.evidence import named

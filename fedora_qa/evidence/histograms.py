@@ -1,24 +1,21 @@
 """Histograms of depth, flow, brightness and event rates over the decoded windows."""
 
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Iterable, Mapping
 from functools import partial
-from typing import Any, Final, TypeVar
+from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
 
-from fedora_qa.causes import in_families
 from fedora_qa.conventions import NS_PER_S
-from fedora_qa.errors import UnreadableRowsError
 from fedora_qa.evidence.pictures import add_events
 from fedora_qa.evidence.titled_arrays import TitledArrays, merged
 from fedora_qa.evidence.value_counts import Int64, added, count_values, histogram
 from fedora_qa.record.evidence import HISTOGRAMS, named
 from fedora_qa.sequence.facts import Facts
 from fedora_qa.sequence.window import Window
-from fedora_qa.statistics.moments import sampled_depth_m, sampled_luma_dn, sampled_speeds_px
+from fedora_qa.statistics.moments import readable_images, sampled_depth_m, sampled_luma_dn, sampled_speeds_px
 
-Image = TypeVar("Image")
 UInt32 = NDArray[np.uint32]
 
 _LARGEST_SENSOR_PX: Final = 4096
@@ -48,13 +45,12 @@ def window_values(window: Window, families: frozenset[str] | None = None) -> dic
 
 
 def _count_window(window: Window, families: frozenset[str] | None) -> dict[str, Int64]:
-    facts = window.facts
     samples: dict[str, Iterable[NDArray[Any]]] = {
-        "depth_m": _readable(window, "depth", partial(sampled_depth_m, window), families),
-        "luma_dn": _readable(window, "rgb", partial(sampled_luma_dn, window), families),
+        "depth_m": readable_images(window, "depth", partial(sampled_depth_m, window), families),
+        "luma_dn": readable_images(window, "rgb", partial(sampled_luma_dn, window), families),
     }
-    for stream in facts.flow_streams:
-        samples[stream] = _readable(window, stream, partial(sampled_speeds_px, window, stream), families)
+    for stream in window.facts.flow_streams:
+        samples[stream] = readable_images(window, stream, partial(sampled_speeds_px, window, stream), families)
     return {quantity: added(count_values(image) for image in images) for quantity, images in samples.items()}
 
 
@@ -186,14 +182,3 @@ def _histogram(quantity: str, title: str, counts: Int64) -> TitledArrays:
             named(HISTOGRAMS, name, "counts"): (heights, title + share),
         }
     )
-
-
-def _readable(
-    window: Window, stream: str, read: Callable[[int], Image], families: frozenset[str] | None
-) -> Iterator[Image]:
-    """Yield the decodable images of a stream that a window owns, if the stream is among ``families``."""
-    for row in window.owned(stream) if stream in window.facts.streams and in_families(stream, families) else ():
-        try:
-            yield read(row)
-        except UnreadableRowsError:
-            continue

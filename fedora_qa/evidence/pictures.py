@@ -58,11 +58,9 @@ def mean_codes(image: UInt8, block: int) -> UInt8:
     Returns
     -------
     ndarray of uint8
-        (h, w, C).
+        (h, w, C); halves are rounded to even.
     """
-    rows, columns = picture_shape(image.shape[0], image.shape[1], block)
-    height, width = _side(image.shape[0], block), _side(image.shape[1], block)
-    return _code_means(_as_decoded(np.ascontiguousarray(image)), rows, columns, height, width)
+    return np.rint(mean_values(image, block)).astype(np.uint8)
 
 
 def mean_values(image: NDArray[Any], block: int) -> Float32:
@@ -82,16 +80,10 @@ def mean_values(image: NDArray[Any], block: int) -> Float32:
     """
     rows, columns = picture_shape(image.shape[0], image.shape[1], block)
     height, width = _side(image.shape[0], block), _side(image.shape[1], block)
-    values = _as_decoded(np.ascontiguousarray(image, dtype=np.float32).reshape(*image.shape[:2], -1))
+    values = np.ascontiguousarray(image, dtype=np.float32).reshape(*image.shape[:2], -1).view()
+    values.flags.writeable = False  # as decoded images are: the kernel is compiled for one kind of array
     means = _finite_means(values, rows, columns, height, width)
     return means.reshape(rows, columns, *image.shape[2:])
-
-
-def _as_decoded(values: NDArray[Any]) -> NDArray[Any]:
-    """Return a read-only view of an image, as decoded images are: kernels are compiled for one kind of array."""
-    view = values.view()
-    view.flags.writeable = False
-    return view
 
 
 def events_of_pixels(x: NDArray[Any], y: NDArray[Any], p: NDArray[Any], size: tuple[int, int], block: int) -> UInt16:
@@ -113,9 +105,13 @@ def events_of_pixels(x: NDArray[Any], y: NDArray[Any], p: NDArray[Any], size: tu
     ndarray of uint16
         (2, h, w), at most 65535.
     """
-    counts = np.zeros((2, *picture_shape(*size, block)), np.uint16)
-    _events_of_blocks(_as_decoded(x), _as_decoded(y), _as_decoded(p), size, block, _MOST_EVENTS, counts)
-    return counts
+    rows, columns = picture_shape(*size, block)
+    # Pixels beyond the last whole block are left out.
+    height, width = min(size[0], rows * block), min(size[1], columns * block)
+    inside = (x >= 0) & (x < width) & (y >= 0) & (y < height) & (p >= 0) & (p <= 1)
+    x, y, p = x[inside], y[inside], p[inside].astype(np.intp)
+    counts = np.bincount((p * rows + y // block) * columns + x // block, minlength=2 * rows * columns)
+    return np.minimum(counts, _MOST_EVENTS).astype(np.uint16).reshape(2, rows, columns)
 
 
 def summed_counts(counts: NDArray[np.integer[Any]], block: int) -> UInt16:
@@ -177,30 +173,6 @@ def _finite_means(image: Float32, rows: int, columns: int, height: int, width: i
 
 
 @njit(cache=True)
-def _code_means(image: UInt8, rows: int, columns: int, height: int, width: int) -> UInt8:
-    """Return the means (rows, columns, c) of blocks of an image of codes (H, W, c), rounded, halves to even."""
-    channels = image.shape[2]
-    lines = image.reshape(image.shape[0], image.shape[1] * channels)
-    wide, step = columns * width * channels, np.uint64(channels)  # a signed index costs a comparison
-    # 255 times the pixels of a block fits 32 bits up to blocks of 4104 x 4104 pixels.
-    means, sums = np.empty((rows, columns, channels), np.uint8), np.empty(wide, np.uint32)
-    for row in range(rows):
-        sums[:] = 0
-        for line_number in range(row * height, (row + 1) * height):
-            line = lines[line_number]
-            for i in range(wide):
-                sums[i] += line[i]
-        for column in range(columns):
-            for channel in range(channels):
-                position, total = np.uint64(column * width * channels + channel), np.uint32(0)
-                for _ in range(width):
-                    total += sums[position]
-                    position += step
-                means[row, column, channel] = np.uint8(np.rint(total / (height * width)))
-    return means
-
-
-@njit(cache=True)
 def add_events(counts: UInt32, columns: NDArray[Any], rows: NDArray[Any]) -> None:
     """Add events to the counts of their pixels, in place.
 
@@ -215,22 +187,3 @@ def add_events(counts: UInt32, columns: NDArray[Any], rows: NDArray[Any]) -> Non
     for i in range(len(rows)):
         if 0 <= columns[i] < width and 0 <= rows[i] < height:
             counts[rows[i], columns[i]] += np.uint32(1)
-
-
-@njit(cache=True)
-def _events_of_blocks(
-    columns: NDArray[Any], rows: NDArray[Any], p: NDArray[Any], size: tuple[int, int], block: int, most: int,
-    counts: UInt16,
-) -> None:  # fmt: skip
-    """Add events (n,) within rows and columns of a ``size`` to blocks of pixels by polarity, (2, h, w), up to ``most``.
-
-    Pixels beyond the last block are left out.
-    """
-    height, width = min(size[0], counts.shape[1] * block), min(size[1], counts.shape[2] * block)
-    for i in range(len(rows)):
-        if 0 <= columns[i] < width and 0 <= rows[i] < height and 0 <= p[i] <= 1:
-            block_counts = counts[p[i], rows[i] // block]
-            column = columns[i] // block
-            # Saturates at 65535, where 16 bits would wrap to 0.
-            if block_counts[column] < most:
-                block_counts[column] += np.uint16(1)

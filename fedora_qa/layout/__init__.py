@@ -1,1 +1,12 @@
-"""The file as data: what the canonical layout holds, where a given file keeps it, and in which dialect."""
+"""The layout of a file: which canonical datasets there are, where a given file keeps them, and in which dialect.
+
+In order of reading: ``canonical`` is the layout as data, and ``create`` writes a dataset of it. A ``dialect`` gives
+the places of the same datasets in another layout. ``resolve`` finds them in a file, in the dialect that ``detect``
+recognises, and ``binding`` reads their rows in canonical units. ``links`` and ``external_files`` find objects;
+``bounds`` and ``filters`` refuse datasets that are unsafe to decode; ``stored_attribute`` reads attributes;
+``direct_chunks`` decodes large images. ``describe`` and ``draft`` serve `fedora-qa layout`; ``walk`` lists the
+datasets for both.
+
+A further kind of source begins in three places: its fields in ``dialect.DatasetPlace``, its tests in ``resolve``, and
+its rows in ``binding.raw_rows``.
+"""

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any, Final, Literal
 
 import h5py
-import hdf5plugin  # noqa: F401  importing it is how HDF5 learns the Blosc codec
+import hdf5plugin  # noqa: F401  the import registers the Blosc codec with HDF5
 import numpy as np
 from h5py import h5d, h5p
 from numpy.typing import NDArray
@@ -22,9 +22,9 @@ from fedora_qa.layout.links import READ_ERRORS
 
 Polarity = Literal["01", "inverted", "plus_minus"]
 
-
 Opened = dict[str, StoredChunks]
-"""Datasets of a file that stay open with it, by canonical key: to open one takes longer than to read a few lines."""
+"""Datasets of a file that stay open with it, by canonical key: opening a dataset takes longer than reading a few
+lines."""
 
 FARTHEST_TIMESTAMP_NS: Final = 2**61
 """Instants saturate at about this distance from the origin (73 years), so that the difference of two fits int64."""
@@ -33,10 +33,10 @@ INVALID_TIMESTAMP_NS: Final = -FARTHEST_TIMESTAMP_NS
 """The instant of a timestamp that is NaN: earlier than every real one, so that it never advances a clock."""
 
 INVALID_POLARITY: Final = 255
-"""Stands for a stored polarity that the dialect's code does not know."""
+"""Stands for a stored polarity that the dialect does not define."""
 
 FEWEST_ROWS: Final = 4096
-"""Samples and events are decoded in blocks of at least so many rows. A file may store each in a chunk of its own."""
+"""Least number of samples or events that are decoded together. A file may store each in a chunk of its own."""
 
 LARGEST_SAMPLE: Final = 1e30
 """Samples beyond it are infinite, as what their type cannot hold is. No unit of the layout gives them a meaning, and
@@ -71,12 +71,11 @@ class Binding:
     polarity
         Code of polarity.
     chunk_rows
-        Rows that are decoded together: those of a chunk, or of as many chunks as ``rows_together`` says; 0 for
-        contiguous storage.
+        Number of rows that are decoded together, by ``rows_together``; 0 for contiguous storage.
     stored_chunk
         Shape of one stored chunk; empty for contiguous storage.
     source
-        File and path there, where HDF5 reads other files for it; None: it lies in the file as everything does.
+        File and path there, where HDF5 reads other files for it; None: it lies in the file itself.
     """
 
     key: str
@@ -111,7 +110,10 @@ class Binding:
 
 
 def rows_together(key: str, stored_rows: int) -> int:
-    """Return how many rows to decode together where a chunk holds so many: whole chunks, never single events."""
+    """Return how many rows to decode together where a chunk holds ``stored_rows``: those of one or more whole chunks.
+
+    They are ``FEWEST_ROWS`` at least, or as many as a chunk of the layout, where these are fewer.
+    """
     fewest = min(DATASETS[key].chunk_rows, FEWEST_ROWS)
     return stored_rows * -(-fewest // stored_rows) if 0 < stored_rows < fewest else stored_rows
 
@@ -130,7 +132,7 @@ def stored_dataset(file: h5py.File, binding: Binding) -> h5py.Dataset:
 def raw_rows(file: h5py.File, binding: Binding, start: int, stop: int, opened: Opened | None = None) -> NDArray[Any]:
     """Return rows in stored units and type, columns selected and ordered canonically.
 
-    The dataset is among the ``opened`` ones from then on, where there are such.
+    The dataset is added to ``opened``, unless that is None.
 
     Raises
     ------
@@ -167,18 +169,18 @@ def raw_rows(file: h5py.File, binding: Binding, start: int, stop: int, opened: O
 
 
 def _failing_chunks(file: h5py.File, binding: Binding, start: int, stop: int) -> Iterator[int]:
-    """Try the chunks of some rows one by one, and yield the numbers of those that fail, in the order of the file."""
+    """Read the chunks of some rows one by one, and yield the numbers of those that fail, in the order of the file."""
     grid, chunk = binding.chunk_grid, binding.stored_chunk
     if not grid or start >= stop:
         return
-    for place in product(range(start // chunk[0], -(-stop // chunk[0])), *map(range, grid[1:])):
+    for position in product(range(start // chunk[0], -(-stop // chunk[0])), *map(range, grid[1:])):
         try:
             # One chunk a read: a read of all of them fails as a whole and does not name the chunk.
             stored_dataset(file, binding)[
-                tuple(slice(at * size, (at + 1) * size) for at, size in zip(place, chunk, strict=True))
+                tuple(slice(at * size, (at + 1) * size) for at, size in zip(position, chunk, strict=True))
             ]
         except READ_ERRORS:
-            yield int(np.ravel_multi_index(place, grid))
+            yield int(np.ravel_multi_index(position, grid))
 
 
 def canonical_rows(
@@ -268,7 +270,7 @@ def instant_ns(timestamp: float | int, binding: Binding) -> int | None:
 
 def _ns_per_unit(binding: Binding) -> int:
     if binding.ns_per_unit is None:
-        raise ValueError(f"Expected the stamps of a stream, got {binding.key}; values have no unit of time")
+        raise ValueError(f"Expected the timestamps of a stream, got {binding.key}; values have no unit of time")
     return binding.ns_per_unit
 
 
@@ -282,7 +284,7 @@ def _canonical_polarity(raw: NDArray[Any], code: Polarity) -> NDArray[np.uint8]:
 
 
 def _int64(raw: NDArray[Any]) -> NDArray[np.int64]:
-    """Convert whole numbers; unsigned ones beyond int64 saturate."""
+    """Convert whole numbers to int64; unsigned numbers beyond int64 saturate."""
     if raw.dtype == np.uint64:
         # A cast would wrap values of 2^63 and more to negative ones.
         raw = np.minimum(raw, np.uint64(_INT64.max))

@@ -1,7 +1,7 @@
-"""Refuse datasets that claim more than their file can hold, or a machine can take.
+"""Refuse datasets whose stated size exceeds what their file can hold, or what a machine can process.
 
-A header claims any size in a few bytes. What is checked is decoded, so that work and memory must be bounded by what the
-file truly stores, before the first byte is read. Nothing here depends on values.
+A header states any size in a few bytes. A dataset is decoded to be checked, so that work and memory must be bounded by
+its stored bytes before the first of them is read. No bound depends on values.
 """
 
 from math import ceil, prod
@@ -22,29 +22,31 @@ MOST_SAMPLES: Final = 1 << 25
 """Timestamps of frames and samples, and index maps, are held whole: nine hours of an IMU at 1 kHz fit."""
 
 MOST_UNWRITTEN_BYTES: Final = 64 << 20
-"""What was never written reads as fill values. More than this, and more than was written, is a claim and no data."""
+"""Chunks that were never written read as fill values. A dataset with more of these, and with more of these than of
+written ones, is refused."""
 
 MOST_EXPANSION: Final = 1 << 15
-"""The most that any one codec of HDF5 makes of a byte: Zstandard's shortest block takes 4 bytes and gives 128 KiB (RFC
-8878, 3.1.1.2). Deflate gives 1032, Blosc with Zstandard 7900 as measured on zeros. More is a codec within a codec."""
+"""Largest number of bytes that one codec of HDF5 decodes from a byte: Zstandard's shortest block has 4 bytes and holds
+128 KiB (RFC 8878, 3.1.1.2). Deflate reaches 1032, Blosc with Zstandard 7900 as measured on zeros. Only a codec within a
+codec reaches more."""
 
 SMALL_BYTES: Final = 64 << 20
-"""Decoded, this costs nobody anything."""
+"""A dataset of this decoded size is harmless, however it is stored."""
 
 
 def require_bounded(spec: DatasetSpec, dataset: h5py.Dataset, path: str) -> None:
-    """Refuse a dataset that is larger than its bytes can hold, or than a machine should take.
+    """Refuse a dataset that is larger than its bytes can hold, or than a machine should process.
 
     Parameters
     ----------
     spec
-        What the dataset is to be; its shape has been found legal.
+        Description of the dataset, whose shape has been tested against it.
 
     Raises
     ------
     RefusedError
-        A chunk, an image or a stream of samples beyond the limits above; chunks that lie over each other; far more
-        claimed than written.
+        A chunk, an image or a stream of samples is beyond the limits above; chunks overlap; far more is stated than
+        written.
     """
     require_small_chunks(dataset, path)
     # Axis 0 is time, axes 1 and 2 are rows and columns; channels do not count.
@@ -55,7 +57,7 @@ def require_bounded(spec: DatasetSpec, dataset: h5py.Dataset, path: str) -> None
     if not spec.is_image and spec.stream != "events" and dataset.shape[0] > MOST_SAMPLES:
         _refuse_size(path, f"{MOST_SAMPLES} rows", f"{dataset.shape[0]} rows")
     if dataset.is_virtual or dataset.external:
-        return  # its sources have been held to the same
+        return  # its sources have passed the same tests
     decoded, stored = prod(dataset.shape) * dataset.dtype.itemsize, int(dataset.id.get_storage_size())
     # Chunks of a correct file do not overlap, so that their sum is at most the size of the file. A hostile index points
     # to one chunk many times.
@@ -79,12 +81,12 @@ def require_bounded(spec: DatasetSpec, dataset: h5py.Dataset, path: str) -> None
 
 
 def unwritten_chunks(dataset: h5py.Dataset) -> tuple[int, int]:
-    """Count the chunks that take no place in the file, and all chunks: a writer that was stopped leaves such."""
+    """Return the numbers of chunks without a place in the file, which a stopped writer leaves, and of all chunks."""
     if not prod(dataset.shape):  # not its size, which wraps around at 2^63
         return 0, 0
     if dataset.chunks is None:
         if dataset.is_virtual:
-            return 0, 1  # its sources have been looked at
+            return 0, 1  # its sources have been tested
         return int(dataset.id.get_storage_size() == 0), 1
     # Chunks at the far edges count whole: HDF5 stores them padded.
     chunks = prod(ceil(size / chunk) for size, chunk in zip(dataset.shape, dataset.chunks, strict=True))
@@ -92,7 +94,7 @@ def unwritten_chunks(dataset: h5py.Dataset) -> tuple[int, int]:
 
 
 def require_small_chunks(dataset: h5py.Dataset, path: str) -> None:
-    """Refuse chunks above ``LARGEST_CHUNK_BYTES``, which one value would be decoded with."""
+    """Refuse chunks above ``LARGEST_CHUNK_BYTES``: HDF5 decodes a whole chunk for one value."""
     chunk_bytes = prod(dataset.chunks) * dataset.dtype.itemsize if dataset.chunks else 0
     if chunk_bytes > LARGEST_CHUNK_BYTES:
         _refuse_size(path, f"chunks of {LARGEST_CHUNK_BYTES} bytes", f"{chunk_bytes} bytes")

@@ -1,4 +1,4 @@
-"""Describe which dataset was found at which path: the rows of `fedora-qa layout`."""
+"""Describe the datasets of a file and their paths: the rows of `fedora-qa layout`."""
 
 from dataclasses import dataclass
 
@@ -52,9 +52,9 @@ class Description:
     absent
         Each stream that is not there or not whole, and why.
     unused
-        Datasets of the file that the dialect does not speak of.
+        Datasets of the file for which the dialect has no place.
     unseen
-        What was not looked at in search of them, and why; empty where nothing was left out.
+        What the search for them left out, and why; empty where it left out nothing.
     problems
         What is wrong, one sentence each.
     inferred
@@ -71,7 +71,7 @@ class Description:
 
 
 def describe(file: h5py.File, layout: Layout) -> Description:
-    """Describe what ``resolve`` found in a file."""
+    """Describe the layout that ``resolve`` returned for a file."""
     used, walked = {binding.path for binding in layout.bindings.values()}, walk(file)
     rows: list[DatasetRow] = []
     for binding in (layout.bindings[key] for key in DATASETS if key in layout.bindings):

@@ -4,7 +4,6 @@ import h5py
 
 from fedora_qa.conventions import FORMAT_NAME
 from fedora_qa.layout.canonical import DATASETS
-from fedora_qa.layout.conform import legal_ranks
 from fedora_qa.layout.dialect import DIALECT_NAMES, Dialect, load_dialect
 from fedora_qa.layout.external_files import ExternalFiles
 from fedora_qa.layout.links import READ_ERRORS, RefusedError, find_dataset
@@ -19,10 +18,10 @@ def declares_fedora(file: h5py.File) -> bool:
 
 
 def detect_dialect(file: h5py.File, external_files: ExternalFiles | None = None) -> Dialect:
-    """Return the dialect that the file declares, or else the one that finds most datasets.
+    """Return the dialect that the file declares, or else the one with most datasets in the file.
 
-    Hints decide between equals, then the order of ``DIALECT_NAMES``; a file in which nothing is found is read as
-    canonical, so that everything is reported absent from there.
+    Among equals the hints decide, then the order of ``DIALECT_NAMES``. A file without any of these datasets is read as
+    canonical, and all of its streams are reported absent.
     """
     if declares_fedora(file):
         return load_dialect(FORMAT_NAME)
@@ -34,7 +33,7 @@ def detect_dialect(file: h5py.File, external_files: ExternalFiles | None = None)
             place = dialect.place_of(spec.key)
             dataset = None if place is None else _dataset(file, place.path or spec.key, external_files)
             # Rank only: a dataset of a wrong size still identifies its dialect, and the size is reported later.
-            if place is not None and dataset is not None and len(dataset.shape) in legal_ranks(spec, place):
+            if place is not None and dataset is not None and len(dataset.shape) in place.ranks_of(spec):
                 count += 1
         for hint in dialect.hints:
             dataset = _dataset(file, hint.path, external_files)

@@ -1,4 +1,4 @@
-"""Dialects: layouts of others as data. Each is a TOML file that says where every canonical dataset lies."""
+"""Dialects: layouts of others as data. Each is a TOML file that gives the place of every canonical dataset."""
 
 import tomllib
 from collections.abc import Mapping
@@ -6,12 +6,12 @@ from dataclasses import dataclass, field
 from importlib import resources
 from math import pi
 from pathlib import Path
-from typing import Any, ClassVar, Final, Literal
+from typing import ClassVar, Final, Literal
 
 from fedora_qa.conventions import MM_PER_M, NS_PER_S, NS_PER_US, STANDARD_GRAVITY_M_S2
 from fedora_qa.errors import MisuseError
 from fedora_qa.layout.binding import Polarity
-from fedora_qa.layout.canonical import DATASETS
+from fedora_qa.layout.canonical import DATASETS, DatasetSpec
 
 DIALECT_NAMES: Final = ("fedora", "purdue-lab", "dsec", "mvsec", "m3ed")
 
@@ -31,9 +31,8 @@ SCALES: Final[Mapping[tuple[str, str], float]] = {
 QUATERNION_COLUMNS: Final[Mapping[str, tuple[int, ...]]] = {"xyzw": (0, 1, 2, 3), "wxyz": (1, 2, 3, 0)}
 """Which stored entries are x, y, z, w."""
 
-
 _STRICT: Final = {"extra": "forbid"}
-"""For whoever validates: a key that is not known is a mistake."""
+"""Configuration of pydantic: an unknown key is an error."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -68,10 +67,18 @@ class DatasetPlace:
     polarity: Polarity = "01"
     quaternion: Literal["xyzw", "wxyz"] = "xyzw"
 
+    def ranks_of(self, spec: DatasetSpec) -> tuple[int, ...]:
+        """Return the ranks that the stored dataset may have."""
+        rank = len(spec.shape)
+        if not self.columns:
+            return (rank,)
+        # Columns are picked from a last axis that a canonical dataset of rank 1 does not have. A grey image lacks it.
+        return (2,) if rank == 1 else (rank, rank - 1)
+
 
 @dataclass(frozen=True, slots=True)
 class Hint:
-    """A dataset that gives the dialect away: its path, and where stated its rank and the kind of its type."""
+    """A dataset by which the dialect is recognised: its path, and where stated its rank and the kind of its type."""
 
     __pydantic_config__: ClassVar[Mapping[str, str]] = _STRICT
 
@@ -93,7 +100,7 @@ class Dialect:
     datasets
         The place of each dataset by canonical key.
     hints
-        Any one of them speaks for the dialect where two fit a file equally well.
+        Where two dialects fit a file equally well, the one with any of its hints in the file is chosen.
     """
 
     __pydantic_config__: ClassVar[Mapping[str, str]] = _STRICT
@@ -114,15 +121,15 @@ class Dialect:
 
 
 def load_dialect(name_or_path: str | Path) -> Dialect:
-    """Read a dialect that is known by name, or a TOML file.
+    """Read a packaged dialect by its name, or a TOML file.
 
     Raises
     ------
     MisuseError
-        No such dialect, not TOML, a key that is not known, or a value that does not fit. The message names the key.
+        No such dialect, not TOML, an unknown key, or a value that does not fit. The message names the key.
     """
-    is_shipped = str(name_or_path) in DIALECT_NAMES
-    if is_shipped:
+    is_packaged = str(name_or_path) in DIALECT_NAMES
+    if is_packaged:
         text = (resources.files("fedora_qa.layout") / "dialects" / f"{name_or_path}.toml").read_text("utf-8")
     else:
         try:
@@ -135,8 +142,14 @@ def load_dialect(name_or_path: str | Path) -> Dialect:
         document = tomllib.loads(text)
     except (tomllib.TOMLDecodeError, RecursionError) as error:
         raise MisuseError(f"Expected the dialect {name_or_path} to be TOML, got: {error}") from error
-    if is_shipped:
-        return shipped_dialect(document)
+    if is_packaged:
+        # Tests validate the packaged dialects.
+        datasets = {
+            key: DatasetPlace(**{**place, "columns": tuple(place.get("columns", ()))})
+            for key, place in document.get("datasets", {}).items()
+        }
+        hints = tuple(Hint(**hint) for hint in document.get("hints", ()))
+        return Dialect(**{**document, "datasets": datasets, "hints": hints})
     from pydantic import TypeAdapter, ValidationError  # noqa: PLC0415 - slow to load, and dialects of the package need none
 
     try:
@@ -156,24 +169,13 @@ def load_dialect(name_or_path: str | Path) -> Dialect:
     return dialect
 
 
-def shipped_dialect(document: Mapping[str, Any]) -> Dialect:
-    """Return a dialect of this package from its TOML, which tests validate: most runs need no other."""
-    places = document.get("datasets", {})
-    datasets = {
-        key: DatasetPlace(**{**place, "columns": tuple(place.get("columns", ()))}) for key, place in places.items()
-    }
-    return Dialect(
-        **{**document, "datasets": datasets, "hints": tuple(Hint(**hint) for hint in document.get("hints", ()))}
-    )
-
-
 def scale_of(key: str, place: DatasetPlace) -> float:
     """Return the factor from stored to canonical values.
 
     Raises
     ------
     MisuseError
-        No conversion to the canonical unit is known.
+        There is no conversion to the canonical unit.
     """
     canonical = DATASETS[key].units
     if place.value_unit in {"", canonical}:

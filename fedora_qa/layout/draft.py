@@ -10,7 +10,7 @@ from math import prod
 from typing import Any, Final
 
 import h5py
-import hdf5plugin  # noqa: F401  importing it is how HDF5 learns the Blosc codec
+import hdf5plugin  # noqa: F401  the import registers the Blosc codec with HDF5
 import numpy as np
 from numpy.typing import NDArray
 
@@ -27,7 +27,7 @@ HEAD_ROWS: Final = 256
 _IMAGE_ROWS: Final = 1
 
 _MOST_HEAD_BYTES: Final = 512 << 20
-"""Decoded for the first rows. What takes more is no dataset that could be checked, and is left out."""
+"""Largest decoded size of the first rows. Datasets beyond it could not be checked, and are left out."""
 
 _EPOCH_S: Final = (1e9, 1e10)
 """Seconds since 1970 of timestamps between 2001 and 2286."""
@@ -36,17 +36,17 @@ _STEP_NS: Final = {"frames": (1e6, 1e9), "samples": (1e5, 1e8), "events": (0.0, 
 """Plausible steps, ns: frames at 1 to 1000 Hz, samples at 10 Hz to 10 kHz, events less than 10 ms apart."""
 
 _METRES_BELOW: Final = 200.0
-"""A median depth below this is metres, above it millimetres: 200 m is beyond, 20 cm within what a drone looks at."""
+"""A median depth below this is metres, above it millimetres: 200 m is beyond, 20 cm within the depths of a flight."""
 
 _SAME_RATE: Final = 0.05
-"""Intervals nearer than this to those of a rate that the layout names are meant to be of that rate."""
+"""Relative difference up to which an interval counts as that of a rate of the layout."""
 
 _NAMES: Final = {
     "path/imu/angular_velocity": ("angular", "gyr", "omega", "w"),
     "path/imu/linear_acceleration": ("accel", "acc", "a", "linear_acc"),
     "path/pose/position": ("pos", "trans", "p"),
 }
-"""Beginnings of the names that three columns go by."""
+"""Beginnings of the names of datasets with three columns."""
 
 # One hint suffices to prefer a dialect; the second covers a file that lacks the first dataset.
 _MOST_HINTS = 2
@@ -87,7 +87,7 @@ def draft_dialect(file: h5py.File, name: str) -> str:
     Parameters
     ----------
     file
-        Open for reading. Only the first rows of each dataset are looked at.
+        Open for reading. Only the first rows of each dataset are read.
     name
         Name of the dialect.
 
@@ -100,7 +100,7 @@ def draft_dialect(file: h5py.File, name: str) -> str:
     guesses = {guess.key: guess for guess in guess_places(items)}
     ordered = [guesses[key] for key in DATASETS if key in guesses]
     lines = [
-        "# A draft, guessed from names, shapes, types and first values. Every line wants a look before it is used:",
+        "# A draft, guessed from names, shapes, types and first values. Verify every line before you use it:",
         "# a wrong unit here is a finding about the draft, not about the file.",
         f"name = {_quoted(name)}",
         'description = "drafted"',
@@ -234,7 +234,7 @@ def _images(items: Sequence[StoredObject]) -> Iterator[Guess]:
 
 
 def _flow(items: Sequence[StoredObject]) -> Iterator[Guess]:
-    """Fields of two components beside intervals of equal number; the interval's length names the rate."""
+    """Guess that fields of two components beside equally many intervals are flow, whose rate is 1 / interval."""
     for item in items:
         if len(item.shape) != 4 or item.shape[3] != 2 or item.dtype.kind != "f":
             continue
@@ -264,7 +264,7 @@ def _samples(items: Sequence[StoredObject]) -> Iterator[Guess]:
                     yield from _with_timestamps(items, item, guess)
         # Unit norm distinguishes quaternions from other tables of four columns.
         elif item.shape[1] == 4 and np.allclose(np.linalg.norm(item.head, axis=1), 1.0, atol=1e-3):
-            reason = "four columns of unit length; that the order is x, y, z, w cannot be told from the values"
+            reason = "four columns of unit length; that the order is x, y, z, w does not follow from the values"
             guess = Guess("path/pose/orientation", {"path": item.path, "quaternion": "xyzw"}, reason)
             yield from _with_timestamps(items, item, guess)
 
@@ -288,12 +288,12 @@ def _with_timestamps(items: Sequence[StoredObject], item: StoredObject, guess: G
 
 
 def _nearness(timestamps: StoredObject, item: StoredObject) -> tuple[int, int, int]:
-    """Order candidates: a name that says time, the common beginning of the paths, the shorter path."""
-    says_time = any(word in timestamps.name for word in ("ts", "time", "stamp")) or timestamps.name == "t"
+    """Return the order of candidates: a name for a time, the common beginning of the paths, the shorter path."""
+    named_as_time = any(word in timestamps.name for word in ("ts", "time", "stamp")) or timestamps.name == "t"
     common = next(
         (i for i, (a, b) in enumerate(zip(timestamps.path, item.path, strict=False)) if a != b), len(item.path)
     )
-    return int(says_time), common, -len(timestamps.path)
+    return int(named_as_time), common, -len(timestamps.path)
 
 
 def _polarity(codes: set[float]) -> dict[str, str | list[int]]:
@@ -305,7 +305,7 @@ def _code_reason(codes: set[float]) -> str:
 
 
 def _quoted(text: str) -> str:
-    """Write a TOML basic string; names in HDF5 may hold any character."""
+    """Return text as a TOML basic string; names in HDF5 may hold any character."""
     escaped = text.replace("\\", "\\\\").replace('"', '\\"')
     # TOML 1.0 basic strings must escape U+0000 to U+001F, but for the tab, and U+007F.
     return '"' + "".join(f"\\u{ord(c):04x}" if _is_control(c) else c for c in escaped) + '"'

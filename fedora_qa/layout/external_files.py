@@ -1,8 +1,8 @@
-"""Which other files may a file read from? Those in folders that somebody named, and none unless some were.
+"""Open the other files that a file links to or consists of: those in folders that the user allows, and no others.
 
-HDF5 looks for a name in many places. So each is looked for here first, in one: beside the file that holds it. Links are
-then followed by us, from file to file; of virtual datasets and external storage, which HDF5 follows by itself, every
-source is held to exist there, whole, so that HDF5 finds it before it looks anywhere else.
+HDF5 searches a name in many places. Here it is searched in one place only: beside the file that holds it. ``links``
+follows links from file to file. HDF5 itself follows virtual datasets and external storage. So every source of these
+must exist, complete, at that place, where HDF5 finds it before it searches elsewhere.
 """
 
 import os
@@ -16,9 +16,8 @@ from h5py import h5s
 
 from fedora_qa.layout.binding import Binding
 from fedora_qa.layout.bounds import MOST_EXPANSION, SMALL_BYTES, require_small_chunks, unwritten_chunks
-from fedora_qa.layout.filters import require_filters
+from fedora_qa.layout.filters import require_filters, require_whole_chunks
 from fedora_qa.layout.links import RefusedError, find_dataset
-from fedora_qa.layout.whole_chunks import require_whole_chunks
 
 MOST_FILES: Final = 64
 """Other files that one file may name."""
@@ -27,11 +26,11 @@ MOST_SOURCES: Final = 4096
 """Pieces that a virtual dataset may be made of."""
 
 _PREFIXES: Final = ("HDF5_VDS_PREFIX", "HDF5_EXTFILE_PREFIX")
-"""Variables that make HDF5 look elsewhere first."""
+"""Variables of the environment that change where HDF5 searches first."""
 
 
 class ExternalFiles:
-    """Opens the other files that a file names, and holds them open until it is closed.
+    """Opens the other files that a file names, and keeps them open until it is closed.
 
     Parameters
     ----------
@@ -55,7 +54,7 @@ class ExternalFiles:
         return self._opened(self._place(file, name, path), path)
 
     def holding(self, file: h5py.File, binding: Binding) -> h5py.File:
-        """Return the file that holds a dataset: the given one, or another, held to the folders again."""
+        """Return the file that holds a dataset: the given one, or another, whose folder is tested again."""
         if binding.source is None:
             return file
         place = Path(binding.source[0])
@@ -129,7 +128,7 @@ class ExternalFiles:
             raise RefusedError("expands", "unknown", message)
 
     def _source(self, dataset: h5py.Dataset, name: str, path_there: str, path: str) -> h5py.Dataset:
-        # HDF5 replaces %b by block numbers, and so reads files that nobody has checked.
+        # HDF5 replaces %b by block numbers, and so reads files that have not been tested.
         if "%" in name or "%" in path_there:
             raise _refused(f"Expected the sources of {path} by their names, got a pattern")
         file = dataset.file if name == "." else self.named(dataset.file, name, path)

@@ -1,10 +1,11 @@
-"""Refuse datasets whose bytes pass through filters that are not installed, or that a damaged chunk can crash."""
+"""Refuse datasets that HDF5 cannot decode, or not safely: by their filters, and by chunks too short for them."""
 
 from collections.abc import Iterator
+from math import prod
 from typing import Final
 
 import h5py
-import hdf5plugin  # noqa: F401  importing it is how HDF5 learns the codecs
+import hdf5plugin  # noqa: F401  the import registers the codecs with HDF5
 
 from fedora_qa.layout.links import RefusedError
 
@@ -25,9 +26,14 @@ _KNOWN_FILTERS: Final = {
 }
 """Filters that neither HDF5 nor hdf5plugin brings, by the numbers under which they are registered."""
 
+_UNSAFE_FILTERS: Final = {32008: "Bitshuffle"}
+"""Filters whose decoder does not verify the sizes in a chunk and writes beyond its memory: docs/hostile-files.md."""
 
-UNSAFE_FILTERS: Final = {32008: "Bitshuffle"}
-"""Filters whose decoder trusts the sizes in a chunk and writes beyond its memory: docs/hostile-files.md."""
+FLETCHER32_BYTES: Final = 4
+"""Length of the checksum of Fletcher-32 behind each chunk."""
+
+_LENGTH_KEEPING_FILTERS: Final = frozenset({h5py.h5z.FILTER_SHUFFLE, h5py.h5z.FILTER_FLETCHER32})
+"""Filters that keep the length of a chunk, but for the checksum."""
 
 
 def require_filters(dataset: h5py.Dataset, path: str) -> None:
@@ -36,12 +42,12 @@ def require_filters(dataset: h5py.Dataset, path: str) -> None:
     Raises
     ------
     RefusedError
-        A filter is not installed, or is one that a damaged chunk can crash; names it and says what to do.
+        A filter is not installed, or is one that a damaged chunk can crash. The message names it and the remedy.
     """
     for number, name in filters_of(dataset):
-        if number in UNSAFE_FILTERS:
+        if number in _UNSAFE_FILTERS:
             message = (
-                f"Expected {path} through a codec that damaged bytes cannot crash, got {UNSAFE_FILTERS[number]}; "
+                f"Expected {path} through a codec that damaged bytes cannot crash, got {_UNSAFE_FILTERS[number]}; "
                 "write the data again through Blosc-Zstd"
             )
             raise RefusedError("unsafe_filter", "unknown", message)
@@ -55,9 +61,40 @@ def require_filters(dataset: h5py.Dataset, path: str) -> None:
             raise RefusedError("missing_filter", "unknown", message)
 
 
+def require_whole_chunks(dataset: h5py.Dataset, path: str) -> None:
+    """Refuse a dataset with a chunk too short for its values, or where a codec packs them, for its checksum.
+
+    HDF5 2.0 subtracts the checksum from the stored size without a test, and takes the output of the filters for a whole
+    chunk: a chunk of three bytes ends the process, and one of five shows memory that is not the file's.
+
+    Raises
+    ------
+    RefusedError
+        Names the first such chunk.
+    """
+    if not dataset.chunks:
+        return
+    filters = [number for number, _ in filters_of(dataset)]
+    # Behind a codec only 1 byte is certain.
+    keeps_length = _LENGTH_KEEPING_FILTERS.issuperset(filters)
+    values_bytes = prod(dataset.chunks) * dataset.id.get_type().get_size() if keeps_length else 1
+    checksums = [position for position, number in enumerate(filters) if number == h5py.h5z.FILTER_FLETCHER32]
+
+    def too_short(chunk: h5py.h5d.StoreInfo) -> h5py.h5d.StoreInfo | None:
+        # Bit i of ``filter_mask`` is set where filter i was left out for this chunk.
+        applied = sum(not chunk.filter_mask >> position & 1 for position in checksums)
+        return chunk if chunk.size < values_bytes + applied * FLETCHER32_BYTES else None
+
+    short = dataset.id.chunk_iter(too_short)
+    if short is not None:
+        where = ", ".join(map(str, short.chunk_offset))
+        message = f"Expected whole chunks in {path}, got one of {short.size} bytes at ({where})"
+        raise RefusedError("short_chunk", "corrupt_chunk", message)
+
+
 def filters_of(dataset: h5py.Dataset) -> Iterator[tuple[int, str]]:
-    """Yield number and name of the filters of a dataset, the first that a writer applies first."""
-    kept = dataset.id.get_create_plist()
-    for position in range(kept.get_nfilters()):
-        number, _, _, name = kept.get_filter(position)
+    """Yield number and name of the filters of a dataset, in the order in which a writer applies them."""
+    properties = dataset.id.get_create_plist()
+    for position in range(properties.get_nfilters()):
+        number, _, _, name = properties.get_filter(position)
         yield number, name.decode("utf-8", "replace")

@@ -1,7 +1,7 @@
-"""Find a dataset by its path, and refuse whatever would read something other than this file.
+"""Find an object by its path, and refuse whatever would read another file that may not be read.
 
 HDF5 can point out of a file in four ways: external links, soft links that lead through them, virtual datasets and
-external storage. A file from somewhere else must not decide which other files are read.
+external storage. A file of unknown origin must not decide which other files are read.
 """
 
 from collections.abc import Iterator
@@ -24,10 +24,10 @@ _SHORT_PATH: Final = 16
 """Names of a path; those of the canonical layout have at most four."""
 
 MOST_NAMES: Final = 1000
-"""Of a group that are looked through one by one. The canonical layout has at most ten in a group."""
+"""Names of a group that are read one by one. The canonical layout has at most ten in a group."""
 
 LONGEST_MESSAGE: Final = 500
-"""Characters of a message: names and link targets may be as long as the file likes."""
+"""Characters of a message: names and link targets of a file may have any length."""
 
 
 class RefusedError(Exception):
@@ -113,6 +113,31 @@ def find_object(
         return _follow(file, path, MAX_LINKS, external_files)
 
 
+def damaged_name(file: h5py.File, path: str, external_files: "ExternalFiles | None" = None) -> str | None:
+    """Return a name in a group that is no printable text, escaped; None where the first ``MOST_NAMES`` are text.
+
+    Names carry no checksum, so that damage to one shows only in its bytes. A group that is not there, or whose names
+    cannot be read, gives None.
+    """
+    damaged: list[str] = []
+    names_read = 0
+
+    def stop_at_damage(name: bytes) -> bool | None:
+        nonlocal names_read
+        names_read += 1
+        # Bytes that are not UTF-8 decode to lone surrogates, which are not printable.
+        if not name.decode("utf-8", "surrogateescape").isprintable():
+            damaged.append(ascii(name)[2:-1])
+        # A value other than None ends the iteration of h5py.
+        return True if damaged or names_read == MOST_NAMES else None
+
+    with suppress(RefusedError, *READ_ERRORS):
+        group = find_object(file, path, external_files)
+        if isinstance(group, h5py.Group):
+            group.id.links.iterate(stop_at_damage)
+    return damaged[0] if damaged else None
+
+
 def _follow(
     file: h5py.File, path: str, links_left: int, external_files: "ExternalFiles | None"
 ) -> h5py.Group | h5py.Dataset | h5py.Datatype | None:
@@ -122,7 +147,7 @@ def _follow(
     # Each prefix is walked from the root, n^2 / 2 steps in all, so that long paths are followed step by step.
     target: _objects.ObjectID | None = None
     if len(parts) <= _SHORT_PATH:
-        with suppress(*READ_ERRORS):  # ``_step_by_step`` finds what is wrong, and where
+        with suppress(*READ_ERRORS):  # ``_step_by_step`` reports what is wrong, and where
             way = b""
             for part in parts:
                 way += part.encode("utf-8", "surrogateescape")
@@ -183,20 +208,18 @@ def _step_by_step(
 def _object(file: h5py.File, identifier: _objects.ObjectID) -> h5py.Group | h5py.Dataset | h5py.Datatype:
     if isinstance(identifier, h5g.GroupID):
         return h5py.Group(identifier)
-    return (
-        h5py.Dataset(identifier, readonly=file.mode == "r")
-        if isinstance(identifier, h5d.DatasetID)
-        else h5py.Datatype(identifier)
-    )
+    if isinstance(identifier, h5d.DatasetID):
+        return h5py.Dataset(identifier, readonly=file.mode == "r")
+    return h5py.Datatype(identifier)
 
 
 def _lists(group: h5g.GroupID, wanted: bytes) -> bool:
-    """Whether a name is among the first ``MOST_NAMES`` of a group, one by one and not by the index of its names."""
-    names = list[bytes]()
+    """Whether a name is among the first ``MOST_NAMES`` of a group, read one by one and not by the group's index."""
+    names: list[bytes] = []
 
-    def look(listed: bytes) -> bool | None:
+    def stop_at_name(listed: bytes) -> bool | None:
         names.append(listed)
         return True if listed == wanted or len(names) == MOST_NAMES else None
 
-    group.links.iterate(look)
+    group.links.iterate(stop_at_name)
     return names[-1:] == [wanted]

@@ -1,4 +1,4 @@
-"""Find the canonical datasets in a file: which dialect it speaks, what is whole, what is absent, what is wrong."""
+"""Find the canonical datasets in a file: its dialect, complete streams, absent streams, and problems."""
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
@@ -19,21 +19,11 @@ from fedora_qa.layout.canonical import (
     companions_of,
     datasets_of,
 )
-from fedora_qa.layout.conform import require_readable_type, require_shape
 from fedora_qa.layout.detect import declares_fedora, detect_dialect
 from fedora_qa.layout.dialect import NS_PER_TIME_UNIT, QUATERNION_COLUMNS, DatasetPlace, Dialect, scale_of
 from fedora_qa.layout.external_files import ExternalFiles
-from fedora_qa.layout.filters import require_filters
-from fedora_qa.layout.links import (
-    MOST_NAMES,
-    READ_ERRORS,
-    RefusedError,
-    find_dataset,
-    find_object,
-    has_group,
-    reading,
-)
-from fedora_qa.layout.whole_chunks import require_whole_chunks
+from fedora_qa.layout.filters import require_filters, require_whole_chunks
+from fedora_qa.layout.links import RefusedError, damaged_name, find_dataset, find_object, has_group, reading
 
 _EXTRA_STREAMS: Final = ("depth_range",)
 """Datasets of the layout that are declarations, not streams."""
@@ -41,7 +31,7 @@ _EXTRA_STREAMS: Final = ("depth_range",)
 
 @dataclass(frozen=True, slots=True)
 class LayoutProblem:
-    """Something about the layout that a correct file would not show.
+    """A defect of the layout.
 
     ``code`` is ``integrity.layout.<rule>``, ``cause`` an identifier of ``causes.py``, ``magnitude`` in its unit.
     """
@@ -65,13 +55,13 @@ class Layout:
     bindings
         By canonical key; only of whole streams.
     streams
-        The streams that are whole: every dataset there, shapes consistent, types readable.
+        The complete streams: every dataset exists, shapes are consistent, types can be read.
     absent
-        Why each other stream is not, by stream.
+        Why each other stream is absent, by stream.
     problems
-        Everything wrong with the layout, in the order of the canonical layout.
+        Defects of the layout, in the order of the canonical layout.
     inferred
-        What was concluded and not declared, for the record.
+        Values that were inferred and not declared, for the record.
     """
 
     dialect_name: str
@@ -90,7 +80,7 @@ def resolve(file: h5py.File, dialect: Dialect | None = None, external_files: Ext
     file
         Open for reading.
     dialect
-        The dialect to read in; None: the one that the file declares, or else the one that finds most.
+        The dialect of the file; None: as ``detect_dialect`` returns it.
     external_files
         Which other files it may read from; None: no other.
     """
@@ -103,10 +93,10 @@ def resolve(file: h5py.File, dialect: Dialect | None = None, external_files: Ext
     # In the order of the layout: the first stream with a symbolic size is the reference for all later ones.
     for stream in (*STREAMS, *_EXTRA_STREAMS):
         finder.find(stream)
-    # Only metadata of the canonical layout promise streams; files of other dialects carry none.
+    # Only metadata of the canonical layout declare streams; files of other dialects carry none.
     if dialect.canonical_elsewhere:
-        finder.hold_to_promises()
-        finder.hold_to_links()
+        finder.report_declared_streams()
+        finder.report_metadata_links()
     return Layout(
         dialect_name=dialect.name,
         bindings=finder.bindings,
@@ -119,7 +109,7 @@ def resolve(file: h5py.File, dialect: Dialect | None = None, external_files: Ext
 
 
 class _Finder:
-    """Walks the streams in order and keeps what it finds; sizes are agreed on between streams as they come."""
+    """Finds the datasets stream by stream. All streams must agree on symbolic sizes; the first with a size sets it."""
 
     def __init__(self, file: h5py.File, dialect: Dialect, external_files: ExternalFiles | None) -> None:
         self.file = file
@@ -129,10 +119,10 @@ class _Finder:
         self.absent: dict[str, str] = {}
         self.problems: list[LayoutProblem] = []
         self._sizes: dict[str, tuple[int, str]] = {}
-        self._looked_into: set[str] = set()
+        self._searched_groups: set[str] = set()
 
     def find(self, stream: str) -> None:
-        """Bind all datasets of a stream, or none and say why."""
+        """Bind all datasets of a stream, or none, with the reason in ``absent``."""
         specs = datasets_of(stream)
         unplaced = [spec.key for spec in specs if self.dialect.place_of(spec.key) is None]
         if unplaced:
@@ -142,8 +132,16 @@ class _Finder:
             datasets = {spec.key: self._dataset(spec) for spec in specs}
             missing = [key for key, dataset in datasets.items() if dataset is None]
             if len(missing) == len(specs):
-                self.absent[stream] = f"there is no {self._path(specs[0].key)} in the file"
-                self._hold_to_names(stream, self._path(specs[0].key))
+                path = self._path(specs[0].key)
+                self.absent[stream] = f"there is no {path} in the file"
+                # A damaged name in the group, reported once a group, may be that of the missing stream.
+                group = path.rpartition("/")[0]
+                if group not in self._searched_groups:
+                    self._searched_groups.add(group)
+                    damaged = damaged_name(self.file, group, self.external_files)
+                    if damaged is not None:
+                        message = f"Expected {path}, or names of text in {group or '/'}, got a damaged one: {damaged}"
+                        self._report(stream, "", RefusedError("unreadable", "corrupt_chunk", message))
                 return
             if missing:
                 present = next(key for key, dataset in datasets.items() if dataset is not None)
@@ -156,7 +154,7 @@ class _Finder:
             self._report(stream, broken.key, broken.reason)
             return
         self.bindings.update(bound)
-        # What may lie beside a stream is bound by itself: the stream is whole without it.
+        # A companion is bound by itself: the stream is complete without it.
         for spec in companions_of(stream):
             if self.dialect.place_of(spec.key) is None:
                 continue
@@ -171,55 +169,26 @@ class _Finder:
                 continue
             self.bindings.update(bound)
 
-    def hold_to_promises(self) -> None:
-        """Report streams that the metadata declare and that are not there at all."""
+    def report_declared_streams(self) -> None:
+        """Report streams that the metadata declare and of which the file holds nothing."""
         reported = {problem.stream for problem in self.problems}
         for stream, group in PROMISED_BY.items():
             if stream in self.absent and stream not in reported and has_group(self.file, group, self.external_files):
-                self._report_promise(stream, group)
+                self._report_declared(stream, group)
         # One group declares flow of all rates, and any one rate fulfils it.
         no_flow = all(stream in self.absent and stream not in reported for stream in FLOW_STREAMS)
         if no_flow and has_group(self.file, "metadata/flow", self.external_files):
-            self._report_promise("flow", "metadata/flow")
+            self._report_declared("flow", "metadata/flow")
 
-    def hold_to_links(self) -> None:
-        """Report groups of metadata that lie elsewhere, or whose link leads nowhere: what they declare is not read."""
+    def report_metadata_links(self) -> None:
+        """Report groups of metadata behind links that are not followed: their declarations are not read."""
         for owner in METADATA_GROUPS:
             try:
                 find_object(self.file, owner, self.external_files)
             except RefusedError as refused:
                 self._report("metadata", "", refused)
 
-    def _hold_to_names(self, stream: str, path: str) -> None:
-        """Report a damaged name, once a group, where a stream is missing: it may be that stream's.
-
-        Names carry no checksum, so that a damaged one only looks odd. ``MOST_NAMES`` of a group are looked at.
-        """
-        group = path.rpartition("/")[0]
-        if group in self._looked_into:
-            return
-        self._looked_into.add(group)
-        looked_at, garbled = 0, list[str]()
-
-        def look(name: bytes) -> bool | None:
-            nonlocal looked_at
-            looked_at += 1
-            # Bytes that are not UTF-8 decode to lone surrogates, which are not printable.
-            if not name.decode("utf-8", "surrogateescape").isprintable():
-                garbled.append(ascii(name)[2:-1])
-            return True if garbled or looked_at == MOST_NAMES else None
-
-        try:
-            stored = find_object(self.file, group, self.external_files)
-            if isinstance(stored, h5py.Group):
-                stored.id.links.iterate(look)
-        except (RefusedError, *READ_ERRORS):
-            return  # a group that is not there, or cannot be listed, is for others to report
-        if garbled:
-            message = f"Expected {path}, or names of text in {group or '/'}, got a damaged one: {garbled[0]}"
-            self._report(stream, "", RefusedError("unreadable", "corrupt_chunk", message))
-
-    def _report_promise(self, stream: str, group: str) -> None:
+    def _report_declared(self, stream: str, group: str) -> None:
         message = f"Expected {stream}, which /{group} declares, got no such stream; write it or drop the declaration"
         self._report(stream, "", RefusedError("missing_stream", "missing_stream", message))
 
@@ -308,7 +277,7 @@ class _Finder:
         return offset
 
     def _agree_on_sizes(self, specs: Iterable[DatasetSpec], bound: Mapping[str, Binding]) -> None:
-        """Hold symbolic sizes to what earlier datasets had; keep the new ones only if the whole stream agrees."""
+        """Compare symbolic sizes with those of earlier datasets; keep the new ones only if the whole stream agrees."""
         # A copy: a stream that fails must not fix the sizes of the streams after it.
         sizes = dict(self._sizes)
         for spec in specs:
@@ -327,8 +296,35 @@ class _Finder:
         self._sizes = sizes
 
 
+def require_readable_type(spec: DatasetSpec, dataset: h5py.Dataset, path: str) -> None:
+    """Refuse types without a safe conversion: all that are not numbers, and colours that are not 8-bit codes."""
+    # At most 8 bytes: an extended float does not fit float64 without loss.
+    numeric = dataset.dtype.kind in "iufb" and dataset.dtype.subdtype is None and dataset.dtype.itemsize <= 8
+    if not numeric or (spec.key == "path/rgb" and dataset.dtype != np.uint8):
+        message = f"Expected {path} as {spec.dtype}, got {dataset.dtype}, which cannot be converted safely"
+        raise RefusedError("wrong_dtype", "wrong_dtype", message)
+
+
+def require_shape(spec: DatasetSpec, place: DatasetPlace, dataset: h5py.Dataset, path: str) -> None:
+    """Refuse a rank, a fixed size or an empty image that the layout does not have."""
+    shape: tuple[int, ...] | None = dataset.shape
+    # Length 0 along time is a legal empty stream; rows or images without entries are not.
+    if shape is None or len(shape) not in place.ranks_of(spec) or 0 in shape[1:]:
+        fits = False
+    elif place.columns:
+        # A table (rank 2) or an image with channels has the axis of columns; a grey image counts as one entry.
+        has_columns = len(shape) == 2 or len(shape) == len(spec.shape)
+        entries = shape[-1] if has_columns else 1
+        fits = all(0 <= column < entries for column in place.columns)
+    else:
+        fits = all(isinstance(size, str) or size == stored for size, stored in zip(spec.shape, shape, strict=True))
+    if not fits:
+        expected = " x ".join(str(size) for size in spec.shape)
+        raise RefusedError("wrong_shape", "wrong_shape", f"Expected {path} of shape {expected}, got {shape}")
+
+
 class _BrokenError(Exception):
-    """One dataset keeps its stream from being whole."""
+    """A defect of one dataset, for which its stream is absent."""
 
     def __init__(self, key: str, reason: RefusedError) -> None:
         super().__init__(str(reason))

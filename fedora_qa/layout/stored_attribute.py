@@ -9,18 +9,18 @@ import numpy as np
 from fedora_qa.layout.links import READ_ERRORS
 
 LARGEST_BYTES: Final = 16 << 20
-"""A list of a million hot pixels; a damaged or hostile header can claim anything."""
+"""Largest attribute: a list of a million hot pixels. A damaged or hostile header can state any size."""
 
 LONGEST_TEXT: Final = 4096
-"""Characters: a text of the layout is a word or a line."""
+"""Largest number of characters: a text of the layout is a word or a line."""
 
 
 def stored_attribute(holder: h5py.Group | h5py.Dataset, name: str) -> Any:
     """Return the value of an attribute, numbers or text, or None where there is none.
 
-    Ragged arrays, references and compounds are never read: no attribute of the layout is one, and where a damaged
-    file turns text into one, HDF5 follows its addresses out of the process's memory. Text is one text: a list of texts
-    can name the same megabyte a million times.
+    Ragged arrays, references and compounds are never read. No attribute of the layout has such a type; where damage
+    turns text into such a type, HDF5 follows its addresses out of the process's memory. A list of texts is never read
+    either: it can refer to the same megabyte a million times.
 
     Raises
     ------

@@ -1,6 +1,5 @@
-"""Which datasets lie in a file? A walk that ends, however deep, wide or circular its groups are."""
+"""List the datasets of a file by a walk that ends, however deep, wide or circular the groups are."""
 
-from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Final
 
@@ -12,45 +11,26 @@ DEEPEST: Final = 32
 """Groups within groups; the canonical layout has three levels."""
 
 MOST_OBJECTS: Final = 10_000
-"""Links that are looked at. The canonical layout has some forty datasets."""
+"""Links that are read. The canonical layout has some forty datasets."""
 
 
 @dataclass(frozen=True, slots=True)
 class Walk:
-    """The datasets that were found, and what was not looked at, in words; empty where all was."""
+    """Paths of the datasets; ``unseen`` describes what the walk left out, and is empty where that is nothing."""
 
     paths: tuple[str, ...]
     unseen: tuple[str, ...]
 
 
-@dataclass
-class _MissingMember:
-    """Counts of what a walk leaves out."""
-
-    unprintable: int = 0
-    damaged: int = 0
-    too_deep: int = 0
-    too_many: bool = False
-
-    def words(self) -> Iterator[str]:
-        if self.unprintable:
-            yield f"{self.unprintable} objects whose names cannot be printed"
-        if self.damaged:
-            yield f"{self.damaged} objects that cannot be opened"
-        if self.too_deep:
-            yield f"{self.too_deep} groups deeper than {DEEPEST} levels"
-        if self.too_many:
-            yield f"what follows the first {MOST_OBJECTS} objects"
-
-
 def walk(file: h5py.File) -> Walk:
     """Return the paths of all datasets that hard links lead to, each once, in the order of their names.
 
-    Names that cannot be printed are left out: neither a terminal nor a dialect should hold them. So is what lies
-    deeper than ``DEEPEST`` or beyond ``MOST_OBJECTS``.
+    Names that cannot be printed are left out: neither a terminal nor a dialect should hold them. Objects deeper than
+    ``DEEPEST`` or beyond ``MOST_OBJECTS`` are left out too.
     """
     paths: list[str] = []
-    missed, links = _MissingMember(), _Links()
+    unprintable = damaged = too_deep = 0
+    links = _Links()
     visited: set[tuple[int, int]] = set()
     waiting: list[tuple[str, int, h5py.h5g.GroupID, bytes]] = [("", 0, file.id, b"/")]
     while waiting:
@@ -68,11 +48,11 @@ def walk(file: h5py.File) -> Walk:
             if not isinstance(member, h5py.h5g.GroupID):
                 continue
             if depth == DEEPEST:
-                missed.too_deep += 1
+                too_deep += 1
                 continue
             names = links.names(member)
         except READ_ERRORS:
-            missed.damaged += 1
+            damaged += 1
             continue
         # Reversed because the stack is emptied from its end: paths then come in the order of names.
         for below in sorted(names, reverse=True):
@@ -80,32 +60,37 @@ def walk(file: h5py.File) -> Walk:
             if readable.isprintable():
                 waiting.append((f"{path}/{readable}" if path else readable, depth + 1, member, below))
             else:
-                missed.unprintable += 1
-    missed.too_many = links.ended
-    return Walk(tuple(paths), tuple(missed.words()))
+                unprintable += 1
+    unseen = (
+        f"{unprintable} objects whose names cannot be printed" if unprintable else "",
+        f"{damaged} objects that cannot be opened" if damaged else "",
+        f"{too_deep} groups deeper than {DEEPEST} levels" if too_deep else "",
+        f"what follows the first {MOST_OBJECTS} objects" if links.ended else "",
+    )
+    return Walk(tuple(paths), tuple(description for description in unseen if description))
 
 
 class _Links:
-    """Lists hard links group by group, until ``MOST_OBJECTS`` have been looked at."""
+    """Lists hard links group by group, until ``MOST_OBJECTS`` have been read."""
 
     def __init__(self) -> None:
-        self.looked_at = 0
+        self.count = 0
         self.ended = False
 
     def names(self, group: h5py.h5g.GroupID) -> list[bytes]:
         """Return the names of a group's hard links."""
         members: list[bytes] = []
 
-        def note(name: bytes, about: h5py.h5l.LinkInfo) -> bool | None:
-            if self.looked_at == MOST_OBJECTS:
+        def add_member(name: bytes, about: h5py.h5l.LinkInfo) -> bool | None:
+            if self.count == MOST_OBJECTS:
                 # A value other than None ends the iteration of h5py.
                 self.ended = True
                 return True
-            self.looked_at += 1
+            self.count += 1
             # Soft and external links may dangle or leave the file.
             if about.type == h5py.h5l.TYPE_HARD:
                 members.append(name)
             return None
 
-        group.links.iterate(note, info=True)
+        group.links.iterate(add_member, info=True)
         return members

@@ -137,14 +137,14 @@ def curve_of(sizes: Sequence[float], detected: Sequence[bool], *, worse_when_sma
     # Size on an axis along which the fault grows: -ln m where a smaller magnitude is worse.
     direction = -1.0 if worse_when_smaller else 1.0
     log_sizes = direction * np.log(sizes)
-    answers = np.array(detected)
+    is_detected = np.array(detected)
     # The model has a slope b > 0: a falling rate would be fitted by the least slope allowed, and mean nothing.
-    if log_sizes[answers].mean() <= log_sizes[~answers].mean():
+    if log_sizes[is_detected].mean() <= log_sizes[~is_detected].mean():
         return Curve("not_rising", separated=False, at_50=UNKNOWN, at_95=UNKNOWN, points=())
-    fit = fit_probit(log_sizes, answers)
-    # The curve over the sizes that were tried, in order of magnitude.
-    places = np.linspace(log_sizes.min(), log_sizes.max(), _POINTS)
-    columns = zip(np.exp(direction * places), *fit.probability_at(places), strict=True)
+    fit = fit_probit(log_sizes, is_detected)
+    # The curve over the sizes of the trials, in order of magnitude.
+    points_log = np.linspace(log_sizes.min(), log_sizes.max(), _POINTS)
+    columns = zip(np.exp(direction * points_log), *fit.probability_at(points_log), strict=True)
     points = tuple(sorted((CurvePoint(*map(float, column)) for column in columns), key=lambda point: point.magnitude))
     return Curve(
         "fitted",

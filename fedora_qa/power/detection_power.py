@@ -1,4 +1,4 @@
-"""The faults that each check finds 95% of the time, as measured and published.
+"""The faults that each check finds with 95% probability, as measured and published.
 
 The table is a file of the package, made by ``make power``, with the digest of the code that it was measured with. Where
 that code has changed since, the table is stale; callers that show it must state so.
@@ -11,17 +11,25 @@ from typing import Final
 
 from pydantic import TypeAdapter, ValidationError
 
+from fedora_qa.code_digest import PACKAGE, code_digest
 from fedora_qa.errors import MisuseError
-from fedora_qa.power.sources import estimators_digest
 from fedora_qa.record.atomic import write_text
 from fedora_qa.record.power_types import WHOLE_FILE, Estimate, Power, Share
 
 PUBLISHED: Final = Path(__file__).with_name("published.json")
 
+MEASURED: Final = ("checks", "diagnosis", "estimators", "faults", "geometry", "judgement", "views")
+"""Folders whose code and data decide which faults are found and which causes are named."""
+
+
+def estimators_digest(package: Path = PACKAGE) -> str:
+    """Return the SHA-256 of all sources in the ``MEASURED`` folders."""
+    return code_digest(MEASURED, package)
+
 
 @dataclass(frozen=True, slots=True)
 class DetectableCause:
-    """How a check finds one cause: of all sizes tried, and the size that it finds 95% of the time."""
+    """Power of a check for one cause: the share found over all sizes, and the size found with 95% probability."""
 
     cause: str
     unit: str
@@ -32,7 +40,7 @@ class DetectableCause:
 
 @dataclass(frozen=True, slots=True)
 class DetectionPower:
-    """What every check was measured to find. ``clean`` and ``false_alarms`` count clean files."""
+    """The measured power of all checks. ``clean`` and ``false_alarms`` count clean files."""
 
     estimators_digest: str
     ruleset_version: str
@@ -42,8 +50,8 @@ class DetectionPower:
     found: tuple[DetectableCause, ...]
 
     def of(self, check: str) -> tuple[DetectableCause, ...]:
-        """Return the causes that a check finds at some size 95% of the time, in the order of the study."""
-        # Whether the check can be relied on to find the cause: from a known size on, or at every size that was tried.
+        """Return the causes that a check finds with 95% probability at some size, in the order of the study."""
+        # Found with 95% probability from an estimated size on, or at every size of the study.
         return tuple(
             row
             for row in self.found
@@ -52,7 +60,7 @@ class DetectionPower:
         )
 
     def is_stale(self, digest: str | None = None) -> bool:
-        """Whether it was measured with other code than that of this installation (or of the digest given)."""
+        """Whether it was measured with other code than that of this installation, or than that of ``digest``."""
         return self.estimators_digest != (digest or estimators_digest())
 
 

@@ -39,7 +39,7 @@ class PlantedFault:
 
     @property
     def is_confined(self) -> bool:
-        """Whether it befalls a part of the file only."""
+        """Whether it is confined to a part of the file."""
         return any(part is not None for part in (self.start_s, self.stop_s, self.region))
 
 
@@ -81,7 +81,7 @@ class CorpusItem:
 
 @dataclass(frozen=True, slots=True)
 class Manifest:
-    """Everything that a corpus says of itself."""
+    """The content of a manifest."""
 
     corpus_version: Literal[1]
     items: Annotated[tuple[CorpusItem, ...], Field(min_length=1)]
@@ -121,7 +121,7 @@ def read_manifest(corpus: Path) -> Manifest:
 
 
 def require_files(corpus: Path, manifest: Manifest) -> None:
-    """Raise ``MisuseError`` where files are missing, or have another size than the manifest says."""
+    """Raise ``MisuseError`` where files are missing, or have another size than the manifest states."""
     wrong = []
     for item in manifest.items:
         path = corpus / item.file

@@ -36,7 +36,7 @@ Array = NDArray[np.float64]
 # Twice the log likelihood ratio is chi-square of two degrees of freedom for the two parameters (docstring).
 _DROP: Final = float(chi2.ppf(0.95, 2)) / 2
 _BEYOND: Final = float(np.log(100.0))
-"""How far beyond the sizes that were tried a limit is looked for: what lies farther is not known."""
+"""Range beyond the sizes of the trials, ln, in which limits are estimated; farther out they are unknown."""
 _LOG_SLOPES: Final = (float(np.log(0.05)), float(np.log(200.0)))
 """From a curve that takes decades to rise to one that rises within a percent of the size."""
 _COARSE, _FINE = 41, 61
@@ -55,7 +55,7 @@ class ProbitFit:
     likely_halves, likely_log_slopes : (k,)
         The same of every curve on the grid that the trials do not rule out, and of the best.
     log_least, log_most
-        Sizes between which limits are known.
+        Sizes (ln) between which limits can be estimated.
     separated
         Whether a size divides what was found from what was not.
     """
@@ -69,7 +69,7 @@ class ProbitFit:
     separated: bool
 
     def log_size_at(self, probability: float) -> tuple[float | None, float | None, float | None]:
-        """Return ln of the size found with a probability, and its bounds; None beyond what can be known."""
+        """Return ln of the size found with a probability, and its bounds; None where it cannot be estimated."""
         quantile = float(ndtri(probability))
         # Phi(b (x - h)) = p, solved for x = h + Phi^-1(p) / b.
         sizes = self.likely_halves + quantile * np.exp(-self.likely_log_slopes)

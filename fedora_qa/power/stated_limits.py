@@ -56,7 +56,7 @@ _NOTHING: Final = 0.01
 class _Comparison:
     """A trial whose clean file states a limit: that limit, the fault in units of it, and whether it was found.
 
-    ``is_detected`` is by the check, ``by_any`` by whichever.
+    ``is_detected`` is by the check that states the limit, ``by_any`` by any check.
     """
 
     limit: float

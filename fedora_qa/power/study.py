@@ -1,4 +1,4 @@
-"""Check every file of a corpus, in several processes, and store each result as soon as it is known."""
+"""Check every file of a corpus, in several processes, and store each result, so that a stopped study can go on."""
 
 import hashlib
 import json
@@ -9,15 +9,19 @@ from concurrent.futures.process import BrokenProcessPool
 from dataclasses import dataclass
 from multiprocessing import get_context
 from pathlib import Path
+from typing import Final
+
+from pydantic import TypeAdapter, ValidationError
 
 from fedora_qa import __version__
 from fedora_qa.config import RULESET_VERSION
 from fedora_qa.engine.run import CheckOptions, check_file
 from fedora_qa.errors import FedoraError, MisuseError
 from fedora_qa.power.checked_file import CheckedFile, checked_from
+from fedora_qa.power.detection_power import estimators_digest
 from fedora_qa.power.manifest import CorpusItem, Manifest
-from fedora_qa.power.sources import estimators_digest
-from fedora_qa.power.state import State
+from fedora_qa.record.atomic import write_text
+from fedora_qa.storage.digest import file_digest
 
 Report = Callable[[str, int, int], None]
 """Receives the name of the file that was checked, how many are done, and of how many."""
@@ -25,10 +29,52 @@ Report = Callable[[str, int, int], None]
 
 @dataclass(frozen=True, slots=True)
 class Trial:
-    """One file of the corpus, and what was found of it."""
+    """One file of the corpus, and its result."""
 
     item: CorpusItem
     checked: CheckedFile
+
+
+@dataclass(frozen=True, slots=True)
+class _StoredResult:
+    key: str
+    checked: CheckedFile
+
+
+_STORED: Final = TypeAdapter(_StoredResult)
+
+
+@dataclass(frozen=True, slots=True)
+class State:
+    """A folder of results, one small file each. ``measured_with`` identifies the way of checking."""
+
+    folder: Path
+    corpus: Path
+    measured_with: str
+
+    def load(self, item: CorpusItem) -> CheckedFile | None:
+        """Return the stored result of a file; None without one, or where file, tool or configuration have changed."""
+        try:
+            stored = _STORED.validate_json(self._path(item).read_bytes())
+        except (OSError, ValidationError):
+            return None
+        return stored.checked if stored.key == self._key(item) else None
+
+    def store(self, item: CorpusItem, checked: CheckedFile) -> None:
+        """Store the result of a file, entirely or not at all."""
+        path = self._path(item)
+        path.parent.mkdir(parents=True, exist_ok=True)
+        write_text(path, _STORED.dump_json(_StoredResult(self._key(item), checked)).decode() + "\n")
+
+    def _path(self, item: CorpusItem) -> Path:
+        return self.folder / f"{item.file}.json"
+
+    def _key(self, item: CorpusItem) -> str:
+        """Return the digest of all that the result depends on: the content of the file, and the way of checking."""
+        # The digest of the manifest saves reading the file; ``_check_file`` compares it with the digest of the record.
+        content = item.sha256 or file_digest(self.corpus / item.file).sha256
+        parts = [content, self.measured_with]
+        return hashlib.sha256(json.dumps(parts).encode()).hexdigest()
 
 
 def state_folder(corpus: Path, within: Path | None = None) -> Path:
@@ -38,13 +84,13 @@ def state_folder(corpus: Path, within: Path | None = None) -> Path:
 
 
 def measured_with(config_digest: str) -> str:
-    """Return what identifies a way of checking: tool, rules, the code that measures, and the configuration."""
+    """Return the digest of a way of checking: of tool, rules, the code that measures, and the configuration."""
     parts = [__version__, RULESET_VERSION, estimators_digest(), config_digest]
     return hashlib.sha256(json.dumps(parts).encode()).hexdigest()
 
 
 def run_study(manifest: Manifest, state: State, options: CheckOptions, jobs: int, report: Report) -> tuple[Trial, ...]:
-    """Check what is not known yet, and return every trial in the manifest's order.
+    """Check the files without a stored result, and return every trial in the manifest's order.
 
     Parameters
     ----------
@@ -70,7 +116,7 @@ def run_study(manifest: Manifest, state: State, options: CheckOptions, jobs: int
     report("known", total - len(missing), total)
     if jobs == 1 or len(missing) < 2:
         for item in missing:
-            checked_before[item.file] = _check_one(item, state, options)
+            checked_before[item.file] = _check_file(item, state, options)
             report(item.file, len(checked_before), total)
     else:
         # The parent handles the interrupt: it starts no further file, and those being checked still store their
@@ -78,7 +124,7 @@ def run_study(manifest: Manifest, state: State, options: CheckOptions, jobs: int
         ignore = (signal.SIGINT, signal.SIG_IGN)
         with ProcessPoolExecutor(jobs, get_context("spawn"), initializer=signal.signal, initargs=ignore) as pool:
             try:
-                work = {pool.submit(_check_one, item, state, options): item for item in missing}
+                work = {pool.submit(_check_file, item, state, options): item for item in missing}
                 for done in as_completed(work):
                     checked_before[work[done].file] = done.result()
                     report(work[done].file, len(checked_before), total)
@@ -92,8 +138,8 @@ def run_study(manifest: Manifest, state: State, options: CheckOptions, jobs: int
     return tuple(Trial(item, checked_before[item.file]) for item in manifest.items)
 
 
-def _check_one(item: CorpusItem, state: State, options: CheckOptions) -> CheckedFile:
-    """Check one file and keep what was found, in whichever process."""
+def _check_file(item: CorpusItem, state: State, options: CheckOptions) -> CheckedFile:
+    """Check one file and store its result."""
     record = check_file(state.corpus / item.file, options).record
     if item.sha256 is not None and record.digest_kind == "full" and record.sha256 != item.sha256:
         raise MisuseError(

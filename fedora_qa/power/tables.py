@@ -10,8 +10,8 @@ from fedora_qa.config import RULESET_VERSION, CheckConfig
 from fedora_qa.estimators.fitting.robust import MAD_TO_SIGMA
 from fedora_qa.power.binomial import share_of
 from fedora_qa.power.detection import by_cause, detections, false_alarms
+from fedora_qa.power.detection_power import estimators_digest
 from fedora_qa.power.naming import confusions, is_named_first, naming
-from fedora_qa.power.sources import estimators_digest
 from fedora_qa.power.stated_limits import stated_limits
 from fedora_qa.power.study import Trial
 from fedora_qa.power.units import factor_between

@@ -1,4 +1,4 @@
-"""The names of the arrays that lie beside a record, and what each holds: all that a report draws from.
+"""The names of the arrays beside a record, and the content of each; reports draw from these arrays alone.
 
 Names are paths. Streams that a file does not have leave their arrays out; what could not be decoded is NaN, or 0 in
 whole numbers. Pictures are made smaller by averaging, so they show values of the file's own units. Every array has a
@@ -19,21 +19,21 @@ title in the record that can serve as its caption. Times are on the file's clock
     rate that the finding names, and ``box`` (4,) float64: left, top, right, bottom of the worst pixel or tile as shares
     of the picture, 0 to 1, (0, 0, 1, 1) where the finding is of the whole picture. Findings at one place share the
     pictures of the first of them. Under ``places/<finding id>/before/...`` and ``.../after/...`` lie the same arrays of
-    one frame earlier and later, without a box, as far as the budget for looking again allows.
+    one frame earlier and later, without a box, as far as the limit of images of the follow-up allows.
 ``trajectory/...``
     n poses: ``times_us`` (n,) float64 · ``positions_world_m`` (n, 3) float64 as stored · ``speeds_m_s`` (n,) float64,
     smoothed as the statistics are, NaN where too few poses are there · ``forward_world`` (n, 3) float64: the body's X
     axis.
 ``timeline/...``
     ``edges_us`` (b + 1,) float64, and ``<stream>`` (b,) int64 (``timeline/flow/10hz``): samples of the stream within
-    each bin. Samples far outside the time that most streams share are in no bin. Events of windows that were not looked
-    at are spread evenly over them.
+    each bin. Samples far outside the time that most streams share are in no bin. Events of windows that were not
+    measured are spread evenly over them.
 ``histograms/<quantity>/...``
-    ``edges`` (b + 1,) float64 and ``counts`` (b,) int64; bins of equal width from 0 on. The title of ``counts`` says
+    ``edges`` (b + 1,) float64 and ``counts`` (b,) int64; bins of equal width from 0 on. The title of ``counts`` states
     what is counted, its unit, and the share that lies above the last bin. Quantities: ``depth_m``, ``luma_dn``,
     ``flow_10hz`` (px over its interval) and so on, ``event_rate_hz`` (of each pixel).
 ``distributions/...``
-    What files are compared by: values counted in each of b blocks of time. ``blocks_ns`` (b, 2) int64: start and stop
+    Counts by which files are compared, in each of b blocks of time. ``blocks_ns`` (b, 2) int64: start and stop
     of each, ns from the file's origin · ``<quantity>/counts`` (b, n) int64 · ``<quantity>/edges`` (n + 1,) float64, a
     part of edges that are the same for all files: 0, and 16 bins of equal width an octave from 2^-10 to 2^21; the last
     of these holds what lies above. Quantities: ``QUANTITIES``, and ``flow_10hz`` (px over its interval) and so on.
@@ -54,7 +54,7 @@ HISTOGRAMS: Final = "histograms"
 DISTRIBUTIONS: Final = "distributions"
 
 BESIDE: Final[Mapping[str, int]] = MappingProxyType({"before": -1, "after": 1})
-"""Groups below a place, and how many frames from it what they show lies."""
+"""Groups below a place, and the distance of their snapshot from it in frames."""
 
 QUANTITIES: Final[Mapping[str, str]] = MappingProxyType(
     {

@@ -25,9 +25,9 @@ def record_to_github(record: Record) -> str:
 
 
 def silenced(text: str, token: str | None = None) -> str:
-    """Return text between commands that keep GitHub from obeying any command in it.
+    """Return text between commands that keep GitHub from executing any command in it.
 
-    The token ends the silence, so that it must be unpredictable; by default it is random.
+    The token resumes commands, so that it must be unpredictable; by default it is random.
     """
     token = token or secrets.token_hex(16)
     return f"::stop-commands::{token}\n{text}\n::{token}::\n"

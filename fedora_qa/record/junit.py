@@ -1,7 +1,7 @@
 """The record as JUnit XML: one suite for each file, one case for each check.
 
-The form is the common ground of what CI systems read (Jenkins, GitLab, Azure): failures are findings, errors are what
-makes a file incomplete, and skipped are checks that were not applicable or not observable.
+The form is the common ground of what CI systems read (Jenkins, GitLab, Azure): failures are findings, errors are
+reasons why a file is incomplete, and skipped are checks that were not applicable or not observable.
 """
 
 import xml.etree.ElementTree as ET
@@ -76,7 +76,7 @@ def _line(problem: Problem) -> str:
 
 
 def _count(element: ET.Element) -> None:
-    """Write how many cases there are beneath an element, and how they ended."""
+    """Set the numbers of cases below an element, of all and by outcome."""
     element.set("tests", str(len(element.findall(".//testcase"))))
     for attribute, tag in _ENDS.items():
         element.set(attribute, str(len(element.findall(f".//testcase/{tag}"))))

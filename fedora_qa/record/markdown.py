@@ -1,4 +1,4 @@
-"""The record as markdown, for a pull request. Whatever comes from a file is escaped."""
+"""The record as markdown, for a pull request. All text that comes from a file is escaped."""
 
 import re
 from collections.abc import Iterable

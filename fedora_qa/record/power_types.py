@@ -1,7 +1,7 @@
-"""What a study of detection says. Field names are relied on by others and never change within a version.
+"""The results of a study of detection. Field names are relied on by others and never change within a version.
 
-A cause is written ``stream:identifier``. Magnitudes are sizes: positive, whatever the sign of the planted fault. What
-is not known, or lies beyond what was tried, is None.
+A cause is written ``stream:identifier``. Magnitudes are sizes: positive, whatever the sign of the planted fault. Values
+that are unknown, or beyond the sizes of the trials, are None.
 """
 
 from collections.abc import Mapping
@@ -72,7 +72,7 @@ class Tried:
 class Curve:
     """Detection probability against magnitude.
 
-    ``fitted`` says whether there is a fit, and why not. ``separated``: some magnitude divides all that was found from
+    ``fitted`` states whether there is a fit, or why not. ``separated``: some magnitude divides all that was found from
     all that was not, so that the likelihood alone would have no finite maximum, and the prior bounds the slope.
     ``at_50`` and ``at_95`` are the magnitudes found with these probabilities.
     """
@@ -115,7 +115,7 @@ class FalseAlarms:
 class Naming:
     """Of one kind of faults: how many were planted and found, and of those found how many had the right cause first.
 
-    ``observable`` counts the found among those that the maker of the corpus expects a good tool to see. Of composite
+    ``observable`` counts the found among those that the maker of the corpus expects to be detectable. Of composite
     faults any of the planted causes is right in the first place; ``all_named`` counts files all of whose causes were
     named, at any place.
     """
@@ -142,7 +142,7 @@ class MagnitudeError:
     """Fitted against true magnitudes of one cause, where it was named first and the units agree.
 
     A pull is (fitted - true) / standard error; ``pull_spread`` is 1.4826 times their median absolute value, which is 1
-    where errors are Gaussian and honest. ``count`` faults have a fitted magnitude, ``with_error`` of them an error.
+    where errors are Gaussian and correct. ``count`` faults have a fitted magnitude, ``with_error`` of them an error.
     """
 
     cause: str
@@ -159,10 +159,10 @@ class MagnitudeError:
 class StatedLimit:
     """Whether the ``least_detectable`` that a check states of a clean file is true of a cause.
 
-    ``compared`` says how: by the planted size, which ``measurements`` measure, or by their response, what the fault
+    ``compared`` states how: by the planted size, which ``measurements`` measure, or by their response, what the fault
     moved them by. ``least``, ``median``, ``most`` are their stated limits over the clean files, in
     ``unit``. ``found_from_it`` counts faults of at least the limit stated of their own clean file, ``found_from_twice``
-    those of at least twice that, both by this check; ``found_from_twice_by_any`` those by whichever check (None in
+    those of at least twice that, both by this check; ``found_from_twice_by_any`` those by any check (None in
     records made before it was counted). ``at_50`` and
     ``at_95`` are sizes in units of that limit: ``at_95`` below 1/2 is too cautious by more than 2.
     """
@@ -184,7 +184,7 @@ class StatedLimit:
 
 @dataclass(frozen=True, slots=True)
 class NotComparable:
-    """A check that finds a cause, and why no limit that it states can be held against the fault's size."""
+    """A check that finds a cause, and why no limit that it states can be compared with the fault's size."""
 
     cause: str
     check: str

@@ -1,4 +1,4 @@
-"""What CI systems show of a file: a flat list of problems. Their levels give the same verdict in every format."""
+"""A flat list of the problems of a file, as CI systems show it. Their levels give the same verdict in every format."""
 
 from dataclasses import dataclass
 from typing import Final, Literal
@@ -9,7 +9,7 @@ from fedora_qa.record.wording import cause_sentence, why_incomplete
 Level = Literal["error", "warning", "note"]
 
 INCOMPLETE: Final = "incomplete"
-"""Code of the problem of an incomplete file: no finding about the data, but too little of it was measured."""
+"""Code of the problem of an incomplete file: it is no finding, but too little of the file was measured."""
 
 # GitHub has three kinds of annotations, the record four severities.
 _LEVELS: Final[dict[Severity, Level]] = {"critical": "error", "error": "error", "warning": "warning", "info": "note"}
@@ -20,7 +20,7 @@ class Problem:
     """One thing to show about a file.
 
     A file with a problem of level ``error`` is not clean: incomplete where one has the code ``INCOMPLETE``, else with
-    findings. ``code`` is the rule, ``check`` the finder (empty for ``INCOMPLETE``), ``waived`` who accepts it.
+    findings. ``code`` is the rule, ``check`` its check (empty for ``INCOMPLETE``), ``waived`` who accepts it.
     """
 
     path: str

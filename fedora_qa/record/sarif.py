@@ -1,7 +1,7 @@
 """The record as SARIF 2.1.0 (OASIS standard, errata 01), as code-scanning systems read it.
 
 Findings are results; what makes a file incomplete is a notification of a run whose execution was not successful. A
-waived finding is a suppressed result; where there is one, every result of the run says whether it is (3.27.23).
+waived finding is a suppressed result; where there is one, every result of the run states whether it is (3.27.23).
 """
 
 import hashlib
@@ -25,7 +25,7 @@ def record_to_sarif(record: Record) -> str:
     missing = [problem for problem in problems if problem.code == INCOMPLETE]
     rules = sorted({problem.code for problem in findings})
     questions = {result.check: result.question for file in record.files for result in file.results}
-    asked = {problem.code: questions.get(problem.check, "") for problem in findings}
+    question_of_rule = {problem.code: questions.get(problem.check, "") for problem in findings}
     artifacts: list[dict[str, Any]] = []
     for file in record.files:
         artifact: dict[str, Any] = {
@@ -43,7 +43,8 @@ def record_to_sarif(record: Record) -> str:
                 "name": printable(record.tool.name),
                 "version": printable(record.tool.version),
                 "rules": [
-                    {"id": printable(rule), "shortDescription": {"text": printable(asked[rule])}} for rule in rules
+                    {"id": printable(rule), "shortDescription": {"text": printable(question_of_rule[rule])}}
+                    for rule in rules
                 ],
             }
         },
@@ -108,7 +109,7 @@ def _results(findings: Sequence[Problem], rules: Sequence[str]) -> list[dict[str
 
 
 def _location(problem: Problem) -> dict[str, Any]:
-    """Return the file, and the place in it as words.
+    """Return the file, and the place in it as text.
 
     GitHub shows no result without a line. HDF5 has none, so every result stands in the first.
     """

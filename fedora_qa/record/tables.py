@@ -1,4 +1,4 @@
-"""The record as tables of typed columns: what CSV, Parquet and data frames are made from."""
+"""The record as tables of typed columns, from which CSV, Parquet and data frames are made."""
 
 from dataclasses import dataclass
 from typing import Final, Literal

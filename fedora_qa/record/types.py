@@ -34,12 +34,12 @@ class Where:
 
 @dataclass(frozen=True, slots=True)
 class Measurement:
-    """A measured number beside what an honest file gives.
+    """A measured number beside that of a correct file.
 
-    ``limit`` is the largest deviation from ``expected`` that an honest file gives at the file's false-alarm rate;
-    ``least_detectable`` the least fault that would have been seen with 95% probability, even where the known error of
-    the model works against it. ``side`` says which deviations count: a value below what is expected is fine where only
-    the ``upper`` side does. ``tests`` is the number of comparisons that the value is the worst of.
+    ``limit`` is the largest deviation from ``expected`` that a correct file gives at the file's false-alarm rate;
+    ``least_detectable`` the least fault that would have been detected with 95% probability, even where the known error
+    of the model works against it. ``side`` states which deviations count: a value below what is expected is no fault
+    where only the ``upper`` side does. ``tests`` is the number of comparisons of which the value is the worst.
     """
 
     name: str
@@ -55,7 +55,7 @@ class Measurement:
 
 @dataclass(frozen=True, slots=True)
 class Coverage:
-    """How much of a stream was seen."""
+    """The measured part of a stream."""
 
     seen: int
     of: int
@@ -63,14 +63,14 @@ class Coverage:
 
     @property
     def share(self) -> float:
-        """Share that was seen, 0 to 1; nothing to see counts as all seen."""
+        """The measured share, 0 to 1; 1 for a stream without rows."""
         # A stream without rows leaves nothing unmeasured; a share of 0 would fall short of every required coverage.
         return self.seen / self.of if self.of else 1.0
 
 
 @dataclass(frozen=True, slots=True)
 class Waived:
-    """Who answers for a finding that a policy accepts, why, and until which day (ISO 8601)."""
+    """Who is responsible for a finding that a policy accepts, why, and until which day (ISO 8601)."""
 
     owner: str
     reason: str
@@ -93,7 +93,8 @@ class Finding:
 class Result:
     """The outcome of one check.
 
-    ``reason`` says why it was not applicable, not observable, warned or crashed, and what a pass could not see.
+    ``reason`` states why it was not applicable, not observable, warned or crashed, and what a passed check cannot
+    detect.
     """
 
     check: str
@@ -124,11 +125,11 @@ class Diagnosis:
 
 @dataclass(frozen=True, slots=True)
 class Canary:
-    """Whether a check saw the fault that was planted for it in memory.
+    """Whether a check detected the fault that was planted for it in memory (``seen``).
 
-    ``fault`` says what was planted, ``windows`` how many were looked at until it was seen, or in vain; ``reason`` why
-    none was planted, or why a check that passes the file ``withheld`` its answer once the fault was in it. A check that
-    stayed ``silent``, and passed the fault, is ``crashed`` among the results.
+    ``fault`` describes the fault; ``windows`` is the number of windows that were measured until it was detected, or of
+    all that were measured without. ``reason`` states why none was planted, or why a check that passes the file gave no
+    outcome with the fault (``withheld``). A check that passed the fault (``silent``) is ``crashed`` among the results.
     """
 
     check: str

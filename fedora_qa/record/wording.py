@@ -1,4 +1,4 @@
-"""The content of a record in words, shared by the terminal and by markdown, so that both agree."""
+"""The content of a record as text, shared by the terminal and by markdown, so that both agree."""
 
 import math
 import re
@@ -52,9 +52,9 @@ def printable(text: str) -> str:
 
 
 def unobeyed(text: str) -> str:
-    """Return printable text without the commands that a CI system obeys in a log, wherever lines break.
+    """Return printable text without the commands that a CI system executes in a log, wherever lines break.
 
-    GitHub's runner obeys ``::`` at the beginning of a line, behind spaces too, and ``##[`` anywhere in one
+    GitHub's runner executes ``::`` at the beginning of a line, behind spaces too, and ``##[`` anywhere in one
     (actions/runner, ActionCommand.cs).
     """
     # Twice: of three colons the first pass leaves two that follow each other.
@@ -211,7 +211,7 @@ def check_cells(result: Result) -> tuple[str, str, str, str]:
 
 
 def reasons(results: Sequence[Result]) -> tuple[str, ...]:
-    """Return why checks have no answer, or did not cover everything; checks with the same reason together."""
+    """Return why checks have no outcome, or incomplete coverage; checks with the same reason together."""
     together: dict[tuple[str, str], list[str]] = {}
     for result in results:
         reason = result.reason

@@ -15,8 +15,8 @@ _UNLIMITED: Final = 1 << 62
 class Leases:
     """Keeps an array until a window has passed in which it was not requested.
 
-    Where a limit of bytes is reached, leases of the window before end first, the oldest first. What does not fit then
-    is made for its caller, and is made again at a later request: that costs time and changes no result.
+    Where the limit of bytes is reached, leases of the previous window end first, the oldest first. An array that still
+    does not fit is not kept, and is made again at a later request: that costs time and changes no result.
 
     Parameters
     ----------
@@ -27,14 +27,15 @@ class Leases:
     def __init__(self, limit_bytes: int = _UNLIMITED) -> None:
         self.limit_bytes = limit_bytes
         self.kept_bytes = 0
-        # Requested by the window before and not yet by this one; requested by this one. Both in the order of request.
+        # Arrays that the previous window requested and this one has not yet, and those that this one requested. Both
+        # are in the order of request.
         self._before: dict[Hashable, Any] = {}
         self._now: dict[Hashable, Any] = {}
-        # What did not fit, the latest: a search reads one block many times.
+        # The latest array that did not fit: a search reads one block many times.
         self._latest: tuple[Hashable, Any] | None = None
 
     def begin_window(self) -> None:
-        """End the leases of what the last window did not request."""
+        """End the leases of arrays that the last window did not request."""
         for key in tuple(self._before):
             self._end(key)
         self._before, self._now = self._now, {}

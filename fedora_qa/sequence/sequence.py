@@ -51,7 +51,7 @@ class SequenceRows(Protocol):
         ...
 
     def rows(self, key: str, start: int, stop: int) -> NDArray[Any]:
-        """Return rows of a dataset in canonical units.
+        """Return rows of a dataset in canonical units; timestamps as int64 ns from the origin.
 
         Parameters
         ----------
@@ -241,7 +241,7 @@ def open_sequence(
     path
         An HDF5 file, on this machine or behind a URL.
     dialect
-        Names and scales of the file; recognised from the file if None.
+        The dialect of the file; None: as ``detect_dialect`` returns it.
     opening_facts
         Results of opening this version of the file before. The caller ensures that the version is the same.
     allow_external
@@ -262,7 +262,7 @@ def open_sequence(
         The file begins like HDF5 and cannot be opened.
     """
     if isinstance(path, RemoteFile):
-        # Through Python's reading of it: HDF5's own drivers for servers are seldom built in.
+        # HDF5 reads through Python: its own drivers for servers are seldom built in.
         with ExitStack() as opened:
             remote = opened.enter_context(closing(RemoteBytes(path, BLOCK_BYTES)))
             require_signature_in(path, remote)

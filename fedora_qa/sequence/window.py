@@ -24,25 +24,7 @@ class RowSource(Protocol):
     """Decodes rows of a dataset into canonical units."""
 
     def rows(self, key: str, start: int, stop: int) -> NDArray[Any]:
-        """Return rows of a dataset in canonical units; timestamps as int64 ns from the origin.
-
-        Parameters
-        ----------
-        key
-            Canonical key of the dataset.
-        start, stop
-            First row, and the row after the last.
-
-        Returns
-        -------
-        ndarray
-            (stop - start, ...).
-
-        Raises
-        ------
-        UnreadableRowsError
-            The rows cannot be decoded.
-        """
+        """Return rows of a dataset in canonical units, as ``SequenceRows.rows``."""
         ...
 
     def event_index(self, time_ns: int) -> int:
@@ -74,7 +56,7 @@ USUAL_PIXELS: Final = 220_000
 """Number of pixels above which frames are large (540 x 405): they have more pixels than the detection of a fault of a
 whole field needs."""
 
-_DEPTHS_AT_HAND: Final = 2
+_KEPT_DEPTHS: Final = 2
 """Depth frames in metres that a window keeps itself: both ends of an interval."""
 
 
@@ -176,7 +158,7 @@ class Window:
         return range(*self.span.owned.get(stream, (0, 0)))
 
     def rows(self, key: str, start: int, stop: int) -> NDArray[Any]:
-        """Return rows of a dataset in canonical units, as ``RowSource.rows``."""
+        """Return rows of a dataset in canonical units, as ``SequenceRows.rows``."""
         return self._source.rows(key, start, stop)
 
     def once(self, key: Hashable, compute: Callable[[], T]) -> T:
@@ -217,18 +199,18 @@ class Window:
         A depth frame is cheap to compute, and is dropped first when the limit of bytes is reached. But two of them are
         often requested in turn, so a window keeps its latest two.
         """
-        at_hand: dict[int, NDArray[np.float32]] = self.once("depth at hand", dict)
-        metres = at_hand.pop(frame, None)
+        kept: dict[int, NDArray[np.float32]] = self.once("kept depths", dict)
+        metres = kept.pop(frame, None)
         if metres is None:
             # ``pop`` and insertion keep the dict in the order of use, so that its first entry is the oldest.
-            if len(at_hand) == _DEPTHS_AT_HAND:
-                del at_hand[next(iter(at_hand))]
+            if len(kept) == _KEPT_DEPTHS:
+                del kept[next(iter(kept))]
             # Millimetres in the file, metres in geometry; a float32 divisor keeps float32.
             metres = self._leases.get(
                 ("depth_m", frame),
                 lambda: cast(NDArray[np.float32], self.rows("path/depth", frame, frame + 1)[0] / np.float32(MM_PER_M)),
             )
-        at_hand[frame] = metres
+        kept[frame] = metres
         return metres
 
     def flow_px(self, stream: str, field: int) -> NDArray[np.float32]:

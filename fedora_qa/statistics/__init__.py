@@ -1,5 +1,5 @@
-"""Statistics of a sequence: the paper's sequence and flow tables, and more; no verdicts."""
+"""Statistics of a sequence: the paper's sequence and flow tables, and more; no verdicts.
 
-from fedora_qa.statistics.collector import StatisticsCollector, WindowStatistics
-
-__all__ = ["StatisticsCollector", "WindowStatistics"]
+In order of reading: ``collector`` collects them window by window, from sums over sampled pixels (``moments``) and from
+smoothed poses (``trajectory``).
+"""

@@ -1,10 +1,9 @@
 """Collect statistics window by window, beside the checks, in the same pass."""
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from functools import partial
-from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,10 +14,16 @@ from fedora_qa.errors import UnreadableRowsError
 from fedora_qa.record.types import Scalar
 from fedora_qa.sequence.facts import Facts
 from fedora_qa.sequence.window import Window
-from fedora_qa.statistics.moments import ValueMoments, added, sampled_depth_m, sampled_luma_dn, sampled_speeds_px
+from fedora_qa.statistics.moments import (
+    ValueMoments,
+    added,
+    readable_images,
+    sampled_depth_m,
+    sampled_luma_dn,
+    sampled_speeds_px,
+)
 from fedora_qa.statistics.trajectory import CurveMotion, rotation, translation
 
-Image = TypeVar("Image")
 Statistics = Mapping[str, Mapping[str, Scalar]]
 
 _DURATION_FROM = ("pose", "rgb", "depth", "imu")
@@ -92,7 +97,7 @@ class StatisticsCollector:
             Decoded by the plan.
         """
         streams = self._streams(window.facts)
-        depths_m = list(_readable(window, "depth", partial(sampled_depth_m, window), streams))
+        depths_m = list(readable_images(window, "depth", partial(sampled_depth_m, window), self._families))
         rows = window.owned("events") if "events" in streams else range(0)
         events = brighter = 0
         if rows:
@@ -101,13 +106,13 @@ class StatisticsCollector:
                 events = len(rows)
         speeds_px = {}
         for stream in window.facts.flow_streams:
-            speeds = _readable(window, stream, partial(sampled_speeds_px, window, stream), streams)
+            speeds = readable_images(window, stream, partial(sampled_speeds_px, window, stream), self._families)
             speeds_px[stream] = added(ValueMoments.of(speed) for speed in speeds)
         depth_moments = added(ValueMoments.of(depth, positive=True) for depth in depths_m)
         with np.errstate(divide="ignore"):
             # 1 / depth, 1/m, as the paper has it; a depth of 0 gives infinity, which does not count.
             disparities = added(ValueMoments.of(np.float32(1) / depth, positive=True) for depth in depths_m)
-        lumas_dn = _readable(window, "rgb", partial(sampled_luma_dn, window), streams)
+        lumas_dn = readable_images(window, "rgb", partial(sampled_luma_dn, window), self._families)
         state.append(
             replace(
                 _poses(window) if "pose" in streams else WindowStatistics(),
@@ -213,17 +218,6 @@ def _poses(window: Window) -> WindowStatistics:
         positions_world_m=positions[usable],
         orientations_xyzw=orientations[usable],
     )
-
-
-def _readable(window: Window, stream: str, read: Callable[[int], Image], streams: frozenset[str]) -> Iterable[Image]:
-    """Yield the window's own images of a stream that can be decoded, if it is one of ``streams``."""
-    if stream not in streams:
-        return
-    for row in window.owned(stream):
-        try:
-            yield read(row)
-        except UnreadableRowsError:
-            continue
 
 
 def _sequence(state: Sequence[WindowStatistics], facts: Facts) -> dict[str, Scalar]:

@@ -1,16 +1,20 @@
 """Sums over sampled pixels, small enough to be kept for every window."""
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 from math import inf, sqrt
-from typing import Any, Final
+from typing import Any, Final, TypeVar
 
 import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from fedora_qa.causes import in_families
+from fedora_qa.errors import UnreadableRowsError
 from fedora_qa.estimators.images.luma import LUMA_WEIGHTS, sampled_luma
 from fedora_qa.sequence.window import USUAL_PIXELS, Window
+
+Image = TypeVar("Image")
 
 _STRIDE: Final = 4
 _SMALL_IMAGE_PX: Final = 128
@@ -150,6 +154,31 @@ def sampled_luma_dn(window: Window, frame: int) -> NDArray[np.float32]:
         (h, w) DN.
     """
     return window.once(("sampled luma", frame), lambda: _luma_dn(window.rgb(frame), window))
+
+
+def readable_images(
+    window: Window, stream: str, read: Callable[[int], Image], families: frozenset[str] | None
+) -> Iterator[Image]:
+    """Yield the images of a stream that a window owns and that can be decoded.
+
+    Parameters
+    ----------
+    window
+        A window of the sequence.
+    stream
+        Any stream of images; none of a stream that the file does not have.
+    read
+        Returns the image of a row.
+    families
+        Streams that are read (``flow`` is every rate); None: all.
+    """
+    if stream not in window.facts.streams or not in_families(stream, families):
+        return
+    for row in window.owned(stream):
+        try:
+            yield read(row)
+        except UnreadableRowsError:
+            continue
 
 
 def _sampled(image: NDArray[np.float32], window: Window) -> NDArray[np.float32]:

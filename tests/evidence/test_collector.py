@@ -8,9 +8,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from fedora_qa.evidence.collector import EvidenceCollector, Timeline, stream_counts, timeline_of
-from fedora_qa.evidence.follow_up import images_of, keep_worst_locations
 from fedora_qa.evidence.options import EvidenceOptions
 from fedora_qa.evidence.titled_arrays import TitledArrays
+from fedora_qa.evidence.worst_locations import images_of, keep_worst_locations
 from fedora_qa.record.types import Finding, Where
 from fedora_qa.sequence.facts import Facts
 from fedora_qa.sequence.window import Span

@@ -7,8 +7,12 @@ import pytest
 
 from fedora_qa.cli.detection_power import all_detection_power, detection_power_text
 from fedora_qa.errors import MisuseError
-from fedora_qa.power.detection_power import detection_power_of, read_detection_power, write_detection_power
-from fedora_qa.power.sources import estimators_digest
+from fedora_qa.power.detection_power import (
+    detection_power_of,
+    estimators_digest,
+    read_detection_power,
+    write_detection_power,
+)
 from fedora_qa.power.tables import power_of
 from fedora_qa.record.power_types import Estimate, Share
 from tests.support.studies import CHECK, ORIGIN, study

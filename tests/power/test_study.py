@@ -10,10 +10,9 @@ import pytest
 from fedora_qa.engine.run import CheckOptions, FileRun
 from fedora_qa.errors import MisuseError
 from fedora_qa.power import study
+from fedora_qa.power.detection_power import MEASURED, estimators_digest
 from fedora_qa.power.manifest import CorpusItem, Manifest
-from fedora_qa.power.sources import MEASURED, estimators_digest
-from fedora_qa.power.state import State
-from fedora_qa.power.study import Trial, measured_with, run_study, state_folder
+from fedora_qa.power.study import State, Trial, measured_with, run_study, state_folder
 from tests.support.records import failed, file_record, late_events, passed
 
 OPTIONS = CheckOptions()

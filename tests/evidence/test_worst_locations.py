@@ -8,7 +8,7 @@ import pytest
 from hypothesis import example, given
 from hypothesis import strategies as st
 
-from fedora_qa.evidence.follow_up import WHOLE, box_of, location_of, worst_locations
+from fedora_qa.evidence.worst_locations import WHOLE, box_of, location_of, worst_locations
 from fedora_qa.record.types import Finding, Severity, Where
 from tests.evidence.memory import memory
 from tests.support.facts import MS, clock, with_clock
