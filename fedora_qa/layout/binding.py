@@ -248,10 +248,11 @@ def timestamps_ns(raw: NDArray[Any], binding: Binding, origin_ns: int) -> NDArra
         elapsed = np.nan_to_num(elapsed, nan=-farthest, posinf=farthest, neginf=-farthest)
         return np.rint(np.clip(elapsed, -farthest, farthest)).astype(np.int64)
     # t_ns = (raw - units) * unit - rest_ns with origin = units * unit + rest_ns: integers only, nothing is rounded.
-    units, rest_ns = divmod(origin, unit)
-    units = min(max(units, _INT64.min), _INT64.max)
+    units = min(max(origin // unit, _INT64.min), _INT64.max)
+    # Less than a unit, unless the origin lies outside of int64.
+    rest_ns = min(max(origin - units * unit, -FARTHEST_TIMESTAMP_NS), FARTHEST_TIMESTAMP_NS)
     reach = FARTHEST_TIMESTAMP_NS // unit
-    # Clipping before the subtraction keeps the result within 2^61 ns: no damaged timestamp wraps around int64.
+    # Clipping before the subtraction keeps the result within 2^62 ns: no damaged timestamp wraps around int64.
     nearby = np.clip(_int64(raw), max(units - reach, _INT64.min), min(units + reach, _INT64.max))
     nearby -= units
     nearby *= unit
