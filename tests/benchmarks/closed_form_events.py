@@ -1,4 +1,4 @@
-"""True events of a pixel from its closed form: turning points refined, every crossing between them by Brent's method."""
+"""True events of a pixel from its closed form: turning points refined, crossings between them by Brent's method."""
 
 from collections.abc import Callable
 from itertools import pairwise

@@ -5,9 +5,11 @@ from pathlib import Path
 import h5py
 import numpy as np
 import pytest
+from click.testing import CliRunner
 
 from fedora_qa.layout.canonical import TIMESTAMPS_OF
 from fedora_qa.record.types import Measurement, Result
+from tests.benchmarks.false_alarms import study
 from tests.benchmarks.false_alarms.calibration import Share, alarms, calibrations
 from tests.benchmarks.false_alarms.checked import Checked, Pull, checked, pulls_of
 from tests.benchmarks.false_alarms.combinations import COMBINATIONS, EPOCH_US, INERTIAL, Combination, along
@@ -35,6 +37,14 @@ def test_a_file_is_checked_once(tmp_path: Path) -> None:
     assert any(pull.name == "imu.timing time_offset" for pull in found.pulls)
     assert [path.suffix for path in tmp_path.iterdir()] == [".json"]
     assert checked(kind, 0, tmp_path) == found
+
+
+def test_files_are_checked_in_processes(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A kind whose scene is a local function is checked in a process of the study."""
+    monkeypatch.setattr(study, "KEPT", tmp_path)
+    ended = CliRunner().invoke(study.main, ["--jobs", "1", "--kind", "hover", "--share", "0.01"])
+    assert ended.exit_code == 0, ended.output
+    assert "1/1 hover 0: clean" in ended.output
 
 
 def test_timestamps_are_moved_to_wall_clock_time(tmp_path: Path) -> None:

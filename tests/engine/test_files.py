@@ -190,7 +190,7 @@ def test_memory_is_shared(handmade: Path) -> None:
                 seen.append(task.arguments[2])
             return super().submit(task, progress)
 
-    for memory_bytes, share in ((1_000_000_000, 200_000_000), (240_000_000, 20_000_000)):
+    for memory_bytes, share in ((980_000_000, 200_000_000), (240_000_000, 20_000_000)):
         seen.clear()
         only_run(handmade, Looks(), CheckOptions(evidence=None, memory_bytes=memory_bytes))
         assert [options.memory_bytes for options in seen] == [share]
