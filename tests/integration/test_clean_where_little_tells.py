@@ -11,6 +11,9 @@ from fedora_generator.generate import Request, generate_sequence
 from fedora_generator.scene import Scene, load_scene
 from fedora_qa.engine.run import CheckOptions, check_file
 
+LIGHT = frozenset({"rgb", "events"})
+"""All that these checks look at."""
+
 
 def yaw_to_and_fro() -> Scene:
     """Turns by tens of pixels a frame: what passes between two frames is not in their difference."""
@@ -31,7 +34,7 @@ def wide_linear_thresholds() -> Scene:
 def test_events_in_place_are_said_to_be(scene: Scene, check: str, tmp_path: Path) -> None:
     """Whatever turned, or passed unseen, the check neither fails nor gives up."""
     target = tmp_path / "clean.h5"
-    generate_sequence(scene.with_size(270, 200), target, Request(duration_s=1.0, quality="draft"))
+    generate_sequence(scene.with_size(270, 200), target, Request(duration_s=1.0, quality="draft", streams=LIGHT))
     (result,) = check_file(target, CheckOptions(evidence=None, select=(check,))).record.results
     assert result.outcome == "passed", result
 
@@ -41,7 +44,7 @@ def test_events_on_time_are_not_said_to_be_late(start_s: float, tmp_path: Path) 
     """A slow sway before a few long straight edges: all that crosses them at one phase errs alike."""
     target = tmp_path / "clean.h5"
     scene = load_scene("fast-turn").with_size(160, 120).starting_at(start_s)
-    generate_sequence(scene, target, Request(duration_s=1.0, quality="draft"))
+    generate_sequence(scene, target, Request(duration_s=1.0, quality="draft", streams=LIGHT))
     options = CheckOptions(evidence=None, select=("event_response.timing",))
     (result,) = check_file(target, options).record.results
     assert result.outcome in {"passed", "not_observable"}, result
@@ -52,11 +55,10 @@ def test_events_of_half_a_second_are_not_said_to_be_late(scene: str, seed: int, 
     """Few edges, most of them alike: the corners where they end are read wrongly in all of them alike."""
     target = tmp_path / "clean.h5"
     described = load_scene(scene).with_size(180, 136)
-    streams = frozenset({"rgb", "events"})
     generate_sequence(
         described.starting_at(start_of(described, seed, 0.5)),
         target,
-        Request(duration_s=0.5, quality="draft", streams=streams),
+        Request(duration_s=0.5, quality="draft", streams=LIGHT),
     )
     options = CheckOptions(evidence=None, select=("event_response.timing",))
     (result,) = check_file(target, options).record.results
