@@ -5,7 +5,7 @@ whose tables this one starts from. A world has a ``base`` as well: its textures 
 rectangles, boxes and lamps are added.
 
 ``renderer`` is how it is drawn. ``"exact"`` (the default) casts rays in float64. ``"mesh"`` draws triangles through
-OpenGL: the same ``world``, or a place built in code, which only this renderer can draw::
+OpenGL: the same ``world``, or a place of ``mesh/places``, which only this renderer can draw::
 
     renderer = "mesh"
     place = { name = "park", seed = 3 }     # instead of world; seed is 0 if left out
@@ -57,7 +57,7 @@ _MISSING_KEY: Final = ("missing", "missing_argument", "missing_keyword_only_argu
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Place:
-    """A place built in code (``mesh/places``), the same for the same seed."""
+    """A place of ``mesh/places`` by its name, the same for the same seed."""
 
     __pydantic_config__: ClassVar[ConfigDict] = ConfigDict(extra="forbid")
 
