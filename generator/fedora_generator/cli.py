@@ -1,6 +1,5 @@
 """``fedora-generate``: sequences whose truth is known."""
 
-import re
 import signal
 import sys
 import time
@@ -17,6 +16,7 @@ from fedora_generator.corpus.cli import corpus
 from fedora_generator.errors import GeneratorError
 from fedora_generator.faults.cli import fault
 from fedora_generator.generate import DEFAULT_DURATION_S, STREAMS, Request, generate_sequence
+from fedora_generator.image_size import read_size
 from fedora_generator.instants import whole_us
 from fedora_generator.sampling import MOTION_BOUND_PX, Quality
 from fedora_generator.scene import list_scenes, load_scene
@@ -35,26 +35,16 @@ def commands() -> None:
 @commands.command()
 def scenes() -> None:
     """List the scenes of the package, one a line, its name first."""
-    listed = list_scenes()
+    package_scenes = list_scenes()
     if sys.stdout.isatty():
         table = Table("scene", "description", box=None)
-        for scene in listed:
+        for scene in package_scenes:
             table.add_row(scene.name, scene.description)
         Console().print(table)
         return
-    width = max(len(scene.name) for scene in listed)
-    for scene in listed:
+    width = max(len(scene.name) for scene in package_scenes)
+    for scene in package_scenes:
         click.echo(f"{scene.name:<{width}}  {scene.description}")
-
-
-def _read_size(_: click.Context, __: click.Parameter, value: str | None) -> tuple[int, int] | None:
-    """Read ``WIDTHxHEIGHT``."""
-    if value is None:
-        return None
-    match = re.fullmatch(r"([0-9]{1,6})x([0-9]{1,6})", value, flags=re.IGNORECASE)
-    if match is None:
-        raise click.BadParameter(f"Expected WIDTHxHEIGHT such as 720x540, got {value!r}")
-    return int(match[1]), int(match[2])
 
 
 @commands.command()
@@ -72,7 +62,7 @@ def _read_size(_: click.Context, __: click.Parameter, value: str | None) -> tupl
 @click.option(
     "--size",
     metavar="WxH",
-    callback=_read_size,
+    callback=read_size,
     help="Size of RGB and depth; events scale by 640/1440.  [default: 1440x1080]",
 )
 @click.option("--streams", default=",".join(STREAMS), show_default=True, metavar="LIST", help="Comma-separated.")
@@ -97,7 +87,7 @@ def sequence(
     force: bool,
 ) -> None:
     """Generate one sequence of SCENE, a name of `fedora-generate scenes` or the path of a TOML file."""
-    started = time.monotonic()
+    start_time = time.monotonic()
     description = load_scene(scene)
     if start is not None:
         description = description.starting_at(start)
@@ -126,7 +116,7 @@ def sequence(
         )
     click.echo(
         f"{output}: {summary.frames} frames, {summary.events} events, {summary.size_bytes / 1e6:.1f} MB "
-        f"in {time.monotonic() - started:.1f} s",
+        f"in {time.monotonic() - start_time:.1f} s",
         err=True,
     )
 

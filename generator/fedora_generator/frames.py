@@ -66,7 +66,7 @@ class FrameRenderer:
         if self.depth is not None:
             self.depth[index] = depth_mm(inverse_depth)
         if starting:
-            bodies = world.bodies_seen(camera, T_world_camera)
+            bodies = world.visible_bodies(camera, T_world_camera)
             for rows, k in starting:
                 end_us = int(rows.intervals_us[k, 1])
                 poses, times_us = (T_world_camera, camera.pose_at(self.flight, end_us)), (timestamp_us, end_us)

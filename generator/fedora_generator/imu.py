@@ -50,25 +50,6 @@ class ImuSamples:
     """(m, 3), +g on Z at rest and level"""
 
 
-def sample_imu(
-    flight: Flight, times_us: NDArray[np.int64], options: ImuOptions, rng: np.random.Generator
-) -> ImuSamples:
-    """Sample a new unit.
-
-    Parameters
-    ----------
-    flight
-        The trajectory of the body.
-    times_us
-        (m,) int64 microseconds of the flight's clock, ascending.
-    options
-        Rate, gravity and noise.
-    rng
-        Source of the noise.
-    """
-    return Imu(options, rng).sample(flight, times_us)
-
-
 class Imu:
     """A unit that samples one piece of time after the other; its samples do not depend on where time is cut.
 

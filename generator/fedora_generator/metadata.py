@@ -20,7 +20,17 @@ EVENT_ATTRIBUTES: Final = (
 
 
 def write_root(file: h5py.File, scene: Scene, world: str) -> None:
-    """Format and origin of the sequence; ``world`` is the name of the surroundings of the flight."""
+    """Write format and origin of the sequence as attributes of the file.
+
+    Parameters
+    ----------
+    file
+        An open file.
+    scene
+        Its name, light, digest and seed.
+    world
+        Name of the surroundings of the flight.
+    """
     _set(
         file,
         {
@@ -37,7 +47,17 @@ def write_root(file: h5py.File, scene: Scene, world: str) -> None:
 
 
 def write_camera(file: h5py.File, stream: str, camera: Camera) -> None:
-    """Geometry of the camera behind a stream."""
+    """Write the geometry of the camera of a stream: K in px, ``T_body_camera`` in metres, an exposure of 0 us.
+
+    Parameters
+    ----------
+    file
+        An open file.
+    stream
+        ``rgb``, ``depth`` or ``events``.
+    camera
+        ``T_body_camera`` takes points of the optical frame into the body frame (X forward, Y left, Z up).
+    """
     _set(
         file.require_group(f"metadata/cameras/{stream}"),
         {
@@ -52,12 +72,22 @@ def write_camera(file: h5py.File, stream: str, camera: Camera) -> None:
 
 
 def write_depth_range(file: h5py.File, scene: Scene) -> None:
-    """Nearest and farthest valid depth, metres."""
+    """Write the nearest and the farthest valid z-depth, metres."""
     write_dataset(file, "metadata/depth_range", np.array(scene.depth_range_m))
 
 
 def write_events(file: h5py.File, scene: Scene, hot_pixels: NDArray[np.int64]) -> None:
-    """Sensor model, thresholds and effects; ``hot_pixels`` is (n, 2) column, row."""
+    """Write the sensor model, its thresholds and its effects, in the units of ``EventSensorOptions``.
+
+    Parameters
+    ----------
+    file
+        An open file.
+    scene
+        Its event sensor.
+    hot_pixels
+        (n, 2) column and row; not written if there are none.
+    """
     group = file.require_group("metadata/events")
     _set(group, {name: getattr(scene.events, name) for name in EVENT_ATTRIBUTES})
     _set(group, {"polarity": "1=brighter"})
@@ -66,7 +96,11 @@ def write_events(file: h5py.File, scene: Scene, hot_pixels: NDArray[np.int64]) -
 
 
 def write_imu(file: h5py.File, scene: Scene) -> None:
-    """Noise and gravity of the inertial unit."""
+    """Write noise and gravity of the inertial unit.
+
+    Densities are rad/s/sqrt(Hz) and m/s^2/sqrt(Hz), walks rad/s^2/sqrt(Hz) and m/s^3/sqrt(Hz), gravity m/s^2. Samples
+    are instantaneous values, not averages over a sampling interval.
+    """
     imu = scene.imu
     _set(
         file.require_group("metadata/imu"),
@@ -82,7 +116,7 @@ def write_imu(file: h5py.File, scene: Scene) -> None:
 
 
 def write_pose(file: h5py.File, scene: Scene) -> None:
-    """Noise of the pose."""
+    """Write the standard deviations of the pose per axis: position in the world, m; rotation in the body frame, rad."""
     _set(
         file.require_group("metadata/pose"),
         {"position_sigma": scene.pose.position_sigma_m, "rotation_sigma": scene.pose.rotation_sigma_rad},

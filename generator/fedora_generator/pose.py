@@ -41,25 +41,6 @@ class PoseSamples:
     """(m, 4), unit, body to world; the sign follows the flight's own, which never jumps"""
 
 
-def sample_pose(
-    flight: Flight, times_us: NDArray[np.int64], options: PoseOptions, rng: np.random.Generator
-) -> PoseSamples:
-    """Sample poses of a new sensor.
-
-    Parameters
-    ----------
-    flight
-        The trajectory of the body.
-    times_us
-        (m,) int64 microseconds of the flight's clock.
-    options
-        Noise of position and rotation.
-    rng
-        Source of the noise.
-    """
-    return PoseSensor(options, rng).sample(flight, times_us)
-
-
 class PoseSensor:
     """A source of poses, one piece of time after the other; they do not depend on where time is cut."""
 

@@ -33,8 +33,8 @@ class ExactWorld:
     coloured: Surfaces
     grey: Surfaces
     movements: tuple[Movement, ...]
-    standing: Faces
-    """Faces before anything has moved"""
+    initial_faces: Faces
+    """Faces of the world as it is described, before any body is displaced"""
 
     @classmethod
     def of(cls, world: World, light: Light) -> "ExactWorld":
@@ -46,7 +46,7 @@ class ExactWorld:
             coloured=_surfaces(world, light, faces, np.eye(3)),
             grey=_surfaces(world, light, faces, np.array(LUMA_WEIGHTS_RGB)[:, None]),
             movements=tuple(mover.movement for mover in world.movers),
-            standing=faces,
+            initial_faces=faces,
         )
         return prepared.at(0)
 
@@ -61,10 +61,10 @@ class ExactWorld:
             return self
         time_s = np.array([time_us / US_PER_S])
         displacements_m = [self.displacement_m(body, time_s)[0] for body in range(1 + len(self.movements))]
-        return replace(self, faces=moved(self.standing, np.array(displacements_m)))
+        return replace(self, faces=moved(self.initial_faces, np.array(displacements_m)))
 
     def displacement_m(self, body: int, times_s: Floats) -> Floats:
-        """Displacement (n, 3) of a body at ``times_s`` (n,), world, from where it is described; body 0 stands."""
+        """Displacement (n, 3) of a body at ``times_s`` (n,), world, from where it is described; body 0 is at rest."""
         return self.movements[body - 1].displacement_m(times_s) if body else np.zeros((len(times_s), 3))
 
     def rgb_dn(self, camera: Camera, T_world_camera: Floats) -> Floats:
@@ -81,8 +81,8 @@ class ExactWorld:
         render_inverse_depth(self._view(camera, T_world_camera), inverse_depth)
         return inverse_depth
 
-    def bodies_seen(self, camera: Camera, T_world_camera: Floats) -> NDArray[np.int64]:
-        """Body (height, width) that each pixel centre shows; 0 for what stands and the sky."""
+    def visible_bodies(self, camera: Camera, T_world_camera: Floats) -> NDArray[np.int64]:
+        """Body (height, width) that each pixel centre shows; 0 for bodies at rest and the sky."""
         if not self.moves:
             return np.zeros((camera.height, camera.width), dtype=np.int64)
         bodies = np.empty((camera.height, camera.width), dtype=np.int64)

@@ -27,11 +27,11 @@ class RenderedWorld(Protocol):
         ...
 
     def displacement_m(self, body: int, times_s: Floats) -> Floats:
-        """Displacement (n, 3) of a body at ``times_s`` (n,), world; body 0 stands."""
+        """Displacement (n, 3) of a body at ``times_s`` (n,), world; body 0 is at rest."""
         ...
 
-    def bodies_seen(self, camera: Camera, T_world_camera: Floats) -> NDArray[np.int64]:
-        """Body (height, width) that each pixel centre shows; 0 for what stands and the sky."""
+    def visible_bodies(self, camera: Camera, T_world_camera: Floats) -> NDArray[np.int64]:
+        """Body (height, width) that each pixel centre shows; 0 for bodies at rest and the sky."""
         ...
 
     def rgb_dn(self, camera: Camera, T_world_camera: Floats) -> Floats:

@@ -11,7 +11,7 @@ Floats = NDArray[np.float64]
 
 
 def quaternions_from_zyx(yaw_rad: Floats, pitch_rad: Floats, roll_rad: Floats) -> Floats:
-    """Quaternions (n, 4) of Euler angles (n,); smooth angles give a sign that never jumps.
+    """Quaternions (n, 4), body to world, of Euler angles (n,), rad; smooth angles give a sign that never jumps.
 
     Source: J. Diebel, Representing Attitude (2006), Euler angle sequence (3, 2, 1), taken from body to world.
     """
@@ -30,7 +30,10 @@ def quaternions_from_zyx(yaw_rad: Floats, pitch_rad: Floats, roll_rad: Floats) -
 
 
 def matrices_from_quaternions(orientations_xyzw: Floats) -> Floats:
-    """Rotation matrices (n, 3, 3) of unit quaternions (n, 4)."""
+    """Rotation matrices (n, 3, 3) of unit quaternions (n, 4).
+
+    Source: J. Diebel, Representing Attitude (2006), unit quaternion to rotation matrix, here from body to world.
+    """
     x, y, z, w = np.moveaxis(orientations_xyzw, -1, 0)
     rows = [
         [1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)],
@@ -50,7 +53,10 @@ def multiply_quaternions(left_xyzw: Floats, right_xyzw: Floats) -> Floats:
 
 
 def quaternions_from_rotation_vectors(rotation_vectors_rad: Floats) -> Floats:
-    """Exponential map (n, 3) -> (n, 4): axis times angle to unit quaternion, exact down to zero angle."""
+    """Exponential map (n, 3) -> (n, 4): axis times angle, rad, to unit quaternion, exact down to zero angle.
+
+    Source: J. Sola, Quaternion Kinematics for the Error-State Kalman Filter (2017), the exponential map.
+    """
     angle_rad = np.linalg.norm(rotation_vectors_rad, axis=-1, keepdims=True)
     # sin(angle / 2) / angle, written with numpy's sinc(x) = sin(pi x) / (pi x), whose limit at zero is exact.
     factor = 0.5 * np.sinc(angle_rad / (2 * np.pi))
@@ -64,7 +70,7 @@ def normalise_quaternions(orientations_xyzw: Floats) -> Floats:
 
 
 def body_rates_from_zyx(pitch_rad: Floats, roll_rad: Floats, zyx_rates_rad_s: Floats) -> Floats:
-    """Angular velocity in the body frame (n, 3), rad/s, from the rates (n, 3) of yaw, pitch and roll.
+    """Angular velocity in the body frame (n, 3), rad/s, from angles (n,), rad, and rates (n, 3) of yaw, pitch and roll.
 
     Source: J. Diebel, Representing Attitude (2006), Euler angle rates of the sequence (3, 2, 1) to body rates.
     """

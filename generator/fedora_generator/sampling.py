@@ -95,7 +95,7 @@ class MotionSteps:
     def _largest_px(self, from_us: int, to_us: int) -> float:
         pose, to_pose = (self.camera.pose_at(self.flight, time_us) for time_us in (from_us, to_us))
         world = self.world.at(from_us)
-        inverse_depth, bodies = world.inverse_depth_per_m(self.camera, pose), world.bodies_seen(self.camera, pose)
+        inverse_depth, bodies = world.inverse_depth_per_m(self.camera, pose), world.visible_bodies(self.camera, pose)
         flow = scene_flow_px(world, self.camera, inverse_depth, bodies, (pose, to_pose), (from_us, to_us))
         u, v = np.moveaxis(flow, -1, 0)
         return float(np.nanmax(np.hypot(u, v), initial=0.0))

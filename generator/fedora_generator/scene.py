@@ -5,7 +5,7 @@ whose tables this one starts from. A world has a ``base`` as well: its textures 
 rectangles, boxes and lamps are added.
 
 ``renderer`` is how it is drawn. ``"exact"`` (the default) casts rays in float64. ``"mesh"`` draws triangles through
-OpenGL: the same ``world``, or a place built in code, which only this renderer can draw::
+OpenGL: the same ``world``, or a place of ``mesh/places``, which only this renderer can draw::
 
     renderer = "mesh"
     place = { name = "park", seed = 3 }     # instead of world; seed is 0 if left out
@@ -57,7 +57,7 @@ _MISSING_KEY: Final = ("missing", "missing_argument", "missing_keyword_only_argu
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Place:
-    """A place built in code (``mesh/places``), the same for the same seed."""
+    """A place of ``mesh/places`` by its name, the same for the same seed."""
 
     __pydantic_config__: ClassVar[ConfigDict] = ConfigDict(extra="forbid")
 
@@ -94,7 +94,22 @@ class Scene:
     seed: int = 0
 
     def __post_init__(self) -> None:
-        self._require_something_to_draw()
+        if self.renderer not in ("exact", "mesh"):
+            raise ValueError(f"Expected renderer to be 'exact' or 'mesh', got {self.renderer!r}")
+        if (self.world is None) == (self.place is None):
+            raise ValueError(f"Expected either a world or a place, got {'neither' if self.world is None else 'both'}")
+        if self.renderer == "exact" and self.world is None:
+            raise ValueError("Expected a world with the exact renderer, got a place; set renderer = 'mesh'")
+        if self.renderer == "exact" and self.mesh is not None:
+            raise ValueError("Expected no table mesh with the exact renderer, got one; set renderer = 'mesh'")
+        if self.world is not None and self.world.movers:
+            # The light of the exact world is computed once, so that nothing may move in that of a lamp.
+            if self.renderer == "mesh":
+                raise ValueError("Expected no movers with the mesh renderer, got some; use the exact one")
+            if any(lamp.strength * self.light.lamp_scale > 0 for lamp in self.world.lamps):
+                raise ValueError(
+                    "Expected no lit lamp where anything moves, whose light would change; set lamp_scale to 0"
+                )
         near_m, far_m = self.depth_range_m
         if not 0 < near_m < far_m:
             raise ValueError(f"Expected depth_range_m to ascend from above 0, got {near_m} to {far_m}")
@@ -115,24 +130,6 @@ class Scene:
             raise ValueError(f"Expected a name, without a slash as files are called after it, got {self.name!r}")
         if self.imu.rate_hz != IMU_RATE_HZ:
             raise ValueError(f"Expected an imu.rate_hz of {IMU_RATE_HZ}, as it is sampled, got {self.imu.rate_hz:g}")
-
-    def _require_something_to_draw(self) -> None:
-        if self.renderer not in ("exact", "mesh"):
-            raise ValueError(f"Expected renderer to be 'exact' or 'mesh', got {self.renderer!r}")
-        if (self.world is None) == (self.place is None):
-            raise ValueError(f"Expected either a world or a place, got {'neither' if self.world is None else 'both'}")
-        if self.renderer == "exact" and self.world is None:
-            raise ValueError("Expected a world with the exact renderer, got a place; set renderer = 'mesh'")
-        if self.renderer == "exact" and self.mesh is not None:
-            raise ValueError("Expected no table mesh with the exact renderer, got one; set renderer = 'mesh'")
-        if self.world is not None and self.world.movers:
-            # The light of the exact world is computed once, so that nothing may move in that of a lamp.
-            if self.renderer == "mesh":
-                raise ValueError("Expected no movers with the mesh renderer, got some; use the exact one")
-            if any(lamp.strength * self.light.lamp_scale > 0 for lamp in self.world.lamps):
-                raise ValueError(
-                    "Expected no lit lamp where anything moves, whose light would change; set lamp_scale to 0"
-                )
 
     @property
     def digest(self) -> str:
@@ -191,13 +188,13 @@ def load_scene(name_or_path: str | Path) -> Scene:
     try:
         scene = _ADAPTER.validate_python(tables)
     except ValidationError as error:
-        raise SceneError(f"{_one_sentence(error)} ({path.name})") from error
+        raise SceneError(f"{_sentence_about_first_problem(error)} ({path.name})") from error
     if impossible := impossible_value(tables):
         raise SceneError(f"{impossible} ({path.name})")
     return scene
 
 
-def _one_sentence(error: ValidationError) -> str:
+def _sentence_about_first_problem(error: ValidationError) -> str:
     """Return a sentence about the first problem and its key; an unknown key explains a missing one and comes first."""
     first = min(error.errors(), key=lambda problem: problem["type"] not in _UNKNOWN_KEY)
     parts = (str(part) for part in first["loc"])

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any, Final
 
 from fedora_generator.errors import SceneError
-from fedora_generator.flights.choice import looked_up
+from fedora_generator.flights.choice import resolve_flight
 from fedora_generator.flights.presets import PRESET_NAMES
 
 SCENE_NAMES: Final = (
@@ -69,12 +69,20 @@ def read_scene(path: Path, started_from: tuple[Path, ...] = ()) -> dict[str, Any
         beside = path.parent / str(base)
         base_path = scene_path(str(beside) if beside.is_file() else str(base))
         base_tables = read_scene(base_path, (*started_from, path.resolve()))
-        tables = _merged(_without_replaced(base_tables, tables), tables)
+        # A place replaces the world of the base and a world its place; a flight replaces a flight of another kind.
+        alternatives = {"world": "place", "place": "world"}
+        base_tables = {key: value for key, value in base_tables.items() if alternatives.get(key) not in tables}
+        base_flight, flight = base_tables.get("flight"), tables.get("flight")
+        if isinstance(base_flight, Mapping) and isinstance(flight, Mapping):
+            base_kind = base_flight.get("kind")
+            if flight.get("kind", base_kind) != base_kind:
+                base_tables.pop("flight")
+        tables = _merged(base_tables, tables)
     if isinstance(tables.get("world"), str):
         tables["world"] = _read_world(_world_path(tables["world"], beside=path))
     flight = tables.get("flight")
     if isinstance(flight, Mapping):
-        tables["flight"] = looked_up(flight, path.parent)
+        tables["flight"] = resolve_flight(flight, path.parent)
     return tables
 
 
@@ -125,16 +133,6 @@ def _read_toml(path: Path) -> dict[str, Any]:
         return tomllib.loads(path.read_text(encoding="utf-8"))
     except (tomllib.TOMLDecodeError, UnicodeDecodeError, OSError) as error:
         raise SceneError(f"Expected a readable TOML file, got {path}: {error}") from error
-
-
-def _without_replaced(base: dict[str, Any], changes: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the base without what the changes replace: its world by a place, its flight by one of another kind."""
-    alternatives = {"world": "place", "place": "world"}
-    kept = {key: value for key, value in base.items() if alternatives.get(key) not in changes}
-    old, new = kept.get("flight"), changes.get("flight")
-    if isinstance(old, Mapping) and isinstance(new, Mapping) and new.get("kind", old.get("kind")) != old.get("kind"):
-        kept.pop("flight")
-    return kept
 
 
 def _merged(base: Mapping[str, Any], changes: Mapping[str, Any]) -> dict[str, Any]:

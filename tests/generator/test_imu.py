@@ -4,7 +4,7 @@ from scipy.integrate import solve_ivp
 from scipy.spatial.transform import Rotation
 
 from fedora_generator.flight import Flight, FlightOptions, HarmonicTerm
-from fedora_generator.imu import ImuOptions, sample_imu
+from fedora_generator.imu import Imu, ImuOptions
 
 TIMES_US = np.arange(0, 20_000_001, 1_000, dtype=np.int64)
 HOVER = Flight(FlightOptions(position_m=(0, 0, 2)))
@@ -28,7 +28,7 @@ def rng() -> np.random.Generator:
 
 def test_at_rest_the_accelerometer_reads_plus_g_on_z() -> None:
     """Hovering level: specific force (0, 0, +g), no rotation."""
-    samples = sample_imu(HOVER, TIMES_US[:3], ImuOptions(gravity_m_s2=9.8), rng())
+    samples = Imu(ImuOptions(gravity_m_s2=9.8), rng()).sample(HOVER, TIMES_US[:3])
     np.testing.assert_array_equal(samples.specific_forces_body_m_s2, np.tile([0, 0, 9.8], (3, 1)))
     np.testing.assert_array_equal(samples.angular_velocities_body_rad_s, 0)
 
@@ -36,7 +36,7 @@ def test_at_rest_the_accelerometer_reads_plus_g_on_z() -> None:
 def test_nose_down_moves_gravity_to_minus_x() -> None:
     """Pitched 30 deg nose down at rest: f = R^T (0, 0, g) = (-g sin 30, 0, g cos 30)."""
     tilted = Flight(FlightOptions(position_m=(0, 0, 2), attitude_deg=(123.0, 30.0, 0.0)))
-    samples = sample_imu(tilted, TIMES_US[:1], ImuOptions(gravity_m_s2=10.0), rng())
+    samples = Imu(ImuOptions(gravity_m_s2=10.0), rng()).sample(tilted, TIMES_US[:1])
     np.testing.assert_allclose(samples.specific_forces_body_m_s2, [[-5.0, 0.0, 10 * np.cos(np.pi / 6)]], atol=1e-14)
 
 
@@ -47,7 +47,7 @@ def test_integrating_the_samples_gives_the_flight_back() -> None:
     def derivative(time_s: float, state: np.ndarray) -> np.ndarray:
         attitude = Rotation.from_quat(state[:4])
         times_us = np.array([round(time_s * 1e6)], dtype=np.int64)
-        sample = sample_imu(SWAYING, times_us, options, rng())
+        sample = Imu(options, rng()).sample(SWAYING, times_us)
         spin = Rotation.from_quat(state[:4]).as_quat()
         x, y, z = sample.angular_velocities_body_rad_s[0]
         rate = 0.5 * np.array([[0, z, -y, x], [-z, 0, x, y], [y, -x, 0, z], [-x, -y, -z, 0]]) @ spin
@@ -64,7 +64,7 @@ def test_integrating_the_samples_gives_the_flight_back() -> None:
 def test_white_noise_has_the_declared_sigma() -> None:
     """Sample sigma is density * sqrt(rate), within five standard errors, mean zero, on every axis."""
     options = ImuOptions(gyro_noise_density=1.7e-4, accel_noise_density=2e-3, rate_hz=1000.0)
-    clean, noisy = (sample_imu(SWAYING, TIMES_US, each, rng()) for each in (ImuOptions(), options))
+    clean, noisy = (Imu(each, rng()).sample(SWAYING, TIMES_US) for each in (ImuOptions(), options))
     for noise, density in (
         (noisy.angular_velocities_body_rad_s - clean.angular_velocities_body_rad_s, 1.7e-4),
         (noisy.specific_forces_body_m_s2 - clean.specific_forces_body_m_s2, 2e-3),
@@ -77,7 +77,7 @@ def test_white_noise_has_the_declared_sigma() -> None:
 def test_bias_walks_from_zero_by_walk_times_root_dt() -> None:
     """The bias is 0 at the first sample and its increments have sigma walk * sqrt(dt), also over uneven gaps."""
     times_us = np.cumsum(np.tile([1_000, 4_000], 10_000)).astype(np.int64)
-    samples = sample_imu(HOVER, times_us, ImuOptions(gyro_bias_walk=2e-5), rng())
+    samples = Imu(ImuOptions(gyro_bias_walk=2e-5), rng()).sample(HOVER, times_us)
     bias = samples.angular_velocities_body_rad_s
     assert np.all(bias[0] == 0)
     increments = np.diff(bias, axis=0)
@@ -88,8 +88,8 @@ def test_bias_walks_from_zero_by_walk_times_root_dt() -> None:
 
 def test_noises_have_streams_of_their_own() -> None:
     """Adding an accelerometer noise and lengthening the recording leave the gyro's draws as they were."""
-    short = sample_imu(HOVER, TIMES_US[:50], ImuOptions(gyro_noise_density=1.0), rng())
-    longer = sample_imu(HOVER, TIMES_US[:80], ImuOptions(gyro_noise_density=1.0, accel_noise_density=1.0), rng())
+    short = Imu(ImuOptions(gyro_noise_density=1.0), rng()).sample(HOVER, TIMES_US[:50])
+    longer = Imu(ImuOptions(gyro_noise_density=1.0, accel_noise_density=1.0), rng()).sample(HOVER, TIMES_US[:80])
     np.testing.assert_array_equal(short.angular_velocities_body_rad_s, longer.angular_velocities_body_rad_s[:50])
 
 

@@ -7,9 +7,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from fedora_generator.flight import Flight, FlightOptions, HarmonicTerm
-from fedora_generator.imu import Imu, ImuOptions, sample_imu
+from fedora_generator.imu import Imu, ImuOptions
 from fedora_generator.instants import pieces
-from fedora_generator.pose import PoseOptions, PoseSensor, sample_pose
+from fedora_generator.pose import PoseOptions, PoseSensor
 
 FLIGHT = Flight(
     FlightOptions(position_m=(0.0, 0.0, 2.0), terms=(HarmonicTerm(axis="yaw", amplitude=20.0, frequency_hz=1.3),))
@@ -26,9 +26,9 @@ cuts = st.lists(st.integers(0, len(TIMES_US)), max_size=6).map(sorted)
 def test_imu_and_pose_do_not_depend_on_the_cuts(where: list[int]) -> None:
     """Bit for bit, noise and walking biases included, empty pieces too."""
     for whole, sensor in (
-        (sample_imu(FLIGHT, TIMES_US, NOISY_IMU, np.random.default_rng(5)), Imu(NOISY_IMU, np.random.default_rng(5))),
+        (Imu(NOISY_IMU, np.random.default_rng(5)).sample(FLIGHT, TIMES_US), Imu(NOISY_IMU, np.random.default_rng(5))),
         (
-            sample_pose(FLIGHT, TIMES_US, NOISY_POSE, np.random.default_rng(5)),
+            PoseSensor(NOISY_POSE, np.random.default_rng(5)).sample(FLIGHT, TIMES_US),
             PoseSensor(NOISY_POSE, np.random.default_rng(5)),
         ),
     ):

@@ -19,13 +19,13 @@ def test_a_sphere_with_a_visible_point_is_never_left_out(column: float, row: flo
     visible_m = T_world_camera @ np.append(z_m * np.linalg.inv(lens.K) @ [column, row, 1.0], 1.0)
     away_m = rng.normal(size=3) * z_m
     spheres = BoundingSpheres((visible_m[:3] + away_m)[None], np.array([np.linalg.norm(away_m) * 1.000001]))
-    assert spheres.may_be_seen(lens, T_world_camera)[0]
+    assert spheres.may_be_visible(lens, T_world_camera)[0]
 
 
 def test_what_lies_behind_or_beside_is_left_out() -> None:
     """A small sphere behind, and one far to the side, are not drawn; the wall ahead is."""
     centers_m = np.array([[-5.0, 0.0, 0.0], [5.0, 20.0, 0.0], [5.0, 0.0, 20.0], [5.0, 0.0, 0.0]])
-    seen = BoundingSpheres(centers_m, np.ones(4)).may_be_seen(camera(), LOOKING_EAST)
+    seen = BoundingSpheres(centers_m, np.ones(4)).may_be_visible(camera(), LOOKING_EAST)
     assert seen.tolist() == [False, False, False, True]
 
 

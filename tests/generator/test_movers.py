@@ -93,7 +93,7 @@ def test_depth_and_flow_of_a_mover_are_exact(start_us: int, interval_us: int) ->
     flight = replace(SCENE, flight=options).fly()
     world = ExactWorld.of(replace(world_with(MOVER), boxes=()), SCENE.light).at(start_us)
     poses = tuple(CAMERA.poses_at(flight, np.array([start_us, end_us])))
-    inverse_depth, bodies = world.inverse_depth_per_m(CAMERA, poses[0]), world.bodies_seen(CAMERA, poses[0])
+    inverse_depth, bodies = world.inverse_depth_per_m(CAMERA, poses[0]), world.visible_bodies(CAMERA, poses[0])
     inverse_depth[inverse_depth == 0] = np.nan
     flow = scene_flow_px(world, CAMERA, inverse_depth, bodies, poses, (start_us, end_us))
     planes = exact_planes(MOVER, start_us)
@@ -136,7 +136,7 @@ def test_a_world_that_stands_is_its_own_snapshot() -> None:
     """Nothing is copied where nothing moves, and no pixel shows a body."""
     world = ExactWorld.of(standing(), SCENE.light)
     assert world.at(123) is world
-    assert not world.bodies_seen(CAMERA, CAMERA.pose_at(SCENE.fly(), 0)).any()
+    assert not world.visible_bodies(CAMERA, CAMERA.pose_at(SCENE.fly(), 0)).any()
     assert not world.faces.bodies.any()
 
 
@@ -195,7 +195,7 @@ def test_the_motion_of_a_mover_sets_the_steps() -> None:
     nearest = (
         1
         / world.inverse_depth_per_m(camera, camera.pose_at(scene.fly(), 0))[
-            world.bodies_seen(camera, camera.pose_at(scene.fly(), 0)) > 0
+            world.visible_bodies(camera, camera.pose_at(scene.fly(), 0)) > 0
         ].max()
     )
     assert steps.largest_motion_px(0, 20_000) == pytest.approx(camera.K[0, 0] * 0.06 / nearest, rel=0.02)
@@ -213,7 +213,7 @@ def test_the_file_says_what_moves(tmp_path: Path) -> None:
             masks, timestamps = file[f"path/flow/{rate_hz}hz_moving"], file[f"path/flow/{rate_hz}hz_ts"]
             assert masks.dtype == np.uint8
             for mask, (start_us, _) in zip(masks[:], timestamps[:].tolist(), strict=True):
-                expected = ExactWorld.of(scene.world, scene.light).at(start_us).bodies_seen(camera, T)
+                expected = ExactWorld.of(scene.world, scene.light).at(start_us).visible_bodies(camera, T)
                 np.testing.assert_array_equal(mask, expected)
             flow = file[f"path/flow/{rate_hz}hz"][0]
             assert np.nanmax(np.abs(flow[masks[0] == 0])) < 1e-12  # the camera stands

@@ -3,7 +3,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from fedora_generator.flight import Flight, FlightOptions
-from fedora_generator.pose import PoseOptions, sample_pose
+from fedora_generator.pose import PoseOptions, PoseSensor
 
 FLIGHT = Flight(
     FlightOptions(position_m=(5, 6, 7), velocity_m_s=(1, 2, 0), yaw_rate_deg_s=90.0, attitude_deg=(0, 70, 10))
@@ -17,7 +17,7 @@ def rng() -> np.random.Generator:
 
 def test_without_noise_the_pose_is_the_flight() -> None:
     """Noise-free positions are the flight's own, orientations turn body into world."""
-    poses = sample_pose(FLIGHT, TIMES_US, PoseOptions(), rng())
+    poses = PoseSensor(PoseOptions(), rng()).sample(FLIGHT, TIMES_US)
     states = FLIGHT.states_at(TIMES_US / 1e6)
     np.testing.assert_array_equal(poses.positions_world_m, states.positions_world_m)
     matrices = Rotation.from_quat(poses.orientations_xyzw).as_matrix()
@@ -27,7 +27,7 @@ def test_without_noise_the_pose_is_the_flight() -> None:
 def test_noise_is_declared_white_and_on_the_body_side() -> None:
     """q_true^-1 * q is Exp of a normal vector of the declared sigma per body axis; positions likewise in the world."""
     options = PoseOptions(position_sigma_m=5e-3, rotation_sigma_rad=3.5e-3)
-    poses = sample_pose(FLIGHT, TIMES_US, options, rng())
+    poses = PoseSensor(options, rng()).sample(FLIGHT, TIMES_US)
     states = FLIGHT.states_at(TIMES_US / 1e6)
     truth = Rotation.from_matrix(states.R_world_body)
     turned_rad = (truth.inv() * Rotation.from_quat(poses.orientations_xyzw)).as_rotvec()
@@ -41,7 +41,7 @@ def test_noise_is_declared_white_and_on_the_body_side() -> None:
 
 def test_quaternions_are_unit_and_continuous() -> None:
     """Noisy quaternions are of unit length to rounding, and the sign does not jump over several whole turns."""
-    poses = sample_pose(FLIGHT, TIMES_US, PoseOptions(rotation_sigma_rad=0.01), rng())
+    poses = PoseSensor(PoseOptions(rotation_sigma_rad=0.01), rng()).sample(FLIGHT, TIMES_US)
     q = poses.orientations_xyzw
     np.testing.assert_allclose(np.linalg.norm(q, axis=1), 1.0, atol=4e-16)
     assert np.all(np.sum(q[1:] * q[:-1], axis=1) > 0)
@@ -49,8 +49,8 @@ def test_quaternions_are_unit_and_continuous() -> None:
 
 def test_rotation_noise_leaves_position_noise_as_it_was() -> None:
     """The two noises have random streams of their own."""
-    alone = sample_pose(FLIGHT, TIMES_US[:9], PoseOptions(position_sigma_m=1.0), rng())
-    both = sample_pose(FLIGHT, TIMES_US[:9], PoseOptions(position_sigma_m=1.0, rotation_sigma_rad=1.0), rng())
+    alone = PoseSensor(PoseOptions(position_sigma_m=1.0), rng()).sample(FLIGHT, TIMES_US[:9])
+    both = PoseSensor(PoseOptions(position_sigma_m=1.0, rotation_sigma_rad=1.0), rng()).sample(FLIGHT, TIMES_US[:9])
     np.testing.assert_array_equal(alone.positions_world_m, both.positions_world_m)
 
 

@@ -9,8 +9,8 @@ from numpy.typing import NDArray
 
 from fedora_generator.flight import Flight, FlightOptions, HarmonicTerm
 from fedora_generator.flow import flow_px
-from fedora_generator.imu import ImuOptions, sample_imu
-from fedora_generator.pose import PoseOptions, sample_pose
+from fedora_generator.imu import Imu, ImuOptions
+from fedora_generator.pose import PoseOptions, PoseSensor
 from fedora_qa.conventions import R_BODY_OPTICAL
 from fedora_qa.layout.canonical import DATASETS
 from fedora_qa.layout.create import create_dataset
@@ -98,12 +98,12 @@ def _write_events(file: h5py.File, frames_us: NDArray[np.int64], origin_us: int,
 def _write_motion(file: h5py.File, origin_us: int) -> None:
     rng = np.random.default_rng(0)
     imu_us = np.arange(0, DURATION_US + 1, 1_000)
-    imu = sample_imu(FLIGHT, imu_us, ImuOptions(), rng)
+    imu = Imu(ImuOptions(), rng).sample(FLIGHT, imu_us)
     put(file, "path/imu/angular_velocity", imu.angular_velocities_body_rad_s)
     put(file, "path/imu/linear_acceleration", imu.specific_forces_body_m_s2)
     put(file, "path/imu/ts", imu_us + origin_us)
     pose_us = np.arange(0, DURATION_US + 1, 5_000)
-    pose = sample_pose(FLIGHT, pose_us, PoseOptions(), rng)
+    pose = PoseSensor(PoseOptions(), rng).sample(FLIGHT, pose_us)
     put(file, "path/pose/position", pose.positions_world_m)
     put(file, "path/pose/orientation", pose.orientations_xyzw)
     put(file, "path/pose/ts", pose_us + origin_us)

@@ -58,7 +58,7 @@ class Follower:
         """Keys of the events along one path; its scratch space and its room for keys are free afterwards."""
         start_ns = path.start_ns - pixels.origin_ns  # the sensor counts from the start of the recording
         height, width = pixels.signal.shape
-        layout, faces = KeyLayout(height, width), self.world.standing
+        layout, faces = KeyLayout(height, width), self.world.initial_faces
         plan = plan_tiles(faces, path, height, width, self.fidelity.motion_px)
         levels = (pixels.reference, pixels.signal, pixels.threshold_on, pixels.threshold_off)
         sensor = Sensor(*levels, pixels.log_eps_dn, pixels.leak_per_s, start_ns / NS_PER_S)

@@ -51,7 +51,7 @@ class _View:
     front: NDArray[np.bool_]
 
 
-def plan_tiles(standing: Faces, path: CameraPath, height: int, width: int, bound_px: float) -> TilePlan:
+def plan_tiles(initial_faces: Faces, path: CameraPath, height: int, width: int, bound_px: float) -> TilePlan:
     """Plan equal steps for each tile, in none of which its image moves farther than ``bound_px``.
 
     What moves into a tile comes from a neighbour: a tile is sampled as densely as the densest around it, and its faces
@@ -59,7 +59,7 @@ def plan_tiles(standing: Faces, path: CameraPath, height: int, width: int, bound
 
     Parameters
     ----------
-    standing
+    initial_faces
         Faces of the world before anything has moved.
     path
         Rays and places of the camera.
@@ -71,8 +71,8 @@ def plan_tiles(standing: Faces, path: CameraPath, height: int, width: int, bound
     views = []
     for part in range(PARTS + 1):
         rays, cameras_m = path.at(part / PARTS)
-        lines = np.empty((len(standing.textures), LINES_PER_FACE, 3))
-        faces = moved(standing, cameras_m[0] - cameras_m)
+        lines = np.empty((len(initial_faces.textures), LINES_PER_FACE, 3))
+        faces = moved(initial_faces, cameras_m[0] - cameras_m)
         views.append(_View(rays, cameras_m, lines, project_every_face(faces.frames, cameras_m[0], rays, lines)))
     # Largest displacement (tiles,) from any view to the next or the one before, of a tile and its neighbours.
     rows, columns = math.ceil(height / TILE), math.ceil(width / TILE)
@@ -80,14 +80,14 @@ def plan_tiles(standing: Faces, path: CameraPath, height: int, width: int, bound
     for start, end in itertools.chain(itertools.pairwise(views), itertools.pairwise(reversed(views))):
         to_end = np.linalg.inv(end.rays)
         H, ts = to_end @ start.rays, (start.cameras_m - end.cameras_m) @ to_end.T
-        visible = (start.lines[start.front], standing.bodies[start.front])
+        visible = (start.lines[start.front], initial_faces.bodies[start.front])
         largest_motions(*visible, H, ts, height, width, motions_px)
     motions_px = maximum_filter(motions_px.reshape(rows, columns), size=3, mode="nearest").ravel()
     motions_px = PARTS * np.asarray(motions_px)
     most_samples = max(FEWEST_SAMPLES, (path.stop_ns - path.start_ns) // SHORTEST_STEP_NS)
     samples = np.clip(np.ceil(motions_px / bound_px), FEWEST_SAMPLES, most_samples).astype(np.int64)
     samples[motions_px <= STILL_PX] = 1
-    marked = np.zeros((samples.size, len(standing.textures)), dtype=np.bool_)
+    marked = np.zeros((samples.size, len(initial_faces.textures)), dtype=np.bool_)
     for view in views:
         front = np.flatnonzero(view.front)
         mark_faces(view.lines[front], front, motions_px / PARTS + 1, height, width, marked)

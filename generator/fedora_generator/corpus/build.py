@@ -13,7 +13,7 @@ from fedora_generator.corpus.manifest import (
     PROGRESS,
     Item,
     digest_of,
-    is_made,
+    is_complete,
     item_of,
     read_listing,
     write_listing,
@@ -168,9 +168,9 @@ class _CorpusWriter:
 
     def make(self, planned: PlannedFile) -> None:
         """Make one file, unless it exists as planned; a fault that cannot be planted is skipped."""
-        path, before = self._folder / planned.file, self._earlier.get(planned.file)
-        if is_made(planned, path, before):
-            self._items[planned.file] = dict(before or {})
+        path, earlier_item = self._folder / planned.file, self._earlier.get(planned.file)
+        if is_complete(planned, path, earlier_item):
+            self._items[planned.file] = dict(earlier_item or {})
             return
         path.unlink(missing_ok=True)
         path.parent.mkdir(exist_ok=True)

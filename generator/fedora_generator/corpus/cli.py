@@ -1,6 +1,5 @@
 """``fedora-generate corpus``: clean and faulty sequences, and the manifest that lists which is which."""
 
-import re
 from pathlib import Path
 from typing import Final, cast
 
@@ -11,18 +10,11 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 from fedora_generator.corpus.build import build_corpus
 from fedora_generator.corpus.plan import CorpusOptions, plan_corpus
 from fedora_generator.disk_space import expected_bytes
+from fedora_generator.image_size import read_size
 from fedora_generator.sampling import MOTION_BOUND_PX, Quality
 from fedora_generator.scene import load_scene
 
 DEFAULT_SCENES: Final = "park-day,fast-turn,park-noisy"
-
-
-def _read_size(_: click.Context, __: click.Parameter, value: str) -> tuple[int, int]:
-    """Read ``WIDTHxHEIGHT``."""
-    match = re.fullmatch(r"([0-9]{1,6})x([0-9]{1,6})", value, flags=re.IGNORECASE)
-    if match is None:
-        raise click.BadParameter(f"Expected WIDTHxHEIGHT such as 270x200, got {value!r}")
-    return int(match[1]), int(match[2])
 
 
 def _read_list(_: click.Context, __: click.Parameter, value: str) -> tuple[str, ...]:
@@ -38,7 +30,7 @@ def _read_list(_: click.Context, __: click.Parameter, value: str) -> tuple[str, 
     "--causes", default="", callback=_read_list, metavar="LIST", help="Causes, or STREAM:CAUSE.  [default: all]"
 )
 @click.option("--ladder", default=3, show_default=True, type=click.IntRange(1, 15), help="Magnitudes of each fault.")
-@click.option("--size", default="270x200", show_default=True, callback=_read_size, metavar="WxH")
+@click.option("--size", default="270x200", show_default=True, callback=read_size, metavar="WxH")
 @click.option("--duration", "duration_s", default=1.0, show_default=True, metavar="S", help="Seconds of a sequence.")
 @click.option("--quality", default="draft", show_default=True, type=click.Choice(list(MOTION_BOUND_PX)))
 @click.option("--seed", default=0, show_default=True, type=click.IntRange(min=0), help="First seed of each scene.")
@@ -71,8 +63,8 @@ def corpus(
     """
     if not scenes:
         raise click.UsageError("Expected at least one scene, got none; see `fedora-generate scenes`")
-    described = tuple(load_scene(name).with_size(*size) for name in scenes)
-    if len({scene.name for scene in described}) < len(described):
+    selected_scenes = tuple(load_scene(name).with_size(*size) for name in scenes)
+    if len({scene.name for scene in selected_scenes}) < len(selected_scenes):
         raise click.UsageError("Expected scenes of different names, got one name twice; files are called after them")
     if deep and not trials:
         raise click.UsageError("Expected --trials with --deep, got none; give the trials of the other causes")
@@ -90,9 +82,9 @@ def corpus(
     )
     if dry_run:
         # Files and bytes by kind, a line each, and in all.
-        sizes = {scene.name: expected_bytes(scene, duration_s) for scene in described}
+        sizes = {scene.name: expected_bytes(scene, duration_s) for scene in selected_scenes}
         rows: dict[str, list[int]] = {}
-        for planned in plan_corpus(options, described):
+        for planned in plan_corpus(options, selected_scenes):
             for kind in (planned.file.split("/", 1)[0], "all"):
                 row = rows.setdefault(kind, [0, 0])
                 row[0] += 1
@@ -109,7 +101,7 @@ def corpus(
         manifest = build_corpus(
             folder,
             options,
-            described,
+            selected_scenes,
             force=force,
             report=lambda done, planned, file: bar.update(task, completed=done, total=planned, description=file),
         )

@@ -52,12 +52,12 @@ def description_of(planned: PlannedFile) -> Item:
 
 
 def item_of(planned: PlannedFile, path: Path) -> Item:
-    """Return the manifest's item of a file that has been made."""
+    """Return the manifest's item of a complete file."""
     return description_of(planned) | {"sha256": digest_of(path), "bytes": path.stat().st_size}
 
 
-def is_made(planned: PlannedFile, path: Path, item: Item | None) -> bool:
-    """Whether a file exists, was made as planned, and is complete."""
+def is_complete(planned: PlannedFile, path: Path, item: Item | None) -> bool:
+    """Whether a file exists with the content that its item states, and the item is the planned one."""
     if item is None or not path.is_file() or path.stat().st_size != item.get("bytes"):
         return False
     return item == description_of(planned) | {"sha256": digest_of(path), "bytes": item["bytes"]}
@@ -79,7 +79,7 @@ def write_listing(path: Path, made_with: Item, items: Iterable[Item], skipped: I
     made_with
         What every file depends on.
     items
-        Files that are made.
+        Files that are complete.
     skipped
         Faults that could not be planted, with the reason.
 

@@ -126,8 +126,7 @@ def plan_corpus(options: CorpusOptions, scenes: tuple[Scene, ...]) -> tuple[Plan
             start_s = start_of(scene, seed, options.duration_s) if options.spread else None
             file = f"clean/{scene.name}-{seed}.h5"
             clean.append(PlannedFile(file=file, scene=scene.name, seed=seed, start_s=start_s))
-    described = {scene.name: scene for scene in scenes}
-    planner = _Planner(options, described, tuple(clean))
+    planner = _Planner(options, {scene.name: scene for scene in scenes}, tuple(clean))
     files = [*clean]
     for pair in pairs:
         trials = options.deep_trials if pair in deep else options.trials
@@ -163,11 +162,11 @@ class _Planner:
             fault = self._fault(pair, base, magnitude)
             yield _copy_of(base, "single", _label(fault), (fault,), ladder.is_observable(magnitude))
 
-    def trials(self, pair: Pair, wanted: int) -> Iterator[PlannedFile]:
+    def trials(self, pair: Pair, most: int) -> Iterator[PlannedFile]:
         """Magnitudes over a range, over the whole sequence, each in the next clean sequence."""
         number = _number(f"{pair}")
         bases = self._bases(pair)
-        for trial in range(trials_of(self._ladder(pair, bases[0]), wanted)):
+        for trial in range(trials_of(self._ladder(pair, bases[0]), most)):
             base = bases[(number + trial) % len(bases)]
             ladder = self._ladder(pair, base)
             magnitude = magnitude_of(ladder, trial, number / 2**32)
@@ -210,8 +209,8 @@ class _Planner:
         donor = None
         if cause == "other_sequence":  # a clean file of another flight, if there is any
             flight = self.scenes[base.scene].flight
-            others = [clean.file for clean in self.clean if self.scenes[clean.scene].flight != flight]
-            donor = others[_number(f"{pair}") % len(others)] if others else None
+            candidates = [clean.file for clean in self.clean if self.scenes[clean.scene].flight != flight]
+            donor = candidates[_number(f"{pair}") % len(candidates)] if candidates else None
         return PlannedFault(
             cause=cause,
             stream=stream,

@@ -22,9 +22,9 @@ START_SPAN_S: Final = 40.0
 _GOLDEN: Final = (math.sqrt(5) - 1) / 2
 
 
-def trials_of(ladder: Ladder, wanted: int) -> int:
-    """Return how many trials a fault gets where so many are wanted of a fault with a range of sizes."""
-    return wanted if ladder.has_range else -(-wanted // SINGLE_SIZE_DIVISOR)
+def trials_of(ladder: Ladder, most: int) -> int:
+    """Return the number of trials of a fault; ``most`` is that of a fault with a range of sizes."""
+    return most if ladder.has_range else -(-most // SINGLE_SIZE_DIVISOR)
 
 
 def magnitude_of(ladder: Ladder, trial: int, beginning: float) -> float | None:

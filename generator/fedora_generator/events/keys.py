@@ -47,6 +47,6 @@ class KeyLayout:
         """Least key whose timestamp is later than ``timestamp_us``."""
         return (timestamp_us + 1) << self.timestamp_shift
 
-    def restamp(self, keys: NDArray[np.int64], timestamp_us: int) -> NDArray[np.int64]:
+    def with_timestamp(self, keys: NDArray[np.int64], timestamp_us: int) -> NDArray[np.int64]:
         """Return the keys with all timestamps equal to ``timestamp_us``."""
         return (keys & ((1 << self.timestamp_shift) - 1)) | (timestamp_us << self.timestamp_shift)

@@ -175,7 +175,7 @@ class EventSensor:
         keys, self._pending = self._pending, np.empty(0, np.int64)
         if self._start_ns is not None:
             stop_us = (self._now_ns - self._start_ns) // NS_PER_US
-            keys = np.sort(self._layout.restamp(keys, stop_us))
+            keys = np.sort(self._layout.with_timestamp(keys, stop_us))
         return self._decode(keys)
 
     def _rng(self, stream: int) -> np.random.Generator:

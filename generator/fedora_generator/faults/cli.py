@@ -58,7 +58,7 @@ def fault(
     """Plant CAUSE in a copy of FILE."""
     if output.exists() and not force:
         raise OutputError(f"Expected a new file, got {output}, which exists; choose another name or use --force")
-    planted = plant_fault(
+    result = plant_fault(
         file,
         output,
         cause,
@@ -72,5 +72,5 @@ def fault(
         donor=donor,
         consistent_maps=not stale_maps,
     )
-    size = f" {planted.magnitude:g} {planted.unit}" if planted.unit else ""
-    click.echo(f"{output}: {planted.stream}:{planted.cause}{size}", err=True)
+    size = f" {result.magnitude:g} {result.unit}" if result.unit else ""
+    click.echo(f"{output}: {result.stream}:{result.cause}{size}", err=True)

@@ -48,8 +48,8 @@ def spatial_offset(file: h5py.File, fault: Fault) -> None:
     shift, width = fault.count(), _size(file)[0]
     if abs(shift) >= width:
         raise FaultError(f"Expected a shift of less than {width} px, got {shift}")
-    moved = _keep_events(file, fault, lambda x, _: (x + shift >= 0) & (x + shift < width))
-    edit(file[X], moved, lambda columns: columns.astype(np.int64) + shift)
+    rows = _keep_events(file, fault, lambda x, _: (x + shift >= 0) & (x + shift < width))
+    edit(file[X], rows, lambda columns: columns.astype(np.int64) + shift)
 
 
 def dead_region(file: h5py.File, fault: Fault) -> None:

@@ -28,7 +28,7 @@ def _shifted(images: Array, shift: int) -> Array:
     if abs(shift) >= width:
         raise FaultError(f"Expected a shift of less than {width} px, got {shift}")
     columns = np.arange(width) - shift
-    moved = images[:, :, np.clip(columns, 0, width - 1)]
-    if moved.dtype.kind == "f":
-        moved[:, :, (columns < 0) | (columns >= width)] = np.nan
-    return moved
+    shifted = images[:, :, np.clip(columns, 0, width - 1)]
+    if shifted.dtype.kind == "f":
+        shifted[:, :, (columns < 0) | (columns >= width)] = np.nan
+    return shifted

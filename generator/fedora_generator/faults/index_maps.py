@@ -11,8 +11,8 @@ from fedora_generator.faults.rows import edit, rows_before, window_of
 from fedora_qa.causes import INDEX_MAPS, stream_family
 from fedora_qa.layout.canonical import TIMESTAMPS_OF, datasets_of
 
-_FOLLOWED: Final = frozenset({"events", "rgb", "depth"})
-_FOLLOWING: Final = frozenset(
+_MAPPED_STREAMS: Final = frozenset({"events", "rgb", "depth"})
+_CAUSES_BEFORE_MAPS: Final = frozenset(
     {
         "time_offset",
         "clock_rate",
@@ -30,11 +30,11 @@ _FOLLOWING: Final = frozenset(
 map of the true ones would reveal the fault. Maps of unsorted events or of another time unit stay as they are."""
 
 
-def maps_follow(fault: Fault) -> bool:
-    """Whether a real recorder would make the index maps after this fault had happened."""
+def precedes_index_maps(fault: Fault) -> bool:
+    """Whether a recorder computes the index maps after this fault, from the faulty timestamps and rows."""
     family = stream_family(fault.stream)
-    loses_rows = family == "events" and fault.region is not None  # those that would have moved in, or have moved out
-    return loses_rows or (fault.cause in _FOLLOWING and family in _FOLLOWED)
+    moves_events = family == "events" and fault.region is not None  # it moves events into the region or out of it
+    return moves_events or (fault.cause in _CAUSES_BEFORE_MAPS and family in _MAPPED_STREAMS)
 
 
 def index_off_by_one(file: h5py.File, fault: Fault) -> None:
@@ -47,13 +47,13 @@ def index_off_by_one(file: h5py.File, fault: Fault) -> None:
 def index_side(file: h5py.File, fault: Fault) -> None:
     """Point behind the events that have a frame's own timestamp (``side="right"``)."""
     indices, window = _map_in(file, fault.stream), _window_of_map(file, fault)
-    behind = _indices(file, fault.stream, "right")[window]
-    if np.array_equal(behind, indices[window]):
+    indices_right = _indices(file, fault.stream, "right")[window]
+    if np.array_equal(indices_right, indices[window]):
         raise FaultError("Expected an event with the stamp of a frame, got none: the fault would change nothing")
-    indices[window] = behind
+    indices[window] = indices_right
 
 
-def remake_index_maps(file: h5py.File) -> None:
+def update_index_maps(file: h5py.File) -> None:
     """Compute the maps of the file again from its present timestamps, one index a frame."""
     for stream in INDEX_MAPS:
         key = _map_key(stream)

@@ -9,7 +9,7 @@ import hdf5plugin  # noqa: F401 - its import makes the codec of the layout known
 
 from fedora_generator.errors import OutputError
 from fedora_generator.faults.fault import Fault, FaultError, Region, default_unit
-from fedora_generator.faults.index_maps import maps_follow, remake_index_maps
+from fedora_generator.faults.index_maps import precedes_index_maps, update_index_maps
 from fedora_generator.faults.region import confine_to_region
 from fedora_generator.faults.rows import streams_in
 from fedora_generator.faults.table import (
@@ -21,7 +21,7 @@ from fedora_generator.faults.table import (
     legal_causes,
     legal_streams,
 )
-from fedora_generator.partial_file import PartialFile, partial_file
+from fedora_generator.partial_file import partial_file
 from fedora_qa.causes import stream_family
 
 _COPY_BLOCK_BYTES: Final = 1 << 20
@@ -78,7 +78,13 @@ def plant_fault(
     OutputError
         The target's folder does not exist, or its disk is full.
     """
-    _require_legal(cause, stream)
+    if cause not in legal_causes():
+        raise FaultError(
+            f"Expected a cause that can be planted, got {cause!r}; choose from {', '.join(legal_causes())}"
+        )
+    if stream not in legal_streams(cause):
+        streams = ", ".join(legal_streams(cause))
+        raise FaultError(f"Expected a stream that {cause} can befall, got {stream!r}; choose from {streams}")
     if (start_s, stop_s) != (None, None) and not allows_interval(cause, stream):
         raise FaultError(f"Expected no interval for {stream}:{cause}, got one: it befalls the whole stream or none")
     if region is not None and not allows_region(cause, stream):
@@ -107,27 +113,23 @@ def plant_fault(
         with source.open("rb") as clean, partial_file(target, overwrite=True) as copy:
             while copy.write(clean.read(_COPY_BLOCK_BYTES)):
                 copy.raise_pending()
-            _apply(source, copy, fault, consistent_maps=consistent_maps)
+            key = (cause, stream_family(stream))
+            if key in BYTE_FAULTS:
+                BYTE_FAULTS[key](copy.path, fault)
+                return fault
+            with h5py.File(copy, "r+") as file:
+                if stream != "metadata":
+                    streams_in(file, stream)  # raises where there is none
+                FAULTS[key](file, fault)
+                if region is not None:
+                    confine_to_region(file, source, fault, region)
+                if consistent_maps and precedes_index_maps(fault):
+                    update_index_maps(file)
     except OutputError:
         raise
     except (KeyError, OSError) as error:
         raise FaultError(f"Expected a readable file of the canonical layout, got {source}: {error}") from error
     return fault
-
-
-def _apply(source: Path, copy: PartialFile, fault: Fault, *, consistent_maps: bool) -> None:
-    key = (fault.cause, stream_family(fault.stream))
-    if key in BYTE_FAULTS:
-        BYTE_FAULTS[key](copy.path, fault)
-        return
-    with h5py.File(copy, "r+") as file:
-        if fault.stream != "metadata":
-            streams_in(file, fault.stream)  # raises where there is none
-        FAULTS[key](file, fault)
-        if fault.region is not None:
-            confine_to_region(file, source, fault, fault.region)
-        if consistent_maps and maps_follow(fault):
-            remake_index_maps(file)
 
 
 def _magnitude_of(cause: str, stream: str, magnitude: float | None, unit: str) -> float:
@@ -140,13 +142,3 @@ def _magnitude_of(cause: str, stream: str, magnitude: float | None, unit: str) -
     if not math.isfinite(magnitude) or (magnitude == 0 and unit):
         raise FaultError(f"Expected a finite magnitude other than 0 for {cause}, got {magnitude:g}")
     return magnitude
-
-
-def _require_legal(cause: str, stream: str) -> None:
-    if cause not in legal_causes():
-        raise FaultError(
-            f"Expected a cause that can be planted, got {cause!r}; choose from {', '.join(legal_causes())}"
-        )
-    if stream not in legal_streams(cause):
-        streams = ", ".join(legal_streams(cause))
-        raise FaultError(f"Expected a stream that {cause} can befall, got {stream!r}; choose from {streams}")

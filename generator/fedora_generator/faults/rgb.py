@@ -22,11 +22,7 @@ def exposure_or_gamma(file: h5py.File, fault: Fault) -> None:
     Values are clipped at 255; -100 percent makes frames black. With the unit ``gamma``, a magnitude of 2.2 writes what
     a display of that gamma needs, white and black staying where they are; nothing is declared.
     """
-    edit_values(file, fault, lambda frames: _curve(fault)[frames])
-
-
-def _curve(fault: Fault) -> Array:
-    """Return what each of the 256 codes becomes."""
+    # What each of the 256 codes becomes.
     codes = np.arange(256, dtype=np.float64)
     if fault.unit == "gamma":
         if not fault.magnitude > 0:
@@ -34,5 +30,5 @@ def _curve(fault: Fault) -> Array:
         values: Array = _WHITE * (codes / _WHITE) ** (1 / fault.magnitude)
     else:
         values = codes * (1 + fault.magnitude_in("percent") / 100)
-    stored: Array = np.rint(np.clip(values, 0, _WHITE)).astype(np.uint8)
-    return stored
+    curve: Array = np.rint(np.clip(values, 0, _WHITE)).astype(np.uint8)
+    edit_values(file, fault, lambda frames: curve[frames])

@@ -19,8 +19,8 @@ _BLOCK_BYTES: Final = 16 * 1024 * 1024
 
 def streams_in(file: h5py.File, stream: str) -> tuple[str, ...]:
     """Return the stream itself, or for ``flow`` every rate that the file holds."""
-    wanted = FLOW_STREAMS if stream == "flow" else (stream,)
-    streams = tuple(name for name in wanted if any(spec.key in file for spec in datasets_of(name)))
+    names = FLOW_STREAMS if stream == "flow" else (stream,)
+    streams = tuple(name for name in names if any(spec.key in file for spec in datasets_of(name)))
     if not streams:
         raise FaultError(f"Expected a file with the stream {stream}, got none in {file.filename}; name another stream")
     return streams
@@ -145,7 +145,7 @@ def window_of(file: h5py.File, stream: str, fault: Fault) -> slice:
     return slice(start, stop)
 
 
-def place_of(file: h5py.File, stream: str, fault: Fault, count: int) -> slice:
+def affected_rows(file: h5py.File, stream: str, fault: Fault, count: int) -> slice:
     """Return consecutive rows from ``start_s`` on, or in the middle of the stream; never the first row.
 
     Parameters
@@ -196,19 +196,19 @@ def keep_rows(dataset: h5py.Dataset, keep: Callable[[slice], NDArray[np.bool_]])
         The dataset cannot be resized.
     """
     _require_resizable(dataset)
-    kept = 0
+    length = 0  # of the rows that stay, so far
     for block in blocks(dataset):
-        wanted = keep(block)
-        if kept == block.start and wanted.all():
-            kept = block.stop  # nothing has moved yet: no need to compress these rows again
+        mask = keep(block)
+        if length == block.start and mask.all():
+            length = block.stop  # every row so far stays at its place: no need to compress these rows again
             continue
-        rows = dataset[block][wanted]
-        dataset[kept : kept + len(rows)] = rows
-        kept += len(rows)
-    dataset.resize(kept, axis=0)
+        rows = dataset[block][mask]
+        dataset[length : length + len(rows)] = rows
+        length += len(rows)
+    dataset.resize(length, axis=0)
 
 
-def delete_rows(file: h5py.File, stream: str, gone: slice) -> None:
+def delete_rows(file: h5py.File, stream: str, rows: slice) -> None:
     """Remove consecutive rows from every dataset of a stream.
 
     Parameters
@@ -217,14 +217,14 @@ def delete_rows(file: h5py.File, stream: str, gone: slice) -> None:
         An open file.
     stream
         Name of a single stream.
-    gone
+    rows
         Rows to remove.
     """
     for dataset in datasets_in(file, stream).values():
         keep_rows(
             dataset,
             lambda block: (
-                (np.arange(block.start, block.stop) < gone.start) | (np.arange(block.start, block.stop) >= gone.stop)
+                (np.arange(block.start, block.stop) < rows.start) | (np.arange(block.start, block.stop) >= rows.stop)
             ),
         )
 
@@ -250,14 +250,14 @@ def insert_rows(dataset: h5py.Dataset, before: NDArray[np.int64], values: Array)
     """
     _require_resizable(dataset)
     old_length = len(dataset)
-    moved = list(blocks(dataset))
+    old_blocks = list(blocks(dataset))
     dataset.resize(old_length + len(before), axis=0)
-    pending = len(before)
-    for block in reversed(moved):
+    stop = len(before)  # of the values that are not inserted yet
+    for block in reversed(old_blocks):
         first = int(np.searchsorted(before, block.start))
-        merged = np.insert(dataset[block], before[first:pending] - block.start, values[first:pending], axis=0)
+        merged = np.insert(dataset[block], before[first:stop] - block.start, values[first:stop], axis=0)
         dataset[block.start + first : block.start + first + len(merged)] = merged
-        pending = first
+        stop = first
 
 
 def _require_resizable(dataset: h5py.Dataset) -> None:

@@ -5,12 +5,12 @@ import numpy as np
 
 from fedora_generator.faults.fault import Fault, FaultError
 from fedora_generator.faults.rows import (
+    affected_rows,
     blocks,
     datasets_in,
     delete_rows,
     edit,
     insert_rows,
-    place_of,
     require_before_stop,
     rows_before,
     streams_in,
@@ -38,7 +38,7 @@ def unsorted(file: h5py.File, fault: Fault) -> None:
     count = max(2, fault.positive_count())
     for stream in streams_in(file, fault.stream):
         timestamps = timestamps_in(file, stream)
-        rows = place_of(file, stream, fault, count)
+        rows = affected_rows(file, stream, fault, count)
         while rows.stop < len(timestamps) and np.all(timestamps[rows.stop - 1] == timestamps[rows.start]):
             rows = slice(rows.start, rows.stop + 1)  # samples of one timestamp have no order in time
         require_before_stop(file, stream, fault, rows.stop)
@@ -49,27 +49,27 @@ def unsorted(file: h5py.File, fault: Fault) -> None:
 def frozen_frames(file: h5py.File, fault: Fault) -> None:
     """Give a number of samples the value before them; their timestamps stay."""
     for stream in streams_in(file, fault.stream):
-        rows = place_of(file, stream, fault, fault.positive_count())
+        rows = affected_rows(file, stream, fault, fault.positive_count())
         for dataset in values_in(file, stream):
-            still = dataset[rows.start - 1]
+            value = dataset[rows.start - 1]
             for block in blocks(dataset, rows):
-                dataset[block] = np.broadcast_to(still, (block.stop - block.start, *still.shape))
+                dataset[block] = np.broadcast_to(value, (block.stop - block.start, *value.shape))
 
 
 def swapped_frames(file: h5py.File, fault: Fault) -> None:
     """Exchange the values of one sample with those the given number of samples later; timestamps stay."""
     distance = fault.positive_count()
     for stream in streams_in(file, fault.stream):
-        first = place_of(file, stream, fault, distance + 1).start
+        first = affected_rows(file, stream, fault, distance + 1).start
         for dataset in values_in(file, stream):
-            earlier, other = dataset[first], dataset[first + distance]
-            dataset[first], dataset[first + distance] = other, earlier
+            earlier, later = dataset[first], dataset[first + distance]
+            dataset[first], dataset[first + distance] = later, earlier
 
 
 def nan_in_stream(file: h5py.File, fault: Fault) -> None:
     """Overwrite every value of the given number of samples by NaN."""
     for stream in streams_in(file, fault.stream):
-        rows = place_of(file, stream, fault, fault.positive_count())
+        rows = affected_rows(file, stream, fault, fault.positive_count())
         for dataset in values_in(file, stream):
             edit(dataset, rows, lambda values: np.full_like(values, np.nan))
 
@@ -91,9 +91,9 @@ def other_sequence(file: h5py.File, fault: Fault) -> None:
 
 def _affected(file: h5py.File, stream: str, fault: Fault) -> slice:
     if not fault.is_duration:
-        return place_of(file, stream, fault, fault.positive_count())
+        return affected_rows(file, stream, fault, fault.positive_count())
     timestamps = timestamps_in(file, stream)
-    first = place_of(file, stream, fault, 1).start
+    first = affected_rows(file, stream, fault, 1).start
     stop_us = int(np.min(timestamps[first])) + round(fault.magnitude_in("us"))
     stop = int(rows_before(timestamps, np.array([stop_us], np.int64))[0])
     if not first < stop < len(timestamps):

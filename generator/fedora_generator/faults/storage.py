@@ -27,13 +27,13 @@ def truncated(file: h5py.File, fault: Fault) -> None:
     """Cut the last percent of the rows of a stream off, at least one."""
     for stream in streams_in(file, fault.stream):
         length = length_of(file, stream)
-        delete_rows(file, stream, slice(length - _cut(length, fault), length))
+        delete_rows(file, stream, slice(length - _cut_length(length, fault), length))
 
 
 def truncate_file(path: Path, fault: Fault) -> None:
     """Cut the last percent of the bytes of the file off."""
     size = path.stat().st_size
-    os.truncate(path, size - _cut(size, fault))
+    os.truncate(path, size - _cut_length(size, fault))
 
 
 def corrupt_chunk(path: Path, fault: Fault) -> None:
@@ -44,8 +44,8 @@ def corrupt_chunk(path: Path, fault: Fault) -> None:
         for stream in streams_in(file, fault.stream):
             dataset = _first_values(file, stream)
             if dataset.chunks is None:
-                whole = (dataset.id.get_offset(), dataset.id.get_storage_size())
-                of_streams.append([whole] if dataset.size else [])
+                contiguous = (dataset.id.get_offset(), dataset.id.get_storage_size())
+                of_streams.append([contiguous] if dataset.size else [])
             else:
                 chunks = [dataset.id.get_chunk_info(index) for index in range(dataset.id.get_num_chunks())]
                 of_streams.append([(chunk.byte_offset, chunk.size) for chunk in chunks])
@@ -53,13 +53,13 @@ def corrupt_chunk(path: Path, fault: Fault) -> None:
     if count > fewest:
         raise FaultError(f"Expected at most the {fewest} chunks of {fault.stream}, got {count}")
     rng = fault.rng()
-    chosen = [places[i] for places in of_streams for i in rng.choice(len(places), size=count, replace=False)]
+    chunks_to_damage = [pieces[i] for pieces in of_streams for i in rng.choice(len(pieces), size=count, replace=False)]
     with path.open("r+b") as raw:
-        for offset, size in sorted(chosen):
-            damaged = min(_DAMAGED_BYTES, size)
-            raw.seek(offset + (size - damaged) // 2)
-            intact = raw.read(damaged)
-            raw.seek(-damaged, os.SEEK_CUR)
+        for offset, size in sorted(chunks_to_damage):
+            length = min(_DAMAGED_BYTES, size)
+            raw.seek(offset + (size - length) // 2)
+            intact = raw.read(length)
+            raw.seek(-length, os.SEEK_CUR)
             raw.write(bytes(byte ^ 0xFF for byte in intact))
 
 
@@ -96,7 +96,7 @@ def wrong_dtype(file: h5py.File, fault: Fault) -> None:
         _store_again(file, dataset, dataset.shape, np.dtype(_OTHER_TYPE[dataset.dtype.name]))
 
 
-def _cut(length: int, fault: Fault) -> int:
+def _cut_length(length: int, fault: Fault) -> int:
     percent = fault.magnitude_in("percent")
     if not 0 < percent <= 100:
         raise FaultError(f"Expected more than 0 and up to 100 percent, got {percent:g}")
@@ -109,10 +109,10 @@ def _first_values(file: h5py.File, stream: str) -> h5py.Dataset:
 
 def _store_again(file: h5py.File, dataset: h5py.Dataset, shape: tuple[int, ...], dtype: np.dtype[Any]) -> None:
     """Replace a dataset by one of another shape or type with the same values, attributes and codec."""
-    key, aside = dataset.name, f"{dataset.name}_aside"
+    key, temporary_key = dataset.name, f"{dataset.name}_aside"
     extra = (1,) * (len(shape) - dataset.ndim)
     replacement = file.create_dataset(
-        aside,
+        temporary_key,
         shape,
         dtype,
         chunks=(*dataset.chunks, *extra) if dataset.chunks else None,
@@ -125,4 +125,4 @@ def _store_again(file: h5py.File, dataset: h5py.Dataset, shape: tuple[int, ...],
     for name, value in dataset.attrs.items():
         replacement.attrs[name] = value
     del file[key]
-    file.move(aside, key)
+    file.move(temporary_key, key)

@@ -21,7 +21,7 @@ KINDS: Final = ("waypoints", "survey", "loop", "hover", "burst", "plan", "preset
 _HARMONIC: Final = TAG_PREFIX + "harmonic"
 
 
-def looked_up(flight: Mapping[str, Any], folder: Path) -> Mapping[str, Any]:
+def resolve_flight(flight: Mapping[str, Any], folder: Path) -> Mapping[str, Any]:
     """Table of a flight, with the table that it refers to in its place.
 
     Parameters

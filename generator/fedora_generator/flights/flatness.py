@@ -30,14 +30,19 @@ class Attitude:
 def attitude_of_thrust(
     thrusts_world_m_s2: Floats, thrust_rates_world_m_s3: Floats, yaw_rad: Floats, yaw_rates_rad_s: Floats
 ) -> Attitude:
-    """Attitude with body Z along the thrust.
+    """Attitude, body to world (ENU), with body Z along the thrust.
 
     Parameters
     ----------
     thrusts_world_m_s2, thrust_rates_world_m_s3
-        (n, 3) thrust per mass, acceleration - gravity + drag, and its derivative.
+        (n, 3) thrust per mass, acceleration - gravity + drag, and its derivative, in the world frame.
     yaw_rad, yaw_rates_rad_s
-        (n,) yaw of the route, and its derivative.
+        (n,) yaw of the route, counter-clockwise from east, and its derivative.
+
+    Returns
+    -------
+    Attitude
+        Angles in rad and angular velocities in rad/s, (n, 3) each.
 
     Raises
     ------

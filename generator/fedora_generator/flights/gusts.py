@@ -82,7 +82,7 @@ class Disturbance(NamedTuple):
 
 
 def low_altitude_turbulence(speed_at_20_ft_m_s: float, altitude_m: float) -> Turbulence:
-    """Intensities and scales below 1000 ft (3.7.3.4, figures 10 and 11).
+    """Intensities and scales below 1000 ft (MIL-F-8785C, 3.7.3.4, figures 10 and 11).
 
     Parameters
     ----------
@@ -90,6 +90,11 @@ def low_altitude_turbulence(speed_at_20_ft_m_s: float, altitude_m: float) -> Tur
         Mean wind at 20 ft.
     altitude_m
         Above the ground.
+
+    Returns
+    -------
+    Turbulence
+        m/s and m, along the wind, across and up.
     """
     altitude_ft = altitude_m / FOOT_M
     ratio = 0.177 + 0.000823 * altitude_ft
@@ -139,7 +144,7 @@ class Gusts:
     """(3, m)"""
 
     def at(self, times_s: Floats) -> Disturbance:
-        """Wind and displacement at ``times_s`` (n,)."""
+        """Wind, m/s, and displacement, m, in the world frame at ``times_s`` (n,), seconds."""
         axes = []
         for axis in range(3):
             # A derivative multiplies an amplitude by i omega: rows (6, m) for displacement, velocity, acceleration and
@@ -168,6 +173,11 @@ def draw_gusts(options: WindOptions, drag_per_s: float, seed: int) -> Gusts:
         Deceleration per speed through the air.
     seed
         Of the sequence.
+
+    Returns
+    -------
+    Gusts
+        Amplitudes of the wind, m/s, and of the displacement, m, along the axes of the wind.
     """
     rng = np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(_WIND_KEY,)))
     mean_m_s = mean_wind_m_s(options.speed_m_s, options.altitude_m)
@@ -195,7 +205,7 @@ def draw_gusts(options: WindOptions, drag_per_s: float, seed: int) -> Gusts:
 
 
 def mean_wind_m_s(speed_at_20_ft_m_s: float, altitude_m: float) -> float:
-    """Mean wind, m/s, by logarithmic shear (3.7.3.2).
+    """Mean wind, m/s, by logarithmic shear (MIL-F-8785C, 3.7.3.2).
 
     Parameters
     ----------

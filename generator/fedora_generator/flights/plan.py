@@ -82,13 +82,6 @@ class Mission:
         x, y, z = position_m.tolist()
         self.waypoints.append(Waypoint(position_m=(x, y, z), hold_s=hold_s, yaw_deg=yaw_deg))
 
-    def change_speed(self, speed_m_s: float) -> None:
-        """Set the speed from the last waypoint on."""
-        if self.waypoints:
-            self.waypoints[-1] = replace(self.waypoints[-1], speed_m_s=speed_m_s)
-        else:
-            self.speed_m_s = speed_m_s
-
 
 def waypoints_table(flight: Mapping[str, Any], folder: Path) -> dict[str, Any]:
     """Turn a scene's table of kind ``plan`` into one of kind ``waypoints``.
@@ -187,7 +180,10 @@ def _add_item(mission: Mission, item: Mapping[str, Any]) -> None:
         if speed_m_s != -1:  # MAVLink: no change
             if not speed_m_s > 0:
                 raise ValueError(f"Expected DO_CHANGE_SPEED to more than 0 m/s, got {speed_m_s:g}")
-            mission.change_speed(speed_m_s)
+            if mission.waypoints:  # from the last waypoint on
+                mission.waypoints[-1] = replace(mission.waypoints[-1], speed_m_s=speed_m_s)
+            else:
+                mission.speed_m_s = speed_m_s
     elif command == TAKEOFF:
         position_m = _place_m(mission, item, params)
         if mission.waypoints:

@@ -16,7 +16,7 @@ Floats = NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Waypoint:
-    """A place to fly by, or to rest at for ``hold_s``.
+    """A position in the world (ENU) to fly by, or to rest at for ``hold_s``.
 
     ``yaw_deg`` (counter-clockwise from east) holds from here to the next waypoint that has a yaw; before the first of
     them the nose points along each leg. ``speed_m_s`` holds from here on; None leaves it as it was.
@@ -41,7 +41,7 @@ class Waypoint:
 
 @dataclass(frozen=True, slots=True)
 class Route:
-    """Position and yaw over time, each a smoothed line."""
+    """Position in the world (ENU), metres, and yaw, rad, over time, each a smoothed line."""
 
     position_world_m: SmoothedLine
     """3 columns: x, y, z"""

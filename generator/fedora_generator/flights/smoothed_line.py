@@ -49,7 +49,7 @@ class SmoothedLine:
     sigma_s: float
 
     def at(self, times_s: Floats) -> Derivatives:
-        """Value and derivatives at ``times_s`` (n,)."""
+        """Value and derivatives at ``times_s`` (n,), seconds, in the unit of ``start`` per s, s^2 and s^3."""
         # Corners before ``first_corner`` bend the line fully; those from ``stop_corner`` on do not act yet. Between the
         # two, each corner adds its average.
         reach_s = REACH_SIGMAS * self.sigma_s

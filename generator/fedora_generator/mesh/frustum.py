@@ -29,7 +29,7 @@ class BoundingSpheres:
         ]
         return cls(centers_m, np.array(farthest_m))
 
-    def may_be_seen(self, camera: Camera, T_world_camera: Floats) -> NDArray[np.bool_]:
+    def may_be_visible(self, camera: Camera, T_world_camera: Floats) -> NDArray[np.bool_]:
         """Whether any point of each sphere may lie in the image.
 
         Parameters

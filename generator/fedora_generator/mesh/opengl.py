@@ -163,44 +163,25 @@ def upload(mesh: TexturedMesh) -> UploadedMesh:
         positions=mesh.vertices_world_m, normals=mesh.normals_world, texcoord_0=mesh.uv, indices=mesh.triangles
     )
     primitive._add_to_context()
-    texture = upload_texture(mesh.reflectance_rgb, repeats=mesh.repeats)
-    return UploadedMesh(primitive, mesh.triangles.size, texture, np.array(mesh.emission_rgb), mesh.two_sided)
-
-
-def upload_texture(reflectance_rgb: NDArray[np.float32], *, repeats: bool) -> int:
-    """Copy a linear image and its mipmaps as half floats, which keep 11 bits at every brightness.
-
-    With 8 bits Mesa also filters in 8 bits, and smooth motion turns into steps.
-
-    Parameters
-    ----------
-    reflectance_rgb
-        (h, w, 3) linear, 0 to 1.
-    repeats
-        Whether the texture repeats beyond its border; otherwise its outermost texels continue.
-
-    Returns
-    -------
-    texture
-        Name of the texture in OpenGL.
-    """
-    height, width = reflectance_rgb.shape[:2]
+    # The texture and its mipmaps as half floats, which keep 11 bits at every brightness. With 8 bits Mesa also filters
+    # in 8 bits, and smooth motion turns into steps.
+    height, width = mesh.reflectance_rgb.shape[:2]
     texture = int(GL.glGenTextures(1))
     GL.glBindTexture(GL.GL_TEXTURE_2D, texture)
     GL.glPixelStorei(GL.GL_UNPACK_ALIGNMENT, 1)
-    pixels = np.ascontiguousarray(reflectance_rgb, dtype=np.float32)
+    pixels = np.ascontiguousarray(mesh.reflectance_rgb, dtype=np.float32)
     GL.glTexImage2D(GL.GL_TEXTURE_2D, 0, GL.GL_RGB16F, width, height, 0, GL.GL_RGB, GL.GL_FLOAT, pixels)
     GL.glGenerateMipmap(GL.GL_TEXTURE_2D)
-    beyond = GL.GL_REPEAT if repeats else GL.GL_CLAMP_TO_EDGE
+    wrap = GL.GL_REPEAT if mesh.repeats else GL.GL_CLAMP_TO_EDGE
     settings = {
         GL.GL_TEXTURE_MIN_FILTER: GL.GL_LINEAR_MIPMAP_LINEAR,
         GL.GL_TEXTURE_MAG_FILTER: GL.GL_LINEAR,
-        GL.GL_TEXTURE_WRAP_S: beyond,
-        GL.GL_TEXTURE_WRAP_T: beyond,
+        GL.GL_TEXTURE_WRAP_S: wrap,
+        GL.GL_TEXTURE_WRAP_T: wrap,
     }
     for name, value in settings.items():
         GL.glTexParameteri(GL.GL_TEXTURE_2D, name, value)
-    return texture
+    return UploadedMesh(primitive, mesh.triangles.size, texture, np.array(mesh.emission_rgb), mesh.two_sided)
 
 
 def use_depth_from_zero() -> None:

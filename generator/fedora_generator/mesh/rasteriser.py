@@ -171,7 +171,7 @@ class Rasteriser:
         program.set("camera_m", T_world_camera[:3, 3])
         program.set("pinhole", np.array(_pinhole(camera)))
         program.set("near_m", NEAR_M)
-        for index in np.flatnonzero(self._spheres.may_be_seen(camera, T_world_camera)):
+        for index in np.flatnonzero(self._spheres.may_be_visible(camera, T_world_camera)):
             mesh = self._meshes[index]
             (GL.glDisable if mesh.two_sided else GL.glEnable)(GL.GL_CULL_FACE)
             GL.glBindTexture(GL.GL_TEXTURE_2D, mesh.texture)

@@ -68,7 +68,7 @@ class MeshWorld:
         """Displacement (n, 3): none."""
         return np.zeros((len(times_s), 3))
 
-    def bodies_seen(self, camera: Camera, T_world_camera: Floats) -> NDArray[np.int64]:
+    def visible_bodies(self, camera: Camera, T_world_camera: Floats) -> NDArray[np.int64]:
         """Body (height, width) that each pixel shows: 0, as everything is at rest."""
         return np.zeros((camera.height, camera.width), dtype=np.int64)
 

@@ -95,7 +95,7 @@ def test_what_moves_is_followed_too() -> None:
     expected = np.log(world.at(100_000).luma_dn(camera, camera.pose_at(flight, 100_000)))
     np.testing.assert_allclose(pixels.signal, expected, atol=1e-10)
     assert np.abs(pixels.signal - pixels.reference).max() < THRESHOLD
-    moving = world.at(100_000).bodies_seen(camera, camera.pose_at(flight, 100_000)) > 0
+    moving = world.at(100_000).visible_bodies(camera, camera.pose_at(flight, 100_000)) > 0
     layout = KeyLayout(camera.height, camera.width)
     events = decode(keys, layout, 0)
     assert moving[events.y, events.x].sum() > 100

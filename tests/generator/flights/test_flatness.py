@@ -8,7 +8,7 @@ from fedora_generator.errors import SceneError
 from fedora_generator.flight import BurstOptions, Flight, HoverOptions, LoopOptions
 from fedora_generator.flights.flatness import attitude_of_thrust
 from fedora_generator.flights.route import Waypoint
-from fedora_generator.imu import ImuOptions, sample_imu
+from fedora_generator.imu import Imu, ImuOptions
 from fedora_qa.conventions import STANDARD_GRAVITY_M_S2
 
 LIVELY = LoopOptions(
@@ -59,7 +59,7 @@ def test_the_quaternion_is_the_matrix_and_never_jumps() -> None:
 def test_an_accelerometer_without_drag_feels_thrust_only() -> None:
     """Thrust lies along body Z: the specific force has no X or Y, which is what differential flatness means."""
     options = BurstOptions(position_m=(0, 0, 2), yaw_deg=30, axis="roll", angular_speed_rad_s=8.0)
-    imu = sample_imu(Flight(options), np.arange(0, 5_000_000, 1000), ImuOptions(), np.random.default_rng(0))
+    imu = Imu(ImuOptions(), np.random.default_rng(0)).sample(Flight(options), np.arange(0, 5_000_000, 1000))
     specific_forces = imu.specific_forces_body_m_s2
     np.testing.assert_allclose(specific_forces[:, :2], 0.0, atol=1e-13)
     assert np.all(specific_forces[:, 2] >= STANDARD_GRAVITY_M_S2 - 1e-12)
@@ -83,7 +83,7 @@ def test_hover_is_level_and_still() -> None:
     states = flight.states_at(times_us / 1e6)
     np.testing.assert_array_equal(states.positions_world_m, np.tile([1, 2, 3], (3, 1)))
     np.testing.assert_allclose(states.R_world_body[2], [[0, -1, 0], [1, 0, 0], [0, 0, 1]], atol=1e-15)
-    imu = sample_imu(flight, times_us, ImuOptions(), np.random.default_rng(0))
+    imu = Imu(ImuOptions(), np.random.default_rng(0)).sample(flight, times_us)
     assert not imu.angular_velocities_body_rad_s.any()
     np.testing.assert_allclose(imu.specific_forces_body_m_s2, np.tile([0, 0, STANDARD_GRAVITY_M_S2], (3, 1)))
 

@@ -1,34 +1,29 @@
-"""Places of the mesh world, built in code: a park and a racetrack.
+"""Places of the mesh world: a park and a racetrack, each described in a file of its own and built from a seed.
 
 Read in this order:
 
-* ``park``, ``racetrack``: all objects of a place and their positions.
-* ``park_map``, ``track_map``, ``ground``: the ground as a large picture, and plain ground around it.
-* ``buildings``, ``race_buildings``, ``furniture``, ``race_furniture``, ``trees``: the objects.
+* ``park``, ``racetrack``: what stands where, with its sizes and materials. ``description`` is what they are written in.
+* ``buildings``, ``race_buildings``, ``furniture``, ``race_furniture``, ``trees``, ``ground``: the builders of objects.
 * ``group``, ``surface``, ``shapes``: surfaces in metres, and how they are combined and placed.
-* ``materials``, ``paint``: pictures of the materials.
+* ``materials``, ``paint``: pictures of the materials; ``park_map``, ``track_map``: the ground around the flight.
 """
 
 import zlib
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from types import MappingProxyType
 from typing import Final
 
 import numpy as np
 
 from fedora_generator.mesh.model import MeshModel, TexturedMesh
+from fedora_generator.mesh.places.description import PlaceDescription
 from fedora_generator.mesh.places.group import Group
-from fedora_generator.mesh.places.materials import MATERIALS, Material
-from fedora_generator.mesh.places.park import PARK_MATERIALS, park
-from fedora_generator.mesh.places.racetrack import RACETRACK_MATERIALS, racetrack
+from fedora_generator.mesh.places.materials import MATERIALS
+from fedora_generator.mesh.places.park import PARK
+from fedora_generator.mesh.places.racetrack import RACETRACK
 from fedora_generator.mesh.places.surface import Surface, joined
 
-Builder = Callable[[np.random.Generator], Group]
-
-PLACES: Final[Mapping[str, tuple[Builder, Mapping[str, Material]]]] = MappingProxyType(
-    {"park": (park, PARK_MATERIALS), "racetrack": (racetrack, RACETRACK_MATERIALS)}
-)
-"""For each place its builder, and the materials that only it has."""
+PLACES: Final[Mapping[str, PlaceDescription]] = MappingProxyType({"park": PARK, "racetrack": RACETRACK})
 
 
 def build_place(name: str, seed: int) -> MeshModel:
@@ -47,7 +42,7 @@ def build_place(name: str, seed: int) -> MeshModel:
         There is no such place, or the seed is negative.
     """
     group = _group(name, seed)
-    materials = {**MATERIALS, **PLACES[name][1]}
+    materials = {**MATERIALS, **PLACES[name].materials}
     by_material: dict[str, list[Surface]] = {}
     for material_name, surface in group.surfaces:
         by_material.setdefault(material_name, []).append(surface)
@@ -93,10 +88,9 @@ def _group(name: str, seed: int) -> Group:
         raise ValueError(f"Expected one of the places {', '.join(PLACES)}, got {name!r}")
     if seed < 0:
         raise ValueError(f"Expected seed >= 0, got {seed}")
-    build, _ = PLACES[name]
-    return build(_generator(name, seed))
+    return PLACES[name].build(_generator(name, seed))
 
 
 def _generator(name: str, seed: int) -> np.random.Generator:
-    """Random numbers of a place or material; they do not depend on what else is built."""
+    """Random numbers of a place or a material, which do not depend on what else is built."""
     return np.random.default_rng([seed, zlib.crc32(name.encode())])

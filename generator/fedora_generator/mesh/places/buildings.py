@@ -1,13 +1,15 @@
-"""Buildings: walls with windows and doors that stand out from them, and roofs."""
+"""Buildings: walls with windows and doors that stand out from them, and roofs.
+
+Each stands on z = 0 about the origin of a frame of its own; metres.
+"""
 
 import math
-from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
 
 from fedora_generator.mesh.places.group import Group, painted, solid, together
-from fedora_generator.mesh.places.shapes import box, cylinder, prism, standing_box
+from fedora_generator.mesh.places.shapes import Point, box, cylinder, prism, standing_box
 from fedora_generator.mesh.places.surface import fan, joined, moved, quads
 
 SUNK_M: Final = 0.2
@@ -17,24 +19,38 @@ LIT: Final = ("glass", "glass", "lit window", "dim window", "glass", "lit window
 """Windows of a building, in random order."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class House:
-    """A house along x: its size, what it is made of and how its walls are cut."""
+def house(
+    rng: np.random.Generator,
+    size_m: Point,
+    *,
+    storeys: int = 2,
+    wall: str = "brick",
+    roof: str = "roof tiles",
+    roof_rise_m: float = 2.4,
+    window_m: tuple[float, float] = (1.0, 1.4),
+    spacing_m: float = 2.4,
+) -> Group:
+    """Build a house along x about the origin; its door looks to -y.
 
-    size_m: tuple[float, float, float]
-    storeys: int = 2
-    wall: str = "brick"
-    roof: str = "roof tiles"
-    roof_rise_m: float = 2.4
-    window_m: tuple[float, float] = (1.0, 1.4)
-    spacing_m: float = 2.4
-    door: bool = True
-
-
-def house(rng: np.random.Generator, options: House) -> Group:
-    """Build a house about the origin; its door looks to -y."""
-    length, depth, height = options.size_m
-    walls = painted(options.wall, standing_box((length, depth, height + SUNK_M), z_m=-SUNK_M))
+    Parameters
+    ----------
+    rng
+        Draws which windows are lit.
+    size_m
+        Length along x, depth along y, height of the walls.
+    storeys
+        Rows of windows.
+    wall, roof
+        Materials.
+    roof_rise_m
+        Height of the ridge over the walls; 0 gives a flat roof with a cornice and a parapet.
+    window_m
+        Width and height of a window.
+    spacing_m
+        Least distance between the middles of two windows.
+    """
+    length, depth, height = size_m
+    walls = painted(wall, standing_box((length, depth, height + SUNK_M), z_m=-SUNK_M))
     plinth = painted("stone", standing_box((length + 0.12, depth + 0.12, 0.45 + SUNK_M), z_m=-SUNK_M))
     facades = []
     for yaw_deg, width, away in (
@@ -45,16 +61,58 @@ def house(rng: np.random.Generator, options: House) -> Group:
     ):
         yaw_rad = math.radians(yaw_deg)
         foot_m = (0.5 * away * math.sin(yaw_rad), -0.5 * away * math.cos(yaw_rad))
-        facade = _facade(rng, options, width, door=options.door and yaw_deg == 0.0)
-        facades.append(facade.at(*foot_m, yaw_deg=yaw_deg))
-    if options.roof_rise_m > 0:
-        top = _gable_roof(options)
+        # Windows of a wall in rows, and the door in the middle of the front.
+        door = yaw_deg == 0.0
+        columns = max(1, int((width - 0.8) // spacing_m))
+        storey_m = height / storeys
+        parts = [entrance().at(0, 0, 0.16)] if door else []
+        for row in range(storeys):
+            for column in range(columns):
+                x_m = (column + 0.5 - 0.5 * columns) * (width - 0.8) / columns
+                if door and row == 0 and abs(x_m) < 0.6 * window_m[0] + 0.9:
+                    continue
+                sill_m = row * storey_m + 0.36 * storey_m
+                parts.append(window(*window_m, LIT[rng.integers(len(LIT))]).at(x_m, 0, sill_m))
+        facades.append(together(parts).at(*foot_m, yaw_deg=yaw_deg))
+    if roof_rise_m > 0:
+        top = gable_roof(size_m, roof_rise_m, wall, roof)
     else:
         cornice = standing_box((length + 0.5, depth + 0.5, 0.35), z_m=height - 0.1)
         parapet = standing_box((length + 0.2, depth + 0.2, 0.6), z_m=height + 0.1)
         top = painted("stone", cornice, parapet)
-    whole_m = (length + 0.6, depth + 0.6, height + options.roof_rise_m)
+    whole_m = (length + 0.6, depth + 0.6, height + roof_rise_m)
     return walls + plinth + together(facades) + top + solid("house", whole_m, (0, 0, 0.5 * whole_m[2]))
+
+
+def gable_roof(size_m: Point, rise_m: float, wall: str, roof: str) -> Group:
+    """Build two slopes over the length with eaves, the gables under them, and a chimney.
+
+    Parameters
+    ----------
+    size_m
+        Of the walls below: length, depth and height.
+    rise_m
+        Height of the ridge over the walls.
+    wall, roof
+        Materials of the gables and of the slopes.
+    """
+    length, depth, height = size_m
+    half, rise, eave, thick = 0.5 * depth, rise_m, 0.45, 0.18
+    reach = half + eave
+    low = height - eave * rise / half
+    ends = 0.5 * length + eave
+    front = np.array([[-ends, -reach, low], [ends, -reach, low], [ends, 0, height + rise], [-ends, 0, height + rise]])
+    slopes = np.stack([front, front * (-1.0, -1.0, 1.0)])
+    lift_m = np.array([0.0, 0.0, thick])
+    top, under = quads(slopes + lift_m), quads(slopes[:, ::-1])
+    borders = [slopes[:, [i, i + 1]] for i in (0, 1)] + [slopes[:, [3, 0]]]
+    edges = [quads(np.concatenate([border, border[:, ::-1] + lift_m], axis=1)) for border in borders]
+    gables = [
+        fan(np.array([[x, -y, height], [x, y, height], [x, 0, height + rise - 0.02]]))
+        for x, y in ((0.5 * length, half), (-0.5 * length, -half))
+    ]
+    chimney = standing_box((0.7, 0.7, rise + 0.7), 0.28 * length, 0.2 * depth, height)
+    return painted(roof, top) + painted("white paint", *edges, under) + painted(wall, *gables, chimney)
 
 
 def window(width_m: float, height_m: float, pane: str) -> Group:
@@ -82,7 +140,7 @@ def entrance(width_m: float = 1.1, height_m: float = 2.2) -> Group:
     return painted("white paint", *posts, lintel) + painted("wood", leaf, *panels) + painted("stone", step)
 
 
-def tower_block(rng: np.random.Generator, size_m: tuple[float, float, float]) -> Group:
+def tower_block(rng: np.random.Generator, size_m: Point) -> Group:
     """Build a tall building far away: storeys of windows, some of them lit."""
     length, depth, height = size_m
     rows, columns = int(height // 3.4), int(length // 3.0)
@@ -100,7 +158,7 @@ def tower_block(rng: np.random.Generator, size_m: tuple[float, float, float]) ->
     return body + head + front + front.at(0, 0, yaw_deg=180.0)
 
 
-def colonnade(length_m: float, columns: int, height_m: float = 5.0) -> Group:
+def colonnade(_: np.random.Generator, length_m: float, columns: int, height_m: float) -> Group:
     """Build a row of stone columns on steps under a pediment, along x; its front looks to -y."""
     xs = np.linspace(-0.5 * length_m + 0.6, 0.5 * length_m - 0.6, columns).tolist()
     shafts = [moved(cylinder(0.34, height_m - 0.9, sides=16), (x, 0, 0.7)) for x in xs]
@@ -111,40 +169,3 @@ def colonnade(length_m: float, columns: int, height_m: float = 5.0) -> Group:
     outline = np.array([(-0.5 * length_m - 0.5, 0.0), (0.5 * length_m + 0.5, 0.0), (0.0, 0.17 * length_m)])
     gable = moved(prism(outline, 1.9), (0, 0, height_m + 0.66), yaw_deg=90.0)
     return painted("white stone", *shafts, *feet, *caps, *steps, beam) + painted("sandstone", gable)
-
-
-def _facade(rng: np.random.Generator, options: House, width_m: float, *, door: bool) -> Group:
-    """Windows of one wall in rows, and the door where its middle is."""
-    columns = max(1, int((width_m - 0.8) // options.spacing_m))
-    storey_m = options.size_m[2] / options.storeys
-    window_width, window_height = options.window_m
-    parts = [entrance().at(0, 0, 0.16)] if door else []
-    for row in range(options.storeys):
-        for column in range(columns):
-            x_m = (column + 0.5 - 0.5 * columns) * (width_m - 0.8) / columns
-            if door and row == 0 and abs(x_m) < 0.6 * window_width + 0.9:
-                continue
-            sill_m = row * storey_m + 0.36 * storey_m
-            parts.append(window(window_width, window_height, LIT[rng.integers(len(LIT))]).at(x_m, 0, sill_m))
-    return together(parts)
-
-
-def _gable_roof(options: House) -> Group:
-    """Two slopes over the length with eaves, the gables under them, and a chimney."""
-    length, depth, height = options.size_m
-    half, rise, eave, thick = 0.5 * depth, options.roof_rise_m, 0.45, 0.18
-    reach = half + eave
-    low = height - eave * rise / half
-    ends = 0.5 * length + eave
-    front = np.array([[-ends, -reach, low], [ends, -reach, low], [ends, 0, height + rise], [-ends, 0, height + rise]])
-    slopes = np.stack([front, front * (-1.0, -1.0, 1.0)])
-    lift_m = np.array([0.0, 0.0, thick])
-    top, under = quads(slopes + lift_m), quads(slopes[:, ::-1])
-    borders = [slopes[:, [i, i + 1]] for i in (0, 1)] + [slopes[:, [3, 0]]]
-    edges = [quads(np.concatenate([border, border[:, ::-1] + lift_m], axis=1)) for border in borders]
-    gables = [
-        fan(np.array([[x, -y, height], [x, y, height], [x, 0, height + rise - 0.02]]))
-        for x, y in ((0.5 * length, half), (-0.5 * length, -half))
-    ]
-    chimney = standing_box((0.7, 0.7, rise + 0.7), 0.28 * length, 0.2 * depth, height)
-    return painted(options.roof, top) + painted("white paint", *edges, under) + painted(options.wall, *gables, chimney)

@@ -1,18 +1,21 @@
-"""Objects of parks and streets: benches, lamp posts, bins, railings, a fountain."""
+"""Objects of parks and streets: benches, lamp posts, bins, tables, railings, a fountain.
+
+Each stands on z = 0 about the origin of a frame of its own; metres.
+"""
 
 from typing import Final
 
 import numpy as np
 
 from fedora_generator.mesh.places.group import Group, painted, solid
-from fedora_generator.mesh.places.shapes import cylinder, standing_box, turned
+from fedora_generator.mesh.places.shapes import Point, cylinder, standing_box, turned
 from fedora_generator.mesh.places.surface import moved
 from fedora_generator.surfaces.world import Lamp
 
 LAMP_HEIGHT_M: Final = 3.9
 
 
-def bench() -> Group:
+def bench(_: np.random.Generator) -> Group:
     """Build a bench of planks on two iron frames, 1.8 m long along x; who sits on it looks to -y."""
     seat = [standing_box((1.8, 0.10, 0.04), y_m=y, z_m=0.42) for y in (-0.24, -0.12, 0.0, 0.12)]
     back = [standing_box((1.8, 0.04, 0.11), y_m=0.22 + 0.03 * i, z_m=0.52 + 0.14 * i) for i in range(3)]
@@ -26,8 +29,8 @@ def bench() -> Group:
     )
 
 
-def lamp_post(strength: float = 7.0) -> Group:
-    """Build a street lamp with a lantern under a hat."""
+def lamp_post(_: np.random.Generator, strength: float = 7.0) -> Group:
+    """Build a street lamp with a lantern under a hat; ``strength`` as in ``Lamp``."""
     pole = turned(
         [
             (0.0, -0.05),
@@ -46,7 +49,7 @@ def lamp_post(strength: float = 7.0) -> Group:
     return painted("metal", pole) + head + lamp + solid("lamp post", (0.5, 0.5, 4.4), (0, 0, 2.2))
 
 
-def litter_bin() -> Group:
+def litter_bin(_: np.random.Generator) -> Group:
     """Build a slatted bin with a rim."""
     slats = [moved(standing_box((0.09, 0.03, 0.62), y_m=-0.24, z_m=0.06), yaw_deg=30.0 * i) for i in range(12)]
     rim = turned([(0.18, 0.66), (0.29, 0.66), (0.29, 0.74), (0.18, 0.74), (0.18, 0.66)])
@@ -57,7 +60,7 @@ def litter_bin() -> Group:
     )
 
 
-def picket_fence(length_m: float) -> Group:
+def picket_fence(_: np.random.Generator, length_m: float) -> Group:
     """Build a white fence along x about the origin: posts, two rails, and pickets as broad as the gaps."""
     count = round(length_m / 0.26)
     xs = (np.arange(count) + 0.5) * length_m / count - 0.5 * length_m
@@ -68,6 +71,18 @@ def picket_fence(length_m: float) -> Group:
     return painted("white paint", *pickets, *rails, *posts) + solid("fence", (length_m, 0.3, 1.1), (0, 0, 0.55))
 
 
+def round_table(_: np.random.Generator) -> Group:
+    """Build a round table on one foot, 0.9 m wide and 0.76 m high."""
+    top = turned([(0, 0.7), (0.45, 0.7), (0.45, 0.76), (0, 0.76)])
+    foot = turned([(0, -0.02), (0.28, -0.02), (0.28, 0.05), (0.06, 0.09), (0.06, 0.72), (0, 0.72)])
+    return painted("wood", top) + painted("metal", foot)
+
+
+def block(_: np.random.Generator, material: str, size_m: Point, foot_m: Point) -> Group:
+    """Build a box of ``size_m`` along x, y and z; the middle of its bottom is at ``foot_m``."""
+    return painted(material, standing_box(size_m, *foot_m))
+
+
 def railing(length_m: float, height_m: float = 1.0) -> Group:
     """Steel posts with three bars, along x about the origin."""
     xs = np.linspace(-0.5 * length_m, 0.5 * length_m, max(2, round(length_m / 1.8) + 1))
@@ -76,8 +91,8 @@ def railing(length_m: float, height_m: float = 1.0) -> Group:
     return painted("steel", *posts, *bars)
 
 
-def fountain(radius_m: float = 2.4) -> Group:
-    """Build a round basin with water in it and two bowls on a pillar."""
+def fountain(_: np.random.Generator, radius_m: float) -> Group:
+    """Build a round basin of an outer radius with water in it and two bowls on a pillar."""
     r = radius_m
     rim = [(r, 0.42), (r + 0.1, 0.42), (r + 0.1, 0.55), (r - 0.35, 0.55), (r - 0.35, 0.42), (r - 0.3, 0.42)]
     wall = turned([(r - 0.3, -0.1), (r, -0.1), *rim, (r - 0.3, -0.1)], sides=40)

@@ -1,29 +1,40 @@
-"""The ground: a large picture around the flight, painted as a map, and plain ground as far as the hills."""
+"""The ground in the world frame: sheets, a road, boulders and hills, and what the painters of maps share.
+
+A map is a large picture of the ground around the flight; plain ground continues it as far as the hills. Metres.
+"""
 
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import Final
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from fedora_generator.mesh.places.group import Group, painted, together
-from fedora_generator.mesh.places.paint import Image, Shape, colour, flakes, flat, fractal, speckled
-from fedora_generator.mesh.places.shapes import height_field, plate
+from fedora_generator.mesh.model import GROUND
+from fedora_generator.mesh.places.group import Group, painted, solid, together
+from fedora_generator.mesh.places.paint import Image, Rgb, Shape, colour, flakes, flat, fractal, speckled
+from fedora_generator.mesh.places.shapes import boulder, height_field, plate, turned
 
 Floats32 = NDArray[np.float32]
 Span = tuple[float, float]
 
-LAWN_TILE_M = 4.8
+LAWN_TILE_M: Final = 4.8
 """The maps begin and end at multiples of it, so that their grass continues in the plain ground around them."""
 
-_LAWN_SEED = 5
-_BLADES = ((0.07, 0.11, 0.03), (0.15, 0.24, 0.06), (0.22, 0.36, 0.09), (0.32, 0.47, 0.14), (0.46, 0.56, 0.24))
+_LAWN_SEED: Final = 5
+_BLADES: Final[tuple[Rgb, ...]] = (
+    (0.07, 0.11, 0.03),
+    (0.15, 0.24, 0.06),
+    (0.22, 0.36, 0.09),
+    (0.32, 0.47, 0.14),
+    (0.46, 0.56, 0.24),
+)
 
 
 @dataclass(frozen=True, slots=True)
 class MapArea:
-    """The rectangle of a map. Row 0 of its picture is the border at the largest y."""
+    """The rectangle of a map in the world, metres. Row 0 of its picture is the border at the largest y."""
 
     x_m: Span
     y_m: Span
@@ -31,7 +42,7 @@ class MapArea:
 
     @property
     def size_m(self) -> tuple[float, float]:
-        """Width along x and height along y."""
+        """Extent along x and along y."""
         return self.x_m[1] - self.x_m[0], self.y_m[1] - self.y_m[0]
 
     def coordinates_m(self, shape: Shape) -> tuple[Floats32, Floats32]:
@@ -44,11 +55,6 @@ class MapArea:
         """Distance (h, w) to the nearest border, metres."""
         along = np.minimum(x_m - self.x_m[0], self.x_m[1] - x_m)
         return np.asarray(np.minimum(along, np.minimum(y_m - self.y_m[0], self.y_m[1] - y_m)), dtype=np.float32)
-
-    def surface(self, material: str) -> Group:
-        """Build the map itself, level at 0."""
-        sheet = plate(self.x_m, self.y_m)
-        return painted(material, replace(sheet, uv_m=sheet.uv_m - (self.x_m[0], -self.y_m[1])))
 
 
 def lawn(shape: Shape) -> Image:
@@ -118,8 +124,21 @@ def shade(picture: Image, area: MapArea, spots: Sequence[tuple[float, float, flo
         picture[window] *= (1 - depth * fade * np.exp(-squared))[..., None]
 
 
-def plain(material: str, hole_x_m: Span, hole_y_m: Span, reach_m: float) -> Group:
-    """Build level ground around a rectangular hole, in eight parts that share their corners.
+def map_sheet(_: np.random.Generator, area: MapArea, material: str) -> Group:
+    """Build the map itself, level at z = 0; its picture covers it once."""
+    sheet = plate(area.x_m, area.y_m)
+    return painted(material, replace(sheet, uv_m=sheet.uv_m - (area.x_m[0], -area.y_m[1])))
+
+
+def level_sheet(_: np.random.Generator, material: str, x_m: Span, y_m: Span, z_m: float) -> Group:
+    """Build a level rectangle between two x and two y at a height."""
+    return painted(material, plate(x_m, y_m, z_m))
+
+
+def plain(_: np.random.Generator, material: str, hole_x_m: Span, hole_y_m: Span, reach_m: float) -> Group:
+    """Build level ground at z = 0 around a rectangular hole, in eight parts that share their corners.
+
+    Below it, and below the hole, is a solid of 1 m that a camera must not enter.
 
     Parameters
     ----------
@@ -132,11 +151,71 @@ def plain(material: str, hole_x_m: Span, hole_y_m: Span, reach_m: float) -> Grou
     """
     xs, ys = (-reach_m, *hole_x_m, reach_m), (-reach_m, *hole_y_m, reach_m)
     parts = [(i, j) for i in range(3) for j in range(3) if (i, j) != (1, 1)]
-    return together(painted(material, plate((xs[i], xs[i + 1]), (ys[j], ys[j + 1]))) for i, j in parts)
+    level = together(painted(material, plate((xs[i], xs[i + 1]), (ys[j], ys[j + 1]))) for i, j in parts)
+    return level + solid(GROUND, (2 * reach_m, 2 * reach_m, 1.0), (0.0, 0.0, -0.5))
+
+
+def road_bend(
+    _: np.random.Generator,
+    material: str,
+    center_m: Span,
+    radius_m: float,
+    half_width_m: float,
+    bearings_deg: Span,
+    z_m: float,
+) -> Group:
+    """Build a level road along an arc.
+
+    Parameters
+    ----------
+    material
+        Its name.
+    center_m
+        x and y of the middle of the arc.
+    radius_m, half_width_m
+        From the middle of the arc to the middle of the road, and from there to its border.
+    bearings_deg
+        First and last bearing as seen from the middle of the arc, counter-clockwise from x.
+    z_m
+        Height.
+    """
+    angles = np.linspace(math.radians(bearings_deg[0]), math.radians(bearings_deg[1]), 33)
+    radii = np.linspace(radius_m + half_width_m, radius_m - half_width_m, 3)[:, None]
+    x = center_m[0] + radii * np.cos(angles)
+    y = center_m[1] + radii * np.sin(angles)
+    points = np.stack([x, y, np.full_like(x, z_m)], axis=-1)
+    return painted(material, height_field(points, points[..., :2] * (1.0, -1.0)))
+
+
+def paved_round(_: np.random.Generator, radius_m: float, height_m: float) -> Group:
+    """Build a paved disc about the origin whose top is at a height."""
+    return painted("paving", turned([(radius_m, -0.2), (radius_m, height_m), (0.0, height_m)], sides=56))
+
+
+def boulder_ring(rng: np.random.Generator, center_m: Span, radii_m: Span, count: int, size_m: Span) -> Group:
+    """Build ``count`` boulders on an ellipse in the world.
+
+    Parameters
+    ----------
+    rng
+        Draws sizes and shapes.
+    center_m, radii_m
+        Of the ellipse, along x and y.
+    count
+        Number of boulders.
+    size_m
+        Least and largest half axis; the vertical one is 0.7 of it.
+    """
+    stones = []
+    for bearing in np.linspace(0, 2 * np.pi, count + 1)[:-1]:
+        x, y = center_m[0] + radii_m[0] * np.cos(bearing), center_m[1] + radii_m[1] * np.sin(bearing)
+        size = rng.uniform(*size_m)
+        stones.append(painted("stone", boulder((size, size, 0.7 * size), rng, 0.3, cells=5)).at(x, y, 0.2 * size))
+    return together(stones)
 
 
 def hills(rng: np.random.Generator, material: str, radius_m: Span, height_m: float) -> Group:
-    """Build a ring of hills that rises from the ground and closes the horizon.
+    """Build a ring of hills about the origin of the world that rises from the ground and closes the horizon.
 
     Parameters
     ----------

@@ -7,6 +7,7 @@ from typing import Final
 
 import numpy as np
 
+from fedora_generator.mesh.places.ground import LAWN_TILE_M, lawn
 from fedora_generator.mesh.places.paint import (
     Image,
     Rgb,
@@ -137,6 +138,7 @@ _BLOOM: Final = ((0.05, 0.09, 0.03), (0.14, 0.26, 0.07), (0.25, 0.42, 0.12), (0.
 
 MATERIALS: Final[Mapping[str, Material]] = MappingProxyType(
     {
+        "lawn": Material(lambda _, shape: lawn(shape), (LAWN_TILE_M, LAWN_TILE_M), 0.0125),
         "bark": Material(noisy((0.08, 0.06, 0.04), (0.46, 0.38, 0.29), 0.8, (5.0, 1.0)), (1.28, 2.56)),
         "leaves": Material(foliage(_GREENS), (2.56, 2.56)),
         "deep leaves": Material(foliage(_DEEP, 8.0), (2.56, 2.56)),

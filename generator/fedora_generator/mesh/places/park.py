@@ -1,22 +1,32 @@
-"""A park in a town: a winding walk under trees, a pond, a cafe, and a fountain in front of a museum."""
+"""A park in a town: a winding walk under trees, a pond, a cafe, and a fountain in front of a museum.
 
-from collections.abc import Mapping
+World frame (ENU), metres and degrees: the walk begins at the origin and leads along x, y is to its left, the ground is
+at z = 0. Yaw is counter-clockwise. The front of a bench, of a building or of a colonnade looks to -y at a yaw of 0.
+"""
+
+from functools import partial
 from typing import Final
 
-import numpy as np
-
-from fedora_generator.mesh.places.buildings import House, colonnade, house, tower_block
-from fedora_generator.mesh.places.furniture import bench, fountain, lamp_post, litter_bin, picket_fence
-from fedora_generator.mesh.places.ground import LAWN_TILE_M, hills, lawn, plain
-from fedora_generator.mesh.places.group import Group, painted, solid, together
+from fedora_generator.mesh.places.buildings import colonnade, house, tower_block
+from fedora_generator.mesh.places.description import PlaceDescription, assembly, objects
+from fedora_generator.mesh.places.furniture import (
+    bench,
+    block,
+    fountain,
+    lamp_post,
+    litter_bin,
+    picket_fence,
+    round_table,
+)
+from fedora_generator.mesh.places.ground import MapArea, boulder_ring, hills, map_sheet, paved_round, plain
 from fedora_generator.mesh.places.materials import Material
-from fedora_generator.mesh.places.park_map import PARK_AREA, PLAZA, TREES, paint_park_map, paint_water
-from fedora_generator.mesh.places.shapes import boulder, standing_box, turned
+from fedora_generator.mesh.places.park_map import Ellipse, ParkGround, paint_park_map, paint_water
 from fedora_generator.mesh.places.trees import (
     AUTUMN,
     DEEP,
     GREEN,
-    broadleaf,
+    Tree,
+    avenue,
     bush,
     flower_bed,
     grove,
@@ -24,65 +34,43 @@ from fedora_generator.mesh.places.trees import (
     wood_line,
 )
 
-PARK_MATERIALS: Final[Mapping[str, Material]] = {
-    "park map": Material(paint_park_map, PARK_AREA.size_m, PARK_AREA.texel_m),
-    "lawn": Material(lambda _, shape: lawn(shape), (LAWN_TILE_M, LAWN_TILE_M), PARK_AREA.texel_m),
-    "water": Material(paint_water, (3.2, 3.2), 0.0125),
-}
+TREES: Final = (
+    Tree(x_m=6.0, y_m=5.4, height_m=7.4, crown_radius_m=2.3, foliage=GREEN),
+    Tree(x_m=4.6, y_m=-5.6, height_m=8.2, crown_radius_m=2.6, foliage=DEEP),
+    Tree(x_m=12.6, y_m=-4.6, height_m=6.8, crown_radius_m=2.1, foliage=AUTUMN),
+    Tree(x_m=13.2, y_m=7.0, height_m=8.8, crown_radius_m=2.9, foliage=GREEN),
+    Tree(x_m=19.4, y_m=4.6, height_m=6.4, crown_radius_m=1.9, foliage=GREEN),
+    Tree(x_m=24.6, y_m=-5.4, height_m=8.0, crown_radius_m=2.5, foliage=GREEN),
+    Tree(x_m=29.8, y_m=6.2, height_m=7.6, crown_radius_m=2.4, foliage=AUTUMN),
+    Tree(x_m=29.0, y_m=-6.4, height_m=9.0, crown_radius_m=2.9, foliage=DEEP),
+    Tree(x_m=35.4, y_m=-5.0, height_m=7.2, crown_radius_m=2.2, foliage=GREEN),
+    Tree(x_m=36.6, y_m=6.0, height_m=8.6, crown_radius_m=2.7, foliage=DEEP),
+    Tree(x_m=41.6, y_m=-6.4, height_m=7.6, crown_radius_m=2.5, foliage=AUTUMN),
+    Tree(x_m=42.0, y_m=6.8, height_m=8.2, crown_radius_m=2.6, foliage=GREEN),
+)
 
-_BACK_TREES_M: Final = (
+BACK_TREES_M: Final = (
     *((9, 12.5), (27, 13.5), (33, 12.0), (38.5, 14.0), (49, 15.0)),
     *((29, -14.5), (33, -13.0), (41, -13.5), (3, -13.0), (50, -16.0)),
 )
-_BUSHES: Final = (
-    *((3.2, -3.6, GREEN), (9.6, -3.6, DEEP), (15.8, 7.8, DEEP)),
-    *((33.2, 5.6, GREEN), (26.6, -6.4, AUTUMN), (37.6, -5.2, DEEP)),
+
+# What is painted on the map of the ground: walks of gravel, the water of the pond, shade and fallen leaves below trees.
+GROUND: Final = ParkGround(
+    area=MapArea(x_m=(-4.8, 43.2), y_m=(-9.6, 9.6), texel_m=0.0125),
+    walk_amplitudes_m=(0.75, 0.3),
+    walk_half_width_m=1.25,
+    lane_x_m=15.6,
+    lane_bend_m=3.4,
+    lane_half_width_m=0.85,
+    lane_end_y_m=-8.6,
+    forecourt=Ellipse(center_m=(19.0, -8.0), radii_m=(4.6, 1.3)),
+    pond=Ellipse(center_m=(24.2, 6.3), radii_m=(3.3, 2.05)),
+    trees=TREES,
 )
-_FOLIAGES: Final = {"green": GREEN, "deep": DEEP, "autumn": AUTUMN}
 
-
-def park(rng: np.random.Generator) -> Group:
-    """Build the whole park. The walk begins at the origin and leads along x."""
-    ground = (
-        PARK_AREA.surface("park map")
-        + plain("lawn", PARK_AREA.x_m, PARK_AREA.y_m, 700.0)
-        + hills(rng, "far hills", (330.0, 650.0), 70.0)
-        + wood_line(rng, 110, (95.0, 150.0), (9.0, 16.0))
-        + solid("ground", (1400.0, 1400.0, 1.0), (0.0, 0.0, -0.5))
-    )
-
-    # Trees beside the walk, and a grove behind them.
-    trees = [
-        broadleaf(rng, tree.height_m, tree.crown_m, _FOLIAGES[tree.foliage], clusters=12).at(tree.x_m, tree.y_m)
-        for tree in TREES
-    ]
-    trees.append(grove(rng, _BACK_TREES_M))
-
-    # Lamps, benches, bins, hedges and flowers along the walk.
-    along_walk = [lamp_post().at(x, y) for x, y in ((4, 2.9), (11, -2.0), (18, 2.7), (25, -2.9), (32, 2.0), (39, -2.9))]
-    along_walk += [bench().at(x, y) for x, y in ((8.2, 3.4), (15.2, 3.3), (34.5, 2.2))]
-    along_walk += [bench().at(x, y, yaw_deg=180.0) for x, y in ((7.2, -1.9), (22.5, -2.9), (29.5, -3.2))]
-    along_walk += [litter_bin().at(x, y) for x, y in ((9.8, 3.3), (20.8, -2.7), (36.2, 2.2))]
-    along_walk += [
-        hedge(rng, length).at(x, y) for x, y, length in ((4.5, 10.4, 16.0), (34.0, 10.4, 14.0), (4.0, -10.3, 10.0))
-    ]
-    along_walk += [picket_fence(16.0).at(34.0, -10.3), picket_fence(6.0).at(18.0, 10.5)]
-    along_walk += [flower_bed(rng, 3.0, 0.9).at(x, y) for x, y in ((11.5, 3.6), (31.0, -3.6), (38.0, 2.6))]
-    along_walk += [bush(rng, 0.55, foliage).at(x, y) for x, y, foliage in _BUSHES]
-
-    # Boulders around the pond; its water is painted on the map.
-    stones = []
-    for bearing in np.linspace(0, 2 * np.pi, 17)[:-1]:
-        x, y = 24.2 + 3.5 * np.cos(bearing), 6.3 + 2.25 * np.sin(bearing)
-        size = rng.uniform(0.18, 0.42)
-        stones.append(painted("stone", boulder((size, size, 0.7 * size), rng, 0.3, cells=5)).at(x, y, 0.2 * size))
-
-    return together([ground, *trees, *along_walk, *stones, _cafe(rng), _plaza(rng), _town(rng)])
-
-
-def _cafe(rng: np.random.Generator) -> Group:
-    """Build a cafe with a sign, round tables, and lamps at its door."""
-    options = House(
+CAFE: Final = assembly(
+    partial(
+        house,
         size_m=(11.0, 6.5, 3.6),
         storeys=1,
         wall="plaster",
@@ -90,48 +78,81 @@ def _cafe(rng: np.random.Generator) -> Group:
         roof_rise_m=2.0,
         window_m=(1.5, 1.6),
         spacing_m=2.3,
-    )
-    sign = painted("white paint", standing_box((3.2, 0.12, 0.5), y_m=-3.27, z_m=2.85))
-    top = turned([(0, 0.7), (0.45, 0.7), (0.45, 0.76), (0, 0.76)])
-    foot = turned([(0, -0.02), (0.28, -0.02), (0.28, 0.05), (0.06, 0.09), (0.06, 0.72), (0, 0.72)])
-    table = painted("wood", top) + painted("metal", foot)
-    tables = [table.at(x, -5.0) for x in (-3.4, -1.6, 1.8, 3.6)]
-    lamps = [lamp_post(5.0).at(x, -4.2) for x in (-5.4, 5.4)]
-    return together([house(rng, options), sign, *tables, *lamps]).at(19.0, -13.8, yaw_deg=180.0)
+    ),
+    partial(block, material="white paint", size_m=(3.2, 0.12, 0.5), foot_m=(0.0, -3.27, 2.85)),  # a sign
+    objects(round_table, at_m=((-3.4, -5.0), (-1.6, -5.0), (1.8, -5.0), (3.6, -5.0))),
+    objects(partial(lamp_post, strength=5.0), at_m=((-5.4, -4.2), (5.4, -4.2))),
+)
 
+MUSEUM: Final = assembly(
+    partial(
+        house,
+        size_m=(30.0, 12.0, 9.0),
+        storeys=2,
+        wall="sandstone",
+        roof_rise_m=0.0,
+        window_m=(1.3, 2.2),
+        spacing_m=3.2,
+    ),
+    objects(partial(colonnade, length_m=18.0, columns=8, height_m=7.0), at_m=((0.0, -8.2),)),
+)
 
-def _plaza(rng: np.random.Generator) -> Group:
-    """Build a paved round with a fountain, and the museum behind it."""
-    x_m, radius_m = PLAZA
-    slab = painted("paving", turned([(radius_m, -0.2), (radius_m, 0.08), (0.0, 0.08)], sides=56)).at(x_m, 0)
-    museum = house(
-        rng,
-        House(
-            size_m=(30.0, 12.0, 9.0), storeys=2, wall="sandstone", roof_rise_m=0.0, window_m=(1.3, 2.2), spacing_m=3.2
-        ),
-    )
-    front = colonnade(18.0, 8, 7.0).at(0, -8.2)
-    lamps = [lamp_post(9.0).at(x_m + 1.0, y, 0.08) for y in (-6.4, 6.4)]
-    beds = [flower_bed(rng, 4.0, 1.2).at(x_m - 4.0, y, 0.06, yaw) for y, yaw in ((-5.6, -55.0), (5.6, 55.0))]
-    return together(
-        [slab, fountain().at(x_m, 0, 0.08), *lamps, *beds, (museum + front).at(x_m + 26.0, 0.0, yaw_deg=-90.0)]
-    )
+BRICK_HOUSE: Final = partial(house, size_m=(11.0, 8.0, 6.2), wall="brick")
+PLASTER_HOUSE: Final = partial(house, size_m=(9.0, 8.0, 8.4), storeys=3, wall="plaster", roof="slates", roof_rise_m=2.8)
+SANDSTONE_HOUSE: Final = partial(house, size_m=(12.0, 9.0, 6.0), wall="sandstone", roof_rise_m=3.0)
 
-
-def _town(rng: np.random.Generator) -> Group:
-    """Houses on both sides of the park, and tower blocks over the trees."""
-    kinds = (
-        House(size_m=(11.0, 8.0, 6.2), wall="brick"),
-        House(size_m=(9.0, 8.0, 8.4), storeys=3, wall="plaster", roof="slates", roof_rise_m=2.8),
-        House(size_m=(12.0, 9.0, 6.0), wall="sandstone", roof_rise_m=3.0),
-    )
-    row = [house(rng, kinds[i % 3]).at(x, 24.0 + i % 2) for i, x in enumerate((-2.0, 12.0, 26.0, 41.0, 55.0))]
-    row += [house(rng, kinds[(i + 1) % 3]).at(x, -27.0 - i % 2, yaw_deg=180.0) for i, x in enumerate((4.0, 33.0, 48.0))]
-    sites = (
-        (170.0, 55.0, 18.0, 52.0),
-        (190.0, 22.0, 16.0, 38.0),
-        (165.0, -70.0, 22.0, 44.0),
-        (200.0, -30.0, 15.0, 60.0),
-    )
-    towers = [tower_block(rng, (wide, 14.0, tall)).at(x, y, yaw_deg=-90.0 + 0.15 * y) for x, y, wide, tall in sites]
-    return together(row + towers)
+PARK: Final = PlaceDescription(
+    materials={
+        "park map": Material(partial(paint_park_map, ground=GROUND), GROUND.area.size_m, GROUND.area.texel_m),
+        "water": Material(paint_water, size_m=(3.2, 3.2), texel_m=0.0125),
+    },
+    objects=(
+        # The ground as far as the hills.
+        partial(map_sheet, area=GROUND.area, material="park map"),
+        partial(plain, material="lawn", hole_x_m=GROUND.area.x_m, hole_y_m=GROUND.area.y_m, reach_m=700.0),
+        partial(hills, material="far hills", radius_m=(330.0, 650.0), height_m=70.0),
+        partial(wood_line, count=110, radius_m=(95.0, 150.0), height_m=(9.0, 16.0)),
+        # Trees beside the walk, and a grove behind them.
+        partial(avenue, trees=TREES),
+        partial(grove, spots_m=BACK_TREES_M),
+        # Along the walk.
+        objects(lamp_post, at_m=((4, 2.9), (11, -2.0), (18, 2.7), (25, -2.9), (32, 2.0), (39, -2.9))),
+        objects(bench, at_m=((8.2, 3.4), (15.2, 3.3), (34.5, 2.2))),
+        objects(bench, at_m=((7.2, -1.9), (22.5, -2.9), (29.5, -3.2)), yaw_deg=180.0),
+        objects(litter_bin, at_m=((9.8, 3.3), (20.8, -2.7), (36.2, 2.2))),
+        objects(partial(hedge, length_m=16.0), at_m=((4.5, 10.4),)),
+        objects(partial(hedge, length_m=14.0), at_m=((34.0, 10.4),)),
+        objects(partial(hedge, length_m=10.0), at_m=((4.0, -10.3),)),
+        objects(partial(picket_fence, length_m=16.0), at_m=((34.0, -10.3),)),
+        objects(partial(picket_fence, length_m=6.0), at_m=((18.0, 10.5),)),
+        objects(partial(flower_bed, length_m=3.0, width_m=0.9), at_m=((11.5, 3.6), (31.0, -3.6), (38.0, 2.6))),
+        objects(partial(bush, radius_m=0.55, foliage=GREEN), at_m=((3.2, -3.6),)),
+        objects(partial(bush, radius_m=0.55, foliage=DEEP), at_m=((9.6, -3.6), (15.8, 7.8))),
+        objects(partial(bush, radius_m=0.55, foliage=GREEN), at_m=((33.2, 5.6),)),
+        objects(partial(bush, radius_m=0.55, foliage=AUTUMN), at_m=((26.6, -6.4),)),
+        objects(partial(bush, radius_m=0.55, foliage=DEEP), at_m=((37.6, -5.2),)),
+        # Boulders on the shore of the pond.
+        partial(boulder_ring, center_m=GROUND.pond.center_m, radii_m=(3.5, 2.25), count=16, size_m=(0.18, 0.42)),
+        objects(CAFE, at_m=((19.0, -13.8),), yaw_deg=180.0),
+        # A paved round at the end of the walk with the museum behind it.
+        objects(partial(paved_round, radius_m=9.0, height_m=0.08), at_m=((52.0, 0.0),)),
+        objects(partial(fountain, radius_m=2.4), at_m=((52.0, 0.0),), z_m=0.08),
+        objects(partial(lamp_post, strength=9.0), at_m=((53.0, -6.4), (53.0, 6.4)), z_m=0.08),
+        objects(MUSEUM, at_m=((78.0, 0.0),), yaw_deg=-90.0),
+        objects(partial(flower_bed, length_m=4.0, width_m=1.2), at_m=((48.0, -5.6),), z_m=0.06, yaw_deg=-55.0),
+        objects(partial(flower_bed, length_m=4.0, width_m=1.2), at_m=((48.0, 5.6),), z_m=0.06, yaw_deg=55.0),
+        # The town: houses on both sides of the park, and tower blocks over the trees.
+        objects(BRICK_HOUSE, at_m=((-2.0, 24.0),)),
+        objects(PLASTER_HOUSE, at_m=((12.0, 25.0),)),
+        objects(SANDSTONE_HOUSE, at_m=((26.0, 24.0),)),
+        objects(BRICK_HOUSE, at_m=((41.0, 25.0),)),
+        objects(PLASTER_HOUSE, at_m=((55.0, 24.0),)),
+        objects(PLASTER_HOUSE, at_m=((4.0, -27.0),), yaw_deg=180.0),
+        objects(SANDSTONE_HOUSE, at_m=((33.0, -28.0),), yaw_deg=180.0),
+        objects(BRICK_HOUSE, at_m=((48.0, -27.0),), yaw_deg=180.0),
+        objects(partial(tower_block, size_m=(18.0, 14.0, 52.0)), at_m=((170.0, 55.0),), yaw_deg=-81.75),
+        objects(partial(tower_block, size_m=(16.0, 14.0, 38.0)), at_m=((190.0, 22.0),), yaw_deg=-86.7),
+        objects(partial(tower_block, size_m=(22.0, 14.0, 44.0)), at_m=((165.0, -70.0),), yaw_deg=-100.5),
+        objects(partial(tower_block, size_m=(15.0, 14.0, 60.0)), at_m=((200.0, -30.0),), yaw_deg=-94.5),
+    ),
+)

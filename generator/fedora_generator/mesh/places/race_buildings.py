@@ -1,15 +1,18 @@
-"""Buildings at a racetrack: the grandstand, the pits and the control tower."""
+"""Buildings at a racetrack: the grandstand, the pits and the control tower.
+
+Each stands on z = 0 about the origin of a frame of its own; metres.
+"""
 
 import numpy as np
 
-from fedora_generator.mesh.places.buildings import House, house
+from fedora_generator.mesh.places.buildings import house
 from fedora_generator.mesh.places.furniture import railing
 from fedora_generator.mesh.places.group import Group, painted, solid, together
 from fedora_generator.mesh.places.shapes import box, standing_box
 from fedora_generator.mesh.places.surface import Surface, joined
 
 
-def grandstand(length_m: float, rows: int = 9) -> Group:
+def grandstand(_: np.random.Generator, length_m: float, rows: int) -> Group:
     """Rows of seats that rise to the back under a roof, along x about the origin; they look to -y."""
     deep, rise, first = 0.9, 0.42, 1.3
     steps = [standing_box((length_m, deep, first + rise * i + 0.1), 0, (i + 0.5) * deep, -0.1) for i in range(rows)]
@@ -42,7 +45,7 @@ def grandstand(length_m: float, rows: int = 9) -> Group:
     )
 
 
-def pits(length_m: float, garages: int) -> Group:
+def pits(_: np.random.Generator, length_m: float, garages: int) -> Group:
     """Garages below, a band of windows above, a terrace on top; along x about the origin, it looks to -y."""
     depth, lower, upper = 8.0, 3.6, 2.8
     pitch = length_m / garages
@@ -80,10 +83,7 @@ def pits(length_m: float, garages: int) -> Group:
 
 def control_tower(rng: np.random.Generator) -> Group:
     """Build a square tower with a glazed cabin that stands over it."""
-    shaft = house(
-        rng,
-        House(size_m=(5.0, 5.0, 9.0), storeys=3, wall="concrete", roof_rise_m=0.0, window_m=(0.9, 1.2), spacing_m=2.0),
-    )
+    shaft = house(rng, (5.0, 5.0, 9.0), storeys=3, wall="concrete", roof_rise_m=0.0, window_m=(0.9, 1.2), spacing_m=2.0)
     cabin = painted("lit window", standing_box((6.0, 6.0, 2.0), z_m=9.9))
     bars = [standing_box((0.14, 0.14, 2.2), x, y, 9.8) for x in (-3, 0, 3) for y in (-3, 3)]
     bars += [standing_box((0.14, 0.14, 2.2), x, 0, 9.8) for x in (-3, 3)]

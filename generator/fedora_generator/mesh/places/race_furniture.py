@@ -1,4 +1,7 @@
-"""Objects of a racetrack: gates, gantry, tyre walls, kerbs, boards, flags, floodlights and cones."""
+"""Objects of a racetrack: gates, gantry, tyre walls, kerbs, boards, flags, floodlights and cones.
+
+Each stands on z = 0 about the origin of a frame of its own; metres.
+"""
 
 import math
 from collections.abc import Sequence
@@ -18,8 +21,11 @@ GATE_CENTER_M: Final = 1.6
 """Height of its middle."""
 
 
-def gate(panel: str, light: str) -> Group:
-    """Build a square frame across x to fly through, with a strip of light around its inside."""
+def gate(_: np.random.Generator, colour: str) -> Group:
+    """Build a square frame across x to fly through, with a strip of light around its inside.
+
+    ``colour`` names the materials of both: ``orange panel`` and ``orange light``.
+    """
     inner, wide, thick = GATE_OPENING_M, 0.42, 0.16
     reach = 0.5 * (inner + wide)
     low, high = GATE_CENTER_M - reach, GATE_CENTER_M + reach
@@ -31,10 +37,15 @@ def gate(panel: str, light: str) -> Group:
     feet = [standing_box((1.1, 0.5, 0.12), y_m=side * reach, z_m=-0.04) for side in (-1, 1)]
     solids = [solid("gate post", (0.3, wide, inner + 2 * wide), (0, side * reach, GATE_CENTER_M)) for side in (-1, 1)]
     solids += [solid("gate beam", (0.3, inner, wide), (0, 0, z)) for z in (low, high)]
-    return painted(panel, *sides, *beams) + painted(light, *strips) + painted("metal", *feet) + together(solids)
+    return (
+        painted(f"{colour} panel", *sides, *beams)
+        + painted(f"{colour} light", *strips)
+        + painted("metal", *feet)
+        + together(solids)
+    )
 
 
-def gantry(half_width_m: float = 5.9, height_m: float = 4.3) -> Group:
+def gantry(_: np.random.Generator, half_width_m: float, height_m: float) -> Group:
     """Build the start: a board over the track on two towers, with five red lights below it."""
     feet_m = [(x, y * half_width_m + d) for x in (-0.4, 0.4) for y in (-1, 1) for d in (-0.4, 0.4)]
     towers = [standing_box((0.16, 0.16, height_m + 1.3), x, y, -0.1) for x, y in feet_m]
@@ -56,7 +67,7 @@ def gantry(half_width_m: float = 5.9, height_m: float = 4.3) -> Group:
     )
 
 
-def arch(radius_m: float = 6.2, thickness_m: float = 0.55) -> Group:
+def arch(_: np.random.Generator, radius_m: float, thickness_m: float) -> Group:
     """Build an inflated arch over the track."""
     angles = np.linspace(-0.12, math.pi + 0.12, 25)
     points = np.stack([np.zeros_like(angles), radius_m * np.cos(angles), 0.9 * radius_m * np.sin(angles)], axis=-1)
@@ -67,8 +78,8 @@ def arch(radius_m: float = 6.2, thickness_m: float = 0.55) -> Group:
     return painted("arch cloth", hoop) + together([*sides, over])
 
 
-def tyre_wall(length_m: float, tyres: int = 4) -> Group:
-    """Stacks of tyres along x about the origin, every few of them painted."""
+def tyre_wall(_: np.random.Generator, length_m: float, tyres: int = 4) -> Group:
+    """Build stacks of ``tyres`` along x about the origin, every few of them painted."""
     count = round(length_m / 0.62)
     xs = (np.arange(count) + 0.5) * length_m / count - 0.5 * length_m
     ring = [(0.22, 0.0), (0.29, 0.05), (0.31, 0.11), (0.29, 0.17)]
@@ -83,12 +94,12 @@ def tyre_wall(length_m: float, tyres: int = 4) -> Group:
     return together(stacks) + solid("tyre wall", (length_m, 0.7, 0.22 * tyres), (0, 0, 0.11 * tyres))
 
 
-def kerb(length_m: float) -> Group:
+def kerb(_: np.random.Generator, length_m: float) -> Group:
     """Build a kerb along x: it rises from 1 cm at the track (y = 0) to 6 cm at y = 0.7."""
     return painted("kerb", prism([(0.0, -0.05), (0.72, -0.05), (0.72, 0.06), (0.0, 0.01)], length_m))
 
 
-def barrier(length_m: float) -> Group:
+def barrier(_: np.random.Generator, length_m: float) -> Group:
     """Build a wall of concrete with a sloping foot, along x about the origin."""
     foot = [(-0.3, -0.1), (0.3, -0.1), (0.3, 0.1), (0.13, 0.35), (-0.13, 0.35), (-0.3, 0.1)]
     wall = [(-0.13, 0.35), (0.13, 0.35), (0.1, 0.85), (-0.1, 0.85)]
@@ -97,17 +108,19 @@ def barrier(length_m: float) -> Group:
     )
 
 
-def boards(names: Sequence[str], count: int) -> Group:
-    """Advertising boards of 4 m x 0.9 m beside each other along x about the origin; they look to -y."""
+def boards(_: np.random.Generator, materials: Sequence[str], count: int) -> Group:
+    """Build ``count`` advertising boards of 4 m x 0.9 m beside each other along x about the origin; they look to -y."""
     parts = [
-        painted(names[i % len(names)], standing_box((3.96, 0.10, 0.9), x_m=4.0 * (i - 0.5 * (count - 1)), z_m=0.1))
+        painted(
+            materials[i % len(materials)], standing_box((3.96, 0.10, 0.9), x_m=4.0 * (i - 0.5 * (count - 1)), z_m=0.1)
+        )
         for i in range(count)
     ]
     feet = standing_box((4.0 * count, 0.2, 0.16), z_m=-0.04)
     return together(parts) + painted("metal", feet) + solid("boards", (4.0 * count, 0.3, 1.1), (0, 0, 0.5))
 
 
-def feather_flag(material: str) -> Group:
+def feather_flag(_: np.random.Generator, material: str) -> Group:
     """Build a tall flag in the shape of a feather in the plane y = 0, at a pole that bends over."""
     rise = np.linspace(0, 1, 9)
     pole = np.stack([0.55 * rise**5, np.zeros(9), 3.3 * rise], axis=-1)
@@ -121,7 +134,7 @@ def feather_flag(material: str) -> Group:
     )
 
 
-def flag(material: str, height_m: float = 6.0) -> Group:
+def flag(_: np.random.Generator, material: str, height_m: float) -> Group:
     """Build a pole with a cloth that stands in the wind."""
     pole = turned([(0.0, -0.05), (0.07, -0.05), (0.05, height_m), (0.0, height_m)], sides=8)
     x, z = np.meshgrid(np.linspace(0.06, 1.9, 13), np.linspace(height_m - 1.3, height_m - 0.1, 3))
@@ -134,8 +147,8 @@ def flag(material: str, height_m: float = 6.0) -> Group:
     )
 
 
-def flood_mast(strength: float, height_m: float = 12.0) -> Group:
-    """Build a mast with a bank of floodlights that look to -y."""
+def flood_mast(_: np.random.Generator, strength: float, height_m: float = 12.0) -> Group:
+    """Build a mast with a bank of floodlights that look to -y; ``strength`` as in ``Lamp``."""
     pole = turned([(0.0, -0.1), (0.24, -0.1), (0.24, 0.3), (0.17, 0.5), (0.10, height_m), (0.0, height_m)])
     panel = box((3.0, 0.22, 1.5), (0, -0.12, height_m))
     eyes = [box((0.62, 0.2, 0.46), (x, -0.28, height_m + z)) for x in (-1.05, -0.35, 0.35, 1.05) for z in (-0.38, 0.38)]
@@ -148,7 +161,7 @@ def flood_mast(strength: float, height_m: float = 12.0) -> Group:
     )
 
 
-def cone() -> Group:
+def cone(_: np.random.Generator) -> Group:
     """Build a traffic cone, half a metre high."""
     foot = standing_box((0.38, 0.38, 0.05), z_m=-0.01)
     parts = [[(0.155, 0.0), (0.125, 0.14)], [(0.125, 0.14), (0.085, 0.30)], [(0.085, 0.30), (0.035, 0.52), (0.0, 0.52)]]

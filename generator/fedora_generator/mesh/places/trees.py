@@ -1,4 +1,8 @@
-"""Plants: trees, conifers, bushes and hedges. Crowns are solid clusters under loose leaves, so depth is defined."""
+"""Plants: trees, conifers, bushes and hedges. Crowns are solid clusters under loose leaves, so depth is defined.
+
+A plant stands on z = 0 about the origin of a frame of its own; ``avenue``, ``grove`` and ``wood_line`` place many in
+the world. Metres.
+"""
 
 import math
 from collections.abc import Sequence
@@ -25,6 +29,17 @@ class Foliage:
 GREEN: Final = Foliage("leaves", "leaf")
 DEEP: Final = Foliage("deep leaves", "deep leaf")
 AUTUMN: Final = Foliage("autumn leaves", "autumn leaf")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Tree:
+    """A broad-leaved tree: position in the world, height, radius of the crown, metres, and its foliage."""
+
+    x_m: float
+    y_m: float
+    height_m: float
+    crown_radius_m: float
+    foliage: Foliage
 
 
 def broadleaf(
@@ -62,6 +77,14 @@ def broadleaf(
         + painted(foliage.leaf, _loose_leaves(rng, joined(crown), 110 * clusters))
         + solid("trunk", (2.6 * foot_m, 2.6 * foot_m, top_z_m), (0, 0, 0.5 * top_z_m))
         + solid("crown", crown_size_m, (top_x_m, top_y_m, top_z_m))
+    )
+
+
+def avenue(rng: np.random.Generator, trees: Sequence[Tree]) -> Group:
+    """Build broad-leaved trees of given sizes, each at its position in the world."""
+    return together(
+        broadleaf(rng, tree.height_m, tree.crown_radius_m, tree.foliage, clusters=12).at(tree.x_m, tree.y_m)
+        for tree in trees
     )
 
 
@@ -122,7 +145,7 @@ def flower_bed(rng: np.random.Generator, length_m: float, width_m: float) -> Gro
 
 
 def grove(rng: np.random.Generator, spots_m: Sequence[tuple[float, float]]) -> Group:
-    """Build trees at spots of x and y: spruces among broad-leaved ones."""
+    """Build trees of random sizes at spots of x and y in the world: spruces among broad-leaved trees."""
     trees = [
         conifer(rng, rng.uniform(7.0, 11.0), rng.uniform(1.8, 2.6))
         if i % 3 == 1
@@ -135,7 +158,19 @@ def grove(rng: np.random.Generator, spots_m: Sequence[tuple[float, float]]) -> G
 def wood_line(
     rng: np.random.Generator, count: int, radius_m: tuple[float, float], height_m: tuple[float, float]
 ) -> Group:
-    """Trees far away, all around: rounded crowns that stand in the ground, dense enough to close the view."""
+    """Build trees far away, all around: rounded crowns that stand in the ground, dense enough to close the view.
+
+    Parameters
+    ----------
+    rng
+        Draws bearings, distances and sizes.
+    count
+        Number of trees.
+    radius_m
+        Least and largest distance from the origin of the world.
+    height_m
+        Least and largest height.
+    """
     crowns = []
     for bearing_rad in 2 * math.pi * (np.arange(count) + rng.uniform(-0.4, 0.4, count)) / count:
         away_m, tall_m = rng.uniform(*radius_m), rng.uniform(*height_m)
