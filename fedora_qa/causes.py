@@ -13,7 +13,6 @@ STREAMS: Final = ("rgb", "depth", "events", "imu", "pose", "flow", "rgb_to_event
 """Streams by name. ``flow`` is every rate together; one rate is ``flow/10hz`` and so on."""
 
 FRAMES: Final = ("rgb", "depth")
-SAMPLED: Final = ("rgb", "depth", "imu", "pose", "flow")
 TIMED: Final = ("rgb", "depth", "events", "imu", "pose", "flow")
 INDEX_MAPS: Final = ("rgb_to_event", "depth_to_event")
 

@@ -5,11 +5,13 @@ import json
 from dataclasses import dataclass
 from pathlib import Path
 
-from pydantic import TypeAdapter, ValidationError
+from pydantic import TypeAdapter
 
+from fedora_qa.errors import MisuseError
 from fedora_qa.power.checked_file import CheckedFile
 from fedora_qa.power.manifest import CorpusItem
 from fedora_qa.record.atomic import write_text
+from fedora_qa.record.documents import read_json
 from fedora_qa.storage.digest import file_digest
 
 
@@ -33,8 +35,8 @@ class State:
     def load(self, item: CorpusItem) -> CheckedFile | None:
         """Return what is known of a file; None where nothing is, or it is of another file, tool or configuration."""
         try:
-            kept = _ADAPTER.validate_json(self._path(item).read_bytes())
-        except (OSError, ValidationError):
+            kept = read_json(self._path(item), _ADAPTER, "a kept result", "it is measured again")
+        except MisuseError:
             return None
         return kept.checked if kept.key == self._key(item) else None
 
