@@ -18,13 +18,12 @@ from fedora_qa.cli.progress import progress_bar
 from fedora_qa.cli.terminal import print_table, stdout_console, text
 from fedora_qa.comparison.compare import DEFAULT_FALSE_ALARM_RATE
 from fedora_qa.comparison.compare import compare as compare_subjects
-from fedora_qa.comparison.json_io import comparison_to_json
 from fedora_qa.comparison.paper_tables import paper_tables
 from fedora_qa.comparison.sampled import sampled_from
 from fedora_qa.comparison.subjects import Given, GivenFile, labels
 from fedora_qa.comparison.tables import comparison_to_markdown, headline, how_it_is_told, pair_tables
 from fedora_qa.comparison.text_table import SOURCE, TextTable
-from fedora_qa.comparison.types import Design
+from fedora_qa.comparison.types import COMPARISON, Design
 from fedora_qa.config import parse_bytes
 from fedora_qa.engine.executor import Task
 from fedora_qa.engine.statistics import collect_statistics
@@ -87,7 +86,7 @@ def compare(
         read_sources(sources, dialect_read, memory_bytes, folders_named(allow_external)), design, false_alarm_rate
     )
     if json_path:
-        write_text(json_path, comparison_to_json(comparison))
+        write_text(json_path, COMPARISON.to_json(comparison))
     if markdown_path:
         write_text(markdown_path, comparison_to_markdown(comparison))
     if html_path:

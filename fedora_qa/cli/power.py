@@ -21,8 +21,8 @@ from fedora_qa.power.state import State
 from fedora_qa.power.study import Trial, measured_with, run_study, state_folder
 from fedora_qa.power.tables import Origin, power_of
 from fedora_qa.record.atomic import write_text
-from fedora_qa.record.power_json import power_to_json
 from fedora_qa.record.power_tables import headline, power_to_markdown, tables_of
+from fedora_qa.record.power_types import POWER
 
 
 @click.command(short_help="Measure what the checks can see, over a corpus with a manifest.")
@@ -84,7 +84,7 @@ def power(
             trials += run_study(manifest, kept, options, jobs, report)
     measured_power = power_of(trials, Origin(", ".join(corpus.resolve().name for corpus in corpora), started, settings))
     if json_path:
-        write_text(json_path, power_to_json(measured_power))
+        write_text(json_path, POWER.to_json(measured_power))
     if publish:
         write_detection_power(detection_power_of(measured_power), publish)
     if markdown_path:

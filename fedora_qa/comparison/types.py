@@ -8,6 +8,9 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Final, Literal
 
+from pydantic import TypeAdapter
+
+from fedora_qa.record.documents import DocumentKind
 from fedora_qa.record.types import Outcome, Scalar, Severity, Tool
 
 COMPARISON_VERSION: Final = "1.0"
@@ -181,3 +184,13 @@ class Comparison:
     pairs: tuple[Pair, ...]
     published: tuple[Published, ...]
     notes: tuple[str, ...]
+
+
+COMPARISON: Final = DocumentKind(
+    name="comparison",
+    noun="a comparison",
+    version=COMPARISON_VERSION,
+    adapter=TypeAdapter(Comparison),
+    written_by="fedora-qa compare --json",
+    again="compare again with this version",
+)

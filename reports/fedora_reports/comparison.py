@@ -8,11 +8,10 @@ from typing import Final
 
 import numpy as np
 
-from fedora_qa.comparison.json_io import comparison_from_json, comparison_to_json
 from fedora_qa.comparison.paper_tables import paper_tables
 from fedora_qa.comparison.tables import TOLD_WORDS, headline, how_it_is_told, pair_tables
 from fedora_qa.comparison.text_table import TextTable
-from fedora_qa.comparison.types import Comparison, Overlay
+from fedora_qa.comparison.types import COMPARISON, Comparison, Overlay
 from fedora_qa.record.wording import number, with_error
 from fedora_reports.charts import HEIGHT, WIDTH
 from fedora_reports.html import environment
@@ -73,7 +72,7 @@ class ComparisonPage:
 
 def render_comparison(comparison: Comparison) -> str:
     """Return a comparison as one HTML document, which runs no script and loads no other file."""
-    page = page_of(comparison_from_json(comparison_to_json(comparison)))
+    page = page_of(COMPARISON.from_json(COMPARISON.to_json(comparison)))
     return environment().get_template("comparison.html.j2").render(page=page)
 
 

@@ -7,9 +7,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from math import sqrt
 
-from fedora_qa.record.power_json import power_from_json, power_to_json
 from fedora_qa.record.power_tables import curve_words, share_words, tables_of
-from fedora_qa.record.power_types import WHOLE_FILE, Curve, Detection, Power, StatedLimit
+from fedora_qa.record.power_types import POWER, WHOLE_FILE, Curve, Detection, Power, StatedLimit
 from fedora_reports.charts import HEIGHT, WIDTH
 from fedora_reports.html import environment
 from fedora_reports.scales import Axis, Tick
@@ -66,7 +65,7 @@ class PowerPage:
 
 def render_power(power: Power) -> str:
     """Return the report of a study as one HTML document, which runs no script and loads no other file."""
-    return environment().get_template("power.html.j2").render(page=page_of(power_from_json(power_to_json(power))))
+    return environment().get_template("power.html.j2").render(page=page_of(POWER.from_json(POWER.to_json(power))))
 
 
 def page_of(power: Power) -> PowerPage:

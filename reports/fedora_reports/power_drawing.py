@@ -3,8 +3,7 @@
 from dataclasses import dataclass
 from typing import Final
 
-from fedora_qa.record.power_json import power_from_json, power_to_json
-from fedora_qa.record.power_types import Power
+from fedora_qa.record.power_types import POWER, Power
 from fedora_reports.html import environment
 from fedora_reports.power import LimitsChart, PowerChart, page_of
 
@@ -37,7 +36,7 @@ class PowerDrawing:
 
 def draw_power(power: Power) -> str:
     """Return every fitted curve, and the chart of stated limits, as an SVG document."""
-    return environment().get_template("power.svg.j2").render(drawing=drawing_of(power_from_json(power_to_json(power))))
+    return environment().get_template("power.svg.j2").render(drawing=drawing_of(POWER.from_json(POWER.to_json(power))))
 
 
 def drawing_of(power: Power) -> PowerDrawing:
