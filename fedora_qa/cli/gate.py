@@ -18,12 +18,12 @@ from fedora_qa.evidence.options import EvidenceOptions
 from fedora_qa.gate.baseline import baseline_of
 from fedora_qa.gate.certificate import certificate_of, write_certificate
 from fedora_qa.gate.contents import contents_of
-from fedora_qa.gate.documents import whole_digest, whole_digests
 from fedora_qa.gate.policy import read_policy
 from fedora_qa.gate.release import find_release
 from fedora_qa.gate.rules import release_results_of
 from fedora_qa.gate.verdict import Judgement, judged, release_record
 from fedora_qa.record.json_io import read_record
+from fedora_qa.storage.digest import whole_digest
 
 
 @click.command(short_help="Hold a release of sequences to a policy, for CI.")
@@ -76,10 +76,13 @@ def gate(
     # Last, where `judged` expects it.
     runs.append(FileRun(release_record(release, files)))
     record = record_of(runs, settings, started, facts)
-    asks_for_digests = certificate or policy.documents.checksums
-    # Records hold only partial digests of files over 1 GiB. Certificates and lists of checksums need whole ones, for
-    # which every byte is read.
-    digests = whole_digests(release, files) if asks_for_digests else {}
+    digests: dict[str, str] = {}
+    if certificate or policy.documents.checksums:
+        # Records hold only partial digests of files over 1 GiB. Certificates and lists of checksums need whole ones,
+        # for which every byte is read.
+        for sequence, file in zip(release.sequences, files, strict=True):
+            is_full = file.digest_kind == "full"
+            digests[sequence.name] = file.sha256 if is_full else whole_digest(sequence.path)
     release_results = release_results_of(policy, release, files, contents, digests)
     record = judged(record, release, release_results, Judgement(policy, baseline, now.date()))
     outputs.write(record, gathered_arrays(runs))

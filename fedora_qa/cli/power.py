@@ -96,7 +96,7 @@ def power(
 
         write_text(html_path, render_power(measured_power))
     if svg_path:
-        from fedora_reports.power_drawing import draw_power  # noqa: PLC0415 - an extra
+        from fedora_reports.power import draw_power  # noqa: PLC0415 - an extra
 
         write_text(svg_path, draw_power(measured_power))
     console = stdout_console()

@@ -1,21 +1,23 @@
-"""Rules about a release: its sequences each by itself and beside each other, and what they amount to."""
+"""Rules about a release: its sequences by themselves and beside each other, its documents, and its totals."""
 
 import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from fnmatch import fnmatchcase
 from itertools import combinations
+from pathlib import Path
 from typing import Final
 
 import numpy as np
 
+from fedora_qa.errors import MisuseError
 from fedora_qa.gate.contents import Contents
-from fedora_qa.gate.documents import rule_on_checksums, rule_on_documents
 from fedora_qa.gate.policy import Bounds, Documents, Policy, Total, each_stream
-from fedora_qa.gate.release import FOLDER, Release
+from fedora_qa.gate.release import FOLDER, Release, inside
 from fedora_qa.gate.release_result import ReleaseResult, Violation
 from fedora_qa.record.types import FileRecord
 from fedora_qa.record.wording import number
 from fedora_qa.sequence.declared import Camera
+from fedora_qa.storage.digest import whole_digest
 
 ContentsByName = Mapping[str, Contents]
 """The contents of each sequence that can be opened, by its name, in order."""
@@ -23,6 +25,9 @@ ContentsByName = Mapping[str, Contents]
 _SHARED_POSES: Final = 10
 """Distinct poses in common from which two files show one flight. Two flights can share the pose in which they start;
 ten equal float64 poses in different flights do not happen."""
+
+_CHECKSUM_LINE: Final = re.compile(r"([0-9a-fA-F]{64}) [ *](.+)")
+"""A line of ``sha256sum``: digest and name."""
 
 _STATISTICS: Final[Mapping[Total, tuple[str, str]]] = {
     "duration_s": ("sequence", "duration_s"),
@@ -159,6 +164,61 @@ def rule_on_splits(
     return ReleaseResult(
         "release.splits", "Is the sequence in one split, and unlike all in others?", "each", tuple(violations)
     )
+
+
+def rule_on_documents(folder: Path, documents: Documents) -> ReleaseResult:
+    """Datasheet, licence and checksums are there and not empty."""
+    asked = {"datasheet": documents.datasheet, "licence": documents.licence, "checksums": documents.checksums}
+    violations = []
+    for kind, name in asked.items():
+        if name is None:
+            continue
+        path = inside(folder, name)
+        if not path.is_file() or not path.read_bytes().strip():
+            message = f"Expected the {kind} in {name}, got no such file, or an empty one"
+            violations.append(Violation(FOLDER, kind, message))
+    return ReleaseResult("release.documents", "Are datasheet, licence and checksums there?", FOLDER, tuple(violations))
+
+
+def rule_on_checksums(folder: Path, listing: str, digests: Mapping[str, str]) -> ReleaseResult:
+    """Every sequence is listed, and every digest is right.
+
+    Parameters
+    ----------
+    listing
+        Name of the checksums, in the form of ``sha256sum``.
+    digests
+        SHA-256 of each sequence, by its name.
+    """
+    path = inside(folder, listing)
+    violations: list[Violation] = []
+    listed: dict[str, str] = {}
+    # Names of files need not be UTF-8: surrogates keep them readable and comparable.
+    text = path.read_text(encoding="utf-8", errors="surrogateescape") if path.is_file() else ""
+    for line_number, line in enumerate(text.splitlines(), start=1):
+        match = _CHECKSUM_LINE.fullmatch(line)
+        if match:
+            listed[match[2].removeprefix("./")] = match[1].lower()
+        elif line.strip():
+            message = f"Expected a digest and a name in line {line_number} of {path.name}, got something else"
+            violations.append(Violation(FOLDER, "unreadable", message))
+    for name in sorted(digests.keys() - listed.keys()):
+        violations.append(Violation(name, "unlisted", f"Expected the sequence in {path.name}, got no line for it"))
+    for name, digest in listed.items():
+        actual = digests.get(name)
+        if not actual:
+            # A listed file that is no sequence: its digest, or why there is none.
+            try:
+                beside = inside(folder, name)
+            except MisuseError:
+                actual = "no name of a file within the release"
+            else:
+                actual = whole_digest(beside) if beside.is_file() else "no such file"
+        if actual != digest:
+            message = f"Expected {name} with the SHA-256 {digest}, which {path.name} lists, got {actual}"
+            violations.append(Violation(name if name in digests else FOLDER, "wrong", message))
+    question = "Are the checksums complete and right?"
+    return ReleaseResult("release.checksums", question, "each", tuple(violations))
 
 
 def rule_on_totals(files: Sequence[FileRecord], totals: Mapping[Total, Bounds]) -> ReleaseResult:
