@@ -10,15 +10,21 @@ from typing import TYPE_CHECKING, Any, Final
 import click
 from click.shell_completion import CompletionItem
 
-from fedora_qa.cli.check_names import complete_check
 from fedora_qa.cli.exit_codes import exit_code
-from fedora_qa.cli.output_options import allow_external_option, record_options
+from fedora_qa.cli.options import (
+    PATH,
+    allow_external_option,
+    config_option,
+    dialect_option,
+    ignore_option,
+    record_options,
+    select_option,
+)
 from fedora_qa.cli.outputs import Outputs
 from fedora_qa.cli.record import gathered_arrays, record_of
 from fedora_qa.cli.resume import resume_folder
-from fedora_qa.cli.start_time import START_TIME
+from fedora_qa.cli.startup import START_TIME, loading_modules
 from fedora_qa.cli.summary import print_record
-from fedora_qa.cli.workers import loading
 from fedora_qa.config import CheckConfig, read_config
 from fedora_qa.engine.options import CheckOptions
 from fedora_qa.errors import MisuseError
@@ -29,8 +35,6 @@ from fedora_qa.storage.signature import require_signature
 
 if TYPE_CHECKING:  # the process that distributes the work loads no measuring code
     from fedora_qa.layout.dialect import Dialect
-
-PATH = click.Path(path_type=Path)
 
 _SECONDS_PER_UNIT: Final[Mapping[str, float]] = {"s": 1.0, "m": 60.0, "h": 3600.0}
 
@@ -67,7 +71,7 @@ class BudgetParam(click.ParamType):  # type: ignore[type-arg]  # generic only fr
         return parse_budget(value) if isinstance(value, str) else value
 
 
-@click.command(short_help="Check files and say what is wrong, where, by how much and why.")
+@click.command()
 @click.argument("files", nargs=-1, required=True, type=PlaceParam())
 @click.option(
     "--effort",
@@ -80,22 +84,10 @@ class BudgetParam(click.ParamType):  # type: ignore[type-arg]  # generic only fr
     metavar="TIME",
     help="Look at as much as fits into a time such as 60s, 5m or 0.5h, in place of an effort.",
 )
-@click.option(
-    "--select",
-    multiple=True,
-    metavar="SUBJECT[.PROPERTY]",
-    shell_complete=complete_check,
-    help="Run only these checks. May be repeated.",
-)
-@click.option(
-    "--ignore",
-    multiple=True,
-    metavar="SUBJECT[.PROPERTY]",
-    shell_complete=complete_check,
-    help="Leave these checks out. May be repeated.",
-)
-@click.option("--config", type=PATH, help="Read options from a fedora-qa.toml; the command line counts more.")
-@click.option("--dialect", metavar="NAME|FILE.toml", help="How the files name and scale things; else recognised.")
+@select_option
+@ignore_option
+@config_option
+@dialect_option
 @click.option("--fail-on", type=click.Choice(["failed", "warned"]), help="From which outcome on to exit with 1.")
 @click.option(
     "--memory",
@@ -135,7 +127,7 @@ def check(
 
     Exit codes: 0 clean; 1 findings at or above --fail-on; 2 misuse; 3 incomplete. With several, 2 before 3 before 1.
     """
-    with loading():
+    with loading_modules():
         from fedora_qa.cli.files import Request, checked, executor_for  # noqa: PLC0415 - loads what measures
 
     settings = settings_from(config, given)

@@ -7,12 +7,11 @@ from pathlib import Path
 from typing import Final
 
 import click
-from rich.console import Console
 
 from fedora_qa.cli.arrays import arrays_beside, read_arrays
-from fedora_qa.cli.check import PATH, folders_named, require_hdf5
+from fedora_qa.cli.check import folders_named, require_hdf5
 from fedora_qa.cli.isolated import run_isolated
-from fedora_qa.cli.output_options import allow_external_option
+from fedora_qa.cli.options import PATH, allow_external_option, dialect_option, memory_option
 from fedora_qa.cli.outputs import Outputs
 from fedora_qa.cli.progress import progress_bar
 from fedora_qa.cli.terminal import print_table, stdout_console, text
@@ -22,7 +21,6 @@ from fedora_qa.comparison.paper_tables import paper_tables
 from fedora_qa.comparison.sampled import sampled_from
 from fedora_qa.comparison.subjects import Given, GivenFile, labels
 from fedora_qa.comparison.tables import comparison_to_markdown, headline, how_it_is_told, pair_tables
-from fedora_qa.comparison.text_table import SOURCE, TextTable
 from fedora_qa.comparison.types import COMPARISON, Design
 from fedora_qa.config import parse_bytes
 from fedora_qa.engine.executor import Task
@@ -37,7 +35,7 @@ _SEQUENCES: Final = {".h5", ".hdf5"}
 _RECORD: Final = ".json"
 
 
-@click.command(short_help="Hold sequences, datasets or two versions against each other.")
+@click.command()
 @click.argument("given", nargs=-1, required=True, type=PATH, metavar="A B...")
 @click.option(
     "--as",
@@ -52,8 +50,8 @@ _RECORD: Final = ".json"
     show_default=True,
     help="How often anything at all may be said to differ that does not.",
 )
-@click.option("--dialect", metavar="NAME|FILE.toml", help="How the files name and scale things; else recognised.")
-@click.option("--memory", metavar="AMOUNT", default="1GB", show_default=True, help="Memory to aim at.")
+@dialect_option
+@memory_option
 @allow_external_option
 @click.option("--json", "json_path", type=PATH, metavar="OUT", help="Write every number.")
 @click.option("--html", "html_path", type=PATH, metavar="OUT", help="Write tables and plots, in one HTML file.")
@@ -95,26 +93,18 @@ def compare(
         write_text(html_path, render_comparison(comparison))
     console = stdout_console()
     for table in paper_tables(comparison):
-        _show_table(console, table)
+        print_table(console, table)
     for pair in pair_tables(comparison):
         console.print(text(pair.title, "bold underline"))
         console.print(text(pair.summary))
         console.print()
         for table in pair.tables:
-            _show_table(console, table)
+            print_table(console, table)
     for note in comparison.notes:
         console.print(text(note, "yellow"))
     console.print(text(headline(comparison), "bold"))
     console.print(text(how_it_is_told(comparison), "dim"))
     return 0
-
-
-def _show_table(console: Console, source: TextTable) -> None:
-    is_text = [column < source.words or head == SOURCE for column, head in enumerate(source.head)]
-    print_table(console, source.title, source.head, source.rows, is_text=is_text)
-    if source.note:
-        console.print(text(source.note, "dim"))
-    console.print()
 
 
 @dataclass(frozen=True, slots=True)

@@ -66,7 +66,7 @@ class DrawingTrial:
     detail: str
 
 
-@click.command(short_help="Say whether this machine can run the checks.")
+@click.command()
 def doctor() -> int:
     """Look at versions, HDF5 filters, OpenCV, cores and memory, and draw through OpenGL. Exit 0 when checks can run.
 

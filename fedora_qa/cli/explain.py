@@ -8,13 +8,13 @@ from rich.text import Text
 
 from fedora_qa.checks import CHECKS
 from fedora_qa.checks.explanation import explanation
-from fedora_qa.cli.check_names import complete_check
 from fedora_qa.cli.detection_power import TITLE, detection_power_text
+from fedora_qa.cli.options import complete_check
 from fedora_qa.cli.terminal import stdout_console
 from fedora_qa.errors import MisuseError
 
 
-@click.command(short_help="List the checks, each with its question.")
+@click.command()
 def checks() -> int:
     """List the checks in the order in which they run. Piped, one a line: name, tab, question."""
     # Tabs and no wrapping: `cut` and `awk` then split the lines.
@@ -31,7 +31,7 @@ def checks() -> int:
     return 0
 
 
-@click.command(short_help="Say what a check measures, how, and what it cannot see.")
+@click.command()
 @click.argument("name", metavar="CHECK", shell_complete=complete_check)
 def explain(name: str) -> int:
     """Say what CHECK, or every check of a subject, measures, how, and what it cannot see."""

@@ -9,7 +9,7 @@ import click
 from fedora_qa.cli.check import check_options, require_hdf5, settings_from
 from fedora_qa.cli.exit_codes import CLEAN, INCOMPLETE
 from fedora_qa.cli.isolated import run_isolated
-from fedora_qa.cli.output_options import PATH, allow_external_option
+from fedora_qa.cli.options import PATH, allow_external_option
 from fedora_qa.cli.outputs import Outputs
 from fedora_qa.cli.progress import progress_bar
 from fedora_qa.engine.effort import Effort
@@ -27,7 +27,7 @@ from fedora_qa.record.wording import unobeyed
 from fedora_qa.storage.digest import file_digest
 
 
-@click.command(short_help="Cut out the least file that shows a finding, to send to somebody.")
+@click.command()
 @click.argument("file", type=PATH)
 @click.argument("finding")
 @click.option("-o", "--output", required=True, type=PATH, metavar="OUT", help="The small file.")

@@ -10,7 +10,7 @@ import click
 from fedora_qa.cli.host import usable_cores
 from fedora_qa.cli.progress import files_progress
 from fedora_qa.cli.resume import ResumeFolder
-from fedora_qa.cli.workers import IN_PROCESS_VARIABLE
+from fedora_qa.cli.startup import IN_PROCESS_VARIABLE
 from fedora_qa.config import LEAST_MEMORY_BYTES, CheckConfig
 from fedora_qa.engine.cluster import DaskExecutor
 from fedora_qa.engine.executor import Executor, InProcess

@@ -9,7 +9,7 @@ import click
 from fedora_qa.cli.check import check_options, require_hdf5
 from fedora_qa.cli.exit_codes import CLEAN, exit_code
 from fedora_qa.cli.files import Request, checked, executor_for
-from fedora_qa.cli.output_options import PATH, allow_external_option, record_options
+from fedora_qa.cli.options import PATH, allow_external_option, record_options
 from fedora_qa.cli.outputs import Outputs
 from fedora_qa.cli.record import gathered_arrays, record_of
 from fedora_qa.cli.summary import print_record
@@ -26,7 +26,7 @@ from fedora_qa.record.json_io import read_record
 from fedora_qa.storage.digest import whole_digest
 
 
-@click.command(short_help="Hold a release of sequences to a policy, for CI.")
+@click.command()
 @click.argument("folder", metavar="DIR", type=PATH)
 @click.option("--policy", "policy_path", required=True, type=PATH, metavar="POLICY.toml", help="What must hold.")
 @click.option(

@@ -10,9 +10,9 @@ from rich.padding import Padding
 from rich.table import Table
 from rich.text import Text
 
-from fedora_qa.cli.check import PATH, folders_named, require_hdf5
+from fedora_qa.cli.check import folders_named, require_hdf5
 from fedora_qa.cli.isolated_light import run_isolated_light
-from fedora_qa.cli.output_options import allow_external_option
+from fedora_qa.cli.options import PATH, allow_external_option, dialect_option
 from fedora_qa.cli.outputs import Outputs
 from fedora_qa.cli.terminal import stdout_console, text
 from fedora_qa.errors import UnreadableFileError
@@ -32,9 +32,9 @@ _WIDE = 110
 """Columns from which the datasets fit into a table."""
 
 
-@click.command(short_help="Say what a file holds, where, and what was inferred.")
+@click.command()
 @click.argument("file", type=PATH)
-@click.option("--dialect", metavar="NAME|FILE.toml", help="How the file names and scales things; else recognised.")
+@dialect_option
 @click.option("--draft-dialect", "draft_path", type=PATH, metavar="OUT", help="Write a first dialect for the file.")
 @allow_external_option
 def layout(file: Path, dialect: str | None, draft_path: Path | None, allow_external: tuple[str, ...]) -> int:

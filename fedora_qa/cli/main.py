@@ -18,8 +18,7 @@ from click.shell_completion import CompletionItem, shell_complete
 
 from fedora_qa import __version__
 from fedora_qa.cli.exit_codes import FINDINGS, INCOMPLETE, INTERRUPTED, MISUSE, OUTPUT_CLOSED
-from fedora_qa.cli.start_time import START_TIME
-from fedora_qa.cli.workers import begin_to_load, loading
+from fedora_qa.cli.startup import START_TIME, loading_modules, preload_workers
 from fedora_qa.errors import FedoraError, MisuseError, UnreadableFileError
 from fedora_qa.record.wording import unobeyed
 
@@ -68,7 +67,7 @@ class LazyGroup(click.Group):
             return None
         ctx.meta.setdefault(START_TIME, time.monotonic())  # a budget of time pays for the import as well
         module, name = COMMANDS[cmd_name][0].split(":")
-        with loading():
+        with loading_modules():
             return cast(click.Command, getattr(importlib.import_module(module), name))
 
     def shell_complete(self, ctx: click.Context, incomplete: str) -> list[CompletionItem]:
@@ -103,7 +102,7 @@ def main() -> None:
     if instruction:
         sys.exit(shell_complete(fedora_qa, {}, PROGRAM, COMPLETION_VARIABLE, instruction))
     arguments = sys.argv[1:]
-    begin_to_load(arguments)
+    preload_workers(arguments)
     sys.exit(run(arguments))
 
 

@@ -8,9 +8,10 @@ from typing import Any
 
 import click
 
-from fedora_qa.cli.check import PATH, check_options, settings_from
+from fedora_qa.cli.check import check_options, settings_from
 from fedora_qa.cli.exit_codes import CLEAN, INCOMPLETE
 from fedora_qa.cli.html import require_renderer
+from fedora_qa.cli.options import PATH, config_option, ignore_option, select_option
 from fedora_qa.cli.outputs import Outputs
 from fedora_qa.cli.progress import progress_bar
 from fedora_qa.cli.terminal import print_table, stdout_console, text
@@ -25,12 +26,12 @@ from fedora_qa.record.power_tables import headline, power_to_markdown, tables_of
 from fedora_qa.record.power_types import POWER
 
 
-@click.command(short_help="Measure what the checks can see, over a corpus with a manifest.")
+@click.command()
 @click.argument("corpora", nargs=-1, required=True, type=PATH, metavar="CORPUS...")
 @click.option("--effort", type=click.Choice(["quick", "standard", "full", "exhaustive"]), help="How much to look at.")
-@click.option("--select", multiple=True, metavar="SUBJECT[.PROPERTY]", help="Run only these checks. May be repeated.")
-@click.option("--ignore", multiple=True, metavar="SUBJECT[.PROPERTY]", help="Leave these checks out. May be repeated.")
-@click.option("--config", type=PATH, help="Read options from a fedora-qa.toml; the command line counts more.")
+@select_option
+@ignore_option
+@config_option
 @click.option("--jobs", type=click.IntRange(min=1), default=1, show_default=True, help="Files checked at once.")
 @click.option("--state", type=PATH, metavar="DIR", help="Where to keep what was found.  [default: beside each CORPUS]")
 @click.option("--json", "json_path", type=PATH, metavar="OUT", help="Write every number.")
@@ -106,9 +107,5 @@ def power(
         console.print(text(f"A check crashed in {len(measured_power.crashed)} files: {paths}", "bold magenta"))
     console.print()
     for table in tables_of(measured_power):
-        is_text = [column < table.words for column in range(len(table.head))]
-        print_table(console, table.title, table.head, table.rows, is_text=is_text)
-        if table.note:
-            console.print(text(table.note, "dim"))
-        console.print()
+        print_table(console, table)
     return INCOMPLETE if measured_power.crashed else CLEAN

@@ -33,11 +33,10 @@ def test_help_loads_no_numerical_library() -> None:
 
 @pytest.mark.parametrize("name", COMMANDS)
 def test_every_command_has_help(name: str, fedora_qa: Command) -> None:
-    """The table of commands points at commands, and tells of each what the command itself tells."""
+    """The table of commands points at commands."""
     command = LazyGroup().get_command(click.Context(LazyGroup()), name)
     assert command is not None
     assert command.name == name
-    assert command.short_help == COMMANDS[name][1]
     assert fedora_qa(name, "--help").code == 0
 
 
