@@ -19,7 +19,7 @@ from fedora_qa.engine.run import select_checks
 from fedora_qa.engine.tasks import check_whole, opening_test
 from fedora_qa.engine.worker import Worker
 from fedora_qa.errors import MisuseError, UnreadableFileError
-from fedora_qa.extract.extract import LONGEST_S, Extracted, Wanted
+from fedora_qa.extract.extract import LONGEST_S, CheckFinding, Extraction
 from fedora_qa.extract.extract import extract as extract_piece
 from fedora_qa.record.json_io import read_record
 from fedora_qa.record.types import FileRecord, Record
@@ -115,8 +115,8 @@ def extract(
 
 
 def _cut(
-    file: Path, output: Path, wanted: Wanted, options: CheckOptions, longest_s: float, worker: Worker
-) -> Extracted:
+    file: Path, output: Path, wanted: CheckFinding, options: CheckOptions, longest_s: float, worker: Worker
+) -> Extraction:
     def tell(what: str) -> None:
         worker.progress(f"looking at {what}", 0, 1)
 
@@ -134,9 +134,9 @@ def _part_about(file: Path, record: Record, record_path: Path) -> FileRecord:
     raise MisuseError(f"Expected a record of {file} as it is, got {record_path}, of other content ({paths})")
 
 
-def _wanted(finding: str, file_record: FileRecord) -> Wanted:
+def _wanted(finding: str, file_record: FileRecord) -> CheckFinding:
     """Return the finding of this id; raises ``MisuseError`` where there is none."""
-    findings = {each.id: Wanted(result.check, each) for result in file_record.results for each in result.findings}
+    findings = {each.id: CheckFinding(result.check, each) for result in file_record.results for each in result.findings}
     if finding not in findings:
         available = ", ".join(findings) if findings else "no findings"
         raise MisuseError(f"Expected a finding of {file_record.path} ({available}), got {finding!r}")

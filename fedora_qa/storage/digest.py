@@ -1,4 +1,4 @@
-"""Identify a file by its content, without reading a quarter of a terabyte twice."""
+"""Identify a file by the SHA-256 of its content, of a large one by that of evenly spread pieces."""
 
 import hashlib
 from contextlib import closing
@@ -20,7 +20,7 @@ _PIECES: Final = 64
 class Digest:
     """A SHA-256, and whether it is of the whole file.
 
-    ``version`` is that of the file which was read, ``traffic`` the requests and bytes that this took of a server.
+    ``version`` is that of the file that was read, ``traffic`` the requests to a server and the bytes that it sent.
     """
 
     sha256: str
