@@ -18,9 +18,9 @@ from fedora_qa.cli.terminal import print_table, stdout_console, text
 from fedora_qa.comparison.compare import DEFAULT_FALSE_ALARM_RATE
 from fedora_qa.comparison.compare import compare as compare_subjects
 from fedora_qa.comparison.paper_tables import paper_tables
-from fedora_qa.comparison.sampled import sampled_from
-from fedora_qa.comparison.subjects import Given, GivenFile, labels
-from fedora_qa.comparison.tables import comparison_to_markdown, headline, how_it_is_told, pair_tables
+from fedora_qa.comparison.sampled import sampled_counts_of
+from fedora_qa.comparison.subjects import FileInput, SubjectInput, labels
+from fedora_qa.comparison.tables import comparison_to_markdown, false_alarm_sentence, headline, pair_tables
 from fedora_qa.comparison.types import COMPARISON, Design
 from fedora_qa.config import parse_bytes
 from fedora_qa.engine.executor import Task
@@ -36,19 +36,19 @@ _RECORD: Final = ".json"
 
 
 @click.command()
-@click.argument("given", nargs=-1, required=True, type=PATH, metavar="A B...")
+@click.argument("paths", nargs=-1, required=True, type=PATH, metavar="A B...")
 @click.option(
     "--as",
     "design",
     type=click.Choice(["versions", "sequences", "datasets"]),
-    help="What they are to each other; versions where files have the same names, else what they hold.",
+    help="How to compare them; versions where files have the same names, else sequences or datasets.",
 )
 @click.option(
     "--false-alarm-rate",
     type=click.FloatRange(0, 1, min_open=True, max_open=True),
     default=DEFAULT_FALSE_ALARM_RATE,
     show_default=True,
-    help="How often anything at all may be said to differ that does not.",
+    help="Probability that the comparison reports any difference where there is none.",
 )
 @dialect_option
 @memory_option
@@ -57,7 +57,7 @@ _RECORD: Final = ".json"
 @click.option("--html", "html_path", type=PATH, metavar="OUT", help="Write tables and plots, in one HTML file.")
 @click.option("--markdown", "markdown_path", type=PATH, metavar="OUT", help="Write the tables.")
 def compare(
-    given: tuple[Path, ...],
+    paths: tuple[Path, ...],
     design: Design | None,
     false_alarm_rate: float,
     dialect: str | None,
@@ -67,16 +67,16 @@ def compare(
     html_path: Path | None,
     markdown_path: Path | None,
 ) -> int:
-    """Hold B and the others against A: sequences, folders of them, or records that `check --json` wrote.
+    """Compare B and the others with A: sequences, folders of them, or records that `check --json` wrote.
 
     Files are measured; records are read, with the arrays beside them, and their findings compared. Exit codes: 0
-    compared, whatever came of it; 2 misuse.
+    compared, whatever the result; 2 misuse.
     """
-    if len(given) < 2:
-        raise MisuseError(f"Expected two or more things to compare, got {len(given)}")
+    if len(paths) < 2:
+        raise MisuseError(f"Expected two or more subjects to compare, got {len(paths)}")
     dialect_read = load_dialect(dialect) if dialect else None
     memory_bytes = parse_bytes(memory)
-    sources = sources_of(given, dialect_read)
+    sources = sources_of(paths)
     read = [path for source in sources for path in source.paths]
     # The arrays beside each record are inputs as well: no output may overwrite them.
     Outputs(json_path, markdown_path, html_path).require_writable([*read, *map(arrays_beside, read)])
@@ -103,20 +103,20 @@ def compare(
     for note in comparison.notes:
         console.print(text(note, "yellow"))
     console.print(text(headline(comparison), "bold"))
-    console.print(text(how_it_is_told(comparison), "dim"))
+    console.print(text(false_alarm_sentence(comparison), "dim"))
     return 0
 
 
 @dataclass(frozen=True, slots=True)
 class Source:
-    """The files that one argument names: all of them sequences, or all of them records."""
+    """The files that one argument names: all sequences, or all records."""
 
-    given: Path
+    path: Path
     paths: tuple[Path, ...]
     records: bool
 
 
-def sources_of(given: Sequence[Path], dialect: Dialect | None) -> tuple[Source, ...]:
+def sources_of(paths: Sequence[Path]) -> tuple[Source, ...]:
     """Return the files that the arguments name, before any of them is read.
 
     Raises
@@ -124,11 +124,11 @@ def sources_of(given: Sequence[Path], dialect: Dialect | None) -> tuple[Source, 
     MisuseError
         A path is missing or given twice, a file is no sequence, or a folder holds neither sequences nor records.
     """
-    for path in given:
-        if given.count(path) > 1:
-            raise MisuseError(f"Expected each path once, got {path} {given.count(path)} times")
+    for path in paths:
+        if paths.count(path) > 1:
+            raise MisuseError(f"Expected each path once, got {path} {paths.count(path)} times")
     sources = []
-    for path in given:
+    for path in paths:
         if not path.is_dir():
             sources.append(Source(path, (path,), path.suffix.lower() == _RECORD))
             continue
@@ -143,15 +143,15 @@ def sources_of(given: Sequence[Path], dialect: Dialect | None) -> tuple[Source, 
         if not source.records:
             require_hdf5(source.paths)
         elif not source.paths[0].is_file():
-            raise MisuseError(f"Expected a record at {source.given}, got no such file")
+            raise MisuseError(f"Expected a record at {source.path}, got no such file")
     return tuple(sources)
 
 
 def read_sources(
     sources: Sequence[Source], dialect: Dialect | None, memory_bytes: int, allow_external: Sequence[Path] = ()
-) -> tuple[Given, ...]:
+) -> tuple[SubjectInput, ...]:
     """Read the records, and measure the other files, each in a process of its own; raises as ``run_isolated``."""
-    names = labels([str(source.given) for source in sources])
+    names = labels([str(source.path) for source in sources])
     subjects = []
     for name, source in zip(names, sources, strict=True):
         files = []
@@ -162,8 +162,8 @@ def read_sources(
                 # Names of arrays start with the number of the file, from 0, if a record holds several (`record_of`).
                 has_several = len(record.files) > 1
                 for i, file in enumerate(record.files):
-                    sampled = sampled_from(arrays, f"{i}/" if has_several else "")
-                    files.append(GivenFile(file.path, file.statistics, sampled, file))
+                    sampled = sampled_counts_of(arrays, f"{i}/" if has_several else "")
+                    files.append(FileInput(file.path, file.statistics, sampled, file))
                 continue
             with progress_bar(path.name) as report:
                 task = Task(collect_statistics, (path, dialect, memory_bytes, allow_external, True))
@@ -173,6 +173,6 @@ def read_sources(
                 group: {key: None if isinstance(v, float) and not math.isfinite(v) else v for key, v in values.items()}
                 for group, values in counted.statistics.items()
             }
-            files.append(GivenFile(str(path), statistics, sampled_from(counted.arrays)))
-        subjects.append(Given(name, tuple(files)))
+            files.append(FileInput(str(path), statistics, sampled_counts_of(counted.arrays)))
+        subjects.append(SubjectInput(name, tuple(files)))
     return tuple(subjects)

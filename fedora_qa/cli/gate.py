@@ -21,7 +21,7 @@ from fedora_qa.gate.contents import contents_of
 from fedora_qa.gate.policy import read_policy
 from fedora_qa.gate.release import find_release
 from fedora_qa.gate.rules import release_results_of
-from fedora_qa.gate.verdict import Judgement, judged, release_record
+from fedora_qa.gate.verdict import Judgement, judge_release, release_record
 from fedora_qa.record.json_io import read_record
 from fedora_qa.storage.digest import whole_digest
 
@@ -73,7 +73,7 @@ def gate(
     with executor_for(settings) as readers:
         contents, files = contents_of(policy, release, [run.record for run in runs], readers)
     runs = [replace(run, record=file) for run, file in zip(runs, files, strict=True)]
-    # Last, where `judged` expects it.
+    # Last, where `judge_release` expects it.
     runs.append(FileRun(release_record(release, files)))
     record = record_of(runs, settings, started, facts)
     digests: dict[str, str] = {}
@@ -84,7 +84,7 @@ def gate(
             is_full = file.digest_kind == "full"
             digests[sequence.name] = file.sha256 if is_full else whole_digest(sequence.path)
     release_results = release_results_of(policy, release, files, contents, digests)
-    record = judged(record, release, release_results, Judgement(policy, baseline, now.date()))
+    record = judge_release(record, release, release_results, Judgement(policy, baseline, now.date()))
     outputs.write(record, gathered_arrays(runs))
     print_record(record, github=outputs.github)
     code = exit_code(record.files, "failed")

@@ -16,7 +16,7 @@ from fedora_qa.record.types import Outcome, Scalar, Severity, Tool
 COMPARISON_VERSION: Final = "1.0"
 
 Design = Literal["versions", "sequences", "datasets"]
-Told = Literal["differs", "no_difference_seen", "identical", "not_told"]
+Conclusion = Literal["differs", "no_difference_seen", "identical", "not_told"]
 Moved = Literal["moved", "within_error", "changed"]
 Change = Literal["new", "gone", "changed"]
 
@@ -73,7 +73,7 @@ class Difference:
     distance_by_chance: float | None
     chance: float | None
     units: tuple[int, int]
-    told: Told
+    told: Conclusion
     reason: str = ""
 
 

@@ -1,6 +1,6 @@
-"""The certificate: what was checked of which bytes, by what, how closely, and what was waived.
+"""The certificate of a release: its bytes, the checks and their detection limits, and the waivers.
 
-Verifying compares a release with it later.
+``differences`` compares a release with its certificate later.
 """
 
 import hashlib
@@ -91,7 +91,7 @@ class Certificate:
 
     @property
     def own_digest(self) -> str:
-        """What ``digest`` is in a certificate that nobody has changed."""
+        """The value of ``digest`` in a certificate that was not changed."""
         # Canonical JSON, without the digest itself: equal certificates have equal bytes.
         values = CERTIFICATE.adapter.dump_python(replace(self, digest=""), mode="json")
         return hashlib.sha256(json.dumps(values, sort_keys=True, separators=(",", ":")).encode()).hexdigest()

@@ -1,4 +1,4 @@
-"""What a release must be: ``policy.toml``, read and checked, every unknown key refused by name."""
+"""The policy of a release: ``policy.toml``, read and validated; unknown keys are refused by name."""
 
 import hashlib
 import json

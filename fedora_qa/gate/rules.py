@@ -44,16 +44,16 @@ def release_results_of(
     contents_by_name: ContentsByName,
     digests: Mapping[str, str],
 ) -> Iterator[ReleaseResult]:
-    """Yield what each rule found that the policy asks for.
+    """Yield the result of each rule of the policy.
 
     Parameters
     ----------
     files
         The records of the sequences, in the release's order.
     contents_by_name
-        What ``contents_of`` found.
+        The result of ``contents_of``.
     digests
-        SHA-256 of all of each sequence, by its name; may be empty where the policy asks for no checksums.
+        SHA-256 of all of each sequence, by its name; may be empty where the policy names no checksums.
     """
     names = [sequence.name for sequence in release.sequences]
     if policy.naming is not None:
@@ -113,8 +113,8 @@ def rule_on_intrinsics(contents_by_name: ContentsByName, cameras: Iterable[str])
             # To nine digits: what is declared may have passed through text.
             if not same_sensor or not np.allclose(camera.K, first.K, rtol=1e-9, atol=0.0):
                 message = (
-                    f"Expected the intrinsics of the camera {name} in {reference[0]} ({_words(first)}), "
-                    f"got {_words(camera)}"
+                    f"Expected the intrinsics of the camera {name} in {reference[0]} ({_intrinsics_text(first)}), "
+                    f"got {_intrinsics_text(camera)}"
                 )
                 violations.append(Violation(sequence, "differ", message, name))
     question = "Are the intrinsics those of the other sequences?"
@@ -181,7 +181,7 @@ def rule_on_documents(folder: Path, documents: Documents) -> ReleaseResult:
 
 
 def rule_on_checksums(folder: Path, listing: str, digests: Mapping[str, str]) -> ReleaseResult:
-    """Every sequence is listed, and every digest is right.
+    """Every sequence is listed, and every digest is correct.
 
     Parameters
     ----------
@@ -227,7 +227,7 @@ def rule_on_totals(files: Sequence[FileRecord], totals: Mapping[Total, Bounds]) 
     for total, bounds in totals.items():
         amount = amount_of(files, total)
         if amount is None:
-            message = f"Expected to sum {total}, got a sequence whose statistics do not tell it"
+            message = f"Expected to sum {total}, got a sequence whose statistics lack it"
         elif bounds.least is not None and amount < bounds.least:
             message = f"Expected {total} of at least {number(bounds.least)}, got {number(amount)}"
         elif bounds.most is not None and amount > bounds.most:
@@ -252,7 +252,7 @@ def amount_of(files: Sequence[FileRecord], total: Total) -> float | None:
     return float(sum(value for value in values if isinstance(value, int | float)))
 
 
-def _words(camera: Camera) -> str:
+def _intrinsics_text(camera: Camera) -> str:
     focal, centre = np.diag(camera.K)[:2], camera.K[:2, 2]
     return (
         f"{camera.model} {camera.width}x{camera.height}, f {focal[0]:.9g}, {focal[1]:.9g}, "

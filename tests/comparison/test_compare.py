@@ -11,7 +11,7 @@ from hypothesis import given as examples
 from scipy.stats import binom
 
 from fedora_qa.comparison.compare import compare
-from fedora_qa.comparison.subjects import Given, design_of, labels
+from fedora_qa.comparison.subjects import SubjectInput, design_of, labels
 from fedora_qa.comparison.tables import comparison_to_markdown
 from fedora_qa.comparison.types import COMPARISON, Comparison
 from fedora_qa.errors import MisuseError
@@ -158,7 +158,7 @@ def test_hostile_records_are_shown_as_text(one: FileRecord, other: FileRecord) -
     """Whatever a record holds, the outputs are made, and nothing in it becomes markup."""
     read = record_from_json(record_to_json(record(one, other))).files
     pair = [
-        Given(f"<i>{k}", (replace(given_file("a.h5", STILL[:6], record=file), statistics=file.statistics),))
+        SubjectInput(f"<i>{k}", (replace(given_file("a.h5", STILL[:6], record=file), statistics=file.statistics),))
         for k, file in enumerate(read)
     ]
     found = compare(pair, "versions", 0.01)
