@@ -9,7 +9,7 @@ from typing import Final
 import click
 
 from fedora_qa.cli.arrays import arrays_beside, read_arrays
-from fedora_qa.cli.check import folders_named, require_hdf5
+from fedora_qa.cli.check import external_folders, require_hdf5
 from fedora_qa.cli.isolated import run_isolated
 from fedora_qa.cli.options import PATH, allow_external_option, dialect_option, memory_option
 from fedora_qa.cli.outputs import Outputs
@@ -81,7 +81,7 @@ def compare(
     # The arrays beside each record are inputs as well: no output may overwrite them.
     Outputs(json_path, markdown_path, html_path).require_writable([*read, *map(arrays_beside, read)])
     comparison = compare_subjects(
-        read_sources(sources, dialect_read, memory_bytes, folders_named(allow_external)), design, false_alarm_rate
+        read_sources(sources, dialect_read, memory_bytes, external_folders(allow_external)), design, false_alarm_rate
     )
     if json_path:
         write_text(json_path, COMPARISON.to_json(comparison))

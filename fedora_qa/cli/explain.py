@@ -1,4 +1,4 @@
-"""``fedora-qa checks`` and ``fedora-qa explain``: the questions of the checks, and how each is answered."""
+"""``fedora-qa checks`` and ``fedora-qa explain``: the question of each check, and how the check answers it."""
 
 import sys
 
@@ -34,7 +34,7 @@ def checks() -> int:
 @click.command()
 @click.argument("name", metavar="CHECK", shell_complete=complete_check)
 def explain(name: str) -> int:
-    """Say what CHECK, or every check of a subject, measures, how, and what it cannot see."""
+    """Explain what CHECK, or every check of a subject, measures, how, and what it cannot detect."""
     checks = [check for check in CHECKS if name in {check.name, check.name.split(".")[0]}]
     if not checks:
         raise MisuseError(f"Expected a check or subject, got {name!r}; `fedora-qa checks` lists them")
@@ -42,11 +42,11 @@ def explain(name: str) -> int:
     for check in checks:
         console.print(Text(check.name, style="bold"))
         console.print(Text(f"needs: {', '.join(check.needs) or 'no stream'}", style="dim"))
-        said = explanation(check)
-        answer = Text(f"\n{said.question}\n\n{said.measured}\n")
-        measured = detection_power_text(check.name)
-        sections = {**said.sections, **({TITLE: measured} if measured else {})}
+        explained = explanation(check)
+        content = Text(f"\n{explained.question}\n\n{explained.measured}\n")
+        power = detection_power_text(check.name)
+        sections = {**explained.sections, **({TITLE: power} if power else {})}
         for title, section in sections.items():
-            answer.append(f"\n{title}\n", style="bold").append(f"{section}\n")
-        console.print(answer)
+            content.append(f"\n{title}\n", style="bold").append(f"{section}\n")
+        console.print(content)
     return 0

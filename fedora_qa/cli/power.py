@@ -33,12 +33,14 @@ from fedora_qa.record.power_types import POWER
 @ignore_option
 @config_option
 @click.option("--jobs", type=click.IntRange(min=1), default=1, show_default=True, help="Files checked at once.")
-@click.option("--state", type=PATH, metavar="DIR", help="Where to keep what was found.  [default: beside each CORPUS]")
+@click.option(
+    "--state", type=PATH, metavar="DIR", help="Where to keep results of files.  [default: beside each CORPUS]"
+)
 @click.option("--json", "json_path", type=PATH, metavar="OUT", help="Write every number.")
 @click.option("--html", "html_path", type=PATH, metavar="OUT", help="Write tables and plots, in one HTML file.")
 @click.option("--markdown", "markdown_path", type=PATH, metavar="OUT", help="Write the tables.")
 @click.option("--svg", "svg_path", type=PATH, metavar="OUT", help="Draw the curves, for documents.")
-@click.option("--publish", type=PATH, metavar="OUT", help="Write what a passed check is worth, for the package.")
+@click.option("--publish", type=PATH, metavar="OUT", help="Write the detection power of each check, for the package.")
 def power(
     corpora: tuple[Path, ...],
     config: Path | None,
@@ -49,13 +51,13 @@ def power(
     markdown_path: Path | None,
     svg_path: Path | None,
     publish: Path | None,
-    **given: Any,
+    **overrides: Any,
 ) -> int:
-    """Check every file of each CORPUS, whose manifest.json says what was planted, and tabulate what was found.
+    """Check every file of each CORPUS, whose manifest.json lists the planted faults, and tabulate what was found.
 
-    Run again after an interrupt, it goes on where it was. Exit codes: 0 measured; 2 misuse; 3 a check crashed.
+    Run again after an interrupt, it continues. Exit codes: 0 measured; 2 misuse; 3 a check crashed.
     """
-    settings = settings_from(config, given)
+    settings = settings_from(config, overrides)
     # A study counts outcomes; evidence of thousands of files would only cost time and space.
     options = replace(check_options(settings), evidence=None)
     manifests = {corpus: read_manifest(corpus) for corpus in corpora}

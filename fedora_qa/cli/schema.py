@@ -1,4 +1,4 @@
-"""``fedora-qa schema``: the published schemas of what is written and read, for programs and editors."""
+"""``fedora-qa schema``: the published schemas of documents and configurations, for programs and editors."""
 
 from collections.abc import Mapping
 from importlib import resources

@@ -8,7 +8,7 @@ from typing import Final
 import click
 
 from fedora_qa import __version__
-from fedora_qa.cli.check import folders_named, require_hdf5
+from fedora_qa.cli.check import external_folders, require_hdf5
 from fedora_qa.cli.isolated import run_isolated
 from fedora_qa.cli.options import PATH, allow_external_option, dialect_option, memory_option
 from fedora_qa.cli.outputs import Outputs
@@ -28,9 +28,9 @@ from fedora_qa.statistics.collector import Statistics
 
 NOTES: Final = (
     "T from the first to the last pose (or frame). D, v max and w max from least-squares quintic splines through the "
-    "poses, their knots chosen by cross-validation; the excess that noise leaves is told by a parametric bootstrap and "
-    "subtracted, and the error holds it. Flow, depth and brightness from every fourth column and row of every frame. "
-    "Flow is its magnitude in px over the interval of its rate."
+    "poses, their knots chosen by cross-validation; the excess that noise leaves is estimated by a parametric "
+    "bootstrap and subtracted; the error includes it. Flow, depth and brightness from every fourth column and row of "
+    "every frame. Flow is its magnitude in px over the interval of its rate."
 )
 
 
@@ -49,12 +49,12 @@ def stats(
     json_path: Path | None,
     markdown_path: Path | None,
 ) -> int:
-    """Print what FILES are like: duration, distance, greatest speeds, event rate, flow, depth, brightness."""
+    """Print statistics of FILES: duration, distance, greatest speeds, event rate, flow, depth, brightness."""
     dialect_read = load_dialect(dialect) if dialect else None
     memory_bytes = parse_bytes(memory)
     Outputs(json_path, markdown_path).require_writable(files)
     require_hdf5(files)
-    folders = folders_named(allow_external)
+    folders = external_folders(allow_external)
     by_file: dict[str, Statistics] = {}
     for path in files:
         with progress_bar(path.name) as report:

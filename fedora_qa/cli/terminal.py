@@ -1,4 +1,4 @@
-"""Consoles: colour and width of a terminal only on one, and no text of a file interpreted as markup."""
+"""Consoles for results and messages; text from files is never interpreted as markup."""
 
 import os
 import sys
@@ -32,7 +32,7 @@ def stdout_console() -> Console:
 
 
 def stderr_console() -> Console:
-    """Return the console for progress and complaints."""
+    """Return the console for progress and messages."""
     return _console(stderr=True)
 
 

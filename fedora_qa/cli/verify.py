@@ -1,4 +1,4 @@
-"""``fedora-qa verify``: whether a release is still the one that was certified."""
+"""``fedora-qa verify``: compare a release with its certificate."""
 
 from datetime import UTC, datetime
 from pathlib import Path
