@@ -28,7 +28,7 @@ _STRICT: Final = ConfigDict(extra="forbid")
 
 @dataclass(frozen=True, slots=True)
 class Sight:
-    """The least fault that a check would have seen, with 95% probability."""
+    """The least fault that a check would have detected, with 95% probability."""
 
     name: str
     least_detectable: float
@@ -37,7 +37,7 @@ class Sight:
 
 @dataclass(frozen=True, slots=True)
 class CertifiedCheck:
-    """What one check told of one file."""
+    """The result of one check on one file."""
 
     check: str
     outcome: Outcome
@@ -70,7 +70,7 @@ class Certificate:
     patterns
         Which files of the release are sequences.
     digest
-        SHA-256 of everything else in the certificate. It tells damage, not forgery: sign the file for that.
+        SHA-256 of everything else in the certificate. It reveals damage and not forgery: sign the file against that.
     """
 
     __pydantic_config__: ClassVar[ConfigDict] = _STRICT

@@ -28,9 +28,9 @@ class Waiver:
     reason: NonEmpty
     """Why it is accepted."""
     owner: NonEmpty
-    """Who answers for that."""
+    """Who is responsible for that."""
     expires: date
-    """The last day on which it holds."""
+    """The last day on which the waiver is valid."""
     code: NonEmpty | None = None
     """The rule that may be broken; or else ``cause``."""
     cause: NonEmpty | None = None
