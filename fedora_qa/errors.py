@@ -18,7 +18,7 @@ class FedoraError(Exception):
 
 
 class MisuseError(FedoraError):
-    """The request cannot be carried out as asked: a wrong path, option or configuration."""
+    """The request cannot be carried out: a wrong path, option or configuration."""
 
 
 class NotHdf5Error(MisuseError):

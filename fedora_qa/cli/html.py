@@ -1,4 +1,4 @@
-"""The report as one HTML file. ``fedora_reports`` is an optional package, imported only if a report is asked for."""
+"""The report as one HTML file. ``fedora_reports`` is an optional package, imported only where a report is requested."""
 
 from collections.abc import Mapping
 from pathlib import Path

@@ -60,7 +60,7 @@ def compare(inputs: Sequence[SubjectInput], design: Design | None, false_alarm_r
     Raises
     ------
     MisuseError
-        There are fewer than two, or versions are asked for that have no file in common.
+        There are fewer than two, or versions have no file in common.
     """
     if len(inputs) < 2:
         raise MisuseError(f"Expected two or more subjects to compare, got {len(inputs)}")

@@ -129,7 +129,7 @@ def paired_counts(before: SubjectInput, after: SubjectInput, design: Design) -> 
 def difference_of(counts: PairedCounts, level: float) -> Difference:
     """Return how far two distributions lie apart, and whether chance gives as much at ``level`` (a probability)."""
     sides = counts.sides
-    random = np.random.default_rng(0)  # the same answer whenever it is asked for
+    random = np.random.default_rng(0)  # the same result in every run
     distance_error, shift_error = standard_errors(sides, random)
     before, after = (float(mean_of(shares_of(side.sum(axis=0)), sides.edges)) for side in (sides.before, sides.after))
     chance: Chance | None = None

@@ -168,9 +168,9 @@ def rule_on_splits(
 
 def rule_on_documents(folder: Path, documents: Documents) -> ReleaseResult:
     """Datasheet, licence and checksums are there and not empty."""
-    asked = {"datasheet": documents.datasheet, "licence": documents.licence, "checksums": documents.checksums}
+    required = {"datasheet": documents.datasheet, "licence": documents.licence, "checksums": documents.checksums}
     violations = []
-    for kind, name in asked.items():
+    for kind, name in required.items():
         if name is None:
             continue
         path = inside(folder, name)

@@ -60,7 +60,7 @@ class Server:
 
     def ask_version(self) -> Version:
         """Request the present length and version of the file."""
-        # s3fs caches what it knows of an object; a change shows only in a new answer.
+        # s3fs caches the facts of an object; a change shows only in a new answer.
         refresh = {"refresh": True} if self._place.scheme == "s3" else {}
         facts = self._request(lambda: self._files.info(self._place.url, **refresh))
         size = facts.get("size")
