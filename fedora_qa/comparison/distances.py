@@ -24,7 +24,7 @@ from fedora_qa.comparison.types import Conclusion, Design, Difference
 
 _NOUNS: Final[dict[Design, str]] = {
     "versions": "blocks of time are in both",
-    "sequences": "stretches of time can count as independent",
+    "sequences": "segments of time count as independent",
     "datasets": "files have it",
 }
 

@@ -178,7 +178,7 @@ def _version_tables(versions: Versions) -> Iterator[TextTable]:
         )
         for change in versions.measurements
     ]
-    note = "Two honest versions differ by no more than what is allowed, at the false-alarm rate of a check."
+    note = "Two correct versions differ by no more than is allowed, at the false-alarm rate of a check."
     yield _first_rows(
         "Measured values that moved", ("file", "measured", "unit", "before", "after", "allowed"), moved, 3, note
     )
