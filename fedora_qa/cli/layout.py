@@ -79,8 +79,8 @@ def layout(file: Path, dialect: str | None, draft_path: Path | None, allow_exter
         ("Absent", [f"{stream}: {reason}" for stream, reason in description.absent], ""),
         ("Inferred", inferred, ""),
         ("Problems", description.problems, "red"),
-        ("Not spoken of by the dialect", [*unused, *([f"... and {more} more"] if more else [])], ""),
-        ("Not looked at", description.unseen, ""),
+        ("Unknown to the dialect", [*unused, *([f"... and {more} more"] if more else [])], ""),
+        ("Not examined", description.unseen, ""),
     ):
         if not lines:
             continue
