@@ -1,4 +1,4 @@
-"""Recompute what must hold between the streams of an event-camera sequence, and say what does not.
+"""Recompute what must hold between the streams of an event-camera sequence, and report what does not.
 
 ::
 

@@ -1,7 +1,7 @@
 """The causes of faults as pure data, shared by judgement, fault planting and the power study.
 
 A cause is written ``stream:identifier`` where the stream matters (``events:time_offset``). Magnitudes are signed:
-positive means stamps too late, or values too large. Identifiers are relied on by others and never change.
+positive means stamps too late, or values too large. Programs rely on identifiers: they never change.
 """
 
 from collections.abc import Mapping
@@ -13,7 +13,6 @@ STREAMS: Final = ("rgb", "depth", "events", "imu", "pose", "flow", "rgb_to_event
 """Streams by name. ``flow`` is every rate together; one rate is ``flow/10hz`` and so on."""
 
 FRAMES: Final = ("rgb", "depth")
-SAMPLED: Final = ("rgb", "depth", "imu", "pose", "flow")
 TIMED: Final = ("rgb", "depth", "events", "imu", "pose", "flow")
 INDEX_MAPS: Final = ("rgb_to_event", "depth_to_event")
 
@@ -27,7 +26,7 @@ class Cause:
     identifier
         The stable name.
     streams
-        The streams that it can befall.
+        The streams that it can affect.
     unit
         Unit of the magnitude; ``"1"`` for a pure number, ``""`` where the fault has no size.
     meaning
@@ -171,5 +170,5 @@ def in_families(stream: str, families: frozenset[str] | None) -> bool:
 
 
 def allowed(cause: str, stream: str) -> bool:
-    """Whether the cause can befall the stream (a single flow rate counts as flow)."""
+    """Whether the cause can affect the stream (a single flow rate counts as flow)."""
     return stream_family(stream) in CAUSES[cause].streams

@@ -10,10 +10,10 @@
     memory = "1GB"
     jobs = 1                        # tasks at once, each in a process of its own; they share the memory
     false_alarm_rate = 1e-4         # a file, shared by all its comparisons
-    canary = false                  # whether each check must see a fault that is planted for it in memory
+    canary = false                  # whether each check must detect a fault that is planted for it in memory
     allow_external = []             # folders in which other files may be read that a file links to; none where absent
 
-    [required_coverage]             # least share that a subject or check must see, 0 to 1
+    [required_coverage]             # least share of its stream that a subject or check must cover, 0 to 1
     integrity = 1.0
 """
 
@@ -59,7 +59,7 @@ Share = Annotated[float, Field(ge=0, le=1)]
 
 @dataclass(frozen=True, slots=True)
 class CheckConfig:
-    """Everything that a configuration file may say, and nothing else."""
+    """All keys of a configuration file."""
 
     __pydantic_config__: ClassVar[ConfigDict] = ConfigDict(extra="forbid", use_attribute_docstrings=True)
 
@@ -70,21 +70,21 @@ class CheckConfig:
     ignore: tuple[str, ...] = ()
     """Subjects or checks to leave out."""
     dialect: str | None = None
-    """How the files name and scale things: a name, or a TOML file beside this one; recognised where absent."""
+    """How the files name and scale their data: a name, or a TOML file beside this one; recognised where absent."""
     fail_on: Literal["failed", "warned"] = "failed"
     """From which outcome on a check counts as a finding."""
     memory: str = "1GB"
     """Memory to aim at, such as 1GB or 512MiB."""
     false_alarm_rate: Annotated[float, Field(gt=0, lt=1)] = DEFAULT_FALSE_ALARM_RATE
-    """How often an honest file may alarm; shared by all comparisons of a file."""
+    """Probability that a correct file fails; shared by all comparisons of a file."""
     canary: bool = False
-    """Whether each check must see a fault that is planted for it in memory."""
+    """Whether each check must detect a fault that is planted for it in memory."""
     jobs: Annotated[int, Field(ge=1)] = 1
     """Tasks at once, each in a process of its own; they share the memory."""
     allow_external: tuple[str, ...] = ()
     """Folders, beside this file, in which other files may be read that a file links to or is made of; none if empty."""
     required_coverage: Mapping[str, Share] = field(default_factory=dict)
-    """Least share, 0 to 1, that a subject or check must see."""
+    """Least share, 0 to 1, of its stream that a subject or check must cover."""
 
     @property
     def memory_bytes(self) -> int:
@@ -132,7 +132,7 @@ def with_options(config: CheckConfig, options: Mapping[str, Any]) -> CheckConfig
 
 
 def read_toml(path: Path, reader: TypeAdapter[T], noun: str) -> T:
-    """Read a TOML file as a type; raises ``MisuseError`` as ``read_config`` does. ``noun`` says what it holds."""
+    """Read a TOML file as a type; raises ``MisuseError`` as ``read_config`` does. ``noun`` names its content."""
     try:
         with path.open("rb") as file:
             # One byte more than the limit shows that the file is too long without reading the rest.
@@ -144,7 +144,7 @@ def read_toml(path: Path, reader: TypeAdapter[T], noun: str) -> T:
         raise MisuseError(f"Expected a readable {noun} at {path}, got: {error.strerror}") from None
     # The TOML parser descends once for each level; a hostile file of nested lists exhausts the stack.
     except RecursionError:
-        raise MisuseError(f"Expected TOML in {path}, got tables or lists within each other without end") from None
+        raise MisuseError(f"Expected TOML in {path}, got tables or lists nested too deeply") from None
     except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
         raise MisuseError(f"Expected TOML in {path}, got: {error}") from None
     try:

@@ -2,14 +2,14 @@
 
 ::
 
-    FedoraError                what the user should read as one sentence
+    FedoraError                an error that the user reads as one sentence
     ├── MisuseError            no such path, not HDF5 at all, bad options or config (exit code 2)
     │   ├── NotHdf5Error       the path exists and does not begin like HDF5
-    │   └── StorageError       a file behind a URL cannot be had, or has become another while it was read
-    ├── UnreadableFileError    an HDF5 signature, and no way in (a finding, not misuse)
+    │   └── StorageError       a file behind a URL cannot be read, or was changed meanwhile
+    ├── UnreadableFileError    an HDF5 signature, and it cannot be opened (a finding, not misuse)
     ├── UnreadableRowsError    some rows of one dataset cannot be decoded (a finding; the rest goes on)
     └── WorkerLostError        the process that did a task died (the task is done again; the rest goes on)
-        └── EndlessError       it was ended, as the task exceeded its limit of time (the task is not done again)
+        └── EndlessError       the task exceeded its limit of time (the task is not done again)
 """
 
 
@@ -18,7 +18,7 @@ class FedoraError(Exception):
 
 
 class MisuseError(FedoraError):
-    """The request cannot be carried out as asked: a wrong path, option or configuration."""
+    """The request cannot be carried out: a wrong path, option or configuration."""
 
 
 class NotHdf5Error(MisuseError):
@@ -26,7 +26,7 @@ class NotHdf5Error(MisuseError):
 
 
 class StorageError(MisuseError):
-    """A file behind a URL cannot be had: no such object, no access, no connection, or it was changed meanwhile."""
+    """A file behind a URL cannot be read: no such object, no access, no connection, or it was changed meanwhile."""
 
 
 class UnreadableFileError(FedoraError):
@@ -41,10 +41,9 @@ class UnreadableRowsError(FedoraError):
     key
         Canonical key of the dataset.
     start, stop
-        The rows that were asked for.
+        The requested rows.
     chunks
-        Stored chunks of these rows that fail by themselves, by their number in the dataset; empty where they were not
-        tried one by one.
+        Numbers in the dataset of the stored chunks that cannot be decoded; empty where they were not decoded singly.
     """
 
     def __init__(self, key: str, start: int, stop: int, reason: str, chunks: tuple[int, ...] = ()) -> None:
@@ -57,8 +56,8 @@ class UnreadableRowsError(FedoraError):
 
 
 class WorkerLostError(FedoraError):
-    """The process that did a task died over it: killed, out of memory, or by a crash of a library."""
+    """The process of a task died: killed, out of memory, or by a crash of a library."""
 
 
 class EndlessError(WorkerLostError):
-    """A task exceeded its limit of time, as a file took for ever to open; it will again."""
+    """A task exceeded its limit of time, such as a file that never opens; it would exceed it again."""

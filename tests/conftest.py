@@ -8,7 +8,7 @@ import numba
 import pytest
 
 from fedora_generator.scene import load_scene
-from fedora_qa.cli.workers import IN_PROCESS_VARIABLE
+from fedora_qa.cli.startup import IN_PROCESS_VARIABLE
 from tests.support.graphics import require_chromium, require_opengl
 from tests.support.sequences import CleanSequence, make_sequence
 from tests.support.shared_files import SharedFiles

@@ -9,8 +9,8 @@ from typing import Any
 from fedora_qa.api.checked import CheckedRecord
 from fedora_qa.cli.arrays import arrays_beside, read_arrays
 from fedora_qa.cli.check import check_options, require_hdf5
-from fedora_qa.cli.files import Request, checked, executor_for
-from fedora_qa.cli.record import gathered_arrays, record_of
+from fedora_qa.cli.check_all import Request, check_all, executor_for
+from fedora_qa.cli.record import evidence_arrays, record_of
 from fedora_qa.config import CheckConfig, read_config, with_options
 from fedora_qa.errors import MisuseError
 from fedora_qa.evidence.options import EvidenceOptions
@@ -55,10 +55,10 @@ def check(
     require_hdf5(files)
     started = datetime.now(UTC).isoformat(timespec="seconds")
     executor = executor_for(settings, in_process=not apart)
-    # Read here, as ``checked`` closes the executor.
+    # Read here, as ``check_all`` closes the executor.
     jobs = executor.capacity
-    runs = checked(files, Request(settings, engine_options, started), executor)
-    return _with_arrays(record_of(runs, settings, started, {"jobs": jobs}), gathered_arrays(runs))
+    runs = check_all(files, Request(settings, engine_options, started), executor)
+    return _with_arrays(record_of(runs, settings, started, {"jobs": jobs}), evidence_arrays(runs))
 
 
 def read_record(path: AnyPath) -> CheckedRecord:

@@ -1,1 +1,8 @@
-"""The command line: one file a command. Results go to stdout, progress and complaints to stderr."""
+"""The command line. Results go to stdout, progress and messages to stderr.
+
+Read in this order: ``main`` (the table of commands, exit codes of errors) and ``startup``; ``check`` with ``options``
+(shared by commands), ``check_all`` (runs over many files), ``resume`` and ``record``; ``outputs`` with ``arrays``,
+``html`` and ``parquet`` (what is written); ``summary`` with ``terminal`` and ``progress`` (what is printed). Every
+other command is a file of its name; ``explain`` holds ``checks`` as well. ``isolated`` and ``isolated_light`` read a
+file in a process of its own. ``check_pages`` and ``schema_files`` write files of the repository.
+"""

@@ -1,4 +1,4 @@
-"""``fedora-qa check``: check files, write the outputs asked for, and print a summary."""
+"""``fedora-qa check``: check files, write the requested outputs, and print a summary."""
 
 import re
 from collections.abc import Mapping, Sequence
@@ -10,15 +10,21 @@ from typing import TYPE_CHECKING, Any, Final
 import click
 from click.shell_completion import CompletionItem
 
-from fedora_qa.cli.check_names import complete_check
 from fedora_qa.cli.exit_codes import exit_code
-from fedora_qa.cli.output_options import allow_external_option, record_options
+from fedora_qa.cli.options import (
+    PATH,
+    allow_external_option,
+    config_option,
+    dialect_option,
+    ignore_option,
+    record_options,
+    select_option,
+)
 from fedora_qa.cli.outputs import Outputs
-from fedora_qa.cli.record import gathered_arrays, record_of
+from fedora_qa.cli.record import evidence_arrays, record_of
 from fedora_qa.cli.resume import resume_folder
-from fedora_qa.cli.start_time import START_TIME
+from fedora_qa.cli.startup import START_TIME, loading_modules
 from fedora_qa.cli.summary import print_record
-from fedora_qa.cli.workers import loading
 from fedora_qa.config import CheckConfig, read_config
 from fedora_qa.engine.options import CheckOptions
 from fedora_qa.errors import MisuseError
@@ -30,8 +36,6 @@ from fedora_qa.storage.signature import require_signature
 if TYPE_CHECKING:  # the process that distributes the work loads no measuring code
     from fedora_qa.layout.dialect import Dialect
 
-PATH = click.Path(path_type=Path)
-
 _SECONDS_PER_UNIT: Final[Mapping[str, float]] = {"s": 1.0, "m": 60.0, "h": 3600.0}
 
 
@@ -41,7 +45,7 @@ class PlaceParam(click.ParamType):  # type: ignore[type-arg]  # generic only fro
     name = "place"
 
     def convert(self, value: str | Place, param: click.Parameter | None, ctx: click.Context | None) -> Place:
-        """Return the place that the text means."""
+        """Return the place that the argument names."""
         return place_of(value) if isinstance(value, str) else value
 
     def shell_complete(self, ctx: click.Context, param: click.Parameter, incomplete: str) -> list[CompletionItem]:
@@ -63,11 +67,11 @@ class BudgetParam(click.ParamType):  # type: ignore[type-arg]  # generic only fr
     name = "time"
 
     def convert(self, value: str | Budget, param: click.Parameter | None, ctx: click.Context | None) -> Budget:
-        """Return the budget that the text means."""
+        """Return the budget that the argument states."""
         return parse_budget(value) if isinstance(value, str) else value
 
 
-@click.command(short_help="Check files and say what is wrong, where, by how much and why.")
+@click.command()
 @click.argument("files", nargs=-1, required=True, type=PlaceParam())
 @click.option(
     "--effort",
@@ -80,22 +84,10 @@ class BudgetParam(click.ParamType):  # type: ignore[type-arg]  # generic only fr
     metavar="TIME",
     help="Look at as much as fits into a time such as 60s, 5m or 0.5h, in place of an effort.",
 )
-@click.option(
-    "--select",
-    multiple=True,
-    metavar="SUBJECT[.PROPERTY]",
-    shell_complete=complete_check,
-    help="Run only these checks. May be repeated.",
-)
-@click.option(
-    "--ignore",
-    multiple=True,
-    metavar="SUBJECT[.PROPERTY]",
-    shell_complete=complete_check,
-    help="Leave these checks out. May be repeated.",
-)
-@click.option("--config", type=PATH, help="Read options from a fedora-qa.toml; the command line counts more.")
-@click.option("--dialect", metavar="NAME|FILE.toml", help="How the files name and scale things; else recognised.")
+@select_option
+@ignore_option
+@config_option
+@dialect_option
 @click.option("--fail-on", type=click.Choice(["failed", "warned"]), help="From which outcome on to exit with 1.")
 @click.option(
     "--memory",
@@ -112,13 +104,13 @@ class BudgetParam(click.ParamType):  # type: ignore[type-arg]  # generic only fr
     "--resume",
     type=PATH,
     metavar="DIR",
-    help="Keep what was found of each file in DIR, and check only what is not there. Made where it is missing.",
+    help="Keep the result of each file in DIR, and check only files without one. Made where it is missing.",
 )
 @click.option(
     "--canary",
     is_flag=True,
     default=None,
-    help="Plant a fault for each check, in memory: one that does not see its own is reported as crashed.",
+    help="Plant a fault for each check, in memory: a check that does not detect its own is reported as crashed.",
 )
 @allow_external_option
 @record_options
@@ -129,19 +121,19 @@ def check(
     resume: Path | None,
     budget: Budget | None,
     outputs: Outputs,
-    **given: Any,
+    **overrides: Any,
 ) -> int:
-    """Check FILES: recompute what must hold between their streams, and say what does not.
+    """Check FILES: recompute what must hold between their streams, and report what does not.
 
     Exit codes: 0 clean; 1 findings at or above --fail-on; 2 misuse; 3 incomplete. With several, 2 before 3 before 1.
     """
-    with loading():
-        from fedora_qa.cli.files import Request, checked, executor_for  # noqa: PLC0415 - loads what measures
+    with loading_modules():
+        from fedora_qa.cli.check_all import Request, check_all, executor_for  # noqa: PLC0415 - loads what measures
 
-    settings = settings_from(config, given)
-    # Only an effort from the command line contradicts a budget; one in the configuration file gives way to it.
-    require_budget_alone(budget, given["effort"], settings)
-    if dask and given["jobs"]:
+    settings = settings_from(config, overrides)
+    # An effort from the command line contradicts a budget; one in the configuration file is overridden by it.
+    require_budget_alone(budget, overrides["effort"], settings)
+    if dask and overrides["jobs"]:
         raise MisuseError("Expected either --jobs or --dask, got both")
     options = replace(check_options(settings), evidence=EvidenceOptions() if outputs.show_evidence else None)
     options = replace(options, budget_s=budget.seconds if budget else None)
@@ -149,25 +141,25 @@ def check(
     outputs.require_writable([file for file in files if isinstance(file, Path)])
     require_hdf5(files)
     started = datetime.now(UTC).isoformat(timespec="seconds")
-    kept = resume_folder(resume, settings, options) if resume else None
+    stored = resume_folder(resume, settings, options) if resume else None
     executor = executor_for(settings, dask)
     # Read before the executor is closed: afterwards a cluster has no workers to count.
     jobs = executor.capacity
     began = click.get_current_context().meta.get(START_TIME)
-    runs = checked(files, Request(settings, options, started, kept, began), executor)
+    runs = check_all(files, Request(settings, options, started, stored, began), executor)
     workers = {"peak_worker_memory_mib": executor.peak_memory_mib} if executor.peak_memory_mib else {}
     record = record_of(runs, settings, started, {"jobs": jobs, **workers})
-    record = budgeted(record, budget) if budget else record
-    outputs.write(record, gathered_arrays(runs))
+    record = with_budget(record, budget) if budget else record
+    outputs.write(record, evidence_arrays(runs))
     print_record(record, github=outputs.github)
     return exit_code(record.files, settings.fail_on)
 
 
-def settings_from(config: Path | None, given: dict[str, Any]) -> CheckConfig:
-    """Return the configuration with what the command line gives in its place."""
+def settings_from(config: Path | None, overrides: dict[str, Any]) -> CheckConfig:
+    """Return the configuration with the options of the command line in its place."""
     settings = read_config(config) if config else CheckConfig()
     # An option that was not given must not override the file; click states that by None, or () if it may be repeated.
-    return replace(settings, **{name: value for name, value in given.items() if value not in {None, ()}})
+    return replace(settings, **{name: value for name, value in overrides.items() if value not in {None, ()}})
 
 
 def check_options(settings: CheckConfig) -> CheckOptions:
@@ -195,11 +187,11 @@ def check_options(settings: CheckConfig) -> CheckOptions:
         memory_bytes=settings.memory_bytes,
         false_alarm_rate=settings.false_alarm_rate,
         canary=settings.canary,
-        allow_external=folders_named(settings.allow_external),
+        allow_external=external_folders(settings.allow_external),
     )
 
 
-def folders_named(names: tuple[str, ...]) -> tuple[Path, ...]:
+def external_folders(names: tuple[str, ...]) -> tuple[Path, ...]:
     """Return folders in which other files may be read; raises ``MisuseError`` where one does not exist."""
     # Absolute, because workers may have another working directory.
     folders = tuple(Path(name).absolute() for name in names)
@@ -210,7 +202,7 @@ def folders_named(names: tuple[str, ...]) -> tuple[Path, ...]:
 
 
 def require_hdf5(files: Sequence[Place]) -> None:
-    """Raise ``MisuseError`` before any work where a path is missing, given twice, or no HDF5 file at all.
+    """Raise ``MisuseError`` before any work where a path is missing, given twice, or not an HDF5 file.
 
     Only the first bytes of a file are read here: HDF5 may crash on the rest, so that other processes read it.
     """
@@ -235,11 +227,13 @@ def require_budget_alone(budget: Budget | None, effort: str | None, settings: Ch
     if budget and effort:
         raise MisuseError("Expected either --effort or --budget, got both")
     if budget and settings.canary:
-        raise MisuseError("Expected no canaries with --budget: how long they take is not known before; leave one out")
+        raise MisuseError(
+            "Expected no canaries with --budget, got both; leave one out, as the time of canaries is unknown"
+        )
 
 
-def budgeted(record: Record, budget: Budget) -> Record:
-    """Return the record with the budget among the facts of its run: results depend on it, and on the machine."""
-    # In `run`, whose facts do not make two records differ: how far a budget carries depends on the machine.
+def with_budget(record: Record, budget: Budget) -> Record:
+    """Return the record with the budget among the facts of its run; results depend on it and on the machine."""
+    # In `run`, which a comparison of two records leaves out: the reach of a budget depends on the machine.
     host = {**record.run.host, "budget_s": budget.seconds}
     return replace(record, run=replace(record.run, host=host), effort=f"budget {budget.text}")

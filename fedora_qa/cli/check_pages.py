@@ -31,10 +31,10 @@ def check_pages() -> Mapping[str, str]:
             # GitHub leaves dots out of the anchor of a heading.
             anchor = check.name.replace(".", "")
             index += f"- [`{check.name}`]({subject}.md#{anchor}): {check.question}\n"
-            said = explanation(check)
-            page += f"\n## {check.name}\n\n**{said.question}**\n\nNeeds: {', '.join(check.needs) or 'no stream'}.\n"
-            page += f"\n{_markdown(said.measured)}\n"
-            for title, text in said.sections.items():
+            answer = explanation(check)
+            page += f"\n## {check.name}\n\n**{answer.question}**\n\nNeeds: {', '.join(check.needs) or 'no stream'}.\n"
+            page += f"\n{_markdown(answer.measured)}\n"
+            for title, text in answer.sections.items():
                 page += f"\n### {title}\n\n{_markdown(text)}\n"
         pages[f"{subject}.md"] = page
     return {"README.md": index, **pages}

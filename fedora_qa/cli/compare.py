@@ -7,24 +7,21 @@ from pathlib import Path
 from typing import Final
 
 import click
-from rich.console import Console
 
 from fedora_qa.cli.arrays import arrays_beside, read_arrays
-from fedora_qa.cli.check import PATH, folders_named, require_hdf5
+from fedora_qa.cli.check import external_folders, require_hdf5
 from fedora_qa.cli.isolated import run_isolated
-from fedora_qa.cli.output_options import allow_external_option
+from fedora_qa.cli.options import PATH, allow_external_option, dialect_option, memory_option
 from fedora_qa.cli.outputs import Outputs
 from fedora_qa.cli.progress import progress_bar
 from fedora_qa.cli.terminal import print_table, stdout_console, text
 from fedora_qa.comparison.compare import DEFAULT_FALSE_ALARM_RATE
 from fedora_qa.comparison.compare import compare as compare_subjects
-from fedora_qa.comparison.json_io import comparison_to_json
 from fedora_qa.comparison.paper_tables import paper_tables
-from fedora_qa.comparison.sampled import sampled_from
-from fedora_qa.comparison.subjects import Given, GivenFile, labels
-from fedora_qa.comparison.tables import comparison_to_markdown, headline, how_it_is_told, pair_tables
-from fedora_qa.comparison.text_table import SOURCE, TextTable
-from fedora_qa.comparison.types import Design
+from fedora_qa.comparison.sampled import sampled_counts_of
+from fedora_qa.comparison.subjects import FileInput, SubjectInput, labels
+from fedora_qa.comparison.tables import comparison_to_markdown, false_alarm_sentence, headline, pair_tables
+from fedora_qa.comparison.types import COMPARISON, Design
 from fedora_qa.config import parse_bytes
 from fedora_qa.engine.executor import Task
 from fedora_qa.engine.statistics import collect_statistics
@@ -38,29 +35,29 @@ _SEQUENCES: Final = {".h5", ".hdf5"}
 _RECORD: Final = ".json"
 
 
-@click.command(short_help="Hold sequences, datasets or two versions against each other.")
-@click.argument("given", nargs=-1, required=True, type=PATH, metavar="A B...")
+@click.command()
+@click.argument("paths", nargs=-1, required=True, type=PATH, metavar="A B...")
 @click.option(
     "--as",
     "design",
     type=click.Choice(["versions", "sequences", "datasets"]),
-    help="What they are to each other; versions where files have the same names, else what they hold.",
+    help="How to compare them; versions where files have the same names, else sequences or datasets.",
 )
 @click.option(
     "--false-alarm-rate",
     type=click.FloatRange(0, 1, min_open=True, max_open=True),
     default=DEFAULT_FALSE_ALARM_RATE,
     show_default=True,
-    help="How often anything at all may be said to differ that does not.",
+    help="Probability that the comparison reports any difference where there is none.",
 )
-@click.option("--dialect", metavar="NAME|FILE.toml", help="How the files name and scale things; else recognised.")
-@click.option("--memory", metavar="AMOUNT", default="1GB", show_default=True, help="Memory to aim at.")
+@dialect_option
+@memory_option
 @allow_external_option
 @click.option("--json", "json_path", type=PATH, metavar="OUT", help="Write every number.")
 @click.option("--html", "html_path", type=PATH, metavar="OUT", help="Write tables and plots, in one HTML file.")
 @click.option("--markdown", "markdown_path", type=PATH, metavar="OUT", help="Write the tables.")
 def compare(
-    given: tuple[Path, ...],
+    paths: tuple[Path, ...],
     design: Design | None,
     false_alarm_rate: float,
     dialect: str | None,
@@ -70,24 +67,24 @@ def compare(
     html_path: Path | None,
     markdown_path: Path | None,
 ) -> int:
-    """Hold B and the others against A: sequences, folders of them, or records that `check --json` wrote.
+    """Compare B and the others with A: sequences, folders of them, or records that `check --json` wrote.
 
     Files are measured; records are read, with the arrays beside them, and their findings compared. Exit codes: 0
-    compared, whatever came of it; 2 misuse.
+    compared, whatever the result; 2 misuse.
     """
-    if len(given) < 2:
-        raise MisuseError(f"Expected two or more things to compare, got {len(given)}")
+    if len(paths) < 2:
+        raise MisuseError(f"Expected two or more subjects to compare, got {len(paths)}")
     dialect_read = load_dialect(dialect) if dialect else None
     memory_bytes = parse_bytes(memory)
-    sources = sources_of(given, dialect_read)
+    sources = sources_of(paths)
     read = [path for source in sources for path in source.paths]
     # The arrays beside each record are inputs as well: no output may overwrite them.
     Outputs(json_path, markdown_path, html_path).require_writable([*read, *map(arrays_beside, read)])
     comparison = compare_subjects(
-        read_sources(sources, dialect_read, memory_bytes, folders_named(allow_external)), design, false_alarm_rate
+        read_sources(sources, dialect_read, memory_bytes, external_folders(allow_external)), design, false_alarm_rate
     )
     if json_path:
-        write_text(json_path, comparison_to_json(comparison))
+        write_text(json_path, COMPARISON.to_json(comparison))
     if markdown_path:
         write_text(markdown_path, comparison_to_markdown(comparison))
     if html_path:
@@ -96,38 +93,30 @@ def compare(
         write_text(html_path, render_comparison(comparison))
     console = stdout_console()
     for table in paper_tables(comparison):
-        _show_table(console, table)
+        print_table(console, table)
     for pair in pair_tables(comparison):
         console.print(text(pair.title, "bold underline"))
         console.print(text(pair.summary))
         console.print()
         for table in pair.tables:
-            _show_table(console, table)
+            print_table(console, table)
     for note in comparison.notes:
         console.print(text(note, "yellow"))
     console.print(text(headline(comparison), "bold"))
-    console.print(text(how_it_is_told(comparison), "dim"))
+    console.print(text(false_alarm_sentence(comparison), "dim"))
     return 0
-
-
-def _show_table(console: Console, source: TextTable) -> None:
-    is_text = [column < source.words or head == SOURCE for column, head in enumerate(source.head)]
-    print_table(console, source.title, source.head, source.rows, is_text=is_text)
-    if source.note:
-        console.print(text(source.note, "dim"))
-    console.print()
 
 
 @dataclass(frozen=True, slots=True)
 class Source:
-    """The files that one argument names: all of them sequences, or all of them records."""
+    """The files that one argument names: all sequences, or all records."""
 
-    given: Path
+    path: Path
     paths: tuple[Path, ...]
     records: bool
 
 
-def sources_of(given: Sequence[Path], dialect: Dialect | None) -> tuple[Source, ...]:
+def sources_of(paths: Sequence[Path]) -> tuple[Source, ...]:
     """Return the files that the arguments name, before any of them is read.
 
     Raises
@@ -135,11 +124,11 @@ def sources_of(given: Sequence[Path], dialect: Dialect | None) -> tuple[Source, 
     MisuseError
         A path is missing or given twice, a file is no sequence, or a folder holds neither sequences nor records.
     """
-    for path in given:
-        if given.count(path) > 1:
-            raise MisuseError(f"Expected each path once, got {path} {given.count(path)} times")
+    for path in paths:
+        if paths.count(path) > 1:
+            raise MisuseError(f"Expected each path once, got {path} {paths.count(path)} times")
     sources = []
-    for path in given:
+    for path in paths:
         if not path.is_dir():
             sources.append(Source(path, (path,), path.suffix.lower() == _RECORD))
             continue
@@ -154,15 +143,15 @@ def sources_of(given: Sequence[Path], dialect: Dialect | None) -> tuple[Source, 
         if not source.records:
             require_hdf5(source.paths)
         elif not source.paths[0].is_file():
-            raise MisuseError(f"Expected a record at {source.given}, got no such file")
+            raise MisuseError(f"Expected a record at {source.path}, got no such file")
     return tuple(sources)
 
 
 def read_sources(
     sources: Sequence[Source], dialect: Dialect | None, memory_bytes: int, allow_external: Sequence[Path] = ()
-) -> tuple[Given, ...]:
+) -> tuple[SubjectInput, ...]:
     """Read the records, and measure the other files, each in a process of its own; raises as ``run_isolated``."""
-    names = labels([str(source.given) for source in sources])
+    names = labels([str(source.path) for source in sources])
     subjects = []
     for name, source in zip(names, sources, strict=True):
         files = []
@@ -173,8 +162,8 @@ def read_sources(
                 # Names of arrays start with the number of the file, from 0, if a record holds several (`record_of`).
                 has_several = len(record.files) > 1
                 for i, file in enumerate(record.files):
-                    sampled = sampled_from(arrays, f"{i}/" if has_several else "")
-                    files.append(GivenFile(file.path, file.statistics, sampled, file))
+                    sampled = sampled_counts_of(arrays, f"{i}/" if has_several else "")
+                    files.append(FileInput(file.path, file.statistics, sampled, file))
                 continue
             with progress_bar(path.name) as report:
                 task = Task(collect_statistics, (path, dialect, memory_bytes, allow_external, True))
@@ -184,6 +173,6 @@ def read_sources(
                 group: {key: None if isinstance(v, float) and not math.isfinite(v) else v for key, v in values.items()}
                 for group, values in counted.statistics.items()
             }
-            files.append(GivenFile(str(path), statistics, sampled_from(counted.arrays)))
-        subjects.append(Given(name, tuple(files)))
+            files.append(FileInput(str(path), statistics, sampled_counts_of(counted.arrays)))
+        subjects.append(SubjectInput(name, tuple(files)))
     return tuple(subjects)

@@ -1,4 +1,4 @@
-"""``fedora-qa doctor``: say whether this machine can run the checks, and what pictures and mesh scenes lack."""
+"""``fedora-qa doctor``: test whether this machine can run the checks, and draw pictures and mesh scenes."""
 
 import io
 import os
@@ -66,9 +66,9 @@ class DrawingTrial:
     detail: str
 
 
-@click.command(short_help="Say whether this machine can run the checks.")
+@click.command()
 def doctor() -> int:
-    """Look at versions, HDF5 filters, OpenCV, cores and memory, and draw through OpenGL. Exit 0 when checks can run.
+    """Examine versions, HDF5 filters, OpenCV, cores and memory, and draw through OpenGL. Exit 0 where checks can run.
 
     No check needs graphics; mesh scenes and the report's picture of the trajectory do.
     """
@@ -129,15 +129,15 @@ def examine() -> Iterator[Symptom]:
     version = package_version("jinja2")
     detail = f"jinja2 {version}" if version else f"only `check --html` needs jinja2: {REPORTS_INSTALL}"
     yield Symptom("HTML report", "ok" if version else "missing", detail, needed=False)
-    yield _drawn("trajectory render", try_pyvista(), "No check needs it.")
-    yield _drawn("mesh scenes", try_pyrender(), "No check needs it, and no scene of the exact world.")
+    yield _drawing_symptom("trajectory render", try_pyvista(), "No check needs it.")
+    yield _drawing_symptom("mesh scenes", try_pyrender(), "No check needs it, and no scene of the exact world.")
     path = next(filter(None, map(shutil.which, _BROWSERS)), None)
     detail = path or "only the tests of this project need it: apt install chromium"
     yield Symptom("Chromium", "ok" if path else "missing", detail, needed=False)
 
 
-def _drawn(what: str, trial: DrawingTrial, without: str) -> Symptom:
-    detail = trial.detail if trial.works else f"{trial.detail} {without}"
+def _drawing_symptom(what: str, trial: DrawingTrial, consequence: str) -> Symptom:
+    detail = trial.detail if trial.works else f"{trial.detail} {consequence}"
     return Symptom(what, "ok" if trial.works else "missing", detail, needed=False)
 
 

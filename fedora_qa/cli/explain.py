@@ -1,4 +1,4 @@
-"""``fedora-qa checks`` and ``fedora-qa explain``: the questions of the checks, and how each is answered."""
+"""``fedora-qa checks`` and ``fedora-qa explain``: the question of each check, and how the check answers it."""
 
 import sys
 
@@ -8,13 +8,13 @@ from rich.text import Text
 
 from fedora_qa.checks import CHECKS
 from fedora_qa.checks.explanation import explanation
-from fedora_qa.cli.check_names import complete_check
 from fedora_qa.cli.detection_power import TITLE, detection_power_text
+from fedora_qa.cli.options import complete_check
 from fedora_qa.cli.terminal import stdout_console
 from fedora_qa.errors import MisuseError
 
 
-@click.command(short_help="List the checks, each with its question.")
+@click.command()
 def checks() -> int:
     """List the checks in the order in which they run. Piped, one a line: name, tab, question."""
     # Tabs and no wrapping: `cut` and `awk` then split the lines.
@@ -31,10 +31,10 @@ def checks() -> int:
     return 0
 
 
-@click.command(short_help="Say what a check measures, how, and what it cannot see.")
+@click.command()
 @click.argument("name", metavar="CHECK", shell_complete=complete_check)
 def explain(name: str) -> int:
-    """Say what CHECK, or every check of a subject, measures, how, and what it cannot see."""
+    """Explain what CHECK, or every check of a subject, measures, how, and what it cannot detect."""
     checks = [check for check in CHECKS if name in {check.name, check.name.split(".")[0]}]
     if not checks:
         raise MisuseError(f"Expected a check or subject, got {name!r}; `fedora-qa checks` lists them")
@@ -42,11 +42,11 @@ def explain(name: str) -> int:
     for check in checks:
         console.print(Text(check.name, style="bold"))
         console.print(Text(f"needs: {', '.join(check.needs) or 'no stream'}", style="dim"))
-        said = explanation(check)
-        answer = Text(f"\n{said.question}\n\n{said.measured}\n")
-        measured = detection_power_text(check.name)
-        sections = {**said.sections, **({TITLE: measured} if measured else {})}
+        explained = explanation(check)
+        content = Text(f"\n{explained.question}\n\n{explained.measured}\n")
+        power = detection_power_text(check.name)
+        sections = {**explained.sections, **({TITLE: power} if power else {})}
         for title, section in sections.items():
-            answer.append(f"\n{title}\n", style="bold").append(f"{section}\n")
-        console.print(answer)
+            content.append(f"\n{title}\n", style="bold").append(f"{section}\n")
+        console.print(content)
     return 0

@@ -1,4 +1,4 @@
-"""``fedora-qa extract``: the least file that shows a finding, to send to somebody."""
+"""``fedora-qa extract``: the smallest file that shows a finding, to be sent to somebody."""
 
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -9,7 +9,7 @@ import click
 from fedora_qa.cli.check import check_options, require_hdf5, settings_from
 from fedora_qa.cli.exit_codes import CLEAN, INCOMPLETE
 from fedora_qa.cli.isolated import run_isolated
-from fedora_qa.cli.output_options import PATH, allow_external_option
+from fedora_qa.cli.options import PATH, allow_external_option
 from fedora_qa.cli.outputs import Outputs
 from fedora_qa.cli.progress import progress_bar
 from fedora_qa.engine.effort import Effort
@@ -19,7 +19,7 @@ from fedora_qa.engine.run import select_checks
 from fedora_qa.engine.tasks import check_whole, opening_test
 from fedora_qa.engine.worker import Worker
 from fedora_qa.errors import MisuseError, UnreadableFileError
-from fedora_qa.extract.extract import LONGEST_S, Extracted, Wanted
+from fedora_qa.extract.extract import LONGEST_S, CheckFinding, Extraction
 from fedora_qa.extract.extract import extract as extract_piece
 from fedora_qa.record.json_io import read_record
 from fedora_qa.record.types import FileRecord, Record
@@ -27,7 +27,7 @@ from fedora_qa.record.wording import unobeyed
 from fedora_qa.storage.digest import file_digest
 
 
-@click.command(short_help="Cut out the least file that shows a finding, to send to somebody.")
+@click.command()
 @click.argument("file", type=PATH)
 @click.argument("finding")
 @click.option("-o", "--output", required=True, type=PATH, metavar="OUT", help="The small file.")
@@ -47,7 +47,7 @@ from fedora_qa.storage.digest import file_digest
 @click.option("--config", type=PATH, help="As `check` had it.")
 @click.option("--dialect", metavar="NAME|FILE.toml", help="As `check` had it.")
 @allow_external_option
-@click.option("--force", is_flag=True, help="Write over OUT where it is there.")
+@click.option("--force", is_flag=True, help="Write over OUT where it exists.")
 def extract(
     file: Path,
     finding: str,
@@ -56,21 +56,21 @@ def extract(
     longest_s: float,
     config: Path | None,
     force: bool,
-    **given: Any,
+    **overrides: Any,
 ) -> int:
-    """Write what FILE holds around the place of FINDING (F1, say), and check that it is still found there.
+    """Write the part of FILE around the place of FINDING, such as F1, and check that it still shows the finding.
 
-    Pieces are tried from short to long. Exit codes: 0 written, and the finding is found in it; 2 misuse; 3 written, and
-    the finding is not found in it.
+    Pieces are tried from short to long. Exit codes: 0 written, and the finding is in it; 2 misuse; 3 written, and the
+    finding is not in it.
     """
     read = [path for path in (file, record_path, config) if path is not None]
     Outputs(own=(output,)).require_writable(read)
     if output.exists() and not force:
-        raise MisuseError(f"Expected a new file to write, got {output}, which is there; use --force to write over it")
+        raise MisuseError(f"Expected a new file to write, got {output}, which exists; use --force to write over it")
     record = read_record(record_path) if record_path else None
     # The piece must be checked with the effort of the record: at a lower one the finding may not be detected.
     effort = record.effort if record and record.effort in get_args(Effort) else None
-    options = check_options(settings_from(config, {**given, "effort": given["effort"] or effort}))
+    options = check_options(settings_from(config, {**overrides, "effort": overrides["effort"] or effort}))
     require_hdf5([file])
     opening = opening_test(file, options.dialect, options.allow_external)
     if record and record_path:
@@ -115,12 +115,12 @@ def extract(
 
 
 def _cut(
-    file: Path, output: Path, wanted: Wanted, options: CheckOptions, longest_s: float, worker: Worker
-) -> Extracted:
-    def tell(what: str) -> None:
-        worker.progress(f"looking at {what}", 0, 1)
+    file: Path, output: Path, wanted: CheckFinding, options: CheckOptions, longest_s: float, worker: Worker
+) -> Extraction:
+    def report(piece: str) -> None:
+        worker.progress(f"checking {piece}", 0, 1)
 
-    return extract_piece(file, output, wanted, options, longest_s, tell)
+    return extract_piece(file, output, wanted, options, longest_s, report)
 
 
 def _part_about(file: Path, record: Record, record_path: Path) -> FileRecord:
@@ -134,9 +134,9 @@ def _part_about(file: Path, record: Record, record_path: Path) -> FileRecord:
     raise MisuseError(f"Expected a record of {file} as it is, got {record_path}, of other content ({paths})")
 
 
-def _wanted(finding: str, file_record: FileRecord) -> Wanted:
-    """Return the finding of this id; raises ``MisuseError`` where there is none."""
-    findings = {each.id: Wanted(result.check, each) for result in file_record.results for each in result.findings}
+def _wanted(finding: str, file_record: FileRecord) -> CheckFinding:
+    """Return the finding with this identifier; raises ``MisuseError`` where there is none."""
+    findings = {each.id: CheckFinding(result.check, each) for result in file_record.results for each in result.findings}
     if finding not in findings:
         available = ", ".join(findings) if findings else "no findings"
         raise MisuseError(f"Expected a finding of {file_record.path} ({available}), got {finding!r}")

@@ -1,4 +1,4 @@
-"""The report as one HTML file. ``fedora_reports`` is an optional package, imported only if a report is asked for."""
+"""The report as one HTML file. ``fedora_reports`` is an optional package, imported only where a report is requested."""
 
 from collections.abc import Mapping
 from pathlib import Path
@@ -6,7 +6,7 @@ from typing import Any
 
 from numpy.typing import NDArray
 
-from fedora_qa.cli.detection_power import all_detection_power
+from fedora_qa.cli.detection_power import pass_detection_power
 from fedora_qa.errors import MisuseError
 from fedora_qa.record.atomic import write_text
 from fedora_qa.record.types import Record
@@ -33,12 +33,6 @@ def render_html_or_none(record: Record, arrays: Mapping[str, NDArray[Any]]) -> s
 
 def write_html(target: Path, record: Record, arrays: Mapping[str, NDArray[Any]]) -> None:
     """Draw the report from a record and its arrays, and write it entirely or not at all."""
-    # Reports import nothing but records: the measured power is handed over in their own types.
-    from fedora_reports.detection_power import DetectableCause, PassDetectionPower  # noqa: PLC0415 - an extra
     from fedora_reports.html import render_html  # noqa: PLC0415 - an extra
 
-    detectable, whence = all_detection_power()
-    detection_power = PassDetectionPower(
-        tuple(DetectableCause(row.cause, row.check, row.words, row.best) for row in detectable), whence
-    )
-    write_text(target, render_html(record, arrays, detection_power))
+    write_text(target, render_html(record, arrays, pass_detection_power()))

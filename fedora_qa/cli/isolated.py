@@ -5,7 +5,7 @@ from typing import Any
 
 from fedora_qa.cli.host import usable_cores
 from fedora_qa.cli.isolated_light import process_ended
-from fedora_qa.cli.workers import IN_PROCESS_VARIABLE
+from fedora_qa.cli.startup import IN_PROCESS_VARIABLE
 from fedora_qa.engine.executor import Executor, InProcess, Task
 from fedora_qa.engine.processes import ProcessExecutor
 from fedora_qa.engine.progress import Progress, quiet

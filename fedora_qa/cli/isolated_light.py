@@ -10,7 +10,7 @@ from typing import Any, Final
 
 from pebble import ProcessExpired, ProcessPool
 
-from fedora_qa.cli.workers import IN_PROCESS_VARIABLE
+from fedora_qa.cli.startup import IN_PROCESS_VARIABLE
 from fedora_qa.errors import MisuseError
 from fedora_qa.storage.place import Place
 

@@ -1,4 +1,4 @@
-"""``fedora-qa layout``: what a file holds, where, and what was inferred."""
+"""``fedora-qa layout``: the streams of a file, their places, and what was inferred."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -10,9 +10,9 @@ from rich.padding import Padding
 from rich.table import Table
 from rich.text import Text
 
-from fedora_qa.cli.check import PATH, folders_named, require_hdf5
+from fedora_qa.cli.check import external_folders, require_hdf5
 from fedora_qa.cli.isolated_light import run_isolated_light
-from fedora_qa.cli.output_options import allow_external_option
+from fedora_qa.cli.options import PATH, allow_external_option, dialect_option
 from fedora_qa.cli.outputs import Outputs
 from fedora_qa.cli.terminal import stdout_console, text
 from fedora_qa.errors import UnreadableFileError
@@ -32,18 +32,18 @@ _WIDE = 110
 """Columns from which the datasets fit into a table."""
 
 
-@click.command(short_help="Say what a file holds, where, and what was inferred.")
+@click.command()
 @click.argument("file", type=PATH)
-@click.option("--dialect", metavar="NAME|FILE.toml", help="How the file names and scales things; else recognised.")
+@dialect_option
 @click.option("--draft-dialect", "draft_path", type=PATH, metavar="OUT", help="Write a first dialect for the file.")
 @allow_external_option
 def layout(file: Path, dialect: str | None, draft_path: Path | None, allow_external: tuple[str, ...]) -> int:
-    """Say where FILE keeps each stream, what is absent and why, and what was inferred."""
+    """Describe where FILE keeps each stream, what is absent and why, and what was inferred."""
     dialect_read = load_dialect(dialect) if dialect else None
     Outputs(own=(draft_path,)).require_writable([file])
     require_hdf5([file])
-    arguments = (file, dialect_read, draft_path.stem if draft_path else "", folders_named(allow_external))
-    description, draft = run_isolated_light(_described, arguments, file, LONGEST_S)
+    arguments = (file, dialect_read, draft_path.stem if draft_path else "", external_folders(allow_external))
+    description, draft = run_isolated_light(_describe_file, arguments, file, LONGEST_S)
     if draft_path:
         write_text(draft_path, draft)
     console = stdout_console()
@@ -79,8 +79,8 @@ def layout(file: Path, dialect: str | None, draft_path: Path | None, allow_exter
         ("Absent", [f"{stream}: {reason}" for stream, reason in description.absent], ""),
         ("Inferred", inferred, ""),
         ("Problems", description.problems, "red"),
-        ("Not spoken of by the dialect", [*unused, *([f"... and {more} more"] if more else [])], ""),
-        ("Not looked at", description.unseen, ""),
+        ("Unknown to the dialect", [*unused, *([f"... and {more} more"] if more else [])], ""),
+        ("Not examined", description.unseen, ""),
     ):
         if not lines:
             continue
@@ -91,7 +91,7 @@ def layout(file: Path, dialect: str | None, draft_path: Path | None, allow_exter
     return 0
 
 
-def _described(
+def _describe_file(
     file: Path, dialect: Dialect | None, draft_name: str, allow_external: tuple[Path, ...]
 ) -> tuple[Description, str]:
     """Return what a file holds, and a draft of its dialect if a name is given for it, else an empty text."""

@@ -18,29 +18,31 @@ from click.shell_completion import CompletionItem, shell_complete
 
 from fedora_qa import __version__
 from fedora_qa.cli.exit_codes import FINDINGS, INCOMPLETE, INTERRUPTED, MISUSE, OUTPUT_CLOSED
-from fedora_qa.cli.start_time import START_TIME
-from fedora_qa.cli.workers import begin_to_load, loading
+from fedora_qa.cli.startup import START_TIME, loading_modules, preload_workers
 from fedora_qa.errors import FedoraError, MisuseError, UnreadableFileError
 from fedora_qa.record.wording import unobeyed
 
 COMMANDS: Final[Mapping[str, tuple[str, str]]] = MappingProxyType(
     {
-        "check": ("fedora_qa.cli.check:check", "Check files and say what is wrong, where, by how much and why."),
-        "power": ("fedora_qa.cli.power:power", "Measure what the checks can see, over a corpus with a manifest."),
-        "gate": ("fedora_qa.cli.gate:gate", "Hold a release of sequences to a policy, for CI."),
+        "check": ("fedora_qa.cli.check:check", "Check files and report what is wrong, where, by how much and why."),
+        "power": (
+            "fedora_qa.cli.power:power",
+            "Measure which faults of a corpus the checks detect.",
+        ),
+        "gate": ("fedora_qa.cli.gate:gate", "Check a release of sequences against a policy, for CI."),
         "verify": ("fedora_qa.cli.verify:verify", "Verify that a release is still the one that was certified."),
         "stats": ("fedora_qa.cli.stats:stats", "Print the sequence and flow tables of files."),
-        "compare": ("fedora_qa.cli.compare:compare", "Hold sequences, datasets or two versions against each other."),
+        "compare": ("fedora_qa.cli.compare:compare", "Compare sequences, datasets or two versions of a release."),
         "extract": (
             "fedora_qa.cli.extract:extract",
-            "Cut out the least file that shows a finding, to send to somebody.",
+            "Cut out the smallest file that shows a finding.",
         ),
         "report": ("fedora_qa.cli.report:report", "Render a record again, without the data."),
         "checks": ("fedora_qa.cli.explain:checks", "List the checks, each with its question."),
-        "explain": ("fedora_qa.cli.explain:explain", "Say what a check measures, how, and what it cannot see."),
-        "layout": ("fedora_qa.cli.layout:layout", "Say what a file holds, where, and what was inferred."),
+        "explain": ("fedora_qa.cli.explain:explain", "Explain what a check measures, how, and what it cannot detect."),
+        "layout": ("fedora_qa.cli.layout:layout", "Describe what a file holds, where, and what was inferred."),
         "schema": ("fedora_qa.cli.schema:schema", "Print the JSON schema of a document or configuration."),
-        "doctor": ("fedora_qa.cli.doctor:doctor", "Say whether this machine can run the checks."),
+        "doctor": ("fedora_qa.cli.doctor:doctor", "Test whether this machine can run the checks."),
     }
 )
 """Where each command is, and what it does, in the order in which help shows them."""
@@ -66,9 +68,9 @@ class LazyGroup(click.Group):
         """Import a command."""
         if cmd_name not in COMMANDS:
             return None
-        ctx.meta.setdefault(START_TIME, time.monotonic())  # a budget of time pays for the import as well
+        ctx.meta.setdefault(START_TIME, time.monotonic())  # a budget of time includes the import
         module, name = COMMANDS[cmd_name][0].split(":")
-        with loading():
+        with loading_modules():
             return cast(click.Command, getattr(importlib.import_module(module), name))
 
     def shell_complete(self, ctx: click.Context, incomplete: str) -> list[CompletionItem]:
@@ -86,7 +88,7 @@ class LazyGroup(click.Group):
 @click.group(cls=LazyGroup, context_settings={"help_option_names": ["-h", "--help"]})
 @click.version_option(__version__, prog_name=PROGRAM)
 def fedora_qa() -> None:
-    """Recompute what must hold between the streams of an event-camera sequence, and say what does not.
+    """Recompute what must hold between the streams of an event-camera sequence, and report what does not.
 
     Exit codes: 0 clean; 1 findings; 2 misuse; 3 incomplete (a check crashed, required coverage was not reached, or
     nothing could be checked across streams).
@@ -103,12 +105,12 @@ def main() -> None:
     if instruction:
         sys.exit(shell_complete(fedora_qa, {}, PROGRAM, COMPLETION_VARIABLE, instruction))
     arguments = sys.argv[1:]
-    begin_to_load(arguments)
+    preload_workers(arguments)
     sys.exit(run(arguments))
 
 
 def run(arguments: Sequence[str]) -> int:
-    """Run the command line and return its exit code. Nothing that goes wrong shows a traceback unless asked for."""
+    """Run the command line and return its exit code. No error prints a traceback unless it is requested."""
     try:
         return _invoke(list(arguments))
     except click.exceptions.Exit as request:  # --help and --version end here
@@ -130,7 +132,7 @@ def run(arguments: Sequence[str]) -> int:
         # At exit Python flushes stdout, and would report the closed pipe once more.
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return OUTPUT_CLOSED
-    except Exception as error:  # noqa: BLE001 - a person gets one sentence, whatever happened
+    except Exception as error:  # noqa: BLE001 - the user gets one sentence for any error
         if isinstance(error, OSError) and error.errno in _FULL:
             # A disk cannot be written to. No partial output is left: a file gets its name when it is complete.
             place = f" {unobeyed(str(error.filename))}" if error.filename else ""

@@ -1,4 +1,4 @@
-"""The record's tables as Parquet. pyarrow is an optional package, imported only if they are asked for."""
+"""The record's tables as Parquet. pyarrow is an optional package, imported only where they are requested."""
 
 import math
 from numbers import Real
@@ -49,7 +49,7 @@ def arrow_table(table: Table) -> Any:
     }
     arrays: dict[str, Any] = {}
     for place, column in enumerate(table.columns):
-        cells = [_carried(row[place]) for row in table.rows]
+        cells = [_arrow_value(row[place]) for row in table.rows]
         # An Arrow column has one type; a statistic may be a number, a text or a flag.
         if column.kind == "scalar":
             arrays[column.name] = pa.array([cell if _is_number(cell) else None for cell in cells], types["number"])
@@ -63,7 +63,7 @@ def arrow_table(table: Table) -> Any:
     return pa.table(arrays)
 
 
-def _carried(value: Any) -> Any:
+def _arrow_value(value: Any) -> Any:
     """Return a cell as Arrow can carry it, and as the record's JSON does.
 
     A number that is not finite is null, an undecodable byte of a path an escape.
@@ -71,7 +71,7 @@ def _carried(value: Any) -> Any:
     if isinstance(value, str):
         return value.encode("utf-8", "backslashreplace").decode("utf-8")
     if isinstance(value, tuple):
-        return [_carried(item) for item in value]
+        return [_arrow_value(item) for item in value]
     return None if _is_number(value) and not math.isfinite(value) else value
 
 

@@ -8,9 +8,10 @@ from typing import Any
 
 import click
 
-from fedora_qa.cli.check import PATH, check_options, settings_from
+from fedora_qa.cli.check import check_options, settings_from
 from fedora_qa.cli.exit_codes import CLEAN, INCOMPLETE
 from fedora_qa.cli.html import require_renderer
+from fedora_qa.cli.options import PATH, config_option, ignore_option, select_option
 from fedora_qa.cli.outputs import Outputs
 from fedora_qa.cli.progress import progress_bar
 from fedora_qa.cli.terminal import print_table, stdout_console, text
@@ -20,23 +21,25 @@ from fedora_qa.power.manifest import MANIFEST, read_manifest, require_files, req
 from fedora_qa.power.study import State, Trial, measured_with, run_study, state_folder
 from fedora_qa.power.tables import Origin, power_of
 from fedora_qa.record.atomic import write_text
-from fedora_qa.record.power_json import power_to_json
 from fedora_qa.record.power_tables import headline, power_to_markdown, tables_of
+from fedora_qa.record.power_types import POWER
 
 
-@click.command(short_help="Measure what the checks can see, over a corpus with a manifest.")
+@click.command()
 @click.argument("corpora", nargs=-1, required=True, type=PATH, metavar="CORPUS...")
 @click.option("--effort", type=click.Choice(["quick", "standard", "full", "exhaustive"]), help="How much to look at.")
-@click.option("--select", multiple=True, metavar="SUBJECT[.PROPERTY]", help="Run only these checks. May be repeated.")
-@click.option("--ignore", multiple=True, metavar="SUBJECT[.PROPERTY]", help="Leave these checks out. May be repeated.")
-@click.option("--config", type=PATH, help="Read options from a fedora-qa.toml; the command line counts more.")
+@select_option
+@ignore_option
+@config_option
 @click.option("--jobs", type=click.IntRange(min=1), default=1, show_default=True, help="Files checked at once.")
-@click.option("--state", type=PATH, metavar="DIR", help="Where to keep what was found.  [default: beside each CORPUS]")
+@click.option(
+    "--state", type=PATH, metavar="DIR", help="Where to keep results of files.  [default: beside each CORPUS]"
+)
 @click.option("--json", "json_path", type=PATH, metavar="OUT", help="Write every number.")
 @click.option("--html", "html_path", type=PATH, metavar="OUT", help="Write tables and plots, in one HTML file.")
 @click.option("--markdown", "markdown_path", type=PATH, metavar="OUT", help="Write the tables.")
 @click.option("--svg", "svg_path", type=PATH, metavar="OUT", help="Draw the curves, for documents.")
-@click.option("--publish", type=PATH, metavar="OUT", help="Write what a passed check is worth, for the package.")
+@click.option("--publish", type=PATH, metavar="OUT", help="Write the detection power of each check, for the package.")
 def power(
     corpora: tuple[Path, ...],
     config: Path | None,
@@ -47,13 +50,13 @@ def power(
     markdown_path: Path | None,
     svg_path: Path | None,
     publish: Path | None,
-    **given: Any,
+    **overrides: Any,
 ) -> int:
-    """Check every file of each CORPUS, whose manifest.json says what was planted, and tabulate what was found.
+    """Check every file of each CORPUS, whose manifest.json lists the planted faults, and tabulate what was found.
 
-    Run again after an interrupt, it goes on where it was. Exit codes: 0 measured; 2 misuse; 3 a check crashed.
+    Run again after an interrupt, it continues. Exit codes: 0 measured; 2 misuse; 3 a check crashed.
     """
-    settings = settings_from(config, given)
+    settings = settings_from(config, overrides)
     # A study counts outcomes; evidence of thousands of files would only cost time and space.
     options = replace(check_options(settings), evidence=None)
     manifests = {corpus: read_manifest(corpus) for corpus in corpora}
@@ -83,7 +86,7 @@ def power(
             trials += run_study(manifest, kept, options, jobs, report)
     measured_power = power_of(trials, Origin(", ".join(corpus.resolve().name for corpus in corpora), started, settings))
     if json_path:
-        write_text(json_path, power_to_json(measured_power))
+        write_text(json_path, POWER.to_json(measured_power))
     if publish:
         write_detection_power(detection_power_of(measured_power), publish)
     if markdown_path:
@@ -95,7 +98,7 @@ def power(
 
         write_text(html_path, render_power(measured_power))
     if svg_path:
-        from fedora_reports.power_drawing import draw_power  # noqa: PLC0415 - an extra
+        from fedora_reports.power import draw_power  # noqa: PLC0415 - an extra
 
         write_text(svg_path, draw_power(measured_power))
     console = stdout_console()
@@ -105,9 +108,5 @@ def power(
         console.print(text(f"A check crashed in {len(measured_power.crashed)} files: {paths}", "bold magenta"))
     console.print()
     for table in tables_of(measured_power):
-        is_text = [column < table.words for column in range(len(table.head))]
-        print_table(console, table.title, table.head, table.rows, is_text=is_text)
-        if table.note:
-            console.print(text(table.note, "dim"))
-        console.print()
+        print_table(console, table)
     return INCOMPLETE if measured_power.crashed else CLEAN

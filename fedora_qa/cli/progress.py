@@ -1,4 +1,4 @@
-"""Progress on stderr, where a terminal is there to show it."""
+"""Progress on stderr, where that is a terminal."""
 
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager

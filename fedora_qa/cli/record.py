@@ -1,4 +1,4 @@
-"""From the runs over files to one record, and the arrays beside it."""
+"""Make one record of the runs over files, and the arrays beside it."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
@@ -20,10 +20,9 @@ def record_of(runs: Sequence[FileRun], settings: CheckConfig, started: str, fact
     facts
         Of the run, beside those of the machine.
     """
-    apart = len(runs) > 1
     files = [
-        replace(run.record, evidence={_named(name, i, apart): title for name, title in run.record.evidence.items()})
-        for i, run in enumerate(runs)
+        replace(run.record, evidence={f"{prefix}{name}": title for name, title in run.record.evidence.items()})
+        for prefix, run in zip(_prefixes(runs), runs, strict=True)
     ]
     # A dict, not a set: stages stay in the order in which they ran.
     stages = dict.fromkeys(stage for run in runs for stage in run.seconds)
@@ -55,11 +54,15 @@ def record_of(runs: Sequence[FileRun], settings: CheckConfig, started: str, fact
     )
 
 
-def gathered_arrays(runs: Sequence[FileRun]) -> dict[str, Any]:
+def evidence_arrays(runs: Sequence[FileRun]) -> dict[str, Any]:
     """Return the evidence of all files, under the names that the record uses."""
-    apart = len(runs) > 1
-    return {_named(name, i, apart): array for i, run in enumerate(runs) for name, array in run.arrays.items()}
+    return {
+        f"{prefix}{name}": array
+        for prefix, run in zip(_prefixes(runs), runs, strict=True)
+        for name, array in run.arrays.items()
+    }
 
 
-def _named(name: str, file: int, apart: bool) -> str:
-    return f"{file}/{name}" if apart else name
+def _prefixes(runs: Sequence[FileRun]) -> list[str]:
+    """Return the start of the names of evidence for each file: its number where there are several."""
+    return [f"{number}/" if len(runs) > 1 else "" for number in range(len(runs))]

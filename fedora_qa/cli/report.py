@@ -8,7 +8,7 @@ import click
 from numpy.typing import NDArray
 
 from fedora_qa.cli.arrays import arrays_beside, read_arrays
-from fedora_qa.cli.output_options import PATH, output_options
+from fedora_qa.cli.options import PATH, output_options
 from fedora_qa.cli.outputs import Outputs
 from fedora_qa.cli.summary import print_record
 from fedora_qa.errors import MisuseError
@@ -16,7 +16,7 @@ from fedora_qa.record.json_io import read_record
 from fedora_qa.record.wording import unobeyed
 
 
-@click.command(short_help="Render a record again, without the data.")
+@click.command()
 @click.argument("record_path", metavar="RECORD", type=PATH)
 @output_options
 def report(record_path: Path, outputs: Outputs) -> int:

@@ -30,28 +30,28 @@ _KEY: Final = "resume_key"
 
 @dataclass(frozen=True, slots=True)
 class ResumeFolder:
-    """A folder of stored runs. ``checked_with`` identifies everything but the file that determines a run's results."""
+    """A folder of stored runs. ``checked_with`` identifies all that determines their results, apart from the files."""
 
-    folder: Path
+    path: Path
     settings: CheckConfig
     checked_with: str
 
-    def place(self, path: Place) -> "StoredRun":
-        """Return a file's place in the folder, with the present version of the file."""
+    def stored_run(self, path: Place) -> "StoredRun":
+        """Return where the run of a file is stored, with the present version of the file."""
         whole = path.absolute()
         # The stem is for people; the digest of the whole path keeps files of one name in different folders apart.
         name = f"{path.stem}-{hashlib.sha256(os.fsencode(str(whole))).hexdigest()[:12]}.json"
-        return StoredRun(path, self.folder / name, version_of(path).tag, self)
+        return StoredRun(path, self.path / name, version_of(path).tag, self)
 
 
 @dataclass(frozen=True, slots=True)
 class StoredRun:
-    """Where the run of one file is kept."""
+    """The place of one file's run in the folder."""
 
     path: Place
     target: Path
     tag: str
-    kept: ResumeFolder
+    folder: ResumeFolder
 
     def load(self) -> FileRun | None:
         """Return the file's run; None where none is stored, or one of other content, code or configuration."""
@@ -70,26 +70,26 @@ class StoredRun:
         if list(arrays) != list(file.evidence):
             return None
         reached = str(record.run.host.get("budget_reached", ""))
-        # The path as it is given now: the kept one may be relative to another working directory.
+        # The present path: the stored one may be relative to another working directory.
         whole = replace(file, path=str(self.path))
         stated = record.run.host.get("decoded_bytes")
         decoded_bytes = stated if isinstance(stated, int) else 0
         return FileRun(whole, arrays, record.run.seconds, decoded_bytes, reached=reached)
 
     def store(self, run: FileRun, started: str) -> None:
-        """Store the run of the file, entirely or not at all; nothing if the file was changed meanwhile."""
+        """Store the run of the file, entirely or not at all; nothing where the file was changed meanwhile."""
         if version_of(self.path).tag != self.tag:
             return
         key = self._key(run.record.sha256, run.record.digest_kind)
         # The arrays first: a record that exists then always has its arrays.
         write_arrays(arrays_beside(self.target), run.arrays)
-        write_record(record_of([run], self.kept.settings, started, {_KEY: key}), self.target)
+        write_record(record_of([run], self.folder.settings, started, {_KEY: key}), self.target)
 
     def _key(self, sha256: str, kind: str) -> str:
         """Return a digest of what the run depends on. The version's tag shows changes that a partial digest misses."""
         # A full digest suffices by itself: without the tag, a run stays valid when only the time of change differs.
         tag = self.tag if kind == "partial" else None
-        parts = [sha256, kind, tag, self.kept.checked_with]
+        parts = [sha256, kind, tag, self.folder.checked_with]
         return hashlib.sha256(json.dumps(parts).encode()).hexdigest()
 
 
@@ -99,7 +99,7 @@ def resume_folder(folder: Path, settings: CheckConfig, options: CheckOptions) ->
     Parameters
     ----------
     options
-        What the settings amount to: the dialect as it was read, and whether evidence is gathered.
+        The options that follow from the settings: the dialect as it was read, and whether evidence is gathered.
     """
     try:
         folder.mkdir(parents=True, exist_ok=True)

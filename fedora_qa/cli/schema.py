@@ -1,4 +1,4 @@
-"""``fedora-qa schema``: the published schemas of what is written and read, for programs and editors."""
+"""``fedora-qa schema``: the published schemas of documents and configurations, for programs and editors."""
 
 from collections.abc import Mapping
 from importlib import resources
@@ -20,7 +20,7 @@ SCHEMAS: Final[Mapping[str, tuple[str, str, str]]] = MappingProxyType(
 """Of each document the package and file that hold its schema, and what it is."""
 
 
-@click.command(short_help="Print the JSON schema of a document or configuration.")
+@click.command()
 @click.argument("name", metavar="NAME", type=click.Choice(list(SCHEMAS)), required=False)
 def schema(name: str | None) -> int:
     """Print the JSON schema (draft 2020-12) of NAME; without a name, list what there is. Piped, tabs stand between."""

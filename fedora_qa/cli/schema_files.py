@@ -11,14 +11,14 @@ from pydantic import TypeAdapter
 
 import fedora_qa
 from fedora_qa.cli.schema import SCHEMAS
-from fedora_qa.comparison.json_io import COMPARISON
+from fedora_qa.comparison.types import COMPARISON
 from fedora_qa.config import CONFIG_READER
 from fedora_qa.gate.certificate import CERTIFICATE
 from fedora_qa.gate.policy import POLICY_READER
 from fedora_qa.record.atomic import write_text
 from fedora_qa.record.documents import DocumentKind
 from fedora_qa.record.json_io import RECORD
-from fedora_qa.record.power_json import POWER
+from fedora_qa.record.power_types import POWER
 from fedora_qa.record.schemas import schema_of, schema_text
 
 _DOCUMENTS: tuple[DocumentKind[Any], ...] = (RECORD, COMPARISON, POWER, CERTIFICATE)

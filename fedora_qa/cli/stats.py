@@ -2,19 +2,19 @@
 
 import json
 from collections.abc import Mapping
-from dataclasses import dataclass
 from pathlib import Path, PurePath
 from typing import Final
 
 import click
 
 from fedora_qa import __version__
-from fedora_qa.cli.check import PATH, folders_named, require_hdf5
+from fedora_qa.cli.check import external_folders, require_hdf5
 from fedora_qa.cli.isolated import run_isolated
-from fedora_qa.cli.output_options import allow_external_option
+from fedora_qa.cli.options import PATH, allow_external_option, dialect_option, memory_option
 from fedora_qa.cli.outputs import Outputs
 from fedora_qa.cli.progress import progress_bar
 from fedora_qa.cli.terminal import print_table, stdout_console, text
+from fedora_qa.comparison.text_table import ABSENT, TextTable
 from fedora_qa.config import parse_bytes
 from fedora_qa.engine.executor import Task
 from fedora_qa.engine.statistics import collect_statistics
@@ -26,29 +26,18 @@ from fedora_qa.record.types import Scalar
 from fedora_qa.record.wording import number, with_error
 from fedora_qa.statistics.collector import Statistics
 
-_ABSENT: Final = "-"
-
 NOTES: Final = (
     "T from the first to the last pose (or frame). D, v max and w max from least-squares quintic splines through the "
-    "poses, their knots chosen by cross-validation; the excess that noise leaves is told by a parametric bootstrap and "
-    "subtracted, and the error holds it. Flow, depth and brightness from every fourth column and row of every frame. "
-    "Flow is its magnitude in px over the interval of its rate."
+    "poses, their knots chosen by cross-validation; the excess that noise leaves is estimated by a parametric "
+    "bootstrap and subtracted; the error includes it. Flow, depth and brightness from every fourth column and row of "
+    "every frame. Flow is its magnitude in px over the interval of its rate."
 )
 
 
-@dataclass(frozen=True, slots=True)
-class StatsTable:
-    """A table of text; the first column names the file."""
-
-    title: str
-    head: tuple[str, ...]
-    rows: tuple[tuple[str, ...], ...]
-
-
-@click.command(short_help="Print the sequence and flow tables of files.")
+@click.command()
 @click.argument("files", nargs=-1, required=True, type=PATH)
-@click.option("--dialect", metavar="NAME|FILE.toml", help="How the files name and scale things; else recognised.")
-@click.option("--memory", metavar="AMOUNT", default="1GB", show_default=True, help="Memory to aim at.")
+@dialect_option
+@memory_option
 @allow_external_option
 @click.option("--json", "json_path", type=PATH, metavar="OUT", help="Write the numbers.")
 @click.option("--markdown", "markdown_path", type=PATH, metavar="OUT", help="Write the tables.")
@@ -60,12 +49,12 @@ def stats(
     json_path: Path | None,
     markdown_path: Path | None,
 ) -> int:
-    """Print what FILES are like: duration, distance, greatest speeds, event rate, flow, depth, brightness."""
+    """Print statistics of FILES: duration, distance, greatest speeds, event rate, flow, depth, brightness."""
     dialect_read = load_dialect(dialect) if dialect else None
     memory_bytes = parse_bytes(memory)
     Outputs(json_path, markdown_path).require_writable(files)
     require_hdf5(files)
-    folders = folders_named(allow_external)
+    folders = external_folders(allow_external)
     by_file: dict[str, Statistics] = {}
     for path in files:
         with progress_bar(path.name) as report:
@@ -83,14 +72,12 @@ def stats(
         write_text(markdown_path, "\n\n".join([*sections, escape(NOTES)]) + "\n")
     console = stdout_console()
     for source in tables:
-        is_text = [column == 0 for column in range(len(source.head))]
-        print_table(console, source.title, source.head, source.rows, is_text=is_text)
-        console.print()
+        print_table(console, source)
     console.print(text(NOTES, "dim"))
     return 0
 
 
-def tables_of(by_file: Mapping[str, Statistics]) -> tuple[StatsTable, ...]:
+def tables_of(by_file: Mapping[str, Statistics]) -> tuple[TextTable, ...]:
     """Return the sequence table, the flow table, and tables of light, depth and rates, for files by path."""
     # A file's name suffices where it distinguishes the file from the others; else its path.
     names = [PurePath(path).name for path in by_file]
@@ -107,9 +94,9 @@ def tables_of(by_file: Mapping[str, Statistics]) -> tuple[StatsTable, ...]:
             (
                 name,
                 _value(sequence, "duration_s"),
-                _measured(motion, "distance", "m"),
-                _measured(motion, "speed_max", "m_s"),
-                _measured(motion, "angular_speed_max", "rad_s"),
+                _with_error(motion, "distance", "m"),
+                _with_error(motion, "speed_max", "m_s"),
+                _with_error(motion, "angular_speed_max", "rad_s"),
                 _value(events, "count"),
                 # MER, the mean event rate, in 1e6 events/s.
                 _value(sequence, "event_rate_mean_per_s", scale=1e-6),
@@ -123,30 +110,36 @@ def tables_of(by_file: Mapping[str, Statistics]) -> tuple[StatsTable, ...]:
                 flow_rows.append((name, group.removeprefix("flow/"), *cells, valid))
         depth, rgb = statistics.get("depth", {}), statistics.get("rgb", {})
         if depth or rgb:
-            spread = f"{_value(depth, 'min_m')} to {_value(depth, 'max_m')}" if depth else _ABSENT
+            spread = f"{_value(depth, 'min_m')} to {_value(depth, 'max_m')}" if depth else ABSENT
             cells = (_value(depth, key) for key in ("mean_m", "disparity_mean_per_m"))
             valid = _value(depth, "valid_share", scale=100.0)
             image_rows.append((name, spread, *cells, valid, _value(rgb, "brightness_mean_dn")))
         if streams:
             rate_rows.append((name, *(_value(statistics.get("rates", {}), key) for key in streams)))
     tables = (
-        StatsTable(
+        TextTable(
             "Sequences",
             ("sequence", "T [s]", "D [m]", "v max [m/s]", "w max [rad/s]", "events", "MER [M/s]", "brighter [%]"),
             tuple(sequence_rows),
+            words=1,
         ),
-        StatsTable(
-            "Flow", ("sequence", "rate", "mean [px]", "variance [px^2]", "max [px]", "valid [%]"), tuple(flow_rows)
+        TextTable(
+            "Flow",
+            ("sequence", "rate", "mean [px]", "variance [px^2]", "max [px]", "valid [%]"),
+            tuple(flow_rows),
+            words=1,
         ),
-        StatsTable(
+        TextTable(
             "Depth and light",
             ("sequence", "depth [m]", "mean depth [m]", "mean disparity [1/m]", "valid [%]", "brightness [DN]"),
             tuple(image_rows),
+            words=1,
         ),
-        StatsTable(
+        TextTable(
             "Rates",
             ("sequence", *(f"{stream.removesuffix('_hz')} [Hz]" for stream in streams)),
             tuple(rate_rows),
+            words=1,
         ),
     )
     return tuple(source for source in tables if source.rows)
@@ -154,12 +147,12 @@ def tables_of(by_file: Mapping[str, Statistics]) -> tuple[StatsTable, ...]:
 
 def _value(group: Mapping[str, Scalar], key: str, scale: float = 1.0) -> str:
     value = group.get(key)
-    return number(scale * value) if isinstance(value, int | float) else _ABSENT
+    return number(scale * value) if isinstance(value, int | float) else ABSENT
 
 
-def _measured(group: Mapping[str, Scalar], name: str, unit: str) -> str:
+def _with_error(group: Mapping[str, Scalar], name: str, unit: str) -> str:
     value, error = group.get(f"{name}_{unit}"), group.get(f"{name}_standard_error_{unit}")
     # Noise of the poses adds to distances and maxima (NOTES); without the error of its removal a value is not shown.
     if not isinstance(value, int | float) or not isinstance(error, int | float):
-        return _ABSENT
+        return ABSENT
     return with_error(value, error, "")

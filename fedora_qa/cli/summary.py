@@ -54,7 +54,7 @@ _SLOWEST_SHOWN: Final = 3
 
 
 def print_record(record: Record, *, github: bool) -> None:
-    """Print the summary, and annotations for GitHub if asked for; GitHub obeys no command that a file contains."""
+    """Print the summary, and annotations for GitHub if requested; GitHub obeys no command that a file contains."""
     console = stdout_console()
     if not github:
         show_record(console, record)

@@ -1,15 +1,18 @@
-"""Consoles: colour and width of a terminal only on one, and no text of a file interpreted as markup."""
+"""Consoles for results and messages; text from files is never interpreted as markup."""
 
 import os
 import sys
-from collections.abc import Iterable, Sequence
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
+from fedora_qa.comparison.text_table import SOURCE, TextTable
 from fedora_qa.record.wording import unobeyed
+
+if TYPE_CHECKING:  # loads pydantic, which most commands that print need not
+    from fedora_qa.record.power_tables import PowerTable
 
 # Columns. rich assumes 80 for a pipe, which is too narrow for the table of checks.
 _PIPED_WIDTH: Final = 132
@@ -29,7 +32,7 @@ def stdout_console() -> Console:
 
 
 def stderr_console() -> Console:
-    """Return the console for progress and complaints."""
+    """Return the console for progress and messages."""
     return _console(stderr=True)
 
 
@@ -38,24 +41,20 @@ def text(content: str, style: str = "") -> Text:
     return Text(unobeyed(content), style=style)
 
 
-def print_table(
-    console: Console, title: str, head: Sequence[str], rows: Iterable[Sequence[str]], *, is_text: Sequence[bool]
-) -> None:
-    """Print a table under its title.
-
-    Parameters
-    ----------
-    is_text
-        Of each column whether it holds text, which is aligned on the left. Numbers are aligned on the right, so that
-        their digits stand below each other.
-    """
+def print_table(console: Console, source: "TextTable | PowerTable") -> None:
+    """Print a table between its title and its note, and a blank line after it."""
     table = Table(box=None, pad_edge=False, padding=(0, 2, 0, 0))
-    for name, is_left in zip(head, is_text, strict=True):
-        table.add_column(name, justify="left" if is_left else "right", overflow="fold")
-    for row in rows:
+    for column, name in enumerate(source.head):
+        # Text is aligned on the left, and numbers on the right, so that their digits stand below each other.
+        is_text = column < source.words or name == SOURCE
+        table.add_column(name, justify="left" if is_text else "right", overflow="fold")
+    for row in source.rows:
         table.add_row(*(text(cell) for cell in row))
-    console.print(Text(title, style="bold"))
+    console.print(Text(source.title, style="bold"))
     console.print(table)
+    if source.note:
+        console.print(text(source.note, "dim"))
+    console.print()
 
 
 def _console(*, stderr: bool) -> Console:

@@ -1,4 +1,4 @@
-"""``fedora-qa verify``: whether a release is still the one that was certified."""
+"""``fedora-qa verify``: compare a release with its certificate."""
 
 from datetime import UTC, datetime
 from pathlib import Path
@@ -6,12 +6,12 @@ from pathlib import Path
 import click
 
 from fedora_qa.cli.exit_codes import CLEAN, FINDINGS
-from fedora_qa.cli.output_options import PATH
+from fedora_qa.cli.options import PATH
 from fedora_qa.gate.certificate import differences, read_certificate
 from fedora_qa.record.wording import unobeyed
 
 
-@click.command(short_help="Verify that a release is still the one that was certified.")
+@click.command()
 @click.argument("certificate_path", metavar="CERTIFICATE", type=PATH)
 @click.argument("folder", metavar="DIR", type=PATH)
 def verify(certificate_path: Path, folder: Path) -> int:

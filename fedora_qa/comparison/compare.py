@@ -7,13 +7,13 @@ from typing import Final
 import numpy as np
 
 from fedora_qa import __version__
-from fedora_qa.comparison.distances import PairedCounts, difference_of, held_together
+from fedora_qa.comparison.distances import PairedCounts, difference_of, paired_counts
 from fedora_qa.comparison.histograms import Int64, shares_of
 from fedora_qa.comparison.paper_tables import PUBLISHED
 from fedora_qa.comparison.sampled import meaning_of, unit_of
-from fedora_qa.comparison.subjects import Given, Match, design_of, matches
+from fedora_qa.comparison.subjects import Match, SubjectInput, design_of, matches
 from fedora_qa.comparison.types import COMPARISON_VERSION, Comparison, Design, Overlay, Pair, Versions
-from fedora_qa.comparison.versions import record_changes, statistic_changes, with_errors
+from fedora_qa.comparison.versions import count_with_errors, record_changes, statistic_changes
 from fedora_qa.errors import MisuseError
 from fedora_qa.evidence.value_counts import octave_edges
 from fedora_qa.record.types import Tool
@@ -26,29 +26,29 @@ DEFAULT_FALSE_ALARM_RATE: Final = 0.01
 class _PairPlan:
     """The comparisons of one pair, known before any is judged, so that all can share one false-alarm rate."""
 
-    before: Given
-    after: Given
+    before: SubjectInput
+    after: SubjectInput
     place: int
     design: Design
-    held: tuple[PairedCounts, ...]
+    distributions: tuple[PairedCounts, ...]
     matched: tuple[Match, ...]
 
     @property
     def tests(self) -> int:
-        return len(self.held) + sum(
-            with_errors(match.before.statistics, match.after.statistics) for match in self.matched
+        return len(self.distributions) + sum(
+            count_with_errors(match.before.statistics, match.after.statistics) for match in self.matched
         )
 
 
-def compare(given: Sequence[Given], design: Design | None, false_alarm_rate: float) -> Comparison:
+def compare(inputs: Sequence[SubjectInput], design: Design | None, false_alarm_rate: float) -> Comparison:
     """Compare two or more subjects with the first.
 
     Parameters
     ----------
-    given
+    inputs
         The subjects, the reference first.
     design
-        How they are related; None: by their names.
+        What they are to each other; None where their names decide.
     false_alarm_rate
         Probability, 0 to 1, that any test of the whole comparison reports a difference where there is none.
 
@@ -60,13 +60,13 @@ def compare(given: Sequence[Given], design: Design | None, false_alarm_rate: flo
     Raises
     ------
     MisuseError
-        Fewer than two are given, or versions are asked for that have no file in common.
+        There are fewer than two, or versions have no file in common.
     """
-    if len(given) < 2:
-        raise MisuseError(f"Expected two or more things to compare, got {len(given)}")
+    if len(inputs) < 2:
+        raise MisuseError(f"Expected two or more subjects to compare, got {len(inputs)}")
     # All tests are counted before the first is judged: they share one false-alarm rate.
-    before, planned = given[0], list[_PairPlan]()
-    for place, after in enumerate(given[1:], start=1):
+    before, planned = inputs[0], list[_PairPlan]()
+    for place, after in enumerate(inputs[1:], start=1):
         pair_design = design or design_of(before, after)
         matched = matches(before, after) if pair_design == "versions" else ()
         if pair_design == "versions" and not matched:
@@ -74,8 +74,8 @@ def compare(given: Sequence[Given], design: Design | None, false_alarm_rate: flo
                 f"Expected versions of the same files, got none in {after.name} named as one in {before.name}; "
                 "compare them as sequences or datasets"
             )
-        held = held_together(before, after, pair_design)
-        planned.append(_PairPlan(before, after, place, pair_design, held, matched))
+        distributions = paired_counts(before, after, pair_design)
+        planned.append(_PairPlan(before, after, place, pair_design, distributions, matched))
     tests = sum(item.tests for item in planned)
     # Bonferroni: valid whatever the dependence of the tests.
     level = false_alarm_rate / max(tests, 1)
@@ -84,7 +84,7 @@ def compare(given: Sequence[Given], design: Design | None, false_alarm_rate: flo
             before=0,
             after=item.place,
             design=item.design,
-            differences=tuple(difference_of(counts, level) for counts in item.held),
+            differences=tuple(difference_of(counts, level) for counts in item.distributions),
             versions=_versions(item, level) if item.design == "versions" else None,
         )
         for item in planned
@@ -92,7 +92,7 @@ def compare(given: Sequence[Given], design: Design | None, false_alarm_rate: flo
 
     # What could not be compared.
     notes: list[str] = []
-    for subject in given:
+    for subject in inputs:
         lacking = [name for name, file in subject.by_name.items() if file.sampled is None]
         if lacking:
             notes.append(
@@ -100,8 +100,8 @@ def compare(given: Sequence[Given], design: Design | None, false_alarm_rate: flo
                 f"{f' and {len(lacking) - 3} more' if len(lacking) > 3 else ''}; its record is of an earlier version, "
                 "or its arrays do not lie beside it."
             )
-    checked = [subject.name for subject in given if any(file.record for file in subject.files)]
-    if checked and len(checked) < len(given):
+    checked = [subject.name for subject in inputs if any(file.record for file in subject.files)]
+    if checked and len(checked) < len(inputs):
         notes.append("Findings are compared only where both sides are records of `fedora-qa check`.")
     return Comparison(
         comparison_version=COMPARISON_VERSION,
@@ -109,8 +109,8 @@ def compare(given: Sequence[Given], design: Design | None, false_alarm_rate: flo
         false_alarm_rate=false_alarm_rate,
         tests=tests,
         level=level,
-        subjects=tuple(item.subject for item in given),
-        overlays=tuple(_overlays(given)),
+        subjects=tuple(item.subject for item in inputs),
+        overlays=tuple(_overlays(inputs)),
         pairs=pairs,
         published=PUBLISHED,
         notes=tuple(notes),
@@ -143,14 +143,14 @@ def _versions(planned: _PairPlan, level: float) -> Versions:
     )
 
 
-def _overlays(given: Sequence[Given]) -> Iterator[Overlay]:
+def _overlays(inputs: Sequence[SubjectInput]) -> Iterator[Overlay]:
     """Yield the distribution of every quantity that any subject has, all its files together."""
     quantities = dict.fromkeys(
-        q for subject in given for file in subject.files if file.sampled for q in file.sampled.counts
+        q for subject in inputs for file in subject.files if file.sampled for q in file.sampled.counts
     )
     for quantity in quantities:
         totals: list[Int64 | None] = []
-        for subject in given:
+        for subject in inputs:
             counts = [
                 file.sampled.total(quantity)
                 for file in subject.files

@@ -1,7 +1,7 @@
 """Which distributions are compared, which units can be exchanged between them, and how far they lie apart.
 
-If both sides came from one process, who belongs to which side would be arbitrary. So the distance of the sides as they
-are is compared with the distances of sides made by exchanging their units at random (permutation test; Phipson and
+If both sides came from one process, the side of a unit would be arbitrary. So the distance of the sides as they are is
+compared with the distances of sides made by exchanging their units at random (permutation test; Phipson and
 Smyth 2010 for the chance of a sample of relabellings). It assumes that units are exchangeable, nothing about
 distributions.
 
@@ -18,13 +18,13 @@ from typing import Final
 import numpy as np
 
 from fedora_qa.comparison.histograms import Float64, Int64, mean_of, shares_of, wasserstein
-from fedora_qa.comparison.sampled import filled, paired_blocks, unit_of
-from fedora_qa.comparison.subjects import Given, matches
-from fedora_qa.comparison.types import Design, Difference, Told
+from fedora_qa.comparison.sampled import paired_blocks, unit_of, without_empty_ends
+from fedora_qa.comparison.subjects import SubjectInput, matches
+from fedora_qa.comparison.types import Conclusion, Design, Difference
 
 _NOUNS: Final[dict[Design, str]] = {
     "versions": "blocks of time are in both",
-    "sequences": "stretches of time can count as independent",
+    "sequences": "segments of time count as independent",
     "datasets": "files have it",
 }
 
@@ -83,9 +83,9 @@ class Sides:
 
     def resampled(self, number: int, random: np.random.Generator) -> tuple[Float64, Float64]:
         """Return distances and shifts of the mean (number,) of sides whose units were drawn again (bootstrap)."""
-        weights = _drawn_again(len(self.before), number, random)
+        weights = _resampling_weights(len(self.before), number, random)
         # Pairs are drawn together: what both sides have in common is then no scatter of their difference.
-        others = weights if self.paired else _drawn_again(len(self.after), number, random)
+        others = weights if self.paired else _resampling_weights(len(self.after), number, random)
         before, after = shares_of(weights @ self.before), shares_of(others @ self.after)
         return wasserstein(before, after, self.edges), mean_of(after, self.edges) - mean_of(before, self.edges)
 
@@ -105,7 +105,7 @@ class PairedCounts:
     sides: Sides
 
 
-def held_together(before: Given, after: Given, design: Design) -> tuple[PairedCounts, ...]:
+def paired_counts(before: SubjectInput, after: SubjectInput, design: Design) -> tuple[PairedCounts, ...]:
     """Return every quantity that both subjects have, by file where they are versions."""
     if design == "versions":
         of_files: list[PairedCounts] = []
@@ -116,24 +116,24 @@ def held_together(before: Given, after: Given, design: Design) -> tuple[PairedCo
             for quantity in first.counts:
                 blocks = paired_blocks(first, other, quantity) if quantity in other.counts else None
                 if blocks is not None and len(blocks[0]):
-                    of_files.append(_held(match.name, quantity, "versions", *blocks, paired=True))
+                    of_files.append(_paired(match.name, quantity, "versions", *blocks, paired=True))
         return tuple(of_files)
     quantities = _quantities(before)
     return tuple(
-        _held("", quantity, design, _units(before, quantity, design), _units(after, quantity, design), paired=False)
+        _paired("", quantity, design, _units(before, quantity, design), _units(after, quantity, design), paired=False)
         for quantity in quantities
         if quantity in _quantities(after)
     )
 
 
-def difference_of(held: PairedCounts, level: float) -> Difference:
+def difference_of(counts: PairedCounts, level: float) -> Difference:
     """Return how far two distributions lie apart, and whether chance gives as much at ``level`` (a probability)."""
-    sides = held.sides
-    random = np.random.default_rng(0)  # the same answer whenever it is asked for
+    sides = counts.sides
+    random = np.random.default_rng(0)  # the same result in every run
     distance_error, shift_error = standard_errors(sides, random)
     before, after = (float(mean_of(shares_of(side.sum(axis=0)), sides.edges)) for side in (sides.before, sides.after))
     chance: Chance | None = None
-    conclusion: Told
+    conclusion: Conclusion
     reason = ""
     # Whole numbers: the counts of a copy are equal exactly.
     if np.array_equal(sides.before, sides.after):
@@ -146,11 +146,11 @@ def difference_of(held: PairedCounts, level: float) -> Difference:
         conclusion = "not_told"
         u, v, enough = len(sides.before), len(sides.after), enough_units(level, paired=sides.paired)
         there, takes = (f"{u}", f"{enough}") if sides.paired else (f"{u} and {v}", f"{enough} each")
-        reason = f"only {there} {_NOUNS[held.design]}; to tell at {level:.2g} takes {takes}"
+        reason = f"only {there} {_NOUNS[counts.design]}; to tell at {level:.2g} takes {takes}"
     return Difference(
-        file=held.file,
-        quantity=held.quantity,
-        unit=unit_of(held.quantity),
+        file=counts.file,
+        quantity=counts.quantity,
+        unit=unit_of(counts.quantity),
         mean_before=before,
         mean_after=after,
         shift_standard_error=shift_error,
@@ -164,14 +164,14 @@ def difference_of(held: PairedCounts, level: float) -> Difference:
     )
 
 
-def _held(file: str, quantity: str, design: Design, before: Int64, after: Int64, *, paired: bool) -> PairedCounts:
-    first, other, edges = filled(before, after)
+def _paired(file: str, quantity: str, design: Design, before: Int64, after: Int64, *, paired: bool) -> PairedCounts:
+    first, other, edges = without_empty_ends(before, after)
     return PairedCounts(file, quantity, design, Sides(first, other, edges, paired))
 
 
-def _units(given: Given, quantity: str, design: Design) -> Int64:
+def _units(subject: SubjectInput, quantity: str, design: Design) -> Int64:
     """Return the counts (u, n) of what can be exchanged: files of a dataset, segments of a sequence."""
-    having = [file.sampled for file in given.files if file.sampled and quantity in file.sampled.counts]
+    having = [file.sampled for file in subject.files if file.sampled and quantity in file.sampled.counts]
     # Files are independent as they are. Blocks of one flight are correlated: only segments of several correlation times
     # can be exchanged.
     if design == "datasets":
@@ -179,8 +179,8 @@ def _units(given: Given, quantity: str, design: Design) -> Int64:
     return np.concatenate([independent_segments(sampled.counts[quantity]) for sampled in having])
 
 
-def _quantities(given: Given) -> dict[str, None]:
-    return dict.fromkeys(q for file in given.files if file.sampled for q in file.sampled.counts)
+def _quantities(subject: SubjectInput) -> dict[str, None]:
+    return dict.fromkeys(q for file in subject.files if file.sampled for q in file.sampled.counts)
 
 
 @dataclass(frozen=True, slots=True)
@@ -250,7 +250,7 @@ def standard_errors(sides: Sides, random: np.random.Generator) -> tuple[float | 
     return float(distances.std(ddof=1)), float(shifts.std(ddof=1))
 
 
-def _drawn_again(units: int, number: int, random: np.random.Generator) -> Float64:
+def _resampling_weights(units: int, number: int, random: np.random.Generator) -> Float64:
     """Return how often each unit is drawn when as many are drawn with replacement, (number, units)."""
     return random.multinomial(units, np.full(units, 1 / units), number).astype(np.float64)
 

@@ -81,15 +81,15 @@ def paper_tables(comparison: Comparison) -> tuple[TextTable, ...]:
         datasets.append((name, *[ABSENT] * 4, *cells, source))
 
     sequences: list[tuple[str, ...]] = []
-    for name, file in _named(subjects):
+    for name, file in _distinct_names(subjects):
         sequence, motion = (file.statistics.get(group, {}) for group in ("sequence", "motion"))
         sequences.append(
             (
                 name,
                 _value(sequence, "duration_s"),
-                _measured(motion, "distance", "m"),
-                _measured(motion, "speed_max", "m_s"),
-                _measured(motion, "angular_speed_max", "rad_s"),
+                _with_error(motion, "distance", "m"),
+                _with_error(motion, "speed_max", "m_s"),
+                _with_error(motion, "angular_speed_max", "rad_s"),
                 _value(sequence, "event_rate_mean_per_s", 1e-6),
                 "",
             )
@@ -105,12 +105,12 @@ def paper_tables(comparison: Comparison) -> tuple[TextTable, ...]:
         for group in dict.fromkeys(groups):
             mean, variance = _pooled([file.statistics[group] for file in subject.files if group in file.statistics])
             rate = f"{group.removeprefix('flow/').removesuffix('hz')} Hz"
-            flow.append((subject.name, rate, _shown(mean), _shown(variance), ""))
+            flow.append((subject.name, rate, _text_or_absent(mean), _text_or_absent(variance), ""))
     for name, values, source in _published(comparison, "flow"):
         flow.append((name, *(_text(values, key) for key in ("rate", "mean_px", "variance")), source))
 
     disparity: list[tuple[str, ...]] = []
-    for name, file in _named(subjects):
+    for name, file in _distinct_names(subjects):
         depth = file.statistics.get("depth")
         if depth:
             means = (_value(depth, key) for key in ("disparity_mean_per_m", "mean_m"))
@@ -149,7 +149,7 @@ def paper_tables(comparison: Comparison) -> tuple[TextTable, ...]:
     )  # fmt: skip
 
 
-def _named(subjects: Sequence[Subject]) -> Iterator[tuple[str, ComparedFile]]:
+def _distinct_names(subjects: Sequence[Subject]) -> Iterator[tuple[str, ComparedFile]]:
     """Yield each file with a name that distinguishes it from those of other subjects."""
     names = [file.name for subject in subjects for file in subject.files]
     for subject in subjects:
@@ -232,12 +232,12 @@ def _text(values: Group, key: str) -> str:
     return ABSENT if value in {None, ""} else f"{value:.12g}" if isinstance(value, float) else str(value)
 
 
-def _measured(group: Group, name: str, unit: str) -> str:
+def _with_error(group: Group, name: str, unit: str) -> str:
     value, error = group.get(f"{name}_{unit}"), group.get(f"{name}_standard_error_{unit}")
     if not isinstance(value, int | float):
         return ABSENT
     return with_error(value, error if isinstance(error, int | float) else None, "")
 
 
-def _shown(value: float | None) -> str:
+def _text_or_absent(value: float | None) -> str:
     return ABSENT if value is None else number(value)

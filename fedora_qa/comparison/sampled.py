@@ -29,7 +29,7 @@ class SampledCounts:
         return np.asarray(self.counts[quantity].sum(axis=0))
 
 
-def sampled_from(arrays: Mapping[str, NDArray[Any]], prefix: str = "") -> SampledCounts | None:
+def sampled_counts_of(arrays: Mapping[str, NDArray[Any]], prefix: str = "") -> SampledCounts | None:
     """Return what the arrays hold under ``prefix``; None where there are no distributions, or no sound ones."""
     blocks = arrays.get(prefix + named(DISTRIBUTIONS, "blocks_ns"))
     if blocks is None or blocks.dtype.kind != "i" or blocks.ndim != 2 or blocks.shape[1] != 2 or not len(blocks):
@@ -39,7 +39,7 @@ def sampled_from(arrays: Mapping[str, NDArray[Any]], prefix: str = "") -> Sample
         return None
     begins = prefix + DISTRIBUTIONS + "/"
     names = dict.fromkeys(name.removeprefix(begins).split("/")[0] for name in arrays if name.startswith(begins))
-    placed = {name: _placed(arrays, named(begins[:-1], name), len(blocks)) for name in names}
+    placed = {name: _counts_in_all_bins(arrays, named(begins[:-1], name), len(blocks)) for name in names}
     counts = {name: placed[name] for name in sorted(names, key=_order)}
     return SampledCounts(
         block_ns, blocks[:, 0] // block_ns, {name: values for name, values in counts.items() if values is not None}
@@ -79,14 +79,14 @@ def unit_of(quantity: str) -> str:
     return next((unit for ending, unit in _UNITS.items() if quantity.endswith(ending)), "")
 
 
-def filled(counts: Int64, other: Int64) -> tuple[Int64, Int64, Float64]:
+def without_empty_ends(counts: Int64, other: Int64) -> tuple[Int64, Int64, Float64]:
     """Return counts (u, n) and (v, n) without the bins on either end that are empty in both, and their edges."""
     filled_bins = np.flatnonzero(counts.any(axis=0) | other.any(axis=0))
     first, last = int(filled_bins[0]), int(filled_bins[-1]) + 1
     return counts[:, first:last], other[:, first:last], octave_edges()[first : last + 1]
 
 
-def _placed(arrays: Mapping[str, NDArray[Any]], name: str, blocks: int) -> Int64 | None:
+def _counts_in_all_bins(arrays: Mapping[str, NDArray[Any]], name: str, blocks: int) -> Int64 | None:
     """Return counts in all bins; None where an array is missing or is not what it should be."""
     counts, edges, every = arrays.get(f"{name}/counts"), arrays.get(f"{name}/edges"), octave_edges()
     # Arrays beside a record may come from anywhere: type, shape and edges are tested before they are used.

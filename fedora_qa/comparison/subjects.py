@@ -1,4 +1,4 @@
-"""What is compared, as it comes in: files with their statistics, their distributions, and what was found."""
+"""The input of a comparison: files with their statistics, distributions and records."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -10,8 +10,8 @@ from fedora_qa.record.types import FileRecord, Scalar
 
 
 @dataclass(frozen=True, slots=True)
-class GivenFile:
-    """One file; ``record`` is None where it was measured and not checked, ``sampled`` where nothing is known."""
+class FileInput:
+    """One file. ``record`` is None where it was not checked, ``sampled`` where its distributions are unknown."""
 
     path: str
     statistics: Mapping[str, Mapping[str, Scalar]]
@@ -20,21 +20,21 @@ class GivenFile:
 
 
 @dataclass(frozen=True, slots=True)
-class Given:
-    """What one argument named."""
+class SubjectInput:
+    """The files that one argument names."""
 
     name: str
-    files: tuple[GivenFile, ...]
+    files: tuple[FileInput, ...]
 
     @property
-    def by_name(self) -> Mapping[str, GivenFile]:
+    def by_name(self) -> Mapping[str, FileInput]:
         """The files by the end of their path, or the whole of it where two have the same end."""
         ends = [PurePath(file.path).name for file in self.files]
         return {end if ends.count(end) == 1 else file.path: file for end, file in zip(ends, self.files, strict=True)}
 
     @property
     def subject(self) -> Subject:
-        """The same as it stands in the document."""
+        """The subject as the document holds it."""
         return Subject(
             self.name,
             tuple(
@@ -49,18 +49,18 @@ class Match:
     """One file in two versions."""
 
     name: str
-    before: GivenFile
-    after: GivenFile
+    before: FileInput
+    after: FileInput
 
 
-def design_of(before: Given, after: Given) -> Design:
+def design_of(before: SubjectInput, after: SubjectInput) -> Design:
     """Return what two subjects are to each other: versions where files have the same names, else what they hold."""
     if before.by_name.keys() & after.by_name.keys():
         return "versions"
     return "sequences" if len(before.files) == len(after.files) == 1 else "datasets"
 
 
-def matches(before: Given, after: Given) -> tuple[Match, ...]:
+def matches(before: SubjectInput, after: SubjectInput) -> tuple[Match, ...]:
     """Return the files that are in both, by name; two single files are versions of each other whatever their names."""
     if len(before.files) == len(after.files) == 1:
         names = [*before.by_name, *after.by_name]

@@ -8,16 +8,16 @@ from fedora_qa.comparison.paper_tables import paper_tables
 from fedora_qa.comparison.text_table import ABSENT, TextTable
 from fedora_qa.comparison.types import (
     Comparison,
+    Conclusion,
     Design,
     Moved,
     Pair,
-    Told,
     Versions,
 )
 from fedora_qa.record.markdown import escape, table
 from fedora_qa.record.wording import OUTCOME_WORDS, number, with_error
 
-TOLD_WORDS: Final[dict[Told, str]] = {
+CONCLUSION_WORDS: Final[dict[Conclusion, str]] = {
     "differs": "differs",
     "no_difference_seen": "no difference seen",
     "identical": "identical",
@@ -39,7 +39,7 @@ _ROWS_SHOWN: Final = 60
 
 @dataclass(frozen=True, slots=True)
 class PairTables:
-    """What one subject shows against the reference: a title, a line that says it all, and tables."""
+    """The tables of one subject against the reference, with a title and a summary of one line."""
 
     title: str
     summary: str
@@ -47,9 +47,11 @@ class PairTables:
 
 
 def headline(comparison: Comparison) -> str:
-    """Return what was compared and what came of it, in one line."""
+    """Return how many distributions were compared, and the conclusions, in one line."""
     conclusions = [difference.told for pair in comparison.pairs for difference in pair.differences]
-    parts = [f"{conclusions.count(kind)} {words}" for kind, words in TOLD_WORDS.items() if conclusions.count(kind)]
+    parts = [
+        f"{conclusions.count(kind)} {words}" for kind, words in CONCLUSION_WORDS.items() if conclusions.count(kind)
+    ]
     return (
         f"{len(conclusions)} distributions compared: {', '.join(parts)}"
         if conclusions
@@ -57,7 +59,7 @@ def headline(comparison: Comparison) -> str:
     )
 
 
-def how_it_is_told(comparison: Comparison) -> str:
+def false_alarm_sentence(comparison: Comparison) -> str:
     """Return which false-alarm rate all comparisons share."""
     return (
         f"{comparison.tests} comparisons share a false-alarm rate of {comparison.false_alarm_rate:g}: each is made at "
@@ -93,7 +95,7 @@ def pair_tables(comparison: Comparison) -> tuple[PairTables, ...]:
 
 def comparison_to_markdown(comparison: Comparison) -> str:
     """Return a comparison as GitHub-flavoured markdown."""
-    parts = ["# Comparison", f"**{escape(headline(comparison))}**. {escape(how_it_is_told(comparison))}"]
+    parts = ["# Comparison", f"**{escape(headline(comparison))}**. {escape(false_alarm_sentence(comparison))}"]
     parts += [f"- {escape(note)}" for note in comparison.notes]
     for pair in pair_tables(comparison):
         parts += [f"## {escape(pair.title)}", escape(pair.summary), *(_section(source) for source in pair.tables)]
@@ -129,7 +131,7 @@ def _distances(pair: Pair) -> TextTable:
             with_error(difference.distance, difference.distance_standard_error, ""),
             ABSENT if difference.distance_by_chance is None else number(difference.distance_by_chance),
             ABSENT if difference.chance is None else f"{difference.chance:.2g}",
-            TOLD_WORDS[difference.told],
+            CONCLUSION_WORDS[difference.told],
         )
         for difference in pair.differences
     )
@@ -155,7 +157,7 @@ def _version_tables(versions: Versions) -> Iterator[TextTable]:
          change.message_after or change.message_before)
         for change in versions.findings
     ]  # fmt: skip
-    yield _shown("Findings", ("file", "change", "rule", "stream", "severity", "finding"), findings, words=6)
+    yield _first_rows("Findings", ("file", "change", "rule", "stream", "severity", "finding"), findings, words=6)
     outcomes = [
         (
             change.file,
@@ -164,7 +166,7 @@ def _version_tables(versions: Versions) -> Iterator[TextTable]:
         )
         for change in versions.outcomes
     ]
-    yield _shown("Checks that end otherwise", ("file", "check", "before", "after"), outcomes, words=4)
+    yield _first_rows("Checks that end otherwise", ("file", "check", "before", "after"), outcomes, words=4)
     moved = [
         (
             change.file,
@@ -176,11 +178,11 @@ def _version_tables(versions: Versions) -> Iterator[TextTable]:
         )
         for change in versions.measurements
     ]
-    note = "Two honest versions differ by no more than what is allowed, at the false-alarm rate of a check."
-    yield _shown(
+    note = "Two correct versions differ by no more than is allowed, at the false-alarm rate of a check."
+    yield _first_rows(
         "Measured values that moved", ("file", "measured", "unit", "before", "after", "allowed"), moved, 3, note
     )
-    # What moved beyond its error comes first, because only the first rows are shown.
+    # Statistics that moved beyond their error come first, because only the first rows are printed.
     statistics = []
     for changed in sorted(versions.statistics, key=lambda item: ("moved", "within_error", "changed").index(item.moved)):
         before, after = changed.before, changed.after
@@ -199,9 +201,11 @@ def _version_tables(versions: Versions) -> Iterator[TextTable]:
             )
         )
     head = ("file", "statistic", "moved", "before", "after", "difference", "chance")
-    yield _shown("Statistics that are not the same", head, statistics, words=3)
+    yield _first_rows("Statistics that are not the same", head, statistics, words=3)
 
 
-def _shown(title: str, head: tuple[str, ...], rows: Sequence[tuple[str, ...]], words: int, note: str = "") -> TextTable:
+def _first_rows(
+    title: str, head: tuple[str, ...], rows: Sequence[tuple[str, ...]], words: int, note: str = ""
+) -> TextTable:
     more = f"And {len(rows) - _ROWS_SHOWN} more, in the JSON." if len(rows) > _ROWS_SHOWN else ""
     return TextTable(title, head, tuple(rows[:_ROWS_SHOWN]), " ".join(part for part in (note, more) if part), words)

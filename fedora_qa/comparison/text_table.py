@@ -6,12 +6,12 @@ from typing import Final
 ABSENT: Final = "-"
 
 SOURCE: Final = "source"
-"""Heads a column that says who published a row."""
+"""Heads a column that names who published a row."""
 
 
 @dataclass(frozen=True, slots=True)
 class TextTable:
-    """A table of text; cells of the first columns, ``words`` of them, are words and the rest numbers."""
+    """A table of text: the first ``words`` columns hold words, the others numbers."""
 
     title: str
     head: tuple[str, ...]

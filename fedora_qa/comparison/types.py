@@ -1,19 +1,21 @@
-"""What a comparison says. Field names are relied on by others and never change within a version.
+"""The document of a comparison. Programs rely on the names of fields: they never change within a version.
 
-*Before* is the first of what is compared, the reference, and *after* what is held against it. What is not known is
-None.
+*Before* is the first subject, the reference, and *after* the subject that is compared with it. Unknown values are None.
 """
 
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Final, Literal
 
+from pydantic import TypeAdapter
+
+from fedora_qa.record.documents import DocumentKind
 from fedora_qa.record.types import Outcome, Scalar, Severity, Tool
 
 COMPARISON_VERSION: Final = "1.0"
 
 Design = Literal["versions", "sequences", "datasets"]
-Told = Literal["differs", "no_difference_seen", "identical", "not_told"]
+Conclusion = Literal["differs", "no_difference_seen", "identical", "not_told"]
 Moved = Literal["moved", "within_error", "changed"]
 Change = Literal["new", "gone", "changed"]
 
@@ -30,7 +32,7 @@ class ComparedFile:
 
 @dataclass(frozen=True, slots=True)
 class Subject:
-    """What one argument named: a file, a folder of files, or a record of some."""
+    """The files that one argument named: a file, a folder of files, or a record of some."""
 
     name: str
     files: tuple[ComparedFile, ...]
@@ -40,7 +42,7 @@ class Subject:
 class Overlay:
     """The distribution of one quantity in every subject: shares (n) in the bins of ``edges`` (n + 1), None if unknown.
 
-    ``meaning`` says what is counted, with its unit.
+    ``meaning`` states what is counted, with its unit.
     """
 
     quantity: str
@@ -54,9 +56,9 @@ class Overlay:
 class Difference:
     """How far two distributions lie apart.
 
-    ``distance`` is Wasserstein's of order 1, in ``unit``; ``distance_by_chance`` is what chance alone exceeds once in
-    twenty; ``chance`` how likely chance gives a distance as large as this. ``units`` counts, on each side, what could
-    be exchanged: blocks of time, stretches or files. ``file`` is empty where whole subjects are compared.
+    ``distance`` is the Wasserstein distance of order 1, in ``unit``. Chance alone exceeds ``distance_by_chance`` once
+    in twenty, and gives a distance as large as this with probability ``chance``. ``units`` counts, on each side, the
+    units of an exchange: blocks of time, segments or files. ``file`` is empty where whole subjects are compared.
     """
 
     file: str
@@ -70,7 +72,7 @@ class Difference:
     distance_by_chance: float | None
     chance: float | None
     units: tuple[int, int]
-    told: Told
+    told: Conclusion
     reason: str = ""
 
 
@@ -78,7 +80,7 @@ class Difference:
 class StatisticChange:
     """A statistic of a file in two versions, named ``group.name``; ``standard_error`` is that of the difference.
 
-    ``changed``: it differs, and no error is known that could tell whether that is more than chance.
+    ``changed``: it differs, and no error is known with which the difference could be compared.
     """
 
     file: str
@@ -117,7 +119,7 @@ class OutcomeChange:
 
 @dataclass(frozen=True, slots=True)
 class MeasurementChange:
-    """A measured value that moved by more than ``allowed``, which two honest versions of the file would give."""
+    """A measured value that moved by more than ``allowed``, the limit for two correct versions of the file."""
 
     file: str
     check: str
@@ -148,7 +150,7 @@ class Versions:
 
 @dataclass(frozen=True, slots=True)
 class Pair:
-    """One subject held against the reference, the first; both by their place among the subjects."""
+    """One subject compared with the reference, the first; both by their place among the subjects."""
 
     before: int
     after: int
@@ -159,7 +161,7 @@ class Pair:
 
 @dataclass(frozen=True, slots=True)
 class Published:
-    """A row of somebody's published table, to be read beside ours; ``values`` are what was printed."""
+    """A row of a published table, to be read beside the tables of this comparison; ``values`` are as printed."""
 
     table: Literal["datasets", "sequences", "flow", "disparity"]
     name: str
@@ -181,3 +183,13 @@ class Comparison:
     pairs: tuple[Pair, ...]
     published: tuple[Published, ...]
     notes: tuple[str, ...]
+
+
+COMPARISON: Final = DocumentKind(
+    name="comparison",
+    noun="a comparison",
+    version=COMPARISON_VERSION,
+    adapter=TypeAdapter(Comparison),
+    written_by="fedora-qa compare --json",
+    again="compare again with this version",
+)

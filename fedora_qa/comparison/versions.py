@@ -36,7 +36,7 @@ def record_changes(file: str, before: FileRecord, after: FileRecord) -> RecordCh
         if earlier is None or allowed is None or earlier.value is None or measured.value is None:
             continue
         # A value that moves on the side without a limit has not changed.
-        if abs(_counting(measured) - _counting(earlier)) > allowed:
+        if abs(_limited_value(measured) - _limited_value(earlier)) > allowed:
             moved.append(MeasurementChange(file, check, name, measured.unit, earlier.value, measured.value, allowed))
 
     outcomes: list[OutcomeChange] = []
@@ -90,8 +90,8 @@ def _findings(record: FileRecord) -> dict[Key, Finding]:
     return numbered
 
 
-def _counting(measured: Measurement) -> float:
-    """Return a value, or what is expected where it lies on the side that does not count."""
+def _limited_value(measured: Measurement) -> float:
+    """Return a value, or the expected one where the value lies on the side without a limit."""
     value, expected = measured.value or 0.0, measured.expected
     if expected is None or measured.side == "both":
         return value
@@ -109,7 +109,7 @@ def _measurements(record: FileRecord) -> Mapping[tuple[str, str], Measurement]:
 
 
 def statistic_changes(file: str, before: Statistics, after: Statistics, level: float) -> Iterator[StatisticChange]:
-    """Yield every number that is not the same in both; see ``with_errors`` for those that are tests."""
+    """Yield every number that is not the same in both; see ``count_with_errors`` for those that are tests."""
     for name, (first, other) in _numbers(before, after).items():
         if first == other:
             continue
@@ -122,7 +122,7 @@ def statistic_changes(file: str, before: Statistics, after: Statistics, level: f
         yield StatisticChange(file, name, first, other, error, chance, "moved" if chance <= level else "within_error")
 
 
-def with_errors(before: Statistics, after: Statistics) -> int:
+def count_with_errors(before: Statistics, after: Statistics) -> int:
     """Return how many statistics have a standard error on both sides: each is a test of whether it moved."""
     return sum(_error(name, before, after) is not None for name in _numbers(before, after))
 

@@ -11,17 +11,17 @@ import h5py
 import numpy as np
 from numpy.typing import NDArray
 
-from fedora_qa.extract.place import Piece
-from fedora_qa.extract.rows import CutRows, rows_kept
-from fedora_qa.extract.storage import (
-    RememberingFile,
-    beside_its_file,
+from fedora_qa.extract.hdf5_copy import (
+    DeferredErrorFile,
     copy_attributes,
     copy_rows,
     copy_whole,
     needs_whole_chunks,
     new_dataset,
+    opened_beside_its_file,
 )
+from fedora_qa.extract.place import Piece
+from fedora_qa.extract.rows import CutRows, rows_kept
 from fedora_qa.layout.canonical import DATASETS
 from fedora_qa.layout.dialect import Dialect
 from fedora_qa.layout.external_files import ExternalFiles
@@ -30,11 +30,11 @@ from fedora_qa.sequence.facts import IndexMap
 from fedora_qa.sequence.scan import FRAMES_OF_MAP, Scan
 from fedora_qa.sequence.sequence import SequenceRows
 
-_Place = tuple[str, int]
+_Address = tuple[str, int]
 """The file in which an object lies, and its address there."""
 
 _SMALL_BYTES: Final = 64 << 10
-"""Longest dataset unknown to the dialect that is copied, whole: which of its rows belong to a piece is unknown."""
+"""Largest dataset of no stream that is copied. It is copied whole: no row of it belongs to a time."""
 
 
 def entries_kept(index_map: IndexMap, frames: CutRows, events: CutRows) -> NDArray[np.int64]:
@@ -85,14 +85,14 @@ class Cutter:
         datasets: dict[str, h5py.Dataset] = {}
         for key, spec in DATASETS.items():
             place = dialect.place_of(key)
-            # Contiguous in the canonical layout: no rows of a stream but values of the whole file, copied whole.
+            # Contiguous in the canonical layout: values of the whole file and not rows of a stream; copied whole.
             if place is None or not spec.chunk_rows:
                 continue
             with suppress(RefusedError):
                 dataset = find_dataset(file, place.path or key, external_files)
                 if dataset is not None and dataset.shape:
                     # External files are named relative to their own file, not to the working directory.
-                    datasets[key] = beside_its_file(dataset) if dataset.external else dataset
+                    datasets[key] = opened_beside_its_file(dataset) if dataset.external else dataset
         self._datasets = datasets
 
     def write(self, piece: Piece, target: Path) -> tuple[dict[str, CutRows], tuple[str, ...]]:
@@ -105,9 +105,9 @@ class Cutter:
         Raises
         ------
         MisuseError
-            The target cannot be written: the disk is full, say.
+            The target cannot be written: for example, the disk is full.
         """
-        # Of a stream whose datasets differ in length, the rows of the shortest.
+        # The datasets of a stream may differ in length: the shortest gives the number of rows.
         counts: dict[str, int] = {}
         for key, dataset in self._datasets.items():
             stream = DATASETS[key].stream
@@ -120,7 +120,7 @@ class Cutter:
                 # All datasets of a stream start at one row, each at a whole chunk: at a multiple of all chunk lengths.
                 together = lcm(*(dataset.chunks[0] for dataset in ours if dataset.chunks))
                 kept[stream] = CutRows(rows.start // together * together, rows.stop, rows.of)
-        cuts: dict[_Place, _Cut] = {}
+        cuts: dict[_Address, _Cut] = {}
         for key, dataset in self._datasets.items():
             stream = DATASETS[key].stream
             # Entries of an index map; None of everything else, and where they cannot be read.
@@ -136,12 +136,12 @@ class Cutter:
                         stored = np.asarray(dataset[frames.start : _stop(frames, dataset)]).astype(np.int64)
                         entries = shift_entries(stored, events)
             # By address, not by path: a dataset may have several names, and the walk meets any of them first.
-            cuts[_linked_place(dataset.file, dataset.name)] = _Cut(dataset, kept[stream], entries)
-        with RememberingFile(target) as file:
+            cuts[_linked_address(dataset.file, dataset.name)] = _Cut(dataset, kept[stream], entries)
+        with DeferredErrorFile(target) as file:
             with h5py.File(file, "w") as copy:
                 writer = _Writer(cuts, file, self._file.filename, self._external_files)
                 writer.group(self._file, copy)
-            file.go_on()
+            file.raise_failure()
         return kept, tuple(writer.left_out)
 
 
@@ -158,7 +158,7 @@ def _stop(rows: CutRows, dataset: h5py.Dataset) -> int:
     return int(dataset.shape[0]) if rows.to_the_end else min(rows.stop, int(dataset.shape[0]))
 
 
-def _linked_place(group: h5py.Group, path: str) -> _Place:
+def _linked_address(group: h5py.Group, path: str) -> _Address:
     """Return where the object of a hard link lies, read from the link: the object itself may be damaged."""
     return group.file.filename, int(group.id.links.get_info(path.encode("utf-8", "surrogateescape")).u)
 
@@ -167,11 +167,11 @@ def _linked_place(group: h5py.Group, path: str) -> _Place:
 class _Writer:
     """Walks a file and writes the rows of a piece; an object that has several names is written once."""
 
-    cuts: Mapping[_Place, _Cut]
-    file: RememberingFile
+    cuts: Mapping[_Address, _Cut]
+    file: DeferredErrorFile
     source: str
     external_files: ExternalFiles | None
-    written: dict[_Place, str] = field(default_factory=dict)
+    written: dict[_Address, str] = field(default_factory=dict)
     left_out: list[str] = field(default_factory=list)
 
     def group(self, source: h5py.Group, copy: h5py.Group) -> None:
@@ -184,7 +184,7 @@ class _Writer:
                 if isinstance(name, str):  # other names are bytes, no UTF-8, and in no dialect
                     links.append((name, source.get(name, getlink=True)))
         for name, link in links:
-            self.file.go_on()
+            self.file.raise_failure()
             try:
                 self._member(source, copy, name, link)
             except READ_ERRORS:
@@ -195,10 +195,10 @@ class _Writer:
 
     def _member(self, source: h5py.Group, copy: h5py.Group, name: str, link: Any) -> None:
         if isinstance(link, h5py.HardLink):
-            self._object(copy, name, _linked_place(source, name), lambda: source[name])
+            self._object(copy, name, _linked_address(source, name), lambda: source[name])
             return
-        # Such a link cannot stay a link in the piece; nor can a soft link within another file, whose path would lead
-        # nowhere in the piece.
+        # A link to another file cannot stay a link in the piece. Nor can a soft link within another file: its path does
+        # not exist in the piece.
         leaves = isinstance(link, h5py.ExternalLink) or source.file.filename != self.source
         target: Any = None
         if self.external_files is not None and leaves:
@@ -207,10 +207,10 @@ class _Writer:
         if target is None:
             copy[name] = link
         else:
-            place = target.file.filename, int(h5py.h5o.get_info(target.id).addr)
-            self._object(copy, name, place, lambda: target)
+            address = target.file.filename, int(h5py.h5o.get_info(target.id).addr)
+            self._object(copy, name, address, lambda: target)
 
-    def _object(self, copy: h5py.Group, name: str, address: _Place, opened: Callable[[], Any]) -> None:
+    def _object(self, copy: h5py.Group, name: str, address: _Address, open_object: Callable[[], Any]) -> None:
         if address in self.written:
             copy[name] = copy.file[self.written[address]]
             return
@@ -226,16 +226,16 @@ class _Writer:
                 copy_attributes(cut.dataset, entries)
             self.written[address] = f"{copy.name.rstrip('/')}/{name}"
             return
-        thing = opened()
-        if isinstance(thing, h5py.Group):
+        source = open_object()
+        if isinstance(source, h5py.Group):
             self.written[address] = f"{copy.name.rstrip('/')}/{name}"
-            self.group(thing, copy.create_group(name))
+            self.group(source, copy.create_group(name))
             return
-        if not isinstance(thing, h5py.Dataset):
-            copy[name] = thing.dtype
-        elif thing.nbytes > _SMALL_BYTES:
-            self.left_out.append(thing.name)
+        if not isinstance(source, h5py.Dataset):
+            copy[name] = source.dtype
+        elif source.nbytes > _SMALL_BYTES:
+            self.left_out.append(source.name)
             return
         else:
-            copy_whole(thing, copy, name)
+            copy_whole(source, copy, name)
         self.written[address] = f"{copy.name.rstrip('/')}/{name}"

@@ -30,7 +30,7 @@ Report = Callable[[str], None]
 
 
 @dataclass(frozen=True, slots=True)
-class Wanted:
+class CheckFinding:
     """A finding, and the check that found it."""
 
     check: str
@@ -38,7 +38,7 @@ class Wanted:
 
 
 @dataclass(frozen=True, slots=True)
-class Extracted:
+class Extraction:
     """What was written.
 
     Attributes
@@ -62,8 +62,8 @@ class Extracted:
 
 
 def extract(
-    source: Path, target: Path, wanted: Wanted, options: CheckOptions, longest_s: float, report: Report
-) -> Extracted:
+    source: Path, target: Path, wanted: CheckFinding, options: CheckOptions, longest_s: float, report: Report
+) -> Extraction:
     """Write the shortest piece that shows a finding, or the longest that was tried where none does.
 
     Pieces around the finding's place are written and checked, each with twice the margin of the one before, until the
@@ -73,7 +73,7 @@ def extract(
     ----------
     options
         How the finding was found; only the check that found it is run. Values from other files, where
-        ``allow_external`` names their folders, are written into the piece, which is checked without these files.
+        ``allow_external`` names their folders, are written into the piece. The piece is checked without these files.
     longest_s
         Length of the longest piece to try; the first is tried whatever its length.
 
@@ -99,8 +99,8 @@ def extract(
                 report(f"a piece of {(piece.stop_ns - piece.start_ns) / NS_PER_S:.3g} s")
                 kept, left_out = cutter.write(piece, temporary)
                 record = check_file(temporary, options).record
-                # The same rule, broken in the same stream. Place and size may differ in the piece: it is the worst
-                # place of fewer rows.
+                # The same rule, broken in the same stream. Place and size may differ: the piece has fewer rows, so that
+                # its worst place may be another.
                 same = (
                     finding
                     for result in record.results
@@ -109,7 +109,7 @@ def extract(
                     and finding.code == wanted.finding.code
                     and finding.where.stream == wanted.finding.where.stream
                 )
-                extracted = Extracted(kept, left_out, next(same, None))
+                extracted = Extraction(kept, left_out, next(same, None))
                 # A piece that holds all rows cannot grow.
                 if extracted.finding or extracted.is_whole:
                     break

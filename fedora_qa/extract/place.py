@@ -13,10 +13,9 @@ from fedora_qa.sequence.scan import FRAMES_OF_MAP, Scan
 SHORTEST_MARGIN_NS: Final = 200_000_000
 """One window, 0.2 s: the least time in which flow of 10, 25 and 50 Hz all complete whole intervals."""
 
-
-# 1 s, five windows: pieces hold a shorter place as a whole.
+# 1 s, five windows: a piece holds the whole of a shorter place.
 _LONGEST_LOCAL_NS: Final = 5 * SHORTEST_MARGIN_NS
-"""A longer place belongs to a lasting fault, which a part of it may show."""
+"""A longer place is that of a lasting fault, which a part of the place may show."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -61,7 +60,7 @@ def place_of(where: Where, check: str, scanned: Scan) -> FindingPlace:
         stop_row = where.index_start if where.index_stop is None else where.index_stop
         rows = where.stream, where.index_start, max(stop_row, where.index_start + 1)
     elif where.stream is not None and where.frame is not None:
-        # A finding about a stream without frames names the colour frame.
+        # The frame of a finding about a stream without frames is a colour frame.
         has_frames = where.stream in {"rgb", "depth", *FRAMES_OF_MAP} or where.stream.startswith("flow/")
         rows = where.stream if has_frames else "rgb", where.frame, where.frame + 1
     # The time that the place names, or that of its rows, ns from the origin.
@@ -71,14 +70,14 @@ def place_of(where: Where, check: str, scanned: Scan) -> FindingPlace:
         times = _from_origin_ns(where.start_us, scanned), _from_origin_ns(stop_us, scanned)
     elif rows is not None:
         row_times = [_time_of_row(rows[0], row, scanned) for row in (rows[1], rows[2] - 1)]
-        # Timestamps may run backwards between the rows (a clock reset), so that the two are ordered.
+        # Timestamps may run backwards between the rows (a clock reset): the smaller of the two comes first.
         if row_times[0] is not None and row_times[1] is not None:
             times = min(row_times[0], row_times[1]), max(row_times[0], row_times[1])
     if times is None:
         # Missing rows show at the end; elsewhere checks have most to measure where events are densest.
         centre = last if check.startswith("integrity.") else _busiest_ns(scanned, first, last)
         return FindingPlace(centre, centre, centre)
-    # A faulty timestamp may lie far outside the time of the other streams, which have no rows there.
+    # A faulty timestamp may lie far outside the time of the other streams: they have no rows there.
     start, stop = (min(max(time, first), last) for time in times)
     named_by_rows = where.start_us is None or where.stop_us is None
     return FindingPlace(start, stop, start if named_by_rows else _busiest_ns(scanned, start, stop), rows)

@@ -13,12 +13,15 @@ from fedora_qa.sequence.scan import FRAMES_OF_MAP, Runs, Scan
 from fedora_qa.sequence.sequence import SequenceRows
 
 _ANOTHER_UNIT: Final = 100
-"""Ratio of durations from which units differ: units differ by 1000, a cut-off stream or clock reset rarely by 100."""
+"""Ratio of durations from which two streams are of different units.
+
+Units differ by 1000; a stream that ends early, or a clock reset, rarely changes a duration by 100.
+"""
 
 
 @dataclass(frozen=True, slots=True)
 class CutRows:
-    """Rows of a stream of ``of`` rows; if they reach its end, a longer dataset of it is copied to its own end."""
+    """Rows of a stream of ``of`` rows. Where they reach its end, its longer datasets are copied to their own ends."""
 
     start: int
     stop: int
@@ -59,7 +62,7 @@ def rows_kept(piece: Piece, sequence: SequenceRows, scanned: Scan, counts: Mappi
             stop = max(start, int(np.searchsorted(stops, piece.stop_ns, "right")))
         elif stream == "events" and runs and events and _is_of(first_ns, last_ns, events.first_ns, events.last_ns):
             start = _event_row(runs, piece.start_ns, sequence, scanned)
-            # The stop of a piece is within it: the first row at least 1 ns later ends the half-open range.
+            # A piece includes its stop: the first row at least 1 ns later ends the half-open range.
             stop = _event_row(runs, piece.stop_ns + 1, sequence, scanned)
         else:
             # Rows of unknown time are taken as evenly spread over the shared time, outwards to whole rows.

@@ -9,11 +9,11 @@ from statistics import NormalDist
 
 from fedora_qa.errors import MisuseError
 from fedora_qa.gate.release import FOLDER
-from fedora_qa.gate.severity_override import GRAVE, marked
+from fedora_qa.gate.severity_override import GRAVE, mark_findings
 from fedora_qa.record.types import FileRecord, Finding, Measurement, Record, Result, Side
 
 _KNOWN_SEVERITIES = GRAVE | {"warning"}
-"""Severities of an earlier record's findings that are known: not information, which is what waivers make of them."""
+"""Severities of an earlier record's findings that count as known. Waived findings are information and do not."""
 
 Key = tuple[str, str, str, str | None, str]
 """Name of the file, check, code, stream; and of a rule about the release its message, which holds no noise."""
@@ -21,19 +21,19 @@ Key = tuple[str, str, str, str | None, str]
 
 @dataclass(frozen=True, slots=True)
 class Baseline:
-    """What an earlier gate found: how many findings of each kind, and the results that they came from."""
+    """The findings of an earlier gate: their number by kind, and the results that they belong to."""
 
     counts: Mapping[Key, int]
     results: Mapping[tuple[str, str], Result]
 
 
 def baseline_of(record: Record) -> Baseline:
-    """Return the baseline that a gate's record is.
+    """Return the record of an earlier gate as a baseline.
 
     Raises
     ------
     MisuseError
-        The record was not written by a gate, so that it is not known which names its files have in the release.
+        The record was not written by a gate: the names of its files in the release are unknown.
     """
     named = tuple(named_files(record))
     keys = [
@@ -65,9 +65,9 @@ def accept_known(name: str, file: FileRecord, baseline: Baseline, false_alarm_ra
     Parameters
     ----------
     name
-        The file's in the release.
+        The name of the file in the release.
     false_alarm_rate
-        Probability that a check whose fault has not grown is taken for worse.
+        Probability that a check whose fault has not grown counts as worse.
     """
     left = Counter(baseline.counts)
 
@@ -91,7 +91,7 @@ def accept_known(name: str, file: FileRecord, baseline: Baseline, false_alarm_ra
         left[key] -= 1
         return replace(finding, severity="warning", message=f"{finding.message} Known from the baseline.")
 
-    return marked(file, mark)
+    return mark_findings(file, mark)
 
 
 def _key(name: str, result: Result, finding: Finding) -> Key:

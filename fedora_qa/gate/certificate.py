@@ -1,6 +1,6 @@
-"""The certificate: what was checked of which bytes, by what, how closely, and what was waived.
+"""The certificate of a release: its bytes, the checks and their detection limits, and the waivers.
 
-Verifying compares a release with it later.
+``differences`` compares a release with its certificate later.
 """
 
 import hashlib
@@ -14,12 +14,12 @@ from typing import ClassVar, Final, Literal
 from pydantic import ConfigDict, TypeAdapter
 
 from fedora_qa.gate.baseline import named_files
-from fedora_qa.gate.documents import whole_digest
 from fedora_qa.gate.policy import Policy
 from fedora_qa.gate.release import FOLDER, find_sequences, inside
 from fedora_qa.gate.waivers import Waiver
 from fedora_qa.record.documents import DocumentKind
 from fedora_qa.record.types import Coverage, Outcome, Record, Tool
+from fedora_qa.storage.digest import whole_digest
 
 CERTIFICATE_VERSION: Final = "1.0"
 
@@ -28,7 +28,7 @@ _STRICT: Final = ConfigDict(extra="forbid")
 
 @dataclass(frozen=True, slots=True)
 class Sight:
-    """The least fault that a check would have seen, with 95% probability."""
+    """The least fault that a check would have detected, with 95% probability."""
 
     name: str
     least_detectable: float
@@ -37,7 +37,7 @@ class Sight:
 
 @dataclass(frozen=True, slots=True)
 class CertifiedCheck:
-    """What one check told of one file."""
+    """The result of one check on one file."""
 
     check: str
     outcome: Outcome
@@ -70,7 +70,7 @@ class Certificate:
     patterns
         Which files of the release are sequences.
     digest
-        SHA-256 of everything else in the certificate. It tells damage, not forgery: sign the file for that.
+        SHA-256 of everything else in the certificate. It reveals damage and not forgery: sign the file against that.
     """
 
     __pydantic_config__: ClassVar[ConfigDict] = _STRICT
@@ -91,7 +91,7 @@ class Certificate:
 
     @property
     def own_digest(self) -> str:
-        """What ``digest`` is in a certificate that nobody has changed."""
+        """The value of ``digest`` in a certificate that was not changed."""
         # Canonical JSON, without the digest itself: equal certificates have equal bytes.
         values = CERTIFICATE.adapter.dump_python(replace(self, digest=""), mode="json")
         return hashlib.sha256(json.dumps(values, sort_keys=True, separators=(",", ":")).encode()).hexdigest()

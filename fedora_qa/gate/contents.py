@@ -1,4 +1,4 @@
-"""What the rules of a release need of a sequence beyond its record: streams, cameras, and digests of its content."""
+"""The contents of a sequence that rules of a release compare: streams, cameras, and digests of the data."""
 
 import hashlib
 from collections.abc import Iterable, Mapping
@@ -59,12 +59,12 @@ def read_contents(
     allow_external: Iterable[Path],
     _: Worker,
 ) -> Contents | None:
-    """Return the contents of a sequence, or None where it cannot be opened, which its record says.
+    """Return the contents of a sequence; None where it cannot be opened, which its record states.
 
     Parameters
     ----------
     streams
-        Those whose content is to be digested.
+        The streams whose content is to be digested.
     poses
         Whether to read the poses.
     """
@@ -95,7 +95,7 @@ def read_contents(
 def _stream_digest(sequence: Sequence, stream: str) -> str | None:
     """Return a digest of a stream's values without its timestamps, which sequences of one rate may share.
 
-    None where the stream is not there, cannot be decoded, or never changes: a grey wall is alike everywhere.
+    None where the stream is absent, cannot be decoded, or never changes: grey walls are equal in all sequences.
     """
     if stream not in sequence.layout.streams:
         return None
@@ -125,7 +125,7 @@ def _stream_digest(sequence: Sequence, stream: str) -> str | None:
 def contents_of(
     policy: Policy, release: Release, files: Iterable[FileRecord], executor: Executor
 ) -> tuple[dict[str, Contents], list[FileRecord]]:
-    """Read of each sequence what the policy asks for, in the executor's processes.
+    """Read the contents that the policy needs of each sequence, in the executor's processes.
 
     Parameters
     ----------
@@ -134,8 +134,8 @@ def contents_of(
 
     Returns
     -------
-    The contents of each sequence that can be opened, by name; and the records of all, incomplete where the process that
-    read one has died over it. Files over which a check died already are not opened again.
+    The contents of each sequence that can be opened, by name; and the records of all. A record is incomplete where the
+    process that read the file has died. Files whose checks all crashed are not opened again.
     """
     if not (policy.required_streams or policy.same_intrinsics or policy.distinct_streams or policy.splits):
         return {}, list(files)

@@ -1,4 +1,4 @@
-"""What a release must be: ``policy.toml``, read and checked, every unknown key refused by name."""
+"""The policy of a release: ``policy.toml``, read and validated; unknown keys are refused by name."""
 
 import hashlib
 import json
@@ -31,38 +31,38 @@ _STRICT: Final = ConfigDict(extra="forbid", use_attribute_docstrings=True)
 
 @dataclass(frozen=True, slots=True)
 class Bounds:
-    """The least and the most that a total may be, both allowed; None is unbounded."""
+    """The least and the greatest legal total, both included; None is unbounded."""
 
     __pydantic_config__: ClassVar[ConfigDict] = _STRICT
 
     least: float | None = None
-    """The least that it may be."""
+    """The least legal total."""
     most: float | None = None
-    """The most that it may be."""
+    """The greatest legal total."""
 
 
 @dataclass(frozen=True, slots=True)
 class Documents:
-    """Files that must lie in the release, by their names in it; None is not asked for."""
+    """Files that must lie in the release, by their names in it; None is not required."""
 
     __pydantic_config__: ClassVar[ConfigDict] = _STRICT
 
     datasheet: str | None = None
-    """Says what the release is."""
+    """Describes the release."""
     licence: str | None = None
-    """Says what may be done with it."""
+    """States what users may do with the release."""
     checksums: str | None = None
-    """In the form of ``sha256sum``: it must list every sequence, and every digest in it must be right."""
+    """In the form of ``sha256sum``: it must list every sequence, and every digest in it must be correct."""
 
 
 @dataclass(frozen=True, slots=True)
 class Policy:
-    """Everything that a policy may say, and nothing else."""
+    """All keys of a policy."""
 
     __pydantic_config__: ClassVar[ConfigDict] = _STRICT
 
     ruleset_version: str
-    """The ruleset that the policy was written for; another one is refused, so that an upgrade flips no gate."""
+    """The ruleset of the policy; another one is refused, so that an upgrade changes no verdict unnoticed."""
     files: tuple[str, ...] = ("**/*.h5", "**/*.hdf5")
     """Patterns of the sequences beneath the folder; ``**`` stands for any depth. Hidden files are left out."""
     check: CheckConfig = field(default_factory=CheckConfig)
@@ -70,9 +70,9 @@ class Policy:
     required_streams: tuple[str, ...] = ()
     """Streams that every sequence must hold; ``flow`` is all rates."""
     required_checks: tuple[str, ...] = ()
-    """Subjects or checks that must tell of every sequence; one that cannot makes it incomplete."""
+    """Subjects or checks that must come to a verdict; a sequence without that verdict is incomplete."""
     severity: Mapping[str, Severity] = field(default_factory=dict)
-    """What the findings of a subject or check count as. ``error`` and ``critical`` fail the gate."""
+    """Severity of the findings of a subject or check. ``error`` and ``critical`` fail the gate."""
     naming: str | None = None
     """Regular expression that the whole name of each sequence, relative to the folder, must match."""
     same_intrinsics: tuple[CameraName, ...] = ()
@@ -86,11 +86,11 @@ class Policy:
     splits: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
     """Patterns by split, in which ``*`` stands for any text; each sequence in one, and no content in two."""
     waivers: tuple[Waiver, ...] = ()
-    """Findings that somebody answers for until a day."""
+    """Findings that somebody accepts until a day."""
 
     @property
     def digest(self) -> str:
-        """SHA-256 of everything that the policy says, equal for equal policies."""
+        """SHA-256 of all keys of the policy, equal for equal policies."""
         canonical = json.dumps(POLICY_READER.dump_python(self, mode="json"), sort_keys=True, separators=(",", ":"))
         return hashlib.sha256(canonical.encode()).hexdigest()
 

@@ -1,4 +1,4 @@
-"""A release: a folder of sequences and documents, whose names never lead out of it."""
+"""A release: a folder of sequences and documents. Names and links that lead out of it are refused."""
 
 from collections.abc import Iterable
 from dataclasses import dataclass

@@ -1,4 +1,4 @@
-"""What a rule about the release found, and how it becomes results of the record like those of any check."""
+"""The result of a rule about the release, and its place in the record beside the results of checks."""
 
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
@@ -10,7 +10,7 @@ from fedora_qa.record.types import FileRecord, Finding, Result, Where
 
 @dataclass(frozen=True, slots=True)
 class Violation:
-    """A rule that is broken, by the file of this name; ``code`` is the last part of the finding's."""
+    """A rule that the file of this name breaks; ``code`` is the last part of the finding's code."""
 
     name: str
     code: str
@@ -20,31 +20,31 @@ class Violation:
 
 @dataclass(frozen=True, slots=True)
 class ReleaseResult:
-    """What one rule found.
+    """The result of one rule.
 
     Attributes
     ----------
     rule
-        Its name among checks, ``release.<rule>``.
+        The name of the rule among checks, ``release.<rule>``.
     question
-        What it asks.
+        The question that the rule answers.
     about
-        ``each``: of every sequence; ``FOLDER``: of the release. The release may break either.
+        ``each``: every sequence has a result; ``FOLDER``: the release has one. The release may break either.
     violations
-        Empty where all is in order.
-    unasked
-        Why there was nothing to hold to the rule; empty where there was.
+        Empty where the rule is kept.
+    not_applicable
+        Why the rule does not apply; empty where it does.
     """
 
     rule: str
     question: str
     about: Literal["each", "."]
     violations: tuple[Violation, ...] = ()
-    unasked: str = ""
+    not_applicable: str = ""
 
 
 def with_release_results(name: str, file: FileRecord, release_results: Iterable[ReleaseResult]) -> FileRecord:
-    """Return the file with a result for every rule that asks of it; ``name`` is the file's in the release."""
+    """Return the file with the result of every rule about it; ``name`` is the name of the file in the release."""
     count = sum(len(result.findings) for result in file.results if result.check.startswith("release."))
     results = list(file.results)
     for release_result in release_results:
@@ -60,8 +60,8 @@ def with_release_results(name: str, file: FileRecord, release_results: Iterable[
             for number, violation in enumerate(broken, start=count + 1)
         )
         count += len(findings)
-        if release_result.unasked:
-            results.append(Result(rule, "not_applicable", question, reason=release_result.unasked))
+        if release_result.not_applicable:
+            results.append(Result(rule, "not_applicable", question, reason=release_result.not_applicable))
         else:
             results.append(Result(rule, "failed" if findings else "passed", question, findings=findings))
     return replace(file, results=tuple(results))

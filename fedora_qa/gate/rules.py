@@ -1,21 +1,23 @@
-"""Rules about a release: its sequences each by itself and beside each other, and what they amount to."""
+"""Rules about a release: its sequences by themselves and beside each other, its documents, and its totals."""
 
 import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from fnmatch import fnmatchcase
 from itertools import combinations
+from pathlib import Path
 from typing import Final
 
 import numpy as np
 
+from fedora_qa.errors import MisuseError
 from fedora_qa.gate.contents import Contents
-from fedora_qa.gate.documents import rule_on_checksums, rule_on_documents
 from fedora_qa.gate.policy import Bounds, Documents, Policy, Total, each_stream
-from fedora_qa.gate.release import FOLDER, Release
+from fedora_qa.gate.release import FOLDER, Release, inside
 from fedora_qa.gate.release_result import ReleaseResult, Violation
 from fedora_qa.record.types import FileRecord
 from fedora_qa.record.wording import number
 from fedora_qa.sequence.declared import Camera
+from fedora_qa.storage.digest import whole_digest
 
 ContentsByName = Mapping[str, Contents]
 """The contents of each sequence that can be opened, by its name, in order."""
@@ -23,6 +25,9 @@ ContentsByName = Mapping[str, Contents]
 _SHARED_POSES: Final = 10
 """Distinct poses in common from which two files show one flight. Two flights can share the pose in which they start;
 ten equal float64 poses in different flights do not happen."""
+
+_CHECKSUM_LINE: Final = re.compile(r"([0-9a-fA-F]{64}) [ *](.+)")
+"""A line of ``sha256sum``: digest and name."""
 
 _STATISTICS: Final[Mapping[Total, tuple[str, str]]] = {
     "duration_s": ("sequence", "duration_s"),
@@ -39,16 +44,16 @@ def release_results_of(
     contents_by_name: ContentsByName,
     digests: Mapping[str, str],
 ) -> Iterator[ReleaseResult]:
-    """Yield what each rule found that the policy asks for.
+    """Yield the result of each rule of the policy.
 
     Parameters
     ----------
     files
         The records of the sequences, in the release's order.
     contents_by_name
-        What ``contents_of`` found.
+        The result of ``contents_of``.
     digests
-        SHA-256 of all of each sequence, by its name; may be empty where the policy asks for no checksums.
+        SHA-256 of all of each sequence, by its name; may be empty where the policy names no checksums.
     """
     names = [sequence.name for sequence in release.sequences]
     if policy.naming is not None:
@@ -108,8 +113,8 @@ def rule_on_intrinsics(contents_by_name: ContentsByName, cameras: Iterable[str])
             # To nine digits: what is declared may have passed through text.
             if not same_sensor or not np.allclose(camera.K, first.K, rtol=1e-9, atol=0.0):
                 message = (
-                    f"Expected the intrinsics of the camera {name} in {reference[0]} ({_words(first)}), "
-                    f"got {_words(camera)}"
+                    f"Expected the intrinsics of the camera {name} in {reference[0]} ({_intrinsics_text(first)}), "
+                    f"got {_intrinsics_text(camera)}"
                 )
                 violations.append(Violation(sequence, "differ", message, name))
     question = "Are the intrinsics those of the other sequences?"
@@ -161,13 +166,68 @@ def rule_on_splits(
     )
 
 
+def rule_on_documents(folder: Path, documents: Documents) -> ReleaseResult:
+    """Datasheet, licence and checksums are there and not empty."""
+    required = {"datasheet": documents.datasheet, "licence": documents.licence, "checksums": documents.checksums}
+    violations = []
+    for kind, name in required.items():
+        if name is None:
+            continue
+        path = inside(folder, name)
+        if not path.is_file() or not path.read_bytes().strip():
+            message = f"Expected the {kind} in {name}, got no such file, or an empty one"
+            violations.append(Violation(FOLDER, kind, message))
+    return ReleaseResult("release.documents", "Are datasheet, licence and checksums there?", FOLDER, tuple(violations))
+
+
+def rule_on_checksums(folder: Path, listing: str, digests: Mapping[str, str]) -> ReleaseResult:
+    """Every sequence is listed, and every digest is correct.
+
+    Parameters
+    ----------
+    listing
+        Name of the checksums, in the form of ``sha256sum``.
+    digests
+        SHA-256 of each sequence, by its name.
+    """
+    path = inside(folder, listing)
+    violations: list[Violation] = []
+    listed: dict[str, str] = {}
+    # Names of files need not be UTF-8: surrogates keep them readable and comparable.
+    text = path.read_text(encoding="utf-8", errors="surrogateescape") if path.is_file() else ""
+    for line_number, line in enumerate(text.splitlines(), start=1):
+        match = _CHECKSUM_LINE.fullmatch(line)
+        if match:
+            listed[match[2].removeprefix("./")] = match[1].lower()
+        elif line.strip():
+            message = f"Expected a digest and a name in line {line_number} of {path.name}, got something else"
+            violations.append(Violation(FOLDER, "unreadable", message))
+    for name in sorted(digests.keys() - listed.keys()):
+        violations.append(Violation(name, "unlisted", f"Expected the sequence in {path.name}, got no line for it"))
+    for name, digest in listed.items():
+        actual = digests.get(name)
+        if not actual:
+            # A listed file that is no sequence: its digest, or why there is none.
+            try:
+                beside = inside(folder, name)
+            except MisuseError:
+                actual = "no name of a file within the release"
+            else:
+                actual = whole_digest(beside) if beside.is_file() else "no such file"
+        if actual != digest:
+            message = f"Expected {name} with the SHA-256 {digest}, which {path.name} lists, got {actual}"
+            violations.append(Violation(name if name in digests else FOLDER, "wrong", message))
+    question = "Are the checksums complete and right?"
+    return ReleaseResult("release.checksums", question, "each", tuple(violations))
+
+
 def rule_on_totals(files: Sequence[FileRecord], totals: Mapping[Total, Bounds]) -> ReleaseResult:
     """Sum over all sequences, and compare each sum with its bounds."""
     violations = []
     for total, bounds in totals.items():
         amount = amount_of(files, total)
         if amount is None:
-            message = f"Expected to sum {total}, got a sequence whose statistics do not tell it"
+            message = f"Expected to sum {total}, got a sequence whose statistics lack it"
         elif bounds.least is not None and amount < bounds.least:
             message = f"Expected {total} of at least {number(bounds.least)}, got {number(amount)}"
         elif bounds.most is not None and amount > bounds.most:
@@ -192,7 +252,7 @@ def amount_of(files: Sequence[FileRecord], total: Total) -> float | None:
     return float(sum(value for value in values if isinstance(value, int | float)))
 
 
-def _words(camera: Camera) -> str:
+def _intrinsics_text(camera: Camera) -> str:
     focal, centre = np.diag(camera.K)[:2], camera.K[:2, 2]
     return (
         f"{camera.model} {camera.width}x{camera.height}, f {focal[0]:.9g}, {focal[1]:.9g}, "

@@ -1,4 +1,4 @@
-"""Change how findings count, as a policy's severity by check does, and let outcomes follow."""
+"""Change the severity of findings, as a policy does by check, and the outcomes with it."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import replace
@@ -10,17 +10,17 @@ GRAVE: Final[frozenset[Severity]] = frozenset({"critical", "error"})
 """Severities of findings that fail a check."""
 
 Mark = Callable[[Result, Finding], Finding]
-"""Returns a finding as it is to count."""
+"""Returns a finding with the severity and message that it is to have."""
 
 
-def marked(file: FileRecord, mark: Mark) -> FileRecord:
-    """Return the file with every finding marked; a check fails where one of its findings is grave, else it warns."""
+def mark_findings(file: FileRecord, mark: Mark) -> FileRecord:
+    """Return the file with all findings changed by ``mark``; a check fails where a finding is grave, and else warns."""
     results = []
     for result in file.results:
         findings = tuple(mark(result, finding) for finding in result.findings)
         if findings == result.findings:
             results.append(result)
-        # A check that crashed or could not measure stays so, whatever its findings count as.
+        # A check that crashed or could not measure keeps its outcome, whatever the severity of its findings.
         elif result.outcome not in {"failed", "warned"}:
             results.append(replace(result, findings=findings))
         else:
@@ -32,14 +32,14 @@ def marked(file: FileRecord, mark: Mark) -> FileRecord:
 def with_severity(
     file: FileRecord, severity: Mapping[str, Severity], fail_on: Literal["failed", "warned"]
 ) -> FileRecord:
-    """Return the file with findings as grave as the policy says.
+    """Return the file with the severities of the policy.
 
     Parameters
     ----------
     severity
         By subject or check. Where both are named, the check counts.
     fail_on
-        ``warned``: what checks warn of is an error unless ``severity`` says otherwise.
+        ``warned``: a warning of a check is an error unless ``severity`` sets another severity.
     """
 
     def mark(result: Result, finding: Finding) -> Finding:
@@ -48,4 +48,4 @@ def with_severity(
         unnamed: Severity = "error" if fail_on == "warned" and result.outcome == "warned" else finding.severity
         return replace(finding, severity=named or unnamed)
 
-    return marked(file, mark)
+    return mark_findings(file, mark)

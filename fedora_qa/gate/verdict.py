@@ -1,4 +1,4 @@
-"""From the record of the sequences to that of the release: rules, severities, waivers, baseline, in this order."""
+"""Make the record of a release from those of its sequences: rules, severities, waivers, baseline, in this order."""
 
 import hashlib
 from collections.abc import Iterable, Sequence
@@ -12,7 +12,7 @@ from fedora_qa.gate.policy import Policy
 from fedora_qa.gate.release import FOLDER, Release
 from fedora_qa.gate.release_result import ReleaseResult, with_release_results
 from fedora_qa.gate.severity_override import with_severity
-from fedora_qa.gate.waivers import waive, waivers_in_order
+from fedora_qa.gate.waivers import rule_on_waivers, waive
 from fedora_qa.judgement.verdict import crossing_streams, verdict_of
 from fedora_qa.record.types import FileRecord, Outcome, Record
 from fedora_qa.record.wording import SHORT_OF_COVERAGE
@@ -22,7 +22,7 @@ _WITHOUT_VERDICT: Final[frozenset[Outcome]] = frozenset({"not_applicable", "not_
 
 @dataclass(frozen=True, slots=True)
 class Judgement:
-    """What the sequences are judged by."""
+    """The criteria for the sequences of a release."""
 
     policy: Policy
     baseline: Baseline | None
@@ -53,8 +53,10 @@ def release_record(release: Release, files: Sequence[FileRecord]) -> FileRecord:
     )
 
 
-def judged(record: Record, release: Release, release_results: Iterable[ReleaseResult], judgement: Judgement) -> Record:
-    """Return the record as the policy has it.
+def judge_release(
+    record: Record, release: Release, release_results: Iterable[ReleaseResult], judgement: Judgement
+) -> Record:
+    """Return the record as the policy judges it.
 
     Parameters
     ----------
@@ -88,8 +90,8 @@ def judged(record: Record, release: Release, release_results: Iterable[ReleaseRe
         if judgement.baseline is not None:
             waived = accept_known(name, waived, judgement.baseline, policy.check.false_alarm_rate)
         accepted.append(waived)
-    # Before anything is waived: a waiver is needed where its finding is there, whichever waiver is applied first.
-    on_waivers = waivers_in_order(zip(names, files_judged, strict=True), policy.waivers, judgement.today)
+    # Before anything is waived: a waiver is needed where its finding exists, in whichever order waivers are applied.
+    on_waivers = rule_on_waivers(zip(names, files_judged, strict=True), policy.waivers, judgement.today)
     accepted[-1] = with_release_results(FOLDER, accepted[-1], [on_waivers])
     crossing = crossing_streams(select_checks(policy.check.select, policy.check.ignore))
     verdicts = [_with_verdict(file, crossing) for file in accepted[:-1]]
@@ -97,7 +99,7 @@ def judged(record: Record, release: Release, release_results: Iterable[ReleaseRe
 
 
 def _with_verdict(file: FileRecord, crossing: frozenset[str]) -> FileRecord:
-    """Return the file with the verdict of its results; one that is incomplete stays so, whatever is accepted."""
+    """Return the file with the verdict of its results; an incomplete one stays incomplete, whatever is accepted."""
     if file.verdict == "incomplete":
         return file
     return replace(file, verdict=verdict_of(file.results, crossing))

@@ -1,4 +1,4 @@
-"""Waivers: findings that somebody answers for until a day. One that is not needed, or has expired, is a finding."""
+"""Waivers: findings that somebody accepts until a day. A waiver that is not needed, or has expired, is a finding."""
 
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
@@ -9,7 +9,7 @@ from pydantic import ConfigDict, Field
 
 from fedora_qa.gate.release import FOLDER
 from fedora_qa.gate.release_result import ReleaseResult, Violation
-from fedora_qa.gate.severity_override import marked
+from fedora_qa.gate.severity_override import mark_findings
 from fedora_qa.record.types import FileRecord, Finding, Result, Waived
 
 NonEmpty = Annotated[str, Field(min_length=1)]
@@ -28,9 +28,9 @@ class Waiver:
     reason: NonEmpty
     """Why it is accepted."""
     owner: NonEmpty
-    """Who answers for that."""
+    """Who is responsible for that."""
     expires: date
-    """The last day on which it holds."""
+    """The last day on which the waiver is valid."""
     code: NonEmpty | None = None
     """The rule that may be broken; or else ``cause``."""
     cause: NonEmpty | None = None
@@ -41,7 +41,7 @@ class Waiver:
             raise ValueError("a waiver names either a code or a cause")
 
     def covers(self, name: str, file: FileRecord, result: Result, finding: Finding) -> bool:
-        """Whether this is the finding that the waiver is for; ``name`` is the file's in the release."""
+        """Whether the waiver is for this finding; ``name`` is the name of the file in the release."""
         if (self.file, self.check) != (name, result.check):
             return False
         if self.code is not None:
@@ -53,7 +53,7 @@ class Waiver:
 
 
 def waive(name: str, file: FileRecord, waivers: Iterable[Waiver], today: date) -> FileRecord:
-    """Return the file with its waived findings as information that says who waived them, why and until when."""
+    """Return the file with waived findings as information: who waived them, why, and until when."""
     # The day of expiry is the last on which a waiver holds.
     valid = [waiver for waiver in waivers if waiver.expires >= today]
 
@@ -65,11 +65,11 @@ def waive(name: str, file: FileRecord, waivers: Iterable[Waiver], today: date) -
                 return replace(finding, severity="info", message=message, waived=waived)
         return finding
 
-    return marked(file, mark)
+    return mark_findings(file, mark)
 
 
-def waivers_in_order(files: Iterable[tuple[str, FileRecord]], waivers: Iterable[Waiver], today: date) -> ReleaseResult:
-    """Hold the waivers themselves to their rule: each is needed, and none has expired.
+def rule_on_waivers(files: Iterable[tuple[str, FileRecord]], waivers: Iterable[Waiver], today: date) -> ReleaseResult:
+    """Every waiver is needed, and none has expired.
 
     Parameters
     ----------
@@ -79,7 +79,7 @@ def waivers_in_order(files: Iterable[tuple[str, FileRecord]], waivers: Iterable[
     question = "Is every waiver needed, and none expired?"
     named, waivers, violations = tuple(files), tuple(waivers), []
     if not waivers:
-        return ReleaseResult("release.waivers", question, FOLDER, unasked="the policy has no waivers")
+        return ReleaseResult("release.waivers", question, FOLDER, not_applicable="the policy has no waivers")
     for waiver in waivers:
         what = f"the waiver of {waiver.owner} for {waiver.code or waiver.cause} in {waiver.file}"
         if waiver.expires < today:

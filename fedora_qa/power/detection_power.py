@@ -9,11 +9,11 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
-from pydantic import TypeAdapter, ValidationError
+from pydantic import TypeAdapter
 
 from fedora_qa.code_digest import PACKAGE, code_digest
-from fedora_qa.errors import MisuseError
 from fedora_qa.record.atomic import write_text
+from fedora_qa.record.documents import read_json
 from fedora_qa.record.power_types import WHOLE_FILE, Estimate, Power, Share
 
 PUBLISHED: Final = Path(__file__).with_name("published.json")
@@ -99,10 +99,6 @@ def read_detection_power(source: Path = PUBLISHED) -> DetectionPower | None:
     MisuseError
         The file is damaged.
     """
-    try:
-        return _ADAPTER.validate_json(source.read_bytes())
-    except FileNotFoundError:
+    if not source.exists():
         return None
-    except (OSError, ValidationError) as problem:
-        first = str(problem).splitlines()[0]
-        raise MisuseError(f"Expected a table of power at {source}, got: {first}; run `make power`") from None
+    return read_json(source, _ADAPTER, "a table of detection power", "run `make power`")

@@ -9,10 +9,11 @@ from dataclasses import dataclass
 from pathlib import Path, PurePosixPath
 from typing import Annotated, Final, Literal
 
-from pydantic import Field, TypeAdapter, ValidationError
+from pydantic import Field, TypeAdapter
 
 from fedora_qa.causes import CAUSES
 from fedora_qa.errors import MisuseError
+from fedora_qa.record.documents import read_json
 from fedora_qa.record.power_types import Kind
 
 MANIFEST: Final = "manifest.json"
@@ -100,17 +101,8 @@ def read_manifest(corpus: Path) -> Manifest:
         is listed twice, or a base is no clean file of the corpus.
     """
     path = corpus / MANIFEST
-    try:
-        manifest = _READER.validate_json(path.read_bytes())
-    except OSError as problem:
-        raise MisuseError(
-            f"Expected a corpus with a {MANIFEST} at {corpus}, got: {problem.strerror}; "
-            "make one with `fedora-generate corpus`, or see docs/corpus.md"
-        ) from None
-    except ValidationError as problem:
-        first = problem.errors()[0]
-        place = ".".join(str(part) for part in first["loc"]) or "the document"
-        raise MisuseError(f"Expected a valid {path}, got at {place}: {first['msg']}; see docs/corpus.md") from None
+    advice = "make a corpus with `fedora-generate corpus`, or see docs/corpus.md"
+    manifest = read_json(path, _READER, "the manifest of a corpus", advice)
     files = [item.file for item in manifest.items]
     clean = {item.file for item in manifest.items if item.is_clean}
     for item in manifest.items:

@@ -11,7 +11,7 @@ from multiprocessing import get_context
 from pathlib import Path
 from typing import Final
 
-from pydantic import TypeAdapter, ValidationError
+from pydantic import TypeAdapter
 
 from fedora_qa import __version__
 from fedora_qa.config import RULESET_VERSION
@@ -21,6 +21,7 @@ from fedora_qa.power.checked_file import CheckedFile, checked_from
 from fedora_qa.power.detection_power import estimators_digest
 from fedora_qa.power.manifest import CorpusItem, Manifest
 from fedora_qa.record.atomic import write_text
+from fedora_qa.record.documents import read_json
 from fedora_qa.storage.digest import file_digest
 
 Report = Callable[[str, int, int], None]
@@ -55,8 +56,8 @@ class State:
     def load(self, item: CorpusItem) -> CheckedFile | None:
         """Return the stored result of a file; None without one, or where file, tool or configuration have changed."""
         try:
-            stored = _STORED.validate_json(self._path(item).read_bytes())
-        except (OSError, ValidationError):
+            stored = read_json(self._path(item), _STORED, "a stored result", "it is measured again")
+        except MisuseError:
             return None
         return stored.checked if stored.key == self._key(item) else None
 

@@ -5,7 +5,7 @@ A record, a comparison, a study of detection and a certificate are each a ``Docu
 
 import json
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from datetime import date
 from numbers import Integral, Real
@@ -90,12 +90,7 @@ class DocumentKind(Generic[T]):
         # Before the fields: of another version, some field that does not fit would be reported instead.
         if version != self.version:
             raise MisuseError(f"Expected {self.noun} with {key} {self.version!r}, got {version!r}; {self.again}")
-        try:
-            return self.adapter.validate_json(text)
-        except ValidationError as problem:
-            first = problem.errors()[0]
-            place = ".".join(str(part) for part in first["loc"]) or "the document"
-            raise MisuseError(f"Expected {self.noun}, got at {place}: {first['msg']}; {self.again}") from None
+        return _validated(text, self.adapter, self.noun, self.again)
 
     def write(self, value: T, path: Path) -> None:
         """Write a document, entirely or not at all; raises ``ValidationError`` as ``to_json`` does."""
@@ -103,22 +98,54 @@ class DocumentKind(Generic[T]):
 
     def read(self, path: Path) -> T:
         """Read a document; raises ``MisuseError`` where there is none, as ``from_json`` does."""
-        try:
-            with path.open("rb") as file:
-                # One byte more than the limit shows that the file is too long without reading the rest.
-                text = file.read(MOST_BYTES + 1)
-        except OSError as problem:
-            raise MisuseError(f"Expected {self.noun} at {path}, got: {problem.strerror}") from None
-        if len(text) > MOST_BYTES:
-            raise MisuseError(f"Expected {self.noun} of {MOST_BYTES >> 20} MiB at most, got more in {path}")
-        try:
-            return self.from_json(text)
-        except MisuseError as problem:
-            raise MisuseError(f"{problem} (in {path})") from None
+        return _parsed(path, self.from_json, self.noun, f"give what `{self.written_by}` wrote")
 
     def schema(self) -> dict[str, Any]:
         """Return the JSON schema (draft 2020-12) of a document as it is written."""
         return schema_of(f"{self.name}:{self.version}", self.adapter, "serialization")
+
+
+def read_json(path: Path, adapter: TypeAdapter[T], noun: str, advice: str) -> T:
+    """Read a JSON file that has no version.
+
+    Parameters
+    ----------
+    noun
+        What the file holds, with its article.
+    advice
+        What to do where the file cannot be used.
+
+    Raises
+    ------
+    MisuseError
+        There is no file, it is longer than ``MOST_BYTES``, or it does not fit the type; the message names the place.
+    """
+    return _parsed(path, lambda text: _validated(text, adapter, noun, advice), noun, advice)
+
+
+def _parsed(path: Path, parse: Callable[[bytes], T], noun: str, advice: str) -> T:
+    """Return what a file of limited length holds; the errors of ``parse`` then name the file."""
+    try:
+        with path.open("rb") as file:
+            # One byte more than the limit shows that the file is too long without reading the rest.
+            text = file.read(MOST_BYTES + 1)
+    except OSError as problem:
+        raise MisuseError(f"Expected {noun} at {path}, got: {problem.strerror}; {advice}") from None
+    if len(text) > MOST_BYTES:
+        raise MisuseError(f"Expected {noun} of {MOST_BYTES >> 20} MiB at most, got more in {path}")
+    try:
+        return parse(text)
+    except MisuseError as problem:
+        raise MisuseError(f"{problem} (in {path})") from None
+
+
+def _validated(text: str | bytes, adapter: TypeAdapter[T], noun: str, advice: str) -> T:
+    try:
+        return adapter.validate_json(text)
+    except ValidationError as problem:
+        first = problem.errors()[0]
+        place = ".".join(str(part) for part in first["loc"]) or "the document"
+        raise MisuseError(f"Expected {noun}, got at {place}: {first['msg']}; {advice}") from None
 
 
 def _plain(value: Any) -> Any:

@@ -8,6 +8,9 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Final, Literal
 
+from pydantic import TypeAdapter
+
+from fedora_qa.record.documents import DocumentKind
 from fedora_qa.record.types import Tool
 
 POWER_VERSION: Final = "1.0"
@@ -219,3 +222,13 @@ class Power:
     magnitudes: tuple[MagnitudeError, ...]
     stated: tuple[StatedLimit, ...]
     not_comparable: tuple[NotComparable, ...]
+
+
+POWER: Final = DocumentKind(
+    name="power",
+    noun="a study",
+    version=POWER_VERSION,
+    adapter=TypeAdapter(Power),
+    written_by="fedora-qa power --json",
+    again="measure again with this version",
+)

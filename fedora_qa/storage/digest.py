@@ -1,8 +1,9 @@
-"""Identify a file by its content, without reading a quarter of a terabyte twice."""
+"""Identify a file by the SHA-256 of its content, of a large one by that of evenly spread pieces."""
 
 import hashlib
 from contextlib import closing
 from dataclasses import dataclass
+from pathlib import Path
 from typing import BinaryIO, Final, Literal
 
 from fedora_qa.storage.place import Place, RemoteFile
@@ -19,13 +20,19 @@ _PIECES: Final = 64
 class Digest:
     """A SHA-256, and whether it is of the whole file.
 
-    ``version`` is that of the file which was read, ``traffic`` the requests and bytes that this took of a server.
+    ``version`` is that of the file that was read, ``traffic`` the requests to a server and the bytes that it sent.
     """
 
     sha256: str
     kind: Literal["full", "partial"]
     version: Version
     traffic: Traffic = NO_TRAFFIC
+
+
+def whole_digest(path: Path) -> str:
+    """Return the SHA-256 of all of a file, whatever its size."""
+    with path.open("rb") as file:
+        return hashlib.file_digest(file, "sha256").hexdigest()
 
 
 def file_digest(path: Place) -> Digest:
@@ -43,13 +50,10 @@ def file_digest(path: Place) -> Digest:
             sha256 = _of_pieces(remote, size, piece_bytes)
             return Digest(sha256, "partial", remote.version, remote.traffic)
     version = local_version(path)
+    if version.size <= _WHOLE_UP_TO:
+        return Digest(whole_digest(path), "full", version)
     with path.open("rb") as file:
-        if version.size > _WHOLE_UP_TO:
-            return Digest(_of_pieces(file, version.size, _PIECE), "partial", version)
-        digest = hashlib.sha256()
-        while piece := file.read(_PIECE):
-            digest.update(piece)
-        return Digest(digest.hexdigest(), "full", version)
+        return Digest(_of_pieces(file, version.size, _PIECE), "partial", version)
 
 
 def _of_pieces(file: BinaryIO | RemoteBytes, size: int, piece: int) -> str:

@@ -1,7 +1,7 @@
-"""What went wrong between this machine and a server, in one sentence without any secret.
+"""The error of a failed request to a server, in one sentence without any secret.
 
-What libraries say of a failed request may hold the whole URL, with its signature. So their texts are never repeated:
-the kind of failure is derived from types, status codes and error numbers.
+The texts of libraries may hold the whole URL, with its signature. So they are never repeated: the kind of failure is
+derived from types, status codes and error numbers.
 """
 
 import os
@@ -15,8 +15,8 @@ from fedora_qa.storage.place import RemoteFile
 _UNAUTHORIZED: Final = frozenset({401, 403})
 _ABSENT: Final = frozenset({404, 410})
 _CHANGED: Final = 412
-"""Precondition failed: the object is no longer of the version that was asked for."""
-_MAY_PASS: Final = frozenset({408, 425, 429, 500, 502, 503, 504})
+"""Precondition failed: the object is no longer of the version that was requested."""
+_TRANSIENT: Final = frozenset({408, 425, 429, 500, 502, 503, 504})
 
 _CREDENTIALS: Final = (
     "give credentials in the environment (AWS_ACCESS_KEY_ID, AWS_SECRET_ACCESS_KEY, or AWS_PROFILE), "
@@ -25,33 +25,34 @@ _CREDENTIALS: Final = (
 
 
 def failure_of(error: BaseException, place: RemoteFile) -> StorageError:
-    """Return the error for a failed request. Raise it ``from None``: what caused it may hold secrets.
+    """Return the error for a failed request. Raise it ``from None``: the text of its cause may hold secrets.
 
     Parameters
     ----------
     error
-        What a library raised; of it and of what led to it, the most specific decides.
+        The error of a library; of it and the errors that led to it, the most specific decides.
     place
-        The file that was asked for.
+        The file that was requested.
 
     Returns
     -------
     StorageError
-        It states what was expected, and what there was in its place.
+        It states what was expected, and what the server gave in its place.
     """
     errors = tuple(_chain(error))
     status, certificate = _status(errors), _certificate(errors)
-    unreached = _any(errors, ConnectionError) or _named(
+    unreached = _any_of_type(errors, ConnectionError) or _any_named(
         errors, "ClientConnectorError", "ClientConnectorDNSError", "EndpointConnectionError", "ConnectTimeoutError"
     )
-    absent = status is None and isinstance(errors[-1], FileNotFoundError)  # fsspec calls so whatever fails at first
-    forbidden = status in _UNAUTHORIZED or _any(errors, PermissionError)
+    # fsspec raises FileNotFoundError for any first failure: only the root of the chain counts.
+    absent = status is None and isinstance(errors[-1], FileNotFoundError)
+    forbidden = status in _UNAUTHORIZED or _any_of_type(errors, PermissionError)
     without_ranges = any(isinstance(failure, ValueError) and "range requests" in str(failure) for failure in errors)
     advice = _CREDENTIALS if place.scheme == "s3" else "sign in, or have the URL signed anew"
-    # From specific to general, because several can hold: 412 is a status too.
+    # From specific to general, because several may apply: 412 is a status too.
     explanations: tuple[tuple[bool, str, str], ...] = (
         (
-            status == _CHANGED or _named(errors, "FileExpired"),
+            status == _CHANGED or _any_named(errors, "FileExpired"),
             "the file to stay as it is while it is checked",
             "a change; check it again",
         ),
@@ -64,12 +65,12 @@ def failure_of(error: BaseException, place: RemoteFile) -> StorageError:
         (status is not None, "the server to send the file", f"the answer {status}"),
         (certificate is not None, "a server whose certificate can be verified", certificate or ""),
         (
-            _named(errors, "NoCredentialsError", "PartialCredentialsError"),
+            _any_named(errors, "NoCredentialsError", "PartialCredentialsError"),
             "credentials for the bucket",
             f"none; {_CREDENTIALS}",
         ),
         (
-            _any(errors, TimeoutError) or _named(errors, "FSTimeoutError", "ReadTimeoutError"),
+            _any_of_type(errors, TimeoutError) or _any_named(errors, "FSTimeoutError", "ReadTimeoutError"),
             "an answer of the server",
             "none in time",
         ),
@@ -85,34 +86,34 @@ def failure_of(error: BaseException, place: RemoteFile) -> StorageError:
     return StorageError(f"Expected {expected}, got {got}: {place}")
 
 
-def may_pass(error: BaseException) -> bool:
+def is_transient(error: BaseException) -> bool:
     """Whether the same request may succeed a moment later."""
     errors = tuple(_chain(error))
     status = _status(errors)
     # An HTTP status decides alone: the other errors of the chain only wrap it.
     if status is not None:
-        return status in _MAY_PASS
+        return status in _TRANSIENT
     if (
-        # These do not change within seconds, so that a further request would only delay the message.
-        _any(errors, ConnectionRefusedError)
+        # These last longer than seconds: a further request would only delay the message.
+        _any_of_type(errors, ConnectionRefusedError)
         or _certificate(errors) is not None
-        or _named(errors, "FileExpired", "NoCredentialsError")
+        or _any_named(errors, "FileExpired", "NoCredentialsError")
     ):
         return False
-    return _any(errors, TimeoutError, ConnectionError) or _named(
+    return _any_of_type(errors, TimeoutError, ConnectionError) or _any_named(
         errors, "ClientPayloadError", "ServerDisconnectedError", "FSTimeoutError", "IncompleteRead"
     )
 
 
-def changed(place: RemoteFile) -> StorageError:
-    """Return the error for a file that has become another while it was read."""
+def changed_error(place: RemoteFile) -> StorageError:
+    """Return the error for a file that was changed while it was read."""
     return StorageError(
         f"Expected the file to stay as it is while it is checked, got a change; check it again: {place}"
     )
 
 
 def _chain(error: BaseException) -> Iterator[BaseException]:
-    """Yield an error and what led to it, which libraries wrap each other's errors into."""
+    """Yield an error and the errors that led to it: libraries wrap each other's errors."""
     link: BaseException | None = error
     while link is not None:
         yield link
@@ -135,7 +136,7 @@ def _status(errors: tuple[BaseException, ...]) -> int | None:
 
 
 def _certificate(errors: tuple[BaseException, ...]) -> str | None:
-    """Return what OpenSSL reports against a certificate, or of a handshake that failed."""
+    """Return the reason of OpenSSL for refusing a certificate, or for a handshake that failed; None without one."""
     for error in errors:
         if isinstance(error, ssl.SSLError):
             why = getattr(error, "verify_message", None) or getattr(
@@ -147,7 +148,7 @@ def _certificate(errors: tuple[BaseException, ...]) -> str | None:
 
 
 def _number(errors: tuple[BaseException, ...]) -> str:
-    """Return what the system reports for an error number, in brackets; nothing where there is none."""
+    """Return the system's text of an error number, in brackets; empty where there is no number."""
     numbers = (
         failure.errno
         for failure in errors
@@ -158,10 +159,10 @@ def _number(errors: tuple[BaseException, ...]) -> str:
     return f" ({os.strerror(number)})" if number is not None else ""
 
 
-def _named(errors: tuple[BaseException, ...], *names: str) -> bool:
-    """Whether any of the errors is of one of these types, which are of extras that may not be there to be imported."""
+def _any_named(errors: tuple[BaseException, ...], *names: str) -> bool:
+    """Whether the type of any error has one of these names; the extras that define them may not be installed."""
     return any(type(error).__name__ in names for error in errors)
 
 
-def _any(errors: tuple[BaseException, ...], *types: type[BaseException]) -> bool:
+def _any_of_type(errors: tuple[BaseException, ...], *types: type[BaseException]) -> bool:
     return any(isinstance(error, types) for error in errors)

@@ -14,8 +14,8 @@ SCHEMES: Final = ("s3", "https", "http")
 class RemoteFile:
     """A file behind a URL.
 
-    A URL may carry a password or a signature, which whoever reads a record, a log or a traceback must not get: only
-    ``url`` holds them, and nothing prints it. What is shown has neither user nor query.
+    A URL may hold a password or a signature, which must not get into a record, a log or a traceback. Only ``url`` holds
+    them, and it is never printed. What is printed has neither user nor query.
     """
 
     url: str
@@ -52,7 +52,7 @@ Place = Path | RemoteFile
 
 
 def place_of(text: str) -> Place:
-    """Return the place that a person means.
+    """Return the place that an argument names.
 
     Raises
     ------

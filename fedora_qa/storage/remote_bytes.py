@@ -1,4 +1,4 @@
-"""A file behind a URL, as HDF5 reads it: in small pieces where the structure lies, in whole chunks where data do."""
+"""The bytes of a file behind a URL, as HDF5 reads them: the structure in small blocks, data in whole chunks."""
 
 import io
 from collections import OrderedDict
@@ -6,7 +6,7 @@ from itertools import groupby
 from typing import Any, Final
 
 from fedora_qa.errors import StorageError
-from fedora_qa.storage.failures import changed
+from fedora_qa.storage.failures import changed_error
 from fedora_qa.storage.place import RemoteFile
 from fedora_qa.storage.server import Server
 from fedora_qa.storage.traffic import Traffic
@@ -16,7 +16,7 @@ BLOCK_BYTES: Final = 1 << 18
 """For HDF5 files: large against its structure, small against images (docs/remote.md says how it was chosen)."""
 
 _BLOCKS: Final = 256
-"""How many of the latest are kept."""
+"""Largest number of blocks that are kept: those that were read last."""
 
 
 class RemoteBytes(io.RawIOBase):
@@ -25,13 +25,13 @@ class RemoteBytes(io.RawIOBase):
     Parameters
     ----------
     block_bytes
-        What is fetched at least; whatever is longer is fetched as it is, and not kept.
+        Least length of a request. A read of this length or more is fetched as it is, and not kept.
 
     Attributes
     ----------
     failure
-        What ended the reading; every later read raises it again. HDF5 takes a read that fails for damage, so whoever
-        gets an error of damage must read this first.
+        The error that ended the reading; every later read raises it again. HDF5 reports a read that failed as damage of
+        the file, so that a caller that gets an error of damage must look here first.
     """
 
     def __init__(self, place: RemoteFile, block_bytes: int) -> None:
@@ -50,7 +50,7 @@ class RemoteBytes(io.RawIOBase):
 
     @property
     def traffic(self) -> Traffic:
-        """What has been asked of the server so far."""
+        """Requests and bytes so far."""
         return self._server.traffic
 
     def require_sound(self) -> None:
@@ -59,17 +59,17 @@ class RemoteBytes(io.RawIOBase):
             raise self.failure
 
     def require_unchanged(self) -> None:
-        """Raise ``StorageError`` where anything could not be read, or the file is another than it was."""
+        """Raise ``StorageError`` where anything could not be read, or the file was changed."""
         self.require_sound()
         if self._server.ask_version() != self.version:
-            raise changed(self.place)
+            raise changed_error(self.place)
 
     def readable(self) -> bool:
-        """Return that it can be read."""
+        """Return True: the file can be read."""
         return True
 
     def seekable(self) -> bool:
-        """Return that it can be read anywhere."""
+        """Return True: every place of the file can be read."""
         return True
 
     def tell(self) -> int:
@@ -83,7 +83,7 @@ class RemoteBytes(io.RawIOBase):
         return self._at
 
     def readinto(self, buffer: Any, /) -> int:
-        """Fill a buffer, but for what lies behind the end; raises ``StorageError``."""
+        """Fill a buffer as far as the file reaches; raises ``StorageError``."""
         target = memoryview(buffer).cast("B")
         start, stop = self._at, min(self._at + len(target), self.version.size)
         if stop <= start:
@@ -103,7 +103,7 @@ class RemoteBytes(io.RawIOBase):
         return stop - start
 
     def close(self) -> None:
-        """Let go of the file."""
+        """Close the file at the server."""
         if not self.closed:
             self._server.close()
             self._blocks.clear()

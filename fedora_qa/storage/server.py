@@ -1,4 +1,4 @@
-"""Ask a server for a file: how long it is, of which version, and for ranges of its bytes. Through fsspec, an extra."""
+"""Request the length and version of a file, and ranges of its bytes, from a server. Through fsspec, an extra."""
 
 import gc
 import time
@@ -6,7 +6,7 @@ from collections.abc import Callable
 from typing import Any, Final, TypeVar
 
 from fedora_qa.errors import MisuseError, StorageError
-from fedora_qa.storage.failures import failure_of, may_pass
+from fedora_qa.storage.failures import failure_of, is_transient
 from fedora_qa.storage.place import Place, RemoteFile
 from fedora_qa.storage.traffic import NO_TRAFFIC, Traffic
 from fedora_qa.storage.version import Version, local_version
@@ -15,10 +15,10 @@ T = TypeVar("T")
 
 _CONNECT_S: Final = 10.0
 _SILENCE_S: Final = 60.0
-"""How long a server may say nothing before the request is given up."""
+"""Longest silence of a server after which a request is given up."""
 
 _WAITS_S: Final = (0.5, 2.0)
-"""Before a request is made again that may succeed a moment later."""
+"""Pauses before a failed request is repeated that may succeed a moment later."""
 
 
 class Server:
@@ -27,14 +27,14 @@ class Server:
     Attributes
     ----------
     traffic
-        What has been asked of it so far.
+        Requests and bytes so far.
 
     Raises
     ------
     MisuseError
         The extra that reads such URLs is not installed.
     StorageError
-        Here and from every request: the file cannot be had, which the message explains.
+        Here and from every request: the file cannot be read; the message states why.
     """
 
     def __init__(self, place: RemoteFile) -> None:
@@ -59,69 +59,69 @@ class Server:
         self.version = self.ask_version()
 
     def ask_version(self) -> Version:
-        """Ask how long the file is now, and of which version."""
-        # s3fs caches what it knows of an object; a change shows only in a new answer.
+        """Request the present length and version of the file."""
+        # s3fs caches the facts of an object; a change shows only in a new answer.
         refresh = {"refresh": True} if self._place.scheme == "s3" else {}
-        facts = self._asked(lambda: self._files.info(self._place.url, **refresh))
+        facts = self._request(lambda: self._files.info(self._place.url, **refresh))
         size = facts.get("size")
         if facts.get("type") == "directory":
             raise StorageError(f"Expected one HDF5 file, got a folder: {self._place}")
         if size is None:
             raise StorageError(
-                f"Expected a server that tells the length of a file, got one that does not: {self._place}"
+                f"Expected a server that states the length of a file, got one that does not: {self._place}"
             )
-        # What the server tells versions apart by; empty where it tells nothing but the size.
+        # The tag that the server gives a version; empty where it states the size only.
         return Version(
             int(size), str(facts.get("ETag") or facts.get("LastModified") or facts.get("Last-Modified") or "")
         )
 
     def fetch(self, start: int, stop: int) -> bytes:
-        """Return the bytes from ``start`` to ``stop``, both within the file, of the version that it had at first."""
-        fetched: bytes = self._asked(lambda: self._stretch(start, stop))
-        # HDF5 would take missing bytes for damage of the file.
+        """Return the bytes from ``start`` to ``stop``, both within the file, of the version at the first request."""
+        fetched: bytes = self._request(lambda: self._read_range(start, stop))
+        # HDF5 would report missing bytes as damage of the file.
         if len(fetched) != stop - start:
             raise StorageError(f"Expected {stop - start} bytes from {start} on, got {len(fetched)}: {self._place}")
         self.traffic += Traffic(transferred_bytes=len(fetched))
         return fetched
 
     def close(self) -> None:
-        """Let go of the file; connections are kept for others by fsspec."""
+        """Close the file; fsspec keeps the connections for other files."""
         if self._open is not None:
             self._open.close()
 
-    def _stretch(self, start: int, stop: int) -> bytes:
+    def _read_range(self, start: int, stop: int) -> bytes:
         if self._open is None:
-            # What binds the file to its version: s3fs sees to it by itself, HTTP has a header for it.
+            # Requests must be answered from one version of the file: s3fs ensures this, HTTP has a header for it.
             bound: dict[str, Any] = {}
             if self._place.scheme != "s3":
-                # If-Match compares strongly (RFC 9110, 13.1.1): a weak tag may not be compared so, and a date is none.
+                # If-Match needs a strong tag (RFC 9110, 13.1.1). It begins with a quote; a weak tag or a date does not.
                 strong = self.version.tag.startswith('"')
                 bound = {"size": self.version.size, "headers": {"If-Match": self.version.tag} if strong else {}}
             # Without a cache of fsspec: ``RemoteBytes`` caches, and the traffic is what was transferred.
             self._open = self._files.open(self._place.url, "rb", cache_type="none", **bound)
-            self.traffic += Traffic(requests=int(self._place.scheme == "s3"))  # it asks for the version by itself
+            self.traffic += Traffic(requests=int(self._place.scheme == "s3"))  # s3fs requests the version by itself
         self._open.seek(start)
         return bytes(self._open.read(stop - start))
 
-    def _asked(self, request: Callable[[], T]) -> T:
+    def _request(self, request: Callable[[], T]) -> T:
         for wait_s in (*_WAITS_S, None):
             self.traffic += Traffic(requests=1)
-            # Cyclic garbage is kept until the request is done. h5py holds its lock while it reads, and needs it to free
-            # its objects: were the thread that does the requests to collect them meanwhile, both would wait for each
-            # other for ever (h5py issue 2019).
+            # No garbage collection until the request is done. h5py holds its lock while it reads, and needs it to free
+            # its objects. If the thread that does the requests collected them meanwhile, both threads would wait for
+            # each other forever (h5py issue 2019).
             collects = gc.isenabled()
             gc.disable()
             try:
                 return request()
-            except Exception as error:  # noqa: BLE001 - libraries raise what they like; a person gets one sentence
-                if wait_s is None or not may_pass(error):
+            except Exception as error:  # noqa: BLE001 - the libraries raise errors of many types; the user gets one sentence
+                if wait_s is None or not is_transient(error):
                     # Without its cause, whose text may hold the URL with its signature.
                     raise failure_of(error, self._place) from None
             finally:
                 if collects:
                     gc.enable()
             time.sleep(wait_s)
-        raise AssertionError("the last try returns or raises")
+        raise AssertionError("Expected the last try to return or raise, got neither")
 
 
 def version_of(place: Place) -> Version:

@@ -1,4 +1,4 @@
-"""Does a file begin like HDF5? Only its bytes are read; HDF5 itself is not asked."""
+"""Test whether a file begins like HDF5, from its first bytes and without the HDF5 library."""
 
 from contextlib import closing
 from typing import BinaryIO, Final

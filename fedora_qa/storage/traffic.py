@@ -1,4 +1,4 @@
-"""How much was asked of servers."""
+"""Bytes and requests of servers."""
 
 from dataclasses import dataclass
 from typing import Final, Self
@@ -6,7 +6,7 @@ from typing import Final, Self
 
 @dataclass(frozen=True, slots=True)
 class Traffic:
-    """Bytes of files that were transferred, and requests, those for size and version among them."""
+    """Bytes of files that were transferred, and requests, including those for size and version."""
 
     transferred_bytes: int = 0
     requests: int = 0

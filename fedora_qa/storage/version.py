@@ -1,4 +1,4 @@
-"""Which version of a file it is, as cheaply as it can be found."""
+"""The version of a file, without reading the file."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -17,9 +17,9 @@ class Version:
 
 
 def local_version(path: Path) -> Version:
-    """Return the version of a file on this machine; one that cannot be looked at has no size and no tag."""
+    """Return the version of a file on this machine; without access size and tag are empty."""
     try:
         status = path.stat()
     except OSError:
-        return Version(0, "")  # opening says what is wrong
+        return Version(0, "")  # opening the file raises the reason
     return Version(status.st_size, str(status.st_mtime_ns))

@@ -8,11 +8,10 @@ from typing import Final
 
 import numpy as np
 
-from fedora_qa.comparison.json_io import comparison_from_json, comparison_to_json
 from fedora_qa.comparison.paper_tables import paper_tables
-from fedora_qa.comparison.tables import TOLD_WORDS, headline, how_it_is_told, pair_tables
+from fedora_qa.comparison.tables import CONCLUSION_WORDS, false_alarm_sentence, headline, pair_tables
 from fedora_qa.comparison.text_table import TextTable
-from fedora_qa.comparison.types import Comparison, Overlay
+from fedora_qa.comparison.types import COMPARISON, Comparison, Overlay
 from fedora_qa.record.wording import number, with_error
 from fedora_reports.charts import HEIGHT, WIDTH
 from fedora_reports.html import environment
@@ -73,7 +72,7 @@ class ComparisonPage:
 
 def render_comparison(comparison: Comparison) -> str:
     """Return a comparison as one HTML document, which runs no script and loads no other file."""
-    page = page_of(comparison_from_json(comparison_to_json(comparison)))
+    page = page_of(COMPARISON.from_json(COMPARISON.to_json(comparison)))
     return environment().get_template("comparison.html.j2").render(page=page)
 
 
@@ -85,7 +84,7 @@ def page_of(comparison: Comparison) -> ComparisonPage:
         title=" · ".join(names[:3]) + (f" and {len(names) - 3} more" if len(names) > 3 else ""),
         tool=f"{comparison.tool.name} {comparison.tool.version}",
         headline=headline(comparison),
-        false_alarm_rate=how_it_is_told(comparison),
+        false_alarm_rate=false_alarm_sentence(comparison),
         notes=comparison.notes,
         drawn=names[:MOST_DRAWN],
         undrawn=names[MOST_DRAWN:],
@@ -152,7 +151,7 @@ def overlay_chart(overlay: Overlay, comparison: Comparison) -> OverlayChart | No
         name = comparison.subjects[pair.after].name
         if len(differences) == 1:
             apart = with_error(differences[0].distance, differences[0].distance_standard_error, differences[0].unit)
-            distances.append(f"{name}: distance {apart}, {TOLD_WORDS[differences[0].told]}")
+            distances.append(f"{name}: distance {apart}, {CONCLUSION_WORDS[differences[0].told]}")
         elif differences:
             differing = sum(difference.told == "differs" for difference in differences)
             distances.append(f"{name}: {differing} of {len(differences)} files differ")

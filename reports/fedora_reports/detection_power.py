@@ -1,4 +1,4 @@
-"""Detection power of a passed check: the faults that the check detects, and the outcome of that check in a file."""
+"""Detection power of checks: the faults that each check detects, and its outcome on a file."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass

@@ -17,14 +17,14 @@ _NUMBERS = "buif"
 
 @dataclass(frozen=True, slots=True)
 class Evidence:
-    """Arrays by name, and the title of each array that the record promises."""
+    """Arrays by name, and the title of each array that the record lists."""
 
     arrays: Mapping[str, Array]
     titles: Mapping[str, str]
 
     @property
     def missing(self) -> tuple[str, ...]:
-        """Names that the record promises and that have no array."""
+        """Names that the record lists and that have no array."""
         return tuple(name for name in self.titles if name not in self.arrays)
 
     def numbers(self, name: str, *shape: int | None) -> Array | None:

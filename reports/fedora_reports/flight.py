@@ -13,7 +13,7 @@ from fedora_qa.record.wording import printable
 from fedora_reports import trajectory
 from fedora_reports.evidence import Evidence
 from fedora_reports.pictures import png_uri
-from fedora_reports.timeline import Located
+from fedora_reports.timeline import AnchoredFinding
 from fedora_reports.trajectory import TrajectoryPicture
 from fedora_reports.trajectory_path import box_around, flown_path, speed_colours
 from fedora_reports.trajectory_views import Mark
@@ -39,7 +39,7 @@ class Flight:
     space: str
 
 
-def flight_of(evidence: Evidence, findings: Sequence[Located]) -> Flight | None:
+def flight_of(evidence: Evidence, findings: Sequence[AnchoredFinding]) -> Flight | None:
     """Return the pictures of the path.
 
     Parameters
@@ -81,7 +81,7 @@ def flight_of(evidence: Evidence, findings: Sequence[Located]) -> Flight | None:
     try:
         picture = trajectory.render_trajectory(times_us, positions, speeds, forward)
     except Exception as problem:  # noqa: BLE001 - no failure of a graphics library may spoil the report
-        picture = TrajectoryPicture(b"", "", "", f"No picture in space: {type(problem).__name__}: {problem}")
+        picture = TrajectoryPicture(b"", "", f"No picture in space: {type(problem).__name__}: {problem}")
     # The path about the middle of its box, in units of its longest side, with a colour for each point.
     space = ""
     if path.runs:

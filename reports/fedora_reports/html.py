@@ -55,7 +55,7 @@ def render_html(
 
 @cache
 def report_script() -> str:
-    """Return the script of the report, for everything on the page that reacts to a reader."""
+    """Return the script of the report, for every part of the page that reacts to a reader."""
     folder = files("fedora_reports") / "script"
     parts = [(folder / name).read_text(encoding="utf-8") for name in _SCRIPTS]
     return '"use strict";\n' + "".join(parts)

@@ -20,7 +20,7 @@ from fedora_reports.provenance import Provenance, file_provenance, run_provenanc
 from fedora_reports.statistics import Table, all_statistics, paper_tables, short_name
 from fedora_reports.strip import Strip, pictures_of
 from fedora_reports.subjects import Subject, subjects_of
-from fedora_reports.timeline import Located, Timeline, timeline_of
+from fedora_reports.timeline import AnchoredFinding, Timeline, timeline_of
 from fedora_reports.verdict import TITLES, VerdictText, verdict_of
 
 _KEPT_BY_THE_PASS = (MOMENTS, PLACES, TRAJECTORY, TIMELINE, HISTOGRAMS, DISTRIBUTIONS)
@@ -116,7 +116,7 @@ def _section(
     record: Record, place: int, arrays: Mapping[str, NDArray[Any]], detection_power: PassDetectionPower
 ) -> FileSection:
     file, anchors, evidence = record.files[place], Anchors(place), evidence_of(record, place, arrays)
-    findings = [Located(finding, anchors.finding(k)) for k, (_, finding) in enumerate(findings_of(file))]
+    findings = [AnchoredFinding(finding, anchors.finding(k)) for k, (_, finding) in enumerate(findings_of(file))]
     links = [Link(located.anchor, located.finding.id) for located in findings]
     pictures = pictures_of(evidence, (located.finding.id for located in findings), anchors)
     snapshots = pictures.strip.rows if pictures.strip else ()

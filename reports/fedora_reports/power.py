@@ -1,21 +1,27 @@
-"""The report of a study of detection: one self-contained HTML file, drawn from the result of ``fedora-qa power``.
+"""A study of detection, drawn from the result of ``fedora-qa power``: as one HTML file, and its curves as one SVG file.
 
-Curves of detection against size are drawn in the box of ``charts``: 1000 by 100, stretched.
+Curves of detection against size are drawn in the box of ``charts``: 1000 by 100, stretched. The SVG is for documents
+that hold pictures and no HTML.
 """
 
 from collections.abc import Sequence
 from dataclasses import dataclass
 from math import sqrt
+from typing import Final
 
-from fedora_qa.record.power_json import power_from_json, power_to_json
 from fedora_qa.record.power_tables import curve_words, share_words, tables_of
-from fedora_qa.record.power_types import WHOLE_FILE, Curve, Detection, Power, StatedLimit
+from fedora_qa.record.power_types import POWER, WHOLE_FILE, Curve, Detection, Power, StatedLimit
 from fedora_reports.charts import HEIGHT, WIDTH
 from fedora_reports.html import environment
 from fedora_reports.scales import Axis, Tick
 from fedora_reports.statistics import Table
 
-_ALMOST_SURE = 0.95
+_ALMOST_SURE: Final = 0.95
+
+_COLUMNS: Final = 4
+_CELL_PX: Final = (240, 130)
+_ROW_PX: Final = 4
+"""Height of a pair of cause and check in the drawing of limits."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -64,9 +70,35 @@ class PowerPage:
     not_comparable: Table
 
 
+@dataclass(frozen=True, slots=True)
+class PlacedChart:
+    """A chart and the upper left corner of its cell, in px."""
+
+    x: int
+    y: int
+    chart: PowerChart
+
+
+@dataclass(frozen=True, slots=True)
+class PowerDrawing:
+    """Small charts in rows, and the drawing of limits beneath; sizes in px."""
+
+    width: int
+    height: int
+    cells: tuple[PlacedChart, ...]
+    limits: LimitsChart | None
+    limits_top: int
+    limits_height: int
+
+
 def render_power(power: Power) -> str:
     """Return the report of a study as one HTML document, which runs no script and loads no other file."""
-    return environment().get_template("power.html.j2").render(page=page_of(power_from_json(power_to_json(power))))
+    return environment().get_template("power.html.j2").render(page=page_of(POWER.from_json(POWER.to_json(power))))
+
+
+def draw_power(power: Power) -> str:
+    """Return every fitted curve, and the chart of stated limits, as an SVG document."""
+    return environment().get_template("power.svg.j2").render(drawing=drawing_of(POWER.from_json(POWER.to_json(power))))
 
 
 def page_of(power: Power) -> PowerPage:
@@ -99,6 +131,17 @@ def page_of(power: Power) -> PowerPage:
         limits=limits_chart(power.stated),
         not_comparable=Table("Not compared", note, ("cause", "check", "why"), pairs, numeric=False),
     )
+
+
+def drawing_of(power: Power) -> PowerDrawing:
+    """Return the charts with their positions."""
+    page, (across, down) = page_of(power), _CELL_PX
+    curves = [chart for chart in page.charts if chart.curve]
+    cells = tuple(PlacedChart(across * (k % _COLUMNS), down * (k // _COLUMNS), chart) for k, chart in enumerate(curves))
+    top = down * -(-len(cells) // _COLUMNS)
+    rows = page.limits.height // 10 if page.limits else 0
+    beneath = rows * _ROW_PX + 70 if rows else 0
+    return PowerDrawing(across * _COLUMNS, max(top + beneath, down), cells, page.limits, top, rows * _ROW_PX)
 
 
 def detection_chart(detection: Detection) -> PowerChart | None:

@@ -25,7 +25,7 @@ WHOLE_FILE = "whole file"
 
 
 @dataclass(frozen=True, slots=True)
-class Located:
+class AnchoredFinding:
     """A finding and the identifier of its place on the page."""
 
     finding: Finding
@@ -85,7 +85,7 @@ class Timeline:
 
 
 def timeline_of(
-    evidence: Evidence, findings: Sequence[Located], snapshots: Sequence[SnapshotRow] = ()
+    evidence: Evidence, findings: Sequence[AnchoredFinding], snapshots: Sequence[SnapshotRow] = ()
 ) -> Timeline | None:
     """Return the timeline of a file.
 
@@ -143,7 +143,9 @@ def timeline_of(
     )
 
 
-def _row(stream: str, samples: Array | None, axis: Axis, bin_s: float, findings: Sequence[Located]) -> TimelineRow:
+def _row(
+    stream: str, samples: Array | None, axis: Axis, bin_s: float, findings: Sequence[AnchoredFinding]
+) -> TimelineRow:
     # A finding without a time spans the whole width; one without an end is as wide as its label.
     spans = []
     for located in findings:

@@ -1,4 +1,4 @@
-"""The picture of a flight: in space where OpenGL works, else two flat views, with a note of the reason."""
+"""The pictures of a flight: two flat views, and one in space where OpenGL works, else the reason."""
 
 import io
 import os
@@ -21,18 +21,22 @@ TIME_LIMIT_S: Final = 120.0
 
 _MOST_POINTS: Final = 600
 _CRASHED: Final = "VTK ended without a word"
+_NO_PATH: Final = "No pose has a finite position: there is no path to draw."
+_IN_SPACE: Final = (
+    "White cones show where the body points, the thin line on the ground is the path seen from above; axes in metres."
+)
+_FLAT: Final = "Arrowheads show where the body points. Seen from above and from the side at one scale; axes in metres."
 
 
 @dataclass(frozen=True, slots=True)
 class TrajectoryPicture:
-    """A picture of a path: one of ``png`` and ``svg`` is empty.
+    """A picture of a path in space.
 
-    ``caption`` describes the picture, with units. ``note`` is the reason for which flat views replace the picture in
-    space; empty where they do not.
+    ``caption`` describes the picture, with units. ``png`` is empty where none could be drawn; ``note`` is then
+    the reason, and empty otherwise.
     """
 
     png: bytes
-    svg: str
     caption: str
     note: str
 
@@ -61,7 +65,7 @@ def render_trajectory(
     Returns
     -------
     TrajectoryPicture
-        The picture in space, or flat views with the reason.
+        The picture, or the reason for which there is none.
 
     Raises
     ------
@@ -76,17 +80,11 @@ def render_trajectory(
     }
     path = flown_path(**arrays, most=_MOST_POINTS)
     if not path.runs:
-        return TrajectoryPicture(b"", without_path(), "No pose has a finite position: there is no path to draw.", "")
+        return TrajectoryPicture(b"", _NO_PATH, "")
     png, reason = _render(arrays, time_limit_s)
     if png:
-        return TrajectoryPicture(png, "", _caption(path, "ball", "cube", _IN_SPACE), "")
-    return TrajectoryPicture(b"", draw_views(path), _caption(path, "ring", "square", _FLAT), reason)
-
-
-_IN_SPACE: Final = (
-    "White cones show where the body points, the thin line on the ground is the path seen from above; axes in metres."
-)
-_FLAT: Final = "Arrowheads show where the body points. Seen from above and from the side at one scale; axes in metres."
+        return TrajectoryPicture(png, _caption(path, "ball", "cube", _IN_SPACE), "")
+    return TrajectoryPicture(b"", "", reason)
 
 
 def flat_views(path: FlownPath, marks: Sequence[Mark]) -> tuple[str, str]:
@@ -100,7 +98,7 @@ def flat_views(path: FlownPath, marks: Sequence[Mark]) -> tuple[str, str]:
         Findings to be marked on it.
     """
     if not path.runs:
-        return without_path(), "No pose has a finite position: there is no path to draw."
+        return without_path(), _NO_PATH
     marked = " Diamonds mark findings, each where the body was when it begins." if marks else ""
     return draw_views(path, marks), f"{_caption(path, 'ring', 'square', _FLAT)}{marked}"
 

@@ -47,7 +47,7 @@ def verdict_of(file: FileRecord) -> VerdictText:
         )
         sentence = f"{checks(failed).capitalize()} failed; {named}."
     else:
-        sentence = "Nothing that was looked at differs from what an honest file gives."
+        sentence = "No check found a deviation from a correct file."
 
     conclusive = [result for result in file.results if result.outcome in {"passed", "failed", "warned"}]
     if conclusive:
@@ -57,10 +57,10 @@ def verdict_of(file: FileRecord) -> VerdictText:
         extent = "all of them" if complete == len(conclusive) else f"{complete} of them"
         measured = sum(len(result.measurements) for result in conclusive)
         basis = (
-            f"It rests on {checks(len(conclusive))} with {measured} measurements; {extent} saw all that they asked for."
+            f"It rests on {checks(len(conclusive))} with {measured} measurements; {extent} covered all of their data."
         )
     else:
-        basis = f"None of {checks(len(file.results))} could tell anything." if file.results else "No check was run."
+        basis = f"None of {checks(len(file.results))} came to a verdict." if file.results else "No check was run."
     canaries = canaries_seen(file)
     if canaries:
         basis = f"{basis} {canaries[:1].upper()}{canaries[1:]}."

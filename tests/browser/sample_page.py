@@ -58,7 +58,7 @@ def sample_arrays() -> dict[str, NDArray[Any]]:
 def write_sample(target: Path) -> Path:
     """Write the report, without a picture in space, which would need OpenGL."""
     with pytest.MonkeyPatch.context() as patch:
-        nothing = trajectory.TrajectoryPicture(b"", "", "", "")
+        nothing = trajectory.TrajectoryPicture(b"", "", "")
         patch.setattr(trajectory, "render_trajectory", lambda *_: nothing)
         target.write_text(render_html(sample_record(), sample_arrays(), WORTH), encoding="utf-8")
     return target

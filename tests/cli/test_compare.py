@@ -8,7 +8,7 @@ import jsonschema
 import pytest
 
 from fedora_generator.faults import plant_fault
-from fedora_qa.comparison.json_io import COMPARISON
+from fedora_qa.comparison.types import COMPARISON
 from tests.cli.conftest import Command
 
 

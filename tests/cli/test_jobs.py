@@ -10,7 +10,7 @@ from typing import Any
 import h5py
 import pytest
 
-from fedora_qa.cli import files as cli_files
+from fedora_qa.cli import check_all as cli_check_all
 from fedora_qa.cli.progress import counts_words
 from fedora_qa.engine.progress import ProgressTally
 from tests.cli.conftest import Command, Outcome
@@ -64,7 +64,7 @@ class Watch:
     def __init__(self) -> None:
         self.checked: list[str] = []
         self.interrupt_after = 99
-        self._check_files = cli_files.check_files
+        self._check_files = cli_check_all.check_files
 
     def __call__(self, paths: Any, *arguments: Any) -> Iterator[Any]:
         for path, run in self._check_files(paths, *arguments):
@@ -78,7 +78,7 @@ class Watch:
 def watch(monkeypatch: pytest.MonkeyPatch) -> Watch:
     """Quick checks in place of the real ones, watched."""
     watch = Watch()
-    monkeypatch.setattr(cli_files, "check_files", watch)
+    monkeypatch.setattr(cli_check_all, "check_files", watch)
     monkeypatch.setattr("fedora_qa.engine.run.CHECKS", (Counts(),))
     return watch
 

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from fedora_qa.comparison.sampled import SampledCounts
-from fedora_qa.comparison.subjects import Given, GivenFile
+from fedora_qa.comparison.subjects import FileInput, SubjectInput
 from fedora_qa.evidence.value_counts import count_values, octave_counts
 from fedora_qa.record.types import FileRecord
 
@@ -25,11 +25,11 @@ def sampled(centres: Sequence[float], seed: int) -> SampledCounts:
     return SampledCounts(200_000_000, np.arange(len(centres)), {"depth_m": counts})
 
 
-def given_file(path: str, centres: Sequence[float], seed: int = 0, record: FileRecord | None = None) -> GivenFile:
+def given_file(path: str, centres: Sequence[float], seed: int = 0, record: FileRecord | None = None) -> FileInput:
     """A file of so many blocks."""
-    return GivenFile(path, STATISTICS, sampled(centres, seed), record)
+    return FileInput(path, STATISTICS, sampled(centres, seed), record)
 
 
-def given(name: str, *files: GivenFile) -> Given:
+def given(name: str, *files: FileInput) -> SubjectInput:
     """What one argument named."""
-    return Given(name, files)
+    return SubjectInput(name, files)

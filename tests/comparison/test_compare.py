@@ -11,14 +11,9 @@ from hypothesis import given as examples
 from scipy.stats import binom
 
 from fedora_qa.comparison.compare import compare
-from fedora_qa.comparison.json_io import (
-    COMPARISON,
-    comparison_from_json,
-    comparison_to_json,
-)
-from fedora_qa.comparison.subjects import Given, design_of, labels
+from fedora_qa.comparison.subjects import SubjectInput, design_of, labels
 from fedora_qa.comparison.tables import comparison_to_markdown
-from fedora_qa.comparison.types import Comparison
+from fedora_qa.comparison.types import COMPARISON, Comparison
 from fedora_qa.errors import MisuseError
 from fedora_qa.record.json_io import record_from_json, record_to_json
 from fedora_qa.record.types import FileRecord
@@ -134,12 +129,12 @@ def test_what_cannot_be_compared() -> None:
 def test_document_survives_and_fits_its_schema() -> None:
     """Written and read it is the same; other documents are refused."""
     found = versions()
-    text = comparison_to_json(found)
-    assert comparison_from_json(text) == found
+    text = COMPARISON.to_json(found)
+    assert COMPARISON.from_json(text) == found
     jsonschema.validate(json.loads(text), COMPARISON.schema())
     for bad in ("", "[]", '{"comparison_version": "0"}', '{"comparison_version": "1.0"}'):
         with pytest.raises(MisuseError, match="Expected"):
-            comparison_from_json(bad)
+            COMPARISON.from_json(bad)
 
 
 def test_every_output_says_the_same() -> None:
@@ -163,7 +158,7 @@ def test_hostile_records_are_shown_as_text(one: FileRecord, other: FileRecord) -
     """Whatever a record holds, the outputs are made, and nothing in it becomes markup."""
     read = record_from_json(record_to_json(record(one, other))).files
     pair = [
-        Given(f"<i>{k}", (replace(given_file("a.h5", STILL[:6], record=file), statistics=file.statistics),))
+        SubjectInput(f"<i>{k}", (replace(given_file("a.h5", STILL[:6], record=file), statistics=file.statistics),))
         for k, file in enumerate(read)
     ]
     found = compare(pair, "versions", 0.01)

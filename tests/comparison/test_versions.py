@@ -5,7 +5,7 @@ from dataclasses import replace
 import pytest
 from scipy.stats import norm
 
-from fedora_qa.comparison.versions import allowed_shift, record_changes, statistic_changes, with_errors
+from fedora_qa.comparison.versions import allowed_shift, count_with_errors, record_changes, statistic_changes
 from fedora_qa.record.types import Finding, Measurement, Result, Where
 from tests.support.records import failed, file_record, not_observable, passed
 
@@ -93,4 +93,4 @@ def test_statistics_move_beyond_their_error() -> None:
     assert distance.chance == pytest.approx(2 * norm.sf(2.0))
     assert next(iter(statistic_changes(NAME, before, after, 0.01))).moved == "within_error"
     assert {found[name].moved for name in set(found) - {"motion.distance_m"}} == {"changed"}
-    assert with_errors(before, after) == 1
+    assert count_with_errors(before, after) == 1

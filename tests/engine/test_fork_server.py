@@ -8,7 +8,7 @@ from pathlib import Path
 import psutil
 import pytest
 
-from fedora_qa.cli.workers import IN_PROCESS_VARIABLE, begin_to_load
+from fedora_qa.cli.startup import IN_PROCESS_VARIABLE, preload_workers
 from fedora_qa.engine import fork_server
 from fedora_qa.engine.executor import Task
 from fedora_qa.engine.fork_server import start_method
@@ -67,5 +67,5 @@ def test_loading_begins_where_workers_will_be_needed(
     begun: list[bool] = []
     monkeypatch.setattr(fork_server, "begin_preloading", lambda: begun.append(True))
     monkeypatch.delenv(IN_PROCESS_VARIABLE, raising=False)
-    begin_to_load(arguments.split())
+    preload_workers(arguments.split())
     assert begun == [True] * begins

@@ -7,7 +7,7 @@ import pytest
 
 from fedora_generator.faults import plant_fault
 from fedora_qa.engine.run import CheckOptions, check_file
-from fedora_qa.extract.extract import Extracted, Wanted, extract
+from fedora_qa.extract.extract import CheckFinding, Extraction, extract
 from fedora_qa.record.types import Where
 
 PLANTED = {
@@ -20,15 +20,15 @@ PLANTED = {
 }
 
 
-def planted(park_day: Path, target: Path, name: str) -> Wanted:
+def planted(park_day: Path, target: Path, name: str) -> CheckFinding:
     """Plant a fault in a copy, and return the finding that tells of it."""
     check, cause, stream, magnitude, start_s = PLANTED[name]
     plant_fault(park_day, target, cause, stream, magnitude, start_s=start_s)
     (result,) = check_file(target, CheckOptions(select=(check,), evidence=None)).record.results
-    return Wanted(check, result.findings[0])
+    return CheckFinding(check, result.findings[0])
 
 
-def cut(folder: Path, wanted: Wanted, longest_s: float = 1.0) -> Extracted:
+def cut(folder: Path, wanted: CheckFinding, longest_s: float = 1.0) -> Extraction:
     """Extract the finding from ``bad.h5`` to ``piece.h5``."""
     return extract(folder / "bad.h5", folder / "piece.h5", wanted, CheckOptions(), longest_s, lambda _: None)
 
@@ -47,7 +47,7 @@ def test_found_again_in_less(name: str, park_day: Path, tmp_path: Path) -> None:
 def test_pieces_grow_until_the_finding_shows(park_day: Path, tmp_path: Path) -> None:
     """The first piece that shows it is kept: 0.4 s are too short for a gap between streams that is 0.6 s away."""
     wanted = planted(park_day, tmp_path / "bad.h5", "a gap")
-    elsewhere = Wanted(wanted.check, replace(wanted.finding, where=Where("imu", start_us=0.0)))
+    elsewhere = CheckFinding(wanted.check, replace(wanted.finding, where=Where("imu", start_us=0.0)))
     tried: list[str] = []
     extracted = extract(tmp_path / "bad.h5", tmp_path / "piece.h5", elsewhere, CheckOptions(), 2.0, tried.append)
     assert tried == ["a piece of 0.4 s", "a piece of 0.8 s", "a piece of 1.6 s"]
@@ -57,7 +57,7 @@ def test_pieces_grow_until_the_finding_shows(park_day: Path, tmp_path: Path) -> 
 def test_not_found_is_said(park_day: Path, tmp_path: Path) -> None:
     """Where no piece that may be tried shows the finding, the last one is written, and nothing is claimed."""
     wanted = planted(park_day, tmp_path / "bad.h5", "a gap")
-    elsewhere = Wanted(wanted.check, replace(wanted.finding, where=Where("imu", start_us=0.0)))
+    elsewhere = CheckFinding(wanted.check, replace(wanted.finding, where=Where("imu", start_us=0.0)))
     extracted = cut(tmp_path, elsewhere, longest_s=0.5)
     assert extracted.finding is None
     assert (tmp_path / "piece.h5").is_file()

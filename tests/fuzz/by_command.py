@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Final
 
 from fedora_qa.cli.exit_codes import INCOMPLETE
-from fedora_qa.cli.workers import IN_PROCESS_VARIABLE
+from fedora_qa.cli.startup import IN_PROCESS_VARIABLE
 from fedora_qa.engine.tasks import OPENING_VARIABLE
 
 LONGEST_S: Final = 10

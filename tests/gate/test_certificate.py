@@ -17,9 +17,9 @@ from fedora_qa.gate.certificate import (
     read_certificate,
     write_certificate,
 )
-from fedora_qa.gate.documents import whole_digest
 from fedora_qa.gate.policy import Documents, Policy
 from fedora_qa.gate.waivers import Waiver
+from fedora_qa.storage.digest import whole_digest
 from tests.support.records import file_record, not_observable, passed, record
 
 TODAY = date(2026, 6, 1)

@@ -6,7 +6,7 @@ from datetime import date
 import pytest
 
 from fedora_qa.gate.release_result import with_release_results
-from fedora_qa.gate.waivers import Waiver, waive, waivers_in_order
+from fedora_qa.gate.waivers import Waiver, rule_on_waivers, waive
 from fedora_qa.record.types import Waived
 from tests.support.records import crashed, failed, file_record, late_events, passed
 
@@ -42,7 +42,7 @@ NARROW = {
 def test_nothing_else_is_waived(waiver: Waiver) -> None:
     """A waiver that differs in one thing changes nothing, and is a finding: unused, or expired."""
     assert waive("a.h5", FILE, [waiver], TODAY) == FILE
-    (violation,) = waivers_in_order([("a.h5", FILE)], [waiver], TODAY).violations
+    (violation,) = rule_on_waivers([("a.h5", FILE)], [waiver], TODAY).violations
     assert violation.code == ("expired" if waiver.expires < TODAY else "unused")
     assert "anna" in violation.message
 
@@ -64,10 +64,10 @@ def test_a_crash_is_not_waived() -> None:
 
 def test_a_needed_waiver_is_in_order() -> None:
     """A waiver that covers a finding breaks no rule."""
-    assert not waivers_in_order([("a.h5", FILE)], [WAIVER, BY_CAUSE], TODAY).violations
+    assert not rule_on_waivers([("a.h5", FILE)], [WAIVER, BY_CAUSE], TODAY).violations
 
 
 def test_without_waivers_nothing_passes() -> None:
     """Where there is no waiver the rule does not apply, and says so."""
-    (result,) = with_release_results(".", file_record(), [waivers_in_order([("a.h5", FILE)], [], TODAY)]).results
+    (result,) = with_release_results(".", file_record(), [rule_on_waivers([("a.h5", FILE)], [], TODAY)]).results
     assert (result.outcome, result.reason) == ("not_applicable", "the policy has no waivers")

@@ -224,7 +224,7 @@ def test_layout_says_what_it_did_not_look_at(attacked: Attacked, capsys: pytest.
 
     assert run(["layout", str(attacked(edit))]) == 0
     said = capsys.readouterr().out
-    assert "Not looked at" in said
+    assert "Not examined" in said
     assert "deeper than 32" in said
     assert "names cannot be printed" in said
     assert "what follows the first 10000" in said

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from fedora_qa.cli.detection_power import all_detection_power, detection_power_text
+from fedora_qa.cli.detection_power import detection_power_text, pass_detection_power
 from fedora_qa.errors import MisuseError
 from fedora_qa.power.detection_power import (
     detection_power_of,
@@ -15,6 +15,7 @@ from fedora_qa.power.detection_power import (
 )
 from fedora_qa.power.tables import power_of
 from fedora_qa.record.power_types import Estimate, Share
+from fedora_reports.detection_power import NOTHING_KNOWN
 from tests.support.studies import CHECK, ORIGIN, study
 
 POWER = power_of(study(), ORIGIN)
@@ -74,13 +75,13 @@ def test_a_report_gets_all_of_it_with_the_best_check_of_each_cause(monkeypatch: 
     unsure = replace(surer, check="clocks.rate", found=Share(3, 4, 0.2, 0.99))
     both = replace(published, found=(blunter, known, unsure, surer))
     monkeypatch.setattr("fedora_qa.cli.detection_power.read_detection_power", lambda: both)
-    found, whence = all_detection_power()
-    assert {(one.cause, one.check, one.best) for one in found} == {
+    handed_over = pass_detection_power()
+    assert {(one.cause, one.check, one.best) for one in handed_over.causes} == {
         (known.cause, "imu.timing", False),
         (known.cause, CHECK, True),
         ("rgb:unsorted", "clocks.order", True),
     }
-    assert [one.words for one in found if one.cause == "rgb:unsorted"] == ["found 4 of 4 (100.0%)"]
-    assert "short and small files" in whence
+    assert [one.text for one in handed_over.causes if one.cause == "rgb:unsorted"] == ["found 4 of 4 (100.0%)"]
+    assert "short and small files" in handed_over.source
     monkeypatch.setattr("fedora_qa.cli.detection_power.read_detection_power", lambda: None)
-    assert all_detection_power() == ((), "")
+    assert pass_detection_power() == NOTHING_KNOWN

@@ -7,9 +7,8 @@ import pytest
 
 from fedora_qa.errors import MisuseError
 from fedora_qa.power.tables import power_of
-from fedora_qa.record.power_json import POWER as STUDY
-from fedora_qa.record.power_json import power_from_json, power_to_json
 from fedora_qa.record.power_tables import estimate_words, tables_of
+from fedora_qa.record.power_types import POWER as STUDY
 from fedora_qa.record.power_types import Estimate
 from tests.support.studies import ORIGIN, study
 
@@ -18,8 +17,8 @@ POWER = power_of(study(), ORIGIN)
 
 def test_studies_validate_and_come_back() -> None:
     """A study fits the schema, checked by another library, and is read as it was written."""
-    jsonschema.validate(json.loads(power_to_json(POWER)), STUDY.schema())
-    assert power_from_json(power_to_json(POWER)) == POWER
+    jsonschema.validate(json.loads(STUDY.to_json(POWER)), STUDY.schema())
+    assert STUDY.from_json(STUDY.to_json(POWER)) == POWER
 
 
 @pytest.mark.parametrize(
@@ -28,12 +27,12 @@ def test_studies_validate_and_come_back() -> None:
 )
 def test_what_is_no_study(change: dict[str, object], said: str | None) -> None:
     """Another version and wrong values are refused by name; fields that are not known are ignored."""
-    text = json.dumps(json.loads(power_to_json(POWER)) | change)
+    text = json.dumps(json.loads(STUDY.to_json(POWER)) | change)
     if said is None:
-        assert power_from_json(text) == POWER
+        assert STUDY.from_json(text) == POWER
         return
     with pytest.raises(MisuseError, match=said):
-        power_from_json(text)
+        STUDY.from_json(text)
 
 
 def test_tables_say_what_was_measured() -> None:

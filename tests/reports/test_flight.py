@@ -11,7 +11,7 @@ from fedora_reports import trajectory
 from fedora_reports.evidence import Evidence
 from fedora_reports.flight import flight_of
 from fedora_reports.html import render_html
-from fedora_reports.timeline import Located
+from fedora_reports.timeline import AnchoredFinding
 from tests.reports.page_reader import complaints_about, read_page
 from tests.support.records import record
 
@@ -23,9 +23,9 @@ PATH = {
 }
 
 
-def picture(png: bytes = b"", svg: str = "", note: str = "") -> trajectory.TrajectoryPicture:
+def picture(png: bytes = b"", note: str = "") -> trajectory.TrajectoryPicture:
     """A picture as the module gives it."""
-    return trajectory.TrajectoryPicture(png=png, svg=svg, caption="Path, axes in metres.", note=note)
+    return trajectory.TrajectoryPicture(png=png, caption="Path, axes in metres.", note=note)
 
 
 def test_render_is_carried_by_the_page(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -51,10 +51,10 @@ def test_two_views_are_always_there(monkeypatch: pytest.MonkeyPatch) -> None:
     assert "OpenGL could not be used." in page.text
 
 
-def findings(*starts_us: float | None) -> list[Located]:
+def findings(*starts_us: float | None) -> list[AnchoredFinding]:
     """Errors that begin at these times."""
     return [
-        Located(Finding(f"F{k}", "x.y", "error", "Wrong.", Where("rgb", start, start)), f"a{k}")
+        AnchoredFinding(Finding(f"F{k}", "x.y", "error", "Wrong.", Where("rgb", start, start)), f"a{k}")
         for k, start in enumerate(starts_us)
     ]
 

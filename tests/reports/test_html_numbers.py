@@ -134,7 +134,7 @@ def test_verdict_counts_what_the_record_holds() -> None:
 @pytest.mark.parametrize(
     ("file", "title", "sentence"),
     [
-        (file_record(passed()), "Clean", "Nothing that was looked at differs from what an honest file gives."),
+        (file_record(passed()), "Clean", "No check found a deviation from a correct file."),
         (file_record(failed()), "Findings", "1 check failed; no cause could be named."),
         (
             file_record(failed(), passed(), diagnoses=(late_events(),)),

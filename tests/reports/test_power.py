@@ -10,8 +10,16 @@ from fedora_qa.power.tables import power_of
 from fedora_qa.record.power_tables import tables_of
 from fedora_qa.record.power_types import CurvePoint, Power
 from fedora_reports.charts import HEIGHT, WIDTH
-from fedora_reports.power import band_path, curve_path, detection_chart, limits_chart, page_of, render_power
-from fedora_reports.power_drawing import draw_power, drawing_of
+from fedora_reports.power import (
+    band_path,
+    curve_path,
+    detection_chart,
+    draw_power,
+    drawing_of,
+    limits_chart,
+    page_of,
+    render_power,
+)
 from fedora_reports.scales import Axis
 from tests.reports.page_reader import PageReader
 from tests.support.studies import ORIGIN, clean, faulty, study

@@ -11,7 +11,7 @@ MOST_BYTES = 6_000_000
 
 def test_half_an_hour_with_a_thousand_findings_stays_small(monkeypatch: pytest.MonkeyPatch) -> None:
     """Pictures of pure noise, all of them that are ever kept, and every finding: at most 6 MB, and nothing is lost."""
-    largest = trajectory.TrajectoryPicture(b"\0" * 400_000, "", "Path.", "")
+    largest = trajectory.TrajectoryPicture(b"\0" * 400_000, "Path.", "")
     monkeypatch.setattr(trajectory, "render_trajectory", lambda *_: largest)
     html = render_html(long_record(), long_arrays())
     assert len(html.encode()) <= MOST_BYTES

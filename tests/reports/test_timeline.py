@@ -8,14 +8,16 @@ from hypothesis import strategies as st
 from fedora_qa.record.types import Finding, Where
 from fedora_reports.evidence import Evidence
 from fedora_reports.strip import SnapshotRow
-from fedora_reports.timeline import Located, Timeline, timeline_of
+from fedora_reports.timeline import AnchoredFinding, Timeline, timeline_of
 from tests.reports.evidence_samples import timeline
 
 
 def drawn(*places: Where, edges_us: np.ndarray | None = None) -> Timeline:
     """The timeline of two streams with a finding at each place."""
     arrays = timeline() | ({} if edges_us is None else {"timeline/edges_us": edges_us})
-    findings = [Located(Finding(f"F{k}", "x.y", "error", "Wrong.", where), f"a{k}") for k, where in enumerate(places)]
+    findings = [
+        AnchoredFinding(Finding(f"F{k}", "x.y", "error", "Wrong.", where), f"a{k}") for k, where in enumerate(places)
+    ]
     found = timeline_of(Evidence(arrays, {}), findings)
     assert found is not None
     return found

@@ -1,4 +1,4 @@
-"""What is loaded for a command, and when: workers before the command line is parsed, modules without collections."""
+"""What happens before a command runs: the start is noted, workers begin to load, modules load without collections."""
 
 import gc
 import os
@@ -6,17 +6,21 @@ from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from typing import Final
 
+# Monotonic time in s: a correction of the wall clock must not shorten or lengthen a budget.
+START_TIME: Final = "fedora_qa.began"
+"""Key of the start of the command (``time.monotonic``) in ``click.Context.meta``, for a budget of time."""
+
 IN_PROCESS_VARIABLE: Final = "FEDORA_QA_IN_PROCESS"
 """If set, a single job runs in the process of the command: for debuggers and profilers."""
 
 _COMMANDS: Final = frozenset({"check", "gate"})
 
 _WITHOUT: Final = frozenset({"-h", "--help", "--dask"})
-"""Options with which these commands start none."""
+"""Options with which these commands start no workers."""
 
 
-def begin_to_load(arguments: Sequence[str]) -> None:
-    """Begin to load what workers need, if they will most likely be needed.
+def preload_workers(arguments: Sequence[str]) -> None:
+    """Begin to load what workers need, if the command will probably start some.
 
     Loading takes longer than parsing the command line, so both are done at once. A wrong guess costs only time.
     """
@@ -29,10 +33,10 @@ def begin_to_load(arguments: Sequence[str]) -> None:
 
 
 @contextmanager
-def loading() -> Iterator[None]:
+def loading_modules() -> Iterator[None]:
     """Import modules without collecting garbage.
 
-    Modules stay loaded: to scan them while more are loaded, and again at the end, takes a fifth of the time of loading
+    Modules stay loaded. Scanning them while more are loaded, and again at the end, takes a fifth of the time of loading
     (3.1 and 2.4 s, medians of three imports of everything that ``check`` needs, with and without).
     """
     gc.disable()

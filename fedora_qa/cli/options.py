@@ -1,4 +1,4 @@
-"""The options that write a record, the same for every command that has one."""
+"""Options that several commands share, each with the same help everywhere."""
 
 from collections.abc import Callable
 from functools import wraps
@@ -11,11 +11,50 @@ from fedora_qa.cli.outputs import Outputs
 
 PATH: Final = click.Path(path_type=Path)
 
+
+def complete_check(_context: click.Context, _parameter: click.Parameter, incomplete: str) -> list[str]:
+    """Return the subjects and checks that begin with what was typed, for the completion of shells."""
+    from fedora_qa.checks import CHECKS  # noqa: PLC0415 - loads every check
+
+    names = dict.fromkeys(name for check in CHECKS for name in (check.name.split(".")[0], check.name))
+    return [name for name in names if name.startswith(incomplete)]
+
+
+select_option: Final = click.option(
+    "--select",
+    multiple=True,
+    metavar="SUBJECT[.PROPERTY]",
+    shell_complete=complete_check,
+    help="Run only these checks. May be repeated.",
+)
+
+ignore_option: Final = click.option(
+    "--ignore",
+    multiple=True,
+    metavar="SUBJECT[.PROPERTY]",
+    shell_complete=complete_check,
+    help="Leave these checks out. May be repeated.",
+)
+
+config_option: Final = click.option(
+    "--config", type=PATH, help="Read options from a fedora-qa.toml; the command line overrides it."
+)
+
+dialect_option: Final = click.option(
+    "--dialect",
+    metavar="NAME|FILE.toml",
+    help="How the files name and scale their data; recognised from each file where absent.",
+)
+
+memory_option: Final = click.option(
+    "--memory", metavar="AMOUNT", default="1GB", show_default=True, help="Memory to aim at."
+)
+
 allow_external_option: Final = click.option(
     "--allow-external",
     multiple=True,
     metavar="DIR",
-    help="Read other files that a file links to or is made of, if they lie in DIR. May be repeated; else none is.",
+    help="Read other files that a file links to or is made of, if they lie in DIR; none otherwise. May be repeated.",
 )
 
 _OPTIONS: Final = (

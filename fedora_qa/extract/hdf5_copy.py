@@ -1,4 +1,4 @@
-"""The file of a piece, and rows of a dataset copied into it as they were: type, chunks, codec, checksum, attributes.
+"""Copy rows of a dataset into the file of a piece as they are stored: type, chunks, codec, checksum, attributes.
 
 Whole chunks are copied as bytes, so that a damaged chunk stays damaged, and one that was never written stays unwritten.
 Rows that start within a chunk are decoded and encoded again.
@@ -23,14 +23,14 @@ if TYPE_CHECKING:
     from _typeshed import ReadableBuffer
 
 _COPIED_AT_ONCE: Final = 16 << 20
-"""Bytes of decoded rows that are held in memory at once."""
+"""Bytes of decoded rows in memory at once."""
 
 
-class RememberingFile(io.FileIO):
+class DeferredErrorFile(io.FileIO):
     """An empty file, open to read and write, that stores the error of a failed write.
 
     HDF5 cannot close a file that it could not write, and crashes when the interpreter ends. Therefore a failed write
-    reports success to HDF5, all later writes are dropped, and ``go_on`` raises the error.
+    reports success to HDF5, all later writes are dropped, and ``raise_failure`` raises the error.
     """
 
     def __init__(self, path: Path) -> None:
@@ -40,7 +40,7 @@ class RememberingFile(io.FileIO):
     def write(self, data: "ReadableBuffer", /) -> int:
         """Write all of ``data``."""
         view = memoryview(data).cast("B")
-        with self._remembering():
+        with self._deferred():
             written = 0
             while self.failure is None and written < len(view):
                 # A raw write may take fewer bytes than given, for example on a disk that is nearly full.
@@ -50,12 +50,12 @@ class RememberingFile(io.FileIO):
     def truncate(self, size: int | None = None, /) -> int:
         """Cut or lengthen the file."""
         size = self.tell() if size is None else size
-        with self._remembering():
+        with self._deferred():
             if self.failure is None:
                 super().truncate(size)
         return size
 
-    def go_on(self) -> None:
+    def raise_failure(self) -> None:
         """Raise ``MisuseError`` where a write has failed."""
         if self.failure is not None:
             raise MisuseError(
@@ -63,7 +63,7 @@ class RememberingFile(io.FileIO):
             )
 
     @contextmanager
-    def _remembering(self) -> Iterator[None]:
+    def _deferred(self) -> Iterator[None]:
         try:
             yield
         except OSError as error:
@@ -72,7 +72,7 @@ class RememberingFile(io.FileIO):
 
 
 def copy_attributes(source: h5py.Group | h5py.Dataset, target: h5py.Group | h5py.Dataset) -> None:
-    """Copy attributes with their stored types; what cannot be read, or points at objects of the file, is left out."""
+    """Copy attributes with their stored types, except those that cannot be read or refer to objects of the file."""
     names: list[str | bytes] = []
     with suppress(*READ_ERRORS):
         names += source.attrs
@@ -136,7 +136,7 @@ def copy_rows(dataset: h5py.Dataset, parent: h5py.Group, name: str, start: int, 
             filters, stored = dataset.id.read_direct_chunk(corner)
             copy.id.write_direct_chunk((corner[0] - start, *corner[1:]), stored, filters)
     # Contiguous storage that was never written has a size of 0: it stays unwritten in the piece.
-    elif dataset.chunks is not None or lies_elsewhere(dataset) or dataset.id.get_storage_size():
+    elif dataset.chunks is not None or is_external(dataset) or dataset.id.get_storage_size():
         for first, rows in _blocks(dataset, start, stop):
             copy[first - start : first - start + len(rows)] = rows
     copy_attributes(dataset, copy)
@@ -150,15 +150,15 @@ def copy_whole(dataset: h5py.Dataset, parent: h5py.Group, name: str) -> None:
     stored = dataset.id
     made = h5py.h5d.create(parent.id, name.encode(), stored.get_type(), stored.get_space(), stored.get_create_plist())
     copy = h5py.Dataset(made)
-    if dataset.shape is not None and not lies_elsewhere(dataset) and stored.get_storage_size():
+    if dataset.shape is not None and not is_external(dataset) and stored.get_storage_size():
         copy[()] = dataset[()]
     copy_attributes(dataset, copy)
 
 
-def beside_its_file(dataset: h5py.Dataset) -> h5py.Dataset:
-    """Return an externally stored dataset, opened so that its files are looked for beside the file that names them.
+def opened_beside_its_file(dataset: h5py.Dataset) -> h5py.Dataset:
+    """Open an externally stored dataset again, so that HDF5 looks for its files beside the file that names them.
 
-    HDF5 returns the open dataset if there is one, with its old prefix. Therefore the given one is closed, and no other
+    HDF5 returns a dataset that is open already, with its old prefix. Therefore the given one is closed, and no other
     may be open.
     """
     file, name = dataset.file, dataset.name
@@ -169,7 +169,7 @@ def beside_its_file(dataset: h5py.Dataset) -> h5py.Dataset:
     return h5py.Dataset(opened, readonly=True)
 
 
-def lies_elsewhere(dataset: h5py.Dataset) -> bool:
+def is_external(dataset: h5py.Dataset) -> bool:
     """Whether the values of a dataset lie in other files."""
     return bool(dataset.is_virtual or dataset.external)
 
@@ -181,7 +181,7 @@ def new_dataset(dataset: h5py.Dataset, parent: h5py.Group, name: str, rows: int)
     space = h5py.h5s.create_simple(shape, longest)
     plain = h5py.h5p.create(h5py.h5p.DATASET_CREATE)
     # The creation properties of such a dataset name the other files; the piece holds the values itself.
-    stored = plain if lies_elsewhere(dataset) else dataset.id.get_create_plist()
+    stored = plain if is_external(dataset) else dataset.id.get_create_plist()
     made = h5py.h5d.create(parent.id, name.encode(), dataset.id.get_type(), space, stored)
     return h5py.Dataset(made)
 

@@ -1,4 +1,4 @@
-"""Check files by the executor that the settings name, and store each run as soon as it is complete."""
+"""Check files with the executor of the settings, and store each run as soon as it is complete."""
 
 import os
 from collections.abc import Mapping, Sequence
@@ -10,7 +10,7 @@ import click
 from fedora_qa.cli.host import usable_cores
 from fedora_qa.cli.progress import files_progress
 from fedora_qa.cli.resume import ResumeFolder
-from fedora_qa.cli.workers import IN_PROCESS_VARIABLE
+from fedora_qa.cli.startup import IN_PROCESS_VARIABLE
 from fedora_qa.config import LEAST_MEMORY_BYTES, CheckConfig
 from fedora_qa.engine.cluster import DaskExecutor
 from fedora_qa.engine.executor import Executor, InProcess
@@ -34,7 +34,7 @@ class Request:
     settings: CheckConfig
     options: CheckOptions
     started: str
-    kept: ResumeFolder | None = None
+    stored: ResumeFolder | None = None
     began: float | None = None
 
 
@@ -65,40 +65,40 @@ def executor_for(settings: CheckConfig, dask: str | None = None, *, in_process: 
     return ProcessExecutor(settings.jobs, threads=max(1, usable_cores() // settings.jobs))
 
 
-def checked(files: Sequence[Place], request: Request, executor: Executor) -> list[FileRun]:
+def check_all(files: Sequence[Place], request: Request, executor: Executor) -> list[FileRun]:
     """Check the files except those whose run is stored, and return the runs of all files in their order."""
-    kept, required = request.kept, request.settings.required_coverage
-    places = {path: kept.place(path) for path in files} if kept else {}
-    runs = {path: run for path, place in places.items() if (run := place.load()) is not None}
+    stored, required = request.stored, request.settings.required_coverage
+    stored_runs = {path: stored.stored_run(path) for path in files} if stored else {}
+    runs = {path: run for path, stored_run in stored_runs.items() if (run := stored_run.load()) is not None}
     missing = [path for path in files if path not in runs]
-    # All of them before any reading starts: a file that changes while others are checked is detected as well.
-    versions = {path: version_before(path) for path in missing}
+    # All versions before any reading: a file that changes while others are checked is detected as well.
+    versions = {path: local_version_of(path) for path in missing}
     try:
         with executor, files_progress(file_count=len(runs)) as report:
             for path, run in check_files(missing, request.options, executor, report, request.began):
-                record = hold_to_version(run.record, path, versions[path])
-                runs[path] = replace(run, record=hold_to_coverage(record, required))
-                # `hold_to_version` returns the same object for an unchanged file; the run of a changed one is not kept.
-                if kept and record is run.record:
-                    places[path].store(runs[path], request.started)
+                record = incomplete_if_changed(run.record, path, versions[path])
+                runs[path] = replace(run, record=with_required_coverage(record, required))
+                # The record of an unchanged file is the same object; the run of a changed file is not stored.
+                if stored and record is run.record:
+                    stored_runs[path].store(runs[path], request.started)
     except KeyboardInterrupt:
-        if kept:
-            click.echo(f"fedora-qa: {len(runs)} of {len(files)} files are done, and kept in {kept.folder}", err=True)
+        if stored:
+            click.echo(f"fedora-qa: {len(runs)} of {len(files)} files are done, and kept in {stored.path}", err=True)
         raise
     return [runs[path] for path in files]
 
 
-def version_before(place: Place) -> Version | None:
+def local_version_of(place: Place) -> Version | None:
     """Return the version of a local file; None behind a URL, where reading detects a change."""
     return None if isinstance(place, RemoteFile) else local_version(place)
 
 
-def hold_to_version(file: FileRecord, place: Place, before: Version | None) -> FileRecord:
+def incomplete_if_changed(file: FileRecord, place: Place, before: Version | None) -> FileRecord:
     """Return the record, incomplete if the size or the time of the last change of its file differs now.
 
     A record and its digest belong to one content; data read partly before and partly after a change belong to none.
     """
-    if version_before(place) == before:
+    if local_version_of(place) == before:
         return file
     reason = "Expected the file to stay as it is while it is checked, got a change; check it again"
     # As a crashed result every format shows it, with the exit code of an incomplete run.
@@ -109,7 +109,7 @@ def hold_to_version(file: FileRecord, place: Place, before: Version | None) -> F
     )
 
 
-def hold_to_coverage(file: FileRecord, required: Mapping[str, float]) -> FileRecord:
+def with_required_coverage(file: FileRecord, required: Mapping[str, float]) -> FileRecord:
     """Return the record, incomplete where a check covers less of its stream than required; its reason then states so.
 
     Parameters
@@ -117,13 +117,13 @@ def hold_to_coverage(file: FileRecord, required: Mapping[str, float]) -> FileRec
     file
         The record of one file.
     required
-        Least share, 0 to 1, by subject or check. Where both are named, the check counts.
+        Least share, 0 to 1, by subject or check. Where both are named, that of the check counts.
     """
     results: list[Result] = []
     for result in file.results:
         # A check's own requirement overrides that of its subject; without either the required share is 0.
         least = required.get(result.check, required.get(result.check.partition(".")[0], 0.0))
-        # A check without coverage (it crashed, say) measured nothing, so that it meets no requirement above 0.
+        # A check without coverage, such as one that crashed, measured nothing: it meets no requirement above 0.
         share = result.coverage.share if result.coverage else 0.0
         if share >= least:
             results.append(result)
