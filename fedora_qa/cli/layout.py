@@ -25,7 +25,7 @@ from fedora_qa.record.atomic import write_text
 from fedora_qa.record.wording import number
 
 LONGEST_S: Final = 20.0
-"""Limit of processor time, s; a file of ten thousand objects takes a few seconds."""
+"""Limit of time by the clock, s; a file of ten thousand objects takes a few seconds."""
 
 _UNUSED_SHOWN = 20
 _WIDE = 110

@@ -49,7 +49,7 @@ def folder(clean_bytes: bytes, tmp_path: Path) -> Path:
 def ran(folder: Path, *arguments: str) -> subprocess.CompletedProcess[str]:
     """Run Python in the folder, as somebody does who has set no variable of ours."""
     environment = {name: value for name, value in os.environ.items() if name != IN_PROCESS_VARIABLE}
-    environment[OPENING_VARIABLE] = "3"
+    environment[OPENING_VARIABLE] = "2"
     environment["PYTHONPATH"] = os.pathsep.join(path or str(Path.cwd()) for path in sys.path)
     return subprocess.run(
         [sys.executable, *arguments],
