@@ -156,14 +156,12 @@ wheel: $(TOOLS)/.ready
 	cmp $(OUT)/wheel-1/*.whl $(OUT)/wheel-2/*.whl
 	sha256sum $(OUT)/wheel-1/*.whl
 
-# One process more than there are cores, since tests of commands wait for other processes. Each uses one thread: threads of
-# several processes wait for each other.
-TEST_JOBS ?= $(shell expr $$(getconf _NPROCESSORS_ONLN) + 1)
+# Each process of the run uses one thread: threads of several processes wait for each other.
 test: export OMP_NUM_THREADS = 1
 test: export OPENBLAS_NUM_THREADS = 1
 test: export LP_NUM_THREADS = 1
 test: lint
-	$(BIN)/pytest --numprocesses $(TEST_JOBS) --dist worksteal
+	$(BIN)/pytest --numprocesses auto --dist worksteal
 
 lint: $(READY)
 	$(BIN)/ruff format --check .

@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from fedora_qa.comparison.sampled import paired_blocks, sampled_from
+from fedora_qa.comparison.sampled import paired_blocks, sampled_counts_of
 from fedora_qa.evidence.distributions import Blocks, DistributionsCollector, pixel_intervals_ms
 from fedora_qa.sequence.facts import Facts
 from fedora_qa.sequence.window import Window
@@ -45,7 +45,7 @@ def test_closed_forms() -> None:
     facts, arrays = eventful()
     some = shown(facts, arrays)
     kept = collector(some).conclude(collect(collector(some), facts, some), facts)
-    sampled = sampled_from(kept.arrays)
+    sampled = sampled_counts_of(kept.arrays)
     assert sampled is not None
     assert sampled.block_ns == 200 * MS
     expected = {
@@ -82,8 +82,8 @@ def test_long_sequences_have_longer_blocks() -> None:
     spans = [replace(some[0].span, index=k, start_ns=k * 200 * MS, stop_ns=(k + 1) * 200 * MS) for k in range(300)]
     kept = DistributionsCollector(spans).conclude(collect(DistributionsCollector(spans), facts, some), facts)
     long, short = (
-        sampled_from(kept.arrays),
-        sampled_from(collector(some).conclude(collect(collector(some), facts, some), facts).arrays),
+        sampled_counts_of(kept.arrays),
+        sampled_counts_of(collector(some).conclude(collect(collector(some), facts, some), facts).arrays),
     )
     assert long is not None
     assert short is not None
@@ -138,5 +138,5 @@ def test_damaged_arrays_are_not_taken_for_numbers(damage: dict[str, np.ndarray])
     facts, arrays = eventful()
     some = shown(facts, arrays)
     kept = collector(some).conclude(collect(collector(some), facts, some), facts)
-    found = sampled_from({**kept.arrays, **damage})
+    found = sampled_counts_of({**kept.arrays, **damage})
     assert found is None or "depth_m" not in found.counts
