@@ -5,6 +5,9 @@ import subprocess
 import sys
 from pathlib import Path
 
+import h5py
+import hdf5plugin
+import numpy as np
 import psutil
 import pytest
 
@@ -46,6 +49,22 @@ def test_nothing_is_left_behind(tmp_path: Path) -> None:
     assert list(folder.glob("fedora-qa-*")) == []
     left = [process for process in psutil.process_iter() if _is_marked(process, str(tmp_path))]
     assert [process.cmdline() for process in left] == []
+
+
+def test_nothing_is_said_of_resources(tmp_path: Path) -> None:
+    """No library warns after the command has ended, also of images that are decoded without HDF5."""
+    path = write_handmade(tmp_path / "seq.h5")
+    with h5py.File(path, "r+") as file:
+        del file["path/rgb"]
+        shape = (len(file["path/rgb_ts"]), 600, 600, 3)
+        blosc = hdf5plugin.Blosc(cname="zstd", clevel=1)
+        file.create_dataset("path/rgb", data=np.full(shape, 9, np.uint8), chunks=(1, *shape[1:]), **blosc)
+    environment = {name: value for name, value in os.environ.items() if name != IN_PROCESS_VARIABLE}
+    command = [sys.executable, "-m", "fedora_qa", "check", str(path), "--select", "integrity", "--select", "images"]
+    # The tracker of resources writes to the same pipe and ends last, so that all of its words are read.
+    ended = subprocess.run(command, capture_output=True, text=True, check=False, env=environment)
+    assert "images.repeats" in ended.stdout, ended.stderr
+    assert "resource_tracker" not in ended.stderr
 
 
 def _is_marked(process: psutil.Process, mark: str) -> bool:
