@@ -22,7 +22,7 @@ def in_this_process(monkeypatch: pytest.MonkeyPatch) -> None:
 
 @pytest.fixture(autouse=True, scope="session")
 def one_thread() -> None:
-    """Each process of a test run uses one thread; a test of threads asks for more."""
+    """Limit each process of a test run to one thread; tests of threads set another number."""
     numba.set_num_threads(1)
     cv2.setNumThreads(1)
 

@@ -25,18 +25,12 @@ from fedora_qa.record.wording import unobeyed
 COMMANDS: Final[Mapping[str, tuple[str, str]]] = MappingProxyType(
     {
         "check": ("fedora_qa.cli.check:check", "Check files and report what is wrong, where, by how much and why."),
-        "power": (
-            "fedora_qa.cli.power:power",
-            "Measure which faults of a corpus the checks detect.",
-        ),
+        "power": ("fedora_qa.cli.power:power", "Measure which faults of a corpus the checks detect."),
         "gate": ("fedora_qa.cli.gate:gate", "Check a release of sequences against a policy, for CI."),
         "verify": ("fedora_qa.cli.verify:verify", "Verify that a release is still the one that was certified."),
         "stats": ("fedora_qa.cli.stats:stats", "Print the sequence and flow tables of files."),
         "compare": ("fedora_qa.cli.compare:compare", "Compare sequences, datasets or two versions of a release."),
-        "extract": (
-            "fedora_qa.cli.extract:extract",
-            "Cut out the smallest file that shows a finding.",
-        ),
+        "extract": ("fedora_qa.cli.extract:extract", "Cut out the smallest file that shows a finding."),
         "report": ("fedora_qa.cli.report:report", "Render a record again, without the data."),
         "checks": ("fedora_qa.cli.explain:checks", "List the checks, each with its question."),
         "explain": ("fedora_qa.cli.explain:explain", "Explain what a check measures, how, and what it cannot detect."),

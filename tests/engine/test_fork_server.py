@@ -51,8 +51,8 @@ def test_nothing_is_left_behind(tmp_path: Path) -> None:
     assert [process.cmdline() for process in left] == []
 
 
-def test_nothing_is_said_of_resources(tmp_path: Path) -> None:
-    """No library warns after the command has ended, also of images that are decoded without HDF5."""
+def test_no_library_warns_of_leaked_resources(tmp_path: Path) -> None:
+    """The tracker of resources reports no leaked lock, also where images are decoded without HDF5."""
     path = write_handmade(tmp_path / "seq.h5")
     with h5py.File(path, "r+") as file:
         del file["path/rgb"]
@@ -61,7 +61,7 @@ def test_nothing_is_said_of_resources(tmp_path: Path) -> None:
         file.create_dataset("path/rgb", data=np.full(shape, 9, np.uint8), chunks=(1, *shape[1:]), **blosc)
     environment = {name: value for name, value in os.environ.items() if name != IN_PROCESS_VARIABLE}
     command = [sys.executable, "-m", "fedora_qa", "check", str(path), "--select", "integrity", "--select", "images"]
-    # The tracker of resources writes to the same pipe and ends last, so that all of its words are read.
+    # The tracker writes to the same pipe and ends last, so that its warnings are in the output.
     ended = subprocess.run(command, capture_output=True, text=True, check=False, env=environment)
     assert "images.repeats" in ended.stdout, ended.stderr
     assert "resource_tracker" not in ended.stderr

@@ -1,4 +1,4 @@
-"""Files that all processes of a test run share: the first that needs a file makes it, the others wait for it."""
+"""Files that all processes of a test run share: the first that needs a file writes it, the others wait for it."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
