@@ -14,8 +14,14 @@ gc.disable()
 # OpenBLAS reads its number of threads when NumPy loads it. A worker has one core and small matrices.
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
+from numcodecs import blosc  # noqa: E402
+
 import fedora_qa.engine.processes  # noqa: E402
 import fedora_qa.engine.tasks  # noqa: E402, F401
+
+# The codec of images creates a lock that it never takes without threads. If each worker created its own, the tracker of
+# resources would warn of the lock of every worker that is ended.
+blosc.get_mutex()
 
 # A collection writes into each object that it scans, and would copy its page in every forked worker.
 gc.freeze()

@@ -16,9 +16,6 @@ from numpy.typing import NDArray
 from fedora_qa.layout.filters import FLETCHER32_BYTES, filters_of
 
 blosc.use_threads = False  # --jobs decides how many cores are used
-# Without threads the lock is never taken. Each worker would create one, and the tracker of resources would warn if
-# the worker was ended before it had deleted it. Forked workers share this one.
-blosc.get_mutex()
 
 _BLOSC: Final = 32001
 """The number under which the filter is registered with HDF5."""
