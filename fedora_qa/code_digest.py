@@ -1,4 +1,4 @@
-"""Identify the code that made a result: the SHA-256 of the sources of the package, or of some of its folders."""
+"""Identify the code that made a result: the SHA-256 of the sources of the package, or of some of its parts."""
 
 import hashlib
 from collections.abc import Sequence
@@ -10,10 +10,19 @@ PACKAGE: Final = Path(__file__).parent
 _SUFFIXES: Final = (".py", ".toml")
 
 
-def code_digest(folders: Sequence[str] = ("",), package: Path = PACKAGE) -> str:
-    """Return the SHA-256 of all sources and tables (TOML) in folders of the package: of paths and text, in order."""
+def code_digest(parts: Sequence[str] = ("",), package: Path = PACKAGE) -> str:
+    """Return the SHA-256 of all sources and tables (TOML) in parts of the package: of paths and text, in order.
+
+    Parameters
+    ----------
+    parts
+        Folders and files.
+    package
+        The folder in which they lie.
+    """
     digest = hashlib.sha256()
-    paths = (path for folder in folders for path in (package / folder).rglob("*") if path.suffix in _SUFFIXES)
+    within = (path for part in parts for path in (package / part, *(package / part).rglob("*")))
+    paths = {path for path in within if path.is_file() and path.suffix in _SUFFIXES}
     for path in sorted(paths):
         # A zero byte ends each path and each text, so that no text can be read as the path that follows.
         digest.update(f"{path.relative_to(package).as_posix()}\0".encode())

@@ -9,7 +9,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from fedora_qa.checks import CHECKS
+from fedora_qa.catalogue import CHECKS
 from fedora_qa.checks.explanation import explanation
 from fedora_qa.checks.protocol import Check
 from fedora_qa.record.atomic import write_text

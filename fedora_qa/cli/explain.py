@@ -6,7 +6,7 @@ import click
 from rich.table import Table
 from rich.text import Text
 
-from fedora_qa.checks import CHECKS
+from fedora_qa.catalogue import CHECKS
 from fedora_qa.checks.explanation import explanation
 from fedora_qa.cli.detection_power import TITLE, detection_power_text
 from fedora_qa.cli.options import complete_check

@@ -13,11 +13,9 @@ from dataclasses import dataclass, replace
 from math import exp, log
 
 from fedora_qa.causes import CAUSES, stream_family
-from fedora_qa.diagnosis.hypotheses import propose
 from fedora_qa.diagnosis.hypothesis import ANY_CAUSE, Hypothesis
 from fedora_qa.judgement.judge import Alarm
 from fedora_qa.record.types import Diagnosis
-from fedora_qa.sequence.facts import Facts
 
 _UNKNOWN = "unknown"
 """Name of the cause of a finding without a hypothesis."""
@@ -57,25 +55,7 @@ class _CauseCandidate:
     evidence: Mapping[str, Hypothesis]
 
 
-def diagnose(alarms: Sequence[Alarm], facts: Facts) -> tuple[Diagnosis, ...]:
-    """Return the probable causes of the alarms of one file, in the order in which they were chosen.
-
-    Parameters
-    ----------
-    alarms
-        Of one file.
-    facts
-        Of the same file.
-
-    Returns
-    -------
-    tuple
-        ``unknown`` last.
-    """
-    return conclude(alarms, propose(alarms, facts))
-
-
-def conclude(alarms: Sequence[Alarm], hypotheses: Mapping[str, Sequence[Hypothesis]]) -> tuple[Diagnosis, ...]:
+def choose_causes(alarms: Sequence[Alarm], hypotheses: Mapping[str, Sequence[Hypothesis]]) -> tuple[Diagnosis, ...]:
     """Choose the fewest causes that explain all alarms.
 
     Alarms without a hypothesis become ``unknown``, one diagnosis for each stream (all rates of flow are one).

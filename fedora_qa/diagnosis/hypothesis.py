@@ -1,7 +1,11 @@
 """A cause that would explain a finding."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Final
+
+from fedora_qa.judgement.judge import Alarm
+from fedora_qa.sequence.facts import Facts
 
 ANY_CAUSE: Final = "any"
 """In place of a cause: any other fault of the stream would explain the finding as well."""
@@ -28,3 +32,10 @@ class Hypothesis:
     magnitude: float | None = None
     unit: str = ""
     standard_error: float | None = None
+
+
+Propose = Callable[[Alarm, Facts], tuple[Hypothesis, ...]]
+"""Returns the hypotheses for an alarm of one check, best supported first.
+
+It reads the features of the alarm's statistic and the facts of the file, no samples: diagnosis decodes nothing.
+"""

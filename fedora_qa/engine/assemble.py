@@ -2,8 +2,9 @@
 
 from collections.abc import Iterable, Mapping, Sequence
 
+from fedora_qa.catalogue import hypotheses_of
 from fedora_qa.checks.protocol import Observation
-from fedora_qa.diagnosis.diagnose import diagnose
+from fedora_qa.diagnosis.diagnose import choose_causes
 from fedora_qa.engine.canaries import PlainRun, held_to_canaries, prove_alive
 from fedora_qa.engine.measure import PassState, attempt, conclude, follow_up, merge_all
 from fedora_qa.engine.options import FileRun
@@ -54,7 +55,7 @@ def assemble(
         observations = conclude(asked, states, facts)
         judged = judge(observations, asked, options.false_alarm_rate)
         alarms = [alarm for result in judged for alarm in result.alarms]
-        diagnoses = diagnose(alarms, facts)
+        diagnoses = choose_causes(alarms, {alarm.finding.id: hypotheses_of(alarm, facts) for alarm in alarms})
     with watch.stage("statistics"):
         collector = file.statistics
         tables = attempt(states, collector.name, lambda: collector.conclude(states.states[collector.name], facts))

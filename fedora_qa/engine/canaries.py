@@ -13,6 +13,7 @@ from typing import Any
 
 import numpy as np
 
+from fedora_qa.catalogue import CANARIES
 from fedora_qa.checks.protocol import Check, Observation
 from fedora_qa.engine.decode import BlockDecoder
 from fedora_qa.engine.effort import Effort
@@ -21,7 +22,6 @@ from fedora_qa.engine.outcomes import crashed_result
 from fedora_qa.engine.plan import make_plan, sampling_of, sees_every_window
 from fedora_qa.engine.progress import Progress, quiet
 from fedora_qa.engine.survey import Prepared, prepare
-from fedora_qa.faults.canaries import CANARIES
 from fedora_qa.faults.canary_conditions import MULTIPLES, CanaryConditions, UnplantableError
 from fedora_qa.faults.fault import Fault, FaultySequence
 from fedora_qa.judgement.judge import judge

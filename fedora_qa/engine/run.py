@@ -2,7 +2,7 @@
 
 from typing import Any
 
-from fedora_qa.checks import CHECKS
+from fedora_qa.catalogue import CHECKS
 from fedora_qa.checks.protocol import Check
 from fedora_qa.engine.options import CheckOptions, FileRun
 from fedora_qa.engine.progress import Progress, quiet

@@ -1,11 +1,13 @@
 """What a canary is planted on: the unchanged file, and the measurements of the check on it."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
+from fedora_qa.faults.fault import Fault
 from fedora_qa.record.types import Measurement
 from fedora_qa.sequence.facts import Facts
 
@@ -84,3 +86,7 @@ class CanaryConditions:
         """Return the median step between the timestamps of a stream (not of events), ns; 0 with fewer than two."""
         steps: NDArray[np.int64] = np.diff(self.facts.clocks[stream].times_ns)
         return int(np.median(steps)) if len(steps) else 0
+
+
+PlantCanary = Callable[[CanaryConditions], Fault]
+"""Returns the fault, whose size follows from the conditions; raises ``UnplantableError`` where it cannot be planted."""

@@ -18,12 +18,12 @@ from fedora_qa.record.power_types import WHOLE_FILE, Estimate, Power, Share
 
 PUBLISHED: Final = Path(__file__).with_name("published.json")
 
-MEASURED: Final = ("checks", "diagnosis", "estimators", "faults", "geometry", "judgement", "views")
-"""Folders whose code and data decide which faults are found and which causes are named."""
+MEASURED: Final = ("catalogue.py", "checks", "diagnosis", "estimators", "faults", "geometry", "judgement", "views")
+"""Folders and files whose code and data decide which faults are found and which causes are named."""
 
 
 def estimators_digest(package: Path = PACKAGE) -> str:
-    """Return the SHA-256 of all sources in the ``MEASURED`` folders."""
+    """Return the SHA-256 of all sources in ``MEASURED``."""
     return code_digest(MEASURED, package)
 
 

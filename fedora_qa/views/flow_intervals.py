@@ -327,9 +327,9 @@ def pose_track(window: Window, camera: Camera) -> PoseTrack:
     """
 
     def finite_poses() -> PoseSamples:
-        longest_ns = max((longest_interval_ns(window.facts, stream) for stream in window.facts.flow_streams), default=0)
+        median_ns = max((median_interval_ns(window.facts, stream) for stream in window.facts.flow_streams), default=0)
         # Neighbouring intervals are tried as well: one length for the interval itself, one for the neighbour.
-        poses = window.pose(2 * min(longest_ns, NS_PER_S) + _POSE_MARGIN_NS)
+        poses = window.pose(2 * min(median_ns, NS_PER_S) + _POSE_MARGIN_NS)
         finite = np.isfinite(poses.positions_world_m).all(axis=1) & np.isfinite(poses.orientations_xyzw).all(axis=1)
         if finite.all():
             return poses
@@ -358,7 +358,7 @@ def motion_between(before: Pose, after: Pose, camera: Camera) -> RigidMotion | N
     return camera_motion(*before, *after, camera.T_body_camera)
 
 
-def longest_interval_ns(facts: Facts, stream: str) -> int:
+def median_interval_ns(facts: Facts, stream: str) -> int:
     """Return the median length of a stream's intervals, ns; 0 where it has none.
 
     The median is not affected by a few broken intervals.

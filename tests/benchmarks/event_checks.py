@@ -16,7 +16,7 @@ import h5py
 import numpy as np
 from numpy.typing import NDArray
 
-from fedora_qa.checks import CHECKS
+from fedora_qa.catalogue import CHECKS
 from fedora_qa.conventions import NS_PER_S
 from fedora_qa.engine import decode
 from fedora_qa.engine.options import CheckOptions, FileRun

@@ -6,10 +6,10 @@ from functools import cache
 import numpy as np
 import pytest
 
+from fedora_qa.catalogue import hypotheses_of
 from fedora_qa.checks.flow_geometry.endpoint import FlowGeometryEndpoint
 from fedora_qa.checks.flow_rates.composition import FlowRatesComposition
 from fedora_qa.checks.protocol import Check
-from fedora_qa.diagnosis.hypotheses import hypotheses_of
 from fedora_qa.sequence.declared import PoseModel
 from tests.support.flow_world import HEIGHT, WIDTH, FlowWorld, judged, make_world
 

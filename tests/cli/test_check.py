@@ -9,7 +9,7 @@ import h5py
 import numpy as np
 import pytest
 
-from fedora_qa.checks import CHECKS
+from fedora_qa.catalogue import CHECKS
 from fedora_qa.checks.protocol import Check, Notice, Observation
 from fedora_qa.record.json_io import read_record
 from fedora_qa.record.types import Coverage

@@ -10,7 +10,7 @@ import h5py
 import pytest
 from rich.console import Console
 
-from fedora_qa.checks import CHECKS
+from fedora_qa.catalogue import CHECKS
 from fedora_qa.cli import doctor as doctor_module
 from fedora_qa.cli.doctor import Symptom
 from fedora_qa.cli.progress import progress_bar

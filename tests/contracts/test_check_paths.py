@@ -5,7 +5,7 @@ from typing import Any
 
 import pytest
 
-from fedora_qa.checks import CHECKS
+from fedora_qa.catalogue import CHECKS
 from fedora_qa.checks.protocol import Check
 
 CHECKS_FOLDER = Path(__file__).parents[2] / "fedora_qa" / "checks"

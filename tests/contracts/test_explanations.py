@@ -5,7 +5,7 @@ from typing import Any
 
 import pytest
 
-from fedora_qa.checks import CHECKS
+from fedora_qa.catalogue import CHECKS
 from fedora_qa.checks.explanation import SECTIONS, explanation
 from fedora_qa.checks.protocol import Check
 from fedora_qa.cli.check_pages import check_pages

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 import pytest
 
 from fedora_qa.checks.protocol import Statistic
-from fedora_qa.diagnosis.diagnose import SHARPNESS, UNTHOUGHT, conclude, share_of_first
+from fedora_qa.diagnosis.diagnose import SHARPNESS, UNTHOUGHT, choose_causes, share_of_first
 from fedora_qa.diagnosis.hypothesis import ANY_CAUSE, Hypothesis
 from fedora_qa.judgement.judge import Alarm
 from fedora_qa.record.types import Diagnosis, Finding, Where
@@ -22,7 +22,7 @@ def alarm(number: int, *hypotheses: Hypothesis, code: str = "toy.rule", stream: 
 
 
 def diagnosed(explained: Sequence[Explained]) -> tuple[Diagnosis, ...]:
-    return conclude([one for one, _ in explained], {one.finding.id: hypotheses for one, hypotheses in explained})
+    return choose_causes([one for one, _ in explained], {one.finding.id: hypotheses for one, hypotheses in explained})
 
 
 def test_one_cause_is_preferred_over_several() -> None:

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from fedora_qa.checks import CHECKS
+from fedora_qa.catalogue import CHECKS
 from fedora_qa.checks.protocol import Check
 from fedora_qa.engine.decode import BlockDecoder
 from fedora_qa.engine.measure import Accumulator, PassState, conclude, measure, merge

@@ -6,7 +6,7 @@ from pathlib import Path
 import h5py
 import pytest
 
-from fedora_qa.checks import CHECKS
+from fedora_qa.catalogue import CHECKS
 from tests.extremes.files import alarms, edited, outcomes, record_of
 from tests.support.handmade import write_handmade
 

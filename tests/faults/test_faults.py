@@ -11,9 +11,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
+from fedora_qa.catalogue import CANARIES
 from fedora_qa.engine.survey import prepare
 from fedora_qa.errors import UnreadableRowsError
-from fedora_qa.faults.canaries import CANARIES
 from fedora_qa.faults.canary_conditions import CanaryConditions, UnplantableError
 from fedora_qa.faults.fault import Fault, FaultySequence, rows_from, values_by_row
 from fedora_qa.record.types import Measurement

@@ -11,7 +11,7 @@ from typing import Final
 
 import numpy as np
 
-from fedora_qa.checks import CHECKS
+from fedora_qa.catalogue import CHECKS
 from fedora_qa.engine.options import CheckOptions, FileRun
 from fedora_qa.engine.progress import quiet
 from fedora_qa.engine.run import check_file, select_checks

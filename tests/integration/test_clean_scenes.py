@@ -7,7 +7,7 @@ import pytest
 from fedora_generator.flights.presets import PRESET_NAMES
 from fedora_generator.generate import STREAMS, Request, generate_sequence
 from fedora_generator.scene_tables import SCENE_NAMES
-from fedora_qa.checks import CHECKS
+from fedora_qa.catalogue import CHECKS
 from fedora_qa.engine.run import CheckOptions, check_file
 from fedora_qa.record.types import FileRecord
 from tests.support.sequences import CleanSequence, small_scene

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from fedora_generator.faults import plant_fault
-from fedora_qa.checks import CHECKS
+from fedora_qa.catalogue import CHECKS
 from fedora_qa.engine.run import CheckOptions, check_file
 from tests.support.sequences import CleanSequence
 

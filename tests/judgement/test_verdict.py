@@ -4,7 +4,7 @@ from typing import get_args
 
 import pytest
 
-from fedora_qa.checks import CHECKS
+from fedora_qa.catalogue import CHECKS
 from fedora_qa.judgement.verdict import crossing_streams, verdict_of
 from fedora_qa.record.types import Outcome, Result, Verdict
 

@@ -7,11 +7,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from fedora_qa.catalogue import hypotheses_of
 from fedora_qa.checks.depth.consistency import DepthConsistency
 from fedora_qa.checks.depth.projection import DepthProjection
 from fedora_qa.checks.depth.scale import DepthScale
 from fedora_qa.checks.protocol import Check
-from fedora_qa.diagnosis.hypotheses import hypotheses_of
 from fedora_qa.diagnosis.hypothesis import Hypothesis
 from fedora_qa.judgement.judge import Judged
 from fedora_qa.sequence.declared import PoseModel

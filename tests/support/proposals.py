@@ -1,7 +1,7 @@
 """Hypotheses for an alarm of any check, made of the features of its statistic."""
 
+from fedora_qa.catalogue import hypotheses_of
 from fedora_qa.checks.protocol import Statistic
-from fedora_qa.diagnosis.hypotheses import hypotheses_of
 from fedora_qa.diagnosis.hypothesis import Hypothesis
 from fedora_qa.features import Feature
 from fedora_qa.judgement.judge import Alarm

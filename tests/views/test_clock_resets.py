@@ -9,10 +9,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
+from fedora_qa.catalogue import hypotheses_of
 from fedora_qa.checks.clocks.order import ClocksOrder
 from fedora_qa.checks.index_maps.rgb import IndexMapsRgb
 from fedora_qa.diagnosis.clocks import hypotheses_of_reset
-from fedora_qa.diagnosis.hypotheses import hypotheses_of
 from fedora_qa.judgement.judge import judge
 from fedora_qa.sequence.facts import EventScan, Facts
 from fedora_qa.sequence.scan import KEPT_STEPS, longest_steps

@@ -9,7 +9,13 @@ import numpy as np
 from fedora_qa.checks.clocks.streams import event_scan, fits_of
 from fedora_qa.checks.protocol import Observation, Statistic, WindowCheck
 from fedora_qa.conventions import NS_PER_US
-from fedora_qa.estimators.clocks.grid import STEPS, comb_counts, single_precision_spacing_us, surely_no_chance
+from fedora_qa.estimators.clocks.grid import (
+    FLOAT32_STEPS_US,
+    STEPS,
+    comb_counts,
+    single_precision_spacing_us,
+    surely_no_chance,
+)
 from fedora_qa.features import Feature
 from fedora_qa.record.types import Coverage, Where
 from fedora_qa.sequence.facts import Facts
@@ -123,11 +129,11 @@ class ClocksResolution(WindowCheck[Comb]):
         # Combs pass through the zero of the file's own clock, not through the file's origin.
         timestamps = within // NS_PER_US + round(facts.origin_us)
         counts = comb_counts(timestamps if tick_us == 1 else timestamps // tick_us)
-        deviates = counts.deviates()
+        deviates = counts.deviates()[: _combs(tick_us)]
         # No comb has more hits than expected by chance.
         if not deviates.max() > 0:
             return None
-        hit_ratios = counts.hits / np.maximum(counts.teeth, 1)
+        hit_ratios = (counts.hits / np.maximum(counts.teeth, 1))[: _combs(tick_us)]
         # A grid also hits many other combs: its own comb is the finest of those with the most hits.
         significant = deviates >= min(float(deviates.max()), _SIGNIFICANT)
         best = int(np.flatnonzero(significant & (hit_ratios >= _AS_MUCH * hit_ratios[significant].max()))[0])
@@ -161,7 +167,7 @@ class ClocksResolution(WindowCheck[Comb]):
             standard_error=(worst.hit_ratio - worst.by_chance) / max(min(worst.deviate, 1e6), 1e-6),
             side="upper",
             # Every comb was tried in every window.
-            tests=len(state) * len(STEPS),
+            tests=len(state) * _combs(_declared_tick_us(facts)),
             statement=f"Events keep to a grid of {worst.step_us:g} us around {start_us / 1e6:.3f} s: "
             f"{worst.hit_ratio:.0%} of its ticks are met, {worst.by_chance:.1%} by chance.",
             code="clocks.resolution.partial_grid",
@@ -205,6 +211,14 @@ class ClocksResolution(WindowCheck[Comb]):
                 text = f"All event stamps lie on a grid of {grid_us:g} us; {expected_us} us is declared."
                 grids.append(_grid("events", grid_us, float(expected_us), text))
         return Observation(Coverage(count, count, "stamps"), tuple(grids), unobservable=unobservable)
+
+
+def _combs(tick_us: int) -> int:
+    """Return how many of the combs of ``STEPS`` are tried.
+
+    Single-precision seconds are combs of microseconds. Ticks of packets are whole, and rounded seconds leave them.
+    """
+    return len(STEPS) if tick_us == 1 else len(STEPS) - len(FLOAT32_STEPS_US)
 
 
 def _why_events_show_none(facts: Facts) -> str:

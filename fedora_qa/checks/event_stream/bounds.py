@@ -37,8 +37,8 @@ class BoundsCount:
         Number of all events.
     outside, bad_polarity
         Number of events outside of the sensor, and of those with another polarity than 0 or 1.
-    first
-        The first of either.
+    first_outside, first_bad_polarity
+        The first of each.
     farthest
         Largest column and row.
     polarities
@@ -48,7 +48,8 @@ class BoundsCount:
     events: int
     outside: int
     bad_polarity: int
-    first: EventRow | None
+    first_outside: EventRow | None
+    first_bad_polarity: EventRow | None
     farthest: tuple[int, int]
     polarities: tuple[int, int]
 
@@ -106,19 +107,22 @@ class EventStreamBounds(WindowCheck[BoundsCount]):
     def measure(self, window: Window) -> BoundsCount:
         """Count the window's events beyond the sensor and of unknown polarity."""
         events = own(window, all_events(window))
-        survey, shape = np.empty(7, np.int64), sensor_shape(window.facts.declared)
+        survey, shape = np.empty(8, np.int64), sensor_shape(window.facts.declared)
         # Windows without an offender, nearly all, need no loop over their events.
         if len(events) and all_on_sensor(events, shape):
             on = int(np.count_nonzero(events.p))
-            survey[:] = 0, 0, -1, int(events.x.max()), int(events.y.max()), len(events) - on, on
+            survey[:] = 0, 0, -1, -1, int(events.x.max()), int(events.y.max()), len(events) - on, on
         else:
             survey_columns(events.x, events.y, events.p, shape, survey)
-        outside, unknown, first, column, row, off, on = survey.tolist()
+        outside, unknown, *firsts, column, row, off, on = survey.tolist()
+        start = window.owned("events").start
+        first_outside, first_unknown = (event_row(events, index, start) if index >= 0 else None for index in firsts)
         return BoundsCount(
             events=len(events),
             outside=outside,
             bad_polarity=unknown,
-            first=event_row(events, first, window.owned("events").start) if first >= 0 else None,
+            first_outside=first_outside,
+            first_bad_polarity=first_unknown,
             farthest=(column, row),
             polarities=(off, on),
         )
@@ -128,7 +132,8 @@ class EventStreamBounds(WindowCheck[BoundsCount]):
         total = sum(count.events for count in state)
         if not total:
             return Observation(event_coverage(facts, 0), unobservable=NO_EVENTS)
-        first = next((count.first for count in state if count.first is not None), None)
+        first_outside = next((count.first_outside for count in state if count.first_outside), None)
+        first_unknown = next((count.first_bad_polarity for count in state if count.first_bad_polarity), None)
         outside, unknown = sum(count.outside for count in state), sum(count.bad_polarity for count in state)
         height, width = sensor_shape(facts.declared)
         # Columns and rows count from 0: the least size that holds them is one more.
@@ -143,7 +148,7 @@ class EventStreamBounds(WindowCheck[BoundsCount]):
                 statement=f"{outside} events lie outside the declared {width} x {height} px (largest column "
                 f"{columns - 1}, largest row {rows - 1}){hint}.",
                 code="event_stream.bounds.outside",
-                where=where_of(facts, first),
+                where=where_of(facts, first_outside),
                 severity="critical",
                 features=(EventExtent(fits_exchanged),),
             ),
@@ -153,7 +158,7 @@ class EventStreamBounds(WindowCheck[BoundsCount]):
                 unit="events",
                 statement=f"{unknown} events have a polarity that is neither 0 nor 1.",
                 code="event_stream.bounds.polarity",
-                where=where_of(facts, first),
+                where=where_of(facts, first_unknown),
                 severity="critical",
             ),
         )

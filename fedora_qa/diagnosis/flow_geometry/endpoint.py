@@ -89,7 +89,7 @@ def propose_endpoint(alarm: Alarm, facts: Facts) -> tuple[Hypothesis, ...]:
         misdeclared = support("flow_geometry.corrections_beside_noise") - from_noisy / 2
         return (
             Hypothesis("flow_from_noisy_pose", spreads_over(rate, uncorrected), from_noisy),
-            Hypothesis("noise_misdeclared", "pose", misdeclared, deviation_percent),
+            Hypothesis("noise_misdeclared", "pose", misdeclared, deviation_percent, "percent"),
         )
     if not hypotheses or hypotheses[0].cause in ("unknown", "noise_misdeclared"):
         misdeclared = support("flow_geometry.corrections_beside_noise")

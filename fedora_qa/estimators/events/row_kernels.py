@@ -89,32 +89,27 @@ def survey_columns(
     shape
         Rows and columns of the sensor.
     counts
-        (7,) receives: the number of events outside; the number of events whose polarity is neither 0 nor 1; the index
-        of the first event of either kind (-1: none); the largest column and the largest row; the numbers of events with
+        (8,) receives: the number of events outside; the number of events whose polarity is neither 0 nor 1; the index
+        of the first event of each kind (-1: none); the largest column and the largest row; the numbers of events with
         p = 0 and with p = 1.
     """
     height, width = shape
-    outside, unknown, off, on, first = 0, 0, 0, 0, -1
+    outside, unknown, off, on, first_outside, first_unknown = 0, 0, 0, 0, -1, -1
     column, row = np.int64(0), np.int64(0)
     for i in range(len(x)):
         beyond = (x[i] < 0) | (x[i] >= width) | (y[i] < 0) | (y[i] >= height)
         strange = (p[i] != 0) & (p[i] != 1)
-        if (beyond | strange) and first < 0:
-            first = i
+        if beyond and first_outside < 0:
+            first_outside = i
+        if strange and first_unknown < 0:
+            first_unknown = i
         outside += beyond
         unknown += strange
         off += p[i] == 0
         on += p[i] == 1
         column, row = max(column, np.int64(x[i])), max(row, np.int64(y[i]))
-    counts[0], counts[1], counts[2], counts[3], counts[4], counts[5], counts[6] = (
-        outside,
-        unknown,
-        first,
-        column,
-        row,
-        off,
-        on,
-    )
+    counts[0], counts[1], counts[2], counts[3] = outside, unknown, first_outside, first_unknown
+    counts[4], counts[5], counts[6], counts[7] = column, row, off, on
 
 
 @njit(cache=True)

@@ -113,7 +113,7 @@ def translation_rows(samples: InertialSamples, noise: InertialNoise) -> Comparis
         )  # fmt: skip
     accelerations, finite = _in_world(samples, noise.gravity_m_s2)
     by_force = _second_differences(times_s, samples.positions_world_m.T, poses) - effects.residuals
-    # Error of interpolation and integration, from every second sample and pose (Richardson): difference / 15.
+    # Error of interpolation and integration, from every second sample and pose (Richardson): (fine - coarse) / 15.
     imu, pose = every_second(len(samples.imu_times_s)), every_second(len(times_s))
     sparse = InertialSamples(
         samples.imu_times_s[imu],
@@ -127,7 +127,7 @@ def translation_rows(samples: InertialSamples, noise: InertialNoise) -> Comparis
     model_errors = np.zeros_like(by_force)
     if np.count_nonzero(coarse_finite) >= 2:
         coarse = integrated_twice(sparse.imu_times_s[coarse_finite], coarse_accelerations[coarse_finite].T, times_s)
-        model_errors = (_second_differences(times_s, coarse, poses) - by_force) / RICHARDSON
+        model_errors = (by_force - _second_differences(times_s, coarse, poses)) / RICHARDSON
     return ComparisonRows(
         poses=poses,
         times_s=times_s[poses],

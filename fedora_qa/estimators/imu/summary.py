@@ -164,8 +164,11 @@ def summarise(
     # 1 + 2 (4/9 + 1/36) = 1.94 times that of independent ones.
     weights = np.square(sigmas) / np.mean(np.square(sigmas))
     rms_error = float(expected * np.sqrt(1.94 * np.mean(np.square(weights)) / (2 * sigmas.size)))
-    # smoothness = sum of r_i r_i+1 / sum of r_i^2, over all segments and axes.
-    products = sum(float(np.sum(rows[1:] * rows[:-1])) for rows in residuals)
+    # smoothness = sum of r_i r_i+1 / sum of r_i^2, over all segments and axes. Rows that were left out part neighbours.
+    products = 0.0
+    for rows, of_segment in zip(segments, residuals, strict=True):
+        are_neighbours = np.diff(rows.poses) == 1
+        products += float(np.sum((of_segment[1:] * of_segment[:-1])[are_neighbours]))
     total = sum(float(np.sum(np.square(rows))) for rows in residuals)
     # The worst row deviates most in units of its sigma, on its worst axis.
     worst_rows = []

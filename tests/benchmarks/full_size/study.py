@@ -19,7 +19,7 @@ from dask.distributed import LocalCluster
 
 from fedora_generator.generate import Request, generate_sequence
 from fedora_generator.scene import load_scene
-from fedora_qa.checks import CHECKS
+from fedora_qa.catalogue import CHECKS
 from fedora_qa.cli.exit_codes import CLEAN, INCOMPLETE
 from fedora_qa.engine.effort import Effort
 from fedora_qa.layout.canonical import FLOW_STREAMS

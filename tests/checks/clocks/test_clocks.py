@@ -8,11 +8,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from fedora_qa.checks import CHECKS
+from fedora_qa.catalogue import CHECKS, hypotheses_of
 from fedora_qa.checks.clocks.rate import ClocksRate
 from fedora_qa.checks.clocks.resolution import ClocksResolution
 from fedora_qa.checks.protocol import FactsCheck
-from fedora_qa.diagnosis.hypotheses import hypotheses_of
 from fedora_qa.diagnosis.hypothesis import Hypothesis
 from fedora_qa.judgement.judge import Judged, judge
 from fedora_qa.sequence.facts import Facts

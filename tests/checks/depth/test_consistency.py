@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from fedora_qa.catalogue import hypotheses_of
 from fedora_qa.checks.depth.consistency import DepthConsistency, medians_by_group
-from fedora_qa.diagnosis.hypotheses import hypotheses_of
 from fedora_qa.sequence.declared import PoseModel
 from fedora_qa.sequence.facts import Clock
 from fedora_qa.views import depth_pairs as pairs

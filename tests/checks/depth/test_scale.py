@@ -5,8 +5,8 @@ from typing import Any
 import pytest
 from numpy.typing import NDArray
 
+from fedora_qa.catalogue import hypotheses_of
 from fedora_qa.checks.depth.scale import DepthScale
-from fedora_qa.diagnosis.hypotheses import hypotheses_of
 from tests.support.depth_world import clean, first_hypothesis, value, with_depth
 from tests.support.flow_world import judged
 

@@ -114,6 +114,22 @@ def test_places_are_named(path: Path) -> None:
     assert (outside.index_start, outside.pixel[0]) == (1234, 56)
 
 
+def test_each_finding_of_bounds_locates_its_own_event(path: Path) -> None:
+    """An event outside of the sensor is not the place of an unknown polarity, and the other way round."""
+
+    def change(events: Stream) -> Stream:
+        x, p = events.x.copy(), events.p.copy()
+        x[100], p[700] = 60_000, 7
+        return replace(events, x=x, p=p)
+
+    altered(change).write(path)
+    findings = run_check(path, "event_stream.bounds").findings
+    assert {finding.code.rpartition(".")[2]: finding.where.index_start for finding in findings} == {
+        "outside": 100,
+        "polarity": 700,
+    }
+
+
 @pytest.mark.parametrize("check", ["event_stream.rates", "event_stream.duplicates"])
 def test_declared_hot_pixel_is_excused(check: str, path: Path) -> None:
     """A hot pixel that is declared with its rate alarms nobody."""

@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from fedora_qa.catalogue import hypotheses_of
 from fedora_qa.checks.flow_geometry.endpoint import FlowGeometryEndpoint, correction_growth
 from fedora_qa.diagnosis.flow_geometry.endpoint import noise_likeness
-from fedora_qa.diagnosis.hypotheses import hypotheses_of
 from fedora_qa.diagnosis.hypothesis import Hypothesis
 from fedora_qa.judgement.judge import Judged
 from fedora_qa.sequence.declared import PoseModel
@@ -225,8 +225,9 @@ def test_noise_that_is_larger_than_declared_is_measured() -> None:
     world = noisy().declaring(pose=PoseModel(NOISE.position_sigma_m / 2, NOISE.rotation_sigma_rad / 2))
     result = judged(FlowGeometryEndpoint(), world)
     assert {alarm.finding.code for alarm in result.alarms} == {"flow_geometry.endpoint.pose_correction"}
-    assert first_hypothesis(result, world).cause == "noise_misdeclared"
-    assert first_hypothesis(result, world).magnitude == pytest.approx(-50, abs=15)
+    hypothesis = first_hypothesis(result, world)
+    assert (hypothesis.cause, hypothesis.unit) == ("noise_misdeclared", "percent")
+    assert hypothesis.magnitude == pytest.approx(-50, abs=15)
 
 
 def test_what_cannot_be_asked_or_seen_is_said() -> None:

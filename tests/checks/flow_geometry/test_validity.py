@@ -7,8 +7,8 @@ from functools import cache
 import numpy as np
 import pytest
 
+from fedora_qa.catalogue import hypotheses_of
 from fedora_qa.checks.flow_geometry.validity import FlowGeometryValidity
-from fedora_qa.diagnosis.hypotheses import hypotheses_of
 from fedora_qa.diagnosis.hypothesis import Hypothesis
 from fedora_qa.judgement.judge import Alarm, Judged
 from fedora_qa.sequence.facts import Clock, Facts

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from fedora_qa.catalogue import hypotheses_of
 from fedora_qa.checks.flow_photometric.residual import FlowPhotometricResidual
-from fedora_qa.diagnosis.hypotheses import hypotheses_of
 from fedora_qa.judgement.judge import Judged
 from tests.support.flow_world import (
     HEIGHT,

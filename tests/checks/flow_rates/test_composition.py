@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from fedora_qa.catalogue import hypotheses_of
 from fedora_qa.checks.flow_rates.composition import FlowRatesComposition
-from fedora_qa.diagnosis.hypotheses import hypotheses_of
 from fedora_qa.diagnosis.hypothesis import Hypothesis
 from fedora_qa.judgement.judge import Judged
 from tests.support.flow_world import FlowWorld, judged, make_world

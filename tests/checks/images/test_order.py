@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from fedora_qa.catalogue import hypotheses_of
 from fedora_qa.checks.images.order import FrameInterval, ImagesOrder, intervals_out_of_order
-from fedora_qa.diagnosis.hypotheses import hypotheses_of
 from fedora_qa.diagnosis.images import hypotheses_of_order
 from fedora_qa.judgement.judge import Judged
 from tests.support.facts import exact_facts
