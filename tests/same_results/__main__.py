@@ -6,6 +6,7 @@ arithmetic explains; other wording is counted and shown, and is no difference. F
 out/same-results.
 """
 
+import hashlib
 import json
 import os
 import shutil
@@ -140,7 +141,14 @@ def compare_codes(base: Code, here: Code, runs: Iterable[Run]) -> Comparison:
 
 def check_with(code: Code, run: Run) -> dict[str, Any]:
     """Return the exit code, the message and the records of the files of a run; they are kept beside the record."""
-    name = "_".join([*run.files[0].with_suffix("").parts[1:], str(len(run.files)), *run.options]).replace("-", "")
+    # Batches may begin with the same file and hold others: with another --every, or after the corpus has changed.
+    places = [FOLDER / path for path in run.files]
+    content = [
+        f"{path} {place.stat().st_size if place.is_file() else 0}"
+        for path, place in zip(run.files, places, strict=True)
+    ]
+    digest = hashlib.sha256("\n".join(content).encode()).hexdigest()[:12]
+    name = "_".join([*run.files[0].with_suffix("").parts[1:], *run.options, digest]).replace("-", "")
     target = code.records / f"{name}.json"
     summary = target.with_suffix(".summary.json")
     if not summary.exists():
