@@ -6,6 +6,7 @@
     select = ["event_response"]     # subjects or checks; all where absent
     ignore = ["imu.noise"]
     dialect = "fedora"              # a name, or a TOML file beside this one; recognised from each file where absent
+    profile = "release"             # from which size a deviation matters: release, training or strict (any)
     fail_on = "failed"              # or "warned"
     memory = "1GB"
     jobs = 1                        # tasks at once, each in a process of its own; they share the memory
@@ -33,8 +34,14 @@ from fedora_qa.judgement.false_alarm_rate import DEFAULT_FALSE_ALARM_RATE
 
 T = TypeVar("T")
 
-RULESET_VERSION: Final = "1"
+RULESET_VERSION: Final = "2"
 """Version of the checks and of their rules; it increases when the same file could get another verdict."""
+
+RULESET_CHANGES: Final[Mapping[str, str]] = {
+    "2": "a deviation fails only from a material size on (`profile`, release by default); as in ruleset 1 with "
+    'profile = "strict"',
+}
+"""What changed with each version of the ruleset since the one before."""
 
 _BYTES_PER_UNIT: Final[Mapping[str, int]] = {
     "b": 1,
@@ -71,6 +78,8 @@ class CheckConfig:
     """Subjects or checks to leave out."""
     dialect: str | None = None
     """How the files name and scale their data: a name, or a TOML file beside this one; recognised where absent."""
+    profile: Literal["release", "training", "strict"] = "release"
+    """From which size a deviation matters: to publish the data, to train on them, or any size."""
     fail_on: Literal["failed", "warned"] = "failed"
     """From which outcome on a check counts as a finding."""
     memory: str = "1GB"

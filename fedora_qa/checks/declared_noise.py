@@ -71,7 +71,6 @@ def noise_against_declared(
             expected=1.0,
             # Motion and rounding are bounds: they add to each other, not in squares.
             model_error_bound=(level.motion + floor) / declared,
-            material=0.5,
             statement=f"{name.capitalize()} noise is {level.sigma:.3g} {unit}; {declared:.3g} {unit} is declared.",
             code=f"{check}.{name}",
             where=Where(stream=stream),

@@ -48,8 +48,9 @@ class Statistic:
         ``upper``: only values above ``expected`` count, ``lower``: only below, ``both``: either.
     resolution
         Least step by which the value can change (1 for a count).
-    material
-        Largest deviation that may go undetected for the measurement to be of use; None: any.
+    blind_from
+        Detection limit above which the measurement is of no use, where it follows from the file; None: as in the table
+        of material sizes (``fedora_qa/judgement/materiality.toml``).
     tests
         Number of independent comparisons of which the value is the worst.
     severity
@@ -69,7 +70,7 @@ class Statistic:
     model_error_bound: float = 0.0
     side: Literal["both", "upper", "lower"] = "both"
     resolution: float = 0.0
-    material: float | None = None
+    blind_from: float | None = None
     tests: int = 1
     severity: Severity = "error"
     features: tuple[Feature, ...] = ()

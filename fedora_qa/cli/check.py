@@ -88,6 +88,11 @@ class BudgetParam(click.ParamType):  # type: ignore[type-arg]  # generic only fr
 @ignore_option
 @config_option
 @dialect_option
+@click.option(
+    "--profile",
+    type=click.Choice(["release", "training", "strict"]),
+    help="From which size a deviation matters: to publish the data (default), to train on them, or any size.",
+)
 @click.option("--fail-on", type=click.Choice(["failed", "warned"]), help="From which outcome on to exit with 1.")
 @click.option(
     "--memory",
@@ -186,6 +191,7 @@ def check_options(settings: CheckConfig) -> CheckOptions:
         dialect=dialect,
         memory_bytes=settings.memory_bytes,
         false_alarm_rate=settings.false_alarm_rate,
+        profile=settings.profile,
         canary=settings.canary,
         allow_external=external_folders(settings.allow_external),
     )

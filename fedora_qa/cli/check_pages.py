@@ -12,6 +12,8 @@ from typing import Any
 from fedora_qa.catalogue import CHECKS
 from fedora_qa.checks.explanation import explanation
 from fedora_qa.checks.protocol import Check
+from fedora_qa.cli.material_sizes import TITLE as MATERIAL_SIZES
+from fedora_qa.cli.material_sizes import material_sizes_text
 from fedora_qa.record.atomic import write_text
 
 
@@ -34,7 +36,8 @@ def check_pages() -> Mapping[str, str]:
             answer = explanation(check)
             page += f"\n## {check.name}\n\n**{answer.question}**\n\nNeeds: {', '.join(check.needs) or 'no stream'}.\n"
             page += f"\n{_markdown(answer.measured)}\n"
-            for title, text in answer.sections.items():
+            sizes = "\n".join(f"- {line}" for line in material_sizes_text(check.name).splitlines())
+            for title, text in {**answer.sections, MATERIAL_SIZES: sizes}.items():
                 page += f"\n### {title}\n\n{_markdown(text)}\n"
         pages[f"{subject}.md"] = page
     return {"README.md": index, **pages}

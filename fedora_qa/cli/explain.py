@@ -9,6 +9,8 @@ from rich.text import Text
 from fedora_qa.catalogue import CHECKS
 from fedora_qa.checks.explanation import explanation
 from fedora_qa.cli.detection_power import TITLE, detection_power_text
+from fedora_qa.cli.material_sizes import TITLE as MATERIAL_SIZES
+from fedora_qa.cli.material_sizes import material_sizes_text
 from fedora_qa.cli.options import complete_check
 from fedora_qa.cli.terminal import stdout_console
 from fedora_qa.errors import MisuseError
@@ -45,7 +47,8 @@ def explain(name: str) -> int:
         explained = explanation(check)
         content = Text(f"\n{explained.question}\n\n{explained.measured}\n")
         power = detection_power_text(check.name)
-        sections = {**explained.sections, **({TITLE: power} if power else {})}
+        sizes = {MATERIAL_SIZES: material_sizes_text(check.name)}
+        sections = {**explained.sections, **sizes, **({TITLE: power} if power else {})}
         for title, section in sections.items():
             content.append(f"\n{title}\n", style="bold").append(f"{section}\n")
         console.print(content)

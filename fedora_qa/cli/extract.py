@@ -21,6 +21,7 @@ from fedora_qa.engine.worker import Worker
 from fedora_qa.errors import MisuseError, UnreadableFileError
 from fedora_qa.extract.extract import LONGEST_S, CheckFinding, Extraction
 from fedora_qa.extract.extract import extract as extract_piece
+from fedora_qa.judgement.materiality import PROFILES
 from fedora_qa.record.json_io import read_record
 from fedora_qa.record.types import FileRecord, Record
 from fedora_qa.record.wording import unobeyed
@@ -68,9 +69,11 @@ def extract(
     if output.exists() and not force:
         raise MisuseError(f"Expected a new file to write, got {output}, which exists; use --force to write over it")
     record = read_record(record_path) if record_path else None
-    # The piece must be checked with the effort of the record: at a lower one the finding may not be detected.
+    # The piece must be checked with effort and profile of the record: with others the finding may not be there.
     effort = record.effort if record and record.effort in get_args(Effort) else None
-    options = check_options(settings_from(config, {**overrides, "effort": overrides["effort"] or effort}))
+    profile = record.profile if record and record.profile in PROFILES else None
+    asked = {**overrides, "effort": overrides["effort"] or effort, "profile": profile}
+    options = check_options(settings_from(config, asked))
     require_hdf5([file])
     opening = opening_test(file, options.dialect, options.allow_external)
     if record and record_path:

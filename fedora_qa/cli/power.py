@@ -56,7 +56,8 @@ def power(
 
     Run again after an interrupt, it continues. Exit codes: 0 measured; 2 misuse; 3 a check crashed.
     """
-    settings = settings_from(config, overrides)
+    # Detection is measured: whether a size matters is asked of the tables, not of the study.
+    settings = replace(settings_from(config, overrides), profile="strict")
     # A study counts outcomes; evidence of thousands of files would only cost time and space.
     options = replace(check_options(settings), evidence=None)
     manifests = {corpus: read_manifest(corpus) for corpus in corpora}

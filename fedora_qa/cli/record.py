@@ -51,6 +51,7 @@ def record_of(runs: Sequence[FileRun], settings: CheckConfig, started: str, fact
         ),
         files=tuple(files),
         effort=settings.effort,
+        profile=settings.profile,
     )
 
 

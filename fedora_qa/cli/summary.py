@@ -87,7 +87,8 @@ def show_record(console: Console, record: Record) -> None:
         # At one decimal a shorter stage would be printed as 0.0 s.
         *(f"{name} {spent:.1f} s" for name, spent in stages.items() if spent > 0.05),
     ]
-    lines = [f"{record.tool.name} {record.tool.version}, effort {record.effort}: {', '.join(parts)}"]
+    settings = f"effort {record.effort}, profile {record.profile}"
+    lines = [f"{record.tool.name} {record.tool.version}, {settings}: {', '.join(parts)}"]
     # Bytes and requests from servers, where files lie behind URLs.
     size = sum(file.size for file in record.files)
     transferred, requests = host.get("transferred_bytes"), host.get("requests")

@@ -19,6 +19,7 @@ from fedora_qa.evidence.titled_arrays import TitledArrays, merged
 from fedora_qa.evidence.trajectory import keep_trajectory
 from fedora_qa.evidence.worst_locations import images_of, keep_worst_locations
 from fedora_qa.judgement.judge import judge
+from fedora_qa.judgement.materiality import materiality_of
 from fedora_qa.judgement.verdict import crossing_streams, verdict_of
 from fedora_qa.record.evidence import named
 from fedora_qa.record.types import Canary, FileRecord, Finding
@@ -53,7 +54,7 @@ def assemble(
         again = follow_up(asked, states, measured_spans, facts, ready.decoder, survey.plan.sampling, progress)
     with watch.stage("judgement"):
         observations = conclude(asked, states, facts)
-        judged = judge(observations, asked, options.false_alarm_rate)
+        judged = judge(observations, asked, options.false_alarm_rate, materiality_of(options.profile, facts))
         alarms = [alarm for result in judged for alarm in result.alarms]
         diagnoses = choose_causes(alarms, {alarm.finding.id: hypotheses_of(alarm, facts) for alarm in alarms})
     with watch.stage("statistics"):
@@ -70,9 +71,11 @@ def assemble(
     canaries: tuple[Canary, ...] = ()
     if options.canary:
         with watch.stage("canaries"):
+            strict = {j.result.check: j.result for j in judge(observations, asked, options.false_alarm_rate)}
             plain = PlainRun(
-                file.sequence, ready, observations, options.effort, options.memory_bytes, options.false_alarm_rate
-            )
+                file.sequence, ready, observations, strict, options.effort, options.memory_bytes,
+                options.false_alarm_rate,
+            )  # fmt: skip
             proofs = prove_alive(survey.checks, results, plain, progress)
             results = held_to_canaries(results, proofs)
             canaries = tuple(proof.canary for proof in proofs)

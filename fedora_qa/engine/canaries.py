@@ -35,11 +35,15 @@ _IN_ORDER: tuple[Outcome, ...] = ("passed", "warned")
 
 @dataclass(frozen=True, slots=True)
 class PlainRun:
-    """The run that canaries are added to: the open file, what the checks observed on it, and the options."""
+    """The run that canaries are added to: the open file, what the checks observed on it, and the options.
+
+    ``strict`` holds the results by the limits alone, by check: a canary is planted and judged by these.
+    """
 
     sequence: SequenceRows
     ready: Prepared
     observations: Mapping[str, Observation]
+    strict: Mapping[str, Result]
     effort: Effort
     memory_bytes: int
     false_alarm_rate: float
@@ -77,7 +81,9 @@ def prove_alive(
             proofs.append(Proof(Canary(result.check, "not_planted", reason=reason)))
             continue
         check, attempted = by_name[result.check], PassState({})
-        proof = attempt(attempted, check.name, partial(_plant_ever_larger, check, result, run, place_ns))
+        proof = attempt(
+            attempted, check.name, partial(_plant_ever_larger, check, run.strict[check.name], run, place_ns)
+        )
         # A canary that fails itself proves nothing, and counts as not detected.
         if proof is None:
             failed = Canary(check.name, "silent", reason="its canary failed")

@@ -14,6 +14,7 @@ from fedora_qa.storage.traffic import NO_TRAFFIC, Traffic
 if TYPE_CHECKING:  # commands that measure nothing load neither NumPy nor HDF5
     from numpy.typing import NDArray
 
+    from fedora_qa.judgement.materiality import Profile
     from fedora_qa.layout.dialect import Dialect
 
 _MEBIBYTE: Final = 1 << 20
@@ -33,6 +34,8 @@ class CheckOptions:
     memory_bytes
         A target: shares of it bound the decoded blocks and the arrays computed from single images. Other arrays of
         checks follow from the size of frames and the number of events.
+    profile
+        From which size a deviation matters. Configurations choose ``release`` where they name none.
     canary
         Whether each check must detect a fault that is planted for it in memory; one that does not is ``crashed``.
     budget_s
@@ -49,6 +52,7 @@ class CheckOptions:
     dialect: "Dialect | None" = None
     memory_bytes: int = 1024 * _MEBIBYTE
     false_alarm_rate: float = DEFAULT_FALSE_ALARM_RATE
+    profile: "Profile" = "strict"
     canary: bool = False
     budget_s: float | None = None
     evidence: EvidenceOptions | None = field(default_factory=EvidenceOptions)

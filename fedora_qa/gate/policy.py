@@ -10,7 +10,7 @@ from typing import ClassVar, Final, Literal
 
 from pydantic import ConfigDict, TypeAdapter
 
-from fedora_qa.config import RULESET_VERSION, CheckConfig, files_beside, parse_bytes, read_toml
+from fedora_qa.config import RULESET_CHANGES, RULESET_VERSION, CheckConfig, files_beside, parse_bytes, read_toml
 from fedora_qa.engine.run import select_checks
 from fedora_qa.errors import MisuseError
 from fedora_qa.gate.release import is_plain
@@ -111,7 +111,8 @@ def read_policy(path: Path) -> Policy:
     if policy.ruleset_version != RULESET_VERSION:
         raise MisuseError(
             f"Expected ruleset {policy.ruleset_version!r}, which {path} pins, got {RULESET_VERSION!r}; install the "
-            "version that the policy was written for, or look at what changed and raise ruleset_version"
+            "version that the policy was written for, or look at what changed and raise ruleset_version. "
+            + " ".join(f"New in {version}: {change}." for version, change in RULESET_CHANGES.items())
         )
     for key, names in (
         ("required_streams", policy.required_streams),

@@ -4,6 +4,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import replace
 from typing import Final, Literal
 
+from fedora_qa.judgement.judge import IMMATERIAL
 from fedora_qa.record.types import FileRecord, Finding, Result, Severity
 
 GRAVE: Final[frozenset[Severity]] = frozenset({"critical", "error"})
@@ -40,9 +41,16 @@ def with_severity(
         By subject or check. Where both are named, the check counts.
     fail_on
         ``warned``: a warning of a check is an error unless ``severity`` sets another severity.
+
+    Returns
+    -------
+    FileRecord
+        With deviations that are not material as information still: the profile of the policy decides about them.
     """
 
     def mark(result: Result, finding: Finding) -> Finding:
+        if finding.code == f"{result.check}.{IMMATERIAL}":
+            return finding
         subject = result.check.partition(".")[0]
         named = severity.get(result.check, severity.get(subject))
         unnamed: Severity = "error" if fail_on == "warned" and result.outcome == "warned" else finding.severity

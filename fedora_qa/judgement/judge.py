@@ -1,14 +1,18 @@
 """Compare the statistics of the checks with those of a correct file."""
 
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import isfinite
 from typing import Any, Final
 
 from fedora_qa.checks.protocol import Check, Observation, Statistic
+from fedora_qa.judgement.materiality import Materiality, materiality_row
 from fedora_qa.judgement.tolerances import Tolerance, tolerance_for
 from fedora_qa.record.types import Finding, Measurement, Outcome, Result
 from fedora_qa.record.wording import with_unit
+
+IMMATERIAL: Final = "immaterial"
+"""Rule of the findings of deviations that are significant and not material."""
 
 _NAMED_IN_REASON: Final = 3
 """Largest number of measurements that a reason names; a fit of the IMU can have twenty."""
@@ -39,15 +43,21 @@ class Judged:
     result
         The result, as it stands in the record.
     alarms
-        One for each statistic that exceeds its limit, in the order of the measurements.
+        One for each statistic whose deviation is material, in the order of the measurements.
     """
 
     result: Result
     alarms: tuple[Alarm, ...] = ()
 
 
+STRICT: Final = Materiality("strict")
+
+
 def judge(
-    observations: Mapping[str, Observation], checks: Iterable[Check[Any]], false_alarm_rate: float
+    observations: Mapping[str, Observation],
+    checks: Iterable[Check[Any]],
+    false_alarm_rate: float,
+    materiality: Materiality = STRICT,
 ) -> tuple[Judged, ...]:
     """Judge all observations of one file together, because they share one false-alarm rate.
 
@@ -59,6 +69,8 @@ def judge(
         The checks, in the order of the record.
     false_alarm_rate
         Probability that a correct file fails any check, between 0 and 1.
+    materiality
+        From which size a deviation beyond its limit matters.
 
     Returns
     -------
@@ -69,6 +81,8 @@ def judge(
     ------
     ValueError
         If the rate is not between 0 and 1.
+    LookupError
+        If the profile has sizes, and a statistic has no row in their table.
     """
     # A statistic without a standard error does not vary by chance: it takes no share of the false-alarm rate.
     comparisons = sum(
@@ -83,12 +97,16 @@ def judge(
             continue
         observation = observations[check.name]
         alarms: list[Alarm] = []
+        immaterial: list[Finding] = []
         measurements: list[Measurement] = []
         for s in observation.measurements:
-            if exceeds_limit(s, tolerance):
+            size = materiality.size(s)
+            if exceeds_limit(s, tolerance, size):
                 finding = Finding(f"F{next_id}", s.code, s.severity, s.statement, s.where)
                 alarms.append(Alarm(finding, s))
                 next_id += 1
+            elif exceeds_limit(s, tolerance):
+                immaterial.append(_immaterial(check.name, s, tolerance, size))
             measurements.append(
                 Measurement(
                     name=s.name,
@@ -97,12 +115,17 @@ def judge(
                     standard_error=_finite(s.standard_error),
                     expected=_finite(s.expected),
                     limit=_finite(tolerance.limit(s.standard_error, s.model_error_bound)),
-                    least_detectable=_finite(_least_detectable(s, tolerance)),
+                    # A fault of this size is detected, and exceeds its limit by the material size.
+                    least_detectable=_finite(_least_detectable(s, tolerance) + size),
                     side=s.side,
                     tests=s.tests,
+                    material=size,
                 )
             )
         findings = [alarm.finding for alarm in alarms]
+        for finding in immaterial:
+            findings.append(replace(finding, id=f"F{next_id}"))
+            next_id += 1
         for notice in observation.notices:
             findings.append(Finding(f"F{next_id}", notice.code, "warning", notice.message, notice.where))
             next_id += 1
@@ -120,8 +143,8 @@ def judge(
     return tuple(judged)
 
 
-def exceeds_limit(statistic: Statistic, tolerance: Tolerance) -> bool:
-    """Return whether the value of a statistic deviates by more than a correct file allows.
+def exceeds_limit(statistic: Statistic, tolerance: Tolerance, size: float = 0.0) -> bool:
+    """Return whether the value of a statistic deviates by more than a correct file allows, and by more than a size.
 
     Parameters
     ----------
@@ -129,6 +152,8 @@ def exceeds_limit(statistic: Statistic, tolerance: Tolerance) -> bool:
         The value with its nominal value, standard error, model error bound and side.
     tolerance
         Multiple of the standard error that the limit allows.
+    size
+        Least excess over the limit that counts, in the unit of the statistic.
 
     Returns
     -------
@@ -141,14 +166,25 @@ def exceeds_limit(statistic: Statistic, tolerance: Tolerance) -> bool:
     elif statistic.side == "lower":
         deviation = -deviation
     # Every comparison with NaN is false: with ``not <=`` NaN exceeds the limit, with ``>`` it would pass.
-    return not deviation <= tolerance.limit(statistic.standard_error, statistic.model_error_bound)
+    return not deviation - size <= tolerance.limit(statistic.standard_error, statistic.model_error_bound)
+
+
+def _immaterial(check: str, statistic: Statistic, tolerance: Tolerance, size: float) -> Finding:
+    """Return the finding, still without an identifier, of a deviation that is measurable and does not matter."""
+    limit = tolerance.limit(statistic.standard_error, statistic.model_error_bound)
+    deviation = abs(statistic.value - statistic.expected)
+    message = (
+        f"Measurable, not material: {statistic.name} deviates by {with_unit(deviation, statistic.unit)}; noise "
+        f"explains {with_unit(limit, statistic.unit)}, and {with_unit(size, statistic.unit)} more would be material."
+    )
+    return Finding("", f"{check}.{IMMATERIAL}", "info", message, statistic.where)
 
 
 def _outcome(observation: Observation, failed: bool, tolerance: Tolerance) -> tuple[Outcome, str]:
     """Return the outcome of a check and the reason for it.
 
-    The check is ``not_observable`` if no measurement with a material size could have detected a fault of that size. If
-    only some could not, the check passes, and the reason names these.
+    The check is ``not_observable`` if each measurement that has a largest useful detection limit exceeds it. If
+    only some do, the check passes, and the reason names these.
     """
     if failed:
         return "failed", ""
@@ -158,28 +194,30 @@ def _outcome(observation: Observation, failed: bool, tolerance: Tolerance) -> tu
     if not coverage.seen and not observation.notices:
         none_seen = f"none of {coverage.of} {coverage.unit} could be seen"
         return "not_observable", none_seen if coverage.of else f"there are no {coverage.unit}"
-    # Insensitive measurements: the detection limit exceeds the material size, so that a material fault can be
-    # undetected. ``not <=``: a detection limit of NaN counts as insensitive.
-    materials = [statistic.material for statistic in observation.measurements if statistic.material is not None]
-    insensitive = [
-        statistic
-        for statistic in observation.measurements
-        if statistic.material is not None and not _least_detectable(statistic, tolerance) <= statistic.material
-    ]
+    # Insensitive measurements: the detection limit exceeds the size from which they are of use, so that a fault of that
+    # size can be undetected. ``not <=``: a detection limit of NaN counts as insensitive.
+    with_use = [(s, use) for s in observation.measurements if (use := _blind_from(s)) is not None]
+    insensitive = [(s, use) for s, use in with_use if not _least_detectable(s, tolerance) <= use]
     reason = ""
     if insensitive:
         named: list[str] = []
-        for statistic in insensitive[:_NAMED_IN_REASON]:
+        for statistic, use in insensitive[:_NAMED_IN_REASON]:
             least = _least_detectable(statistic, tolerance)
             sizes = f"from {with_unit(least, statistic.unit)} on" if isfinite(least) else "at no size"
-            named.append(f"{statistic.name} ({sizes}; {with_unit(statistic.material, statistic.unit)} matters)")
+            named.append(f"{statistic.name} ({sizes}; {with_unit(use, statistic.unit)} matters)")
         more = f"; and {len(insensitive) - _NAMED_IN_REASON} more" if len(insensitive) > _NAMED_IN_REASON else ""
         reason = f"could not be seen where it matters: {', '.join(named)}{more}"
-    if insensitive and len(insensitive) == len(materials):
+    if insensitive and len(insensitive) == len(with_use):
         return "not_observable", reason
     if observation.notices:
         return "warned", "; ".join(filter(None, (*(notice.message for notice in observation.notices[:3]), reason)))
     return "passed", reason
+
+
+def _blind_from(statistic: Statistic) -> float | None:
+    """Return the detection limit above which a measurement is of no use; None where there is none."""
+    row = materiality_row(statistic.code, statistic.unit)
+    return statistic.blind_from if statistic.blind_from is not None or row is None else row.blind_from
 
 
 def _least_detectable(statistic: Statistic, tolerance: Tolerance) -> float:

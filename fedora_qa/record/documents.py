@@ -40,6 +40,8 @@ class DocumentKind(Generic[T]):
         What writes such a document.
     again
         Advice where a document cannot be used.
+    older
+        Versions that are read as well, because later ones only added fields.
     """
 
     name: str
@@ -48,6 +50,7 @@ class DocumentKind(Generic[T]):
     adapter: TypeAdapter[T]
     written_by: str
     again: str
+    older: tuple[str, ...] = ()
 
     def to_json(self, value: T) -> str:
         """Return a value as a JSON document.
@@ -88,7 +91,7 @@ class DocumentKind(Generic[T]):
         # A record of many files fills gigabytes as objects, and the validation below builds them a second time.
         del document
         # Before the fields: of another version, some field that does not fit would be reported instead.
-        if version != self.version:
+        if version not in (self.version, *self.older):
             raise MisuseError(f"Expected {self.noun} with {key} {self.version!r}, got {version!r}; {self.again}")
         return _validated(text, self.adapter, self.noun, self.again)
 

@@ -28,6 +28,7 @@ def record_to_junit(record: Record) -> str:
             "version": record.tool.version,
             "ruleset_version": record.ruleset_version,
             "effort": record.effort,
+            "profile": record.profile,
         }
         for name, value in facts.items():
             ET.SubElement(properties, "property", name=name, value=printable(value))

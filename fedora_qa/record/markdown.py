@@ -29,7 +29,8 @@ _LINK = re.compile(r"(:)(?=//)|(?<=www)(\.)")
 def record_to_markdown(record: Record) -> str:
     """Return the record as GitHub-flavoured markdown."""
     effort = f", effort {record.effort}" if record.effort else ""
-    foot = f"{record.tool.name} {record.tool.version}, ruleset {record.ruleset_version}{effort}"
+    rules = f"ruleset {record.ruleset_version}, profile {record.profile}"
+    foot = f"{record.tool.name} {record.tool.version}, {rules}{effort}"
     sections = [_file_section(file) for file in record.files]
     overview: list[str] = []
     if len(record.files) > 1:

@@ -66,7 +66,11 @@ def record_to_sarif(record: Record) -> str:
         ],
         "artifacts": artifacts,
         "results": _results(findings, rules),
-        "properties": {"ruleset_version": printable(record.ruleset_version), "effort": printable(record.effort)},
+        "properties": {
+            "ruleset_version": printable(record.ruleset_version),
+            "effort": printable(record.effort),
+            "profile": printable(record.profile),
+        },
     }
     document = {"$schema": SCHEMA, "version": "2.1.0", "runs": [run]}
     return json.dumps(document, ensure_ascii=False, allow_nan=False, indent=1) + "\n"

@@ -4,7 +4,10 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Final, Literal
 
-RECORD_VERSION: Final = "1.0"
+RECORD_VERSION: Final = "1.1"
+
+OLDER_RECORD_VERSIONS: Final = ("1.0",)
+"""Versions that are read as well: later ones added fields."""
 
 Outcome = Literal["passed", "failed", "warned", "not_applicable", "not_observable", "crashed"]
 Severity = Literal["critical", "error", "warning", "info"]
@@ -51,6 +54,13 @@ class Measurement:
     least_detectable: float | None
     side: Side = "both"
     tests: int = 1
+    material: float = 0.0
+    """Excess over ``limit`` from which a deviation fails, by the profile of the record; 0: every excess."""
+
+    @property
+    def allowed(self) -> float | None:
+        """The largest deviation that does not fail, in ``unit``; None where there is no limit."""
+        return None if self.limit is None else self.limit + self.material
 
 
 @dataclass(frozen=True, slots=True)
@@ -187,3 +197,5 @@ class Record:
     run: Run
     files: tuple[FileRecord, ...]
     effort: str = ""
+    profile: str = "strict"
+    """Of materiality: ``release``, ``training`` or ``strict``, as records of version 1.0 were."""

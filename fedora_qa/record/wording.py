@@ -189,7 +189,7 @@ def findings_of(file: FileRecord) -> tuple[tuple[Result, Finding], ...]:
 
 
 def principal(result: Result) -> Measurement | None:
-    """Return the measurement that lies farthest out, in units of its limit; the first among equals."""
+    """Return the measurement that lies farthest out, in multiples of what is allowed; the first among equals."""
     return max(result.measurements, key=_excess, default=None)
 
 
@@ -234,7 +234,7 @@ def coverage_words(coverage: Coverage | None) -> str:
 
 
 def _excess(measurement: Measurement) -> float:
-    """Return how far a value lies out, in units of its limit; 0 on a side that does not count."""
+    """Return how far a value lies out, in multiples of what is allowed; 0 on a side that does not count."""
     if measurement.value is None or measurement.expected is None:
         # A value that could not be computed lies farthest out; without an expectation there is no deviation.
         return math.inf if measurement.value is None else 0.0
@@ -243,10 +243,10 @@ def _excess(measurement: Measurement) -> float:
         deviation = abs(difference)
     else:
         deviation = max(difference if measurement.side == "upper" else -difference, 0.0)
-    if not measurement.limit:
-        # A limit of 0 or none belongs to an exact rule: any deviation breaks it.
+    if not measurement.allowed:
+        # Nothing is allowed under an exact rule: any deviation breaks it.
         return math.inf if deviation else 0.0
-    return deviation / measurement.limit
+    return deviation / measurement.allowed
 
 
 def _seconds(time_us: float) -> str:

@@ -59,6 +59,7 @@ def run_provenance(record: Record) -> Provenance:
         ("Made by", f"{record.tool.name} {record.tool.version}, ruleset {record.ruleset_version}"),
         ("Started", record.run.started),
         ("Effort", record.effort or "not stated"),
+        ("Profile", record.profile),
         ("Configuration", record.config_digest),
         ("Record version", record.record_version),
     ]

@@ -88,7 +88,7 @@ class CheckView:
     """One check: a row that is always visible, and its details.
 
     ``principal`` is the measurement that lies farthest out; None where the check was not conclusive. ``nearness`` is
-    its distance from the expected value, in limits; 0 or 1000 where the limit is 0.
+    its distance from the expected value, in multiples of what is allowed; 0 or 1000 where nothing is.
     """
 
     anchor: str
@@ -144,14 +144,14 @@ def subjects_of(
         farthest = principal(result) if result.outcome in _CONCLUSIVE else None
         # How far out that lies: on the side that counts, in limits.
         nearness = 0.0
-        if farthest and farthest.value is not None and farthest.expected is not None and farthest.limit is not None:
+        if farthest and farthest.value is not None and farthest.expected is not None and farthest.allowed is not None:
             deviation = farthest.value - farthest.expected
             counted = {"both": abs(deviation), "upper": max(deviation, 0.0), "lower": max(-deviation, 0.0)}
             distance = counted[farthest.side]
-            if not math.isfinite(distance) or distance > _FARTHEST * farthest.limit:
+            if not math.isfinite(distance) or distance > _FARTHEST * farthest.allowed:
                 nearness = _FARTHEST
-            elif farthest.limit:
-                nearness = distance / farthest.limit
+            elif farthest.allowed:
+                nearness = distance / farthest.allowed
         finding_ids = {finding.id for finding in result.findings}
         view = CheckView(
             anchor=anchors.check(k),
@@ -177,8 +177,8 @@ def subjects_of(
 
 
 def gauge_of(measurement: Measurement) -> Gauge | None:
-    """Return the gauge of a measurement that has a value, an expected value and a limit greater than 0; else None."""
-    value, expected, limit = measurement.value, measurement.expected, measurement.limit
+    """Return the gauge of a measurement that has a value, an expected value and an allowance above 0; else None."""
+    value, expected, limit = measurement.value, measurement.expected, measurement.allowed
     if value is None or expected is None or limit is None or not all(map(math.isfinite, (value, expected, limit))):
         return None
     if limit <= 0:
@@ -202,7 +202,7 @@ def gauge_of(measurement: Measurement) -> Gauge | None:
         detection_limit=detection_limit,
         beyond=0 if abs(deviation) <= _REACH else int(math.copysign(1, deviation)),
         counts=(deviation > 1 and measurement.side != "lower") or (deviation < -1 and measurement.side != "upper"),
-        text=f"{abs(deviation):.3g} of the limit {'above' if deviation >= 0 else 'below'} the expected value",
+        text=f"{abs(deviation):.3g} of what is allowed {'above' if deviation >= 0 else 'below'} the expected value",
     )
 
 
@@ -214,6 +214,10 @@ def _measurement(measurement: Measurement) -> MeasurementView:
     elif measurement.limit is not None:
         sign = {"both": "±", "upper": "+", "lower": "−"}[measurement.side]
         limit = f"{sign}{with_unit(measurement.limit, measurement.unit)}"
+    if measurement.limit is not None and measurement.material:
+        limit = f"{limit}, material from {with_unit(measurement.material, measurement.unit)} more".removeprefix(
+            "exact, "
+        )
     least = measurement.least_detectable
     return MeasurementView(
         name=measurement.name,

@@ -21,7 +21,7 @@ HOOKS = ROOT / ".pre-commit-hooks.yaml"
 EXAMPLES = ROOT / "docs" / "examples"
 
 POLICY = """
-ruleset_version = "1"
+ruleset_version = "2"
 [check]
 select = ["clocks.order", "index_maps"]
 """

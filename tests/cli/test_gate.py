@@ -14,7 +14,7 @@ from tests.cli.conftest import Command, Outcome
 from tests.support.releases import write_checksums, write_release
 
 POLICY = """
-ruleset_version = "1"
+ruleset_version = "2"
 naming = '[a-z0-9/]+\\.h5'
 required_streams = ["rgb", "events", "imu", "flow"]
 same_intrinsics = ["rgb"]

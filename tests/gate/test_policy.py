@@ -37,7 +37,7 @@ def test_the_documented_example_is_read(tmp_path: Path) -> None:
 
 def test_only_the_ruleset_must_be_there(tmp_path: Path) -> None:
     """A policy that only pins the ruleset is one of defaults."""
-    assert read_policy(written(tmp_path, 'ruleset_version = "1"')) == Policy("1")
+    assert read_policy(written(tmp_path, 'ruleset_version = "2"')) == Policy("2")
 
 
 WAIVER = '[[waivers]]\nfile = "a.h5"\ncheck = "imu.noise"\nreason = "r"\nowner = "o"\nexpires = 2099-01-01\n'
@@ -66,19 +66,19 @@ REFUSED = {
 def test_what_is_refused(text: str, named: str, tmp_path: Path) -> None:
     """The offending key or value is named, with what was expected."""
     with pytest.raises(MisuseError, match="Expected") as refused:
-        read_policy(written(tmp_path, f'ruleset_version = "1"\n{text}'))
+        read_policy(written(tmp_path, f'ruleset_version = "2"\n{text}'))
     assert named in str(refused.value)
 
 
 def test_another_ruleset_is_refused(tmp_path: Path) -> None:
     """A policy for another ruleset says which it pins and which this is."""
-    with pytest.raises(MisuseError, match=r"ruleset '99'.*got '1'"):
+    with pytest.raises(MisuseError, match=r"ruleset '99'.*got '2'"):
         read_policy(written(tmp_path, 'ruleset_version = "99"'))
 
 
 def test_a_dialect_lies_beside_the_policy(tmp_path: Path) -> None:
     """A dialect's file is looked for where the policy is."""
-    text = 'ruleset_version = "1"\n[check]\ndialect = "mine.toml"'
+    text = 'ruleset_version = "2"\n[check]\ndialect = "mine.toml"'
     assert read_policy(written(tmp_path, text)).check.dialect == str(tmp_path / "mine.toml")
 
 

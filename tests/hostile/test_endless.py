@@ -22,7 +22,7 @@ DIED: Final = "the process by which it was being opened died twice"
 ENDED: Final = "the process by which it was being opened did not come to an end"
 
 POLICY: Final = """
-ruleset_version = "1"
+ruleset_version = "2"
 required_streams = ["rgb"]
 splits = {all = ["*"]}
 [check]

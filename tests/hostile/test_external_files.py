@@ -215,7 +215,7 @@ def test_commands_and_python_take_the_folders(folder: Path, capsys: pytest.Captu
         assert capsys.readouterr().out != without, command
     assert run(["check", path, "--allow-external", str(folder / "nowhere")]) == 2
     policy = folder / "policy.toml"
-    policy.write_text('ruleset_version = "1"\nfiles = ["main.h5"]\nrequired_streams = ["depth"]\n'
+    policy.write_text('ruleset_version = "2"\nfiles = ["main.h5"]\nrequired_streams = ["depth"]\n'
                       '[check]\nselect = ["integrity"]')  # fmt: skip
     capsys.readouterr()
     assert run(["gate", str(folder), "--policy", str(policy)]) == 1

@@ -51,8 +51,8 @@ CASES = {
     "a count that must be zero": (measured(value=1.0, standard_error=0.0, resolution=1.0), "failed"),
     "a count that is zero": (measured(value=0.0, standard_error=0.0, resolution=1.0), "passed"),
     "not a number": (measured(value=float("nan")), "failed"),
-    "too blunt to be of use": (measured(material=2.0), "not_observable"),
-    "blunt, and off all the same": (measured(value=9.0, material=2.0), "failed"),
+    "too blunt to be of use": (measured(blind_from=2.0), "not_observable"),
+    "blunt, and off all the same": (measured(value=9.0, blind_from=2.0), "failed"),
 }
 
 
@@ -62,7 +62,7 @@ def test_outcome_of_one_value(value: Statistic, outcome: str) -> None:
     assert judged(Observation(SEEN, (value,))).result.outcome == outcome
 
 
-SHARP, BLUNT = measured(material=20.0), measured(name="drift", unit="ppm", material=2.0)
+SHARP, BLUNT = measured(blind_from=20.0), measured(name="drift", unit="ppm", blind_from=2.0)
 
 
 def test_a_pass_names_what_it_could_not_see() -> None:
@@ -104,7 +104,7 @@ def test_blind_to_the_question_is_no_pass(values: tuple[Statistic, ...]) -> None
 def test_an_error_that_could_not_be_estimated_is_blindness(error: float) -> None:
     """No error bar is no sharpness."""
     result = judged(
-        Observation(SEEN, (SHARP, measured(standard_error=error, material=2.0, model_error_bound=1.0)))
+        Observation(SEEN, (SHARP, measured(standard_error=error, blind_from=2.0, model_error_bound=1.0)))
     ).result
     assert result.outcome == "passed" if error > 1 else "failed"
 

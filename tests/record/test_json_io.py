@@ -89,7 +89,7 @@ def test_an_illegal_record_is_not_written(tmp_path: Path) -> None:
 REFUSED = {
     "no JSON": ("hello", "as JSON"),
     "bytes that are no text": (b"\x89HDF\r\n", "as JSON"),
-    "a list": ("[]", "record_version '1.0', got None"),
+    "a list": ("[]", "record_version '1.1', got None"),
     "another version": ('{"record_version": "9.0"}', "got '9.0'"),
     "fields missing": ('{"record_version": "1.0"}', "ruleset_version"),
 }

@@ -17,7 +17,6 @@ from fedora_qa.views.depth_edges import (
 )
 
 _WHERE: Final = Where(stream="depth")
-_MATERIAL_PX: Final = 2.0
 
 
 class AlignmentDepth(WindowCheck[DepthEdges]):
@@ -96,7 +95,7 @@ class AlignmentDepth(WindowCheck[DepthEdges]):
             unit="1",
             standard_error=(stored.peak_fraction_error**2 + mirrored.peak_fraction_error**2) ** 0.5,
             side="upper",
-            material=max(stored.peak_fraction, mirrored.peak_fraction),
+            blind_from=max(stored.peak_fraction, mirrored.peak_fraction),
             # The better of the mirrored variants was chosen.
             tests=len(VARIANTS) - 1,
             statement=f"Steps of depth hold {mirrored.peak_fraction:.2g} of the edges around them in colour frames "
@@ -118,7 +117,6 @@ class AlignmentDepth(WindowCheck[DepthEdges]):
                 unit="px",
                 standard_error=shift.standard_error_px,
                 model_error_bound=shift.model_error_bound_px,
-                material=_MATERIAL_PX,
                 statement=f"Edges of colour frames lie {shift.shift_px:+.3g} +/- {shift.standard_error_px:.2g} px "
                 f"({direction} positive) from the steps of depth.",
                 code="alignment.depth.shift",

@@ -46,8 +46,6 @@ _MOST_GROUPS: Final = 12
 LEAST_CORRELATION: Final = 0.1
 """Least correlation coefficient of events and frames of one scene; unrelated ones reach 0.03."""
 
-_MATERIAL_PX: Final = 2.0
-
 
 @dataclass(frozen=True, slots=True)
 class IntervalCorrelations:
@@ -229,7 +227,6 @@ class AlignmentEvents(WindowCheck[IntervalCorrelations]):
                     unit="px",
                     standard_error=float(error_px),
                     model_error_bound=float(lag_px),
-                    material=_MATERIAL_PX,
                     statement=f"Events lie {value_px:+.3g} +/- {error_px:.2g} px ({direction} positive) from where "
                     "the frames change.",
                     code="alignment.events.shift",

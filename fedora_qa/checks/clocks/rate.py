@@ -36,8 +36,6 @@ _WANDER_PPM: Final = 10.0
 """Largest change of the rate of a correct clock within a file, ppm: a quartz oscillator without compensation changes by
 about 0.04 ppm per K^2 from 25 degrees C, 9 ppm over 15 K."""
 
-_MATERIAL_PPM: Final = 10_000.0
-
 
 @dataclass(frozen=True, slots=True)
 class RoundedClock(Feature):
@@ -159,7 +157,6 @@ class ClocksRate(FactsCheck):
                 f"nominal {nominal_ns / NS_PER_US:.6g} us.",
                 code="clocks.rate.error",
                 where=Where(stream=stream),
-                material=_MATERIAL_PPM,
                 features=(RoundedClock(grid_ns / NS_PER_MS),) if is_rounded else (),
             )
         # If streams keep a nominal rate, the clock of the file is correct: all timestamps are of one clock, and the
@@ -253,7 +250,6 @@ def _change(facts: Facts, stream: str, fit: RegularClock, nominal_ns: float) -> 
         side="upper",
         # Any two segments might have been the slowest and the fastest.
         tests=len(segments) * (len(segments) - 1) // 2,
-        material=_MATERIAL_PPM,
         statement=f"The rate of {stream} changes by {ppm:.4g} ppm within the file: from row {start} to {stop} its "
         f"period is {1e6 * farthest.rate:+.4g} ppm off the nominal one.",
         code="clocks.rate.change",

@@ -30,8 +30,6 @@ _FEWEST_IN_TILE: Final = 20
 """Least number of pixels of a tile: a median of noise over so many exceeds twice its bound in no file."""
 
 _PERCENT: Final = 100.0
-_MATERIAL_PERCENT: Final = 1.0
-"""Material deviation of depth, percent."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -264,7 +262,6 @@ class DepthConsistency(WindowCheck[WindowAgreement]):
                 standard_error=0.0,
                 model_error_bound=_PERCENT * worst.whole.bound,
                 side="upper",
-                material=_MATERIAL_PERCENT,
                 statement=f"Depth frame {worst.first} differs from frame {worst.second} by "
                 f"{_deviation_text(worst.whole)}; {len(off_whole)} of {len(pairs)} pairs are off.",
                 code="depth.consistency.frame",
@@ -278,7 +275,6 @@ class DepthConsistency(WindowCheck[WindowAgreement]):
                 standard_error=0.0,
                 model_error_bound=_PERCENT * worst_by_tile.worst_tile.bound,
                 side="upper",
-                material=_MATERIAL_PERCENT,
                 statement=f"A tile of depth frame {worst_by_tile.first} differs from frame {worst_by_tile.second} by "
                 f"{_deviation_text(worst_by_tile.worst_tile)}; so it is in {len(off_in_tile)} of {len(pairs)} pairs.",
                 code="depth.consistency.tile",

@@ -1,15 +1,11 @@
 """Direction of depths: along the optical axis, or along the ray."""
 
 from collections.abc import Sequence
-from typing import Final
 
 from fedora_qa.checks.depth.parameters import FittedParameter, PairParameter, PooledParameter, ResidualReduction
 from fedora_qa.checks.protocol import Statistic
 from fedora_qa.estimators.depth.pair_fit import Family
 from fedora_qa.views.depth_pairs import DepthPair
-
-_MATERIAL: Final = 0.5
-"""Material error of the exponent: half the difference of z (0) and ray length (1)."""
 
 
 class DepthProjection(FittedParameter):
@@ -60,7 +56,6 @@ class DepthProjection(FittedParameter):
             standard_error=pooled.standard_error,
             expected=0.0,
             model_error_bound=pooled.bound,
-            material=_MATERIAL,
             statement=f"Depths are z times |m| to the power of {pooled.value:.3g}: 0 is z, 1 the length of the ray.",
             code="depth.projection.ray",
             features=(ResidualReduction(pooled.residual_reduction),),

@@ -26,9 +26,6 @@ _SIGNIFICANT: Final = 10.0
 _RELATIVE_STEP: Final = 1e-3
 """Relative step of the numerical derivative by the factor."""
 
-_MATERIAL: Final = 0.5
-"""Material error of the scale: units (m, mm, ft) differ by more."""
-
 
 @dataclass(frozen=True, slots=True)
 class PathScale(Feature):
@@ -142,7 +139,6 @@ class DepthScale(FittedParameter):
             standard_error=pooled.standard_error,
             expected=1.0,
             model_error_bound=pooled.bound,
-            material=_MATERIAL,
             statement=f"Depths are {pooled.value:.4g} times as large as the camera's path in metres makes them.",
             code="depth.scale.factor",
             features=(ResidualReduction(pooled.residual_reduction), path_scale),

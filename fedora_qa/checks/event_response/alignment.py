@@ -152,7 +152,6 @@ class EventResponseAlignment(WindowCheck[ShiftCorrelations]):
 
     name = "event_response.alignment"
     needs = ("events", "rgb")
-    _MATTERS_PX: Final = 2.0
 
     def not_applicable(self, facts: Facts) -> str:
         """Require both cameras at one place, and declared thresholds."""
@@ -283,7 +282,6 @@ class EventResponseAlignment(WindowCheck[ShiftCorrelations]):
             model_error_bound=float(lags[part.axis]),
             # Each part was compared along both axes.
             tests=2 * part.compared,
-            material=self._MATTERS_PX,
             statement=f"{place} events lie {part.shift_px:+.3g} +/- {error:.2g} px ({word} positive) from where they "
             "lie in the rest.",
             code=f"event_response.alignment.{rule}",
@@ -298,7 +296,6 @@ class EventResponseAlignment(WindowCheck[ShiftCorrelations]):
             unit="px",
             standard_error=error,
             model_error_bound=lag,
-            material=self._MATTERS_PX,
             statement=f"Events lie {value:+.3g} +/- {error:.2g} px ({word} positive) from where the frames change.",
             code="event_response.alignment.shift",
             where=Where(stream="events"),

@@ -128,7 +128,7 @@ class EventResponseConservation(Check[ConservationState]):
 
     name = "event_response.conservation"
     needs = ("events", "rgb")
-    _MATTERS: Final = 0.05
+    _MOST_USEFUL: Final = 0.05
     _MOST: Final = 0.5
     """Material share of violating pixels, of the informative pixels."""
     _TILE_MODEL_ERROR_BOUND: Final = 1 / TILE_PX
@@ -206,7 +206,7 @@ class EventResponseConservation(Check[ConservationState]):
             model_error_bound=self._TILE_MODEL_ERROR_BOUND,
             side="upper",
             # No more pixels of a tile can violate the law than are informative.
-            material=min(1.0, max(group.informative for group in groups) / side**2),
+            blind_from=min(1.0, max(group.informative for group in groups) / side**2),
             tests=fractions.size,
             statement=f"In {tile_fraction:.0%} of the pixels of the tile at ({column}, {row}) events do not add up; "
             f"{everywhere:.2%} of all.",
@@ -267,7 +267,7 @@ class EventResponseConservation(Check[ConservationState]):
             model_error_bound=bounds[worst],
             side="upper",
             resolution=1 / size,
-            material=min(self._MATTERS, self._MOST * group.informative / size),
+            blind_from=min(self._MOST_USEFUL, self._MOST * group.informative / size),
             tests=len(groups),
             statement=f"In {counts[worst]} of {size} pixels events do not add up to what the frames "
             f"{group.first_frame} to {group.last_frame} show, most of them across frame {first}.",

@@ -159,7 +159,6 @@ class EventResponseFrames(WindowCheck[IntervalMoments]):
             model_error_bound=CHANGE_BOUND,
             tests=len(gains),
             # Between a repeated frame and one that comes too early, for any scatter of the others.
-            material=1.5 + CHANGE_BOUND,
             statement=f"Between the colour frames {earlier} and {later} the image changes by {gain:.2f} of what events "
             f"say; {middle:.2f} is usual.",
             code="event_response.frames.change",

@@ -72,7 +72,6 @@ class EventResponseModel(WindowCheck[LevelSums]):
             # Negative values favour the declared model; only positive ones contradict it.
             side="upper",
             # A natural logarithm: 1 is a ratio e of the residuals.
-            material=1.0,
             statement=f"Events follow the {other} model: its residual is {theirs:.3g} thresholds, that of the "
             f"declared {declared.model} model {ours:.3g}.",
             code="event_response.model.domain",

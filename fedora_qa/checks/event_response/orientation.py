@@ -219,7 +219,7 @@ def _whole(sums: Float64, predicted: float) -> tuple[Statistic, Statistic]:
         model_error_bound=predicted / 2,
         side="lower",
         # With unrelated events the correlation falls from the predicted one, with an error of up to the bound, to 0.
-        material=1.5 * predicted,
+        blind_from=1.5 * predicted,
         statement=f"Events and frames correlate by {correlations[0]:.2g}; about {predicted:.2g} is due.",
         code="event_response.orientation.unrelated",
         where=Where(stream="events"),
@@ -232,7 +232,7 @@ def _whole(sums: Float64, predicted: float) -> tuple[Statistic, Statistic]:
         standard_error=errors[1],
         side="upper",
         # Excess of the correct orientation over an unrelated one, if another orientation is correct.
-        material=float(np.max(np.abs(correlations))),
+        blind_from=float(np.max(np.abs(correlations))),
         tests=len(alternatives),
         statement=f"Events agree with the frames as {symmetry.text}: correlation {alternatives[orientation]:.2g}, "
         f"as they stand {correlations[0]:.2g}.",
@@ -252,7 +252,6 @@ def _part(name: str, rule: str, part: PartOrientation, where: Where, place: str)
         standard_error=part.standard_error,
         side="upper",
         tests=part.compared * _OTHERS,
-        material=1.0,
         statement=f"{place} events agree with the frames as {symmetry.text}: correlation {part.other:.2g}, "
         f"as they stand {part.declared:.2g}.",
         code=f"event_response.orientation.{rule}",

@@ -107,7 +107,6 @@ class EventResponseThreshold(WindowCheck[WeightedLevelSums]):
 
     name = "event_response.threshold"
     needs = ("events", "rgb")
-    _MATERIAL_PERCENT: Final = 25.0
 
     def not_applicable(self, facts: Facts) -> str:
         """Require both cameras at one place, and declared thresholds."""
@@ -158,7 +157,6 @@ class EventResponseThreshold(WindowCheck[WeightedLevelSums]):
                     unit="%",
                     standard_error=percent * error,
                     model_error_bound=percent * bound,
-                    material=self._MATERIAL_PERCENT,
                     statement=f"{word} events step by {step:.4g} +/- {error:.2g} {unit}; {expected:.4g} {unit} is due "
                     f"with the declared threshold of {nominal:.4g} {unit}.",
                     code="event_response.threshold.size",

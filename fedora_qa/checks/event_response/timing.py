@@ -161,8 +161,6 @@ class EventResponseTiming(WindowCheck[TimingSummary]):
 
     name = "event_response.timing"
     needs = ("events", "rgb")
-    _MATERIAL_MS: Final = 2.0
-    _MATERIAL_PPM: Final = 1_000.0
 
     def not_applicable(self, facts: Facts) -> str:
         """Require both cameras at one place, and declared thresholds."""
@@ -224,7 +222,6 @@ class EventResponseTiming(WindowCheck[TimingSummary]):
             unit="ppm",
             standard_error=error_ppm,
             model_error_bound=1e6 * fitted.rate_bound,
-            material=self._MATERIAL_PPM,
             statement=f"The clock of the events runs {abs(ppm):.3g} +/- {error_ppm:.2g} ppm too "
             f"{'fast' if ppm > 0 else 'slow'} against that of the colour frames.",
             code="event_response.timing.rate",
@@ -260,7 +257,6 @@ class EventResponseTiming(WindowCheck[TimingSummary]):
             standard_error=error,
             expected=expected,
             model_error_bound=bound,
-            material=self._MATERIAL_MS,
             statement=f"Events are {abs(offset):.3g} +/- {hypot(error, bound):.2g} ms "
             f"{'late' if offset > 0 else 'early'} against the colour frames.",
             code="event_response.timing.offset",
@@ -279,7 +275,6 @@ class EventResponseTiming(WindowCheck[TimingSummary]):
             unit="ms",
             standard_error=error,
             tests=local.step.tests,
-            material=self._MATERIAL_MS,
             statement=f"{part} events are {abs(delay):.3g} +/- {error:.2g} ms {'later' if delay > 0 else 'earlier'} "
             f"than {rest}.",
             code=f"event_response.timing.{rule}",

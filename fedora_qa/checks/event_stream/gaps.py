@@ -93,8 +93,6 @@ class EventStreamGaps(WindowCheck[SilenceCount]):
 
     name = "event_stream.gaps"
     needs = ("events",)
-    _MATERIAL_MS: Final = 2.0
-    """In practice one packet of the recorder is lost: 0.2 ms at least, 2 ms usually."""
 
     def measure(self, window: Window) -> SilenceCount:
         """Return the least probable silence that ends in this window; it may begin in an earlier one."""
@@ -128,7 +126,6 @@ class EventStreamGaps(WindowCheck[SilenceCount]):
                 standard_error=_SIGMA_INTERVALS * mean_interval_ms,
                 side="upper",
                 resolution=tick_ns(facts) / 1e6,
-                material=self._MATERIAL_MS,
                 statement="",
                 code="event_stream.gaps.silence",
             )
@@ -147,7 +144,6 @@ class EventStreamGaps(WindowCheck[SilenceCount]):
             # Judgement compares the length with 0: in this unit the silence is z standard errors long.
             standard_error=length_ms / max(worst.z, 0.5),
             side="upper",
-            material=self._MATERIAL_MS,
             tests=sum(count.silences for count in state),
             statement=f"No event for {length_ms:.4g} ms from {start_us:.0f} us, where about {expected} are due.",
             code="event_stream.gaps.silence",

@@ -245,7 +245,6 @@ class FlowEventsSharpness(WindowCheck[tuple[FieldSharpness, ...]]):
 
     name = "flow_events.sharpness"
     needs = ("flow", "events")
-    _MATTERS_PERCENT: Final = 30.0
 
     def not_applicable(self, facts: Facts) -> str:
         """Require the event camera at the place of the depth camera, on whose grid flow lies."""
@@ -365,7 +364,6 @@ class FlowEventsSharpness(WindowCheck[tuple[FieldSharpness, ...]]):
             unit="%",
             standard_error=error_percent,
             model_error_bound=100 * sharpness.gain_model_error_bound,
-            material=self._MATTERS_PERCENT,
             statement=f"Events are sharpest when the {rate} flow is divided by {sharpness.gain:.3g} "
             f"+/- {0.01 * error_percent:.2g}.",
             code="flow_events.sharpness.gain",

@@ -37,9 +37,6 @@ the template does not apply."""
 # A drift of 1 ms/s is 1000 ppm, and lengthens each interval by 0.1%.
 _PPM_PER_MS_PER_S, _PERCENT_PER_MS_PER_S = 1e3, 0.1
 
-_MATERIAL_PX: Final = 0.1
-"""Material endpoint error, px."""
-
 
 @dataclass(frozen=True, slots=True)
 class WindowErrors:
@@ -343,7 +340,6 @@ def _statistics(stream: str, fields: Sequence[FieldError], facts: Facts) -> list
         standard_error=0.0,
         model_error_bound=bound_px,
         side="upper",
-        material=_MATERIAL_PX,
         statement=f"{stream} differs from the flow of depth and pose by {rms_px:.3g} px rms, and rounding explains "
         f"{bound_px:.1g} px; {len(off)} of {len(fields)} fields are off.",
         code="flow_geometry.endpoint.error",
@@ -359,7 +355,6 @@ def _statistics(stream: str, fields: Sequence[FieldError], facts: Facts) -> list
         standard_error=0.0,
         model_error_bound=field.worst_bound_px,
         side="upper",
-        material=_MATERIAL_PX,
         statement=f"Field {field.interval.row} of {stream} differs from the flow of depth and pose by "
         f"{field.worst_px:.3g} px at column {column}, row {row}; rounding explains {field.worst_bound_px:.1g} px.",
         code="flow_geometry.endpoint.worst_pixel",

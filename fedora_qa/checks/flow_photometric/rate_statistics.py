@@ -45,8 +45,6 @@ _MANY_TILES: Final = 10
 SIGNIFICANT_SIGMAS: Final = 6.0
 """Standard errors of a deviation above which a follow-up is made; judgement applies its own limit."""
 
-_MATERIAL_PX: Final = 0.5
-_MATERIAL_PERCENT: Final = 10.0
 
 _GEOMETRIC: Final = (
     ("focal", "percent", "its focal length were too large"),
@@ -257,16 +255,13 @@ def mean_statistics(
         return []
     where = place(facts, (fields[0].interval, fields[-1].interval))
 
-    def statistic(
-        name: str, estimate: TemplateSizes, index: int, unit: str, rule: str, statement: str, material: float | None
-    ) -> Statistic:
+    def statistic(name: str, estimate: TemplateSizes, index: int, unit: str, rule: str, statement: str) -> Statistic:
         return Statistic(
             name=f"{stream} {name}",
             value=float(estimate.sizes[index]),
             unit=unit,
             standard_error=float(estimate.errors[index]),
             model_error_bound=float(estimate.biases[index]),
-            material=material,
             statement=statement,
             code=f"flow_photometric.residual.{rule}",
             where=where,
@@ -277,18 +272,17 @@ def mean_statistics(
     statistics = [
         statistic(f"residual_{axis}", rate.mean, i, "px", "mean",
                   f"{stream} carries frames {abs(mean_px[i]):.3g} px too far "
-                  f"{('right', 'down')[i] if mean_px[i] > 0 else ('left', 'up')[i]} on average.", _MATERIAL_PX)
+                  f"{('right', 'down')[i] if mean_px[i] > 0 else ('left', 'up')[i]} on average.")
         for i, axis in enumerate("uv")
     ]  # fmt: skip
     statistics.append(
         statistic("gain", rate.gain.scaled(100), 0, "percent", "gain",
-                  f"{stream} is {abs(percent):.3g}% too {'large' if percent > 0 else 'small'} for the frames.",
-                  _MATERIAL_PERCENT)
+                  f"{stream} is {abs(percent):.3g}% too {'large' if percent > 0 else 'small'} for the frames.")
     )  # fmt: skip
     if rate.geometric is not None:
         statistics += [
             statistic(name, rate.geometric, i, unit, "template",
-                      f"{stream} leads off the frames as if {meaning} by {rate.geometric.sizes[i]:.3g} {unit}.", None)
+                      f"{stream} leads off the frames as if {meaning} by {rate.geometric.sizes[i]:.3g} {unit}.")
             for i, (name, unit, meaning) in enumerate(_GEOMETRIC) if np.isfinite(rate.geometric.errors[i])
             and rate.geometric.errors[i] < _UNDETERMINED
         ]  # fmt: skip
@@ -375,7 +369,6 @@ def worst_statistics(
             standard_error=error_px,
             model_error_bound=_field_bias_px(worst),
             side="upper",
-            material=_MATERIAL_PX,
             tests=len(fitted),
             statement=f"Field {worst.interval.row} of {stream} carries frame {worst.frame} "
             f"{_mean_px(worst):.3g} px past the frame at its end.",

@@ -36,8 +36,6 @@ RatePair = tuple[str, str]
 
 _MOST_FOLLOW_UPS: Final = 4
 
-_MATERIAL_PX: Final = 0.1
-"""Material endpoint error, px."""
 
 _FEWEST_OFF: Final = 4 * FEWEST_PIXELS
 """Least number of deviating pixels for a trial on these alone: a quarter of them suffices for a comparison."""
@@ -260,7 +258,6 @@ def _error(name: str, pair: RatePair, error: MedianEndpointError, extent: str, r
         standard_error=0.0,
         model_error_bound=error.bound_px,
         side="upper",
-        material=_MATERIAL_PX,
         statement=f"{pair[0]} leads {error.typical_px:.3g} px away from where fields of {pair[1]} lead together, "
         f"and interpolation explains {error.bound_px:.1g} px; {extent}.",
         code=f"flow_rates.composition.{rule}",

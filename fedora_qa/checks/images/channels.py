@@ -98,7 +98,6 @@ class ImagesChannels(ColourCheck):
                 model_error_bound=estimate.bound,
                 side="upper",
                 # 1 is the whole way from the right order to the wrong one.
-                material=1.0,
                 statement=f"In what events see the channels weigh {weights}, {estimate.value:.2f} +/- "
                 f"{hypot(estimate.standard_error, estimate.bound):.2g} of the way "
                 f"from R, G, B to {order}. They are best read as {nearest}.",

@@ -30,7 +30,6 @@ FEWEST_PAIRS: Final = 4
 CLIPPED_SHARE: Final = 0.25
 """Share of pixels at 255 above which a notice of overexposure is given."""
 
-MATERIAL_PERCENT: Final = 20.0
 
 _SAMPLED_EVERY_PX: Final = 4
 
@@ -216,7 +215,6 @@ class ImagesExposure(WindowCheck[WindowExposure]):
                     model_error_bound=100 * model_error_bound,
                     side="upper",
                     tests=len(gains),
-                    material=MATERIAL_PERCENT,
                     statement=f"Frame {frame} is {abs(percent):.3g} +/- {error:.2g}% "
                     f"{'brighter' if percent > 0 else 'darker'} than frame {gains[first].before} at the same points.",
                     code="images.exposure.jump",

@@ -44,9 +44,6 @@ FEWEST_PAIRS_OF_PART: Final = 8
 PARTS: Final = 4
 """Number of parts along each side: at least one lies within any region of half the width and height."""
 
-MATERIAL: Final = 2.0
-"""Material deviation: a displaced frame leaves an interval that deviates by twice the flow; one that repeats, by once
-the flow."""
 
 _IN_PLACE: Final = 0.25
 """Deviation within which an interval is certainly in order: half of ``ALLOWED``."""
@@ -231,7 +228,6 @@ class ImagesOrder(WindowCheck[tuple[FramePairRatio, ...]]):
             expected=1.0,
             model_error_bound=ALLOWED,
             tests=max(facts.sizes.get("path/rgb", 0) - 1, 1),
-            material=MATERIAL + ALLOWED,
             statement=f"Frame {farthest.after} lies {farthest.ratio:.2f} of the flow from frame {farthest.before}; "
             f"{usual:.2f} is usual. {len(off)} frame intervals are out of order.",
             code="images.order.share",

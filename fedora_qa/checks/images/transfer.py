@@ -9,9 +9,6 @@ from fedora_qa.record.types import Where
 from fedora_qa.sequence.declared import EventModel
 from fedora_qa.sequence.facts import Facts
 
-MATERIAL: Final = 0.5
-"""Material deviation of the exponent: half that of the mildest curve of a display, a power of about 2."""
-
 LEVEL_BIAS: Final = 0.04
 """Bias of the exponent by errors of the level between events: not derived, but measured.
 
@@ -93,7 +90,6 @@ class ImagesTransfer(ColourCheck):
                 standard_error=exponent.standard_error,
                 expected=1.0,
                 model_error_bound=exponent.bound + LEVEL_BIAS + of_declared_effects,
-                material=MATERIAL,
                 statement=f"Frames would have to be taken to the power {exponent.value:.2f} +/- {error:.2g} to be what "
                 f"events see{condition}; they are best read as {response.best_curve}.",
                 code="images.transfer.exponent",

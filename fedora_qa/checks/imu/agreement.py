@@ -44,42 +44,36 @@ class ParameterText:
         Words for a positive and for a negative value.
     unit, factor
         Stated unit, and its multiple of the fit's unit.
-    material
-        Largest deviation that may go undetected, in the stated unit.
     """
 
     sentence: str
     senses: tuple[str, str]
     unit: str
     factor: float
-    material: float
 
 
 _SIGNS: Final = ("", "-")
 
 ROTATION_TEXTS: Final[Mapping[str, ParameterText]] = {
-    "bias": ParameterText("The gyro has a bias of {sense}{size} rad/s about {axis}", _SIGNS, "rad/s", 1.0, 0.02),
+    "bias": ParameterText("The gyro has a bias of {sense}{size} rad/s about {axis}", _SIGNS, "rad/s", 1.0),
     "tilt": ParameterText("The gyro is turned by {sense}{size} deg about {axis} against the body of the poses",
-                          _SIGNS, "deg", _DEGREES, 1.0),
-    "scale": ParameterText("The gyro reads {size} percent too {sense}", ("much", "little"), "percent", 100.0, 2.0),
+                          _SIGNS, "deg", _DEGREES),
+    "scale": ParameterText("The gyro reads {size} percent too {sense}", ("much", "little"), "percent", 100.0),
 }  # fmt: skip
 
 TRANSLATION_TEXTS: Final[Mapping[str, ParameterText]] = {
-    "gravity": ParameterText("Gravity is {size} m/s^2 {sense} than declared", ("larger", "smaller"), "m/s^2", 1.0, 0.2),
-    "bias": ParameterText("The accelerometer has a bias of {sense}{size} m/s^2 along {axis}", _SIGNS, "m/s^2", 1.0,
-                          0.2),
-    "slope": ParameterText("Gravity has a part of {sense}{size} m/s^2 along the world's {axis}", _SIGNS, "m/s^2", 1.0,
-                           0.2),
-    "lever": ParameterText("The IMU sits at {sense}{size} m along {axis} from the poses' origin", _SIGNS, "m", 1.0,
-                           0.1),
+    "gravity": ParameterText("Gravity is {size} m/s^2 {sense} than declared", ("larger", "smaller"), "m/s^2", 1.0),
+    "bias": ParameterText("The accelerometer has a bias of {sense}{size} m/s^2 along {axis}", _SIGNS, "m/s^2", 1.0),
+    "slope": ParameterText("Gravity has a part of {sense}{size} m/s^2 along the world's {axis}", _SIGNS, "m/s^2", 1.0),
+    "lever": ParameterText("The IMU sits at {sense}{size} m along {axis} from the poses' origin", _SIGNS, "m", 1.0),
 }  # fmt: skip
 
 TIMING_TEXTS: Final[Mapping[str, ParameterText]] = {
     "time_offset": ParameterText(
-        "The IMU's stamps are {size} ms {sense} against the poses'", ("late", "early"), "ms", 1e3, 1.0
+        "The IMU's stamps are {size} ms {sense} against the poses'", ("late", "early"), "ms", 1e3
     ),
-    "clock_rate": ParameterText("The IMU's clock runs {size} ppm {sense}", ("fast", "slow"), "ppm", 1e6, 500.0),
-    "pose_clock_rate": ParameterText("The poses' clock runs {size} ppm {sense}", ("fast", "slow"), "ppm", 1e6, 500.0),
+    "clock_rate": ParameterText("The IMU's clock runs {size} ppm {sense}", ("fast", "slow"), "ppm", 1e6),
+    "pose_clock_rate": ParameterText("The poses' clock runs {size} ppm {sense}", ("fast", "slow"), "ppm", 1e6),
 }
 
 
@@ -335,7 +329,6 @@ def parameter_statistics(
                 unit=text.unit,
                 standard_error=error,
                 model_error_bound=text.factor * parameter.model_error,
-                material=text.material,
                 statement=f"{sentence} (+- {error:.2g}).",
                 code=f"{check}.{group_of(name)}",
                 where=Where(stream="imu"),
@@ -402,7 +395,6 @@ def local_statistics(
             unit=text.unit,
             standard_error=text.factor * worst.standard_error,
             model_error_bound=text.factor * worst.model_error,
-            material=text.material,
             # Each segment was compared, in every component of the group.
             tests=worst.tests * len(names),
             statement=f"From {where.start_us:.0f} to {where.stop_us:.0f} us {name} is {size}, "

@@ -181,9 +181,9 @@ class PoseContinuity(WindowCheck[PoseSamples]):
         frozen_rows, of_timestamps = frozen_poses(poses), timestamp_defects(facts, "pose")
         model = facts.declared.pose or PoseModel()
         measurements: list[Statistic] = []
-        kinds: tuple[tuple[str, str, float, float, SampledCurve], ...] = (
-            ("position", "m", 1.0, 0.1, VectorSamples(poses.positions_world_m)),
-            ("rotation", "deg", float(np.degrees(1)), 2.0, OrientationSamples(poses.orientations_xyzw)),
+        kinds: tuple[tuple[str, str, float, SampledCurve], ...] = (
+            ("position", "m", 1.0, VectorSamples(poses.positions_world_m)),
+            ("rotation", "deg", float(np.degrees(1)), OrientationSamples(poses.orientations_xyzw)),
         )
         # Rounded timestamps and stored digits are the least noise: below it each rounding of exact poses would be a
         # jump.
@@ -191,7 +191,7 @@ class PoseContinuity(WindowCheck[PoseSamples]):
             max(model.position_sigma_m, position_floor_m(poses)),
             max(model.rotation_sigma_rad, rotation_floor_rad(poses)),
         )
-        for (name, unit, factor, material, curve), least_sigma in zip(kinds, least_sigmas, strict=True):
+        for (name, unit, factor, curve), least_sigma in zip(kinds, least_sigmas, strict=True):
             level = noise_level(poses.times_ns, curve, order=NOISE_ORDER)
             sigma = max(least_sigma, 0.0 if level is None else level.sigma)
             # Of the matched filters that are short enough for the file, the most precise.
@@ -222,7 +222,6 @@ class PoseContinuity(WindowCheck[PoseSamples]):
                     unit=unit,
                     standard_error=factor * float(errors[row]),
                     model_error_bound=factor * float(steps.motion[row]),
-                    material=material,
                     # Each place and axis is a comparison of its own.
                     tests=steps.sizes.size,
                     statement=f"The {name} jumps by {abs(size):.4g} {unit} within one step.",

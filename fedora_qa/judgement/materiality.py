@@ -1,0 +1,130 @@
+"""Materiality: from which size a deviation matters to those who publish a file or train on it.
+
+A deviation is significant where it exceeds its limit, and material where it exceeds the limit by more than a size of
+the table ``materiality.toml``. Significance follows from noise; the size follows from the use of the data.
+"""
+
+import tomllib
+from collections.abc import Mapping
+from dataclasses import dataclass
+from fnmatch import fnmatchcase
+from functools import cache
+from importlib import resources
+from typing import Any, Final, Literal
+
+from fedora_qa.checks.protocol import Statistic
+from fedora_qa.conventions import NS_PER_S
+from fedora_qa.sequence.facts import Facts
+
+Profile = Literal["release", "training", "strict"]
+
+PROFILES: Final[tuple[Profile, ...]] = ("release", "training", "strict")
+
+
+@dataclass(frozen=True, slots=True)
+class MaterialityRow:
+    """Sizes of one kind of deviation, or that every deviation of the kind matters.
+
+    Attributes
+    ----------
+    codes
+        Patterns of the codes of findings: ``*`` stands for any text.
+    unit
+        Of the sizes; empty where the row is exact.
+    release, training
+        Material sizes of the profiles: in ``unit``, as a share of the expected value where ``relative``, in ms over the
+        whole file where ``drift``.
+    blind_from
+        Detection limit in the unit of the measurement above which it is of no use; None: none.
+    exact
+        Whether every deviation matters.
+    reason, source
+        Why the sizes are not others, and from where they are taken.
+    """
+
+    codes: tuple[str, ...]
+    reason: str
+    unit: str = ""
+    release: float = 0.0
+    training: float = 0.0
+    blind_from: float | None = None
+    relative: bool = False
+    drift: bool = False
+    exact: bool = False
+    source: str = ""
+
+    def describes(self, code: str, unit: str) -> bool:
+        """Return whether the row holds for measurements of a code in a unit."""
+        return (self.exact or self.unit == unit) and any(fnmatchcase(code, pattern) for pattern in self.codes)
+
+
+def _read_table() -> tuple[MaterialityRow, ...]:
+    text = resources.files("fedora_qa.judgement").joinpath("materiality.toml").read_text(encoding="utf-8")
+    rows: list[Mapping[str, Any]] = tomllib.loads(text)["row"]
+    return tuple(MaterialityRow(**{**row, "codes": tuple(row["codes"])}) for row in rows)
+
+
+MATERIALITY: Final = _read_table()
+
+
+@cache
+def materiality_row(code: str, unit: str) -> MaterialityRow | None:
+    """Return the first row of the table for measurements of a code in a unit; None where there is none."""
+    return next((row for row in MATERIALITY if row.describes(code, unit)), None)
+
+
+@dataclass(frozen=True, slots=True)
+class Materiality:
+    """The material sizes of one file under a profile.
+
+    Attributes
+    ----------
+    profile
+        ``strict``: every significant deviation is material.
+    duration_s
+        From the first timestamp of the file to the last, s.
+    """
+
+    profile: Profile = "strict"
+    duration_s: float = 0.0
+
+    def size(self, statistic: Statistic) -> float:
+        """Return the material size of a statistic.
+
+        Returns
+        -------
+        float
+            In its unit; 0 where every deviation matters.
+
+        Raises
+        ------
+        LookupError
+            The profile has sizes, and the table has no row for the statistic.
+        """
+        if self.profile == "strict":
+            return 0.0
+        row = materiality_row(statistic.code, statistic.unit)
+        if row is None:
+            kind = f"{statistic.code} in {statistic.unit}"
+            raise LookupError(f"Expected a row of materiality.toml for {kind}, got none; add one with its reason")
+        if row.exact:
+            return 0.0
+        size = row.release if self.profile == "release" else row.training
+        if row.relative:
+            return size * abs(statistic.expected)
+        if row.drift:
+            # A rate of 1 ppm adds up to 1e-3 ms within a second.
+            return 1e3 * size / self.duration_s if self.duration_s > 0 else 0.0
+        return size
+
+
+def materiality_of(profile: Profile, facts: Facts) -> Materiality:
+    """Return the material sizes of a file under a profile."""
+    clocks_ns = [clock.times_ns for clock in facts.clocks.values() if len(clock.times_ns)]
+    firsts_ns = [int(times_ns.min()) for times_ns in clocks_ns]
+    lasts_ns = [int(times_ns.max()) for times_ns in clocks_ns]
+    if facts.events is not None and facts.events.count:
+        firsts_ns.append(facts.events.first_ns)
+        lasts_ns.append(facts.events.last_ns)
+    duration_ns = max(lasts_ns, default=0) - min(firsts_ns, default=0)
+    return Materiality(profile, duration_ns / NS_PER_S)

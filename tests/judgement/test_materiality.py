@@ -1,0 +1,140 @@
+"""The table of material sizes, and how deviations are judged by it."""
+
+import ast
+from dataclasses import replace
+from fnmatch import fnmatchcase
+from pathlib import Path
+from typing import Final
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from fedora_qa.checks.protocol import Observation, Statistic
+from fedora_qa.judgement.judge import Judged, judge
+from fedora_qa.judgement.materiality import MATERIALITY, Materiality, MaterialityRow, Profile, materiality_row
+from fedora_qa.record.types import Coverage
+from tests.judgement.test_judge import Toy
+
+CHECKS: Final = Path(__file__).parents[2] / "fedora_qa" / "checks"
+
+OFFSET: Final = Statistic(
+    name="time_offset", value=0.0, unit="ms", standard_error=0.001, statement="Events are late.",
+    code="event_response.timing.offset",
+)  # fmt: skip
+
+
+def codes_of_checks() -> tuple[str, ...]:
+    """Return the text of each ``code=`` of a check, with ``*`` for what a formatted string fills in."""
+    codes = set()
+    for path in CHECKS.rglob("*.py"):
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+            if isinstance(node, ast.keyword) and node.arg == "code":
+                if isinstance(node.value, ast.Constant):
+                    codes.add(str(node.value.value))
+                elif isinstance(node.value, ast.JoinedStr):
+                    parts = (str(p.value) if isinstance(p, ast.Constant) else "*" for p in node.value.values)
+                    codes.add("".join(parts))
+    return tuple(sorted(codes))
+
+
+CODES: Final = codes_of_checks()
+
+
+def judged(statistic: Statistic, profile: Profile, duration_s: float = 1.0) -> Judged:
+    return judge({"toy.whole": Observation(Coverage(1, 1, "rows"), (statistic,))}, [Toy()], 1e-4,
+                 Materiality(profile, duration_s))[0]  # fmt: skip
+
+
+def fits(first: str, second: str) -> bool:
+    """Return whether one text with ``*`` stands for what the other stands for."""
+    return fnmatchcase(first.replace("*", "x"), second) or fnmatchcase(second.replace("*", "x"), first)
+
+
+@pytest.mark.parametrize("code", CODES)
+def test_every_code_has_a_row(code: str) -> None:
+    """A rule that a check states fits a row, whole or as one of the codes that its formatted text stands for."""
+    assert any(fits(code, pattern) for row in MATERIALITY for pattern in row.codes)
+
+
+@pytest.mark.parametrize("row", MATERIALITY, ids=lambda row: f"{row.codes[0]} {row.unit}")
+def test_a_row_has_a_use_and_a_reason(row: MaterialityRow) -> None:
+    """Each of its codes is one of a check; sizes grow from release to training, and have a reason and a source."""
+    assert all(any(fits(code, pattern) for code in CODES) for pattern in row.codes)
+    assert len(row.reason.split()) >= 4
+    if row.exact:
+        assert (row.unit, row.release, row.training) == ("", 0, 0)
+    else:
+        assert "" not in {row.unit, row.source}
+        assert 0 < row.release <= row.training
+
+
+@given(st.floats(0, 1), st.sampled_from(["release", "training"]))
+def test_what_is_certain_fails_only_where_it_matters(deviation_ms: float, profile: Profile) -> None:
+    """Beyond its limit by less than 0.1 ms an offset passes with an information that states both numbers."""
+    result = judged(replace(OFFSET, value=deviation_ms), profile).result
+    measured = result.measurements[0]
+    assert measured.limit is not None
+    excess = deviation_ms - measured.limit
+    assert result.outcome == ("failed" if excess - 0.1 > 0 else "passed")
+    codes = [(finding.code, finding.severity) for finding in result.findings]
+    if excess <= 0:
+        assert codes == []
+    elif excess <= 0.1:
+        assert codes == [("toy.whole.immaterial", "info")]
+        assert "Measurable, not material" in result.findings[0].message
+        assert "0.1 ms more would be material" in result.findings[0].message
+    else:
+        assert codes == [("event_response.timing.offset", "error")]
+
+
+@given(st.floats(-1, 1))
+def test_strict_has_no_sizes(deviation_ms: float) -> None:
+    """Every deviation beyond its limit fails."""
+    result = judged(replace(OFFSET, value=deviation_ms), "strict").result
+    measured = result.measurements[0]
+    assert measured.limit is not None
+    assert measured.material == 0
+    assert (result.outcome == "failed") == (abs(deviation_ms) > measured.limit)
+
+
+def test_a_fault_of_the_stated_size_fails() -> None:
+    """What the record states as detectable fails under the profile of the record, and not only measurably."""
+    stated = judged(OFFSET, "release").result.measurements[0]
+    assert stated.least_detectable is not None
+    assert stated.material == 0.1
+    assert judged(replace(OFFSET, value=stated.least_detectable), "release").result.outcome == "failed"
+
+
+def test_immaterial_deviations_have_no_alarm() -> None:
+    """Diagnosis names no cause of what does not matter."""
+    assert judged(replace(OFFSET, value=0.05), "release").alarms == ()
+    assert len(judged(replace(OFFSET, value=0.05), "strict").alarms) == 1
+
+
+def test_a_rate_matters_by_its_drift() -> None:
+    """1 ppm is 1 us in a second, and 0.1 ms in 100 s."""
+    rate = Statistic("rate_error", 0.0, "ppm", 0.0, "The clock is fast.", "clocks.rate.error")
+    assert Materiality("release", 1.0).size(rate) == pytest.approx(100.0)
+    assert Materiality("release", 100.0).size(rate) == pytest.approx(1.0)
+    assert Materiality("release", 0.0).size(rate) == 0.0
+
+
+def test_a_share_of_what_is_expected() -> None:
+    """Depth beyond its declared range matters from a thousandth of its end."""
+    depth = Statistic("farthest", 100.0, "m", 0.0, "Too far.", "depth.range.farthest", expected=100.0)
+    assert Materiality("release", 1.0).size(depth) == pytest.approx(0.1)
+
+
+def test_exact_measurements_have_no_size() -> None:
+    """A count that must be zero fails at one, whatever the profile."""
+    count = Statistic("missing", 1.0, "samples", 0.0, "One is lost.", "clocks.gaps.missing", resolution=1.0)
+    for profile in ("release", "training", "strict"):
+        assert judged(count, profile).result.outcome == "failed"
+
+
+def test_a_code_without_a_row_is_an_error() -> None:
+    """A rule that was added without a size cannot be judged by a profile that has sizes."""
+    assert materiality_row("toy.whole.offset", "ms") is None
+    with pytest.raises(LookupError, match="add one with its reason"):
+        judged(replace(OFFSET, code="toy.whole.offset"), "release")
