@@ -256,7 +256,7 @@ def test_record_tells_the_run(fedora_qa: Command, sequence: Path, tmp_path: Path
     assert record.run.seconds["measuring"] >= 0
     document = json.loads((tmp_path / "out.json").read_text(encoding="utf-8"))
     assert list(document) == [
-        "record_version", "ruleset_version", "tool", "config_digest", "run", "files", "effort",
+        "record_version", "ruleset_version", "tool", "config_digest", "run", "files", "effort", "profile",
     ]  # fmt: skip
 
 
