@@ -53,6 +53,14 @@ class MedianEndpointError:
         """Ratio of error to bound: above 1 most pixels exceed their bounds."""
         return self.typical_px / self.bound_px
 
+    @property
+    def rank(self) -> tuple[float, float]:
+        """Key by which the worst of several is chosen: by excess over the bound, within the bounds by their ratio.
+
+        Whether a deviation matters follows from its excess in px, and not from its ratio to a bound.
+        """
+        return max(self.typical_px - self.bound_px, 0.0), self.suspicion
+
 
 @dataclass(frozen=True, slots=True)
 class RateAgreement:

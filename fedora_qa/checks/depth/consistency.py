@@ -84,6 +84,14 @@ class DepthDeviation:
         """Ratio of the residual to its bound: above 1 most pixels exceed their bounds."""
         return self.typical / self.bound
 
+    @property
+    def rank(self) -> tuple[float, float]:
+        """Key by which the worst of several is chosen: by excess over the bound, within the bounds by their ratio.
+
+        Whether a deviation matters follows from its excess, and not from its ratio to a bound.
+        """
+        return max(self.typical - self.bound, 0.0), self.excess
+
 
 @dataclass(frozen=True, slots=True)
 class PairAgreement:
@@ -249,9 +257,9 @@ class DepthConsistency(WindowCheck[WindowAgreement]):
             PairsOff(len(off), len(pairs), sum(pair.repeats for pair in off)),
             *(trials for window in state for trials in window.trials),
         )
-        worst = max(pairs, key=lambda pair: pair.whole.excess)
+        worst = max(pairs, key=lambda pair: pair.whole.rank)
         off_whole = [pair for pair in pairs if pair.whole.excess > 1]
-        worst_by_tile = max(pairs, key=lambda pair: pair.worst_tile.excess)
+        worst_by_tile = max(pairs, key=lambda pair: pair.worst_tile.rank)
         off_in_tile = [pair for pair in pairs if pair.worst_tile.excess > 1]
         statistics = [
             Statistic(

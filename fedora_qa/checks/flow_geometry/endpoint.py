@@ -345,8 +345,8 @@ def _statistics(stream: str, fields: Sequence[FieldError], facts: Facts) -> list
         code="flow_geometry.endpoint.error",
         where=_where(off or fields, facts),
     )
-    # In units of its own bound, which differs over the image with depth and motion.
-    field = max(fields, key=lambda field: field.worst_px / field.worst_bound_px)
+    # By excess over its own bound, which differs over the image with depth and motion; within the bounds by the ratio.
+    field = max(fields, key=lambda f: (max(f.worst_px - f.worst_bound_px, 0.0), f.worst_px / f.worst_bound_px))
     column, row = field.worst_pixel
     worst = Statistic(
         name=f"{stream} worst_endpoint_error",

@@ -228,8 +228,8 @@ class FlowRatesComposition(WindowCheck[WindowComposition]):
                 if agreement.whole and agreement.worst_tile
             ]
             if compared:
-                whole = max(compared, key=lambda errors: errors[1].suspicion)
-                tile = max(compared, key=lambda errors: errors[2].suspicion)
+                whole = max(compared, key=lambda errors: errors[1].rank)
+                tile = max(compared, key=lambda errors: errors[2].rank)
                 off = [agreement for agreement, error, _ in compared if error.suspicion > 1]
                 off_tile = [agreement for agreement, _, error in compared if error.suspicion > 1]
                 extent = f"{len(off)} of {len(compared)} intervals are off"
