@@ -100,7 +100,7 @@ def judge(
         immaterial: list[Finding] = []
         measurements: list[Measurement] = []
         for s in observation.measurements:
-            size = materiality.size(s)
+            size = materiality.size(s.code, s.unit, s.expected)
             if exceeds_limit(s, tolerance, size):
                 finding = Finding(f"F{next_id}", s.code, s.severity, s.statement, s.where)
                 alarms.append(Alarm(finding, s))
@@ -120,6 +120,7 @@ def judge(
                     side=s.side,
                     tests=s.tests,
                     material=size,
+                    code=s.code,
                 )
             )
         findings = [alarm.finding for alarm in alarms]

@@ -12,7 +12,6 @@ from functools import cache
 from importlib import resources
 from typing import Any, Final, Literal
 
-from fedora_qa.checks.protocol import Statistic
 from fedora_qa.conventions import NS_PER_S
 from fedora_qa.sequence.facts import Facts
 
@@ -88,30 +87,40 @@ class Materiality:
     profile: Profile = "strict"
     duration_s: float = 0.0
 
-    def size(self, statistic: Statistic) -> float:
-        """Return the material size of a statistic.
+    def size(self, code: str, unit: str, expected: float) -> float:
+        """Return the material size of a measurement.
+
+        Parameters
+        ----------
+        code
+            Of its finding.
+        unit
+            Of the measurement.
+        expected
+            The value that a correct file gives, in ``unit``.
 
         Returns
         -------
         float
-            In its unit; 0 where every deviation matters.
+            In ``unit``; 0 where every deviation matters.
 
         Raises
         ------
         LookupError
-            The profile has sizes, and the table has no row for the statistic.
+            The profile has sizes, and the table has no row for the measurement.
         """
         if self.profile == "strict":
             return 0.0
-        row = materiality_row(statistic.code, statistic.unit)
+        row = materiality_row(code, unit)
         if row is None:
-            kind = f"{statistic.code} in {statistic.unit}"
-            raise LookupError(f"Expected a row of materiality.toml for {kind}, got none; add one with its reason")
+            raise LookupError(
+                f"Expected a row of materiality.toml for {code} in {unit}, got none; add it with its reason"
+            )
         if row.exact:
             return 0.0
         size = row.release if self.profile == "release" else row.training
         if row.relative:
-            return size * abs(statistic.expected)
+            return size * abs(expected)
         if row.drift:
             # A rate of 1 ppm adds up to 1e-3 ms within a second.
             return 1e3 * size / self.duration_s if self.duration_s > 0 else 0.0

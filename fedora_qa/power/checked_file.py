@@ -2,8 +2,10 @@
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from math import inf
 
-from fedora_qa.record.types import FileRecord, Side
+from fedora_qa.judgement.materiality import Materiality
+from fedora_qa.record.types import FileRecord, Measurement, Result, Side
 
 
 @dataclass(frozen=True, slots=True)
@@ -47,6 +49,8 @@ class CheckedFile:
     ----------
     failed, crashed
         Names of checks.
+    material
+        Names of failed checks with a deviation that is material to a release.
     measurements
         Of the checks that came to a verdict.
     diagnoses
@@ -56,6 +60,7 @@ class CheckedFile:
     sha256: str
     failed: tuple[str, ...]
     crashed: tuple[str, ...]
+    material: tuple[str, ...]
     measurements: tuple[MeasuredDeviation, ...]
     diagnoses: tuple[NamedCause, ...]
 
@@ -71,7 +76,9 @@ class CheckedFile:
 
 
 def checked_from(file: FileRecord) -> CheckedFile:
-    """Return what a study stores of a record."""
+    """Return what a study stores of a record of the profile ``strict``."""
+    duration_s = file.statistics.get("sequence", {}).get("duration_s")
+    release = Materiality("release", duration_s if isinstance(duration_s, float) else 0.0)
     measurements = tuple(
         MeasuredDeviation(
             result.check,
@@ -91,6 +98,7 @@ def checked_from(file: FileRecord) -> CheckedFile:
         sha256=file.sha256,
         failed=tuple(result.check for result in file.results if result.outcome == "failed"),
         crashed=tuple(result.check for result in file.results if result.outcome == "crashed"),
+        material=tuple(result.check for result in file.results if _is_material(result, release)),
         measurements=measurements,
         diagnoses=tuple(
             NamedCause(
@@ -99,3 +107,19 @@ def checked_from(file: FileRecord) -> CheckedFile:
             for diagnosis in file.diagnoses
         ),
     )
+
+
+def _is_material(result: Result, release: Materiality) -> bool:
+    """Return whether a check failed by a deviation that exceeds its limit by a size that matters to a release."""
+    return result.outcome == "failed" and any(
+        _excess(m) > release.size(m.code, m.unit, m.expected or 0.0) for m in result.measurements
+    )
+
+
+def _excess(measurement: Measurement) -> float:
+    """Return how far a deviation exceeds its limit, in the unit of the measurement; infinite where it is no number."""
+    if measurement.value is None or measurement.expected is None or measurement.limit is None:
+        return inf
+    deviation = measurement.value - measurement.expected
+    counted = {"both": abs(deviation), "upper": deviation, "lower": -deviation}[measurement.side]
+    return counted - measurement.limit

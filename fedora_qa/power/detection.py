@@ -97,13 +97,23 @@ def detections(sized: CauseTrials) -> tuple[Detection, ...]:
         )
         detected_share = share_of(sum(detected), len(detected))
         curve = curve_of(sized.sizes, detected, worse_when_smaller=sized.worse_when_smaller)
-        rows.append(Detection(sized.cause, sized.unit, check, detected_share, tried, curve))
+        material = [is_material_to(trial, check) for trial in sized.trials]
+        material_share = share_of(sum(material), len(material))
+        material_curve = curve_of(sized.sizes, material, worse_when_smaller=sized.worse_when_smaller)
+        rows.append(
+            Detection(sized.cause, sized.unit, check, detected_share, tried, curve, material_share, material_curve)
+        )
     return tuple(rows)
 
 
 def is_found_by(trial: Trial, check: str) -> bool:
     """Whether the check failed; any check where it is empty."""
     return check in trial.checked.failed if check else trial.checked.is_found
+
+
+def is_material_to(trial: Trial, check: str) -> bool:
+    """Return whether the check failed by a deviation that is material to a release; any check where it is empty."""
+    return check in trial.checked.material if check else bool(trial.checked.material)
 
 
 def curve_of(sizes: Sequence[float], detected: Sequence[bool], *, worse_when_smaller: bool = False) -> Curve:

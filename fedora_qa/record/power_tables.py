@@ -163,10 +163,15 @@ def _detections(power: Power) -> PowerTable:
                     detection.check or ANY_CHECK,
                     share_words(detection.found),
                     curve_words(detection.curve, detection.unit),
+                    "-" if detection.material is None else share_words(detection.material),
+                    "-" if detection.material_curve is None else curve_words(detection.material_curve, detection.unit),
                 )
             )
-    head = ("cause", "check", "found", "found 95% of the time")
-    note = "Faults of whole files; sizes with 95% intervals. Of each cause the checks that find it most often."
+    head = ("cause", "check", "found", "found 95% of the time", "fails a release", "fails it 95% of the time")
+    note = (
+        "Faults of whole files; sizes with 95% intervals. Of each cause the checks that find it most often. Found is "
+        "what is significant (profile strict); a release is failed by what is material besides (profile release)."
+    )
     return PowerTable("Detection", head, tuple(rows), words=2, note=note)
 
 

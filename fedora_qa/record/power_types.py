@@ -89,7 +89,11 @@ class Curve:
 
 @dataclass(frozen=True, slots=True)
 class Detection:
-    """How well one check (or any, where ``check`` is empty) finds a cause planted in whole files, in ``unit``."""
+    """How well one check (or any, where ``check`` is empty) finds a cause planted in whole files, in ``unit``.
+
+    ``material`` and ``material_curve`` count the found only where the deviation is material to a release; None in
+    records made before they were counted.
+    """
 
     cause: str
     unit: str
@@ -97,6 +101,8 @@ class Detection:
     found: Share
     tried: tuple[Tried, ...]
     curve: Curve
+    material: Share | None = None
+    material_curve: Curve | None = None
 
 
 @dataclass(frozen=True, slots=True)

@@ -56,6 +56,8 @@ class Measurement:
     tests: int = 1
     material: float = 0.0
     """Excess over ``limit`` from which a deviation fails, by the profile of the record; 0: every excess."""
+    code: str = ""
+    """Of the finding that a deviation would be; empty in records of version 1.0."""
 
     @property
     def allowed(self) -> float | None:

@@ -115,15 +115,15 @@ def test_immaterial_deviations_have_no_alarm() -> None:
 def test_a_rate_matters_by_its_drift() -> None:
     """1 ppm is 1 us in a second, and 0.1 ms in 100 s."""
     rate = Statistic("rate_error", 0.0, "ppm", 0.0, "The clock is fast.", "clocks.rate.error")
-    assert Materiality("release", 1.0).size(rate) == pytest.approx(100.0)
-    assert Materiality("release", 100.0).size(rate) == pytest.approx(1.0)
-    assert Materiality("release", 0.0).size(rate) == 0.0
+    assert Materiality("release", 1.0).size(rate.code, rate.unit, rate.expected) == pytest.approx(100.0)
+    assert Materiality("release", 100.0).size(rate.code, rate.unit, rate.expected) == pytest.approx(1.0)
+    assert Materiality("release", 0.0).size(rate.code, rate.unit, rate.expected) == 0.0
 
 
 def test_a_share_of_what_is_expected() -> None:
     """Depth beyond its declared range matters from a thousandth of its end."""
     depth = Statistic("farthest", 100.0, "m", 0.0, "Too far.", "depth.range.farthest", expected=100.0)
-    assert Materiality("release", 1.0).size(depth) == pytest.approx(0.1)
+    assert Materiality("release", 1.0).size(depth.code, depth.unit, depth.expected) == pytest.approx(0.1)
 
 
 def test_exact_measurements_have_no_size() -> None:
@@ -136,5 +136,5 @@ def test_exact_measurements_have_no_size() -> None:
 def test_a_code_without_a_row_is_an_error() -> None:
     """A rule that was added without a size cannot be judged by a profile that has sizes."""
     assert materiality_row("toy.whole.offset", "ms") is None
-    with pytest.raises(LookupError, match="add one with its reason"):
+    with pytest.raises(LookupError, match="add it with its reason"):
         judged(replace(OFFSET, code="toy.whole.offset"), "release")

@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import pytest
 
+from fedora_qa.power.checked_file import checked_from
 from fedora_qa.power.detection import by_cause, curve_of, detections, false_alarms
 from fedora_qa.power.manifest import PlantedFault
 from fedora_qa.power.naming import confusions, naming
@@ -14,6 +15,8 @@ from fedora_qa.power.study import Trial
 from fedora_qa.power.tables import magnitude_errors, power_of
 from fedora_qa.power.units import factor_between
 from fedora_qa.record.power_types import NOT_FOUND, StatedLimit
+from fedora_qa.record.types import Coverage, Measurement, Result
+from tests.support.records import file_record
 from tests.support.studies import CHECK, CLEAN, ORIGIN, clean, faulty, late, measurement, study
 
 
@@ -37,6 +40,34 @@ def test_limit_is_found_where_it_was_planted() -> None:
     assert at_95.low < 1.0 < at_95.high
     assert sum(part.found.of for part in whole.tried) == 60
     assert sum(part.found.count for part in whole.tried) == whole.found.count
+
+
+def test_what_is_found_need_not_fail_a_release() -> None:
+    """Of events that are late by 0.01 to 1 ms, all are found, and those late by less than 0.1 ms pass a release."""
+    sizes_ms = [0.01 * 1.2**k for k in range(26)]
+    trials = [
+        faulty(k, PlantedFault("time_offset", "events", size, "ms"), material=size > 0.1)
+        for k, size in enumerate(sizes_ms)
+    ]
+    (sized,) = by_cause(trials)
+    whole, check = detections(sized)
+    for row in (whole, check):
+        assert row.curve.fitted == "all_found"
+        assert row.material is not None
+        assert row.material_curve is not None
+        assert row.material.count == sum(size > 0.1 for size in sizes_ms)
+        at_95 = row.material_curve.at_95
+        assert at_95.low is not None
+        assert at_95.high is not None
+        assert at_95.low < 0.13 < at_95.high
+
+
+@pytest.mark.parametrize(("value", "material"), [(0.05, ()), (0.5, (CHECK,)), (None, (CHECK,))])
+def test_a_failed_check_is_material_by_its_measurement(value: float | None, material: tuple[str, ...]) -> None:
+    """Beyond its limit by 0.05 ms an offset is immaterial to a release, by 0.5 ms it is not, and no number never is."""
+    offset = Measurement("time_offset", value, "ms", 0.001, 0.0, 0.004, 0.006, code="event_response.timing.offset")
+    failed = Result(CHECK, "failed", "Are events in time?", (offset,), Coverage(1, 1, "windows"))
+    assert checked_from(file_record(failed)).material == material
 
 
 def test_a_fault_that_grows_as_its_size_falls() -> None:

@@ -23,7 +23,7 @@ HOT = Where(stream="events", pixel=(17, 4))
 
 def passed(check: str = "clocks.order") -> Result:
     """A check that passed and saw everything."""
-    measured = Measurement("backward_steps", 0.0, "samples", 0.0, 0.0, 0.0, 1.0)
+    measured = Measurement("backward_steps", 0.0, "samples", 0.0, 0.0, 0.0, 1.0, code="clocks.order.backward_steps")
     return Result(check, "passed", "Do stamps advance?", (measured,), Coverage(101, 101, "frames"))
 
 
@@ -34,8 +34,8 @@ def failed() -> Result:
         outcome="failed",
         question="Do events come when the light changes?",
         measurements=(
-            Measurement("threshold", 0.2001, "nat", 0.0002, 0.2, 0.001, 0.0015),
-            Measurement("offset", 2.0634, "ms", 0.031, 0.0, 0.16, 0.21),
+            Measurement("threshold", 0.2001, "nat", 0.0002, 0.2, 0.001, 0.0015, code="event_response.model.domain"),
+            Measurement("offset", 2.0634, "ms", 0.031, 0.0, 0.16, 0.21, code="event_response.timing.offset"),
         ),
         coverage=Coverage(12, 101, "frames"),
         findings=(

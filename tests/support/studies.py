@@ -27,20 +27,23 @@ def clean(
     file: str = CLEAN, *, failed: Sequence[str] = (), stated: Sequence[MeasuredDeviation] = (measurement(),)
 ) -> Trial:
     """A clean file, which states that it would have seen a fault of 1 ms."""
-    return Trial(CorpusItem(file), CheckedFile("0" * 64, tuple(failed), (), tuple(stated), ()))
+    return Trial(CorpusItem(file), CheckedFile("0" * 64, tuple(failed), (), tuple(failed), tuple(stated), ()))
 
 
 def faulty(
     number: int,
     *faults: PlantedFault,
     found: bool = True,
+    material: bool = True,
     measurements: Sequence[MeasuredDeviation] = (),
     diagnoses: Sequence[NamedCause] = (),
 ) -> Trial:
     """A copy of the clean file with faults, of which ``CHECK`` says something where they are found."""
     item = CorpusItem(f"single/{number}.h5", base=CLEAN, faults=faults)
     failed = (CHECK,) if found else ()
-    return Trial(item, CheckedFile("1" * 64, failed, (), tuple(measurements), tuple(diagnoses)))
+    return Trial(
+        item, CheckedFile("1" * 64, failed, (), failed if material else (), tuple(measurements), tuple(diagnoses))
+    )
 
 
 def late(number: int, size_ms: float, *, found: bool, named: str = "events:time_offset") -> Trial:
