@@ -6,7 +6,6 @@ may still grow, at both ends of a state, are not summarised.
 """
 
 from dataclasses import dataclass, field
-from math import sqrt
 from typing import Final
 
 import numpy as np
@@ -381,9 +380,11 @@ def violations(run: FrameRun, rule: int, declared: EventModel, phase_declared: b
         Whether the declared start was used: enough pixels are informative, and few of them leave the thresholds around
         it.
     """
-    # The declared spread of thresholds widens the law: n events of independent errors add sqrt(n) sigma, both ends of
-    # the range a threshold each, sqrt(2) sigma.
-    mismatch = MISMATCH_SIGMAS * declared.threshold_sigma * (sqrt(2.0) + np.sqrt(run.events))
+    # A pixel has fixed thresholds C+ + a and C- + b, with a and b of the declared spread sigma. Its own residual varies
+    # by less than C+ + a + C- + b; E counts with C+ and C-, which adds a P - b M for P brighter and M darker events.
+    # The sum, a (P + 1) - b (M - 1) at the end and less before, has a standard deviation of at most
+    # sigma sqrt((P + 1)^2 + (M + 1)^2); of all n = P + M events that is most where they have one polarity.
+    mismatch = MISMATCH_SIGMAS * declared.threshold_sigma * np.hypot(run.events + 1.0, 1.0)
     # Log model: E varies by less than C+ + C- (``excursions``); linear: laws of runs and rises (``linear_runs``).
     if isinstance(run.bounds, Excursions):
         broken = run.bounds.excess(rule) > declared.threshold_on + declared.threshold_off + mismatch
@@ -430,8 +431,9 @@ def _event_free_runs(resampled: ResampledFrames, declared: EventModel, rounding_
             resampled.uniform_dn - error,
             resampled.uniform_dn + error,
             resampled.counts,
-            threshold_on=declared.threshold_on + MISMATCH_SIGMAS * declared.threshold_sigma,
-            threshold_off=declared.threshold_off + MISMATCH_SIGMAS * declared.threshold_sigma,
+            threshold_on=declared.threshold_on,
+            threshold_off=declared.threshold_off,
+            spread=MISMATCH_SIGMAS * declared.threshold_sigma,
             frames=resampled.frames,
         )
 

@@ -91,6 +91,7 @@ def follow_runs(
     *,
     threshold_on: float,
     threshold_off: float,
+    spread: float = 0.0,
     frames: NDArray[np.int64],
 ) -> EventFreeRuns:
     """Return the runs over consecutive frames.
@@ -103,6 +104,8 @@ def follow_runs(
         (n - 1, 2, h, w) darker and brighter events between the frames.
     threshold_on, threshold_off
         C+ and C-, DN, both positive.
+    spread
+        Largest deviation of a pixel's thresholds from C+ and C-, DN.
     frames
         (n,) numbers of the frames.
 
@@ -112,7 +115,7 @@ def follow_runs(
         Of each pixel (h, w), from the first frame to the last.
     """
     # A value within [ref - C-, ref + C+] varies by at most C+ + C-.
-    limit = threshold_on + threshold_off
+    limit = threshold_on + threshold_off + 2 * spread
     quiet = np.ones(lower.shape[1:], np.bool_)
     bounds = np.stack([lower, upper], axis=1)
     numbers = frames.tolist()
@@ -124,8 +127,8 @@ def follow_runs(
         rise, fall = bounds[i + 1, 1] - bounds[i, 0], bounds[i, 1] - bounds[i + 1, 0]
         # A run without events varies by at most C+ + C-; P events of one sign by at least P (C + 1) - C+ - C-.
         broken = silent & (step[0] - step[1] > limit)
-        broken |= (on > 0) & (off == 0) & (rise < on * (threshold_on + 1) - limit)
-        broken |= (off > 0) & (on == 0) & (fall < off * (threshold_off + 1) - limit)
+        broken |= (on > 0) & (off == 0) & (rise < on * (threshold_on - spread + 1) - limit)
+        broken |= (off > 0) & (on == 0) & (fall < off * (threshold_off - spread + 1) - limit)
         # With events between two frames, each of the two frames bounds a different run.
         head, tail = np.where(silent, step, bounds[i]), np.where(silent, step, bounds[i + 1])
         runs = runs.then(EventFreeRuns(numbers[i], numbers[i + 1], head, tail, silent, broken, limit, bounds[i]))
