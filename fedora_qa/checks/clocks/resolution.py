@@ -13,6 +13,7 @@ from fedora_qa.estimators.clocks.grid import (
     FLOAT32_STEPS_US,
     STEPS,
     comb_counts,
+    is_on_comb,
     single_precision_spacing_us,
     surely_no_chance,
 )
@@ -26,8 +27,8 @@ _ENOUGH_EVENTS: Final = 1000
 
 _SIGNIFICANT: Final = 10.0
 _AS_MUCH: Final = 0.8
-"""Least deviate of a significant comb, and least ratio of its hits to the most hits (both for the name of the step
-only)."""
+"""Least deviate of a significant comb, and least ratio of its hits to the most hits (both only choose among combs and
+windows)."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -56,10 +57,12 @@ class Comb:
         Ends of the window, ns from the file's origin.
     step_us
         Step of the comb, us.
-    hit_ratio
-        Ratio of teeth with an event.
-    by_chance
-        Expected ratio if timestamps lie at random.
+    events, events_on
+        Number of the events of the window, and of those that lie on the comb.
+    timestamps_on
+        Number of distinct timestamps of the events on the comb.
+    share_by_chance
+        Expected share of the events that lie on the comb if timestamps lie at random.
     deviate
         Excess of the hits in standard deviations.
     """
@@ -67,17 +70,24 @@ class Comb:
     start_ns: int
     stop_ns: int
     step_us: float
-    hit_ratio: float
-    by_chance: float
+    events: int
+    events_on: int
+    timestamps_on: int
+    share_by_chance: float
     deviate: float
+
+    @property
+    def share(self) -> float:
+        """Share of the window's events that lie on the comb, 0 to 1."""
+        return self.events_on / self.events
 
 
 class ClocksResolution(WindowCheck[Comb]):
     """Do stamps have the resolution that the file declares?
 
     The grid on which all stamps of a stream lie: the greatest common divisor of the steps between them, in us; and of
-    events the comb on which more of the stamps of a window lie than chance would put there, with the share of its
-    teeth that hold an event.
+    events the comb on which more of the stamps of a window lie than chance would put there, with the share of the
+    window's events on it.
 
     Why it matters
     --------------
@@ -128,7 +138,8 @@ class ClocksResolution(WindowCheck[Comb]):
         within = times_ns[slice(*np.searchsorted(times_ns, [span.start_ns, span.stop_ns]))]
         # Combs pass through the zero of the file's own clock, not through the file's origin.
         timestamps = within // NS_PER_US + round(facts.origin_us)
-        counts = comb_counts(timestamps if tick_us == 1 else timestamps // tick_us)
+        ticks = timestamps if tick_us == 1 else timestamps // tick_us
+        counts = comb_counts(ticks)
         deviates = counts.deviates()[: _combs(tick_us)]
         # No comb has more hits than expected by chance.
         if not deviates.max() > 0:
@@ -137,13 +148,15 @@ class ClocksResolution(WindowCheck[Comb]):
         # A grid also hits many other combs: its own comb is the finest of those with the most hits.
         significant = deviates >= min(float(deviates.max()), _SIGNIFICANT)
         best = int(np.flatnonzero(significant & (hit_ratios >= _AS_MUCH * hit_ratios[significant].max()))[0])
+        on_comb = is_on_comb(ticks, STEPS[best])
         return Comb(
-            span.start_ns,
-            span.stop_ns,
-            STEPS[best] * tick_us,
-            float(hit_ratios[best]),
-            # Probability that a tooth hits by chance: the share of ticks that hold an event (class docstring).
-            by_chance=counts.occupied / counts.ticks,
+            start_ns=span.start_ns,
+            stop_ns=span.stop_ns,
+            step_us=STEPS[best] * tick_us,
+            events=len(ticks),
+            events_on=int(np.count_nonzero(on_comb)),
+            timestamps_on=int(counts.hits[best]),
+            share_by_chance=float(counts.teeth[best]) / counts.ticks,
             deviate=float(deviates[best]),
         )
 
@@ -154,22 +167,23 @@ class ClocksResolution(WindowCheck[Comb]):
         # Where the grid of all events is not the declared one, combs only repeat that finding.
         if not state or not any(grid.where.stream == "events" and grid.value == grid.expected for grid in grids):
             return observation
-        # The comb of all windows that is least by chance.
-        worst = max(state, key=lambda comb: comb.deviate)
+        # Of the combs that are no chance, the one that most events lie on; else the one that is least by chance.
+        worst = max(state, key=lambda comb: (min(comb.deviate, _SIGNIFICANT), comb.share - comb.share_by_chance))
         start_us, stop_us = facts.to_file_us(worst.start_ns), facts.to_file_us(worst.stop_ns)
         reset = clock_reset(facts.events)
         partial_grid = Statistic(
             name="events.partial_grid",
-            value=worst.hit_ratio,
+            value=worst.share,
             unit="1",
-            expected=worst.by_chance,
+            expected=worst.share_by_chance,
             # Chosen so that the excess is ``deviate`` standard errors; the bounds keep it finite and above 0.
-            standard_error=(worst.hit_ratio - worst.by_chance) / max(min(worst.deviate, 1e6), 1e-6),
+            standard_error=max(abs(worst.share - worst.share_by_chance), 1e-9) / max(min(worst.deviate, 1e6), 1e-6),
             side="upper",
             # Every comb was tried in every window.
             tests=len(state) * _combs(_declared_tick_us(facts)),
             statement=f"Events keep to a grid of {worst.step_us:g} us around {start_us / 1e6:.3f} s: "
-            f"{worst.hit_ratio:.0%} of its ticks are met, {worst.by_chance:.1%} by chance.",
+            f"{worst.events_on} of {worst.events} lie on it, with {worst.timestamps_on} timestamps, where chance puts "
+            f"{worst.share_by_chance:.1%}.",
             code="clocks.resolution.partial_grid",
             where=Where(stream="events", start_us=start_us, stop_us=stop_us),
             features=(

@@ -105,9 +105,9 @@ class EventResponseConservation(Check[ConservationState]):
     Noise model
     -----------
     Each frame bounds the value with certainty: half a step of the 8-bit code, which in L grows with 1/I, and what the
-    pixels that a footprint cuts may hold; dark and curved regions need no mask, they only show less. Declared spread of
-    thresholds, fixed for a pixel, widens the law by five sigma an event, leak moves it, spurious events excuse as many pixels as they may
-    have hit, a low-pass those that fire around frame times.
+    pixels that a footprint cuts may hold; dark and curved regions need no mask, they only show less. Thresholds of a
+    pixel are fixed: their declared spread widens the law by five sigma an event. Leak moves it, spurious events excuse
+    as many pixels as they may have hit, a low-pass those that fire around frame times.
 
     What no bound covers is a renderer that samples its pixels too coarsely. Frames whose cut pixels alone leave the
     signal open by C+ + C- or more are not believed: there the bound would have to hold to the last, and events tell as

@@ -163,6 +163,29 @@ def comb_counts(timestamps: Int64) -> CombCounts:
     return CombCounts(len(occupied), ticks, np.minimum(count(occupied), teeth), teeth)  # beyond 2^53 teeth merge
 
 
+def is_on_comb(timestamps: Int64, step: float) -> NDArray[np.bool_]:
+    """Return which timestamps lie on a comb through 0.
+
+    Parameters
+    ----------
+    timestamps
+        (n,) whole ticks.
+    step
+        Of ``STEPS``, ticks.
+
+    Returns
+    -------
+    ndarray of bool
+        (n,) True on a tooth, rounded to whole ticks.
+    """
+    on_comb: NDArray[np.bool_]
+    if step.is_integer():
+        on_comb = timestamps % int(step) == 0  # exact beyond 2^53 as well
+    else:
+        on_comb = np.rint(np.rint(timestamps / step) * step) == timestamps
+    return on_comb
+
+
 def _numbers(first: int, last: int, step: float) -> tuple[int, int]:
     """Return the numbers of the first and the last tooth between two ticks, both included."""
     return int(np.ceil(first / step)), int(np.floor(last / step))

@@ -160,6 +160,21 @@ def test_steps_of_a_linear_sensor_are_its_tick(path: Path) -> None:
     assert rules(run_check(path, "event_stream.gaps")) == ["silence"]
 
 
+def test_few_events_on_a_grid_do_not_fail_a_release(path: Path) -> None:
+    """A pixel that fires at every whole millisecond is measurable and not material: its share of events is stated."""
+    file = log_file()
+    times_ns = np.arange(1, 100) * 2 * MS + file.events.times_ns[0] // MS * MS
+    regular = Stream(np.full(99, 20), np.full(99, 10), times_ns, np.ones(99, np.uint8))
+    altered(lambda e: inserted(e, regular)).write(path)
+    outcomes = {}
+    for profile in ("strict", "release"):
+        options = CheckOptions(select=("clocks.resolution",), evidence=None, profile=profile)
+        (result,) = check_file(path, options).record.results
+        outcomes[profile] = result.outcome, [finding.code for finding in result.findings]
+    assert outcomes["strict"] == ("failed", ["clocks.resolution.partial_grid"])
+    assert outcomes["release"] == ("passed", ["clocks.resolution.immaterial"])
+
+
 def test_rounded_timestamps_of_a_part_are_found(path: Path) -> None:
     """Stamps rounded to 0.3 ms in a third of the columns are a grid of a part, with its step; clean ones are none."""
     log_file().write(path)

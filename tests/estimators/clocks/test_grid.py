@@ -12,6 +12,7 @@ from fedora_qa.estimators.clocks.grid import (
     _hits_by_timestamp,
     comb_counts,
     crowded_step_ns,
+    is_on_comb,
     single_precision_spacing_us,
 )
 
@@ -60,6 +61,18 @@ def test_a_grid_of_a_quarter_is_seen(step: int) -> None:
     timestamps = random_timestamps(3, 8000, 5_000_000_123)
     timestamps[::4] = timestamps[::4] // step * step
     assert comb_counts(np.sort(timestamps)).deviates()[STEPS.index(step)] > 20
+
+
+@given(st.integers(0, 2**32 - 1), st.sampled_from([7.0, 300.0, 1e6 * 2.0**-17]))
+@settings(max_examples=20, deadline=None)
+def test_timestamps_on_a_comb_are_those_that_it_hits(seed: int, step: float) -> None:
+    """Distinct timestamps on a comb are as many as its occupied teeth, but for teeth rounded past an end."""
+    timestamps = random_timestamps(seed, 3000, 5_000_000_123)
+    timestamps[::3] = np.rint(np.rint(timestamps[::3] / step) * step).astype(np.int64)
+    timestamps = np.unique(timestamps)
+    beyond_ends = np.count_nonzero(is_on_comb(timestamps, step)) - comb_counts(timestamps).hits[STEPS.index(step)]
+    assert 0 <= beyond_ends <= (0 if step.is_integer() else 2)
+    assert is_on_comb(np.array([3 * 2**60, 3 * 2**60 + 1]), 3.0).tolist() == [True, False]
 
 
 def test_float32_seconds_are_seen() -> None:
