@@ -31,6 +31,18 @@ def test_a_run_counts_what_its_children_hold_and_spend() -> None:
     assert run.wall_s > 0.5
 
 
+ORPHANED = f"""
+import subprocess, sys, time
+subprocess.Popen([sys.executable, "-c", {CHILD!r}])
+time.sleep(3)
+"""
+
+
+def test_a_run_counts_what_is_spent_by_processes_that_nobody_waits_for() -> None:
+    """Half a second of a child that its parent never reaps, as the workers of a fork server."""
+    assert run_measured([sys.executable, "-c", ORPHANED]).cpu_s > 0.5
+
+
 def checked(wall_s: float, decoded_bytes: int = 1_000_000_000) -> Statistic:
     return Statistic(
         Run(0, wall_s, 2 * wall_s, 900_000_000),
