@@ -11,8 +11,8 @@ from typing import Final
 import psutil
 
 _EVERY_S: Final = 0.5
-"""Between two looks at all processes; what is held for less may be missed, and what a process spends after the last look
-before it ends. A look at 1 GB takes 33 ms of a core."""
+"""Between two looks at all processes; what is held for less may be missed, and what a process spends after the last
+look before it ends. A look at 1 GB takes 33 ms of a core."""
 
 
 @dataclass(frozen=True, slots=True)
