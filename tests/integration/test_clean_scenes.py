@@ -24,6 +24,12 @@ def alarms(record: FileRecord) -> list[str]:
             if r.outcome in {"failed", "crashed"}]  # fmt: skip
 
 
+@pytest.fixture(scope="module")
+def whole(park_day: Path) -> dict[str, str]:
+    """The outcome of each check for the park by day with all its streams."""
+    return outcomes(check_file(park_day, CheckOptions()).record)
+
+
 @pytest.mark.parametrize("scene", SCENES)
 def test_clean_scene_is_clean(scene: str, clean_sequence: CleanSequence) -> None:
     """Day and night, fast and still, with every noise and without: no check fails, and some hold streams together."""
@@ -44,19 +50,20 @@ def test_the_papers_sequences_are_clean(scene: str, tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("stream", STREAMS)
-def test_a_stream_left_out_costs_only_what_needs_it(stream: str, park_day: Path, tmp_path: Path) -> None:
+def test_a_stream_left_out_costs_only_what_needs_it(stream: str, whole: dict[str, str], tmp_path: Path) -> None:
     """What needs the stream is not applicable; everything else gives the outcome that it gives for the whole file."""
     path = tmp_path / "without.h5"
     kept = frozenset(STREAMS) - {stream}
     generate_sequence(small_scene("park-day"), path, Request(duration_s=1.0, quality="draft", streams=kept))
-    record, whole = check_file(path, CheckOptions()).record, outcomes(check_file(park_day, CheckOptions()).record)
+    record = check_file(path, CheckOptions()).record
     assert not alarms(record)
     assert record.verdict == "clean"
+    outcome_of = outcomes(record)
     for check in CHECKS:
         expected = "not_applicable" if needs(check.needs, stream) else whole[check.name]
         if (check.name, stream) == ("clocks.resolution", "events"):
             expected = "not_observable"  # what is left are exact clocks, on which any grid may lie
-        assert outcomes(record)[check.name] == expected, check.name
+        assert outcome_of[check.name] == expected, check.name
 
 
 def needs(needed: tuple[str, ...], stream: str) -> bool:
