@@ -1,7 +1,5 @@
 """What workers do for a file: the functions of tasks, each with its arguments and the worker that does it."""
 
-import math
-import os
 from collections.abc import Iterable, Sequence
 from contextlib import suppress
 from pathlib import Path
@@ -16,18 +14,15 @@ from fedora_qa.engine.progress import Progress
 from fedora_qa.engine.survey import OpenSurvey, Survey, opened
 from fedora_qa.engine.survey import survey_file as survey_of
 from fedora_qa.engine.worker import Worker
-from fedora_qa.errors import MisuseError, UnreadableFileError
+from fedora_qa.errors import UnreadableFileError
 from fedora_qa.layout.dialect import Dialect
 from fedora_qa.sequence.sequence import open_sequence
+from fedora_qa.storage.opening_limit import opening_limit_s
 from fedora_qa.storage.place import Place, RemoteFile
 from fedora_qa.storage.traffic import NO_TRAFFIC, Traffic
 
-OPENING_VARIABLE: Final = "FEDORA_QA_OPENING_S"
-"""Environment variable: seconds within which a file must open."""
-
 _OPENING_S: Final = 60.0
-"""A file opens in hundredths of a second, over a slow network in some seconds. HDF5 follows structures that refer to
-themselves for ever (docs/hostile-files.md)."""
+"""A file opens in hundredths of a second, over a slow network in some seconds."""
 
 Audience = Literal["planned", "steady", "sampled"]
 """Who gets a window: all whom the plan gives it to; checks that get every window, whatever the plan; all others."""
@@ -39,18 +34,11 @@ def opening_test(path: Place, dialect: Dialect | None = None, allow_external: It
     Raises
     ------
     MisuseError
-        The environment sets a limit that is no number.
+        The environment sets a limit that is no number above 0.
     """
     if isinstance(path, RemoteFile):
         return None
-    given = os.environ.get(OPENING_VARIABLE)
-    try:
-        limit_s = _OPENING_S if given is None else float(given)
-    except ValueError:
-        limit_s = 0.0
-    if not 0.0 < limit_s < math.inf:
-        raise MisuseError(f"Expected seconds in {OPENING_VARIABLE}, such as 60, got {given!r}")
-    return Task(open_and_close, (path, dialect, tuple(allow_external)), limit_s=limit_s)
+    return Task(open_and_close, (path, dialect, tuple(allow_external)), limit_s=opening_limit_s(_OPENING_S))
 
 
 def open_and_close(path: Place, dialect: Dialect | None, allow_external: Iterable[Path], _: Worker) -> None:

@@ -17,8 +17,9 @@ from fedora_qa.engine.files import check_files
 from fedora_qa.engine.options import CheckOptions, FileRun
 from fedora_qa.engine.processes import ProcessExecutor
 from fedora_qa.engine.progress import Progress, ProgressTally
-from fedora_qa.engine.tasks import OPENING_VARIABLE, open_and_close, opening_test, survey_file
+from fedora_qa.engine.tasks import open_and_close, opening_test, survey_file
 from fedora_qa.errors import EndlessError, MisuseError
+from fedora_qa.storage.opening_limit import OPENING_VARIABLE
 from fedora_qa.storage.place import RemoteFile
 from tests.support.fake_executors import Loses, Travels
 from tests.support.handmade import write_handmade
