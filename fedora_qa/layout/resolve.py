@@ -12,8 +12,10 @@ from fedora_qa.layout.binding import Binding, instant_ns, rows_together
 from fedora_qa.layout.bounds import require_bounded, require_small_chunks, unwritten_chunks
 from fedora_qa.layout.canonical import (
     FLOW_STREAMS,
+    FRAMES_OF_MAP,
     METADATA_GROUPS,
     PROMISED_BY,
+    STREAM_GROUPS,
     STREAMS,
     DatasetSpec,
     companions_of,
@@ -27,6 +29,10 @@ from fedora_qa.layout.links import RefusedError, damaged_name, find_dataset, fin
 
 _EXTRA_STREAMS: Final = ("depth_range",)
 """Datasets of the layout that are declarations, not streams."""
+
+_NEVER_EMPTY: Final = frozenset({"rgb", "depth", "imu", "pose"})
+"""Streams that are sampled whatever happens: without a sample they are absent. A still scene gives no events, and a
+sequence shorter than an interval gives no flow."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -149,6 +155,10 @@ class _Finder:
                 raise _BrokenError(missing[0], RefusedError("missing_stream", "missing_stream", message))
             bound = {spec.key: self._bind(spec, datasets[spec.key]) for spec in specs}
             self._agree_on_sizes(specs, bound)
+            first = bound[specs[0].key]
+            if stream in _NEVER_EMPTY and not first.rows:
+                message = f"Expected samples in {first.path}, got none; write the stream, or leave its datasets out"
+                raise _BrokenError(first.key, RefusedError("empty", "missing_stream", message))
         except _BrokenError as broken:
             self.absent[stream] = str(broken.reason)
             self._report(stream, broken.key, broken.reason)
@@ -170,15 +180,20 @@ class _Finder:
             self.bindings.update(bound)
 
     def report_declared_streams(self) -> None:
-        """Report streams that the metadata declare and of which the file holds nothing."""
+        """Report streams that metadata, a group or an index map declare and of which the file holds nothing."""
         reported = {problem.stream for problem in self.problems}
-        for stream, group in PROMISED_BY.items():
-            if stream in self.absent and stream not in reported and has_group(self.file, group, self.external_files):
-                self._report_declared(stream, group)
+        groups = ((s, g) for s, g in (*PROMISED_BY.items(), *STREAM_GROUPS.items()) if self._has_group(g))
+        maps = [key for key in (f"metadata/{name}" for name in FRAMES_OF_MAP) if key in self.bindings]
+        of_maps = ((s, key) for key in maps for s in (FRAMES_OF_MAP[key.removeprefix("metadata/")], "events"))
+        for stream, place in (*groups, *of_maps):
+            if stream in self.absent and stream not in reported:
+                self._report_declared(stream, place)
+                reported.add(stream)
         # One group declares flow of all rates, and any one rate fulfils it.
         no_flow = all(stream in self.absent and stream not in reported for stream in FLOW_STREAMS)
-        if no_flow and has_group(self.file, "metadata/flow", self.external_files):
-            self._report_declared("flow", "metadata/flow")
+        flow_groups = [group for group in ("metadata/flow", "path/flow") if self._has_group(group)]
+        if no_flow and flow_groups:
+            self._report_declared("flow", flow_groups[0])
 
     def report_metadata_links(self) -> None:
         """Report groups of metadata behind links that are not followed: their declarations are not read."""
@@ -188,8 +203,11 @@ class _Finder:
             except RefusedError as refused:
                 self._report("metadata", "", refused)
 
-    def _report_declared(self, stream: str, group: str) -> None:
-        message = f"Expected {stream}, which /{group} declares, got no such stream; write it or drop the declaration"
+    def _has_group(self, path: str) -> bool:
+        return has_group(self.file, path, self.external_files)
+
+    def _report_declared(self, stream: str, place: str) -> None:
+        message = f"Expected {stream}, which /{place} declares, got no such stream; write it or drop the declaration"
         self._report(stream, "", RefusedError("missing_stream", "missing_stream", message))
 
     def _report(self, stream: str, key: str, reason: RefusedError) -> None:

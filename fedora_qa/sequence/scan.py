@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fedora_qa.errors import UnreadableRowsError
-from fedora_qa.layout.canonical import TIMESTAMPS_OF
+from fedora_qa.layout.canonical import FRAMES_OF_MAP, TIMESTAMPS_OF
 from fedora_qa.sequence.facts import Clock, EventScan, EventStep, Facts, IndexMap
 from fedora_qa.sequence.sequence import SequenceRows
 
@@ -31,8 +31,6 @@ FARTHEST_INDEX: Final = 1 << 53
 KEPT_STEPS: Final = 8
 """Number of longest steps of either direction that are kept. A clock reset has two; the others give the usual
 length."""
-
-FRAMES_OF_MAP = {"rgb_to_event": "rgb", "depth_to_event": "depth"}
 
 
 @dataclass(frozen=True, slots=True)

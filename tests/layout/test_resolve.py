@@ -214,3 +214,46 @@ def test_malformed_depth_range_is_of_the_metadata(file: h5py.File) -> None:
     """The depth range is a declaration, not a stream."""
     replace(file, "metadata/depth_range", np.zeros(3))
     assert only_problem(resolve(file)) == ("wrong_shape", "wrong_shape", "metadata", "metadata/depth_range")
+
+
+@pytest.mark.parametrize("stream", ["rgb", "depth", "imu", "pose"])
+def test_an_empty_stream_is_missing(file: h5py.File, stream: str) -> None:
+    """Datasets without a row are a declared stream that is absent, and no other stream suffers."""
+    specs = [spec for spec in DATASETS.values() if spec.stream == stream]
+    for spec in specs:
+        replace(file, spec.key, file[spec.key][:0])
+    if (index_map := f"metadata/{stream}_to_event") in file:
+        replace(file, index_map, file[index_map][:0])
+    layout = resolve(file)
+    assert only_problem(layout) == ("empty", "missing_stream", stream, specs[0].key)
+    assert layout.streams == set(STREAMS) - {stream}
+
+
+@pytest.mark.parametrize(("stream", "group"), [("events", "path/events"), ("imu", "path/imu"), ("pose", "path/pose")])
+def test_a_group_declares_its_stream(file: h5py.File, stream: str, group: str) -> None:
+    """A group without its datasets is a stream that was not written, whatever the metadata declare."""
+    del file[group], file[f"metadata/{stream}"], file["metadata/rgb_to_event"], file["metadata/depth_to_event"]
+    assert not resolve(file).problems
+    file.create_group(group)
+    assert only_problem(resolve(file)) == ("missing_stream", "missing_stream", stream, "")
+
+
+def test_a_group_declares_flow(file: h5py.File) -> None:
+    """An empty group of flow is flow of no rate."""
+    del file["path/flow"], file["metadata/flow"]
+    assert not resolve(file).problems
+    file.create_group("path/flow")
+    assert only_problem(resolve(file)) == ("missing_stream", "missing_stream", "flow", "")
+
+
+@pytest.mark.parametrize("frames", ["rgb", "depth"])
+def test_an_index_map_declares_its_frames(file: h5py.File, frames: str) -> None:
+    """A map from frames to events is of no use without both."""
+    del file[f"path/{frames}"], file[f"path/{frames}_ts"], file[f"metadata/cameras/{frames}"]
+    assert only_problem(resolve(file)) == ("missing_stream", "missing_stream", frames, "")
+
+
+def test_an_index_map_declares_events(file: h5py.File) -> None:
+    """Two maps into events that are not there are one missing stream."""
+    del file["path/events"], file["metadata/events"]
+    assert only_problem(resolve(file)) == ("missing_stream", "missing_stream", "events", "")
