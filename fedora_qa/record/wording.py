@@ -139,7 +139,19 @@ def why_incomplete(file: FileRecord) -> str:
         f"crashed: {', '.join(crashed)}" if crashed else "",
         f"less was seen than required: {', '.join(short)}" if short else "",
     ]
-    return "; ".join(part for part in parts if part) or "no stream could be checked against another"
+    if any(parts):
+        return "; ".join(part for part in parts if part)
+    if file.comparisons:
+        return "no stream could be checked against another but by an index map, which repeats their stamps"
+    return "no stream could be checked against another"
+
+
+def basis_of_clean(file: FileRecord) -> str:
+    """Return how many comparisons between streams a clean verdict rests on; empty for any other."""
+    if file.verdict != "clean" or file.comparisons is None:
+        return ""
+    plural = "" if file.comparisons == 1 else "s"
+    return f"clean: rests on {file.comparisons or 'no'} comparison{plural} between streams"
 
 
 def canaries_seen(file: FileRecord) -> str:
