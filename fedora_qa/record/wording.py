@@ -20,6 +20,9 @@ OUTCOME_WORDS: Final[dict[Outcome, str]] = {
 }
 """Outcomes in words, the gravest first."""
 
+NOT_RECOGNISED: Final = "layout not recognised"
+"""Begins the reason of every result of a file of which no dialect describes anything."""
+
 SHORT_OF_COVERAGE: Final = "where the configuration requires"
 """Marks, in a result's reason, that its coverage is less than required."""
 
@@ -133,6 +136,9 @@ def why_incomplete(file: FileRecord) -> str:
     """Return why the verdict is incomplete, in one sentence; empty where it is not."""
     if file.verdict != "incomplete":
         return ""
+    reasons_given = {result.reason for result in file.results}
+    if len(reasons_given) == 1 and (reason := reasons_given.pop()).startswith(NOT_RECOGNISED):
+        return reason
     crashed = [result.check for result in file.results if result.outcome == "crashed"]
     short = [result.check for result in file.results if SHORT_OF_COVERAGE in result.reason]
     parts = [

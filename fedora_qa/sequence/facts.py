@@ -41,8 +41,9 @@ class Clock:
     def envelope_ns(self) -> Int64:
         """(N,) latest timestamp up to each sample, ns; of samples before any with a place in time, the first such."""
         placed = has_place(self.times_ns)
-        latest_ns = np.maximum.accumulate(np.where(placed, self.times_ns, INVALID_TIMESTAMP_NS))
-        return np.maximum(latest_ns, self.times_ns[int(np.argmax(placed))])
+        latest_ns: Int64 = np.maximum.accumulate(np.where(placed, self.times_ns, INVALID_TIMESTAMP_NS))
+        first_ns: np.int64 = self.times_ns[int(np.argmax(placed))]
+        return np.asarray(np.maximum(latest_ns, first_ns), dtype=np.int64)
 
     @property
     def usable(self) -> bool:
