@@ -227,8 +227,9 @@ class Sequence:
             rows = self.raw_rows(key, 0, min(_FIRST_ROWS, binding.rows))
         except UnreadableRowsError:
             return None
-        # Of flow, the start of each interval.
-        instants = (instant_ns(row[0], binding) for row in rows.reshape(len(rows), -1))
+        # Intervals of flow have a start and an end.
+        starts = rows[:, 0] if rows.ndim > 1 else rows
+        instants = (instant_ns(start, binding) for start in starts)
         finite = [instant for instant in instants if instant is not None]
         usual_ns = sorted(finite)[len(finite) // 2] if finite else 0
         return next((instant for instant in finite if abs(instant - usual_ns) < _LONGEST_PAUSE_NS), None)

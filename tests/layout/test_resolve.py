@@ -257,3 +257,63 @@ def test_an_index_map_declares_events(file: h5py.File) -> None:
     """Two maps into events that are not there are one missing stream."""
     del file["path/events"], file["metadata/events"]
     assert only_problem(resolve(file)) == ("missing_stream", "missing_stream", "events", "")
+
+
+@pytest.mark.parametrize(
+    ("key", "dtype", "lossless"),
+    [
+        ("path/depth", "float64", True),
+        ("path/depth", "uint16", True),
+        ("path/depth", "float16", False),
+        ("path/imu/angular_velocity", "float32", True),
+        ("path/imu/angular_velocity", "int16", False),
+        ("path/pose/position", "float16", False),
+        ("path/flow/10hz", "float64", True),
+        ("path/flow/10hz", "int16", False),
+        ("path/events/x", "uint32", True),
+        ("path/events/x", "float32", True),
+        ("path/events/x", "float16", False),
+        ("path/events/p", "bool", True),
+        ("path/rgb_ts", "float64", True),
+        ("path/rgb_ts", "float32", False),
+        ("path/rgb_ts", "uint32", True),
+        ("metadata/rgb_to_event", "float64", True),
+    ],
+)
+def test_types_that_hold_the_same_values(file: h5py.File, key: str, dtype: str, lossless: bool) -> None:
+    """Wider types, and whole numbers in others, are unusual; types that lose what the layout holds are wrong."""
+    values = np.nan_to_num(file[key][()])
+    replace(file, key, values.astype(dtype))
+    (problem,) = resolve(file).problems
+    assert (problem.cause, problem.is_lossless) == ("wrong_dtype", lossless)
+    assert ("--draft-dialect" in problem.message) is lossless
+
+
+@pytest.mark.parametrize("dtype", ["int8", "int32", "float32"])
+def test_signed_polarity_is_inferred(file: h5py.File, dtype: str) -> None:
+    """-1 beside 1 and no 0 is darker; the record states that it was inferred."""
+    replace(file, "path/events/p", (2 * file["path/events/p"][()].astype(int) - 1).astype(dtype))
+    layout = resolve(file)
+    assert layout.bindings["path/events/p"].polarity == "plus_minus"
+    assert "events.polarity" in layout.inferred
+
+
+def test_three_polarities_are_not_inferred(file: h5py.File) -> None:
+    """-1, 0 and 1 are no code: what is not 0 or 1 stays undefined."""
+    polarity = file["path/events/p"][()].astype(np.int8)
+    polarity[3] = -1
+    replace(file, "path/events/p", polarity)
+    assert resolve(file).bindings["path/events/p"].polarity == "01"
+
+
+def test_nothing_is_recognised_in_a_file_of_something_else(tmp_path: Path) -> None:
+    """A file without a dataset of any dialect; a single one, or the name of the format, is enough to be one."""
+    with h5py.File(tmp_path / "other.h5", "w") as file:
+        file["weights"] = np.zeros(3)
+        assert not resolve(file).is_recognised
+        file["path/imu/ts"] = np.arange(4)
+        assert resolve(file).is_recognised
+        del file["path"]
+        assert not resolve(file).is_recognised
+        file.attrs["format"] = "fedora"
+        assert resolve(file).is_recognised
