@@ -14,6 +14,7 @@ from fedora_qa.record.github import record_to_github, silenced
 from fedora_qa.record.types import Diagnosis, FileRecord, Outcome, Record, Result, Severity, Verdict
 from fedora_qa.record.wording import (
     OUTCOME_WORDS,
+    basis_of_clean,
     canaries_seen,
     cause_sentence,
     check_cells,
@@ -109,6 +110,8 @@ def _file(file: FileRecord, width: int) -> Iterator[RenderableType]:
     yield text(tally(file.results))
     if why_incomplete(file):
         yield text(f"incomplete: {why_incomplete(file)}", VERDICT_STYLES["incomplete"])
+    if basis_of_clean(file):
+        yield text(basis_of_clean(file))
     if canaries_seen(file):
         yield text(canaries_seen(file))
     yield text(identity(file), "dim")

@@ -7,7 +7,7 @@ from fedora_qa.checks.clocks.gaps import ClockJump, DisorderedTimestamps
 from fedora_qa.checks.clocks.order import CounterWrap, RoundedRepeats
 from fedora_qa.checks.clocks.rate import RoundedClock, SegmentRate
 from fedora_qa.checks.clocks.resolution import PartialGrid
-from fedora_qa.checks.clocks.span import CutOfSeveralRates, StreamEnds
+from fedora_qa.checks.clocks.span import CutOfSeveralRates, FewSamples, StreamEnds
 from fedora_qa.checks.clocks.streams import ClockSetBack, PartInOtherUnit
 from fedora_qa.conventions import NS_PER_MS
 from fedora_qa.diagnosis.hypothesis import Hypothesis
@@ -143,6 +143,14 @@ def propose_span(alarm: Alarm, facts: Facts) -> tuple[Hypothesis, ...]:
     for feature in statistic.features:
         if isinstance(feature, PartInOtherUnit):
             hypotheses.append(_of_part(stream, feature))
+        if isinstance(feature, FewSamples):
+            lost = support("clocks.few_samples")
+            if not feature.samples:
+                hypotheses.append(Hypothesis("missing_stream", stream, lost))
+            elif feature.uncovered_ratio > 1 / 2:
+                hypotheses.append(Hypothesis("truncated", stream, lost, 100 * feature.uncovered_ratio, "percent"))
+            else:
+                hypotheses.append(Hypothesis("dropped_samples", stream, lost, statistic.value, "samples"))
     for feature in statistic.features:
         if not isinstance(feature, StreamEnds):
             continue

@@ -20,7 +20,7 @@ from fedora_qa.evidence.trajectory import keep_trajectory
 from fedora_qa.evidence.worst_locations import images_of, keep_worst_locations
 from fedora_qa.judgement.judge import judge
 from fedora_qa.judgement.materiality import materiality_of
-from fedora_qa.judgement.verdict import crossing_streams, verdict_of
+from fedora_qa.judgement.verdict import comparisons_of, crossing_streams, verdict_of
 from fedora_qa.record.evidence import named
 from fedora_qa.record.types import Canary, FileRecord, Finding
 from fedora_qa.sequence.facts import Facts
@@ -87,6 +87,7 @@ def assemble(
     # The version tag of a file behind a URL, as its partial digest does not cover all bytes.
     if isinstance(survey.path, RemoteFile) and survey.version.tag:
         inferred["storage.version"] = survey.version.tag
+    crossing = crossing_streams(survey.checks)
     record = FileRecord(
         path=str(survey.path),
         size=survey.version.size,
@@ -95,11 +96,12 @@ def assemble(
         dialect=facts.layout.dialect_name,
         inferred=inferred,
         statistics=tables or {},
-        verdict=verdict_of(results, crossing_streams(survey.checks)),
+        verdict=verdict_of(results, crossing),
         results=results,
         diagnoses=diagnoses,
         evidence=kept.titles,
         canaries=canaries,
+        comparisons=comparisons_of(results, crossing),
     )
     seconds = watch.seconds | {f"check {name}": spent for name, spent in states.seconds.items()}
     decoded_bytes = states.decoded_bytes + ready.decoder.decoded_bytes - decoded_before

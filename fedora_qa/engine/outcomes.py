@@ -10,6 +10,7 @@ from fedora_qa.engine.measure import PassState
 from fedora_qa.engine.options import FileRun
 from fedora_qa.judgement.judge import Judged
 from fedora_qa.record.types import Coverage, Diagnosis, FileRecord, Finding, Result, Where
+from fedora_qa.record.wording import NOT_RECOGNISED
 from fedora_qa.sequence.facts import Facts
 from fedora_qa.sequence.window import Span
 from fedora_qa.storage.digest import Digest, file_digest
@@ -134,6 +135,35 @@ def unreadable_record(path: Place, digest: Digest, checks: Iterable[Check[Any]],
         verdict="findings",
         results=tuple(results),
         diagnoses=(diagnosis,),
+    )
+
+
+def unrecognised_record(path: Place, digest: Digest, checks: Iterable[Check[Any]]) -> FileRecord:
+    """Return the record of a file of which no dialect describes anything: no question can be asked of it.
+
+    Parameters
+    ----------
+    path
+        The file.
+    digest
+        Of its bytes.
+    checks
+        All that were selected.
+    """
+    reason = (
+        f"{NOT_RECOGNISED}: no dialect describes anything in the file; draft one with "
+        f"`fedora-qa layout {path} --draft-dialect mine.toml`"
+    )
+    return FileRecord(
+        path=str(path),
+        size=digest.version.size,
+        sha256=digest.sha256,
+        digest_kind=digest.kind,
+        dialect="",
+        inferred={},
+        statistics={},
+        verdict="incomplete",
+        results=tuple(not_applicable(check, reason) for check in checks),
     )
 
 

@@ -10,7 +10,7 @@ from fedora_qa.checks.protocol import Check
 from fedora_qa.engine.decode import BlockDecoder
 from fedora_qa.engine.measure import Accumulator
 from fedora_qa.engine.options import CheckOptions, FileRun
-from fedora_qa.engine.outcomes import unreadable_record, why_not_applicable
+from fedora_qa.engine.outcomes import unreadable_record, unrecognised_record, why_not_applicable
 from fedora_qa.engine.plan import Plan, cut_windows, make_plan, sees_every_window, window_length_ns
 from fedora_qa.engine.progress import Progress, Stopwatch
 from fedora_qa.errors import FedoraError, StorageError, UnreadableFileError
@@ -133,7 +133,7 @@ def survey_file(
     progress: Progress,
     view: Callable[[SequenceRows], SequenceRows] | None = None,
 ) -> Survey | FileRun:
-    """Scan the timestamps of a file and plan its windows; the file's whole run where HDF5 refuses to open it.
+    """Scan the timestamps of a file and plan its windows; the whole run of a file that is refused or not recognised.
 
     Raises
     ------
@@ -151,6 +151,9 @@ def survey_file(
     with sequence:
         with watch.stage("digest"):
             digest = file_digest(path)
+        if not sequence.layout.is_recognised:
+            record = unrecognised_record(path, digest, checks)
+            return FileRun(record, seconds=watch.seconds, traffic=sequence.traffic + digest.traffic)
         with watch.stage("stamps"):
             progress("reading stamps", 0, 1)
             ready = prepare(view(sequence) if view else sequence, options.memory_bytes)

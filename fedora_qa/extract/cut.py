@@ -22,12 +22,12 @@ from fedora_qa.extract.hdf5_copy import (
 )
 from fedora_qa.extract.place import Piece
 from fedora_qa.extract.rows import CutRows, rows_kept
-from fedora_qa.layout.canonical import DATASETS
+from fedora_qa.layout.canonical import DATASETS, FRAMES_OF_MAP
 from fedora_qa.layout.dialect import Dialect
 from fedora_qa.layout.external_files import ExternalFiles
 from fedora_qa.layout.links import READ_ERRORS, RefusedError, find_dataset, find_object
 from fedora_qa.sequence.facts import IndexMap
-from fedora_qa.sequence.scan import FRAMES_OF_MAP, Scan
+from fedora_qa.sequence.scan import Scan
 from fedora_qa.sequence.sequence import SequenceRows
 
 _Address = tuple[str, int]

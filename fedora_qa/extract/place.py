@@ -7,8 +7,9 @@ from typing import Final
 import numpy as np
 
 from fedora_qa.conventions import NS_PER_US
+from fedora_qa.layout.canonical import FRAMES_OF_MAP
 from fedora_qa.record.types import Where
-from fedora_qa.sequence.scan import FRAMES_OF_MAP, Scan
+from fedora_qa.sequence.scan import Scan
 
 SHORTEST_MARGIN_NS: Final = 200_000_000
 """One window, 0.2 s: the least time in which flow of 10, 25 and 50 Hz all complete whole intervals."""

@@ -8,8 +8,8 @@ import numpy as np
 
 from fedora_qa.errors import UnreadableRowsError
 from fedora_qa.extract.place import Piece, shared_time_ns
-from fedora_qa.layout.canonical import TIMESTAMPS_OF
-from fedora_qa.sequence.scan import FRAMES_OF_MAP, Runs, Scan
+from fedora_qa.layout.canonical import FRAMES_OF_MAP, TIMESTAMPS_OF
+from fedora_qa.sequence.scan import Runs, Scan
 from fedora_qa.sequence.sequence import SequenceRows
 
 _ANOTHER_UNIT: Final = 100

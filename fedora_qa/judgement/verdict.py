@@ -1,15 +1,23 @@
-"""The verdict of a file, from the results of its checks."""
+"""The verdict of a file, and what it rests on, from the results of its checks."""
 
 from collections.abc import Iterable
-from typing import Any
+from typing import Any, Final
 
 from fedora_qa.checks.protocol import Check
 from fedora_qa.record.types import Result, Verdict
+
+INDEX_MAPS: Final = "index_maps."
+"""Start of the names of the checks that compare an index map with the timestamps that it was made from."""
 
 
 def crossing_streams(checks: Iterable[Check[Any]]) -> frozenset[str]:
     """Return the names of the checks that compare streams with each other."""
     return frozenset(check.name for check in checks if len(check.needs) > 1)
+
+
+def comparisons_of(results: tuple[Result, ...], crossing: frozenset[str]) -> int:
+    """Return how many checks compared streams with each other and came to an outcome."""
+    return len(_conclusive(results) & crossing)
 
 
 def verdict_of(results: tuple[Result, ...], crossing: frozenset[str]) -> Verdict:
@@ -26,15 +34,21 @@ def verdict_of(results: tuple[Result, ...], crossing: frozenset[str]) -> Verdict
     -------
     Verdict
         ``incomplete`` where a check crashed; else ``findings`` where a check failed; else ``incomplete`` where
-        ``crossing`` names checks and none of them passed or warned; else ``clean``.
+        ``crossing`` names checks and none of them passed or warned, those of index maps left out unless only these
+        were selected; else ``clean``.
     """
     # Before findings: a check that crashed can have missed further ones.
     if any(result.outcome == "crashed" for result in results):
         return "incomplete"
     if any(result.outcome == "failed" for result in results):
         return "findings"
-    conclusive = {"passed", "warned"}
+    # An index map repeats timestamps, and does not depend on what the streams hold.
+    of_values = frozenset(name for name in crossing if not name.startswith(INDEX_MAPS)) or crossing
     # Without a conclusive comparison of streams, each stream was only tested by itself.
-    if crossing and not any(result.outcome in conclusive and result.check in crossing for result in results):
+    if of_values and not _conclusive(results) & of_values:
         return "incomplete"
     return "clean"
+
+
+def _conclusive(results: tuple[Result, ...]) -> frozenset[str]:
+    return frozenset(result.check for result in results if result.outcome in {"passed", "warned"})

@@ -203,6 +203,14 @@ PROMISED_BY: Final[Mapping[str, str]] = MappingProxyType(
 )
 """The group whose presence declares that the file holds the stream."""
 
+FRAMES_OF_MAP: Final[Mapping[str, str]] = MappingProxyType({"rgb_to_event": "rgb", "depth_to_event": "depth"})
+"""The frames that an index map points from. It points to events."""
+
+STREAM_GROUPS: Final[Mapping[str, str]] = MappingProxyType(
+    {"events": "path/events", "imu": "path/imu", "pose": "path/pose"}
+)
+"""The group that holds the datasets of a stream and of no other."""
+
 
 def datasets_of(stream: str) -> tuple[DatasetSpec, ...]:
     """Return the datasets that make up a stream."""

@@ -2,7 +2,7 @@
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
-from typing import Final
+from typing import Any, Final
 
 import h5py
 import numpy as np
@@ -12,8 +12,10 @@ from fedora_qa.layout.binding import Binding, instant_ns, rows_together
 from fedora_qa.layout.bounds import require_bounded, require_small_chunks, unwritten_chunks
 from fedora_qa.layout.canonical import (
     FLOW_STREAMS,
+    FRAMES_OF_MAP,
     METADATA_GROUPS,
     PROMISED_BY,
+    STREAM_GROUPS,
     STREAMS,
     DatasetSpec,
     companions_of,
@@ -23,10 +25,25 @@ from fedora_qa.layout.detect import declares_fedora, detect_dialect
 from fedora_qa.layout.dialect import NS_PER_TIME_UNIT, QUATERNION_COLUMNS, DatasetPlace, Dialect, scale_of
 from fedora_qa.layout.external_files import ExternalFiles
 from fedora_qa.layout.filters import require_filters, require_whole_chunks
-from fedora_qa.layout.links import RefusedError, damaged_name, find_dataset, find_object, has_group, reading
+from fedora_qa.layout.links import (
+    READ_ERRORS,
+    RefusedError,
+    damaged_name,
+    find_dataset,
+    find_object,
+    has_group,
+    reading,
+)
 
 _EXTRA_STREAMS: Final = ("depth_range",)
 """Datasets of the layout that are declarations, not streams."""
+
+_POLARITIES: Final = 1 << 16
+"""Events whose polarity tells its code. All of them are brighter only where nothing becomes darker."""
+
+_NEVER_EMPTY: Final = frozenset({"rgb", "depth", "imu", "pose"})
+"""Streams that are sampled whatever happens: without a sample they are absent. A still scene gives no events, and a
+sequence shorter than an interval gives no flow."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -34,6 +51,7 @@ class LayoutProblem:
     """A defect of the layout.
 
     ``code`` is ``integrity.layout.<rule>``, ``cause`` an identifier of ``causes.py``, ``magnitude`` in its unit.
+    ``is_lossless`` states that the values can be read as they were meant, so that only the form is unusual.
     """
 
     code: str
@@ -42,6 +60,7 @@ class LayoutProblem:
     key: str
     message: str
     magnitude: float | None = None
+    is_lossless: bool = False
 
 
 @dataclass(frozen=True, slots=True)
@@ -62,6 +81,8 @@ class Layout:
         Defects of the layout, in the order of the canonical layout.
     inferred
         Values that were inferred and not declared, for the record.
+    is_recognised
+        Whether a dialect is named by the file or the user, or the file holds anything of one.
     """
 
     dialect_name: str
@@ -70,6 +91,7 @@ class Layout:
     absent: Mapping[str, str]
     problems: tuple[LayoutProblem, ...] = ()
     inferred: Mapping[str, str | float] = field(default_factory=dict)
+    is_recognised: bool = True
 
 
 def resolve(file: h5py.File, dialect: Dialect | None = None, external_files: ExternalFiles | None = None) -> Layout:
@@ -85,6 +107,7 @@ def resolve(file: h5py.File, dialect: Dialect | None = None, external_files: Ext
         Which other files it may read from; None: no other.
     """
     inferred: dict[str, str | float] = {}
+    is_named = dialect is not None or declares_fedora(file)
     if dialect is None:
         dialect = detect_dialect(file, external_files)
         if not declares_fedora(file):
@@ -104,7 +127,8 @@ def resolve(file: h5py.File, dialect: Dialect | None = None, external_files: Ext
         streams=frozenset(stream for stream in STREAMS if datasets_of(stream)[0].key in finder.bindings),
         absent={stream: why for stream, why in finder.absent.items() if stream in STREAMS},
         problems=tuple(finder.problems),
-        inferred=inferred,
+        inferred=inferred | finder.inferred,
+        is_recognised=is_named or bool(finder.bindings or finder.problems),
     )
 
 
@@ -118,6 +142,7 @@ class _Finder:
         self.bindings: dict[str, Binding] = {}
         self.absent: dict[str, str] = {}
         self.problems: list[LayoutProblem] = []
+        self.inferred: dict[str, str | float] = {}
         self._sizes: dict[str, tuple[int, str]] = {}
         self._searched_groups: set[str] = set()
 
@@ -149,6 +174,10 @@ class _Finder:
                 raise _BrokenError(missing[0], RefusedError("missing_stream", "missing_stream", message))
             bound = {spec.key: self._bind(spec, datasets[spec.key]) for spec in specs}
             self._agree_on_sizes(specs, bound)
+            first = bound[specs[0].key]
+            if stream in _NEVER_EMPTY and not first.rows:
+                message = f"Expected samples in {first.path}, got none; write the stream, or leave its datasets out"
+                raise _BrokenError(first.key, RefusedError("empty", "missing_stream", message))
         except _BrokenError as broken:
             self.absent[stream] = str(broken.reason)
             self._report(stream, broken.key, broken.reason)
@@ -170,15 +199,20 @@ class _Finder:
             self.bindings.update(bound)
 
     def report_declared_streams(self) -> None:
-        """Report streams that the metadata declare and of which the file holds nothing."""
+        """Report streams that metadata, a group or an index map declare and of which the file holds nothing."""
         reported = {problem.stream for problem in self.problems}
-        for stream, group in PROMISED_BY.items():
-            if stream in self.absent and stream not in reported and has_group(self.file, group, self.external_files):
-                self._report_declared(stream, group)
+        groups = ((s, g) for s, g in (*PROMISED_BY.items(), *STREAM_GROUPS.items()) if self._has_group(g))
+        maps = [key for key in (f"metadata/{name}" for name in FRAMES_OF_MAP) if key in self.bindings]
+        of_maps = ((s, key) for key in maps for s in (FRAMES_OF_MAP[key.removeprefix("metadata/")], "events"))
+        for stream, place in (*groups, *of_maps):
+            if stream in self.absent and stream not in reported:
+                self._report_declared(stream, place)
+                reported.add(stream)
         # One group declares flow of all rates, and any one rate fulfils it.
         no_flow = all(stream in self.absent and stream not in reported for stream in FLOW_STREAMS)
-        if no_flow and has_group(self.file, "metadata/flow", self.external_files):
-            self._report_declared("flow", "metadata/flow")
+        flow_groups = [group for group in ("metadata/flow", "path/flow") if self._has_group(group)]
+        if no_flow and flow_groups:
+            self._report_declared("flow", flow_groups[0])
 
     def report_metadata_links(self) -> None:
         """Report groups of metadata behind links that are not followed: their declarations are not read."""
@@ -188,15 +222,18 @@ class _Finder:
             except RefusedError as refused:
                 self._report("metadata", "", refused)
 
-    def _report_declared(self, stream: str, group: str) -> None:
-        message = f"Expected {stream}, which /{group} declares, got no such stream; write it or drop the declaration"
+    def _has_group(self, path: str) -> bool:
+        return has_group(self.file, path, self.external_files)
+
+    def _report_declared(self, stream: str, place: str) -> None:
+        message = f"Expected {stream}, which /{place} declares, got no such stream; write it or drop the declaration"
         self._report(stream, "", RefusedError("missing_stream", "missing_stream", message))
 
-    def _report(self, stream: str, key: str, reason: RefusedError) -> None:
+    def _report(self, stream: str, key: str, reason: RefusedError, *, is_lossless: bool = False) -> None:
         code = f"integrity.layout.{reason.rule}"
         stream = "metadata" if stream in _EXTRA_STREAMS else stream
         cause = reason.cause if allowed(reason.cause, stream) else "unknown"
-        self.problems.append(LayoutProblem(code, cause, stream, key, str(reason), reason.magnitude))
+        self.problems.append(LayoutProblem(code, cause, stream, key, str(reason), reason.magnitude, is_lossless))
 
     def _path(self, key: str) -> str:
         return self._place(key).path or key
@@ -242,7 +279,14 @@ class _Finder:
                     message = (
                         f"Expected {path} as {spec.dtype}, got {dataset.dtype}; write it in the type of the layout"
                     )
-                    self._report(spec.stream, spec.key, RefusedError("wrong_dtype", "wrong_dtype", message))
+                    lossless = holds_without_loss(spec, dataset.dtype)
+                    if lossless:
+                        message = f"{message}, or read it by a dialect (fedora-qa layout FILE --draft-dialect OUT)"
+                    refused = RefusedError("wrong_dtype", "wrong_dtype", message)
+                    self._report(spec.stream, spec.key, refused, is_lossless=lossless)
+                    if spec.key == "path/events/p" and place.polarity == "01" and _is_signed_polarity(dataset):
+                        binding = replace(binding, polarity="plus_minus")
+                        self.inferred["events.polarity"] = "1 brighter, -1 darker"
                 unwritten, chunks = unwritten_chunks(dataset)
                 if unwritten:
                     message = f"Expected all {chunks} chunks of {path} to be written, got {unwritten} that never were"
@@ -294,6 +338,40 @@ class _Finder:
                         reason = RefusedError("wrong_shape", "truncated", message, 100 * (agreed - size) / agreed)
                     raise _BrokenError(spec.key, reason)
         self._sizes = sizes
+
+
+def holds_without_loss(spec: DatasetSpec, dtype: np.dtype[Any]) -> bool:
+    """Return whether another type than the layout's holds the values of a dataset as they were meant.
+
+    Parameters
+    ----------
+    spec
+        Of the dataset.
+    dtype
+        As stored.
+
+    Returns
+    -------
+    bool
+        Wider types, and whole numbers in others that hold them; float32 samples, whose step of 2^-24 of the value is
+        below the noise of any IMU; millimetres of depth as integers. Narrower floats and scaled integers lose.
+    """
+    canonical = np.dtype(spec.dtype)
+    if canonical.kind == "f":
+        return (dtype.kind == "f" and dtype.itemsize >= 4) or (spec.key == "path/depth" and dtype.kind in "iu")
+    # float64 holds microseconds and indices up to 2^53 (285 years), float32 columns, rows and polarity up to 2^24.
+    return dtype.kind in "iub" or dtype.itemsize >= (8 if canonical.itemsize == 8 else 4)
+
+
+def _is_signed_polarity(dataset: h5py.Dataset) -> bool:
+    """Whether the first events have polarities -1 and none 0, so that -1 is darker. Damage is found elsewhere."""
+    if dataset.dtype.kind not in "if":
+        return False
+    try:
+        polarity = dataset[:_POLARITIES]
+    except READ_ERRORS:
+        return False
+    return bool(np.any(polarity == -1) and not np.any(polarity == 0))
 
 
 def require_readable_type(spec: DatasetSpec, dataset: h5py.Dataset, path: str) -> None:

@@ -6,6 +6,7 @@ from collections.abc import Iterable
 from fedora_qa.record.types import FileRecord, Record
 from fedora_qa.record.wording import (
     OUTCOME_WORDS,
+    basis_of_clean,
     canaries_seen,
     cause_sentence,
     check_cells,
@@ -66,6 +67,7 @@ def _file_section(file: FileRecord) -> str:
     head = [
         f"**{escape(headline(file))}**",
         escape(why_incomplete(file)),
+        escape(basis_of_clean(file)),
         escape(canaries_seen(file)),
         escape(identity(file)),
     ]

@@ -169,6 +169,8 @@ class FileRecord:
     """Title of each array that lies beside the record, by the array's name."""
     canaries: tuple[Canary, ...] = ()
     """One for each check, where canaries were asked for."""
+    comparisons: int | None = None
+    """How many checks that compare streams with each other came to an outcome; None where that was not counted."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -20,6 +20,9 @@ OUTCOME_WORDS: Final[dict[Outcome, str]] = {
 }
 """Outcomes in words, the gravest first."""
 
+NOT_RECOGNISED: Final = "layout not recognised"
+"""Begins the reason of every result of a file of which no dialect describes anything."""
+
 SHORT_OF_COVERAGE: Final = "where the configuration requires"
 """Marks, in a result's reason, that its coverage is less than required."""
 
@@ -133,13 +136,28 @@ def why_incomplete(file: FileRecord) -> str:
     """Return why the verdict is incomplete, in one sentence; empty where it is not."""
     if file.verdict != "incomplete":
         return ""
+    reasons_given = {result.reason for result in file.results}
+    if len(reasons_given) == 1 and (reason := reasons_given.pop()).startswith(NOT_RECOGNISED):
+        return reason
     crashed = [result.check for result in file.results if result.outcome == "crashed"]
     short = [result.check for result in file.results if SHORT_OF_COVERAGE in result.reason]
     parts = [
         f"crashed: {', '.join(crashed)}" if crashed else "",
         f"less was seen than required: {', '.join(short)}" if short else "",
     ]
-    return "; ".join(part for part in parts if part) or "no stream could be checked against another"
+    if any(parts):
+        return "; ".join(part for part in parts if part)
+    if file.comparisons:
+        return "no stream could be checked against another but by an index map, which repeats their stamps"
+    return "no stream could be checked against another"
+
+
+def basis_of_clean(file: FileRecord) -> str:
+    """Return how many comparisons between streams a clean verdict rests on; empty for any other."""
+    if file.verdict != "clean" or file.comparisons is None:
+        return ""
+    plural = "" if file.comparisons == 1 else "s"
+    return f"clean: rests on {file.comparisons or 'no'} comparison{plural} between streams"
 
 
 def canaries_seen(file: FileRecord) -> str:

@@ -135,12 +135,18 @@ class DeclarationProblem:
         A sentence.
     cause
         As in ``fedora_qa.causes``.
+    impossible
+        Whether it is a number that nothing can have: below zero, NaN, or a range that ends before it begins.
+    usable
+        Whether its meaning is plain, so that it was read in spite of its form.
     """
 
     owner: str
     name: str
     message: str
     cause: str
+    impossible: bool = False
+    usable: bool = False
 
 
 @dataclass(frozen=True, slots=True)

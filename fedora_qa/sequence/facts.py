@@ -2,15 +2,20 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
-from fedora_qa.conventions import NS_PER_US
+from fedora_qa.conventions import NS_PER_S, NS_PER_US
+from fedora_qa.layout.binding import FARTHEST_TIMESTAMP_NS, INVALID_TIMESTAMP_NS
 from fedora_qa.layout.resolve import Layout
 from fedora_qa.sequence.declared import Declared
 
 Int64 = NDArray[np.int64]
+
+_SATURATED_NS: Final = FARTHEST_TIMESTAMP_NS - 2 * NS_PER_S
+"""Timestamps saturate at whole units, of a second at most, and the origin lies within a unit."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -24,7 +29,8 @@ class Clock:
     ends_ns
         (N,) ends of the intervals of flow, ns; None for other streams.
     advancing
-        (N,) True where a timestamp is later than all before it. Only these samples may be used for interpolation.
+        (N,) True where a timestamp has a place in time and is later than all such before it. Only these samples may be
+        used for interpolation.
     """
 
     times_ns: Int64
@@ -32,11 +38,47 @@ class Clock:
     advancing: NDArray[np.bool_]
 
     @property
+    def envelope_ns(self) -> Int64:
+        """(N,) latest timestamp up to each sample, ns; of samples before any with a place in time, the first such."""
+        placed = has_place(self.times_ns)
+        latest_ns: Int64 = np.maximum.accumulate(np.where(placed, self.times_ns, INVALID_TIMESTAMP_NS))
+        first_ns: np.int64 = self.times_ns[int(np.argmax(placed))]
+        return np.asarray(np.maximum(latest_ns, first_ns), dtype=np.int64)
+
+    @property
     def usable(self) -> bool:
         """Whether most timestamps advance, so that the stream can be placed in time."""
         count = len(self.times_ns)
         # Where half of the timestamps or more step back, their running maximum places most samples wrongly.
         return count > 0 and 2 * int(np.count_nonzero(self.advancing)) > count
+
+
+def has_place(times_ns: Int64) -> NDArray[np.bool_]:
+    """Return where timestamps (N,), ns from the file's origin, have a place in time: neither NaN nor saturated."""
+    return np.abs(times_ns) < _SATURATED_NS
+
+
+def clock_of(times_ns: Int64, ends_ns: Int64 | None) -> Clock:
+    """Return the clock of a stream from its timestamps.
+
+    Parameters
+    ----------
+    times_ns
+        (N,) timestamps, ns from the file's origin; for flow the start of each interval.
+    ends_ns
+        (N,) ends of the intervals of flow, ns; None for other streams.
+
+    Returns
+    -------
+    Clock
+        With the samples that advance.
+    """
+    advancing = has_place(times_ns)
+    # Against the running maximum, not the neighbour: after a jump forwards and back, timestamps are behind until they
+    # exceed the jump.
+    latest_ns = np.maximum.accumulate(np.where(advancing, times_ns, INVALID_TIMESTAMP_NS))
+    advancing[1:] &= times_ns[1:] > latest_ns[:-1]
+    return Clock(times_ns, ends_ns, advancing)
 
 
 @dataclass(frozen=True, slots=True)
@@ -85,6 +127,9 @@ class EventScan:
         Number of events that are earlier than any event before them.
     longest_steps
         Up to eight of either direction, in the order of the file.
+    unplaced, first_unplaced
+        Number of events whose timestamp has no place in time, which nothing above counts but ``count``, and the row of
+        the first, -1 without one.
     """
 
     count: int
@@ -97,6 +142,8 @@ class EventScan:
     largest_decrease_ns: int = 0
     behind: int = 0
     longest_steps: tuple[EventStep, ...] = ()
+    unplaced: int = 0
+    first_unplaced: int = -1
 
 
 @dataclass(frozen=True, slots=True)

@@ -56,6 +56,10 @@ class MalformedError(Exception):
         self.cause = cause
 
 
+class ImpossibleError(MalformedError):
+    """An attribute is a number that nothing can have."""
+
+
 def read_declared(file: h5py.File, layout: Layout, external_files: ExternalFiles | None = None) -> Declared:
     """Read every attribute of the layout; attributes that cannot be used become problems.
 
@@ -136,10 +140,14 @@ class _Reader:
             try:
                 value = read_attribute(holder, spec)
             except MalformedError as malformed:
-                self._problem(owner, spec.name, malformed.cause, str(malformed))
+                impossible = isinstance(malformed, ImpossibleError)
+                self._problem(owner, spec.name, malformed.cause, str(malformed), impossible=impossible)
                 continue
             if value is not None:
                 values[spec.name] = value
+                form = unusual_form(holder, spec, value)
+                if form:
+                    self._problem(owner, spec.name, "wrong_dtype", form, usable=True)
             # Files of other dialects carry no ``format`` at their root.
             elif spec.required and (owner or self.layout.dialect_name == FORMAT_NAME):
                 self._problem(owner, spec.name, "missing_stream", f"Expected {spec.meaning}, got no such attribute")
@@ -181,7 +189,9 @@ class _Reader:
         if not NEAREST_DEPTH_M <= nearest < farthest <= FARTHEST_DEPTH_M:
             bounds = f"{NEAREST_DEPTH_M:g} <= nearest < farthest <= {FARTHEST_DEPTH_M:g}"
             message = f"Expected {bounds} in metres, got {nearest:g} and {farthest:g}"
-            self._problem("metadata", "depth_range", "unknown", message)
+            # A range from zero, or without an end, is vague; one that is inverted, negative or NaN has no meaning.
+            impossible = not 0 <= nearest < farthest
+            self._problem("metadata", "depth_range", "unknown", message, impossible=impossible)
             return None
         return nearest, farthest
 
@@ -199,9 +209,11 @@ class _Reader:
     def _holding(self, binding: Binding) -> h5py.File:
         return self.external_files.holding(self.file, binding) if self.external_files else self.file
 
-    def _problem(self, owner: str, name: str, cause: str, message: str) -> None:
+    def _problem(
+        self, owner: str, name: str, cause: str, message: str, *, impossible: bool = False, usable: bool = False
+    ) -> None:
         cause_named = cause if allowed(cause, "metadata") else "unknown"
-        self.problems.append(DeclarationProblem(owner, name, message, cause_named))
+        self.problems.append(DeclarationProblem(owner, name, message, cause_named, impossible, usable))
 
 
 def read_attribute(holder: h5py.Group | h5py.Dataset, spec: AttributeSpec) -> Any:
@@ -232,10 +244,33 @@ def read_attribute(holder: h5py.Group | h5py.Dataset, spec: AttributeSpec) -> An
     return None if stored is None else _READERS[spec.kind](stored, spec)
 
 
+def unusual_form(holder: h5py.Group | h5py.Dataset, spec: AttributeSpec, value: Any) -> str:
+    """Return what is unusual in the form of an attribute that can be read; empty where nothing is.
+
+    Parameters
+    ----------
+    holder
+        Object that carries the attribute.
+    spec
+        Name, kind and choices of the attribute.
+    value
+        As ``read_attribute`` returns it.
+    """
+    stored = stored_attribute(holder, spec.name)
+    text = stored.decode("utf-8", "replace") if isinstance(stored, bytes) else stored
+    if spec.choices and text != value:
+        return f"Expected {value!r}, got {_shown(stored)}, which is read as that; write it as the layout does"
+    if spec.kind == "int" and isinstance(_scalar(stored), float | np.floating):
+        return f"Expected a whole number, got {_shown(stored)}, which is read as {value}; write it as an integer"
+    return ""
+
+
 def _text(stored: Any, spec: AttributeSpec) -> str:
     text = stored.decode("utf-8", "replace") if isinstance(stored, bytes) else stored
     if not isinstance(text, str):
         raise MalformedError("wrong_dtype", f"Expected text, got {_shown(stored)}")
+    # Names in upper case mean the same.
+    text = next((choice for choice in spec.choices if choice.lower() == text.strip().lower()), text)
     if spec.choices and text not in spec.choices:
         raise MalformedError("unknown", f"Expected {' or '.join(map(repr, spec.choices))}, got {_shown(text)}")
     return str(text)
@@ -243,6 +278,8 @@ def _text(stored: Any, spec: AttributeSpec) -> str:
 
 def _int(stored: Any, spec: AttributeSpec) -> int:
     value = _scalar(stored)
+    if isinstance(value, float | np.floating) and float(value).is_integer():
+        value = int(value)
     # bool is a subclass of int in Python.
     if not isinstance(value, int | np.integer) or isinstance(value, bool | np.bool_):
         raise MalformedError("wrong_dtype", f"Expected a whole number, got {_shown(stored)}")
@@ -255,7 +292,7 @@ def _float(stored: Any, spec: AttributeSpec) -> float:
     if not isinstance(value, int | float | np.integer | np.floating) or isinstance(value, bool):
         raise MalformedError("wrong_dtype", f"Expected a number, got {_shown(stored)}")
     if not np.isfinite(value):
-        raise MalformedError("nan_in_stream", f"Expected a finite number, got {value}")
+        raise ImpossibleError("nan_in_stream", f"Expected a finite number, got {value}")
     _require_range(float(value), spec)
     return float(value)
 
@@ -299,9 +336,9 @@ def _scalar(stored: Any) -> Any:
 
 def _require_range(value: float, spec: AttributeSpec) -> None:
     if spec.name in POSITIVE and value <= 0:
-        raise MalformedError("unknown", f"Expected a positive number, got {value}")
+        raise ImpossibleError("unknown", f"Expected a positive number, got {value}")
     if value < 0 and spec.name != "seed":
-        raise MalformedError("unknown", f"Expected a number not below 0, got {value}")
+        raise ImpossibleError("unknown", f"Expected a number not below 0, got {value}")
     if spec.name != "seed" and (value > LARGEST_NUMBER or 0 < value < LEAST_NUMBER):
         raise MalformedError("unknown", f"Expected 0 or {LEAST_NUMBER:g} to {LARGEST_NUMBER:g}, got {value:g}")
     if spec.name in {"width", "height"} and value > MOST_PIXELS_ALONG:

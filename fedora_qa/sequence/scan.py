@@ -12,8 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fedora_qa.errors import UnreadableRowsError
-from fedora_qa.layout.canonical import TIMESTAMPS_OF
-from fedora_qa.sequence.facts import Clock, EventScan, EventStep, Facts, IndexMap
+from fedora_qa.layout.canonical import FRAMES_OF_MAP, TIMESTAMPS_OF
+from fedora_qa.sequence.facts import Clock, EventScan, EventStep, Facts, IndexMap, clock_of, has_place
 from fedora_qa.sequence.sequence import SequenceRows
 
 Int64 = NDArray[np.int64]
@@ -31,8 +31,6 @@ FARTHEST_INDEX: Final = 1 << 53
 KEPT_STEPS: Final = 8
 """Number of longest steps of either direction that are kept. A clock reset has two; the others give the usual
 length."""
-
-FRAMES_OF_MAP = {"rgb_to_event": "rgb", "depth_to_event": "depth"}
 
 
 @dataclass(frozen=True, slots=True)
@@ -98,9 +96,20 @@ class _EventTally:
     left: dict[str, Int64] = field(default_factory=dict)
     right: dict[str, Int64] = field(default_factory=dict)
     unreadable: list[tuple[int, int]] = field(default_factory=list)
+    unplaced: int = 0
+    first_unplaced: int = -1
 
     def add(self, start: int, times_ns: Int64) -> None:
         """Add the timestamps of one block, whose first row is ``start``."""
+        placed = has_place(times_ns)
+        if not np.all(placed):
+            self.unplaced += int(np.count_nonzero(~placed))
+            self.first_unplaced = self.first_unplaced if self.first_unplaced >= 0 else start + int(np.argmin(placed))
+            # An event without a place in time counts as simultaneous with the one before it.
+            before = np.maximum.accumulate(np.where(placed, np.arange(len(placed)), -1))
+            first_ns = int(times_ns[int(np.argmax(placed))]) if np.any(placed) else 0
+            previous_ns = first_ns if self.previous is None else self.previous
+            times_ns = np.where(before < 0, previous_ns, times_ns[before])
         # The step between two blocks counts too. The first event of a file gets a step of 0, which alters no count.
         previous = int(times_ns[0]) if self.previous is None else self.previous
         steps = np.diff(times_ns, prepend=previous)
@@ -182,12 +191,7 @@ def scan(sequence: SequenceRows, cell_ns: int) -> Scan:
             continue
         # Intervals of flow have a start and an end.
         starts, ends = (timestamps[:, 0], timestamps[:, 1]) if timestamps.ndim == 2 else (timestamps, None)
-        # Against the running maximum, not the neighbour: after a jump forwards and back, timestamps are behind until
-        # they exceed the jump.
-        before = np.maximum.accumulate(starts[:-1]) if len(starts) else starts
-        advancing = np.ones(len(starts), dtype=bool)
-        advancing[1:] = starts[1:] > before
-        clocks[stream] = Clock(starts, ends, advancing)
+        clocks[stream] = clock_of(starts, ends)
     frame_timestamps = {
         name: clocks[frames].times_ns
         for name, frames in FRAMES_OF_MAP.items()
@@ -215,6 +219,8 @@ def scan(sequence: SequenceRows, cell_ns: int) -> Scan:
             largest_decrease_ns=tally.largest_decrease,
             behind=tally.behind,
             longest_steps=tally.longest_steps,
+            unplaced=tally.unplaced,
+            first_unplaced=tally.first_unplaced,
         )
     index_maps: dict[str, IndexMap] = {}
     for name, frames_ns in frame_timestamps.items():
@@ -245,11 +251,7 @@ def scan(sequence: SequenceRows, cell_ns: int) -> Scan:
 
 def _runs(facts: Facts, tally: _EventTally, cell_ns: int) -> tuple[dict[str, Runs], int]:
     """Return the cells of each stream's rows, and their length: cells are joined until there are few enough."""
-    runs = {
-        stream: _runs_of(np.maximum.accumulate(clock.times_ns) // cell_ns)
-        for stream, clock in facts.clocks.items()
-        if clock.usable
-    }
+    runs = {stream: _runs_of(clock.envelope_ns // cell_ns) for stream, clock in facts.clocks.items() if clock.usable}
     if tally.cells:
         count = facts.sizes[TIMESTAMPS_OF["events"]]
         runs["events"] = Runs(np.concatenate(tally.cells), np.concatenate(tally.starts), count)

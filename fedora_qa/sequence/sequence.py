@@ -12,6 +12,7 @@ from typing import Any, Final, Protocol, Self
 import h5py
 from numpy.typing import NDArray
 
+from fedora_qa.conventions import NS_PER_S
 from fedora_qa.errors import UnreadableFileError, UnreadableRowsError
 from fedora_qa.layout.binding import Binding, Opened, canonical_rows, instant_ns, raw_rows
 from fedora_qa.layout.canonical import TIMESTAMPS_OF
@@ -30,6 +31,12 @@ from fedora_qa.storage.version import Version
 
 _NO_CHUNKS: Final = 0
 """Bytes of chunks that HDF5 keeps of each dataset: callers read whole chunks and keep them."""
+
+_FIRST_ROWS: Final = 5
+"""Rows that tell a damaged first timestamp from a good one: a majority of three outvotes two damaged ones."""
+
+_LONGEST_PAUSE_NS: Final = 86_400 * NS_PER_S
+"""A day, ns: no recording pauses for longer between its first samples, of a stream or of all of them."""
 
 
 class SequenceRows(Protocol):
@@ -110,7 +117,7 @@ class Sequence:
     declared
         What the metadata declare.
     origin_ns
-        The file's origin on its own clock: the earliest first timestamp of any stream.
+        The file's origin on its own clock: the earliest first timestamp of any stream, damaged ones left out.
     """
 
     def __init__(
@@ -134,18 +141,13 @@ class Sequence:
         )
         self.origin_ns: int = opening_facts.origin_ns if opening_facts else 0
         if not opening_facts:
-            # The earliest first timestamp, so that times of correct streams are not negative.
-            firsts_ns: list[int] = []
-            for key in (TIMESTAMPS_OF[stream] for stream in self.layout.streams if stream in TIMESTAMPS_OF):
-                binding = self.layout.bindings[key]
-                try:
-                    first = self.raw_rows(key, 0, min(1, binding.rows)).ravel()
-                except UnreadableRowsError:
-                    continue
-                first_ns = instant_ns(first[0], binding) if len(first) else None
-                if first_ns is not None:
-                    firsts_ns.append(first_ns)
-            self.origin_ns = min(firsts_ns, default=0)
+            # The earliest first timestamp, so that times of correct streams are not negative. A stream on another clock
+            # would take the others years from the origin.
+            streams = (stream for stream in self.layout.streams if stream in TIMESTAMPS_OF)
+            firsts_ns = sorted(first for first in map(self._first_ns, streams) if first is not None)
+            usual_ns = firsts_ns[len(firsts_ns) // 2] if firsts_ns else 0
+            near = (first for first in firsts_ns if abs(first - usual_ns) < _LONGEST_PAUSE_NS)
+            self.origin_ns = min(near, default=0)
         self._require_sound()
 
     def __enter__(self) -> Self:
@@ -213,6 +215,24 @@ class Sequence:
         # No readable type has more than 8 bytes (``require_readable_type``).
         row_bytes = 8 * prod(binding.shape[1:])
         return max(1, (1 << 20) // max(row_bytes, 1))
+
+    def _first_ns(self, stream: str) -> int | None:
+        """Return the first timestamp of a stream on the file's own clock, ns; None without a finite one.
+
+        A first timestamp more than ``_LONGEST_PAUSE_NS`` from those behind it is passed over.
+        """
+        key = TIMESTAMPS_OF[stream]
+        binding = self.layout.bindings[key]
+        try:
+            rows = self.raw_rows(key, 0, min(_FIRST_ROWS, binding.rows))
+        except UnreadableRowsError:
+            return None
+        # Intervals of flow have a start and an end.
+        starts = rows[:, 0] if rows.ndim > 1 else rows
+        instants = (instant_ns(start, binding) for start in starts)
+        finite = [instant for instant in instants if instant is not None]
+        usual_ns = sorted(finite)[len(finite) // 2] if finite else 0
+        return next((instant for instant in finite if abs(instant - usual_ns) < _LONGEST_PAUSE_NS), None)
 
     def _holding(self, binding: Binding) -> h5py.File:
         if self._external_files is None:

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from fedora_qa.conventions import MM_PER_M
 from fedora_qa.layout.canonical import TIMESTAMPS_OF
-from fedora_qa.sequence.facts import Facts
+from fedora_qa.sequence.facts import Facts, has_place
 from fedora_qa.sequence.leases import Leases
 
 T = TypeVar("T")
@@ -263,7 +263,8 @@ class Window:
         Returns
         -------
         Events
-            In the order of time; events of one timestamp in the order of the file.
+            In the order of time; events of one timestamp in the order of the file. Those whose timestamp has no place
+            in time are left out.
         """
         return self.once(("events", before_ns, after_ns), lambda: self._read_events(before_ns, after_ns))
 
@@ -308,6 +309,9 @@ class Window:
         x, y = (self.rows(f"path/events/{name}", start, stop) for name in "xy")
         times_ns = self.rows(TIMESTAMPS_OF["events"], start, stop)
         p = self.rows("path/events/p", start, stop)
+        if self.facts.events is not None and self.facts.events.unplaced:
+            placed = has_place(times_ns)
+            x, y, times_ns, p = x[placed], y[placed], times_ns[placed], p[placed]
         if len(times_ns) and np.any(np.diff(times_ns) < 0):
             # Stable: events of one timestamp keep their order in the file.
             order = np.argsort(times_ns, kind="stable")

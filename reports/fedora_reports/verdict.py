@@ -6,7 +6,7 @@ from itertools import accumulate
 from typing import Final
 
 from fedora_qa.record.types import FileRecord, Outcome, Verdict
-from fedora_qa.record.wording import OUTCOME_WORDS, canaries_seen, why_incomplete
+from fedora_qa.record.wording import OUTCOME_WORDS, basis_of_clean, canaries_seen, why_incomplete
 
 TITLES: Final[dict[Verdict, str]] = {"clean": "Clean", "findings": "Findings", "incomplete": "Incomplete"}
 
@@ -48,6 +48,9 @@ def verdict_of(file: FileRecord) -> VerdictText:
         sentence = f"{checks(failed).capitalize()} failed; {named}."
     else:
         sentence = "No check found a deviation from a correct file."
+    rests_on = basis_of_clean(file).removeprefix("clean: ")
+    if rests_on:
+        sentence = f"{sentence} The verdict {rests_on}."
 
     conclusive = [result for result in file.results if result.outcome in {"passed", "failed", "warned"}]
     if conclusive:

@@ -5,7 +5,7 @@ from typing import get_args
 import pytest
 
 from fedora_qa.catalogue import CHECKS
-from fedora_qa.judgement.verdict import crossing_streams, verdict_of
+from fedora_qa.judgement.verdict import comparisons_of, crossing_streams, verdict_of
 from fedora_qa.record.types import Outcome, Result, Verdict
 
 CROSSING = frozenset({"a.crossing"})
@@ -44,3 +44,26 @@ def test_crossing_streams() -> None:
     crossing = crossing_streams(CHECKS)
     assert "flow_photometric.residual" in crossing
     assert "pose.orientation" not in crossing
+
+
+@pytest.mark.parametrize(
+    ("selected", "maps", "other", "expected"),
+    [
+        ({"index_maps.rgb", "a.crossing"}, "passed", "not_observable", "incomplete"),
+        ({"index_maps.rgb", "a.crossing"}, "passed", "passed", "clean"),
+        ({"index_maps.rgb", "a.crossing"}, "not_applicable", "warned", "clean"),
+        ({"index_maps.rgb"}, "passed", "not_observable", "clean"),
+        ({"index_maps.rgb"}, "not_observable", "passed", "incomplete"),
+    ],
+)
+def test_an_index_map_alone_is_not_enough(selected: set[str], maps: Outcome, other: Outcome, expected: Verdict) -> None:
+    """A map repeats timestamps; it suffices only where nothing else that compares streams was selected."""
+    both = (Result("index_maps.rgb", maps, ""), Result("a.crossing", other, ""))
+    assert verdict_of(both, frozenset(selected)) == expected
+
+
+def test_comparisons_are_counted() -> None:
+    """Those that came to an outcome count, whatever the verdict."""
+    counted = results(first="passed", second="warned", third="failed", fourth="not_observable", own="passed")
+    crossing = frozenset({"a.first", "a.second", "a.third", "a.fourth"})
+    assert comparisons_of(counted, crossing) == 2

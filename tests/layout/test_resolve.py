@@ -214,3 +214,106 @@ def test_malformed_depth_range_is_of_the_metadata(file: h5py.File) -> None:
     """The depth range is a declaration, not a stream."""
     replace(file, "metadata/depth_range", np.zeros(3))
     assert only_problem(resolve(file)) == ("wrong_shape", "wrong_shape", "metadata", "metadata/depth_range")
+
+
+@pytest.mark.parametrize("stream", ["rgb", "depth", "imu", "pose"])
+def test_an_empty_stream_is_missing(file: h5py.File, stream: str) -> None:
+    """Datasets without a row are a declared stream that is absent, and no other stream suffers."""
+    specs = [spec for spec in DATASETS.values() if spec.stream == stream]
+    for spec in specs:
+        replace(file, spec.key, file[spec.key][:0])
+    if (index_map := f"metadata/{stream}_to_event") in file:
+        replace(file, index_map, file[index_map][:0])
+    layout = resolve(file)
+    assert only_problem(layout) == ("empty", "missing_stream", stream, specs[0].key)
+    assert layout.streams == set(STREAMS) - {stream}
+
+
+@pytest.mark.parametrize(("stream", "group"), [("events", "path/events"), ("imu", "path/imu"), ("pose", "path/pose")])
+def test_a_group_declares_its_stream(file: h5py.File, stream: str, group: str) -> None:
+    """A group without its datasets is a stream that was not written, whatever the metadata declare."""
+    del file[group], file[f"metadata/{stream}"], file["metadata/rgb_to_event"], file["metadata/depth_to_event"]
+    assert not resolve(file).problems
+    file.create_group(group)
+    assert only_problem(resolve(file)) == ("missing_stream", "missing_stream", stream, "")
+
+
+def test_a_group_declares_flow(file: h5py.File) -> None:
+    """An empty group of flow is flow of no rate."""
+    del file["path/flow"], file["metadata/flow"]
+    assert not resolve(file).problems
+    file.create_group("path/flow")
+    assert only_problem(resolve(file)) == ("missing_stream", "missing_stream", "flow", "")
+
+
+@pytest.mark.parametrize("frames", ["rgb", "depth"])
+def test_an_index_map_declares_its_frames(file: h5py.File, frames: str) -> None:
+    """A map from frames to events is of no use without both."""
+    del file[f"path/{frames}"], file[f"path/{frames}_ts"], file[f"metadata/cameras/{frames}"]
+    assert only_problem(resolve(file)) == ("missing_stream", "missing_stream", frames, "")
+
+
+def test_an_index_map_declares_events(file: h5py.File) -> None:
+    """Two maps into events that are not there are one missing stream."""
+    del file["path/events"], file["metadata/events"]
+    assert only_problem(resolve(file)) == ("missing_stream", "missing_stream", "events", "")
+
+
+@pytest.mark.parametrize(
+    ("key", "dtype", "lossless"),
+    [
+        ("path/depth", "float64", True),
+        ("path/depth", "uint16", True),
+        ("path/depth", "float16", False),
+        ("path/imu/angular_velocity", "float32", True),
+        ("path/imu/angular_velocity", "int16", False),
+        ("path/pose/position", "float16", False),
+        ("path/flow/10hz", "float64", True),
+        ("path/flow/10hz", "int16", False),
+        ("path/events/x", "uint32", True),
+        ("path/events/x", "float32", True),
+        ("path/events/x", "float16", False),
+        ("path/events/p", "bool", True),
+        ("path/rgb_ts", "float64", True),
+        ("path/rgb_ts", "float32", False),
+        ("path/rgb_ts", "uint32", True),
+        ("metadata/rgb_to_event", "float64", True),
+    ],
+)
+def test_types_that_hold_the_same_values(file: h5py.File, key: str, dtype: str, lossless: bool) -> None:
+    """Wider types, and whole numbers in others, are unusual; types that lose what the layout holds are wrong."""
+    values = np.nan_to_num(file[key][()])
+    replace(file, key, values.astype(dtype))
+    (problem,) = resolve(file).problems
+    assert (problem.cause, problem.is_lossless) == ("wrong_dtype", lossless)
+    assert ("--draft-dialect" in problem.message) is lossless
+
+
+@pytest.mark.parametrize("dtype", ["int8", "int32", "float32"])
+def test_signed_polarity_is_inferred(file: h5py.File, dtype: str) -> None:
+    """-1 beside 1 and no 0 is darker; the record states that it was inferred."""
+    replace(file, "path/events/p", (2 * file["path/events/p"][()].astype(int) - 1).astype(dtype))
+    layout = resolve(file)
+    assert layout.bindings["path/events/p"].polarity == "plus_minus"
+    assert "events.polarity" in layout.inferred
+
+
+def test_three_polarities_are_not_inferred(file: h5py.File) -> None:
+    """-1, 0 and 1 are no code: what is not 0 or 1 stays undefined."""
+    polarity = file["path/events/p"][()].astype(np.int8)
+    polarity[3] = -1
+    replace(file, "path/events/p", polarity)
+    assert resolve(file).bindings["path/events/p"].polarity == "01"
+
+
+def test_nothing_is_recognised_in_a_file_of_something_else(tmp_path: Path) -> None:
+    """A file without a dataset of any dialect; a single one, or the name of the format, is enough to be one."""
+    with h5py.File(tmp_path / "other.h5", "w") as file:
+        file["weights"] = np.zeros(3)
+        assert not resolve(file).is_recognised
+        file["path/imu/ts"] = np.arange(4)
+        assert resolve(file).is_recognised
+        del file["path"]
+        assert not resolve(file).is_recognised
+        file.attrs["format"] = "fedora"
+        assert resolve(file).is_recognised

@@ -9,6 +9,7 @@ from hypothesis import strategies as st
 
 from fedora_qa.record.types import Canary, Coverage, Finding, Measurement, Result, Where
 from fedora_qa.record.wording import (
+    basis_of_clean,
     canaries_seen,
     cause_sentence,
     coverage_words,
@@ -197,3 +198,26 @@ def test_canaries_are_said_in_one_line() -> None:
     assert canaries_seen(file) == said
     assert canaries_seen(replace(file, canaries=(seen,))) == "canaries seen by 1 of 1 checks"
     assert canaries_seen(file_record(passed())) == ""
+
+
+@pytest.mark.parametrize(
+    ("comparisons", "said"),
+    [
+        (None, ""),
+        (0, "clean: rests on no comparisons between streams"),
+        (1, "clean: rests on 1 comparison between streams"),
+        (21, "clean: rests on 21 comparisons between streams"),
+    ],
+)
+def test_clean_says_what_it_rests_on(comparisons: int | None, said: str) -> None:
+    """A clean verdict counts its comparisons, where they were counted; other verdicts rest on findings."""
+    file = replace(file_record(passed()), verdict="clean", comparisons=comparisons)
+    assert basis_of_clean(file) == said
+    assert basis_of_clean(replace(file, verdict="findings")) == ""
+
+
+def test_an_index_map_alone_is_said_to_be_no_comparison() -> None:
+    """An incomplete verdict states what was compared, and why that is not enough."""
+    file = replace(file_record(passed()), verdict="incomplete", comparisons=1)
+    assert "index map" in why_incomplete(file)
+    assert "index map" not in why_incomplete(replace(file, comparisons=0))

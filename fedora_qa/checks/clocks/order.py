@@ -18,7 +18,7 @@ from fedora_qa.conventions import NS_PER_MS, NS_PER_US
 from fedora_qa.estimators.clocks.regular_clock import is_rounded
 from fedora_qa.features import Feature
 from fedora_qa.record.types import Where
-from fedora_qa.sequence.facts import Facts
+from fedora_qa.sequence.facts import Facts, has_place
 from fedora_qa.views.clock_resets import clock_reset
 
 
@@ -82,7 +82,10 @@ class ClocksOrder(FactsCheck):
         for stream, clock in clocks_of(facts):
             # Subtracted as int64 before any conversion: float64 seconds since 1970 lose 0.17 us.
             steps = np.diff(clock.times_ns)
-            backward, repeated = np.flatnonzero(steps < 0), np.flatnonzero(steps == 0)
+            # Timestamps without a place in time are counted by integrity.finite.
+            placed = has_place(clock.times_ns)
+            neighbours = placed[:-1] & placed[1:]
+            backward, repeated = np.flatnonzero(neighbours & (steps < 0)), np.flatnonzero(neighbours & (steps == 0))
             # Timestamps that were rounded to a grid above the period repeat, as those of samples that were written
             # twice.
             rounded: tuple[Feature, ...] = ()

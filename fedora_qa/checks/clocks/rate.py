@@ -12,7 +12,7 @@ from fedora_qa.conventions import NS_PER_MS, NS_PER_S, NS_PER_US
 from fedora_qa.estimators.clocks.regular_clock import RegularClock, has_odd_grid_above_period
 from fedora_qa.features import Feature
 from fedora_qa.record.types import Where
-from fedora_qa.sequence.facts import Facts
+from fedora_qa.sequence.facts import Clock, Facts
 
 _NTSC_HZ: Final = (24, 30, 48, 60, 120)
 """Rates of video that are also used divided by 1.001."""
@@ -124,8 +124,13 @@ class ClocksRate(FactsCheck):
         if not fits:
             return Observation(all_timestamps(facts), unobservable="no stream has three stamps in order")
         errors: dict[str, Statistic] = {}
+        sparse: list[Notice] = []
         for stream, fit in fits.items():
-            nominal_ns = _nominal_period_ns(stream, fit.period_ns)
+            nominal_ns = _nominal_period_ns(stream, fit.period_ns, facts.clocks[stream])
+            intervals = round(nominal_ns / _interval_ns(stream)) if stream in facts.flow_streams else 1
+            if intervals > 1:
+                message = f"{stream} has a field for one of {intervals} intervals only"
+                sparse.append(Notice("clocks.rate.sparse", message, Where(stream=stream)))
             deviation = fit.period_ns / nominal_ns - 1
             # More than 1% from every nominal rate is another rate, not an error of a nominal one.
             if abs(deviation) > _NOMINAL_WITHIN and not stream.startswith("flow/"):
@@ -163,7 +168,7 @@ class ClocksRate(FactsCheck):
         # other streams can be judged by it.
         exact = [m for m in errors.values() if abs(m.value) <= m.model_error_bound + 3 * m.standard_error]
         changes = (
-            _change(facts, stream, fit, _nominal_period_ns(stream, fit.period_ns))
+            _change(facts, stream, fit, _nominal_period_ns(stream, fit.period_ns, facts.clocks[stream]))
             for stream, fit in fits.items()
             if fit.regular
         )
@@ -180,18 +185,27 @@ class ClocksRate(FactsCheck):
                 )
                 for stream, fit in fits.items()
                 if stream not in judged
-            ),
+            )
+            + tuple(sparse),
         )
 
 
-def _nominal_period_ns(stream: str, period_ns: float) -> float:
-    """Return the nearest nominal period, ns; for flow the one in the stream's name.
+def _interval_ns(flow_stream: str) -> float:
+    return NS_PER_S / int(flow_stream.removeprefix("flow/").removesuffix("hz"))
 
-    Nominal rates are whole numbers of Hz, exactly or with a period rounded to whole microseconds (as many recorders
-    write), and 1000/1001 of video rates (29.97 Hz and others).
+
+def _nominal_period_ns(stream: str, period_ns: float, clock: Clock) -> float:
+    """Return the nearest nominal period, ns; for flow the one in the stream's name, or a multiple of it.
+
+    Flow may have a field for each second or third interval alone: its fields then last as long as the name says.
+    Nominal rates of others are whole numbers of Hz, exactly or with a period rounded to whole microseconds (as many
+    recorders write), and 1000/1001 of video rates (29.97 Hz and others).
     """
-    if stream.startswith("flow/"):
-        return NS_PER_S / int(stream.removeprefix("flow/").removesuffix("hz"))
+    if clock.ends_ns is not None:
+        interval_ns = _interval_ns(stream)
+        fields_ns = float(np.median(clock.ends_ns - clock.times_ns))
+        is_named = abs(fields_ns / interval_ns - 1) <= _NOMINAL_WITHIN
+        return interval_ns * max(round(period_ns / interval_ns), 1) if is_named else interval_ns
     exact_ns = NS_PER_S / max(round(NS_PER_S / period_ns), 1)
     candidates = [exact_ns, max(round(exact_ns / NS_PER_US), 1) * NS_PER_US]
     # Video at 1000/1001 of its rate: 29.97 Hz has the period of 30 Hz times 1.001.

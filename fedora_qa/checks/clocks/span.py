@@ -1,16 +1,30 @@
 """Where the streams begin and end."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
+from typing import Final
 
 import numpy as np
 
-from fedora_qa.checks.clocks.streams import all_timestamps, extent_ns, fits_of, part_in_other_unit, placed_streams
+from fedora_qa.checks.clocks.streams import (
+    all_timestamps,
+    clocks_of,
+    extent_ns,
+    fits_of,
+    part_in_other_unit,
+    placed_streams,
+)
+from fedora_qa.checks.exact import count_of_faults
 from fedora_qa.checks.protocol import FactsCheck, Notice, Observation, Statistic
-from fedora_qa.conventions import NS_PER_MS
+from fedora_qa.conventions import NS_PER_MS, NS_PER_S
+from fedora_qa.estimators.clocks.regular_clock import FEWEST_TIMESTAMPS
 from fedora_qa.features import Feature
 from fedora_qa.record.types import Where
 from fedora_qa.sequence.facts import Facts
+
+_LONGEST_PERIOD_NS: Final = NS_PER_S // 10
+"""Period that a stream of two samples or fewer may have, ns. No sampled stream of the known datasets is slower than
+10 Hz."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -45,6 +59,22 @@ class CutOfSeveralRates(Feature):
     rates: tuple[str, ...]
 
 
+@dataclass(frozen=True, slots=True)
+class FewSamples(Feature):
+    """A stream with fewer samples than any rate gives in the span of the other streams.
+
+    Attributes
+    ----------
+    samples
+        Number of its samples.
+    uncovered_ratio
+        Share of the span of the other streams without it, 0 to 1.
+    """
+
+    samples: int
+    uncovered_ratio: float
+
+
 class ClocksSpan(FactsCheck):
     """Do the streams begin and end together?
 
@@ -63,6 +93,9 @@ class ClocksSpan(FactsCheck):
     ends has an offset; any other is cut off. A sample is missing at an end where one would have been due at an instant
     that at least half of the streams cover.
 
+    A stream of two samples or fewer has no period of its own. Three are due within 0.3 s of the other streams, as
+    sampled streams have 10 Hz at least, and three fields of flow within four of their intervals.
+
     Noise model
     -----------
     None at random. A stream begins, and ends, less than a period P of its own inside the recording, since one more
@@ -72,7 +105,8 @@ class ClocksSpan(FactsCheck):
 
     Cannot see
     ----------
-    Streams that all begin late or end early together. Events are not held to it, since a still scene gives none.
+    Streams that all begin late or end early together. Events are not held to it, since a still scene gives none: a
+    stream without any event is noted.
 
     Sources
     -------
@@ -82,53 +116,30 @@ class ClocksSpan(FactsCheck):
     name = "clocks.span"
 
     def not_applicable(self, facts: Facts) -> str:
-        """Require two sampled streams."""
-        return "" if len(placed_streams(facts)) > 1 else "fewer than two streams have three stamps in order"
+        """Require two sampled streams, or one of few samples beside another stream."""
+        few_beside_others = streams_of_few_samples(facts) and _others_ns(facts)
+        comparable = len(placed_streams(facts)) > 1 or few_beside_others
+        return "" if comparable else "fewer than two streams have three stamps in order"
 
     def examine(self, facts: Facts) -> Observation:
         """Measure how much later each stream begins and how much earlier it ends."""
         fits = dict(fits_of(facts))
         ends = {stream: extent_ns(facts.clocks[stream]) for stream in fits}
         # One stray stream does not move a median.
-        begin, finish = (float(np.median(instants)) for instants in zip(*ends.values(), strict=True))
-        usual_ns = float(np.median([fit.period_ns for fit in fits.values()]))
-        statistics: list[Statistic] = []
-        for stream, (start, stop) in ends.items():
+        begin, finish = (float(np.median(instants)) for instants in zip(*_others_ns(facts), strict=True))
+        usual_ns = float(np.median([fit.period_ns for fit in fits.values()])) if fits else 0.0
+        statistics = list(_of_few_samples(facts, begin, finish))
+        for stream in ends:
             # A stream ends less than one of its own periods before the recording does, the median stream likewise by
             # its period.
-            model_error_bound_ns = fits[stream].period_ns + usual_ns
-            part = part_in_other_unit(facts, stream)
-            features: list[Feature] = [StreamEnds(start - begin, finish - stop, finish - begin)]
-            if part is not None:
-                features.append(part)
-            where = Where(stream=stream, start_us=facts.to_file_us(start), stop_us=facts.to_file_us(stop))
-            for rule, value_ns, clause in (
-                ("begins_late", start - begin, "begins {:.6g} ms after"),
-                ("ends_early", finish - stop, "ends {:.6g} ms before"),
-            ):
-                value_ms = value_ns / NS_PER_MS
-                # Extents count from the origin in ns: minus the origin is zero on the file's own clock.
-                zero = rule == "begins_late" and value_ms < 0 and start == -round(facts.origin_us * 1000)
-                statistics.append(
-                    Statistic(
-                        name=f"{stream}.{rule}",
-                        value=value_ms,
-                        unit="ms",
-                        standard_error=0.0,
-                        model_error_bound=model_error_bound_ns / NS_PER_MS,
-                        # Timestamps are whole microseconds; the value is in ms.
-                        resolution=1e-3,
-                        statement=f"{stream} {clause.format(value_ms)} the other streams"
-                        f"{': its stamps begin at zero, theirs do not' if zero else ''}.",
-                        code=f"clocks.span.{rule}",
-                        where=where,
-                        features=tuple(features),
-                    )
-                )
+            statistics += _of_ends(facts, stream, begin, finish, fits[stream].period_ns + usual_ns)
         statistics = _over_several_rates(statistics, facts.flow_streams)
         failed = {m.where.stream for m in statistics if abs(m.value) > m.model_error_bound}
-        # Streams whose next sample would have been due before, or at, the instant where half of the streams end.
         notices: list[Notice] = []
+        if facts.events is not None and not facts.events.count:
+            message = f"there are no events in {(finish - begin) / NS_PER_S:.3g} s, as where nothing changes"
+            notices.append(Notice("clocks.span.no_events", message, Where(stream="events")))
+        # Streams whose next sample would have been due before, or at, the instant where half of the streams end.
         for stream, (start, stop) in ends.items():
             if stream in failed:
                 continue
@@ -141,6 +152,82 @@ class ClocksSpan(FactsCheck):
                     message = f"{missing}: most other streams go on to where the {rule} one is due"
                     notices.append(Notice(f"clocks.span.{rule}_missing", message, Where(stream=stream)))
         return Observation(all_timestamps(facts), tuple(statistics), tuple(notices))
+
+
+def streams_of_few_samples(facts: Facts) -> list[str]:
+    """Return the sampled streams that have fewer rows than a regular clock can be fitted to."""
+    return [stream for stream, clock in clocks_of(facts) if len(clock.times_ns) < FEWEST_TIMESTAMPS]
+
+
+def _others_ns(facts: Facts) -> list[tuple[int, int]]:
+    """Return first and last instant, ns, of the streams that can be placed in time; without any those of the events."""
+    extents = [extent_ns(facts.clocks[stream]) for stream in placed_streams(facts)]
+    if not extents and facts.events is not None and facts.events.count >= FEWEST_TIMESTAMPS:
+        extents = [(facts.events.first_ns, facts.events.last_ns)]
+    return extents
+
+
+def _of_few_samples(facts: Facts, begin: float, finish: float) -> Iterator[Statistic]:
+    """Yield the samples that streams of few samples lack in the span of the others; else their ends against it."""
+    for stream in streams_of_few_samples(facts):
+        clock = facts.clocks[stream]
+        samples = int(np.count_nonzero(clock.advancing))
+        start, stop = extent_ns(clock) if samples else (0, 0)
+        if clock.ends_ns is None:
+            due, period_ns = max(1, int((finish - begin) / _LONGEST_PERIOD_NS)), float(_LONGEST_PERIOD_NS)
+        else:
+            # Of a whole number of intervals a span of any phase holds one less. Fields state which part they cover, so
+            # that a few may be enough.
+            rate_hz = int(stream.removeprefix("flow/").removesuffix("hz"))
+            due, period_ns = int((finish - begin) * rate_hz / NS_PER_S) - 1, NS_PER_S / rate_hz
+            due = 0 if samples else due
+        lacking = max(min(FEWEST_TIMESTAMPS, due) - samples, 0)
+        yield count_of_faults(
+            name=f"{stream}.few_samples",
+            value=lacking,
+            unit="samples",
+            statement=f"{stream} has {samples or 'no'} sample{'' if samples == 1 else 's'}; the other streams last "
+            f"{(finish - begin) / NS_PER_S:.3g} s.",
+            code="clocks.span.few_samples",
+            where=Where(stream=stream),
+            features=(FewSamples(samples, 1.0 - (stop - start) / max(finish - begin, 1.0)),),
+        )
+        if samples and not lacking:
+            period_ns = float(clock.times_ns[-1] - clock.times_ns[0]) if samples > 1 else period_ns
+            yield from _of_ends(facts, stream, begin, finish, max(2 * period_ns, _LONGEST_PERIOD_NS))
+
+
+def _of_ends(
+    facts: Facts, stream: str, begin: float, finish: float, model_error_bound_ns: float
+) -> Iterator[Statistic]:
+    """Yield how much later a stream begins than the others, and how much earlier it ends."""
+    start, stop = extent_ns(facts.clocks[stream])
+    part = part_in_other_unit(facts, stream)
+    features: list[Feature] = [StreamEnds(start - begin, finish - stop, finish - begin)]
+    if part is not None:
+        features.append(part)
+    where = Where(stream=stream, start_us=facts.to_file_us(start), stop_us=facts.to_file_us(stop))
+    for rule, value_ns, clause in (
+        ("begins_late", start - begin, "begins {:.6g} ms after"),
+        ("ends_early", finish - stop, "ends {:.6g} ms before"),
+    ):
+        value_ms = value_ns / NS_PER_MS
+        # Extents count from the origin in ns: minus the origin is zero on the file's own clock.
+        zero = rule == "begins_late" and value_ms < 0 and start == -round(facts.origin_us * 1000)
+        yield Statistic(
+            name=f"{stream}.{rule}",
+            value=value_ms,
+            unit="ms",
+            standard_error=0.0,
+            model_error_bound=model_error_bound_ns / NS_PER_MS,
+            # Timestamps are whole microseconds; the value is in ms.
+            resolution=1e-3,
+            statement=f"{stream} {clause.format(value_ms)} the other streams"
+            f"{': its stamps begin at zero, theirs do not' if zero else ''}.",
+            code=f"clocks.span.{rule}",
+            where=where,
+            features=tuple(features),
+        )
 
 
 def _over_several_rates(statistics: Sequence[Statistic], rates: Sequence[str]) -> list[Statistic]:

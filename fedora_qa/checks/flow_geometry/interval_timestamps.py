@@ -35,6 +35,13 @@ _FEWEST_ON_A_GRID: Final = 3
 _UNITS: Final = (1e-6, 1e-3, 1e3, 1e6)
 _SAME_UNIT: Final = 0.02
 
+_FEWEST_PAUSES: Final = 2
+"""Least number of pauses between fields that can be usual. A single one is a gap."""
+
+_ROUNDED: Final = 0.01
+"""Difference from whole intervals by which a usual pause may deviate: lengths that are rounded to a microsecond do so
+by 1e-4 at 50 Hz."""
+
 
 @dataclass(frozen=True, slots=True)
 class FlowRatesCounted(Feature):
@@ -128,9 +135,13 @@ def timestamp_statistics(facts: Facts) -> list[Statistic]:
         if clock.ends_ns is None or not len(clock.times_ns):
             continue
         off_frames = np.flatnonzero(~(_on(frames, clock.times_ns) & _on(frames, clock.ends_ns)))
-        # Intervals of one rate abut (format.md, Instants): compared as integers, without a tolerance.
-        gaps = np.flatnonzero(clock.times_ns[1:] != clock.ends_ns[:-1]) + 1
         lengths_ns = clock.ends_ns - clock.times_ns
+        # Intervals of one rate abut (format.md, Instants): compared as integers, without a tolerance.
+        pauses_ns = clock.times_ns[1:] - clock.ends_ns[:-1]
+        gaps = np.flatnonzero(pauses_ns != 0) + 1
+        if _is_sparse(pauses_ns, lengths_ns):
+            # Pauses end on frames: one that is not the usual one differs by a whole frame step.
+            gaps = np.flatnonzero(np.abs(pauses_ns - np.median(pauses_ns)) > _frame_step_ns(frames) / 2) + 1
         nominal_ns = NS_PER_S / int(stream.removeprefix("flow/").removesuffix("hz"))
         # Intervals end on frames: a wrong length is wrong by a whole frame step.
         wrong_length = np.flatnonzero(np.abs(lengths_ns - nominal_ns) > _frame_step_ns(frames) / 2)
@@ -185,6 +196,14 @@ def _count(facts: Facts, stream: str, rule: str, rows: Rows, text: str, features
         where=where,
         features=tuple(features) if len(rows) else (),
     )
+
+
+def _is_sparse(pauses_ns: Int64, lengths_ns: Int64) -> bool:
+    """Whether flow is given for each second or third interval alone, so that most pauses last whole intervals."""
+    if len(pauses_ns) < _FEWEST_PAUSES:
+        return False
+    intervals = float(np.median(pauses_ns)) / max(float(np.median(lengths_ns)), 1.0)
+    return intervals > _ROUNDED and abs(intervals - round(intervals)) <= _ROUNDED
 
 
 def _on(frames: Clock, times_ns: Int64) -> Mask:

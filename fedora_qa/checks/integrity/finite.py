@@ -15,10 +15,9 @@ from fedora_qa.conventions import MM_PER_M
 from fedora_qa.errors import UnreadableRowsError
 from fedora_qa.estimators.images.values import DatasetCounts, add_up, tally_depth, tally_flow, tally_samples
 from fedora_qa.features import Feature
-from fedora_qa.layout.binding import INVALID_TIMESTAMP_NS
 from fedora_qa.layout.canonical import DATASETS, STREAMS
 from fedora_qa.record.types import Coverage, Where
-from fedora_qa.sequence.facts import Facts
+from fedora_qa.sequence.facts import Facts, has_place
 from fedora_qa.sequence.window import Window
 
 _FLOAT_KEYS: Final = tuple(
@@ -68,9 +67,9 @@ class IntegrityFinite(WindowCheck[tuple[DatasetCounts, ...]]):
 
     How
     ---
-    Samples of IMU and pose must be finite, stamps too. Depth is finite and within ``depth_range`` (above zero where
-    none is declared) or NaN; flow is NaN or a displacement that a surface in view can have; neither is ever infinite.
-    Images that are NaN throughout although
+    Samples of IMU and pose must be finite; stamps too, and less than 73 years from the file's origin. Depth is finite
+    and within ``depth_range`` (above zero where none is declared) or NaN; flow is NaN or a displacement that a surface
+    in view can have; neither is ever infinite. Images that are NaN throughout although
     those before and after are mostly valid are counted: half of a 60 degree view would have to leave it, and come
     back, within an interval. When depth outside the range falls into it once multiplied by 1000, metres are
     suspected; when it is all one number, a code for invalid pixels.
@@ -125,13 +124,12 @@ class IntegrityFinite(WindowCheck[tuple[DatasetCounts, ...]]):
         statistics = [m for total in totals for m in _statistics(total, facts)]
         for stream in sorted(facts.clocks):
             clock = facts.clocks[stream]
-            bad = clock.times_ns == INVALID_TIMESTAMP_NS
+            bad = ~has_place(clock.times_ns)
             if clock.ends_ns is not None:
-                bad = bad | (clock.ends_ns == INVALID_TIMESTAMP_NS)
-            count = int(np.count_nonzero(bad))
-            text = f"{count} stamps of {stream} are NaN; these samples have no place in time"
-            where = Where(stream=stream, index_start=int(np.argmax(bad)) if count else None)
-            statistics.append(_count(f"{stream}.stamps_not_finite", count, "samples", text, where))
+                bad = bad | ~has_place(clock.ends_ns)
+            statistics.append(_unplaced(stream, int(np.count_nonzero(bad)), int(np.argmax(bad)) if len(bad) else -1))
+        if facts.events is not None:
+            statistics.append(_unplaced("events", facts.events.unplaced, facts.events.first_unplaced))
         looked_at = sum(total.values for total in totals)
         # The values of all streams that are there, decoded or not.
         stored = 0
@@ -220,6 +218,15 @@ def empty_between_full(filled: Sequence[tuple[int, float]]) -> list[int]:
     return empty
 
 
+def _unplaced(stream: str, count: int, first: int) -> Statistic:
+    # 73 years are ``FARTHEST_TIMESTAMP_NS``.
+    text = (
+        f"{count} stamps of {stream} are NaN, or 73 years or more from the others; these samples have no place in time"
+    )
+    where = Where(stream=stream, index_start=first if count else None)
+    return _count(f"{stream}.stamps_not_finite", count, "samples", text, where)
+
+
 def _longest_px(facts: Facts, key: str) -> float:
     intervals, height, width, *_ = facts.layout.bindings[key].shape
     return longest_displacement_px(intervals, height, width)
@@ -282,5 +289,5 @@ def _count(name: str, value: int, unit: str, statement: str, where: Where, *feat
 
 
 def _file_us(facts: Facts, stream: str, row: int) -> float | None:
-    time_ns = int(facts.clocks[stream].times_ns[row])
-    return None if time_ns == INVALID_TIMESTAMP_NS else facts.to_file_us(time_ns)
+    time_ns = facts.clocks[stream].times_ns[row]
+    return facts.to_file_us(int(time_ns)) if has_place(time_ns) else None

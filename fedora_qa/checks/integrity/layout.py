@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 from fedora_qa.checks.exact import count_of_faults, no_faults
 from fedora_qa.checks.flow_rate_deviations import with_flow_rate_deviations
-from fedora_qa.checks.protocol import FactsCheck, Observation
+from fedora_qa.checks.protocol import FactsCheck, Notice, Observation
 from fedora_qa.features import Feature
 from fedora_qa.layout.canonical import FLOW_STREAMS
 from fedora_qa.layout.resolve import LayoutProblem
@@ -39,7 +39,9 @@ class IntegrityLayout(FactsCheck):
     ---
     Every dataset of the layout is looked for where the file's dialect puts it. Counted as broken: a stream that the
     metadata declare and that is absent or only partly there, shapes that contradict the layout or each other, types
-    that differ from it, links that leave the file or dangle, chunks that were never written.
+    that lose what it holds, links that leave the file or dangle, chunks that were never written. A stream is declared
+    by its metadata, by its group, and by an index map. Other types that hold the same values (depth in float64, IMU in
+    float32, polarity as bool or as -1 and 1, columns in uint32) are read, and noted.
 
     Noise model
     -----------
@@ -63,8 +65,14 @@ class IntegrityLayout(FactsCheck):
         # Datasets that a problem keeps out of the layout: not covered.
         broken = {problem.key for problem in problems if problem.key} - set(facts.layout.bindings)
         coverage = Coverage(len(facts.layout.bindings), len(facts.layout.bindings) + len(broken), "datasets")
+        notices = tuple(
+            Notice(problem.code, problem.message, Where(stream=problem.stream))
+            for problem in problems
+            if problem.is_lossless
+        )
+        problems = tuple(problem for problem in problems if not problem.is_lossless)
         if not problems:
-            return Observation(coverage, (no_faults("layout_problems", "problems", self.name),))
+            return Observation(coverage, (no_faults("layout_problems", "problems", self.name),), notices)
         defects = [
             count_of_faults(
                 name=f"{problem.key or problem.stream}.{problem.code.rsplit('.', 1)[1]}",
@@ -80,4 +88,4 @@ class IntegrityLayout(FactsCheck):
         ]
         # Absent rates count as well: a fault of all rates is one fault of the flow.
         rates = {problem.stream for problem in problems if problem.stream in FLOW_STREAMS} | set(facts.flow_streams)
-        return Observation(coverage, with_flow_rate_deviations(defects, rates))
+        return Observation(coverage, with_flow_rate_deviations(defects, rates), notices)

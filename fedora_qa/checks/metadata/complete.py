@@ -46,8 +46,10 @@ class MetadataComplete(FactsCheck):
     How
     ---
     Every attribute of the layout is read. A required one that is missing or malformed, of a stream that is there, is
-    broken; an optional one that is malformed, or a whole group that is absent, is only noted: what needs it can be
-    tested weakly or not at all. A file of the canonical layout without any metadata is one finding, not thirty.
+    broken, and so is any number that nothing can have: one below zero, NaN, a range that ends before it begins. An
+    optional attribute that is malformed, or a whole group that is absent, is only noted: what needs it can be tested
+    weakly or not at all. Noted as well is a form that leaves the meaning plain: a width as a float, a name in upper
+    case. A file of the canonical layout without any metadata is one finding, not thirty.
 
     Noise model
     -----------
@@ -97,8 +99,9 @@ class MetadataComplete(FactsCheck):
             text = f"{place} {problem.name}: {problem.message}" if problem.name else problem.message
             code = f"metadata.complete.{'missing' if problem.cause == 'missing_stream' else 'malformed'}"
             spec = ATTRIBUTES.get((problem.owner, problem.name))
-            # An optional attribute only weakens the checks that need it.
-            if spec is not None and spec.required:
+            required = spec is not None and spec.required and not problem.usable
+            # Another optional attribute that cannot be used only weakens the checks that need it.
+            if required or problem.impossible:
                 statistics.append(
                     count_of_faults(
                         name=f"{problem.owner}@{problem.name}",

@@ -19,6 +19,12 @@ _SAME_UNIT: Final = {"µs": "us", "μs": "us", "microseconds": "us", "m/s2": "m/
                      "pixel": "px", "pixels": "px", "": "1", "dimensionless": "1", "dn": "DN"}  # fmt: skip
 """Spellings of the units of the layout."""
 
+_UNITS: Final = {
+    unit.lower(): unit
+    for unit in (*NS_PER_TIME_UNIT, *(unit for pair in SCALES for unit in pair), *(s.units for s in DATASETS.values()))
+}
+"""Units of the layout, and those that are converted to them, by their lower case."""
+
 
 @dataclass(frozen=True, slots=True)
 class UnitLabel(Feature):
@@ -53,8 +59,9 @@ class MetadataUnits(FactsCheck):
     How
     ---
     The attribute ``units`` of each dataset is compared with the unit of the layout, or of the dialect where the file
-    speaks another; common spellings are taken for the same. A label that contradicts it is broken, a missing one is
-    noted. The suspected fault is the one that the label, if it tells the truth, confesses to.
+    speaks another; common spellings are taken for the same. A label that contradicts it is broken; a missing one is
+    noted, and so is one in another case. The suspected fault is the one that the label, if it tells the truth,
+    confesses to.
 
     Noise model
     -----------
@@ -102,11 +109,19 @@ class MetadataUnits(FactsCheck):
         statistics = with_flow_rate_deviations(wrong, set(facts.flow_streams))
         statistics = statistics or (no_faults("wrong_labels", "labels", self.name),)
         missing = [key for key in bindings if key not in labels]
-        notices: tuple[Notice, ...] = ()
+        notices: list[Notice] = []
         if missing:
             message = f"{len(missing)} datasets carry no attribute 'units', first {missing[0]}"
-            notices = (Notice("metadata.units.missing", message, Where(stream=DATASETS[missing[0]].stream)),)
-        return Observation(Coverage(len(bindings) - len(missing), len(bindings), "labels"), statistics, notices)
+            notices.append(Notice("metadata.units.missing", message, Where(stream=DATASETS[missing[0]].stream)))
+        in_other_case = [key for key, label in labels.items() if _is_in_other_case(label.strip())]
+        if in_other_case:
+            key = in_other_case[0]
+            message = (
+                f"{len(in_other_case)} labels are in another case, first {labels[key]!r} of {key}; write them as the "
+                "layout does"
+            )
+            notices.append(Notice("metadata.units.case", message, Where(stream=DATASETS[key].stream)))
+        return Observation(Coverage(len(bindings) - len(missing), len(bindings), "labels"), statistics, tuple(notices))
 
 
 def label_agrees(binding: Binding, label: str) -> bool:
@@ -129,4 +144,10 @@ def label_agrees(binding: Binding, label: str) -> bool:
 
 def _normalised(label: str) -> str:
     label = label.strip()
-    return _SAME_UNIT.get(label.lower(), label)
+    # No two units of the layout and its conversions differ in case alone.
+    return _SAME_UNIT.get(label.lower(), _UNITS.get(label.lower(), label))
+
+
+def _is_in_other_case(label: str) -> bool:
+    unit = _normalised(label)
+    return label not in {unit, *_SAME_UNIT} and label.lower() == unit.lower()

@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from fedora_qa.catalogue import CHECKS, hypotheses_of
@@ -365,7 +365,7 @@ def test_any_rounded_clock_keeps_its_rate(stream: str, rate_hz: float) -> None:
     assert judge({"clocks.rate": observation}, [ClocksRate()], 1e-4)[0].result.outcome == "passed"
 
 
-@pytest.mark.parametrize("name", CLOCKS)
+@pytest.mark.parametrize("name", sorted(set(CLOCKS) - {"clocks.span"}))
 @pytest.mark.parametrize("count", [0, 1, 2])
 def test_streams_with_hardly_a_timestamp_are_no_failure(name: str, count: int) -> None:
     """A stream of two samples is neither a crash nor an alarm of order, unit, rate or gaps."""
@@ -376,3 +376,68 @@ def test_streams_with_hardly_a_timestamp_are_no_failure(name: str, count: int) -
         return
     check = CLOCKS[name]
     assert check.not_applicable(facts) or judged(name, facts).result.outcome in {"passed", "not_observable", "warned"}
+
+
+def few(stream: str, rows: slice) -> Facts:
+    facts = exact_facts()
+    interval = FLOW_PERIODS_NS.get(stream)
+    return with_clock(facts, stream, clock(facts.clocks[stream].times_ns[rows], interval))
+
+
+@pytest.mark.parametrize(
+    ("stream", "rows", "cause", "magnitude"),
+    [
+        ("imu", slice(0, 1), "truncated", 100.0),
+        ("rgb", slice(0, 2), "truncated", 99.0),
+        ("rgb", slice(0, None, 100), "dropped_samples", 1.0),
+        ("flow/10hz", slice(0, 0), "missing_stream", None),
+        ("flow/50hz", slice(0, 2), "truncated", 98.0),
+        ("flow/50hz", slice(0, 1), "truncated", 99.0),
+    ],
+    ids=["one IMU sample", "two frames", "the outer frames", "no flow", "two fields", "one field"],
+)
+def test_a_stream_of_few_samples_is_named(stream: str, rows: slice, cause: str, magnitude: float | None) -> None:
+    """Two samples in two seconds are no stream, and no other is accused."""
+    facts = few(stream, rows)
+    alarms = judged("clocks.span", facts).alarms
+    assert {alarm.finding.where.stream for alarm in alarms} == {stream}
+    first = hypotheses_of(alarms[0], facts)[0]
+    assert (first.cause, first.stream) == (cause, stream)
+    assert first.magnitude == (None if magnitude is None else pytest.approx(magnitude))
+
+
+def in_a_window(start_ms: int, stop_ms: int) -> Facts:
+    """Facts of the samples and whole intervals in a part of a clean file."""
+    facts = exact_facts()
+    clocks = {}
+    for stream, held in facts.clocks.items():
+        ends = held.times_ns if held.ends_ns is None else held.ends_ns
+        inside = (held.times_ns >= start_ms * MS) & (ends <= stop_ms * MS)
+        clocks[stream] = clock(held.times_ns[inside], FLOW_PERIODS_NS.get(stream))
+    return replace(facts, clocks=clocks)
+
+
+@given(st.integers(0, 1000), st.integers(60, 1000))
+@settings(deadline=None)
+def test_a_part_of_a_clean_file_lacks_nothing(start_ms: int, length_ms: int) -> None:
+    """Whatever part is cut out, no stream has too few samples: slow rates of flow may have none in a short part."""
+    assert not judged("clocks.span", in_a_window(start_ms, start_ms + length_ms)).alarms
+
+
+@pytest.mark.parametrize("span_ms", [250, 2000])
+def test_few_samples_beside_events_alone(span_ms: int) -> None:
+    """Events tell how long a file lasts where nothing else does; three samples are due within 0.3 s."""
+    facts = few("rgb", slice(0, 2))
+    assert facts.events is not None
+    events = replace(facts.events, last_ns=span_ms * MS)
+    facts = replace(facts, clocks={"rgb": facts.clocks["rgb"]}, events=events)
+    codes = {alarm.finding.code for alarm in judged("clocks.span", facts).alarms}
+    assert codes == ({"clocks.span.few_samples"} if span_ms == 2000 else {"clocks.span.ends_early"})
+
+
+def test_no_event_at_all_is_noted() -> None:
+    """A still scene gives none, which no timestamp can tell: a warning, not a finding."""
+    facts = exact_facts()
+    assert facts.events is not None
+    result = judged("clocks.span", replace(facts, events=replace(facts.events, count=0))).result
+    assert (result.outcome, [finding.code for finding in result.findings]) == ("warned", ["clocks.span.no_events"])

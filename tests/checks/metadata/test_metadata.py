@@ -236,3 +236,57 @@ def test_sizes_of_the_profile(path: Path) -> None:
     with h5py.File(path, "r+") as file:
         promise(file)
     assert sorted(rules(run_check(path, "metadata.profile"))) == ["height"] * 3 + ["width"] * 3
+
+
+@pytest.mark.parametrize("bounds", [(30.0, 0.1), (-1.0, 30.0), (np.nan, 30.0), (5.0, 5.0)])
+def test_an_impossible_range_fails(path: Path, bounds: tuple[float, float]) -> None:
+    """A range that is inverted, empty, negative or NaN is a wrong declaration, although none need be made."""
+    with h5py.File(path, "r+") as file:
+        file["metadata/depth_range"][...] = bounds
+    assert run_check(path, "metadata.complete").outcome == "failed"
+
+
+@pytest.mark.parametrize("bounds", [(0.0, 30.0), (0.1, np.inf)])
+def test_a_vague_range_is_noted(path: Path, bounds: tuple[float, float]) -> None:
+    """A range from the camera on, or without an end, tells little and contradicts nothing."""
+    with h5py.File(path, "r+") as file:
+        file["metadata/depth_range"][...] = bounds
+    assert run_check(path, "metadata.complete").outcome == "warned"
+
+
+@pytest.mark.parametrize(("name", "value"), [("leak_rate_hz", -0.1), ("refractory_us", np.nan)])
+def test_an_impossible_number_fails(path: Path, name: str, value: float) -> None:
+    """A rate below zero is impossible, whether or not it has to be declared."""
+    with h5py.File(path, "r+") as file:
+        file["metadata/events"].attrs[name] = value
+    assert run_check(path, "metadata.complete").outcome == "failed"
+
+
+@pytest.mark.parametrize(
+    ("owner", "name", "value"),
+    [("metadata/cameras/rgb", "width", 36.0), ("metadata/events", "model", "LOG"), ("metadata/flow", "unit", "PX"),
+     ("path/rgb", "transfer", "Linear"), ("", "format", "FEDORA")],
+)  # fmt: skip
+def test_another_form_of_a_declaration_is_noted(path: Path, owner: str, name: str, value: object) -> None:
+    """A width as a float and a name in upper case mean what they mean."""
+    with h5py.File(path, "r+") as file:
+        (file[owner] if owner else file).attrs[name] = value
+    result = run_check(path, "metadata.complete")
+    assert (result.outcome, rules(result)) == ("warned", ["malformed"])
+    assert repr(str(value)) in result.findings[0].message
+
+
+@pytest.mark.parametrize("key", ["path/depth", "path/rgb_ts", "path/events/x", "path/imu/linear_acceleration"])
+def test_labels_in_upper_case_are_noted(path: Path, key: str) -> None:
+    """Case distinguishes no two units of the layout."""
+    with h5py.File(path, "r+") as file:
+        file[key].attrs["units"] = file[key].attrs["units"].upper()
+    result = run_check(path, "metadata.units")
+    assert (result.outcome, rules(result)) == ("warned", ["case"])
+
+
+def test_another_unit_in_upper_case_is_still_another(path: Path) -> None:
+    """Depth that is labelled M is labelled in metres."""
+    with h5py.File(path, "r+") as file:
+        file["path/depth"].attrs["units"] = "M"
+    assert run_check(path, "metadata.units").outcome == "failed"
