@@ -25,7 +25,7 @@ class Outcome:
     Attributes
     ----------
     transformation, scene, seed
-        Which file.
+        The transformation and the sequence.
     verdict
         Of the file.
     alarms

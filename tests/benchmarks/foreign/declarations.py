@@ -13,7 +13,7 @@ DEFAULTS: Final = {
     "sampling": "instant",
     "transfer": "linear",
 }
-"""Optional attributes whose absence means this value. The model of flow has a default too; a label of a stream is kept."""
+"""Optional attributes whose absence means this value."""
 
 PROVENANCE: Final = ("sequence", "world", "illumination", "created_by", "scene_digest", "seed")
 

@@ -18,9 +18,10 @@ MOST_FAILURES: Final = 1e-3
 HEAD: Final = """\
 # Correct files that others make
 
-Written by `make study-foreign`, {date}: {files} correct files of {kinds} kinds, over {scenes} scenes and {seeds} seeds of
-{width}x{height} pixels and {duration:g} s. A kind is a transformation of the reference generator's file that publishers make and
-that leaves it correct; `tests/benchmarks/foreign` holds each, `tests/benchmarks/test_foreign_transformations.py` its proof.
+Written by `make study-foreign`, {date}: {files} correct files of {kinds} kinds, over {scenes} scenes and {seeds} seeds
+of {width}x{height} pixels and {duration:g} s. A kind is a transformation of the reference generator's file that
+publishers make and that leaves it correct. `tests/benchmarks/foreign` holds each, and
+`tests/benchmarks/test_foreign_transformations.py` shows that it does.
 
 | transformations | kinds | files | failed | share | true share, {confidence:.0%} | kinds that failed more than once |
 | --- | --- | --- | --- | --- | --- | --- |

@@ -1,8 +1,8 @@
 """Checks more than a thousand correct files: ``python -m tests.benchmarks.foreign.study --all``, some hours.
 
-Writes docs/foreign.md. What the checks said of a file is kept in out/foreign, so that an interrupted study goes on where
-it was; ``--fresh`` forgets it, as it must be after a change to the checks. Without ``--all`` the held-out third is neither
-checked nor shown, and no page is written.
+Writes docs/foreign.md. What the checks said of a file is kept in out/foreign, so that an interrupted study goes on
+where it was; ``--fresh`` forgets it, as it must be after a change to the checks. Without ``--all`` the held-out third
+is neither checked nor shown, and no page is written.
 """
 
 from collections.abc import Callable, Iterable

@@ -177,15 +177,15 @@ _DECLARATIONS: Final = (
     Transformation("text of fixed length", declarations.text_of_fixed_length, ALL, "C and MATLAB" + _LOSSLESS),
     Transformation("numbers as arrays of one", declarations.arrays_of_one, ALL, "MATLAB" + _LOSSLESS),
     Transformation("defaults left out", declarations.defaults_left_out, ALL, "Whoever writes what the format requires"),
-    Transformation("provenance left out", declarations.provenance_left_out, ALL, "Blind benchmarks"),
+    Transformation("provenance left out", declarations.provenance_left_out, ("@",), "Blind benchmarks"),
     Transformation(
         "wider depth range",
         declarations.wider_depth_range,
         ("metadata/depth_range",),
         "Data sheets: the range of the sensor, within which all values lie",
     ),
-    Transformation("extra objects", declarations.more_of_everything, ALL, "Everybody"),
-    Transformation("index of milliseconds", declarations.millisecond_index, ("path/events/ms_to_idx",), "DSEC"),
+    Transformation("extra objects", declarations.more_of_everything, (), "Everybody"),
+    Transformation("index of milliseconds", declarations.millisecond_index, (), "DSEC"),
 )
 
 TRANSFORMATIONS: Final = (*_STORAGE, *_GEOMETRY, *_SAMPLING, *_GAUGE, *_EVENTS, *_DECLARATIONS)
