@@ -18,7 +18,7 @@ from scipy.spatial.transform import Rotation
 
 from fedora_generator.generate import Request, generate_sequence
 from fedora_generator.scene import load_scene
-from fedora_qa.layout.canonical import DATASETS, TIMESTAMPS_OF
+from fedora_qa.layout.canonical import DATASETS, FLOW_STREAMS, TIMESTAMPS_OF
 from tests.benchmarks.foreign.checked import transform
 from tests.benchmarks.foreign.events import order_by_columns
 from tests.benchmarks.foreign.storage import ACCELEROMETER_STEP_M_S2, GYRO_STEP_RAD_S, positive_scalar_part
@@ -102,7 +102,7 @@ def test_all_else_stays(name: str, pair_of: Callable[[str], Pair]) -> None:
 
 @pytest.mark.parametrize("name", BY_NAME)
 def test_the_definitions_of_the_format_hold(name: str, pair_of: Callable[[str], Pair]) -> None:
-    """Index maps, order of timestamps, sizes of frames, bounds of events, norms of quaternions, rows of a stream."""
+    """Index maps, order and ends of timestamps, sizes of frames, bounds of events, norms of quaternions, equal rows."""
     _, new = pair_of(name)
     for stream, key in TIMESTAMPS_OF.items():
         if key in new:
@@ -115,8 +115,10 @@ def test_the_definitions_of_the_format_hold(name: str, pair_of: Callable[[str], 
         indices = [bisect_left(event_us, frame_us) for frame_us in new[f"path/{stream}_ts"].astype(np.int64).tolist()]
         assert new[f"metadata/{stream}_to_event"].tolist() == indices
         assert new[f"path/{stream}"].shape[1:3] == sizes(new, stream)[::-1]
-    for key in (key for key in new if key.startswith("path/flow/") and key in DATASETS and DATASETS[key].is_image):
-        assert new[key].shape[1:3] == sizes(new, "depth")[::-1]
+    frames_us = set(new["path/rgb_ts"].tolist()) | set(new["path/depth_ts"].tolist())
+    for stream in (stream for stream in FLOW_STREAMS if TIMESTAMPS_OF[stream] in new):
+        assert new[f"path/{stream}"].shape[1:3] == sizes(new, "depth")[::-1]
+        assert set(new[TIMESTAMPS_OF[stream]].ravel().tolist()) <= frames_us
     width, height = sizes(new, "events")
     assert new["path/events/x"].max() < width
     assert new["path/events/y"].max() < height
@@ -291,7 +293,7 @@ ROWS = {
     "colour at 10 Hz": {"rgb": 4},
     "depth at 25 Hz": {"depth": 8},
     "depth every third frame": {"depth": 6},
-    "colour and depth at 25 Hz": {"rgb": 8, "depth": 8},
+    "colour and depth at 25 Hz": {"rgb": 8, "depth": 8, "flow/10hz": 0, "flow/50hz": 0},
     "flow of every third interval": {"flow/10hz": 1, "flow/25hz": 3, "flow/50hz": 5},
     "flow at 10 Hz only": {"flow/25hz": 0, "flow/50hz": 0},
     "IMU at 500 Hz": {"imu": 151},

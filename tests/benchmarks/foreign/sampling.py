@@ -34,11 +34,20 @@ def sparse_flow(file: h5py.File) -> None:
         keep_rows(file, f"flow/{rate}", slice(None, None, 3))
 
 
-def slowest_flow_only(file: h5py.File) -> None:
-    """Leave out the flow of 25 and 50 Hz."""
-    for rate in FLOW_RATES[1:]:
-        for key in [name for name in file["path/flow"] if name.startswith(rate)]:
-            del file[f"path/flow/{key}"]
+def only_flow(rate: str) -> Change:
+    """Return the change that leaves out the flow of all other rates."""
+
+    def change(file: h5py.File) -> None:
+        for name in [name for name in file["path/flow"] if not name.startswith(rate)]:
+            del file[f"path/flow/{name}"]
+
+    return change
+
+
+def frames_at_25_hz(file: h5py.File) -> None:
+    """Keep every second frame, and of flow what begins and ends on those: that of 25 Hz."""
+    every_nth(2, "rgb", "depth")(file)
+    only_flow("25hz")(file)
 
 
 def colour_begins_late(file: h5py.File) -> None:

@@ -5,6 +5,7 @@ where it was; ``--fresh`` forgets it, as it must be after a change to the checks
 is neither checked nor shown, and no page is written.
 """
 
+import shutil
 from collections.abc import Callable, Iterable
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from functools import partial
@@ -30,11 +31,20 @@ _KINDS: Final = {kind.name: kind for kind in (UNCHANGED, *TRANSFORMATIONS)}
 @click.command()
 @click.option("--jobs", default=2, show_default=True, help="Processes.")
 @click.option("--all", "held_out", is_flag=True, help="The held-out transformations too; writes the page.")
-@click.option("--scene", "scenes", multiple=True, help="Only of this scene, for a first look.")
+@click.option(
+    "--scene", "scenes", multiple=True, type=click.Choice(tuple(SCENES)), help="Only of this scene, for a first look."
+)
 @click.option("--seeds", default=SEEDS, show_default=True, help="Sequences of a scene.")
-@click.option("--kind", "names", multiple=True, help="Only this transformation, for a first look.")
+@click.option(
+    "--kind",
+    "names",
+    multiple=True,
+    type=click.Choice(tuple(_KINDS)),
+    metavar="NAME",
+    help="Only this transformation, for a first look.",
+)
 @click.option("--size", type=(int, int, float), default=(270, 200, 1.0), show_default=True, help="Pixels and seconds.")
-@click.option("--fresh", is_flag=True, help="Forget what the checks said before.")
+@click.option("--fresh", is_flag=True, help="Forget sequences and outcomes of before.")
 def main(
     jobs: int,
     held_out: bool,
@@ -49,10 +59,9 @@ def main(
     sources = [Source(scene, seed) for scene in scenes or SCENES for seed in range(seeds)]
     extent = Size(*size)
     folder = KEPT / extent.name
-    folder.mkdir(parents=True, exist_ok=True)
     if fresh:
-        for state in folder.glob("*.json"):
-            state.unlink()
+        shutil.rmtree(folder, ignore_errors=True)
+    folder.mkdir(parents=True, exist_ok=True)
     _in_processes(jobs, partial(_write_clean, extent), sources)
     outcomes = _in_processes(
         jobs, partial(_check, extent), [(kind.name, source) for source, kind in product(sources, kinds)]

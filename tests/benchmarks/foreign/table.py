@@ -122,12 +122,15 @@ _SAMPLING: Final = (
     Transformation("depth at 25 Hz", sampling.every_nth(2, "depth"), DEPTH, "Real depth cameras"),
     Transformation("depth every third frame", sampling.every_nth(3, "depth"), DEPTH, "Lidars, slower than colour"),
     Transformation(
-        "colour and depth at 25 Hz", sampling.every_nth(2, "rgb", "depth"), (*COLOUR, *DEPTH), "Real RGB-D cameras"
+        "colour and depth at 25 Hz",
+        sampling.frames_at_25_hz,
+        (*COLOUR, *DEPTH, "path/flow"),
+        "Real RGB-D cameras; flow of other rates than 25 Hz would begin on no frame, and is left out",
     ),
     Transformation(
         "flow of every third interval", sampling.sparse_flow, ("path/flow",), "DSEC, where most frames have no flow"
     ),
-    Transformation("flow at 10 Hz only", sampling.slowest_flow_only, ("path/flow",), "DSEC, which has one rate"),
+    Transformation("flow at 10 Hz only", sampling.only_flow("10hz"), ("path/flow",), "DSEC, which has one rate"),
     Transformation(
         "IMU at 500 Hz",
         sampling.imu_every_second,
