@@ -1,0 +1,95 @@
+"""The page of the study."""
+
+import time
+from collections.abc import Iterator, Sequence
+from typing import Final
+
+from scipy.stats import binomtest
+
+from tests.benchmarks.foreign.checked import Outcome
+from tests.benchmarks.foreign.scenes import Size
+from tests.benchmarks.foreign.table import LEFT_OUT, UNCHANGED
+from tests.benchmarks.foreign.transformation import Transformation
+
+CONFIDENCE: Final = 0.99
+MOST_FAILURES: Final = 1e-3
+"""The share of correct files that may fail."""
+
+HEAD: Final = """\
+# Correct files that others make
+
+Written by `make study-foreign`, {date}: {files} correct files of {kinds} kinds, over {scenes} scenes and {seeds} seeds
+of {width}x{height} pixels and {duration:g} s. A kind is a transformation of the reference generator's file that
+publishers make and that leaves it correct. `tests/benchmarks/foreign` holds each, and
+`tests/benchmarks/test_foreign_transformations.py` shows that it does.
+
+| transformations | kinds | files | failed | share | true share, {confidence:.0%} | kinds that failed more than once |
+| --- | --- | --- | --- | --- | --- | --- |
+"""
+
+TABLE: Final = """
+## {title}
+
+| transformation | who makes it, and why it stays correct | files | clean | warned | failed |
+| --- | --- | --- | --- | --- | --- |
+"""
+
+
+def page(transformations: Sequence[Transformation], outcomes: Sequence[Outcome], size: Size) -> Iterator[str]:
+    """Text of docs/foreign.md, of the transformations that were looked at."""
+    changed = [kind for kind in transformations if kind != UNCHANGED]
+    files = {
+        kind.name: [outcome for outcome in outcomes if outcome.transformation == kind.name] for kind in transformations
+    }
+    yield HEAD.format(
+        date=time.strftime("%Y-%m-%d"),
+        files=sum(len(files[kind.name]) for kind in changed),
+        kinds=len(changed),
+        scenes=len({outcome.scene for outcome in outcomes}),
+        seeds=len({outcome.seed for outcome in outcomes}),
+        width=size.width,
+        height=size.height,
+        duration=size.duration_s,
+        confidence=CONFIDENCE,
+    )
+    groups = {
+        "looked at while the checks were built": [kind for kind in changed if not kind.held_out],
+        "held out": [kind for kind in changed if kind.held_out],
+    }
+    for title, kinds in groups.items():
+        if kinds:
+            yield _total(title, [files[kind.name] for kind in kinds])
+    yield f"\nWanted: at most {MOST_FAILURES:g} of the files, and no kind more than once.\n"
+    for title, kinds in {"control": [kind for kind in transformations if kind == UNCHANGED], **groups}.items():
+        if kinds:
+            yield TABLE.format(title=title[0].upper() + title[1:])
+            yield from (_row(kind, files[kind.name]) for kind in kinds)
+    yield from _failures(outcomes)
+    yield "\n## Left out\n\n"
+    yield from (f"- {name}: {reason}.\n" for name, reason in LEFT_OUT.items())
+
+
+def _total(title: str, kinds: Sequence[Sequence[Outcome]]) -> str:
+    count = sum(len(files) for files in kinds)
+    failures = [sum(bool(outcome.alarms) for outcome in files) for files in kinds]
+    # Clopper and Pearson, Biometrika 26, 1934.
+    bounds = binomtest(sum(failures), count).proportion_ci(CONFIDENCE, method="exact")
+    repeated = sum(failed > 1 for failed in failures)
+    shares = f"{sum(failures) / count:.2%} | {bounds.low:.2%} to {bounds.high:.2%}"
+    return f"| {title} | {len(kinds)} | {count} | {sum(failures)} | {shares} | {repeated} |\n"
+
+
+def _row(kind: Transformation, files: Sequence[Outcome]) -> str:
+    clean = sum(outcome.verdict == "clean" for outcome in files)
+    warned = sum(bool(outcome.warnings) for outcome in files)
+    failed = sum(bool(outcome.alarms) for outcome in files)
+    return f"| {kind.name} | {kind.maker} | {len(files)} | {clean} | {warned} | {failed} |\n"
+
+
+def _failures(outcomes: Sequence[Outcome]) -> Iterator[str]:
+    failed = [outcome for outcome in outcomes if outcome.alarms]
+    if failed:
+        yield "\n## What failed, with the first finding\n\n"
+    for outcome in failed:
+        words = " ".join(outcome.alarms[0].split())[:300]
+        yield f"- {outcome.transformation}, {outcome.scene}, seed {outcome.seed} ({len(outcome.alarms)}): {words}\n"
