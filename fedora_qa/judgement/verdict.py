@@ -43,9 +43,9 @@ def verdict_of(results: tuple[Result, ...], crossing: frozenset[str]) -> Verdict
     if any(result.outcome == "failed" for result in results):
         return "findings"
     # An index map repeats timestamps: it tells nothing of what the streams hold.
-    telling = frozenset(name for name in crossing if not name.startswith(INDEX_MAPS)) or crossing
+    beyond_maps = frozenset(name for name in crossing if not name.startswith(INDEX_MAPS)) or crossing
     # Without a conclusive comparison of streams, each stream was only tested by itself.
-    if telling and not _conclusive(results) & telling:
+    if beyond_maps and not _conclusive(results) & beyond_maps:
         return "incomplete"
     return "clean"
 
