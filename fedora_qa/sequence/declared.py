@@ -169,6 +169,8 @@ class Declared:
         Transfer curve of the colour frames.
     profile
         The profile that the file keeps.
+    sequence, world, illumination
+        Names of the sequence, of its world, and of the light.
     units
         The ``units`` label of each dataset that has one, by canonical key.
     problems
@@ -183,5 +185,8 @@ class Declared:
     depth_range_m: tuple[float, float] | None = None
     transfer: Literal["linear", "srgb", "gamma2.2"] = "linear"
     profile: str | None = None
+    sequence: str = ""
+    world: str = ""
+    illumination: str = ""
     units: Mapping[str, str] = field(default_factory=dict)
     problems: tuple[DeclarationProblem, ...] = ()

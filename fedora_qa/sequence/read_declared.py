@@ -83,6 +83,7 @@ def read_declared(file: h5py.File, layout: Layout, external_files: ExternalFiles
     """
     reader = _Reader(file, layout, external_files)
     values = {owner: reader.read(owner) for owner in _OWNERS}
+    root = values[""] or {}
     flow, events = values["metadata/flow"], values["metadata/events"]
     imu, pose = values["metadata/imu"], values["metadata/pose"]
     event_model: EventModel | None = None
@@ -107,7 +108,10 @@ def read_declared(file: h5py.File, layout: Layout, external_files: ExternalFiles
         flow_model=None if flow is None else flow.get("model", "rigid"),
         depth_range_m=reader.depth_range_m(),
         transfer=(values["path/rgb"] or {}).get("transfer", "linear"),
-        profile=(values[""] or {}).get("profile"),
+        profile=root.get("profile"),
+        sequence=root.get("sequence", ""),
+        world=root.get("world", ""),
+        illumination=root.get("illumination", ""),
         units=reader.units(),
         problems=tuple(reader.problems),
     )

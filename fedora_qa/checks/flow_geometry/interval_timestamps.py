@@ -130,11 +130,13 @@ class IntervalLengths(Feature):
 def timestamp_statistics(facts: Facts) -> list[Statistic]:
     """Count, for each rate, intervals that lie on no depth frames, gaps, and wrong lengths."""
     statistics: list[Statistic] = []
+    instants_ns = _frame_instants(facts)
     for stream in facts.flow_streams:
         clock, frames = facts.clocks[stream], facts.clocks["depth"]
         if clock.ends_ns is None or not len(clock.times_ns):
             continue
-        off_frames = np.flatnonzero(~(_on(frames, clock.times_ns) & _on(frames, clock.ends_ns)))
+        on_frames = np.isin(clock.times_ns, instants_ns) & np.isin(clock.ends_ns, instants_ns)
+        off_frames = np.flatnonzero(~on_frames)
         lengths_ns = clock.ends_ns - clock.times_ns
         # Intervals of one rate abut (format.md, Instants): compared as integers, without a tolerance.
         pauses_ns = clock.times_ns[1:] - clock.ends_ns[:-1]
@@ -204,6 +206,22 @@ def _is_sparse(pauses_ns: Int64, lengths_ns: Int64) -> bool:
         return False
     intervals = float(np.median(pauses_ns)) / max(float(np.median(lengths_ns)), 1.0)
     return intervals > _ROUNDED and abs(intervals - round(intervals)) <= _ROUNDED
+
+
+def _frame_instants(facts: Facts) -> Int64:
+    """Return the instants at which flow may start and end, ns: depth frames, and colour frames where depth is sparse.
+
+    Depth is sparse where all of its frames are colour frames, or ends of flow where there is no colour: it then has a
+    lower rate, begins later or ends earlier. Depth frames that have left the colour frames excuse no flow that stays.
+    """
+    depth_ns, rgb = facts.clocks["depth"].times_ns, facts.clocks.get("rgb")
+    others_ns = np.empty(0, np.int64) if rgb is None else rgb.times_ns
+    if not len(others_ns):
+        clocks = [facts.clocks[stream] for stream in facts.flow_streams]
+        ends_ns = [clock.ends_ns for clock in clocks if clock.ends_ns is not None]
+        others_ns = np.concatenate([*(clock.times_ns for clock in clocks), *ends_ns])
+    is_sparse = bool(np.isin(depth_ns, others_ns).all())
+    return np.union1d(depth_ns, others_ns) if is_sparse else depth_ns
 
 
 def _on(frames: Clock, times_ns: Int64) -> Mask:

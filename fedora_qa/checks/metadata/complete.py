@@ -1,6 +1,7 @@
 """Are the declarations complete and plausible?"""
 
 from dataclasses import dataclass
+from re import findall
 from typing import Final
 
 from fedora_qa.checks.exact import count_of_faults, no_faults
@@ -18,6 +19,9 @@ _STREAMS_OF_OWNER: Final[dict[str, tuple[str, ...]]] = {
     "metadata/flow": FLOW_STREAMS,
 }
 """The streams that an object of the metadata describes."""
+
+_SPELLINGS: Final = {"day": {"day", "daylight"}, "night": {"night", "ngt"}}
+"""Words of names by the light that they state; ``ngt`` is that of the paper."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -45,11 +49,12 @@ class MetadataComplete(FactsCheck):
 
     How
     ---
-    Every attribute of the layout is read. A required one that is missing or malformed, of a stream that is there, is
-    broken, and so is any number that nothing can have: one below zero, NaN, a range that ends before it begins. An
-    optional attribute that is malformed, or a whole group that is absent, is only noted: what needs it can be tested
-    weakly or not at all. Noted as well is a form that leaves the meaning plain: a width as a float, a name in upper
-    case. A file of the canonical layout without any metadata is one finding, not thirty.
+    Every attribute of the layout is read. A required one that is missing or malformed, of a stream that is there,
+    is broken, and so is any number that nothing can have: one below zero, NaN, a range that ends before it begins.
+    An optional attribute that is malformed, or a whole group that is absent, is only noted: what needs it can be
+    tested weakly or not at all. Noted as well is a form that leaves the meaning plain: a width as a float, a name
+    in upper case. Broken as well is a light that contradicts the name of the sequence or of its world. A file of
+    the canonical layout without any metadata is one finding, not thirty.
 
     Noise model
     -----------
@@ -57,7 +62,8 @@ class MetadataComplete(FactsCheck):
 
     Cannot see
     ----------
-    Whether a declaration is true; that is for the checks that measure what it is about. Declarations of streams that
+    Whether a declaration is true; that is for the checks that measure what it is about. How bright frames are does not
+    tell day from night: exposure makes up for the light. Declarations of streams that
     the file does not hold are not asked for.
 
     Sources
@@ -115,6 +121,27 @@ class MetadataComplete(FactsCheck):
                 )
             else:
                 notices.append(Notice(code, text))
+        declared = facts.declared
+        light = _light(declared.illumination)
+        for name, text in (("sequence", declared.sequence), ("world", declared.world)):
+            if light and _light(text) not in {"", light}:
+                statistics.append(
+                    count_of_faults(
+                        name=f"{name}.light",
+                        value=1,
+                        unit="declarations",
+                        statement=f"the {name} is named {text!r}, and its illumination {declared.illumination!r}",
+                        code="metadata.complete.contradiction",
+                        where=Where(stream="metadata"),
+                    )
+                )
         if not statistics:
             statistics.append(no_faults("declaration_problems", "declarations", self.name))
         return Observation(Coverage(count, count, "declarations"), tuple(statistics), tuple(notices))
+
+
+def _light(name: str) -> str:
+    """Return the light that a name states as a word of its own, ``day`` or ``night``; empty for none, or for both."""
+    words = set(findall("[a-z]+", name.lower()))
+    stated = [light for light, spellings in _SPELLINGS.items() if words & spellings]
+    return stated[0] if len(stated) == 1 else ""

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from fedora_qa.catalogue import hypotheses_of
+from fedora_qa.checks.flow_geometry.interval_timestamps import timestamp_statistics
 from fedora_qa.checks.flow_geometry.validity import FlowGeometryValidity
 from fedora_qa.diagnosis.hypothesis import Hypothesis
 from fedora_qa.judgement.judge import Alarm, Judged
@@ -197,6 +198,20 @@ def test_late_depth_is_told_from_late_flow() -> None:
     hypothesis = max(hypotheses_of(alarm_of(result, "off_frames"), facts), key=lambda hypothesis: hypothesis.support)
     assert (hypothesis.cause, hypothesis.stream) == ("time_offset", "depth")
     assert hypothesis.magnitude == pytest.approx(3.0)
+
+
+@pytest.mark.parametrize("with_colour", [True, False], ids=["colour", "no colour"])
+@pytest.mark.parametrize("kept", [slice(None, None, 2), slice(1, None), slice(None, -1)], ids=["half", "late", "early"])
+def test_sparse_depth_is_no_reason_for_an_alarm(kept: slice, with_colour: bool) -> None:
+    """Depth at half the rate of colour, or of flow, or that begins late or ends early, leaves flow where it was."""
+    facts = clean().facts
+    depth = facts.clocks["depth"]
+    clocks = {**facts.clocks, "depth": replace(depth, times_ns=depth.times_ns[kept], advancing=depth.advancing[kept])}
+    if not with_colour:
+        del clocks["rgb"]
+    off_frames = [s for s in timestamp_statistics(replace(facts, clocks=clocks)) if s.code.endswith("off_frames")]
+    assert off_frames
+    assert all(statistic.value == 0 for statistic in off_frames)
 
 
 def broken(facts: Facts) -> Facts:

@@ -290,3 +290,25 @@ def test_another_unit_in_upper_case_is_still_another(path: Path) -> None:
     with h5py.File(path, "r+") as file:
         file["path/depth"].attrs["units"] = "M"
     assert run_check(path, "metadata.units").outcome == "failed"
+
+
+@pytest.mark.parametrize(
+    ("sequence", "world", "illumination", "contradicts"),
+    [
+        ("park-day", "park", "night", True),
+        ("baylands-ngt1", "baylands", "day", True),
+        ("one", "city at night", "Day", True),
+        ("Baylands Day1", "baylands", "day", False),
+        ("holiday", "sundayton", "night", False),
+        ("day-and-night", "knights", "night", False),
+        ("park-day", "park", "overcast", False),
+    ],
+)
+def test_a_light_that_contradicts_the_name(
+    path: Path, sequence: str, world: str, illumination: str, contradicts: bool
+) -> None:
+    """A sequence that is named after the day is not one of the night; only whole words count."""
+    with h5py.File(path, "r+") as file:
+        file.attrs.update({"sequence": sequence, "world": world, "illumination": illumination})
+    result = run_check(path, "metadata.complete")
+    assert (result.outcome, rules(result)) == (("failed", ["contradiction"]) if contradicts else ("passed", []))
