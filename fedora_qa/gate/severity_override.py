@@ -4,8 +4,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import replace
 from typing import Final, Literal
 
-from fedora_qa.judgement.judge import IMMATERIAL
-from fedora_qa.record.types import FileRecord, Finding, Result, Severity
+from fedora_qa.record.types import IMMATERIAL, FileRecord, Finding, Result, Severity
 
 GRAVE: Final[frozenset[Severity]] = frozenset({"critical", "error"})
 """Severities of findings that fail a check."""

@@ -8,11 +8,8 @@ from typing import Any, Final
 from fedora_qa.checks.protocol import Check, Observation, Statistic
 from fedora_qa.judgement.materiality import Materiality, materiality_row
 from fedora_qa.judgement.tolerances import Tolerance, tolerance_for
-from fedora_qa.record.types import Finding, Measurement, Outcome, Result
+from fedora_qa.record.types import IMMATERIAL, Finding, Measurement, Outcome, Result
 from fedora_qa.record.wording import with_unit
-
-IMMATERIAL: Final = "immaterial"
-"""Rule of the findings of deviations that are significant and not material."""
 
 _NAMED_IN_REASON: Final = 3
 """Largest number of measurements that a reason names; a fit of the IMU can have twenty."""

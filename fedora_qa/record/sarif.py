@@ -23,9 +23,10 @@ def record_to_sarif(record: Record) -> str:
     problems = [problem for file in record.files for problem in problems_of(file)]
     findings = [problem for problem in problems if problem.code != INCOMPLETE]
     missing = [problem for problem in problems if problem.code == INCOMPLETE]
-    rules = sorted({problem.code for problem in findings})
+    # By their printable text: two codes that differ only in what XML and JSON cannot show are one rule.
+    rules = sorted({printable(problem.code) for problem in findings})
     questions = {result.check: result.question for file in record.files for result in file.results}
-    question_of_rule = {problem.code: questions.get(problem.check, "") for problem in findings}
+    question_of_rule = {printable(problem.code): questions.get(problem.check, "") for problem in findings}
     artifacts: list[dict[str, Any]] = []
     for file in record.files:
         artifact: dict[str, Any] = {
@@ -43,7 +44,7 @@ def record_to_sarif(record: Record) -> str:
                 "name": printable(record.tool.name),
                 "version": printable(record.tool.version),
                 "rules": [
-                    {"id": printable(rule), "shortDescription": {"text": printable(question_of_rule[rule])}}
+                    {"id": rule, "shortDescription": {"text": printable(question_of_rule[rule])}}
                     for rule in rules
                 ],
             }
@@ -95,7 +96,7 @@ def _results(findings: Sequence[Problem], rules: Sequence[str]) -> list[dict[str
         counts[kin] += 1
         result: dict[str, Any] = {
             "ruleId": printable(problem.code),
-            "ruleIndex": rules.index(problem.code),
+            "ruleIndex": rules.index(printable(problem.code)),
             "level": problem.level,
             "message": {"text": printable(problem.message)},
             "locations": [_location(problem)],

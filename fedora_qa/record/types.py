@@ -9,6 +9,9 @@ RECORD_VERSION: Final = "1.1"
 OLDER_RECORD_VERSIONS: Final = ("1.0",)
 """Versions that are read as well: later ones added fields."""
 
+IMMATERIAL: Final = "immaterial"
+"""Rule of the findings of deviations that are significant and not material."""
+
 Outcome = Literal["passed", "failed", "warned", "not_applicable", "not_observable", "crashed"]
 Severity = Literal["critical", "error", "warning", "info"]
 Verdict = Literal["clean", "findings", "incomplete"]

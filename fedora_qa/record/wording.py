@@ -8,7 +8,17 @@ from collections.abc import Sequence
 from typing import Final
 
 from fedora_qa.causes import CAUSES
-from fedora_qa.record.types import Coverage, Diagnosis, FileRecord, Finding, Measurement, Outcome, Result, Where
+from fedora_qa.record.types import (
+    IMMATERIAL,
+    Coverage,
+    Diagnosis,
+    FileRecord,
+    Finding,
+    Measurement,
+    Outcome,
+    Result,
+    Where,
+)
 
 OUTCOME_WORDS: Final[dict[Outcome, str]] = {
     "failed": "failed",
@@ -126,10 +136,17 @@ def headline(file: FileRecord) -> str:
 
 
 def tally(results: Sequence[Result]) -> str:
-    """Return how many checks had which outcome, the gravest first."""
+    """Return how many checks had which outcome, the gravest first, and how many deviations are not material."""
     counts = Counter(result.outcome for result in results)
     parts = [f"{counts[outcome]} {word}" for outcome, word in OUTCOME_WORDS.items() if counts[outcome]]
-    return ", ".join(parts) or "no check was run"
+    deviations = immaterial_count(results)
+    more = f"; {deviations} measurable, not material" if deviations else ""
+    return (", ".join(parts) or "no check was run") + more
+
+
+def immaterial_count(results: Sequence[Result]) -> int:
+    """Return how many deviations were measured that are not material."""
+    return sum(finding.code == f"{result.check}.{IMMATERIAL}" for result in results for finding in result.findings)
 
 
 def why_incomplete(file: FileRecord) -> str:

@@ -68,6 +68,7 @@ class Page:
     started: str
     tool: str
     effort: str
+    profile: str
     overview: tuple[OverviewRow, ...]
     overview_tables: tuple[Table, ...]
     files: tuple[FileSection, ...]
@@ -104,6 +105,7 @@ def page_of(
         started=record.run.started,
         tool=f"{record.tool.name} {record.tool.version}",
         effort=record.effort,
+        profile=record.profile,
         overview=tuple(overview),
         overview_tables=paper_tables(record.files) if len(record.files) != 1 else (),
         files=tuple(_section(record, k, arrays, detection_power) for k in range(len(record.files))),

@@ -6,7 +6,7 @@ from itertools import accumulate
 from typing import Final
 
 from fedora_qa.record.types import FileRecord, Outcome, Verdict
-from fedora_qa.record.wording import OUTCOME_WORDS, basis_of_clean, canaries_seen, why_incomplete
+from fedora_qa.record.wording import OUTCOME_WORDS, basis_of_clean, canaries_seen, immaterial_count, why_incomplete
 
 TITLES: Final[dict[Verdict, str]] = {"clean": "Clean", "findings": "Findings", "incomplete": "Incomplete"}
 
@@ -46,6 +46,9 @@ def verdict_of(file: FileRecord) -> VerdictText:
             causes, f"{causes} probable causes are named"
         )
         sentence = f"{checks(failed).capitalize()} failed; {named}."
+    elif deviations := immaterial_count(file.results):
+        are = "1 is" if deviations == 1 else f"{deviations} are"
+        sentence = f"No check found a deviation that matters; {are} measurable and not material."
     else:
         sentence = "No check found a deviation from a correct file."
     rests_on = basis_of_clean(file).removeprefix("clean: ")

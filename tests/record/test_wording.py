@@ -21,11 +21,12 @@ from fedora_qa.record.wording import (
     principal,
     printable,
     reasons,
+    tally,
     why_incomplete,
     with_error,
     with_unit,
 )
-from tests.support.records import crashed, failed, file_record, late_events, not_observable, passed
+from tests.support.records import crashed, failed, file_record, immaterial, late_events, not_observable, passed
 
 ERRORS = {
     "one digit": (2.0634, 0.031, "ms", "2.06 ± 0.03 ms"),
@@ -221,3 +222,9 @@ def test_an_index_map_alone_is_said_to_be_no_comparison() -> None:
     file = replace(file_record(passed()), verdict="incomplete", comparisons=1)
     assert "index map" in why_incomplete(file)
     assert "index map" not in why_incomplete(replace(file, comparisons=0))
+
+
+def test_deviations_that_do_not_matter_are_counted_apart() -> None:
+    """The counts of outcomes stay, and a reader sees that something was measured."""
+    assert tally((passed(), immaterial())) == "2 passed; 1 measurable, not material"
+    assert tally((passed(),)) == "1 passed"

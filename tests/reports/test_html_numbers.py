@@ -12,7 +12,7 @@ from fedora_reports.html import render_html
 from fedora_reports.statistics import all_statistics, paper_tables, split_unit
 from fedora_reports.verdict import verdict_of
 from tests.reports.page_reader import Element, ReadPage, read_page
-from tests.support.records import crashed, failed, file_record, late_events, not_observable, passed, record
+from tests.support.records import crashed, failed, file_record, immaterial, late_events, not_observable, passed, record
 
 FLIGHT = {
     "sequence": {"duration_s": 165.0, "event_rate_mean_per_s": 1.12e6},
@@ -135,6 +135,11 @@ def test_verdict_counts_what_the_record_holds() -> None:
     ("file", "title", "sentence"),
     [
         (file_record(passed()), "Clean", "No check found a deviation from a correct file."),
+        (
+            file_record(passed(), immaterial()),
+            "Clean",
+            "No check found a deviation that matters; 1 is measurable and not material.",
+        ),
         (file_record(failed()), "Findings", "1 check failed; no cause could be named."),
         (
             file_record(failed(), passed(), diagnoses=(late_events(),)),

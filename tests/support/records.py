@@ -27,6 +27,19 @@ def passed(check: str = "clocks.order") -> Result:
     return Result(check, "passed", "Do stamps advance?", (measured,), Coverage(101, 101, "frames"))
 
 
+def immaterial() -> Result:
+    """A check that passes with a deviation that is certain and does not matter."""
+    finding = Finding(
+        "F1", "pose.orientation.immaterial", "info",
+        "Measurable, not material: length_error deviates by 3e-06.",
+        Where(stream="pose"),
+    )  # fmt: skip
+    measured = Measurement("length_error", 3e-6, "1", 0.0, 0.0, 4.4e-16, 1e-5, material=1e-5,
+                           code="pose.orientation.length")  # fmt: skip
+    return Result("pose.orientation", "passed", "Are quaternions of unit length?", (measured,),
+                  Coverage(201, 201, "poses"), (finding,))  # fmt: skip
+
+
 def failed() -> Result:
     """A check with one finding and one warning."""
     return Result(
