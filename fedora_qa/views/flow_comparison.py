@@ -7,7 +7,7 @@ from typing import Final, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from fedora_qa.conventions import NS_PER_S
+from fedora_qa.conventions import MM_PER_M, NS_PER_S
 from fedora_qa.estimators.fitting.quantile_kernels import median_of
 from fedora_qa.estimators.flow.motion_fit import (
     Evidence,
@@ -22,6 +22,7 @@ from fedora_qa.geometry.camera import RigidMotion
 from fedora_qa.geometry.rigid_flow import moved_points, rigid_flow, rounding_px, twist_jacobian
 from fedora_qa.geometry.so3 import exp
 from fedora_qa.sequence.declared import PoseModel
+from fedora_qa.sequence.stored_step import StoredStep
 from fedora_qa.sequence.window import Window
 from fedora_qa.views.flow_intervals import Interval, PoseTrack, motion_between
 from fedora_qa.views.pixel_lattice import FEWEST_PIXELS, FlowLattice, Region, lattice_of, region_of, thinned
@@ -130,7 +131,10 @@ def compare_field(
     if lattice is None or sample is None:
         return None
     columns, rows = lattice.columns, lattice.rows
-    bound = rounding_px(K, motion, columns, rows, lattice.depths_m, lattice.flow_px)
+    steps = window.facts.steps
+    flow_step_px = steps.get(f"path/{interval.stream}", StoredStep())
+    depth_step_m = steps.get("path/depth", StoredStep()).scaled(1.0 / MM_PER_M)
+    bound = rounding_px(K, motion, columns, rows, lattice.depths_m, lattice.flow_px, flow_step_px, depth_step_m)
     twist = track.interpolation_twist(interval.start_ns, interval.end_ns) if not is_noisy(noise) else np.zeros(6)
     if twist.any():  # interpolating the pose between its samples moves pixels by up to |J| |twist|
         points1_m = np.stack(moved_points(K, motion, sample.columns, sample.rows, sample.depths_m), axis=-1)
