@@ -32,6 +32,11 @@ class StoredStep:
     size: float = 0.0
     roundoff: float = DOUBLE_ROUNDOFF
 
+    @property
+    def is_coarse(self) -> bool:
+        """Whether values are stored in a step, or in float16: coarser than the rounding of float32."""
+        return self.size > 0 or self.roundoff > SINGLE_ROUNDOFF
+
     def error_bounds(self, values: ArrayLike) -> Float64:
         """Return the largest errors of values (...) by rounding, in their unit.
 

@@ -9,7 +9,6 @@ from numpy.typing import NDArray
 
 from fedora_qa.estimators.flow.path_kernels import PathStates, interpolation_errors, spans_at_targets, step
 from fedora_qa.sequence.facts import Facts
-from fedora_qa.sequence.stored_step import SINGLE_ROUNDOFF
 from fedora_qa.sequence.window import Window
 from fedora_qa.views.flow_intervals import frame_at
 
@@ -195,7 +194,7 @@ def _storage_px(window: Window, stream: str, lines: Float32) -> float:
     Bilinear interpolation is a mean of stored values, and errs by no more than they do; two components by sqrt(2) each.
     """
     step = window.facts.steps.get(f"path/{stream}")
-    if step is None or (not step.size and step.roundoff <= SINGLE_ROUNDOFF):
+    if step is None or not step.is_coarse:
         return 0.0  # float32 is in ``_ROUNDING_PX``
     largest_px = float(np.nanmax(np.abs(lines), initial=0.0, where=np.isfinite(lines)))
     return float(np.sqrt(2.0) * step.error_bounds(largest_px))

@@ -2,9 +2,9 @@
 
 Values that were rounded lie on a grid: multiples of a decimal or binary number, or numbers with a short mantissa.
 Values that were not rounded lie near such a grid by chance only. A grid is accepted where chance would put as many
-values on it with a probability below ``CHANCE``. Chance is at least one half: of values on a grid of half the step, every second
-one lies on this grid too. Of all grids that are accepted the coarsest was rounded to, as the values lie on every finer
-one of its family by necessity.
+values on it with a probability below ``CHANCE``. Chance is at least one half: of values on a grid of half the step,
+every second one lies on this grid too. Of all accepted grids the coarsest is meant, as its values lie on finer ones by
+necessity.
 """
 
 from collections.abc import Iterator
@@ -79,11 +79,10 @@ def _component_step(values: NDArray[np.floating], with_unknown_steps: bool) -> S
                 break
     # Numbers of whichever value lie a unit in the last place, 2 u |value| at most, apart.
     units = 2 * roundoff * np.abs(distinct)
-    for size in _STEPS:
-        if _lies_on_grid(distinct, units, size):
-            return StoredStep(size, roundoff)
+    size = next((size for size in _STEPS if _lies_on_grid(distinct, units, size)), 0.0)
+    # Three eighths are multiples of one eighth too.
     unknown = next(_unknown_steps(distinct, units), 0.0) if with_unknown_steps else 0.0
-    return StoredStep(unknown, roundoff)
+    return StoredStep(max(size, unknown), roundoff)
 
 
 def _lies_on_grid(values: Float64, units: Float64, size: float) -> bool:
