@@ -63,7 +63,7 @@ def stored_step(values: NDArray[np.floating], *, with_unknown_steps: bool = Fals
     StoredStep
         ``size`` is 0 where the values lie on no grid of equal steps, or are too few to tell.
     """
-    components = values.reshape(len(values), -1).T if len(values) else []
+    components = values.reshape(len(values), -1).T if values.size else values.reshape(0, 0)
     return coarsest([_component_step(component, with_unknown_steps) for component in components])
 
 
