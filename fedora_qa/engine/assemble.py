@@ -26,6 +26,7 @@ from fedora_qa.record.types import Canary, FileRecord, Finding
 from fedora_qa.sequence.facts import Facts
 from fedora_qa.sequence.window import Span
 from fedora_qa.storage.place import RemoteFile
+from fedora_qa.views.storage_steps import inferred_steps
 
 
 def assemble(
@@ -81,7 +82,7 @@ def assemble(
             canaries = tuple(proof.canary for proof in proofs)
     # Last, as this result belongs to no check, and no canary is planted for it.
     results += lost_windows(never, len(file.windows), facts)
-    inferred = dict(facts.layout.inferred)
+    inferred = dict(facts.layout.inferred) | inferred_steps(facts)
     for observation in observations.values():
         inferred.update(observation.inferred)
     # The version tag of a file behind a URL, as its partial digest does not cover all bytes.

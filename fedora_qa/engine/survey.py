@@ -1,8 +1,8 @@
 """What is known of a file before its windows are measured: enough for any process to measure any of them."""
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any, Final
 from uuid import uuid4
 
@@ -28,6 +28,7 @@ from fedora_qa.storage.digest import Digest, file_digest
 from fedora_qa.storage.place import Place, RemoteFile
 from fedora_qa.storage.traffic import NO_TRAFFIC, Traffic
 from fedora_qa.storage.version import Version
+from fedora_qa.views.storage_steps import stored_steps
 
 _EXPECTED_BYTES_PER_PIXEL: Final = 90
 """Bytes that a process holds beside leased arrays, for each pixel of a frame: states of checks, temporary arrays of one
@@ -58,9 +59,18 @@ class Prepared:
         return self.scanned.facts
 
 
-def prepare(sequence: SequenceRows, memory_bytes: int) -> Prepared:
-    """Scan the timestamps of an open sequence, or of a view of one, and cut its windows."""
-    return ready_to_measure(sequence, scan(sequence, window_length_ns(sequence)), memory_bytes)
+def prepare(sequence: SequenceRows, memory_bytes: int, streams: Collection[str] | None = None) -> Prepared:
+    """Scan the timestamps of an open sequence, or of a view of one, infer how values are stored, and cut its windows.
+
+    ``streams`` are those whose values are looked at; None: all.
+    """
+    scanned = scan(sequence, window_length_ns(sequence))
+    facts = scanned.facts
+    wanted = [
+        stream for stream in facts.streams if streams is None or not {stream, stream.split("/")[0]}.isdisjoint(streams)
+    ]
+    scanned = replace(scanned, facts=replace(facts, steps=stored_steps(sequence, facts, wanted)))
+    return ready_to_measure(sequence, scanned, memory_bytes)
 
 
 def ready_to_measure(sequence: SequenceRows, scanned: Scan, memory_bytes: int) -> Prepared:
@@ -156,7 +166,9 @@ def survey_file(
             return FileRun(record, seconds=watch.seconds, traffic=sequence.traffic + digest.traffic)
         with watch.stage("stamps"):
             progress("reading stamps", 0, 1)
-            ready = prepare(view(sequence) if view else sequence, options.memory_bytes)
+            # Where checks are selected, no values of other streams are decoded.
+            needed = frozenset(stream for check in checks for stream in check.needs) if options.select else None
+            ready = prepare(view(sequence) if view else sequence, options.memory_bytes, needed)
     return Survey(
         path=path,
         version=sequence.version,

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from fedora_qa.geometry.camera import RigidMotion
 from fedora_qa.geometry.so3 import cross_matrices
+from fedora_qa.sequence.stored_step import SINGLE_ROUNDOFF, StoredStep
 
 Float64 = NDArray[np.float64]
 
@@ -19,6 +20,9 @@ SINGLE_PRECISION: Final = 2.0**-24
 
 _ROUNDINGS: Final = 4
 """Number of roundings of one coordinate between the ray and the pixel: ray, rotation, translation, projection."""
+
+
+_FLOAT32: Final = StoredStep(0.0, SINGLE_ROUNDOFF)
 
 
 def moved_points(
@@ -141,15 +145,23 @@ def twist_jacobian(K: Float64, points1_m: Float64) -> Float64:
 
 
 def rounding_px(
-    K: Float64, motion: RigidMotion, columns: Float64, rows: Float64, depths_m: Float64, flow_px: Float64
+    K: Float64,
+    motion: RigidMotion,
+    columns: Float64,
+    rows: Float64,
+    depths_m: Float64,
+    flow_px: Float64,
+    flow_step_px: StoredStep = _FLOAT32,
+    depth_step_m: StoredStep = _FLOAT32,
 ) -> Float64:
     """Return a bound on the difference between a correct stored flow and the recomputed one, px.
 
     The bound is the sum of three, u being the unit roundoff of float32:
 
-    - the stored flow is rounded: ``u |flow|``;
+    - the stored flow is rounded: ``u |flow|``, or half of a coarser step;
     - the stored depth is rounded twice (to float32 millimetres, and to metres when it is read), which moves the pixel
-      by ``2 u Z0 |d flow / d Z0| = 2 u f |t - m t_z| / Z1`` with the slopes m of the point, X1/Z1 and Y1/Z1;
+      by ``2 u Z0 |d flow / d Z0| = 2 u f |t - m t_z| / Z1`` with the slopes m of the point, X1/Z1 and Y1/Z1; half of a
+      coarser step s of depth moves it by ``s / (2 Z0)`` in place of u;
     - the flow may have been computed in single precision. A coordinate of X1 then errs by some roundings of ``|X0| +
       |t|``, and the pixel by ``f (1 + |m|) / Z1`` times that, and by some roundings of the pixel itself and of the
       principal point.
@@ -160,6 +172,8 @@ def rounding_px(
         As of ``rigid_flow``.
     flow_px
         (..., 2) as stored.
+    flow_step_px, depth_step_m
+        Steps in which flow and depth are stored, px and m; float32 at least.
 
     Returns
     -------
@@ -169,12 +183,17 @@ def rounding_px(
     X1, Y1, Z1 = moved_points(K, motion, columns, rows, depths_m)
     distance0_m = depths_m * np.hypot(np.hypot((columns - K[0, 2]) / K[0, 0], (rows - K[1, 2]) / K[1, 1]), 1.0)
     reach_m = distance0_m + float(np.linalg.norm(motion.t_m))
+    # Error of the depth as a share of it: both roundings to float32, or that of storage and one of reading.
+    depth_share = SINGLE_PRECISION + np.maximum(SINGLE_PRECISION, depth_step_m.error_bounds(depths_m) / depths_m)
     bounds = []
     for axis, coordinate1, pixel in ((0, X1, columns), (1, Y1, rows)):
         slope = coordinate1 / Z1
         f_over_Z1 = K[axis, axis] / Z1
         # Second source of the docstring; the unit roundoff u multiplies all of them below.
-        by_depth = 2 * f_over_Z1 * np.abs(motion.t_m[axis] - slope * motion.t_m[2])
+        by_depth = f_over_Z1 * np.abs(motion.t_m[axis] - slope * motion.t_m[2])
         by_arithmetic = _ROUNDINGS * (f_over_Z1 * (1 + np.abs(slope)) * reach_m + pixel + K[axis, 2])
-        bounds.append(SINGLE_PRECISION * (np.abs(flow_px[..., axis]) + by_depth + by_arithmetic))
+        rounded_px = np.maximum(
+            SINGLE_PRECISION * np.abs(flow_px[..., axis]), flow_step_px.error_bounds(flow_px[..., axis])
+        )
+        bounds.append(rounded_px + depth_share * by_depth + SINGLE_PRECISION * by_arithmetic)
     return np.stack(bounds, axis=-1)

@@ -11,6 +11,7 @@ from fedora_qa.conventions import NS_PER_S, NS_PER_US
 from fedora_qa.layout.binding import FARTHEST_TIMESTAMP_NS, INVALID_TIMESTAMP_NS
 from fedora_qa.layout.resolve import Layout
 from fedora_qa.sequence.declared import Declared
+from fedora_qa.sequence.stored_step import StoredStep
 
 Int64 = NDArray[np.int64]
 
@@ -189,6 +190,8 @@ class Facts:
         ``rgb_to_event`` and ``depth_to_event``, where they exist.
     sizes
         Number of rows of each dataset by key.
+    steps
+        Steps in which the values of datasets are stored, by key, in the canonical unit of each.
     """
 
     layout: Layout
@@ -200,6 +203,7 @@ class Facts:
     events: EventScan | None
     index_maps: Mapping[str, IndexMap]
     sizes: Mapping[str, int] = field(default_factory=dict)
+    steps: Mapping[str, StoredStep] = field(default_factory=dict)
 
     def to_file_us(self, time_ns: float) -> float:
         """Return a time from the origin, ns, as us on the file's own clock."""

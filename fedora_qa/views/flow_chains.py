@@ -182,10 +182,22 @@ def compose(
         # A path reads few pixels: evaluating the whole field pays only with many paths to a pixel.
         if last > 0 and _MANY * lines.size < 2 * n:
             errors_px = _of_field(window, "errors of reading", stored, interpolation_errors, lines)
-        rounding_px = _ROUNDING_PX * (lines.shape[0] + lines.shape[1] // 2)
+        rounding_px = _ROUNDING_PX * (lines.shape[0] + lines.shape[1] // 2) + _storage_px(window, chain.stream, lines)
         step(lines, spans, errors_px, rounding_px, number == 0, last > 0, paths)
     displacement_px = np.stack((paths.x - columns, paths.y - rows), axis=-1)
     return ComposedPaths(displacement_px, paths.bound_px, paths.clear, paths.stays)
+
+
+def _storage_px(window: Window, stream: str, lines: Float32) -> float:
+    """Return the largest error of a flow vector of a field (H, 2 W) by the step in which flow is stored, px.
+
+    Bilinear interpolation is a mean of stored values, and errs by no more than they do; two components by sqrt(2) each.
+    """
+    step = window.facts.steps.get(f"path/{stream}")
+    if step is None or not step.is_coarse:
+        return 0.0  # float32 is in ``_ROUNDING_PX``
+    largest_px = float(np.nanmax(np.abs(lines), initial=0.0, where=np.isfinite(lines)))
+    return float(np.sqrt(2.0) * step.error_bounds(largest_px))
 
 
 def _of_field(

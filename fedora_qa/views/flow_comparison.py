@@ -7,11 +7,12 @@ from typing import Final, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from fedora_qa.conventions import NS_PER_S
+from fedora_qa.conventions import MM_PER_M, NS_PER_S
 from fedora_qa.estimators.fitting.quantile_kernels import median_of
 from fedora_qa.estimators.flow.motion_fit import (
     Evidence,
     FlowSample,
+    MotionFit,
     fit_most,
     fit_motion,
     twist_statistic,
@@ -22,6 +23,7 @@ from fedora_qa.geometry.camera import RigidMotion
 from fedora_qa.geometry.rigid_flow import moved_points, rigid_flow, rounding_px, twist_jacobian
 from fedora_qa.geometry.so3 import exp
 from fedora_qa.sequence.declared import PoseModel
+from fedora_qa.sequence.stored_step import SINGLE_ROUNDOFF, StoredStep
 from fedora_qa.sequence.window import Window
 from fedora_qa.views.flow_intervals import Interval, PoseTrack, motion_between
 from fedora_qa.views.pixel_lattice import FEWEST_PIXELS, FlowLattice, Region, lattice_of, region_of, thinned
@@ -35,6 +37,11 @@ _LARGEST_BOUND_PX: Final = 1.0
 _USUAL_RATIO: Final = 2.0
 """Corrections with a chi^2 of up to this multiple of the degrees of freedom are not fitted further: 93% of corrections
 by noise alone lie below."""
+
+
+_FIT_SIGMAS: Final = 5.5
+"""Standard errors of a fit that are allowed for: normal errors exceed them in one of 3e7 pixels, as many as a file of a
+thousand fields compares."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -130,9 +137,14 @@ def compare_field(
     if lattice is None or sample is None:
         return None
     columns, rows = lattice.columns, lattice.rows
-    bound = rounding_px(K, motion, columns, rows, lattice.depths_m, lattice.flow_px)
-    twist = track.interpolation_twist(interval.start_ns, interval.end_ns) if not is_noisy(noise) else np.zeros(6)
-    if twist.any():  # interpolating the pose between its samples moves pixels by up to |J| |twist|
+    steps = window.facts.steps
+    flow_step_px = steps.get(f"path/{interval.stream}", StoredStep())
+    depth_step_m = steps.get("path/depth", StoredStep()).scaled(1.0 / MM_PER_M)
+    bound = rounding_px(K, motion, columns, rows, lattice.depths_m, lattice.flow_px, flow_step_px, depth_step_m)
+    twist = np.zeros(6)
+    if not is_noisy(noise):
+        twist = track.interpolation_twist(interval.start_ns, interval.end_ns) + _storage_twist(window, track, motion)
+    if twist.any():  # interpolated or rounded poses move pixels by up to |J| |twist|
         points1_m = np.stack(moved_points(K, motion, sample.columns, sample.rows, sample.depths_m), axis=-1)
         before_camera_m = points1_m[points1_m[:, 2] > 0]
         bound = bound + float(np.max(np.abs(twist_jacobian(K, before_camera_m)) @ twist, initial=0.0))
@@ -140,6 +152,8 @@ def compare_field(
     sample = replace(sample, sigma_px=median_of(bound[~np.isnan(bound)]))
     bound = _lengths(bound)
     fit = fit_motion(K, motion, sample) if is_noisy(noise) else None
+    if fit and (flow_step_px.is_coarse or depth_step_m.is_coarse):
+        bound = bound + _fit_error_px(K, fit, sample)
     error, compared = _errors(K, fit.motion if fit else motion, lattice, bound)
     if np.count_nonzero(compared) < FEWEST_PIXELS:
         return None
@@ -205,6 +219,38 @@ def _errors(K: Float64, motion: RigidMotion, lattice: FlowLattice, bound_px: Flo
     predicted = rigid_flow(K, motion, lattice.columns, lattice.rows, lattice.depths_m)
     error = _lengths(lattice.flow_px - predicted)
     return error, np.isfinite(error) & (bound_px < _LARGEST_BOUND_PX)
+
+
+def _storage_twist(window: Window, track: PoseTrack, motion: RigidMotion) -> Float64:
+    """Return a bound (6,) on the twist, rad and m, by the steps in which poses are stored; 0 for float64."""
+    steps = window.facts.steps
+    position_step_m = steps.get("path/pose/position", StoredStep())
+    orientation_step = steps.get("path/pose/orientation", StoredStep())
+    if max(position_step_m.roundoff, orientation_step.roundoff) < SINGLE_ROUNDOFF and not (
+        position_step_m.size or orientation_step.size
+    ):
+        return np.zeros(6)
+    # Four components that err by h each make an angle of 2 |dq| = 4 h, and both poses one of 8 h at most. Three
+    # coordinates that err by h make a shift of sqrt(3) h; an angle shifts the camera by its arm and the baseline, which
+    # is no longer than the motion and two arms.
+    angle_rad = 8 * float(orientation_step.error_bounds(1.0))
+    largest_m = float(np.abs(track.poses.positions_world_m).max(initial=0.0))
+    arm_m = float(np.linalg.norm(track.camera.T_body_camera[:3, 3]))
+    shift_m = 2 * float(np.sqrt(3.0) * position_step_m.error_bounds(largest_m))
+    shift_m += angle_rad * (3 * arm_m + float(np.linalg.norm(motion.t_m)))
+    return np.array([angle_rad] * 3 + [shift_m] * 3)
+
+
+def _fit_error_px(K: Float64, fit: MotionFit, sample: FlowSample) -> float:
+    """Return a bound on the error that a fit to rounded flow makes at any pixel of its sample, px.
+
+    Rounding is uniform within its bound b and has the variance b^2/3. The fit of information A, which takes b for the
+    standard deviation, errs at a pixel by the covariance ``J A^-1 J^T / 3``.
+    """
+    points1_m = np.stack(moved_points(K, fit.motion, sample.columns, sample.rows, sample.depths_m), axis=-1)
+    jacobian = twist_jacobian(K, points1_m[points1_m[:, 2] > 0])
+    variances = np.einsum("nki,ij,nkj->n", jacobian, np.linalg.pinv(fit.information, hermitian=True), jacobian) / 3
+    return _FIT_SIGMAS * float(np.sqrt(max(variances.max(initial=0.0), 0.0)))
 
 
 def _lengths(vectors: Float64) -> Float64:

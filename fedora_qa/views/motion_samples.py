@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from fedora_qa.conventions import NS_PER_S
 from fedora_qa.estimators.imu.local_motion import OrientationSamples, SampledCurve, VectorSamples, noise_level
 from fedora_qa.estimators.imu.samples import TIMESTAMP_SIGMA_S, InertialNoise, InertialSamples
+from fedora_qa.estimators.storage.steps import stored_step
 from fedora_qa.geometry import so3
 from fedora_qa.record.types import Where
 from fedora_qa.sequence.declared import ImuModel, PoseModel
@@ -24,14 +25,8 @@ Float64 = NDArray[np.float64]
 NOISE_ORDER: Final = 8
 """Order of differences that separate noise from motion: a motion of 3 Hz and 1 rad leaves 5e-11 rad at 200 Hz."""
 
-_LEAST_ROUNDING_NOISE: Final = 0.1
+LEAST_ROUNDING_NOISE: Final = 0.1
 """Least noise of rounded numbers, in steps: about a third of the noise of uniform rounding."""
-_ROUNDED_UNITS: Final = 4.0
-"""Units in the last place by which a decimal number and its multiple may differ: by two products and the stored
-number."""
-
-_FIRST_SAMPLES: Final = 64
-"""Number of samples that are tested first: they mostly suffice to exclude rounding."""
 
 _RADIANS_PER_COMPONENT: Final = 2.0
 """A quaternion holds half angles: an error of a component is half the error of the rotation, rad."""
@@ -132,7 +127,7 @@ def inertial_noise(imu: ImuModel, pose: PoseModel, samples: ImuSamples, poses: P
     Returns
     -------
     InertialNoise
-        Densities of the gyroscope and accelerometer include the rounding to a decimal step.
+        Densities of the gyroscope and accelerometer include the rounding to a step.
     """
     gyro = _rounding_density(samples.times_ns, samples.angular_velocities_body_rad_s)
     accel = _rounding_density(samples.times_ns, samples.specific_forces_body_m_s2)
@@ -175,10 +170,10 @@ def stored_resolution(values: Float64) -> float:
 
 
 def rounding_step(times_ns: NDArray[np.int64], values: Float64, curve: SampledCurve) -> float:
-    """Return the step of stored numbers: that of their type, or the decimal step to which they were rounded before.
+    """Return the step of stored numbers: that of their type, or the step to which they were rounded before.
 
     Numbers of few decimals need not be rounded: a flight at constant speed has such positions. Rounding to a step
-    leaves noise of ``step / sqrt(12)``, so a decimal step counts only where such noise is measured.
+    leaves noise of ``step / sqrt(12)``, so a step counts only where such noise is measured.
 
     Parameters
     ----------
@@ -195,22 +190,15 @@ def rounding_step(times_ns: NDArray[np.int64], values: Float64, curve: SampledCu
         In the unit of the values.
     """
     stored = stored_resolution(values)
-    # The largest power of ten, 1 at most and 1e-9 at least, of which all values are multiples; 0 if there is none.
-    step, largest = 0.0, float(np.abs(values).max(initial=0.0))
-    for decimals in range(10 if values.size else 0):
-        slack = _ROUNDED_UNITS * float(np.spacing(largest * 10.0**decimals))
-        scaled = (part * 10.0**decimals for part in (values[:_FIRST_SAMPLES], values))
-        if all(bool(np.all(np.abs(multiples - np.rint(multiples)) <= slack)) for multiples in scaled):
-            step = float(10.0**-decimals)
-            break
+    step = stored_step(values, with_unknown_steps=True).size
     if step <= stored:
         return stored
     level = noise_level(times_ns, curve, order=NOISE_ORDER)
-    return step if level is not None and level.sigma > _LEAST_ROUNDING_NOISE * step else stored
+    return step if level is not None and level.sigma > LEAST_ROUNDING_NOISE * step else stored
 
 
 def _rounding_density(times_ns: NDArray[np.int64], values: Float64) -> float:
-    """Return the noise density of samples that were rounded to a decimal step, 0 of others: uniform, so step^2/12."""
+    """Return the noise density of samples that were rounded to a step, 0 of others: uniform, so step^2/12."""
     step = rounding_step(times_ns, values, VectorSamples(values))
     if step <= stored_resolution(values):
         return 0.0

@@ -9,6 +9,7 @@ from fedora_qa.checks.exact import count_of_faults
 from fedora_qa.checks.protocol import Observation, Statistic, WindowCheck
 from fedora_qa.record.types import Coverage, Where
 from fedora_qa.sequence.facts import Facts
+from fedora_qa.sequence.stored_step import StoredStep
 from fedora_qa.sequence.window import Window
 from fedora_qa.views.motion_samples import location_of, stored_resolution
 
@@ -56,7 +57,8 @@ class PoseOrientation(WindowCheck[QuaternionNorms]):
     -----------
     None; an allowance of four units in the last place of the stored type: four components that are each off by half a
     unit move the length by one at most, and normalising and the sum by three more. The type is float32 where all values
-    are float32 numbers.
+    are float32 numbers. Where components were rounded to a step, as to six decimals, the step is added: each is off by
+    half a step at most, and the length by sum |q_i| / |q| times that, where the sum is 2 |q| at most.
 
     Cannot see
     ----------
@@ -97,6 +99,7 @@ class PoseOrientation(WindowCheck[QuaternionNorms]):
         if not state:
             return Observation(coverage, unobservable="the stream is empty")
         worst = max(state, key=lambda norms: abs(norms.worst))
+        step = facts.steps.get("path/pose/orientation", StoredStep())
         with_not_finite = [norms for norms in state if norms.not_finite]
         count = sum(norms.not_finite for norms in with_not_finite)
         return Observation(
@@ -107,8 +110,8 @@ class PoseOrientation(WindowCheck[QuaternionNorms]):
                     value=worst.worst,
                     unit="1",
                     standard_error=0.0,
-                    # Four units in the last place (derivation in the class docstring).
-                    model_error_bound=4.0 * max(norms.resolution for norms in state),
+                    # Four units in the last place, and the step (derivations in the class docstring).
+                    model_error_bound=4.0 * max(norms.resolution for norms in state) + step.size,
                     statement=f"A quaternion has the length {1 + worst.worst:.9g} (row {worst.worst_row}); normalise.",
                     code="pose.orientation.length",
                     where=_row(facts, worst.worst_row),

@@ -1,0 +1,130 @@
+"""Infer the step in which values are stored from the values.
+
+Values that were rounded lie on a grid: multiples of a decimal or binary number, or numbers with a short mantissa.
+Values that were not rounded lie near such a grid by chance only. A grid is accepted where chance would put as many
+values on it with a probability below ``CHANCE``. Chance is at least one half: of values on a grid of half the step,
+every second one lies on this grid too. Of all accepted grids the coarsest is meant, as its values lie on finer ones by
+necessity.
+"""
+
+from collections.abc import Iterator
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fedora_qa.sequence.stored_step import DOUBLE_ROUNDOFF, HALF_ROUNDOFF, SINGLE_ROUNDOFF, StoredStep, coarsest
+
+Float64 = NDArray[np.float64]
+
+CHANCE: Final = 1e-6
+"""Probability that values that were not rounded to a grid are taken to lie on it."""
+
+_LEAST_SHARE: Final = 0.9
+"""Least share (0 to 1) of the values on a grid. A fault of a part of the values leaves the others on it."""
+
+_ROUNDED_UNITS: Final = 4.0
+"""Units in the last place by which a multiple of a step may be off: by a product, a conversion of units, and the
+stored number."""
+
+_FIRST_VALUES: Final = 64
+"""Number of values that are tested first: they mostly suffice to exclude a grid."""
+
+_MOST_STEPS: Final = 8.5
+"""Largest distance of neighbouring values, in steps, that is used for a grid of unknown step: further ones multiply the
+error of the step."""
+
+_MULTIPLES: Final = (1, 2, 3, 4)
+"""Numbers of steps that the least distances of neighbouring values may have."""
+
+_LEAST_DISTANCES: Final = 0.05
+"""Quantile of the distances of neighbouring values that is taken for the least one: values off the grid lie below."""
+
+# From 1000 to 1e-12, and from 64 to 2^-40, the coarsest first.
+_DECIMALS: Final = tuple(digit * 10.0**power for power in range(3, -13, -1) for digit in (5.0, 2.0, 1.0))
+_BINARIES: Final = tuple(2.0**power for power in range(6, -41, -1))
+_STEPS: Final = tuple(sorted((*_DECIMALS, *_BINARIES), reverse=True))
+"""Steps that are tried, in the unit of the values."""
+
+
+def stored_step(values: NDArray[np.floating], *, with_unknown_steps: bool = False) -> StoredStep:
+    """Infer the step of values, of each component alone, and return the coarsest.
+
+    Parameters
+    ----------
+    values
+        (n,) or (n, k) values of k components; those that are not finite are left out.
+    with_unknown_steps
+        Whether any number may be the step, such as the full scale of a sensor over 2^15. A flow that is linear in the
+        coordinates has equal distances as well, so this is for samples of a motion only.
+
+    Returns
+    -------
+    StoredStep
+        ``size`` is 0 where the values lie on no grid of equal steps, or are too few to tell.
+    """
+    components = values.reshape(len(values), -1).T if values.size else values.reshape(0, 0)
+    return coarsest([_component_step(component, with_unknown_steps) for component in components])
+
+
+def _component_step(values: NDArray[np.floating], with_unknown_steps: bool) -> StoredStep:
+    # Repeated values are one observation; zeros lie on every grid.
+    distinct = np.unique(values[np.isfinite(values) & (values != 0)].astype(np.float64))
+    roundoff = DOUBLE_ROUNDOFF
+    with np.errstate(over="ignore"):
+        for kind, candidate in ((np.float16, HALF_ROUNDOFF), (np.float32, SINGLE_ROUNDOFF)):
+            # Of numbers of a longer mantissa, 2^-13 of float32 numbers at most lie on the shorter one.
+            if _is_beyond_chance(int(np.count_nonzero(distinct.astype(kind) == distinct)), len(distinct), 0.5, 2):
+                roundoff = candidate
+                break
+    # Numbers of whichever value lie a unit in the last place, 2 u |value| at most, apart.
+    units = 2 * roundoff * np.abs(distinct)
+    size = next((size for size in _STEPS if _lies_on_grid(distinct, units, size)), 0.0)
+    # Three eighths are multiples of one eighth too.
+    unknown = next(_unknown_steps(distinct, units), 0.0) if with_unknown_steps else 0.0
+    return StoredStep(max(size, unknown), roundoff)
+
+
+def _lies_on_grid(values: Float64, units: Float64, size: float) -> bool:
+    """Whether values (n,) with a unit in the last place (n,) are multiples of a step."""
+    some = slice(None, None, max(1, len(values) // _FIRST_VALUES))
+    for part in (some, slice(None)):
+        off = np.abs(values[part] - size * np.rint(values[part] / size))
+        on = int(np.count_nonzero(off <= _ROUNDED_UNITS * units[part]))
+        if on < 0.5 * len(off):
+            return False
+    # Of numbers a unit apart, those within the slack on both sides and the middle one are taken for multiples.
+    chance = float(np.mean(np.minimum(1.0, (2 * _ROUNDED_UNITS + 1) * units / size))) if len(values) else 1.0
+    return _is_beyond_chance(on, len(values), chance, len(_STEPS))
+
+
+def _unknown_steps(values: Float64, units: Float64) -> Iterator[float]:
+    """Yield the steps of which the distances of neighbouring values (n,) are multiples, the largest first."""
+    slack = 2 * _ROUNDED_UNITS * float(units.max(initial=0.0))
+    distances = np.diff(values)
+    distances = distances[distances > slack]
+    if not len(distances):
+        return
+    least = float(np.quantile(distances, _LEAST_DISTANCES, method="lower"))
+    for multiple in _MULTIPLES:
+        size = least / multiple
+        near = distances[distances <= _MOST_STEPS * size]
+        # Each distance over its number of steps estimates the step.
+        size = float(np.median(near / np.maximum(np.rint(near / size), 1.0)))
+        on = int(np.count_nonzero(np.abs(near - size * np.rint(near / size)) <= slack))
+        if _is_beyond_chance(on, len(near), min(1.0, 2.5 * slack / size), len(_MULTIPLES)):
+            yield size
+
+
+def _is_beyond_chance(on: int, count: int, chance: float, candidates: int) -> bool:
+    """Whether a grid holds more values than values at random do, for any of several grids.
+
+    ``P(share >= f) <= exp(-n KL(f || p))`` for n independent values that lie on it with a mean probability p (W.
+    Hoeffding, J. Am. Stat. Assoc. 58 (1963) 13, theorem 1).
+    """
+    share, chance = on / max(count, 1), max(chance, 0.5)
+    if share < _LEAST_SHARE or share <= chance:
+        return False
+    missing = 1 - share
+    divergence = share * np.log(share / chance) + (missing * np.log(missing / (1 - chance)) if missing else 0.0)
+    return bool(count * divergence > np.log(candidates / CHANCE))

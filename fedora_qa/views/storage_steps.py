@@ -1,0 +1,108 @@
+"""The steps in which a file stores depth, flow, poses and IMU samples, from a few rows of each."""
+
+from collections.abc import Collection, Iterator, Mapping
+from typing import Final
+
+import numpy as np
+
+from fedora_qa.errors import UnreadableRowsError
+from fedora_qa.estimators.imu.local_motion import OrientationSamples, SampledCurve, VectorSamples, noise_level
+from fedora_qa.estimators.storage.steps import stored_step
+from fedora_qa.layout.canonical import DATASETS
+from fedora_qa.sequence.facts import Facts
+from fedora_qa.sequence.sequence import SequenceRows
+from fedora_qa.sequence.stored_step import DOUBLE_ROUNDOFF, StoredStep
+from fedora_qa.views.motion_samples import LEAST_ROUNDING_NOISE, NOISE_ORDER
+
+_PLACES: Final = (0.25, 0.5, 0.75)
+"""Where images are read, as shares of the rows: the middle one of three steps is taken, so that one image that is zero,
+or has a fault, does not decide."""
+
+_MOST_VALUES: Final = 4096
+"""Values of a component that are read of an image, and samples of a motion: hundreds suffice for any probability."""
+
+_MOTIONS: Final[Mapping[str, tuple[str, ...]]] = {
+    "pose": ("path/pose/position", "path/pose/orientation"),
+    "imu": ("path/imu/angular_velocity", "path/imu/linear_acceleration"),
+}
+
+
+def stored_steps(sequence: SequenceRows, facts: Facts, streams: Collection[str]) -> dict[str, StoredStep]:
+    """Infer the steps of the values of streams from rows that follow from the file alone.
+
+    Parameters
+    ----------
+    sequence
+        The open file, or a view of it.
+    facts
+        With clocks and sizes.
+    streams
+        Streams whose steps are needed; others are not read.
+
+    Returns
+    -------
+    dict
+        By key of the dataset, in its canonical unit; datasets that cannot be read have none.
+    """
+    images = [key for key, spec in DATASETS.items() if spec.dtype == "float32" and spec.stream in streams]
+    steps: dict[str, StoredStep] = {}
+    for key in images:
+        in_places = sorted(_image_steps(sequence, facts, key), key=lambda step: (step.size, step.roundoff))
+        if in_places:
+            steps[key] = in_places[len(in_places) // 2]
+    for stream in ("pose", "imu"):
+        if stream in streams and stream in facts.clocks:
+            for key in _MOTIONS[stream]:
+                if step := _motion_step(sequence, facts, stream, key):
+                    steps[key] = step
+    return steps
+
+
+def _image_steps(sequence: SequenceRows, facts: Facts, key: str) -> Iterator[StoredStep]:
+    count = facts.sizes.get(key, 0)
+    for row in sorted({min(int(place * count), count - 1) for place in _PLACES} if count else ()):
+        try:
+            image = sequence.rows(key, row, row + 1)[0]
+        except UnreadableRowsError:  # a finding of integrity.readable
+            continue
+        scale = sequence.layout.bindings[key].scale
+        # Depth has no axis of components.
+        values = image.reshape(image.shape[0] * image.shape[1], -1)
+        some = values[:: max(1, len(values) // _MOST_VALUES)].astype(np.float64) / scale
+        yield stored_step(some).scaled(scale)
+
+
+def _motion_step(sequence: SequenceRows, facts: Facts, stream: str, key: str) -> StoredStep | None:
+    """Return the step of samples in the middle of the file.
+
+    Samples of a steady motion lie on a grid without having been rounded to it. Rounding leaves noise, so that a grid
+    counts only where noise of its size is measured.
+    """
+    times_ns = facts.clocks[stream].times_ns
+    start = max(0, (len(times_ns) - _MOST_VALUES) // 2)
+    stop = min(start + _MOST_VALUES, facts.sizes.get(key, 0))
+    try:
+        values = sequence.rows(key, start, stop).astype(np.float64)
+    except (UnreadableRowsError, KeyError):
+        return None
+    scale = sequence.layout.bindings[key].scale
+    kept = facts.clocks[stream].advancing[start:stop] & np.isfinite(values).all(axis=1)
+    if key.endswith("orientation"):
+        kept &= np.any(values != 0, axis=1)
+    values = values[kept]
+    step = stored_step(values / scale, with_unknown_steps=True).scaled(scale)
+    if not step.size:
+        return step
+    curve: SampledCurve = OrientationSamples(values) if key.endswith("orientation") else VectorSamples(values)
+    level = noise_level(times_ns[start:stop][kept], curve, order=NOISE_ORDER)
+    rounded = level is not None and level.sigma > LEAST_ROUNDING_NOISE * step.size
+    return step if rounded else StoredStep(0.0, step.roundoff)
+
+
+def inferred_steps(facts: Facts) -> dict[str, str | float]:
+    """Return the steps in words, as the record states them: ``storage.depth`` is ``1 mm``."""
+    return {
+        f"storage.{key.removeprefix('path/').replace('/', '.')}": step.text(DATASETS[key].units)
+        for key, step in facts.steps.items()
+        if step.size or step.roundoff > DOUBLE_ROUNDOFF
+    }

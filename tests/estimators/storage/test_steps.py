@@ -1,0 +1,80 @@
+"""The step of stored values: each kind of rounding is recognised, and numbers that were not rounded have none."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from fedora_qa.estimators.storage.steps import stored_step
+from fedora_qa.sequence.stored_step import DOUBLE_ROUNDOFF, HALF_ROUNDOFF, SINGLE_ROUNDOFF, StoredStep
+
+seeds = st.integers(0, 2**32 - 1)
+
+
+def values_of(seed: int, size: float, count: int = 1000) -> np.ndarray:
+    """Values of either sign that are spread over decades about a size."""
+    random = np.random.default_rng(seed)
+    return size * random.normal(size=count) * np.exp(random.normal(size=count))
+
+
+@settings(max_examples=50, deadline=None)
+@given(seed=seeds, power=st.integers(0, 9), single=st.booleans())
+def test_decimals_are_recognised(seed: int, power: int, single: bool) -> None:
+    """Of float32 where its digits suffice for the step."""
+    step = 10.0**-power
+    values = np.round(values_of(seed, 100 * step), power)
+    found = stored_step(values.astype(np.float32) if single else values)
+    assert found.size == pytest.approx(step, rel=1e-12)
+
+
+@settings(max_examples=50, deadline=None)
+@given(seed=seeds, power=st.integers(0, 20))
+def test_binary_steps_are_recognised(seed: int, power: int) -> None:
+    """In double precision; 1/64 px, 1/128 px and all others."""
+    found = stored_step(np.rint(values_of(seed, 100.0)) * 2.0**-power)
+    assert found.size == 2.0**-power
+
+
+@settings(max_examples=50, deadline=None)
+@given(seed=seeds, size=st.floats(1e-2, 1e2), kind=st.sampled_from([np.float16, np.float32, np.float64]))
+def test_numbers_that_were_not_rounded_have_no_step(seed: int, size: float, kind: type[np.floating]) -> None:
+    """But for the mantissa of their type, whichever type they are stored in afterwards."""
+    values = values_of(seed, size).astype(kind).astype(np.float64)
+    roundoff = {np.float16: HALF_ROUNDOFF, np.float32: SINGLE_ROUNDOFF, np.float64: DOUBLE_ROUNDOFF}[kind]
+    found = stored_step(values, with_unknown_steps=kind is np.float64)
+    assert found.roundoff == roundoff
+    if kind is not np.float16:  # whose smallest values lie on a grid of equal steps
+        assert found.size == 0.0
+
+
+@settings(max_examples=50, deadline=None)
+@given(seed=seeds, step=st.floats(1e-6, 1.0), single=st.booleans())
+def test_a_full_scale_over_integers_is_recognised(seed: int, step: float, single: bool) -> None:
+    """Any step, where values are dense enough for neighbours to be a few steps apart."""
+    values = step * np.rint(values_of(seed, 300.0))
+    found = stored_step(values.astype(np.float32) if single else values, with_unknown_steps=True)
+    assert found.size == pytest.approx(step, rel=1e-3)
+
+
+@pytest.mark.parametrize("values", [np.zeros(1000), np.full(1000, 9.81), np.full(1000, np.nan), np.empty(0)])
+def test_constants_give_no_step(values: np.ndarray) -> None:
+    """One number lies on some grid; it shows no rounding."""
+    assert stored_step(values, with_unknown_steps=True).size == 0.0
+
+
+def test_a_fault_of_a_few_values_leaves_the_step() -> None:
+    """A twentieth of the values is off the grid."""
+    values = np.round(values_of(1, 10.0), 3)
+    values[::20] *= 1.2345678901
+    assert stored_step(values).size == pytest.approx(1e-3)
+
+
+@settings(max_examples=50, deadline=None)
+@given(seed=seeds, power=st.integers(0, 6))
+def test_rounding_errors_stay_within_the_bound(seed: int, power: int) -> None:
+    """The bound holds for each value, and is not loose: the worst error comes near it."""
+    exact = values_of(seed, 100 * 10.0**-power)
+    errors = np.abs(np.round(exact, power) - exact)
+    bounds = StoredStep(10.0**-power).error_bounds(exact)
+    assert np.all(errors <= bounds * (1 + 1e-9))
+    assert errors.max() > 0.9 * bounds.min()
