@@ -21,7 +21,7 @@ DAY = Source("park-day", 0)
 FAST = (
     "quaternions with random signs",
     "gzip",
-    "colour cropped",
+    "events cropped",
     "colour at 25 Hz",
     "world turned and moved",
     "Unix time",
