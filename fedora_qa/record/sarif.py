@@ -44,8 +44,7 @@ def record_to_sarif(record: Record) -> str:
                 "name": printable(record.tool.name),
                 "version": printable(record.tool.version),
                 "rules": [
-                    {"id": rule, "shortDescription": {"text": printable(question_of_rule[rule])}}
-                    for rule in rules
+                    {"id": rule, "shortDescription": {"text": printable(question_of_rule[rule])}} for rule in rules
                 ],
             }
         },

@@ -18,7 +18,14 @@ from fedora_qa.estimators.flow.residual import (
     TileResiduals,
     tile_residuals,
 )
-from fedora_qa.estimators.flow.tiles import TileGrid, known_patches, mean_derivatives, means_slopes_sines, places_of
+from fedora_qa.estimators.flow.tiles import (
+    TileGrid,
+    known_patches,
+    mean_derivatives,
+    means_slopes_sines,
+    pixels_of,
+    places_of,
+)
 from fedora_qa.estimators.images.luma import LUMA_ROUNDING_VARIANCE_DN2
 from fedora_qa.geometry.camera import RigidMotion
 from fedora_qa.geometry.so3 import cross_matrices
@@ -220,7 +227,13 @@ def _tiles_at(
     frames: FramePair, stored: Float32, origins: Int64, visible_pixels: Mask, *, by_depth: bool
 ) -> FieldTiles:
     flow_px, is_valid = known_patches(stored, origins, TILE_PX, HALO_PX, LARGEST_FLOW_PX)
-    return FieldTiles(origins, flow_px, is_valid & visible_pixels, frames.noise_variances_dn2(origins), by_depth)
+    usable = is_valid & visible_pixels
+    if frames.optics.H_rgb_flow is not None:
+        # The colour camera may see less than the depth camera, on whose grid flow lies.
+        columns, rows = (places.astype(np.float32) for places in pixels_of(origins, halo_px=0))
+        u_px, v_px = np.moveaxis(flow_px[:, HALO_PX:-HALO_PX, HALO_PX:-HALO_PX], -1, 0)
+        usable &= frames.shown(columns, rows) & frames.shown(columns + u_px, rows + v_px)
+    return FieldTiles(origins, flow_px, usable, frames.noise_variances_dn2(origins), by_depth)
 
 
 def textured(residuals: TileResiduals) -> Mask:

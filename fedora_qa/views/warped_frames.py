@@ -46,6 +46,9 @@ _CORNERS_AGREE: Final = 1e-6
 PATCH_PX: Final = TILE_PX + 2 * HALO_PX
 """Side of a tile with its halo."""
 
+_SPLINE_REACH_PX: Final = 2
+"""Half of the support of a cubic B-spline, px."""
+
 _NO_SMOOTHING: Final = np.ones(1, np.float32)
 """Taps of no smoothing."""
 
@@ -198,6 +201,28 @@ class FramePair:
             (n, s, s) linear luma in DN; arbitrary where a position is NaN.
         """
         return self._read(self.after, columns, rows)
+
+    def shown(self, columns: Float32, rows: Float32) -> Mask:
+        """Return which positions lie so far within the colour frames that nothing beyond their border is read.
+
+        Parameters
+        ----------
+        columns, rows
+            (n, s, s) positions by tile, px on the flow's grid.
+
+        Returns
+        -------
+        ndarray of bool
+            (n, s, s) False also at positions that are NaN.
+        """
+        # Half of the taps, two pixels of the spline on either side, and the neighbours of the gradient, which are a
+        # pixel of the flow's grid away.
+        reach_px = len(smoothing_taps(self.optics.sigma_px)) // 2 + _SPLINE_REACH_PX + self.optics.sigma_px
+        height, width = self.window.rgb(self.before).shape[:2]
+        x, y = self._on_frame(columns, rows)
+        with np.errstate(invalid="ignore"):
+            inside = (x >= reach_px) & (x <= width - 1 - reach_px) & (y >= reach_px) & (y <= height - 1 - reach_px)
+        return np.asarray(inside)
 
     def _read(self, frame: int, columns: Float32, rows: Float32) -> Float32:
         """Return the smoothed luma of a frame (by row) at positions (n, s, s) on the flow's grid."""
