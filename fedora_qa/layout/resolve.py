@@ -364,16 +364,22 @@ def holds_without_loss(spec: DatasetSpec, dtype: np.dtype[Any]) -> bool:
 
 
 def _is_whole(spec: DatasetSpec, dataset: h5py.Dataset) -> bool:
-    """Whether the first floats in place of whole numbers are whole, or not finite. Damage is found elsewhere."""
-    if dataset.dtype.kind != "f" or np.dtype(spec.dtype).kind == "f":
+    """Whether the first values in place of whole numbers are such, in the range of the layout's type, or not finite.
+
+    Damage is found elsewhere.
+    """
+    canonical = np.dtype(spec.dtype)
+    if canonical.kind == "f":
         return True
     try:
         # Images have a row a frame: one is enough.
         values = np.asarray(dataset[: 1 if spec.is_image else _FIRST_ROWS], np.float64)
     except READ_ERRORS:
         return True
-    finite = values[np.isfinite(values)]
-    return bool(np.all(finite == np.rint(finite)))
+    finite, limits = values[np.isfinite(values)], np.iinfo(canonical)
+    # A polarity of -1 is darker.
+    least = -1 if spec.key == "path/events/p" else limits.min
+    return bool(np.all((finite == np.rint(finite)) & (finite >= least) & (finite <= limits.max)))
 
 
 def _is_signed_polarity(dataset: h5py.Dataset) -> bool:

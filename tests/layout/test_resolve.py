@@ -324,3 +324,10 @@ def test_fractions_of_microseconds_are_no_whole_numbers(file: h5py.File) -> None
     replace(file, "path/imu/ts", file["path/imu/ts"][()] + 0.25)
     (problem,) = resolve(file).problems
     assert (problem.cause, problem.is_lossless) == ("wrong_dtype", False)
+
+
+def test_columns_beyond_their_type_are_not_lossless(file: h5py.File) -> None:
+    """A wider type is lossless only where the layout's type holds what it holds."""
+    replace(file, "path/events/x", np.full(file["path/events/x"].shape, 2**40))
+    (problem,) = resolve(file).problems
+    assert (problem.cause, problem.is_lossless) == ("wrong_dtype", False)
