@@ -38,8 +38,8 @@ from fedora_qa.layout.links import (
 _EXTRA_STREAMS: Final = ("depth_range",)
 """Datasets of the layout that are declarations, not streams."""
 
-_POLARITIES: Final = 1 << 16
-"""Events whose polarity tells its code. All of them are brighter only where nothing becomes darker."""
+_FIRST_ROWS: Final = 1 << 16
+"""Rows that tell whether floats are whole numbers, and which code polarity has: so many events are of either kind."""
 
 _NEVER_EMPTY: Final = frozenset({"rgb", "depth", "imu", "pose"})
 """Streams that are sampled whatever happens: without a sample they are absent. A still scene gives no events, and a
@@ -279,7 +279,7 @@ class _Finder:
                     message = (
                         f"Expected {path} as {spec.dtype}, got {dataset.dtype}; write it in the type of the layout"
                     )
-                    lossless = holds_without_loss(spec, dataset.dtype)
+                    lossless = holds_without_loss(spec, dataset.dtype) and _is_whole(spec, dataset)
                     if lossless:
                         message = f"{message}, or read it by a dialect (fedora-qa layout FILE --draft-dialect OUT)"
                     refused = RefusedError("wrong_dtype", "wrong_dtype", message)
@@ -363,12 +363,31 @@ def holds_without_loss(spec: DatasetSpec, dtype: np.dtype[Any]) -> bool:
     return dtype.kind in "iub" or dtype.itemsize >= (8 if canonical.itemsize == 8 else 4)
 
 
+def _is_whole(spec: DatasetSpec, dataset: h5py.Dataset) -> bool:
+    """Whether the first values in place of whole numbers are such, in the range of the layout's type, or not finite.
+
+    Damage is found elsewhere.
+    """
+    canonical = np.dtype(spec.dtype)
+    if canonical.kind == "f":
+        return True
+    try:
+        # Images have a row a frame: one is enough.
+        values = np.asarray(dataset[: 1 if spec.is_image else _FIRST_ROWS], np.float64)
+    except READ_ERRORS:
+        return True
+    finite, limits = values[np.isfinite(values)], np.iinfo(canonical)
+    # A polarity of -1 is darker.
+    least = -1 if spec.key == "path/events/p" else limits.min
+    return bool(np.all((finite == np.rint(finite)) & (finite >= least) & (finite <= limits.max)))
+
+
 def _is_signed_polarity(dataset: h5py.Dataset) -> bool:
     """Whether the first events have polarities -1 and none 0, so that -1 is darker. Damage is found elsewhere."""
     if dataset.dtype.kind not in "if":
         return False
     try:
-        polarity = dataset[:_POLARITIES]
+        polarity = dataset[:_FIRST_ROWS]
     except READ_ERRORS:
         return False
     return bool(np.any(polarity == -1) and not np.any(polarity == 0))

@@ -58,7 +58,7 @@ CONTENTS: Final = {
     contents.cameras_without_bounds: "metadata.complete.malformed",
     contents.numbers_without_bounds: "metadata.complete.malformed",
     contents.numbers_of_nothing: "metadata.complete.malformed",
-    contents.timestamps_at_the_ends: "clocks.order",
+    contents.timestamps_at_the_ends: "integrity.finite.stamps_not_finite",
     contents.index_maps_out_of_bounds: "index_maps.depth",
     contents.one_text_many_times: "metadata.complete.malformed",
     contents.long_texts: "metadata.complete.malformed",

@@ -36,8 +36,8 @@ def lose_imu(file: h5py.File) -> None:
     del file["path/imu"]
 
 
-def float32_gyro(file: h5py.File) -> None:
-    replace_dataset(file, "path/imu/angular_velocity", file["path/imu/angular_velocity"][:].astype(np.float32))
+def float16_gyro(file: h5py.File) -> None:
+    replace_dataset(file, "path/imu/angular_velocity", file["path/imu/angular_velocity"][:].astype(np.float16))
 
 
 def nan_in_gyro(file: h5py.File) -> None:
@@ -87,7 +87,7 @@ BROKEN: dict[str, tuple[Mutation, int, str]] = {
     "a truncated file": (truncated, 1, "file truncated"),
     "a signature and nothing else": (signature_only, 1, "file corrupt_chunk"),
     "a missing group": (edited(lose_imu), 1, "imu missing_stream"),
-    "a wrong type": (edited(float32_gyro), 1, "imu wrong_dtype"),
+    "a wrong type": (edited(float16_gyro), 1, "imu wrong_dtype"),
     "a wrong shape": (edited(quaternions_of_three), 1, "pose wrong_shape"),
     "a NaN in the IMU": (edited(nan_in_gyro), 1, "imu nan_in_stream"),
     "zero events": (edited(no_events), 1, "events dropped_samples"),

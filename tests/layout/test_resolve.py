@@ -317,3 +317,17 @@ def test_nothing_is_recognised_in_a_file_of_something_else(tmp_path: Path) -> No
         assert not resolve(file).is_recognised
         file.attrs["format"] = "fedora"
         assert resolve(file).is_recognised
+
+
+def test_fractions_of_microseconds_are_no_whole_numbers(file: h5py.File) -> None:
+    """Stamps in float64 hold the same values only where they are whole."""
+    replace(file, "path/imu/ts", file["path/imu/ts"][()] + 0.25)
+    (problem,) = resolve(file).problems
+    assert (problem.cause, problem.is_lossless) == ("wrong_dtype", False)
+
+
+def test_columns_beyond_their_type_are_not_lossless(file: h5py.File) -> None:
+    """A wider type is lossless only where the layout's type holds what it holds."""
+    replace(file, "path/events/x", np.full(file["path/events/x"].shape, 2**40))
+    (problem,) = resolve(file).problems
+    assert (problem.cause, problem.is_lossless) == ("wrong_dtype", False)
