@@ -27,8 +27,6 @@ def propose_complete(alarm: Alarm, facts: Facts) -> tuple[Hypothesis, ...]:
     for feature in alarm.statistic.features:
         if isinstance(feature, DeclarationDefect):
             return (Hypothesis(feature.problem.cause, "metadata", support("metadata.declaration_problem")),)
-    if alarm.finding.code == "metadata.complete.contradiction":
-        return (Hypothesis("unknown", "metadata", support("metadata.contradiction")),)
     return (Hypothesis("missing_stream", "metadata", support("metadata.no_metadata")),)
 
 

@@ -52,9 +52,9 @@ class MetadataComplete(FactsCheck):
     Every attribute of the layout is read. A required one that is missing or malformed, of a stream that is there,
     is broken, and so is any number that nothing can have: one below zero, NaN, a range that ends before it begins.
     An optional attribute that is malformed, or a whole group that is absent, is only noted: what needs it can be
-    tested weakly or not at all. Noted as well is a form that leaves the meaning plain: a width as a float, a name
-    in upper case. Broken as well is a light that contradicts the name of the sequence or of its world. A file of
-    the canonical layout without any metadata is one finding, not thirty.
+    tested weakly or not at all. Noted as well are a form that leaves the meaning plain, a width as a float or a name
+    in upper case, and a light that contradicts the name of the sequence or of its world. A file of the canonical
+    layout without any metadata is one finding, not thirty.
 
     Noise model
     -----------
@@ -62,9 +62,9 @@ class MetadataComplete(FactsCheck):
 
     Cannot see
     ----------
-    Whether a declaration is true; that is for the checks that measure what it is about. How bright frames are does not
-    tell day from night: exposure makes up for the light. Declarations of streams that
-    the file does not hold are not asked for.
+    Whether a declaration is true; that is for the checks that measure what it is about. Brightness does not distinguish
+    day from night, because exposure makes up for the light. Declarations of streams that the file does not hold are not
+    asked for.
 
     Sources
     -------
@@ -125,16 +125,9 @@ class MetadataComplete(FactsCheck):
         light = _light(declared.illumination)
         for name, text in (("sequence", declared.sequence), ("world", declared.world)):
             if light and _light(text) not in {"", light}:
-                statistics.append(
-                    count_of_faults(
-                        name=f"{name}.light",
-                        value=1,
-                        unit="declarations",
-                        statement=f"the {name} is named {text!r}, and its illumination {declared.illumination!r}",
-                        code="metadata.complete.contradiction",
-                        where=Where(stream="metadata"),
-                    )
-                )
+                # A name is no declaration: "day 3" may count days.
+                message = f"the {name} is named {text!r}, and its illumination {declared.illumination!r}"
+                notices.append(Notice("metadata.complete.contradiction", message, Where(stream="metadata")))
         if not statistics:
             statistics.append(no_faults("declaration_problems", "declarations", self.name))
         return Observation(Coverage(count, count, "declarations"), tuple(statistics), tuple(notices))
