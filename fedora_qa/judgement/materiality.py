@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from fnmatch import fnmatchcase
 from functools import cache
 from importlib import resources
+from math import isfinite
 from typing import Any, Final, Literal
 
 from fedora_qa.conventions import NS_PER_S
@@ -120,7 +121,7 @@ class Materiality:
             return 0.0
         size = row.release if self.profile == "release" else row.training
         if row.relative:
-            return size * abs(expected)
+            return size * abs(expected) if isfinite(expected) else 0.0
         if row.drift:
             # A rate of 1 ppm adds up to 1e-3 ms within a second.
             return 1e3 * size / self.duration_s if self.duration_s > 0 else 0.0

@@ -126,6 +126,12 @@ def test_a_share_of_what_is_expected() -> None:
     assert Materiality("release", 1.0).size(depth.code, depth.unit, depth.expected) == pytest.approx(0.1)
 
 
+@pytest.mark.parametrize("end_m", [float("inf"), float("nan")])
+def test_no_share_of_what_is_no_number(end_m: float) -> None:
+    """Depth that is declared to reach to infinity has no share that could be stated."""
+    assert Materiality("release", 1.0).size("depth.range.farthest", "m", end_m) == 0.0
+
+
 def test_exact_measurements_have_no_size() -> None:
     """A count that must be zero fails at one, whatever the profile."""
     count = Statistic("missing", 1.0, "samples", 0.0, "One is lost.", "clocks.gaps.missing", resolution=1.0)
