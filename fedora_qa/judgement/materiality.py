@@ -14,7 +14,7 @@ from math import isfinite
 from typing import Any, Final, Literal
 
 from fedora_qa.conventions import NS_PER_S
-from fedora_qa.sequence.facts import Facts
+from fedora_qa.sequence.facts import Facts, has_place
 
 Profile = Literal["release", "training", "strict"]
 
@@ -130,9 +130,10 @@ class Materiality:
 
 def materiality_of(profile: Profile, facts: Facts) -> Materiality:
     """Return the material sizes of a file under a profile."""
-    clocks_ns = [clock.times_ns for clock in facts.clocks.values() if len(clock.times_ns)]
-    firsts_ns = [int(times_ns.min()) for times_ns in clocks_ns]
-    lasts_ns = [int(times_ns.max()) for times_ns in clocks_ns]
+    # A timestamp without a place in time, such as NaN, makes no file longer.
+    placed_ns = [clock.times_ns[has_place(clock.times_ns)] for clock in facts.clocks.values()]
+    firsts_ns = [int(times_ns.min()) for times_ns in placed_ns if len(times_ns)]
+    lasts_ns = [int(times_ns.max()) for times_ns in placed_ns if len(times_ns)]
     if facts.events is not None and facts.events.count:
         firsts_ns.append(facts.events.first_ns)
         lasts_ns.append(facts.events.last_ns)

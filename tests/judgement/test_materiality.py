@@ -12,9 +12,19 @@ from hypothesis import strategies as st
 
 from fedora_qa.checks.protocol import Observation, Statistic
 from fedora_qa.judgement.judge import Judged, judge
-from fedora_qa.judgement.materiality import MATERIALITY, Materiality, MaterialityRow, Profile, materiality_row
+from fedora_qa.judgement.materiality import (
+    MATERIALITY,
+    Materiality,
+    MaterialityRow,
+    Profile,
+    materiality_of,
+    materiality_row,
+)
+from fedora_qa.layout.binding import INVALID_TIMESTAMP_NS
 from fedora_qa.record.types import Coverage
+from fedora_qa.sequence.facts import clock_of
 from tests.judgement.test_judge import Toy
+from tests.support.facts import exact_facts
 
 CHECKS: Final = Path(__file__).parents[2] / "fedora_qa" / "checks"
 
@@ -118,6 +128,16 @@ def test_a_rate_matters_by_its_drift() -> None:
     assert Materiality("release", 1.0).size(rate.code, rate.unit, rate.expected) == pytest.approx(100.0)
     assert Materiality("release", 100.0).size(rate.code, rate.unit, rate.expected) == pytest.approx(1.0)
     assert Materiality("release", 0.0).size(rate.code, rate.unit, rate.expected) == 0.0
+
+
+def test_a_timestamp_without_a_place_in_time_makes_no_file_longer() -> None:
+    """The drift that matters is that of the second that the file lasts."""
+    facts = exact_facts()
+    rgb = facts.clocks["rgb"]
+    times_ns = rgb.times_ns.copy()
+    times_ns[0] = INVALID_TIMESTAMP_NS
+    absurd = replace(facts, clocks={**facts.clocks, "rgb": clock_of(times_ns, None)})
+    assert materiality_of("release", absurd).duration_s == pytest.approx(materiality_of("release", facts).duration_s)
 
 
 def test_a_share_of_what_is_expected() -> None:
