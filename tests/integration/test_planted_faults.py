@@ -126,7 +126,7 @@ PLANTED_AS_WELL = {
     "clocks.rate": Planted("clock_rate", "pose", 500, within=0.05),
     "event_response.timing": Planted("time_offset", "rgb", 5, "ms", within=0.15),
     "flow_geometry.endpoint": Planted("time_offset", "flow", 20, "ms", within=0.05),
-    "flow_geometry.validity": Planted("truncated", "depth", 20, within=0.0),
+    "flow_geometry.validity": Planted("time_offset", "depth", 5, "ms", within=0.05),
     "event_response.conservation": Planted("truncated", "events", 20),
 }
 """Faults that a check sees as well as those planted above: of the other stream, or of another kind."""

@@ -243,7 +243,7 @@ def test_states_merge_to_the_same_observation(world: FlowWorld, check: Check[Any
     for i, window in enumerate(windows):
         check.update(whole, window)
         check.update(parts[i * 2 // len(windows)], window)
-    assert check.choose_causes(check.merge(*parts), world.facts) == check.choose_causes(whole, world.facts)
+    assert check.conclude(check.merge(*parts), world.facts) == check.conclude(whole, world.facts)
 
 
 def test_frames_on_another_grid_than_the_flow(world: FlowWorld) -> None:
@@ -266,7 +266,7 @@ def test_a_jump_of_brightness_with_wrong_weights_is_of_exchanged_channels() -> N
     """Exchanged channels change luma and the weights that events give them; a jump alone is one of the exposure."""
     gains = tuple(FramePairGain(i, i + 1, -0.08 if i == 10 else 0.0, 1e-3) for i in range(25))
     window = WindowExposure(gains, (), 0.0, range(26), np.zeros(CODES, np.int64))
-    jumped = {"images.exposure": ImagesExposure().choose_causes([window], exact_facts())}
+    jumped = {"images.exposure": ImagesExposure().conclude([window], exact_facts())}
     jump = judge(jumped, [ImagesExposure()], 1e-4)[0].alarms[0]
     order = replace(jump, finding=Finding("F9", "images.channels.order", "error", "off", Where(stream="rgb")))
     hypotheses = {
