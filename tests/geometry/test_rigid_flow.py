@@ -8,6 +8,7 @@ from scipy.spatial.transform import Rotation
 
 from fedora_qa.geometry.camera import RigidMotion, camera_motion
 from fedora_qa.geometry.rigid_flow import depths_by_flow, moved_points, rigid_flow, rounding_px, twist_jacobian
+from fedora_qa.sequence.stored_step import StoredStep
 
 K = np.array([[620.0, 1.5, 351.2], [0.0, 611.0, 262.7], [0.0, 0.0, 1.0]])
 small_vectors = st.lists(st.floats(-0.2, 0.2), min_size=3, max_size=3).map(np.array)
@@ -93,6 +94,24 @@ def test_single_precision_lies_within_the_bound(distance_m: float) -> None:
     bound = rounding_px(no_skew, motion, columns, rows, depths_m, stored)
     assert np.all(error <= bound)
     assert bound.max() < 2e-3
+
+
+@pytest.mark.parametrize("flow_step_px", [1 / 64, 1 / 128, 1e-3])
+@pytest.mark.parametrize("depth_step_m", [1e-3, 1e-4])
+def test_stored_steps_lie_within_the_bound(flow_step_px: float, depth_step_m: float) -> None:
+    """Exact flow and depth that are rounded to steps differ by no more than the bound, and by a good part of it."""
+    motion = RigidMotion(Rotation.from_rotvec([0.01, -0.02, 0.015]).as_matrix(), np.array([0.2, 0.1, 0.3]))
+    rng = np.random.default_rng(11)
+    columns, rows = rng.integers(0, 720, 5000).astype(float), rng.integers(0, 540, 5000).astype(float)
+    depths_m = rng.uniform(3.0, 30.0, 5000)
+    flow_px = rigid_flow(K, motion, columns, rows, depths_m)
+    stored_px = flow_step_px * np.rint(flow_px / flow_step_px)
+    stored_m = depth_step_m * np.rint(depths_m / depth_step_m)
+    error = np.abs(stored_px - rigid_flow(K, motion, columns, rows, stored_m))
+    steps = StoredStep(flow_step_px), StoredStep(depth_step_m)
+    bound = rounding_px(K, motion, columns, rows, stored_m, stored_px, *steps)
+    assert np.all(error <= bound)
+    assert np.max(error / bound) > 0.5
 
 
 @pytest.mark.parametrize("z_m", [5e-324, 1e-310, 1e-300])
