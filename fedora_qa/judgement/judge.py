@@ -78,8 +78,6 @@ def judge(
     ------
     ValueError
         If the rate is not between 0 and 1.
-    LookupError
-        If the profile has sizes, and a statistic has no row in their table.
     """
     # A statistic without a standard error does not vary by chance: it takes no share of the false-alarm rate.
     comparisons = sum(

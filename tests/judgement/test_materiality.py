@@ -10,6 +10,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from fedora_qa.checks.imu.agreement import ROTATION_TEXTS, TIMING_TEXTS, TRANSLATION_TEXTS
 from fedora_qa.checks.protocol import Observation, Statistic
 from fedora_qa.judgement.judge import Judged, judge
 from fedora_qa.judgement.materiality import (
@@ -159,8 +160,18 @@ def test_exact_measurements_have_no_size() -> None:
         assert judged(count, profile).result.outcome == "failed"
 
 
-def test_a_code_without_a_row_is_an_error() -> None:
-    """A rule that was added without a size cannot be judged by a profile that has sizes."""
+def test_every_deviation_of_a_code_without_a_row_matters() -> None:
+    """A rule that was added without a size is judged by its limit, and ends no check of a file."""
     assert materiality_row("toy.whole.offset", "ms") is None
-    with pytest.raises(LookupError, match="add it with its reason"):
-        judged(replace(OFFSET, code="toy.whole.offset"), "release")
+    assert judged(replace(OFFSET, value=0.05), "release").result.outcome == "passed"
+    assert judged(replace(OFFSET, value=0.05, code="toy.whole.offset"), "release").result.outcome == "failed"
+
+
+@pytest.mark.parametrize("subject", ["rotation", "translation", "timing"])
+def test_parameters_of_the_imu_have_rows(subject: str) -> None:
+    """Each parameter of a fit has a row in its unit; the codes are made of the names of the parameters."""
+    texts = {"rotation": ROTATION_TEXTS, "translation": TRANSLATION_TEXTS, "timing": TIMING_TEXTS}[subject]
+    for name, text in texts.items():
+        assert materiality_row(f"imu.{subject}.{name}", text.unit) is not None, name
+    local = "time_offset" if subject == "timing" else "bias"
+    assert materiality_row(f"imu.{subject}.local_{local}", texts[local].unit) is not None
