@@ -9,7 +9,7 @@ from fedora_qa.checks.protocol import Check
 from fedora_qa.engine.measure import PassState
 from fedora_qa.engine.options import FileRun
 from fedora_qa.judgement.judge import Judged
-from fedora_qa.record.types import Coverage, Diagnosis, FileRecord, Finding, Result, Where
+from fedora_qa.record.types import Coverage, Diagnosis, FileRecord, Finding, Result, Verdict, Where
 from fedora_qa.record.wording import NOT_RECOGNISED
 from fedora_qa.sequence.facts import Facts
 from fedora_qa.sequence.window import Span
@@ -124,18 +124,7 @@ def unreadable_record(path: Place, digest: Digest, checks: Iterable[Check[Any]],
         if check.name == _READING_CHECK:
             result = replace(result, outcome="failed", reason="", findings=(finding,), coverage=Coverage(0, 1, "files"))
         results.append(result)
-    return FileRecord(
-        path=str(path),
-        size=digest.version.size,
-        sha256=digest.sha256,
-        digest_kind=digest.kind,
-        dialect="",
-        inferred={},
-        statistics={},
-        verdict="findings",
-        results=tuple(results),
-        diagnoses=(diagnosis,),
-    )
+    return _record_without_facts(path, digest, "findings", tuple(results), (diagnosis,))
 
 
 def unrecognised_record(path: Place, digest: Digest, checks: Iterable[Check[Any]]) -> FileRecord:
@@ -154,6 +143,13 @@ def unrecognised_record(path: Place, digest: Digest, checks: Iterable[Check[Any]
         f"{NOT_RECOGNISED}: no dialect describes anything in the file; draft one with "
         f"`fedora-qa layout {path} --draft-dialect mine.toml`"
     )
+    return _record_without_facts(path, digest, "incomplete", tuple(not_applicable(check, reason) for check in checks))
+
+
+def _record_without_facts(
+    path: Place, digest: Digest, verdict: Verdict, results: tuple[Result, ...], diagnoses: tuple[Diagnosis, ...] = ()
+) -> FileRecord:
+    """Return the record of a file of which nothing was measured."""
     return FileRecord(
         path=str(path),
         size=digest.version.size,
@@ -162,8 +158,9 @@ def unrecognised_record(path: Place, digest: Digest, checks: Iterable[Check[Any]
         dialect="",
         inferred={},
         statistics={},
-        verdict="incomplete",
-        results=tuple(not_applicable(check, reason) for check in checks),
+        verdict=verdict,
+        results=results,
+        diagnoses=diagnoses,
     )
 
 

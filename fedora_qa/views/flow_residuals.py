@@ -232,7 +232,7 @@ def _tiles_at(
         # The colour camera may see less than the depth camera, on whose grid flow lies.
         columns, rows = (places.astype(np.float32) for places in pixels_of(origins, halo_px=0))
         u_px, v_px = np.moveaxis(flow_px[:, HALO_PX:-HALO_PX, HALO_PX:-HALO_PX], -1, 0)
-        usable &= frames.shown(columns, rows) & frames.shown(columns + u_px, rows + v_px)
+        usable &= frames.are_within(columns, rows) & frames.are_within(columns + u_px, rows + v_px)
     return FieldTiles(origins, flow_px, usable, frames.noise_variances_dn2(origins), by_depth)
 
 

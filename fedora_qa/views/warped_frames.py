@@ -202,7 +202,7 @@ class FramePair:
         """
         return self._read(self.after, columns, rows)
 
-    def shown(self, columns: Float32, rows: Float32) -> Mask:
+    def are_within(self, columns: Float32, rows: Float32) -> Mask:
         """Return which positions lie so far within the colour frames that nothing beyond their border is read.
 
         Parameters
