@@ -29,7 +29,9 @@ class ImuRotation(WindowCheck[WindowMotion]):
     the stamps; a group of parameters (bias, axes, gain, clocks) is freed only where it explains the residuals far
     beyond chance, and every other is tested alone beside those. Rows far out are left out of the fit, and stated. The
     sequence is cut into stretches of 0.5 to 5 s, and each is asked for its own bias: one that steps does not average
-    out.
+    out. Where the streams differ in a way that no parameter describes, such as smoothed poses, nearly collinear
+    parameters would take values of any size: a parameter whose detection limit the difference makes useless is not
+    stated as a fault, is not freed, and leaves the difference to the residuals.
 
     Noise model
     -----------

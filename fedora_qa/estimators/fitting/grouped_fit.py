@@ -18,6 +18,10 @@ from fedora_qa.estimators.fitting.tails import chi_squared_beyond
 
 Float64 = NDArray[np.float64]
 
+DETECTION_SIGMAS: Final = 7.0
+"""Detection limit of a parameter in standard errors: 5.3 of the limit that a thousand comparisons of a file share at a
+false-alarm rate of 1e-4, Phi^-1(1 - 5e-8), and 1.6 of a power of 95% (``judgement/tolerances.py``)."""
+
 SELECTION_TAIL: Final = 1e-9
 """Probability that chance alone frees a group: about six standard errors, far below the false-alarm rate of a file."""
 
@@ -48,11 +52,15 @@ class FitParameters:
     largest
         P largest conceivable absolute values, in the units of the parameters. Each is the standard deviation of a weak
         prior about 0: where the data do not determine a parameter, its standard error is that large.
+    useful
+        P detection limits above which a parameter is of no use, in the units of the parameters: the ``blind_from`` of
+        its row in the table of material sizes.
     """
 
     names: tuple[str, ...]
     groups: Mapping[str, tuple[int, ...]]
     largest: tuple[float, ...]
+    useful: tuple[float, ...]
 
 
 @dataclass(frozen=True, slots=True)
@@ -67,7 +75,12 @@ class ParameterEstimate:
         The formal error, scaled by a misfit above 1, and widened where the scatter of the segments exceeds it by more
         than chance.
     model_error
-        Largest part of the value that the known error of the model can cause, in the unit of the parameter.
+        Largest part of the value that the error of the model can cause, in the unit of the parameter: its known error,
+        or all of the value where ``determined`` is false.
+    determined
+        Whether the value measures the parameter. It does not where the noise alone would allow a useful detection
+        limit and the fit does not: residuals that no parameter explains, spread over nearly collinear parameters, then
+        give values of any size.
     free
         Whether the group of the parameter was freed: the group reduces the residuals far more than chance does.
     explained
@@ -79,6 +92,7 @@ class ParameterEstimate:
     value: float
     standard_error: float
     model_error: float
+    determined: bool
     free: bool
     explained: Mapping[str, float]
 
@@ -126,6 +140,8 @@ class GroupedFit:
     scatters
         The same segments with the residuals and jacobians that noise alone causes (``sequence_fit.with_scatter``).
         Their scores are subtracted, and their information is not counted. None where the regressors have no noise.
+    barred
+        Names of groups that are not freed.
 
     Attributes
     ----------
@@ -144,8 +160,10 @@ class GroupedFit:
         linearised_at: Float64,
         nuisance_covariance: Float64 | None = None,
         scatters: Sequence[BlockEquations] | None = None,
+        barred: Sequence[str] = (),
     ) -> None:
         self.parameters = parameters
+        self._barred = tuple(barred)
         count = len(parameters.names)
         # Weak prior N(0, largest^2): its inverse variance keeps the normal matrix regular and bounds every error.
         self._prior = np.diag(1.0 / np.square(parameters.largest))
@@ -184,13 +202,25 @@ class GroupedFit:
             values = self._linearised_at[columns] + (values - self._linearised_at[columns]) / attenuation
             model_errors = np.abs(inverse @ self._sums.model_right[columns]) / attenuation
             errors = errors / attenuation
-            for column in self.parameters.groups[group]:
+            own = self.parameters.groups[group]
+            for column, nominal_error in zip(own, self._nominal_errors(own), strict=True):
                 row = columns.index(column)
+                # The detection limit is useful under noise alone, and is not in this fit.
+                largest_error = self.parameters.useful[column] / DETECTION_SIGMAS
+                determined = not nominal_error <= largest_error < errors[row]
+                model_error = model_errors[row] if determined else max(model_errors[row], abs(values[row]))
                 fitted[self.parameters.names[column]] = ParameterEstimate(
-                    float(values[row]), float(errors[row]), float(model_errors[row]),
+                    float(values[row]), float(errors[row]), float(model_error), bool(determined),
                     group in self.free, self._explained[group],
                 )  # fmt: skip
         return fitted
+
+    def _nominal_errors(self, columns: Sequence[int]) -> Float64:
+        """Return the standard errors of parameters that are fitted alone to residuals of noise as declared."""
+        block = np.ix_(columns, columns)
+        root = inverse_of(self._normal[block]) @ _root(self._score_covariance[block])
+        errors: Float64 = np.linalg.norm(root, axis=1)
+        return errors
 
     def values_of_free(self) -> Float64:
         """Return the values (P,) of the freed parameters fitted together, 0 for all others."""
@@ -274,9 +304,9 @@ class GroupedFit:
         alone = {
             g: float(np.clip(self._explains((g,)) / (everything or 1.0), 0.0, 1.0)) for g in self.parameters.groups
         }
-        while len(free) < len(self.parameters.groups):
+        while candidates := [g for g in self.parameters.groups if g not in (*free, *self._barred)]:
             base = self._explains(free)
-            gains = {g: (self._explains((*free, g)) - base) / unit for g in self.parameters.groups if g not in free}
+            gains = {g: (self._explains((*free, g)) - base) / unit for g in candidates}
             # By chance alone a gain follows chi squared; its degrees of freedom are the parameters (S. S. Wilks 1938).
             excess = {
                 g: gain / chi_squared_beyond(SELECTION_TAIL, len(self.parameters.groups[g]))

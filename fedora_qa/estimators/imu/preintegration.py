@@ -38,6 +38,7 @@ ROTATION_PARAMETERS: Final = FitParameters(
     groups={"time_offset": (0,), "clock_rate": (1,), "pose_clock_rate": (2,), "bias": (3, 4, 5), "tilt": (6, 7, 8),
             "scale": (9,)},
     largest=(1.0, 0.1, 0.1, 10.0, 10.0, 10.0, 1.0, 1.0, 1.0, 1.0),
+    useful=(1e-3, 5e-4, 5e-4, 0.02, 0.02, 0.02, *[float(np.radians(1.0))] * 3, 0.02),
 )  # fmt: skip
 """Fitted parameters: offset of the timestamps of the IMU, s; rates by which the clocks of the IMU and of the poses run
 fast, s/s; bias, rad/s; rotation of the axes of the gyro against the body, rad; gain less 1.

@@ -99,6 +99,11 @@ def fit_inertial(
     again, until they converge (Gauss-Newton). Where they do not converge, the first fit is returned; its residuals are
     then large.
 
+    Two streams that differ in a way that no parameter describes (smoothed poses, another motion) leave residuals that
+    nearly collinear parameters, such as gravity, biases and lever arm in steady flight, fit with values of any size.
+    Where a free parameter is not determined (``ParameterEstimate.determined``), the group that was freed last, which
+    explains least, is barred, and the fit is repeated. What it had absorbed then stands in the residuals.
+
     Parameters
     ----------
     samples
@@ -116,14 +121,31 @@ def fit_inertial(
     InertialFit or None
         None where there are too few rows.
     """
+    barred: tuple[str, ...] = ()
+    while True:
+        fit, free = _converged(samples, noise, comparison, bias_walk, barred)
+        if fit is None or all(parameter.determined for parameter in fit.parameters.values() if parameter.free):
+            return fit
+        barred = (*barred, free[-1])
+
+
+def _converged(
+    samples: InertialSamples,
+    noise: InertialNoise,
+    comparison: InertialComparison,
+    bias_walk: float,
+    barred: tuple[str, ...],
+) -> tuple[InertialFit | None, tuple[str, ...]]:
+    """Return the fit that converged, or else the first, and its freed groups in their order; none of them is barred."""
     first: InertialFit | None = None
+    first_free: tuple[str, ...] = ()
     disturbed: tuple[float, float] | None = None
     linearised_at = np.zeros(len(comparison.parameters.names))
     for _ in range(_MOST_ITERATIONS):
         segments = _segments(comparison.without(samples, linearised_at), noise, comparison)
         if sum(map(len, segments)) < max(FEWEST_ROWS, 0 if first is None else first.rows // 2):
-            return first
-        fit, kept = _robust_fit(segments, comparison.parameters, linearised_at, bias_walk)
+            return first, first_free
+        fit, kept = _robust_fit(segments, comparison.parameters, linearised_at, bias_walk, barred)
         # Only parameters in which the residuals are not linear have to be removed from the samples.
         free = np.where(comparison.nonlinear, fit.values_of_free(), 0.0)
         if first is None:
@@ -132,13 +154,13 @@ def fit_inertial(
         errors = np.array([fitted[name].standard_error for name in fit.parameters.names])
         # Converged: no parameter moves by more than a hundredth of its error.
         if np.all(np.abs(free - linearised_at) <= 0.01 * errors):
-            return summarise(fit, segments, kept, linearised_at, disturbed, settled=True)
+            return summarise(fit, segments, kept, linearised_at, disturbed, settled=True), fit.free
         if first is None:
-            first = summarise(fit, segments, kept, fit.values_of_free(), disturbed, settled=False)
+            first, first_free = summarise(fit, segments, kept, fit.values_of_free(), disturbed, settled=False), fit.free
         if np.any(np.abs(free) > _CAPTURE_RANGE * np.array(comparison.parameters.largest)):
-            return first
+            return first, first_free
         linearised_at = free
-    return first
+    return first, first_free
 
 
 def _segments(samples: InertialSamples, noise: InertialNoise, comparison: InertialComparison) -> list[ComparisonRows]:
@@ -228,11 +250,15 @@ def halves(samples: InertialSamples) -> tuple[InertialSamples, InertialSamples]:
 
 
 def _robust_fit(
-    segments: list[ComparisonRows], parameters: FitParameters, linearised_at: Float64, bias_walk: float
+    segments: list[ComparisonRows],
+    parameters: FitParameters,
+    linearised_at: Float64,
+    bias_walk: float,
+    barred: tuple[str, ...],
 ) -> tuple[GroupedFit, list[NDArray[np.bool_]]]:
     """Fit all rows, then fit without the outliers of the fit of all parameters; return the fit and the rows kept."""
     kept = [np.ones(len(rows), dtype=np.bool_) for rows in segments]
-    fit = _fit(segments, kept, parameters, linearised_at, bias_walk)
+    fit = _fit(segments, kept, parameters, linearised_at, bias_walk, barred)
     for _ in range(3):
         values = fit.values_of_all() - linearised_at
         # The largest of the three residuals of each row, in units of its sigma.
@@ -246,7 +272,7 @@ def _robust_fit(
         if outliers > _MOST_OUTLIERS * sum(map(len, clean)) or all(map(np.array_equal, clean, kept)):
             break
         kept = clean
-        fit = _fit(segments, kept, parameters, linearised_at, bias_walk)
+        fit = _fit(segments, kept, parameters, linearised_at, bias_walk, barred)
     return fit, kept
 
 
@@ -256,8 +282,9 @@ def _fit(
     parameters: FitParameters,
     linearised_at: Float64,
     bias_walk: float,
+    barred: tuple[str, ...],
 ) -> GroupedFit:
-    """Fit the rows that are kept, with a bias for each segment if ``bias_walk`` is above 0."""
+    """Fit the rows that are kept, with a bias for each segment if ``bias_walk`` is above 0; barred groups stay 0."""
     used = [rows.select(keep) for rows, keep in zip(segments, kept, strict=True) if np.any(keep)]
     walks = bias_walk > 0
     scatters = [rows.scatter for rows in used if rows.scatter is not None]
@@ -277,6 +304,7 @@ def _fit(
         linearised_at,
         walk_covariance,
         [_equations(rows, walks) for rows in scatters] if len(scatters) == len(used) else None,
+        barred,
     )
 
 

@@ -43,6 +43,7 @@ TRANSLATION_PARAMETERS: Final = FitParameters(
     groups={"time_offset": (0,), "clock_rate": (1,), "pose_clock_rate": (2,), "gravity": (6,), "bias": (3, 4, 5),
             "slope": (7, 8), "lever": (9, 10, 11)},
     largest=(1.0, 0.1, 0.1, 100.0, 100.0, 100.0, 100.0, 100.0, 100.0, 100.0, 100.0, 100.0),
+    useful=(1e-3, 5e-4, 5e-4, 0.2, 0.2, 0.2, 0.2, 0.2, 0.2, 0.1, 0.1, 0.1),
 )  # fmt: skip
 """Fitted parameters: offset of the timestamps of the IMU, s; rates by which the clocks of the IMU and of the poses run
 fast, s/s; bias in the body frame, m/s^2; excess of gravity over its declaration, and horizontal part of gravity in the

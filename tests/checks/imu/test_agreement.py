@@ -6,15 +6,22 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy.ndimage import gaussian_filter1d
 from scipy.spatial.transform import Rotation
 
+from fedora_qa.checks.imu.agreement import ROTATION_TEXTS, TIMING_TEXTS, TRANSLATION_TEXTS
 from fedora_qa.engine.run import CheckOptions, check_file
+from fedora_qa.estimators.fitting.grouped_fit import group_of
+from fedora_qa.estimators.imu.preintegration import ROTATION_PARAMETERS
+from fedora_qa.estimators.imu.specific_force import TRANSLATION_PARAMETERS
+from fedora_qa.judgement.materiality import materiality_row
 from tests.support.checked import diagnoses_of, rules, run_check
 from tests.support.motion_world import (
     GRAVITY_M_S2,
     HOVER,
     NOISY,
     RESTLESS,
+    Motion,
     MotionFile,
     sample_motion,
 )
@@ -224,3 +231,61 @@ def test_lost_poses_are_bridged_while_the_gap_is_narrow(path: Path, lost: int) -
     ).write(path)
     assert outcomes(path) == dict.fromkeys(CHECKS, "passed")
     assert run_check(path, "pose.continuity").outcome == "passed"
+
+
+@pytest.mark.parametrize("kind", ["rotation", "translation"])
+def test_detection_limits_are_useful_up_to_the_sizes_of_the_table(kind: str) -> None:
+    """The fit and the table of material sizes name the same limits."""
+    parameters = ROTATION_PARAMETERS if kind == "rotation" else TRANSLATION_PARAMETERS
+    texts = ROTATION_TEXTS if kind == "rotation" else TRANSLATION_TEXTS
+    for name, useful in zip(parameters.names, parameters.useful, strict=True):
+        group = group_of(name)
+        check, text = ("timing", TIMING_TEXTS[group]) if group in TIMING_TEXTS else (kind, texts[group])
+        row = materiality_row(f"imu.{check}.{group}", text.unit)
+        assert row is not None
+        assert row.blind_from == pytest.approx(useful * text.factor)
+
+
+def smoothed_poses(file: MotionFile, sigma_s: float) -> MotionFile:
+    """Positions and orientations behind a Gaussian low-pass filter."""
+    samples = file.samples
+    width = sigma_s / float(np.median(np.diff(samples.pose_times_s)))
+    quaternions = gaussian_filter1d(samples.orientations_xyzw, width, axis=0, mode="nearest")
+    return file.altered(
+        positions_world_m=gaussian_filter1d(samples.positions_world_m, width, axis=0, mode="nearest"),
+        orientations_xyzw=quaternions / np.linalg.norm(quaternions, axis=1, keepdims=True),
+    )
+
+
+STEADY = replace(RESTLESS, amplitudes=(0.02, 0.02, 0.02, 0.6, 0.5, 0.2))
+"""Flight that hardly turns: gravity, biases and lever arm are nearly collinear."""
+
+
+@pytest.mark.parametrize("motion", [RESTLESS, STEADY, HOVER], ids=["restless", "steady", "hover"])
+@pytest.mark.parametrize("sigma_s", [0.02, 0.05, 0.2])
+def test_smoothed_poses_fail_without_parameters_of_absurd_size(path: Path, motion: Motion, sigma_s: float) -> None:
+    """What no parameter describes is found, and no parameter fails whose detection limit is of no use."""
+    smoothed_poses(MotionFile(sample_motion(motion)), sigma_s).write(path)
+    record = check_file(path, CheckOptions(select=CHECKS[:3])).record
+    assert record.verdict == "findings"
+    for result in record.results:
+        for measurement in result.measurements:
+            row = materiality_row(measurement.code, measurement.unit)
+            if row is None or row.blind_from is None or measurement.name.startswith("local"):
+                continue
+            assert measurement.value is not None
+            assert measurement.allowed is not None
+            assert measurement.least_detectable is not None
+            # The limit of the table counts from the limit of the file; a material size is added to both.
+            if abs(measurement.value) > measurement.allowed:
+                assert measurement.least_detectable - measurement.material < 1.1 * row.blind_from
+
+
+def test_a_gravity_fault_is_found_where_nothing_separates_it_from_a_bias(path: Path) -> None:
+    """In steady flight excess gravity is stated to size, and the bias that could imitate it."""
+    samples = sample_motion(STEADY)
+    heavy = replace(samples, specific_forces_body_m_s2=STEADY.specific_forces(samples.imu_times_s, 1.05 * GRAVITY_M_S2))
+    found = run_check(MotionFile(heavy).write(path), "imu.translation")
+    gravity_excess = next(m for m in found.measurements if m.name == "gravity")
+    assert found.outcome == "failed"
+    assert gravity_excess.value == pytest.approx(0.05 * GRAVITY_M_S2, rel=0.01)

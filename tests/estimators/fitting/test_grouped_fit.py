@@ -8,7 +8,7 @@ from fedora_qa.estimators.fitting.grouped_fit import FitParameters, GroupedFit, 
 from fedora_qa.estimators.fitting.normal_equations import BlockEquations, block_equations
 
 NAMES = ("offset", "slope_x", "slope_y", "slope_z")
-PARAMETERS = FitParameters(NAMES, {"offset": (0,), "slope": (1, 2, 3)}, (1e3,) * 4)
+PARAMETERS = FitParameters(NAMES, {"offset": (0,), "slope": (1, 2, 3)}, (1e3,) * 4, (1e3,) * 4)
 AT_ZERO = np.zeros(4)
 
 
@@ -170,7 +170,7 @@ def test_noise_that_regressors_share_with_residuals_is_taken_off(motion: float) 
 
     The noise that serves as scatter is another draw of both. Without it the mean is off by nearly 1 at rest.
     """
-    deviations, parameters = [], FitParameters(("gain",), {"gain": (0,)}, (1e3,))
+    deviations, parameters = [], FitParameters(("gain",), {"gain": (0,)}, (1e3,), (1e3,))
     for seed in range(60):
         random = np.random.default_rng(seed)
         signal = motion * random.standard_normal((80, 3))
@@ -187,3 +187,38 @@ def test_noise_that_regressors_share_with_residuals_is_taken_off(motion: float) 
         deviations.append(found.value / found.standard_error)
     assert abs(np.mean(deviations)) < 0.4
     assert 0.7 < np.std(deviations) < 1.2
+
+
+def nearly_collinear(error_at: float) -> GroupedFit:
+    """Offset and gain whose columns differ by a thousandth, and residuals of a sine that neither describes."""
+    made = []
+    for segment in range(8):
+        times = np.linspace(segment, segment + 1, 60)
+        jacobians = np.zeros((60, 3, 2))
+        jacobians[:, 0, 0], jacobians[:, 0, 1] = 1.0, 1.0 + 1e-3 * np.sin(2 * np.pi * times / 8)
+        residuals = np.zeros((60, 3))
+        residuals[:, 0] = 0.1 + error_at * np.sin(2 * np.pi * (times / 8 + 0.1))
+        made.append(block_equations(residuals, jacobians, np.ones((3, 1, 60)) * 1e-6, np.zeros_like(residuals)))
+    collinear = FitParameters(("offset", "gain"), {"offset": (0,), "gain": (1,)}, (1e3,) * 2, (0.05,) * 2)
+    return GroupedFit(made, collinear, np.zeros(2))
+
+
+def test_collinear_parameters_that_absorb_an_unknown_residual_measure_nothing() -> None:
+    """A sine of 0.1 gives values of 100, whose whole size counts as model error; without it the offset is measured."""
+    absorbed = nearly_collinear(0.1)
+    assert set(absorbed.free) == {"offset", "gain"}
+    for parameter in absorbed.fitted().values():
+        assert abs(parameter.value) > 10
+        assert not parameter.determined
+        assert parameter.model_error == abs(parameter.value)
+    offset = nearly_collinear(0.0).fitted()["offset"]
+    assert offset.value == pytest.approx(0.1)
+    assert offset.determined
+
+
+def test_a_barred_group_stays_out() -> None:
+    """The next best group takes its place."""
+    values = np.array([5.0, 1.0, 0.0, 0.0])
+    free = GroupedFit(blocks(values), PARAMETERS, AT_ZERO).free
+    assert free[0] == "offset"
+    assert GroupedFit(blocks(values), PARAMETERS, AT_ZERO, barred=("offset",)).free == ("slope",)
