@@ -11,6 +11,7 @@ from typing import Any, Generic, Literal, TypeVar
 
 from numpy.typing import NDArray
 
+from fedora_qa.estimators.fitting.sensitivity import SensitivityRange
 from fedora_qa.features import Feature
 from fedora_qa.record.types import Coverage, Severity, Where
 from fedora_qa.sequence.facts import Facts
@@ -53,6 +54,9 @@ class Statistic:
         of material sizes (``fedora_qa/judgement/materiality.toml``).
     tests
         Number of independent comparisons of which the value is the worst.
+    sensitivity
+        Standard error and model error bound where and when the detection limit is lowest, and where it is highest;
+        None where every place and time has the stated ones.
     severity
         Of the finding.
     features
@@ -72,6 +76,7 @@ class Statistic:
     resolution: float = 0.0
     blind_from: float | None = None
     tests: int = 1
+    sensitivity: SensitivityRange | None = None
     severity: Severity = "error"
     features: tuple[Feature, ...] = ()
 

@@ -15,6 +15,10 @@ _NAMED_IN_REASON: Final = 3
 """Largest number of measurements that a reason names; a fit of the IMU can have twenty."""
 
 
+_SPREAD: Final = 2.0
+"""Ratio of the highest to the lowest detection limit from which they are stated as a range."""
+
+
 @dataclass(frozen=True, slots=True)
 class Alarm:
     """A finding together with the statistic that exceeds its limit.
@@ -116,6 +120,7 @@ def judge(
                     tests=s.tests,
                     material=size,
                     code=s.code,
+                    least_detectable_range=_least_detectable_range(s, tolerance, size),
                 )
             )
         findings = [alarm.finding for alarm in alarms]
@@ -218,6 +223,16 @@ def _blind_from(statistic: Statistic) -> float | None:
 
 def _least_detectable(statistic: Statistic, tolerance: Tolerance) -> float:
     return tolerance.least_detectable(statistic.standard_error, statistic.model_error_bound, statistic.resolution)
+
+
+def _least_detectable_range(statistic: Statistic, tolerance: Tolerance, size: float) -> tuple[float, float] | None:
+    """Return the detection limits at the most and at the least sensitive place; None where they hardly differ."""
+    if statistic.sensitivity is None:
+        return None
+    lowest, highest = (
+        tolerance.least_detectable(error, bound, statistic.resolution) + size for error, bound in statistic.sensitivity
+    )
+    return (lowest, highest) if highest >= _SPREAD * lowest else None
 
 
 def _finite(value: float) -> float | None:

@@ -51,7 +51,7 @@ def table_of(record: Record, name: str) -> Table:
             case "measurements":
                 rows += [
                     (path, r.check, m.name, m.value, m.unit, m.standard_error, m.expected, m.limit, m.least_detectable,
-                     m.side, m.tests, m.material)
+                     m.side, m.tests, m.material, *(m.least_detectable_range or (None, None)))
                     for r in file.results for m in r.measurements
                 ]  # fmt: skip
             case "findings":
@@ -91,6 +91,7 @@ _COLUMNS: Final = {
     "measurements": _columns(
         check="text", name="text", value="number", unit="text", standard_error="number", expected="number",
         limit="number", least_detectable="number", side="text", tests="integer", material="number",
+        lowest_detectable="number", highest_detectable="number",
     ),
     "findings": (*_columns(check="text", id="text", code="text", severity="text", message="text"), *_PLACE),
     "diagnoses": _columns(

@@ -46,6 +46,8 @@ class Measurement:
     ``least_detectable`` the least fault that would have been detected with 95% probability, even where the known error
     of the model works against it. ``side`` states which deviations count: a value below what is expected is no fault
     where only the ``upper`` side does. ``tests`` is the number of comparisons of which the value is the worst.
+    ``least_detectable`` is that of the place or time where the value is worst; ``least_detectable_range`` that of the
+    most sensitive and of the least sensitive one, where the two differ by a factor of two or more.
     """
 
     name: str
@@ -61,6 +63,7 @@ class Measurement:
     """Excess over ``limit`` from which a deviation fails, by the profile of the record; 0: every excess."""
     code: str = ""
     """Of the finding that a deviation would be; empty in records of version 1.0."""
+    least_detectable_range: tuple[float, float] | None = None
 
     @property
     def allowed(self) -> float | None:

@@ -240,9 +240,18 @@ def check_cells(result: Result) -> tuple[str, str, str, str]:
     return (
         f"{main.name} {with_error(main.value, main.standard_error, main.unit)}{more}",
         "" if main.expected is None else number(main.expected),
-        "" if main.least_detectable is None else number(main.least_detectable),
+        least_detectable_text(main),
         coverage,
     )
+
+
+def least_detectable_text(measurement: Measurement) -> str:
+    """Return the least detectable deviation without its unit: a range where it depends on place or time."""
+    if measurement.least_detectable is None:
+        return ""
+    if measurement.least_detectable_range is None:
+        return number(measurement.least_detectable)
+    return " to ".join(map(number, measurement.least_detectable_range))
 
 
 def reasons(results: Sequence[Result]) -> tuple[str, ...]:

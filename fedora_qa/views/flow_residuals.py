@@ -164,6 +164,8 @@ class FieldResidual:
     worst_tile, worst_px, worst_error_px
         The matched tile (left, top, right, bottom, px) with the largest ratio of its deviation from the field's mean to
         the error of that; both in px.
+    tile_errors_px
+        Lowest and highest standard error of a matched tile, px: in its best and in its worst determined direction.
     """
 
     interval: Interval
@@ -182,6 +184,7 @@ class FieldResidual:
     worst_tile: tuple[int, int, int, int] | None = None
     worst_px: float = 0.0
     worst_error_px: float = 0.0
+    tile_errors_px: tuple[float, float] = (float("nan"), float("nan"))
 
     @property
     def unmatched_share(self) -> float:
@@ -306,6 +309,7 @@ def measure_field(frames: FramePair, interval: Interval, share: float) -> FieldR
     fit = fit_field(errors_px, covariances_px2[matched], templates)
     worst = int(np.argmax(fit.deviations))
     worst_px = float(np.linalg.norm(errors_px[worst] - fit.mean_px))
+    variances_px2 = np.linalg.eigvalsh(covariances_px2[matched])
     return replace(
         counts,
         mean_px=(float(fit.mean_px[0]), float(fit.mean_px[1])),
@@ -317,6 +321,7 @@ def measure_field(frames: FramePair, interval: Interval, share: float) -> FieldR
         worst_tile=_tile_at(tiles.origins[worst]),
         worst_px=worst_px,
         worst_error_px=worst_px / max(float(fit.deviations[worst]), 1e-12),
+        tile_errors_px=(float(np.sqrt(variances_px2.min())), float(np.sqrt(variances_px2.max()))),
     )
 
 

@@ -6,7 +6,15 @@ from dataclasses import dataclass
 from typing import Final
 
 from fedora_qa.record.types import FileRecord, Measurement, Outcome
-from fedora_qa.record.wording import OUTCOME_WORDS, coverage_words, principal, with_error, with_unit
+from fedora_qa.record.wording import (
+    OUTCOME_WORDS,
+    coverage_words,
+    least_detectable_text,
+    number,
+    principal,
+    with_error,
+    with_unit,
+)
 from fedora_reports.anchors import Anchors
 from fedora_reports.detection_power import DetectableCause, PassDetectionPower
 from fedora_reports.evidence import Evidence
@@ -219,12 +227,13 @@ def _measurement(measurement: Measurement) -> MeasurementView:
             "exact, "
         )
     least = measurement.least_detectable
+    unit = "" if least is None else with_unit(least, measurement.unit).removeprefix(number(least))
     return MeasurementView(
         name=measurement.name,
         value=with_error(measurement.value, measurement.standard_error, measurement.unit),
         expected="" if measurement.expected is None else with_unit(measurement.expected, measurement.unit),
         limit=limit,
-        least_detectable="" if least is None else with_unit(least, measurement.unit),
+        least_detectable="" if least is None else f"{least_detectable_text(measurement)}{unit}",
         gauge=gauge_of(measurement),
     )
 

@@ -142,6 +142,14 @@ def test_passed_value_states_what_it_would_have_seen() -> None:
     assert stated.least_detectable == pytest.approx(3.89 + 1.645, abs=0.01)
 
 
+def test_a_limit_that_depends_on_place_is_a_range() -> None:
+    """The range is stated where the places differ by a factor of two, with the material size in both ends."""
+    alike = judged(Observation(SEEN, (measured(sensitivity=((1.0, 0.0), (1.9, 0.0))),))).result.measurements[0]
+    assert alike.least_detectable_range is None
+    apart = judged(Observation(SEEN, (measured(sensitivity=((1.0, 0.0), (2.0, 3.0))),))).result.measurements[0]
+    assert apart.least_detectable_range == pytest.approx((5.535, 2 * 5.535 + 6), abs=0.01)
+
+
 @pytest.mark.parametrize("side", ["both", "upper", "lower"])
 def test_record_says_which_side_counts(side: str) -> None:
     """A reader can tell that a value below what is expected is fine."""

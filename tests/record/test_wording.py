@@ -16,6 +16,7 @@ from fedora_qa.record.wording import (
     explained_checks,
     findings_of,
     headline,
+    least_detectable_text,
     number,
     place,
     principal,
@@ -105,6 +106,14 @@ def test_principal_of_a_passed_check_is_within_its_limit() -> None:
     one_sided = Measurement("focal", 311.8, "px", 0.0, 0.0, 0.0, None, side="lower")
     usual = Measurement("skew", 0.1, "px", 0.1, 0.0, 0.6, 0.8)
     assert principal(replace(passed(), measurements=(one_sided, usual))) == usual
+
+
+def test_a_limit_that_depends_on_place_is_shown_as_a_range() -> None:
+    """Both ends stand in the summary in place of the one of the worst place."""
+    jump = Measurement("jump", 0.1, "px", 0.1, 0.0, 0.6, 0.8, least_detectable_range=(0.75, 4.0))
+    assert least_detectable_text(jump) == "0.75 to 4"
+    assert least_detectable_text(replace(jump, least_detectable_range=None)) == "0.8"
+    assert least_detectable_text(replace(jump, least_detectable=None)) == ""
 
 
 def test_principal_of_nothing() -> None:

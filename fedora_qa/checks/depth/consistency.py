@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from fedora_qa.checks.protocol import Notice, Observation, Statistic, WindowCheck
 from fedora_qa.estimators.depth.warp import warp
 from fedora_qa.estimators.fitting.quantile_kernels import median_of
+from fedora_qa.estimators.fitting.sensitivity import sensitivity_range
 from fedora_qa.features import Feature
 from fedora_qa.record.types import Coverage, Where
 from fedora_qa.sequence.facts import Facts
@@ -104,6 +105,8 @@ class PairAgreement:
     whole, worst_tile, tile
         Deviation over all compared pixels; that of the tile with the largest excess; and this tile: left, top, right,
         bottom, px, or None without one.
+    bounds_of_tiles
+        Lowest and highest bound of a tile.
     pixels
         Number of compared pixels.
     noise_square, noise_dof
@@ -118,6 +121,7 @@ class PairAgreement:
     whole: DepthDeviation
     worst_tile: DepthDeviation
     tile: tuple[int, int, int, int] | None
+    bounds_of_tiles: tuple[float, float]
     pixels: int
     noise_square: float
     noise_dof: float
@@ -269,6 +273,7 @@ class DepthConsistency(WindowCheck[WindowAgreement]):
                 # The bound covers the whole error of each pixel; no random part is left to the median.
                 standard_error=0.0,
                 model_error_bound=_PERCENT * worst.whole.bound,
+                sensitivity=sensitivity_range(0.0, [_PERCENT * pair.whole.bound for pair in pairs]),
                 side="upper",
                 statement=f"Depth frame {worst.first} differs from frame {worst.second} by "
                 f"{_deviation_text(worst.whole)}; {len(off_whole)} of {len(pairs)} pairs are off.",
@@ -282,6 +287,9 @@ class DepthConsistency(WindowCheck[WindowAgreement]):
                 unit="percent",
                 standard_error=0.0,
                 model_error_bound=_PERCENT * worst_by_tile.worst_tile.bound,
+                sensitivity=sensitivity_range(
+                    0.0, [_PERCENT * bound for pair in pairs for bound in pair.bounds_of_tiles]
+                ),
                 side="upper",
                 statement=f"A tile of depth frame {worst_by_tile.first} differs from frame {worst_by_tile.second} by "
                 f"{_deviation_text(worst_by_tile.worst_tile)}; so it is in {len(off_in_tile)} of {len(pairs)} pairs.",
@@ -391,11 +399,12 @@ def compare(pair: DepthPair) -> PairAgreement | None:
     tile_rows = (lattice.rows * down / height).astype(np.uint8)
     tiles = (tile_rows * np.uint8(across) + tile_columns)[compared]
     typical, limits = medians_by_group(residuals, bounds, tiles, across * down, _FEWEST_IN_TILE)
-    worst_tile, tile_px = whole, None
+    worst_tile, tile_px, bounds_of_tiles = whole, None, (whole.bound, whole.bound)
     if np.isfinite(typical).any():
         # Tiles are ranked by the residual over its bound: bounds grow where depth is steep or coarsely rounded.
         tile = int(np.nanargmax(typical / limits))
         worst_tile = DepthDeviation(float(typical[tile]), float(limits[tile]))
+        bounds_of_tiles = (float(np.nanmin(limits)), float(np.nanmax(limits)))
         row, column = divmod(tile, across)
         left, right = column * width // across, (column + 1) * width // across
         top, bottom = row * height // down, (row + 1) * height // down
@@ -412,6 +421,7 @@ def compare(pair: DepthPair) -> PairAgreement | None:
         whole,
         worst_tile,
         tile_px,
+        bounds_of_tiles,
         pixels=warped.compared,
         noise_square=fit.noise_square,
         noise_dof=fit.noise_dof,

@@ -23,6 +23,7 @@ from fedora_qa.estimators.events.shift import (
     peak_spread,
 )
 from fedora_qa.estimators.events.shift_kernels import KEPT, SETTLED, USABLE
+from fedora_qa.estimators.fitting.sensitivity import sensitivity_range
 from fedora_qa.features import Feature
 from fedora_qa.record.types import Coverage, Where
 from fedora_qa.sequence.facts import Facts
@@ -282,6 +283,7 @@ class EventResponseAlignment(WindowCheck[ShiftCorrelations]):
             model_error_bound=float(lags[part.axis]),
             # Each part was compared along both axes.
             tests=2 * part.compared,
+            sensitivity=sensitivity_range(part.errors_px, lags),
             statement=f"{place} events lie {part.shift_px:+.3g} +/- {error:.2g} px ({word} positive) from where they "
             "lie in the rest.",
             code=f"event_response.alignment.{rule}",

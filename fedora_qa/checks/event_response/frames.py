@@ -11,6 +11,7 @@ from fedora_qa.checks.protocol import Observation, Statistic, WindowCheck
 from fedora_qa.conventions import NS_PER_US, US_PER_S
 from fedora_qa.estimators.events.orientation import BLOCK_PX
 from fedora_qa.estimators.fitting.robust import MAD_TO_SIGMA
+from fedora_qa.estimators.fitting.sensitivity import sensitivity_range
 from fedora_qa.features import Feature
 from fedora_qa.record.types import Coverage, Where
 from fedora_qa.sequence.facts import Facts
@@ -158,6 +159,7 @@ class EventResponseFrames(WindowCheck[IntervalMoments]):
             expected=1.0,
             model_error_bound=CHANGE_BOUND,
             tests=len(gains),
+            sensitivity=sensitivity_range(errors / middle, CHANGE_BOUND),
             # Between a repeated frame and one that comes too early, for any scatter of the others.
             statement=f"Between the colour frames {earlier} and {later} the image changes by {gain:.2f} of what events "
             f"say; {middle:.2f} is usual.",

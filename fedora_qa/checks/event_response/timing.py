@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from fedora_qa.checks.protocol import Observation, Statistic, WindowCheck
 from fedora_qa.conventions import NS_PER_S
+from fedora_qa.estimators.fitting.sensitivity import sensitivity_range
 from fedora_qa.features import Feature
 from fedora_qa.record.types import Coverage, Where
 from fedora_qa.sequence.facts import Facts
@@ -275,6 +276,8 @@ class EventResponseTiming(WindowCheck[TimingSummary]):
             unit="ms",
             standard_error=error,
             tests=local.step.tests,
+            # A part of several windows or tiles is more sensitive than each of them.
+            sensitivity=sensitivity_range(1e3 * np.append(local.errors_s, local.step.standard_error_s), 0.0),
             statement=f"{part} events are {abs(delay):.3g} +/- {error:.2g} ms {'later' if delay > 0 else 'earlier'} "
             f"than {rest}.",
             code=f"event_response.timing.{rule}",

@@ -7,6 +7,7 @@ from typing import Final
 import numpy as np
 
 from fedora_qa.checks.protocol import Statistic
+from fedora_qa.estimators.fitting.sensitivity import sensitivity_range
 from fedora_qa.estimators.fitting.tails import chance_of_largest
 from fedora_qa.estimators.flow.field_fit import CENTRE, FOCAL, GAIN, MEAN, MOUNTING, SHIFT, TIME
 from fedora_qa.estimators.flow.motion_fit import sum_of
@@ -370,6 +371,7 @@ def worst_statistics(
             model_error_bound=_field_bias_px(worst),
             side="upper",
             tests=len(fitted),
+            sensitivity=sensitivity_range(errors_px, [_field_bias_px(field) for field in fitted]),
             statement=f"Field {worst.interval.row} of {stream} carries frame {worst.frame} "
             f"{_mean_px(worst):.3g} px past the frame at its end.",
             code="flow_photometric.residual.field",
@@ -388,6 +390,7 @@ def worst_statistics(
             side="upper",
             # Each textured tile might have been the worst.
             tests=sum(field.textured for field in fitted),
+            sensitivity=sensitivity_range([field.tile_errors_px for field in fitted], _TILE_BIAS_PX),
             statement=f"Field {worst.interval.row} of {stream} is off by {worst.worst_px:.3g} px in one tile.",
             code="flow_photometric.residual.tile",
             where=where(worst, worst.worst_tile),

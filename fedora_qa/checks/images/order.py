@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from fedora_qa.checks.protocol import Observation, Statistic, WindowCheck
 from fedora_qa.estimators.fitting.robust import MAD_TO_SIGMA
+from fedora_qa.estimators.fitting.sensitivity import sensitivity_range
 from fedora_qa.estimators.images.order import FlowRatio, flow_ratio, flow_ratios_of_parts, is_constant
 from fedora_qa.features import Feature
 from fedora_qa.record.types import Coverage, Where
@@ -284,6 +285,7 @@ def _worst_part(pairs: Sequence[FramePairRatio], facts: Facts) -> Statistic | No
         expected=1.0,
         model_error_bound=ALLOWED,
         tests=int(np.count_nonzero(np.isfinite(relative))),
+        sensitivity=sensitivity_range(np.where(np.isfinite(relative), errors, np.nan), ALLOWED),
         statement=f"In columns {left} to {right - 1}, rows {top} to {bottom - 1} frame {after} lies "
         f"{relative[pair, part]:.2f} of what is usual from frame {before}.",
         code="images.order.part",

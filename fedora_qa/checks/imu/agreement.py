@@ -9,6 +9,7 @@ import numpy as np
 from fedora_qa.checks.protocol import Observation, Statistic
 from fedora_qa.conventions import NS_PER_S, US_PER_S
 from fedora_qa.estimators.fitting.grouped_fit import ParameterEstimate, group_of
+from fedora_qa.estimators.fitting.sensitivity import SensitivityRange, sensitivity_range
 from fedora_qa.estimators.imu.conventions import InertialConvention
 from fedora_qa.estimators.imu.summary import InertialFit
 from fedora_qa.features import Feature
@@ -217,6 +218,7 @@ def agreement_observation(
         standard_error=factor * fit.worst.sigma,
         model_error_bound=factor * fit.worst.model_error,
         tests=3 * fit.rows,  # three axes a row
+        sensitivity=_in_units(factor, fit.worst.sensitivity),
         statement=f"At {facts.to_file_us(worst_ns):.0f} us IMU and pose differ in {kind} by "
         f"{factor * fit.worst.value:.4g} {unit}; noise is {factor * fit.worst.sigma:.2g}.",
         code=f"imu.{kind}.worst",
@@ -343,6 +345,13 @@ def parameter_statistics(
     return tuple(statistics)
 
 
+def _in_units(factor: float, sensitivity: SensitivityRange | None) -> SensitivityRange | None:
+    if sensitivity is None:
+        return None
+    (low_error, low_bound), (high_error, high_bound) = sensitivity
+    return (factor * low_error, factor * low_bound), (factor * high_error, factor * high_bound)
+
+
 def local_statistics(
     facts: Facts,
     streams: InertialStreams,
@@ -388,6 +397,9 @@ def local_statistics(
     worst = local[name]
     where = location_of(facts, "imu", streams.time_ns(worst.start_s), streams.time_ns(worst.stop_s))
     size = f"{text.factor * worst.value:.4g} {text.unit}"
+    # Of all segments and components: a fault may lie in any.
+    sensitivities = [sensitivity for name in names if (sensitivity := local[name].sensitivity) is not None]
+    of_all = sensitivity_range(*np.array(sensitivities).reshape(-1, 2).T)
     return (
         Statistic(
             name=f"local_{group}",
@@ -397,6 +409,7 @@ def local_statistics(
             model_error_bound=text.factor * worst.model_error,
             # Each segment was compared, in every component of the group.
             tests=worst.tests * len(names),
+            sensitivity=_in_units(text.factor, of_all),
             statement=f"From {where.start_us:.0f} to {where.stop_us:.0f} us {name} is {size}, "
             f"{text.factor * worst.deviation:+.4g} off its value in the whole sequence.",
             code=f"{check}.local_{group}",

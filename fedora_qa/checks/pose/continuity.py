@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from fedora_qa.checks.exact import count_of_faults
 from fedora_qa.checks.protocol import Observation, Statistic, WindowCheck
 from fedora_qa.conventions import MM_PER_M
+from fedora_qa.estimators.fitting.sensitivity import sensitivity_range
 from fedora_qa.estimators.imu.conventions import signed_permutations
 from fedora_qa.estimators.imu.local_motion import (
     OrientationSamples,
@@ -224,6 +225,7 @@ class PoseContinuity(WindowCheck[PoseSamples]):
                     model_error_bound=factor * float(steps.motion[row]),
                     # Each place and axis is a comparison of its own.
                     tests=steps.sizes.size,
+                    sensitivity=sensitivity_range(factor * errors, factor * steps.motion[:, None]),
                     statement=f"The {name} jumps by {abs(size):.4g} {unit} within one step.",
                     code=f"pose.continuity.{name}",
                     where=location_of(facts, "pose", int(poses.times_ns[before]), int(poses.times_ns[before + 1])),

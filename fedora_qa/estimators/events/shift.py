@@ -361,6 +361,8 @@ class PartShift:
         parts.
     compared
         Number of parts that were compared.
+    errors_px
+        (compared, 2) standard errors of these parts, px.
     """
 
     part: int
@@ -369,6 +371,7 @@ class PartShift:
     shift_px: float
     standard_error_px: float
     compared: int
+    errors_px: Float64
 
 
 def most_shifted(
@@ -425,7 +428,9 @@ def most_shifted(
     if abs(usual[axis] + shift_px) < abs(usual[axis]):
         # This part is shifted less than the median: the other parts count as shifted.
         alike, shift_px = is_finite & ~alike, -shift_px
-    return PartShift(part, axis, alike, shift_px, float(errors[part, axis]), int(np.count_nonzero(is_finite)))
+    return PartShift(
+        part, axis, alike, shift_px, float(errors[part, axis]), int(np.count_nonzero(is_finite)), errors[is_finite]
+    )
 
 
 def _vertex(three: Float64) -> float:

@@ -14,13 +14,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fedora_qa.estimators.fitting.normal_equations import BlockEquations, SummedEquations, inverse_of
+from fedora_qa.estimators.fitting.sensitivity import DETECTION_SIGMAS
 from fedora_qa.estimators.fitting.tails import chi_squared_beyond
 
 Float64 = NDArray[np.float64]
-
-DETECTION_SIGMAS: Final = 7.0
-"""Detection limit of a parameter in standard errors: 5.3 of the limit that a thousand comparisons of a file share at a
-false-alarm rate of 1e-4, Phi^-1(1 - 5e-8), and 1.6 of a power of 95% (``judgement/tolerances.py``)."""
 
 SELECTION_TAIL: Final = 1e-9
 """Probability that chance alone frees a group: about six standard errors, far below the false-alarm rate of a file."""

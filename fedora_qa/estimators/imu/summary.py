@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fedora_qa.estimators.fitting.grouped_fit import GroupedFit, ParameterEstimate
+from fedora_qa.estimators.fitting.sensitivity import SensitivityRange, sensitivity_range
 from fedora_qa.estimators.imu.samples import ComparisonRows
 
 Float64 = NDArray[np.float64]
@@ -39,12 +40,15 @@ class WorstRow:
         Residual and its expected standard deviation on that axis, rad or m/s.
     model_error
         Largest error of the integration on any axis of the row, in the same unit.
+    sensitivity
+        Range over the rows and axes of the comparison, in the same unit.
     """
 
     time_s: float
     value: float
     sigma: float
     model_error: float
+    sensitivity: SensitivityRange | None
 
 
 @dataclass(frozen=True, slots=True)
@@ -61,6 +65,8 @@ class LocalDeviation:
         Difference from the value in the whole sequence, its standard error, and the error of the integration in it.
     tests
         Number of segments that were compared.
+    sensitivity
+        Range over these segments, in the unit of the parameter.
     """
 
     start_s: float
@@ -70,6 +76,7 @@ class LocalDeviation:
     standard_error: float
     model_error: float
     tests: int
+    sensitivity: SensitivityRange | None
 
 
 @dataclass(frozen=True, slots=True)
@@ -170,6 +177,10 @@ def summarise(
         are_neighbours = np.diff(rows.poses) == 1
         products += float(np.sum((of_segment[1:] * of_segment[:-1])[are_neighbours]))
     total = sum(float(np.sum(np.square(rows))) for rows in residuals)
+    all_model_errors = np.concatenate([np.abs(rows.model_errors).max(axis=1) for rows in segments])
+    row_sensitivity = sensitivity_range(
+        np.concatenate([rows.sigmas for rows in segments]), all_model_errors[:, np.newaxis]
+    )
     # The worst row deviates most in units of its sigma, on its worst axis.
     worst_rows = []
     for rows, of_segment in zip(segments, residuals, strict=True):
@@ -180,6 +191,7 @@ def summarise(
                 value=float(of_segment[row, axis]),
                 sigma=float(rows.sigmas[row, axis]),
                 model_error=float(np.abs(rows.model_errors[row]).max()),
+                sensitivity=row_sensitivity,
             )
         )
     # The segment in which each parameter differs most. Of segments that differ by about as much, the one with the
@@ -199,6 +211,7 @@ def summarise(
             standard_error=float(local.standard_errors[worst]),
             model_error=float(local.model_errors[worst]),
             tests=len(used),
+            sensitivity=sensitivity_range(local.standard_errors, local.model_errors),
         )
     # The course holds the longest residual of each run of rows. Runs have equal lengths; the first ones may be longer
     # by one row.
