@@ -16,7 +16,7 @@ from fedora_qa.views.motion_samples import LEAST_ROUNDING_NOISE, NOISE_ORDER
 
 _PLACES: Final = (0.25, 0.5, 0.75)
 """Where images are read, as shares of the rows: the middle one of three steps is taken, so that one image that is zero,
-or has a fault, does not decide."""
+or has a fault, does not decide. Where the first two agree they are the middle, and the third is not read."""
 
 _MOST_VALUES: Final = 4096
 """Values of a component that are read of an image, and samples of a motion: hundreds suffice for any probability."""
@@ -47,14 +47,19 @@ def stored_steps(sequence: SequenceRows, facts: Facts, streams: Collection[str])
     images = [key for key, spec in DATASETS.items() if spec.dtype == "float32" and spec.stream in streams]
     steps: dict[str, StoredStep] = {}
     for key in images:
-        in_places = sorted(_image_steps(sequence, facts, key), key=lambda step: (step.size, step.roundoff))
+        in_places: list[StoredStep] = []
+        for step in _image_steps(sequence, facts, key):
+            if step in in_places:
+                in_places = [step]
+                break
+            in_places.append(step)
         if in_places:
-            steps[key] = in_places[len(in_places) // 2]
+            steps[key] = sorted(in_places, key=lambda step: (step.size, step.roundoff))[len(in_places) // 2]
     for stream in ("pose", "imu"):
         if stream in streams and stream in facts.clocks:
             for key in _MOTIONS[stream]:
-                if step := _motion_step(sequence, facts, stream, key):
-                    steps[key] = step
+                if of_motion := _motion_step(sequence, facts, stream, key):
+                    steps[key] = of_motion
     return steps
 
 

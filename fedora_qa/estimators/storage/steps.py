@@ -43,7 +43,7 @@ _LEAST_DISTANCES: Final = 0.05
 # From 1000 to 1e-12, and from 64 to 2^-40, the coarsest first.
 _DECIMALS: Final = tuple(digit * 10.0**power for power in range(3, -13, -1) for digit in (5.0, 2.0, 1.0))
 _BINARIES: Final = tuple(2.0**power for power in range(6, -41, -1))
-_STEPS: Final = tuple(sorted((*_DECIMALS, *_BINARIES), reverse=True))
+_STEPS: Final = np.array(sorted((*_DECIMALS, *_BINARIES), reverse=True))
 """Steps that are tried, in the unit of the values."""
 
 
@@ -79,7 +79,12 @@ def _component_step(values: NDArray[np.floating], with_unknown_steps: bool) -> S
                 break
     # Numbers of whichever value lie a unit in the last place, 2 u |value| at most, apart.
     units = 2 * roundoff * np.abs(distinct)
-    size = next((size for size in _STEPS if _lies_on_grid(distinct, units, size)), 0.0)
+    # Some values exclude most grids, all at once; the others are tested with all values, the coarsest first.
+    some = slice(None, None, max(1, len(distinct) // _FIRST_VALUES))
+    multiples = distinct[some] / _STEPS[:, None]
+    off = np.abs(distinct[some] - _STEPS[:, None] * np.rint(multiples))
+    hopeful = np.count_nonzero(off <= _ROUNDED_UNITS * units[some], axis=1) >= 0.5 * off.shape[1]
+    size = next((float(size) for size in _STEPS[hopeful] if _lies_on_grid(distinct, units, size)), 0.0)
     # Three eighths are multiples of one eighth too.
     unknown = next(_unknown_steps(distinct, units), 0.0) if with_unknown_steps else 0.0
     return StoredStep(max(size, unknown), roundoff)
@@ -87,12 +92,8 @@ def _component_step(values: NDArray[np.floating], with_unknown_steps: bool) -> S
 
 def _lies_on_grid(values: Float64, units: Float64, size: float) -> bool:
     """Whether values (n,) with a unit in the last place (n,) are multiples of a step."""
-    some = slice(None, None, max(1, len(values) // _FIRST_VALUES))
-    for part in (some, slice(None)):
-        off = np.abs(values[part] - size * np.rint(values[part] / size))
-        on = int(np.count_nonzero(off <= _ROUNDED_UNITS * units[part]))
-        if on < 0.5 * len(off):
-            return False
+    off = np.abs(values - size * np.rint(values / size))
+    on = int(np.count_nonzero(off <= _ROUNDED_UNITS * units))
     # Of numbers a unit apart, those within the slack on both sides and the middle one are taken for multiples.
     chance = float(np.mean(np.minimum(1.0, (2 * _ROUNDED_UNITS + 1) * units / size))) if len(values) else 1.0
     return _is_beyond_chance(on, len(values), chance, len(_STEPS))
