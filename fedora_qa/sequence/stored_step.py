@@ -1,6 +1,6 @@
 """The step in which the values of a dataset are stored, and the errors that rounding to it makes."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
@@ -12,6 +12,9 @@ SINGLE_ROUNDOFF: Final = 2.0**-24
 DOUBLE_ROUNDOFF: Final = 2.0**-53
 HALF_ROUNDOFF: Final = 2.0**-11
 """Unit roundoff of float32, float64 and float16: the largest error of rounding, as a share of the value (IEEE 754)."""
+
+_ALIKE: Final = 0.99
+"""Least ratio of two steps that are taken for one: a step that is not known beforehand is estimated to 0.1%."""
 
 _TYPES: Final = {HALF_ROUNDOFF: "float16", SINGLE_ROUNDOFF: "float32", DOUBLE_ROUNDOFF: "float64"}
 
@@ -27,15 +30,22 @@ class StoredStep:
         grid.
     roundoff
         Unit roundoff of the mantissa that the values need, without unit.
+    components
+        Grids of the components of vectors, of which this is the coarsest; empty where all are alike.
     """
 
     size: float = 0.0
     roundoff: float = DOUBLE_ROUNDOFF
+    components: tuple["StoredStep", ...] = ()
 
     @property
     def is_coarse(self) -> bool:
         """Whether values are stored in a step, or in float16: coarser than the rounding of float32."""
         return self.size > 0 or self.roundoff > SINGLE_ROUNDOFF
+
+    def component(self, index: int) -> "StoredStep":
+        """Return the grid of a component of vectors."""
+        return self.components[index] if self.components else self
 
     def error_bounds(self, values: ArrayLike) -> Float64:
         """Return the largest errors of values (...) by rounding, in their unit.
@@ -46,11 +56,14 @@ class StoredStep:
 
     def scaled(self, factor: float) -> "StoredStep":
         """Return the step of the values times a factor."""
-        return StoredStep(abs(factor) * self.size, self.roundoff)
+        components = tuple(component.scaled(factor) for component in self.components)
+        return StoredStep(abs(factor) * self.size, self.roundoff, components)
 
     def text(self, unit: str) -> str:
         """Return the step in words, as ``1 mm`` or ``float32``."""
         kind = _TYPES.get(self.roundoff, f"{self.roundoff:.2g} of the value")
+        if self.components:
+            return ", ".join(component.text(unit) for component in self.components)
         return f"{self.size:.6g} {unit}".removesuffix(" 1") if self.size else kind
 
 
@@ -59,3 +72,10 @@ def coarsest(steps: list[StoredStep]) -> StoredStep:
     return StoredStep(
         max((step.size for step in steps), default=0.0), max((step.roundoff for step in steps), default=DOUBLE_ROUNDOFF)
     )
+
+
+def of_components(steps: list[StoredStep]) -> StoredStep:
+    """Return the step of vectors whose components have these steps; steps that differ by less than 1% are one."""
+    common = coarsest(steps)
+    alike = all(step.roundoff == common.roundoff and step.size >= _ALIKE * common.size for step in steps)
+    return common if alike else replace(common, components=tuple(steps))

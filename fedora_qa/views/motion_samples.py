@@ -13,11 +13,12 @@ from numpy.typing import NDArray
 from fedora_qa.conventions import NS_PER_S
 from fedora_qa.estimators.imu.local_motion import OrientationSamples, SampledCurve, VectorSamples, noise_level
 from fedora_qa.estimators.imu.samples import TIMESTAMP_SIGMA_S, InertialNoise, InertialSamples
-from fedora_qa.estimators.storage.steps import stored_step
+from fedora_qa.estimators.storage.steps import FEWEST_VALUES, level_step, stored_step
 from fedora_qa.geometry import so3
 from fedora_qa.record.types import Where
 from fedora_qa.sequence.declared import ImuModel, PoseModel
 from fedora_qa.sequence.facts import Facts
+from fedora_qa.sequence.stored_step import StoredStep, of_components
 from fedora_qa.sequence.window import ImuSamples, PoseSamples, Window
 
 Float64 = NDArray[np.float64]
@@ -25,7 +26,10 @@ Float64 = NDArray[np.float64]
 NOISE_ORDER: Final = 8
 """Order of differences that separate noise from motion: a motion of 3 Hz and 1 rad leaves 5e-11 rad at 200 Hz."""
 
-LEAST_ROUNDING_NOISE: Final = 0.1
+_MOST_REPEATS: Final = 0.5
+"""Largest share of samples of a steady motion that repeat the one before. A motion that is not rounded has none."""
+
+_LEAST_ROUNDING_NOISE: Final = 0.1
 """Least noise of rounded numbers, in steps: about a third of the noise of uniform rounding."""
 
 _RADIANS_PER_COMPONENT: Final = 2.0
@@ -129,8 +133,14 @@ def inertial_noise(imu: ImuModel, pose: PoseModel, samples: ImuSamples, poses: P
     InertialNoise
         Densities of the gyroscope and accelerometer include the rounding to a step.
     """
-    gyro = _rounding_density(samples.times_ns, samples.angular_velocities_body_rad_s)
-    accel = _rounding_density(samples.times_ns, samples.specific_forces_body_m_s2)
+    # White noise of density N sampled at rate f has sigma = N sqrt(f) (IEEE Std 952-1997, annex C).
+    sample_s = float(np.median(np.diff(samples.times_ns))) / NS_PER_S
+    gyro_step, accel_step = (
+        sample_step(samples.times_ns, values, VectorSamples(values))
+        for values in (samples.angular_velocities_body_rad_s, samples.specific_forces_body_m_s2)
+    )
+    # Variance step^2 / 12 of a rounded sample, times the sampling interval; the coarsest axis stands for all.
+    gyro, accel = (step.size * float(np.sqrt(sample_s / 12)) for step in (gyro_step, accel_step))
     return InertialNoise(
         gyro_density=float(np.hypot(imu.gyro_noise_density, gyro)),
         accel_density=float(np.hypot(imu.accel_noise_density, accel)),
@@ -141,6 +151,10 @@ def inertial_noise(imu: ImuModel, pose: PoseModel, samples: ImuSamples, poses: P
         position_rounding_m=_position_step_m(poses),
         rotation_rounding_rad=_rotation_step_rad(poses),
         gravity_m_s2=imu.gravity,
+        gyro_steps=tuple(gyro_step.component(axis).size for axis in range(3)),
+        accel_steps=tuple(accel_step.component(axis).size for axis in range(3)),
+        gyro_sigma=imu.gyro_noise_density / sample_s**0.5,
+        accel_sigma=imu.accel_noise_density / sample_s**0.5,
     )
 
 
@@ -169,11 +183,50 @@ def stored_resolution(values: Float64) -> float:
     return float(np.spacing(largest))
 
 
-def rounding_step(times_ns: NDArray[np.int64], values: Float64, curve: SampledCurve) -> float:
-    """Return the step of stored numbers: that of their type, or the step to which they were rounded before.
+def sample_step(times_ns: NDArray[np.int64], values: Float64, curve: SampledCurve) -> StoredStep:
+    """Return the step to which samples of a motion were rounded, with that of each component.
 
     Numbers of few decimals need not be rounded: a flight at constant speed has such positions. Rounding to a step
-    leaves noise of ``step / sqrt(12)``, so a step counts only where such noise is measured.
+    leaves noise of ``step / sqrt(12)`` where samples move by steps, and samples that repeat where they move slower. So
+    a step counts only where such noise is measured, or most samples repeat the one before.
+
+    Parameters
+    ----------
+    times_ns
+        (N,) timestamps, ns.
+    values
+        (N, k) as stored, finite.
+    curve
+        The same samples, for their noise.
+
+    Returns
+    -------
+    StoredStep
+        In the unit of the values; without size where they were not rounded.
+    """
+    if len(values) < FEWEST_VALUES:
+        return StoredStep()
+    stored = stored_step(values, with_unknown_steps=True)
+    level = noise_level(times_ns, curve, order=NOISE_ORDER)
+    sigma = 0.0 if level is None else level.sigma
+    sizes = []
+    for i, component in enumerate(values.T):
+        size, repeats = stored.component(i).size, np.mean(component[1:] == component[:-1])
+        moves = len(np.unique(component)) >= FEWEST_VALUES
+        rounded = moves and (sigma > _LEAST_ROUNDING_NOISE * size or repeats > _MOST_REPEATS)
+        sizes.append(max(size if rounded else 0.0, level_step(component)))
+    # A constant component shows no step; as far as can be known it is stored like the others.
+    constant = np.all(values == values[:1], axis=0)
+    return of_components(
+        [
+            StoredStep(max(sizes) if is_constant else size, stored.component(i).roundoff)
+            for i, (size, is_constant) in enumerate(zip(sizes, constant, strict=True))
+        ]
+    )
+
+
+def rounding_step(times_ns: NDArray[np.int64], values: Float64, curve: SampledCurve) -> float:
+    """Return the step of stored numbers: that of their type, or the coarsest to which they were rounded before.
 
     Parameters
     ----------
@@ -190,20 +243,7 @@ def rounding_step(times_ns: NDArray[np.int64], values: Float64, curve: SampledCu
         In the unit of the values.
     """
     stored = stored_resolution(values)
-    step = stored_step(values, with_unknown_steps=True).size
-    if step <= stored:
-        return stored
-    level = noise_level(times_ns, curve, order=NOISE_ORDER)
-    return step if level is not None and level.sigma > LEAST_ROUNDING_NOISE * step else stored
-
-
-def _rounding_density(times_ns: NDArray[np.int64], values: Float64) -> float:
-    """Return the noise density of samples that were rounded to a step, 0 of others: uniform, so step^2/12."""
-    step = rounding_step(times_ns, values, VectorSamples(values))
-    if step <= stored_resolution(values):
-        return 0.0
-    # Variance step^2 / 12 a sample, times the sampling interval.
-    return step * float(np.sqrt(np.median(np.diff(times_ns)) / NS_PER_S / 12))
+    return max(stored, sample_step(times_ns, values, curve).size)
 
 
 def imu_roundings(imu: ImuSamples) -> tuple[float, float]:

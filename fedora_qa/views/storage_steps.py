@@ -6,13 +6,13 @@ from typing import Final
 import numpy as np
 
 from fedora_qa.errors import UnreadableRowsError
-from fedora_qa.estimators.imu.local_motion import OrientationSamples, SampledCurve, VectorSamples, noise_level
+from fedora_qa.estimators.imu.local_motion import OrientationSamples, SampledCurve, VectorSamples
 from fedora_qa.estimators.storage.steps import stored_step
 from fedora_qa.layout.canonical import DATASETS
 from fedora_qa.sequence.facts import Facts
 from fedora_qa.sequence.sequence import SequenceRows
 from fedora_qa.sequence.stored_step import DOUBLE_ROUNDOFF, StoredStep
-from fedora_qa.views.motion_samples import LEAST_ROUNDING_NOISE, NOISE_ORDER
+from fedora_qa.views.motion_samples import sample_step
 
 _PLACES: Final = (0.25, 0.5, 0.75)
 """Where images are read, as shares of the rows: the middle one of three steps is taken, so that one image that is zero,
@@ -78,11 +78,7 @@ def _image_steps(sequence: SequenceRows, facts: Facts, key: str) -> Iterator[Sto
 
 
 def _motion_step(sequence: SequenceRows, facts: Facts, stream: str, key: str) -> StoredStep | None:
-    """Return the step of samples in the middle of the file.
-
-    Samples of a steady motion lie on a grid without having been rounded to it. Rounding leaves noise, so that a grid
-    counts only where noise of its size is measured.
-    """
+    """Return the step of samples in the middle of the file; None where they cannot be read."""
     times_ns = facts.clocks[stream].times_ns
     start = max(0, (len(times_ns) - _MOST_VALUES) // 2)
     stop = min(start + _MOST_VALUES, facts.sizes.get(key, 0))
@@ -94,14 +90,9 @@ def _motion_step(sequence: SequenceRows, facts: Facts, stream: str, key: str) ->
     kept = facts.clocks[stream].advancing[start:stop] & np.isfinite(values).all(axis=1)
     if key.endswith("orientation"):
         kept &= np.any(values != 0, axis=1)
-    values = values[kept]
-    step = stored_step(values / scale, with_unknown_steps=True).scaled(scale)
-    if not step.size:
-        return step
+    values = values[kept] / scale
     curve: SampledCurve = OrientationSamples(values) if key.endswith("orientation") else VectorSamples(values)
-    level = noise_level(times_ns[start:stop][kept], curve, order=NOISE_ORDER)
-    rounded = level is not None and level.sigma > LEAST_ROUNDING_NOISE * step.size
-    return step if rounded else StoredStep(0.0, step.roundoff)
+    return sample_step(times_ns[start:stop][kept], values, curve).scaled(scale)
 
 
 def inferred_steps(facts: Facts) -> dict[str, str | float]:

@@ -40,7 +40,9 @@ class ImuRotation(WindowCheck[WindowMotion]):
     are formal ones, scaled by a misfit above 1, widened where the spread over stretches exceeds them. Allowed for is
     the integration's own error, from every second sample (Richardson: fourth order, a fifteenth of the difference).
     Gain and timing are told by the gyro's own samples: what their noise does to the fit is measured from two halves of
-    them, taken off, and not counted as knowledge, so that quiet flight is uncertain rather than wrong.
+    them, taken off, and not counted as knowledge, so that quiet flight is uncertain rather than wrong. Samples in steps
+    that hardly change err by a mean of up to half a step: it is bounded by how far they move in steps and by the
+    declared noise (``fedora_qa/estimators/imu/rounding.py``), and is carried into every parameter.
 
     Cannot see
     ----------

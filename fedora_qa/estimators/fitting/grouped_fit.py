@@ -7,7 +7,7 @@ errors, and one fault changes one group.
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
@@ -139,6 +139,9 @@ class GroupedFit:
         Their scores are subtracted, and their information is not counted. None where the regressors have no noise.
     barred
         Names of groups that are not freed.
+    segment_biases
+        (B, b) bounds on an error in each segment that acts as the b parameters of the group ``bias`` do, in their unit;
+        signs differ between segments. None where there is none.
 
     Attributes
     ----------
@@ -158,6 +161,7 @@ class GroupedFit:
         nuisance_covariance: Float64 | None = None,
         scatters: Sequence[BlockEquations] | None = None,
         barred: Sequence[str] = (),
+        segment_biases: Float64 | None = None,
     ) -> None:
         self.parameters = parameters
         self._barred = tuple(barred)
@@ -170,6 +174,18 @@ class GroupedFit:
         self._scatter_sums = None if scatters is None else SummedEquations(scatters, count, nuisance_covariance)
         self._normal = self._sums.normal + self._prior
         self._right = self._sums.right - (0.0 if self._scatter_sums is None else self._scatter_sums.right)
+        # Changes (B, b, P) of the right side by each bias of each segment, J^T C^-1 J times the bias.
+        self._segment_biases = segment_biases
+        self._bias_rights = np.zeros((len(blocks), 0, count))
+        if segment_biases is not None:
+            columns, silent = parameters.groups["bias"], [replace(b, model_right=0 * b.model_right) for b in blocks]
+            self._bias_rights = np.zeros((len(blocks), len(columns), count))
+            for segment, axis in np.argwhere(segment_biases > 0).tolist():
+                biased = list(silent)
+                right = segment_biases[segment, axis] * blocks[segment].normal[:, columns[axis]]
+                biased[segment] = replace(blocks[segment], model_right=right)
+                sums = SummedEquations(biased, count, nuisance_covariance)
+                self._bias_rights[segment, axis] = sums.model_right
         self._score_covariance = self._normal + _SCATTER_IN_SCORE * self._scatter_normal
         explained = float(self._sums.right @ inverse_of(self._normal) @ self._sums.right)
         rows = sum(block.count for block in shifted)
@@ -197,7 +213,9 @@ class GroupedFit:
             attenuation = _attenuation(noise, errors / np.array(self.parameters.largest)[columns])
             # Only the part beyond the linearisation is attenuated: the rest was subtracted exactly.
             values = self._linearised_at[columns] + (values - self._linearised_at[columns]) / attenuation
-            model_errors = np.abs(inverse @ self._sums.model_right[columns]) / attenuation
+            # The known error of the model has one sign; biases of segments and axes may have any.
+            by_biases = np.abs(self._bias_rights[..., columns] @ inverse).sum(axis=(0, 1))
+            model_errors = (np.abs(inverse @ self._sums.model_right[columns]) + by_biases) / attenuation
             errors = errors / attenuation
             own = self.parameters.groups[group]
             for column, nominal_error in zip(own, self._nominal_errors(own), strict=True):
@@ -253,10 +271,19 @@ class GroupedFit:
         # deviation = score / information; standard error = sqrt(information + 3 noise) / information.
         errors = max(1.0, self.misfit) * np.sqrt(information + _SCATTER_IN_SCORE * noise) / information
         attenuation = _attenuation(noise / information, errors / self.parameters.largest[column])
+        model_errors = np.abs(self._sums.model_rights[:, column])
+        if self._segment_biases is not None:
+            # Biases of the segment itself, and of all segments by the fitted values from which it deviates.
+            of_bias, of_free = list(self.parameters.groups["bias"]), self._columns(self.free)
+            model_errors += np.sum(np.abs(self._sums.normals[:, column, of_bias]) * self._segment_biases, axis=1)
+            if of_free:
+                inverse = inverse_of(self._normal[np.ix_(of_free, of_free)])
+                by_biases = np.abs(self._bias_rights[..., of_free] @ inverse).sum(axis=(0, 1))
+                model_errors += np.abs(self._sums.normals[:, column, of_free]) @ by_biases
         return SegmentDeviations(
             deviations=scores / information / attenuation,
             standard_errors=errors / attenuation,
-            model_errors=np.abs(self._sums.model_rights[:, column]) / information / attenuation,
+            model_errors=model_errors / information / attenuation,
         )
 
     @property

@@ -21,6 +21,7 @@ from fedora_qa.estimators.imu.samples import (
     RowEffects,
     covered,
     every_second,
+    rounding_bias,
     smoothed,
     timestamp_scatter,
 )
@@ -161,6 +162,7 @@ def rotation_rows(samples: InertialSamples, noise: InertialNoise) -> ComparisonR
         jacobians=compared.effects.jacobians,
         bias_jacobians=compared.effects.jacobians[..., 3:6],
         covariance_bands=covariance,
+        rounding_bias=rounding_bias(samples, samples.angular_velocities_body_rad_s, noise.gyro_steps, noise.gyro_sigma),
     )
 
 

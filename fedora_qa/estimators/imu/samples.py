@@ -1,6 +1,7 @@
 """Data of the inertial estimators: samples of IMU and pose, rows that compare them, and declared noise."""
 
-from dataclasses import dataclass, replace
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
 from itertools import pairwise
 from typing import Final
 
@@ -9,6 +10,7 @@ from numpy.typing import NDArray
 from scipy.ndimage import uniform_filter1d
 
 from fedora_qa.conventions import STANDARD_GRAVITY_M_S2
+from fedora_qa.estimators.imu.rounding import mean_rounding_bound
 
 Float64 = NDArray[np.float64]
 
@@ -47,6 +49,10 @@ class InertialNoise:
         Step of the numbers in which poses are stored, m and rad.
     gravity_m_s2
         Gravity, m/s^2.
+    gyro_steps, accel_steps
+        Steps to which the samples of each axis were rounded, rad/s and m/s^2; 0 where they were not.
+    gyro_sigma, accel_sigma
+        Standard deviation of the white noise of a sample before it was rounded, rad/s and m/s^2.
     """
 
     gyro_density: float = 0.0
@@ -58,6 +64,10 @@ class InertialNoise:
     position_rounding_m: float = 0.0
     rotation_rounding_rad: float = 0.0
     gravity_m_s2: float = STANDARD_GRAVITY_M_S2
+    gyro_steps: tuple[float, ...] = (0.0, 0.0, 0.0)
+    accel_steps: tuple[float, ...] = (0.0, 0.0, 0.0)
+    gyro_sigma: float = 0.0
+    accel_sigma: float = 0.0
 
     @property
     def smoothing_s(self) -> float:
@@ -210,6 +220,8 @@ class ComparisonRows:
     scatter
         The same rows with the residuals and jacobians that the noise of the IMU alone gives, see ``with_scatter``;
         None where no such noise is declared.
+    rounding_bias
+        (3,) bound on the mean error by which samples of the sensor were rounded, on each of its axes, in its unit.
     """
 
     poses: NDArray[np.intp]
@@ -221,6 +233,13 @@ class ComparisonRows:
     bias_jacobians: Float64
     covariance_bands: Float64
     scatter: "ComparisonRows | None" = None
+    rounding_bias: Float64 = field(default_factory=lambda: np.zeros(3))
+
+    @property
+    def error_bounds(self) -> Float64:
+        """Bounds (n, 3) on the error of the integration and on that by a mean error of rounding, in their unit."""
+        bounds: Float64 = np.abs(self.model_errors) + np.abs(self.bias_jacobians) @ self.rounding_bias
+        return bounds
 
     def __len__(self) -> int:
         return len(self.times_s)
@@ -242,7 +261,7 @@ class ComparisonRows:
         return ComparisonRows(
             self.poses[rows], self.times_s[rows], self.spans_s[rows], self.residuals[rows], self.model_errors[rows],
             self.jacobians[rows], self.bias_jacobians[rows], bands,
-            None if self.scatter is None else self.scatter.select(rows),
+            None if self.scatter is None else self.scatter.select(rows), self.rounding_bias,
         )  # fmt: skip
 
 
@@ -334,6 +353,31 @@ def smoothed(times_s: Float64, values: Float64, width_s: float) -> Float64:
     size = 2 * half + 1  # odd: an even one would shift by half a sample
     mean: Float64 = uniform_filter1d(values, size, axis=0, mode="nearest") if size > 1 else values
     return mean
+
+
+def rounding_bias(samples: InertialSamples, values: Float64, steps: Sequence[float], sigma: float) -> Float64:
+    """Return a bound on the mean error by which samples of the IMU were rounded, on each axis.
+
+    Parameters
+    ----------
+    samples
+        Of a segment of time.
+    values
+        (M, 3) its angular velocities or specific forces.
+    steps
+        Step of each axis; 0 where it was not rounded.
+    sigma
+        Standard deviation of the noise of a sample before it was rounded.
+
+    Returns
+    -------
+    ndarray of float64
+        (3,) in the unit of the values.
+    """
+    if not any(steps):
+        return np.zeros(3)
+    course = smoothed(samples.imu_times_s, values, _SMOOTHING_S)
+    return np.array([mean_rounding_bound(course[:, axis], step, sigma) for axis, step in enumerate(steps)])
 
 
 def every_second(count: int) -> NDArray[np.intp]:

@@ -298,13 +298,16 @@ def _fit(
         # Wiener process: E[b(s) b(t)] = walk^2 min(s, t).
         shared_s = np.minimum(middles_s[:, None], middles_s)
         walk_covariance = bias_walk**2 * (shared_s + _LEAST_WALK_S * np.eye(len(used)))
+    blocks = [_equations(rows, walks) for rows in used]
+    biases = np.array([rows.rounding_bias for rows in used])
     return GroupedFit(
-        [_equations(rows, walks) for rows in used],
+        blocks,
         parameters,
         linearised_at,
         walk_covariance,
         [_equations(rows, walks) for rows in scatters] if len(scatters) == len(used) else None,
         barred,
+        biases if biases.any() else None,
     )
 
 

@@ -23,6 +23,7 @@ from fedora_qa.estimators.imu.samples import (
     RowEffects,
     covered,
     every_second,
+    rounding_bias,
     smoothed,
     timestamp_scatter,
 )
@@ -138,6 +139,7 @@ def translation_rows(samples: InertialSamples, noise: InertialNoise) -> Comparis
         jacobians=effects.jacobians,
         bias_jacobians=effects.jacobians[..., 3:6],
         covariance_bands=_covariance(samples, noise, poses, accelerations[finite]),
+        rounding_bias=rounding_bias(samples, samples.specific_forces_body_m_s2, noise.accel_steps, noise.accel_sigma),
     )
 
 

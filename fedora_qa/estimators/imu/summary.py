@@ -39,7 +39,7 @@ class WorstRow:
     value, sigma
         Residual and its expected standard deviation on that axis, rad or m/s.
     model_error
-        Largest error of the integration on any axis of the row, in the same unit.
+        Largest error of the integration and of a mean error of rounding on any axis of the row, in the same unit.
     sensitivity
         Range over the rows and axes of the comparison, in the same unit.
     """
@@ -96,7 +96,7 @@ class InertialFit:
         Root mean square of the residuals after the free parameters: measured, expected of noise, and standard error
         of the measured one.
     model_rms
-        Root mean square of the estimated error of the integration.
+        Root mean square of the estimated error of the integration and of a mean error of rounding.
     smoothness
         Correlation of neighbouring residuals: not positive for noise, near 1 for another motion.
     rows, outliers
@@ -177,7 +177,7 @@ def summarise(
         are_neighbours = np.diff(rows.poses) == 1
         products += float(np.sum((of_segment[1:] * of_segment[:-1])[are_neighbours]))
     total = sum(float(np.sum(np.square(rows))) for rows in residuals)
-    all_model_errors = np.concatenate([np.abs(rows.model_errors).max(axis=1) for rows in segments])
+    all_model_errors = np.concatenate([rows.error_bounds.max(axis=1) for rows in segments])
     row_sensitivity = sensitivity_range(
         np.concatenate([rows.sigmas for rows in segments]), all_model_errors[:, np.newaxis]
     )
@@ -190,7 +190,7 @@ def summarise(
                 time_s=float(rows.times_s[row]),
                 value=float(of_segment[row, axis]),
                 sigma=float(rows.sigmas[row, axis]),
-                model_error=float(np.abs(rows.model_errors[row]).max()),
+                model_error=float(rows.error_bounds[row].max()),
                 sensitivity=row_sensitivity,
             )
         )
@@ -229,7 +229,7 @@ def summarise(
         rms=rms,
         expected_rms=expected,
         rms_error=rms_error,
-        model_rms=float(np.sqrt(np.mean(np.square(np.concatenate([rows.model_errors for rows in segments]))))),
+        model_rms=float(np.sqrt(np.mean(np.square(np.concatenate([rows.error_bounds for rows in segments]))))),
         smoothness=products / total if total > 0 else 0.0,
         rows=sum(map(len, segments)),
         outliers=sum(int(np.count_nonzero(~keep)) for keep in kept),
@@ -247,7 +247,7 @@ def disturbed_interval(segments: list[ComparisonRows]) -> tuple[float, float] | 
     """
     times_s = np.concatenate([rows.times_s for rows in segments])
     outlying = np.concatenate(
-        [(np.abs(rows.residuals) > OUTLIER * rows.sigmas + np.abs(rows.model_errors)).any(axis=1) for rows in segments]
+        [(np.abs(rows.residuals) > OUTLIER * rows.sigmas + rows.error_bounds).any(axis=1) for rows in segments]
     )
     if not outlying.any():
         return None

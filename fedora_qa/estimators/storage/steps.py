@@ -13,7 +13,14 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from fedora_qa.sequence.stored_step import DOUBLE_ROUNDOFF, HALF_ROUNDOFF, SINGLE_ROUNDOFF, StoredStep, coarsest
+from fedora_qa.sequence.stored_step import (
+    DOUBLE_ROUNDOFF,
+    HALF_ROUNDOFF,
+    SINGLE_ROUNDOFF,
+    StoredStep,
+    coarsest,
+    of_components,
+)
 
 Float64 = NDArray[np.float64]
 
@@ -29,6 +36,9 @@ stored number."""
 
 _FIRST_VALUES: Final = 64
 """Number of values that are tested first: they mostly suffice to exclude a grid."""
+
+FEWEST_VALUES: Final = 27
+"""Least number of values that can show a grid: ``2^-n`` times the number of candidates lies below ``CHANCE``."""
 
 _MOST_STEPS: Final = 8.5
 """Largest distance of neighbouring values, in steps, that is used for a grid of unknown step: further ones multiply the
@@ -48,7 +58,7 @@ _STEPS: Final = np.array(sorted((*_DECIMALS, *_BINARIES), reverse=True))
 
 
 def stored_step(values: NDArray[np.floating], *, with_unknown_steps: bool = False) -> StoredStep:
-    """Infer the step of values, of each component alone, and return the coarsest.
+    """Infer the step of values, of each component alone.
 
     Parameters
     ----------
@@ -61,10 +71,52 @@ def stored_step(values: NDArray[np.floating], *, with_unknown_steps: bool = Fals
     Returns
     -------
     StoredStep
-        ``size`` is 0 where the values lie on no grid of equal steps, or are too few to tell.
+        The coarsest, with those of the components. ``size`` is 0 where the values lie on no grid of equal steps, or
+        are too few to tell; components of too few values have the coarsest step of the others.
     """
-    components = values.reshape(len(values), -1).T if values.size else values.reshape(0, 0)
-    return coarsest([_component_step(component, with_unknown_steps) for component in components])
+    if not values.size:
+        return StoredStep()
+    components = values.reshape(len(values), -1).T
+    steps = [_component_step(component, with_unknown_steps) for component in components]
+    # A constant component shows no step; as far as can be known it is stored like the others.
+    common = coarsest(steps)
+    few = [len(np.unique(component[np.isfinite(component)])) < FEWEST_VALUES for component in components]
+    return of_components([common if is_few else step for is_few, step in zip(few, steps, strict=True)])
+
+
+def level_step(values: NDArray[np.floating]) -> float:
+    """Infer the step of samples that hardly change: of few levels, at each of which many samples lie.
+
+    Numbers that were not rounded repeat where they do not change at all. So nine of ten samples repeat another one, and
+    either the distances of all levels are multiples of one step beyond chance, or the samples return to levels that
+    they left, which numbers at random do with a probability of one half at most.
+
+    Parameters
+    ----------
+    values
+        (n,) finite samples in the order of time.
+
+    Returns
+    -------
+    float
+        In the unit of the values; 0 where there is no such step.
+    """
+    levels = np.unique(values.astype(np.float64))
+    if len(levels) < 2 or not _is_beyond_chance(len(values) - len(levels), len(values), 0.5, len(_MULTIPLES)):
+        return 0.0
+    slack = 2 * _ROUNDED_UNITS * 2 * DOUBLE_ROUNDOFF * float(np.abs(levels).max())
+    if np.array_equal(levels.astype(np.float32), levels):
+        slack *= SINGLE_ROUNDOFF / DOUBLE_ROUNDOFF
+    distances = np.diff(levels)
+    # Runs of equal samples less the levels: so many of them return.
+    returns = 1 + int(np.count_nonzero(np.diff(values))) - len(levels)
+    for multiple in _MULTIPLES:
+        size = float(distances.min()) / multiple
+        if np.all(np.abs(distances - size * np.rint(distances / size)) <= slack * np.rint(distances / size)):
+            # The least distance is a multiple by definition; any other one is, with this probability.
+            chance = min(1.0, 2.5 * slack / size) ** (len(distances) - 1) * len(_MULTIPLES)
+            return size if min(chance, 0.5**returns * len(_MULTIPLES)) < CHANCE else 0.0
+    return 0.0
 
 
 def _component_step(values: NDArray[np.floating], with_unknown_steps: bool) -> StoredStep:
@@ -85,9 +137,9 @@ def _component_step(values: NDArray[np.floating], with_unknown_steps: bool) -> S
     off = np.abs(distinct[some] - _STEPS[:, None] * np.rint(multiples))
     hopeful = np.count_nonzero(off <= _ROUNDED_UNITS * units[some], axis=1) >= 0.5 * off.shape[1]
     size = next((float(size) for size in _STEPS[hopeful] if _lies_on_grid(distinct, units, size)), 0.0)
-    # Three eighths are multiples of one eighth too.
+    # Three eighths are multiples of one eighth too. A known step is exact where an unknown one is an estimate of it.
     unknown = next(_unknown_steps(distinct, units), 0.0) if with_unknown_steps else 0.0
-    return StoredStep(max(size, unknown), roundoff)
+    return StoredStep(unknown if unknown > 1.5 * size else size, roundoff)
 
 
 def _lies_on_grid(values: Float64, units: Float64, size: float) -> bool:

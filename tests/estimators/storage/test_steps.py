@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from fedora_qa.estimators.storage.steps import stored_step
+from fedora_qa.estimators.storage.steps import level_step, stored_step
 from fedora_qa.sequence.stored_step import DOUBLE_ROUNDOFF, HALF_ROUNDOFF, SINGLE_ROUNDOFF, StoredStep
 
 seeds = st.integers(0, 2**32 - 1)
@@ -78,3 +78,37 @@ def test_rounding_errors_stay_within_the_bound(seed: int, power: int) -> None:
     bounds = StoredStep(10.0**-power).error_bounds(exact)
     assert np.all(errors <= bounds * (1 + 1e-9))
     assert errors.max() > 0.9 * bounds.min()
+
+
+@settings(max_examples=50, deadline=None)
+@given(seed=seeds, step=st.floats(1e-5, 1.0), sway=st.floats(0.6, 3.0), single=st.booleans())
+def test_few_levels_show_their_step(seed: int, step: float, sway: float, single: bool) -> None:
+    """Samples that sway by a few steps, as of a hovering vehicle, lie on few levels and return to them."""
+    noise = 0.2 * np.random.default_rng(seed).normal(size=1000)
+    values = step * np.rint(sway * np.sin(np.arange(1000) / 30) + noise)
+    found = level_step(values.astype(np.float32) if single else values)
+    assert found == pytest.approx(step, rel=1e-5)
+
+
+def test_levels_of_other_origin_have_no_step() -> None:
+    """Samples that change each time, a constant, one change, and a slow stream whose samples are held for ten rows."""
+    random = np.random.default_rng(5)
+    for values in (
+        random.normal(size=1000),
+        np.full(1000, 9.81),
+        np.repeat([0.0, 1.0], 500),
+        np.repeat(random.normal(size=100), 10),
+        np.empty(0),
+    ):
+        assert level_step(values) == 0.0
+
+
+@settings(max_examples=30, deadline=None)
+@given(seed=seeds)
+def test_each_component_has_its_own_step(seed: int) -> None:
+    """Millimetres, 1/64, and no step beside each other; a constant component takes the coarsest."""
+    columns = [values_of(seed + i, 10.0) for i in range(3)]
+    values = np.stack([np.round(columns[0], 3), np.rint(64 * columns[1]) / 64, columns[2], np.ones(1000)], axis=1)
+    found = stored_step(values)
+    assert [found.component(i).size for i in range(4)] == pytest.approx([1e-3, 1 / 64, 0.0, 1 / 64])
+    assert found.size == 1 / 64
