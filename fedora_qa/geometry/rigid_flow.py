@@ -173,7 +173,7 @@ def rounding_px(
     flow_px
         (..., 2) as stored.
     flow_step_px, depth_step_m
-        Steps in which flow and depth are stored, px and m; float32 at least.
+        Steps in which flow, each component by its own, and depth are stored, px and m; float32 at least.
 
     Returns
     -------
@@ -192,8 +192,7 @@ def rounding_px(
         # Second source of the docstring; the unit roundoff u multiplies all of them below.
         by_depth = f_over_Z1 * np.abs(motion.t_m[axis] - slope * motion.t_m[2])
         by_arithmetic = _ROUNDINGS * (f_over_Z1 * (1 + np.abs(slope)) * reach_m + pixel + K[axis, 2])
-        rounded_px = np.maximum(
-            SINGLE_PRECISION * np.abs(flow_px[..., axis]), flow_step_px.error_bounds(flow_px[..., axis])
-        )
+        step_px = flow_step_px.component(axis)
+        rounded_px = np.maximum(SINGLE_PRECISION * np.abs(flow_px[..., axis]), step_px.error_bounds(flow_px[..., axis]))
         bounds.append(rounded_px + depth_share * by_depth + SINGLE_PRECISION * by_arithmetic)
     return np.stack(bounds, axis=-1)

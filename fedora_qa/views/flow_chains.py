@@ -191,13 +191,13 @@ def compose(
 def _storage_px(window: Window, stream: str, lines: Float32) -> float:
     """Return the largest error of a flow vector of a field (H, 2 W) by the step in which flow is stored, px.
 
-    Bilinear interpolation is a mean of stored values, and errs by no more than they do; two components by sqrt(2) each.
+    Bilinear interpolation is a mean of stored values, and errs by no more than they do.
     """
     step = window.facts.steps.get(f"path/{stream}")
     if step is None or not step.is_coarse:
         return 0.0  # float32 is in ``_ROUNDING_PX``
     largest_px = float(np.nanmax(np.abs(lines), initial=0.0, where=np.isfinite(lines)))
-    return float(np.sqrt(2.0) * step.error_bounds(largest_px))
+    return float(np.hypot(*(step.component(axis).error_bounds(largest_px) for axis in range(2))))
 
 
 def _of_field(

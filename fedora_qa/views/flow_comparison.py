@@ -230,13 +230,13 @@ def _storage_twist(window: Window, track: PoseTrack, motion: RigidMotion) -> Flo
         position_step_m.size or orientation_step.size
     ):
         return np.zeros(6)
-    # Four components that err by h each make an angle of 2 |dq| = 4 h, and both poses one of 8 h at most. Three
-    # coordinates that err by h make a shift of sqrt(3) h; an angle shifts the camera by its arm and the baseline, which
-    # is no longer than the motion and two arms.
-    angle_rad = 8 * float(orientation_step.error_bounds(1.0))
+    # Four components that err by h_i make an angle of 2 |h|, and both poses one of 4 |h| at most. Coordinates that err
+    # by h_i make a shift of |h|; an angle shifts the camera by its arm and the baseline, which is no longer than the
+    # motion and two arms.
+    angle_rad = 4 * float(np.linalg.norm([orientation_step.component(i).error_bounds(1.0) for i in range(4)]))
     largest_m = float(np.abs(track.poses.positions_world_m).max(initial=0.0))
     arm_m = float(np.linalg.norm(track.camera.T_body_camera[:3, 3]))
-    shift_m = 2 * float(np.sqrt(3.0) * position_step_m.error_bounds(largest_m))
+    shift_m = 2 * float(np.linalg.norm([position_step_m.component(i).error_bounds(largest_m) for i in range(3)]))
     shift_m += angle_rad * (3 * arm_m + float(np.linalg.norm(motion.t_m)))
     return np.array([angle_rad] * 3 + [shift_m] * 3)
 

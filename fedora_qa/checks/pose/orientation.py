@@ -57,8 +57,8 @@ class PoseOrientation(WindowCheck[QuaternionNorms]):
     -----------
     None; an allowance of four units in the last place of the stored type: four components that are each off by half a
     unit move the length by one at most, and normalising and the sum by three more. The type is float32 where all values
-    are float32 numbers. Where components were rounded to a step, as to six decimals, the step is added: each is off by
-    half a step at most, and the length by sum |q_i| / |q| times that, where the sum is 2 |q| at most.
+    are float32 numbers. Where components were rounded to steps s_i, as to six decimals, ``|s| / 2`` is added: each is
+    off by half its step at most, and the length by ``sum |q_i| s_i / (2 |q|)``, at most that (Cauchy and Schwarz).
 
     Cannot see
     ----------
@@ -100,6 +100,7 @@ class PoseOrientation(WindowCheck[QuaternionNorms]):
             return Observation(coverage, unobservable="the stream is empty")
         worst = max(state, key=lambda norms: abs(norms.worst))
         step = facts.steps.get("path/pose/orientation", StoredStep())
+        by_steps = float(np.linalg.norm([step.component(i).size for i in range(4)])) / 2
         with_not_finite = [norms for norms in state if norms.not_finite]
         count = sum(norms.not_finite for norms in with_not_finite)
         return Observation(
@@ -111,7 +112,7 @@ class PoseOrientation(WindowCheck[QuaternionNorms]):
                     unit="1",
                     standard_error=0.0,
                     # Four units in the last place, and the step (derivations in the class docstring).
-                    model_error_bound=4.0 * max(norms.resolution for norms in state) + step.size,
+                    model_error_bound=4.0 * max(norms.resolution for norms in state) + by_steps,
                     statement=f"A quaternion has the length {1 + worst.worst:.9g} (row {worst.worst_row}); normalise.",
                     code="pose.orientation.length",
                     where=_row(facts, worst.worst_row),
