@@ -114,6 +114,22 @@ def test_stored_steps_lie_within_the_bound(flow_step_px: float, depth_step_m: fl
     assert np.max(error / bound) > 0.5
 
 
+def test_each_component_of_flow_and_its_depth_add_their_own_step() -> None:
+    """In closed form for a camera that moves aside: half of a step of flow, and f t / Z^2 times half of that of depth."""
+    motion = RigidMotion(np.eye(3), np.array([0.2, 0.0, 0.0]))
+    columns, rows, depths_m = np.full(3, 300.0), np.full(3, 200.0), np.array([2.0, 5.0, 10.0])
+    flow_px = rigid_flow(K, motion, columns, rows, depths_m)
+    exact = rounding_px(K, motion, columns, rows, depths_m, flow_px)
+    by_component = StoredStep(1 / 64, components=(StoredStep(1 / 64), StoredStep(1e-3)))
+    of_flow = rounding_px(K, motion, columns, rows, depths_m, flow_px, by_component)
+    np.testing.assert_allclose(of_flow - exact, np.broadcast_to([1 / 128, 5e-4], (3, 2)), rtol=2e-3)
+    of_depth = rounding_px(K, motion, columns, rows, depths_m, flow_px, depth_step_m=StoredStep(1e-3))
+    np.testing.assert_allclose((of_depth - exact)[:, 0], 5e-4 * K[0, 0] * 0.2 / depths_m**2, rtol=2e-3)
+    np.testing.assert_allclose((of_depth - exact)[:, 1], 0.0, atol=1e-12)
+    finer = rounding_px(K, motion, columns, rows, depths_m, flow_px, StoredStep(1e-12), StoredStep(1e-12))
+    np.testing.assert_allclose(finer, exact, rtol=1e-8)
+
+
 @pytest.mark.parametrize("z_m", [5e-324, 1e-310, 1e-300])
 def test_a_point_in_the_plane_of_the_camera_has_no_pixel(z_m: float) -> None:
     """Its flow is not finite, or beyond any image; nobody hears of an overflow on the way."""
