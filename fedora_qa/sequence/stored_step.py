@@ -30,18 +30,22 @@ class StoredStep:
         grid.
     roundoff
         Unit roundoff of the mantissa that the values need, without unit.
+    inverse
+        Distance of neighbouring inverse values of a grid of equal steps of these (a disparity, a z-buffer), in one over
+        the unit of the values; 0 where there is no such grid.
     components
         Grids of the components of vectors, of which this is the coarsest; empty where all are alike.
     """
 
     size: float = 0.0
     roundoff: float = DOUBLE_ROUNDOFF
+    inverse: float = 0.0
     components: tuple["StoredStep", ...] = ()
 
     @property
     def is_coarse(self) -> bool:
         """Whether values are stored in a step, or in float16: coarser than the rounding of float32."""
-        return self.size > 0 or self.roundoff > SINGLE_ROUNDOFF
+        return self.size > 0 or self.inverse > 0 or self.roundoff > SINGLE_ROUNDOFF
 
     def component(self, index: int) -> "StoredStep":
         """Return the grid of a component of vectors."""
@@ -50,20 +54,26 @@ class StoredStep:
     def error_bounds(self, values: ArrayLike) -> Float64:
         """Return the largest errors of values (...) by rounding, in their unit.
 
-        A value lies on both grids, and was rounded to the coarser one at its size: ``max(size / 2, roundoff |value|)``.
+        A value lies on all grids, and was rounded to the coarsest one at its size: ``max(size / 2, roundoff |value|,
+        inverse / 2 value^2)``, where ``d(1/v) = -dv / v^2``.
         """
-        return np.maximum(self.size / 2, self.roundoff * np.abs(np.asarray(values, dtype=np.float64)))
+        sizes = np.abs(np.asarray(values, dtype=np.float64))
+        of_inverse = self.inverse / 2 * np.square(sizes)
+        bounds: Float64 = np.maximum(np.maximum(self.size / 2, self.roundoff * sizes), of_inverse)
+        return bounds
 
     def scaled(self, factor: float) -> "StoredStep":
         """Return the step of the values times a factor."""
         components = tuple(component.scaled(factor) for component in self.components)
-        return StoredStep(abs(factor) * self.size, self.roundoff, components)
+        return StoredStep(abs(factor) * self.size, self.roundoff, self.inverse / abs(factor), components)
 
     def text(self, unit: str) -> str:
         """Return the step in words, as ``1 mm`` or ``float32``."""
         kind = _TYPES.get(self.roundoff, f"{self.roundoff:.2g} of the value")
         if self.components:
             return ", ".join(component.text(unit) for component in self.components)
+        if self.inverse:
+            return f"{self.inverse:.6g} / {unit}"
         return f"{self.size:.6g} {unit}".removesuffix(" 1") if self.size else kind
 
 

@@ -13,13 +13,15 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from fedora_qa.conventions import MM_PER_M
 from fedora_qa.estimators.depth.inverse_depth import DepthImage, depth_image
 from fedora_qa.estimators.depth.pair_fit import DepthFit, fit_depth, noise_directions
-from fedora_qa.estimators.depth.stored_step import DepthStep, depth_step
 from fedora_qa.estimators.depth.warp import DepthLattice, DepthModel, lattice_stride, lattice_values
+from fedora_qa.estimators.images.values import positive_extremes
 from fedora_qa.geometry.camera import RigidMotion
 from fedora_qa.record.types import Where
 from fedora_qa.sequence.facts import Facts
+from fedora_qa.sequence.stored_step import StoredStep
 from fedora_qa.sequence.window import USUAL_PIXELS, Window
 from fedora_qa.views.flow_intervals import PoseTrack, motion_between, pose_track
 from fedora_qa.views.frame_poses import pose_of_frame
@@ -277,18 +279,30 @@ def static_depth_of_frame_m(window: Window, frame: int) -> NDArray[np.float32]:
 
 
 def step_share(window: Window) -> float:
-    """Return the largest step of the window's depths as a share of the depth; 0 where they are as fine as float32."""
-    step = step_of(window)
-    return step.relative if step else 0.0
+    """Return the largest step of the window's depths as a share of the depth; 0 where they are as fine as float32.
 
-
-def step_of(window: Window) -> DepthStep | None:
-    """Return the step of stored depths, from the first depth frame that the window owns.
-
-    The step of storage is the same within a window.
+    It is that of the nearest or of the farthest depth of the first frame that the window owns.
     """
-    owned = window.owned("depth")
-    return window.once("depth step", lambda: depth_step(window.depth_m(owned[0])) if owned else None)
+    owned, step = window.owned("depth"), depth_step_m(window.facts)
+    if not step.is_coarse or not owned:
+        return 0.0
+
+    def largest() -> float:
+        extremes = positive_extremes(window.depth_m(owned[0]))
+        return 0.0 if extremes is None else largest_share(step, *extremes[:2])
+
+    return window.once("depth step", largest)
+
+
+def depth_step_m(facts: Facts) -> StoredStep:
+    """Return the step in which depths are stored, in m."""
+    return facts.steps.get("path/depth", StoredStep()).scaled(1.0 / MM_PER_M)
+
+
+def largest_share(step: StoredStep, nearest_m: float, farthest_m: float) -> float:
+    """Return the largest step of depths between two of them as a share of the depth: at one of the ends."""
+    ends_m = np.array([nearest_m, farthest_m])
+    return float(np.max(2 * step.error_bounds(ends_m) / ends_m))
 
 
 def why_no_geometry(facts: Facts) -> str:

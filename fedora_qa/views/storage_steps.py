@@ -1,11 +1,14 @@
 """The steps in which a file stores depth, flow, poses and IMU samples, from a few rows of each."""
 
 from collections.abc import Collection, Iterator, Mapping
+from dataclasses import replace
 from typing import Final
 
 import numpy as np
+from numpy.typing import NDArray
 
 from fedora_qa.errors import UnreadableRowsError
+from fedora_qa.estimators.depth.stored_step import depth_step
 from fedora_qa.estimators.imu.local_motion import OrientationSamples, SampledCurve, VectorSamples
 from fedora_qa.estimators.storage.steps import stored_step
 from fedora_qa.layout.canonical import DATASETS
@@ -71,10 +74,17 @@ def _image_steps(sequence: SequenceRows, facts: Facts, key: str) -> Iterator[Sto
         except UnreadableRowsError:  # a finding of integrity.readable
             continue
         scale = sequence.layout.bindings[key].scale
-        # Depth has no axis of components.
-        values = image.reshape(image.shape[0] * image.shape[1], -1)
-        some = values[:: max(1, len(values) // _MOST_VALUES)].astype(np.float64) / scale
-        yield stored_step(some).scaled(scale)
+        yield image_step(image / scale).scaled(scale)
+
+
+def image_step(image: NDArray[np.floating]) -> StoredStep:
+    """Return the step of the values (H, W) or (H, W, k) of an image; of depths (H, W) also that of their inverses."""
+    # Depth has no axis of components.
+    values = image.reshape(image.shape[0] * image.shape[1], -1)
+    step = stored_step(values[:: max(1, len(values) // _MOST_VALUES)].astype(np.float64))
+    if image.ndim == 2 and not step.is_coarse and (of_depth := depth_step(image)):
+        return replace(of_depth.grid, roundoff=step.roundoff)
+    return step
 
 
 def _motion_step(sequence: SequenceRows, facts: Facts, stream: str, key: str) -> StoredStep | None:
@@ -100,5 +110,5 @@ def inferred_steps(facts: Facts) -> dict[str, str | float]:
     return {
         f"storage.{key.removeprefix('path/').replace('/', '.')}": step.text(DATASETS[key].units)
         for key, step in facts.steps.items()
-        if step.size or step.roundoff > DOUBLE_ROUNDOFF
+        if step.size or step.inverse or step.roundoff > DOUBLE_ROUNDOFF
     }

@@ -115,7 +115,7 @@ def test_stored_steps_lie_within_the_bound(flow_step_px: float, depth_step_m: fl
 
 
 def test_each_component_of_flow_and_its_depth_add_their_own_step() -> None:
-    """In closed form for a camera that moves aside: half of a step of flow, and f t / Z^2 times half of that of depth."""
+    """In closed form for a camera that moves aside: half a step of flow, and f t / Z^2 times half that of depth."""
     motion = RigidMotion(np.eye(3), np.array([0.2, 0.0, 0.0]))
     columns, rows, depths_m = np.full(3, 300.0), np.full(3, 200.0), np.array([2.0, 5.0, 10.0])
     flow_px = rigid_flow(K, motion, columns, rows, depths_m)

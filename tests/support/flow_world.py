@@ -18,6 +18,7 @@ from fedora_qa.layout.resolve import Layout
 from fedora_qa.sequence.declared import Camera, Declared, PoseModel
 from fedora_qa.sequence.facts import Facts
 from fedora_qa.sequence.window import Sampling, Span, Window
+from fedora_qa.views.storage_steps import image_step
 from tests.support.facts import MS, clock
 
 Float64 = NDArray[np.float64]
@@ -189,6 +190,9 @@ def _poses(times_s: Float64, noise: PoseModel) -> tuple[Float64, Float64]:
 
 def observe(check: Check[Any], world: FlowWorld, *, tile_share: float = 1.0, follow_up: bool = True) -> Observation:
     """Run one check over the whole file, with the second look that it asks for."""
+    if len(world.rows_by_key.get("path/depth", ())):  # as the survey of a file infers it
+        step = image_step(world.rows_by_key["path/depth"][0])
+        world = replace(world, facts=replace(world.facts, steps={"path/depth": step}))
     windows = world.windows(Sampling(tile_share=tile_share))
     state = check.start(world.facts)
     for window in windows:

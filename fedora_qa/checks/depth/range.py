@@ -9,13 +9,12 @@ import numpy as np
 from fedora_qa.checks.protocol import Notice, Observation, Statistic, WindowCheck
 from fedora_qa.conventions import MM_PER_M
 from fedora_qa.errors import UnreadableRowsError
-from fedora_qa.estimators.depth.stored_step import DepthStep
 from fedora_qa.estimators.images.values import positive_extremes
 from fedora_qa.features import Feature
 from fedora_qa.record.types import Coverage, Where
 from fedora_qa.sequence.facts import Facts
 from fedora_qa.sequence.window import Window
-from fedora_qa.views.depth_pairs import step_of, where_of_frames
+from fedora_qa.views.depth_pairs import depth_step_m, largest_share, where_of_frames
 
 RANGE_ROUNDING: Final = 2.0**-22
 """Rounding to float32 (2^-24), of the depths and of the range, with two bits to spare; relative."""
@@ -78,12 +77,9 @@ class WindowExtents:
     ----------
     frames
         Frames with a valid pixel.
-    step
-        Step of their depths; None where they are as fine as float32.
     """
 
     frames: tuple[FrameExtent, ...]
-    step: DepthStep | None
 
 
 class DepthRange(WindowCheck[WindowExtents]):
@@ -100,9 +96,10 @@ class DepthRange(WindowCheck[WindowExtents]):
     How
     ---
     Every decoded frame is tallied. Pixels that equal an end, to the rounding of float32, are counted against those in
-    a neighbourhood of it that is 63 times as wide, where surfaces would leave one in 63. Steps are told from second
+    a neighbourhood of it that is 63 times as wide, where surfaces would leave one in 63. Steps are inferred from the
+    values (``fedora_qa/estimators/storage/steps.py``) or, where they are of an unknown size or of 1/z, from second
     differences along rows and columns, which vanish on planes and are multiples of one number where depths, or their
-    inverses, were rounded (``fedora_qa/estimators/depth/stored_step.py``); steps above a thousandth of the depth are
+    inverses, were rounded (``fedora_qa/estimators/depth/stored_step.py``). Steps above a thousandth of the depth are
     noted (16-bit millimetres near by, half floats, disparities, a z-buffer of few bits), finer ones are stated among
     what was inferred.
 
@@ -153,7 +150,7 @@ class DepthRange(WindowCheck[WindowExtents]):
                 near_end[i] = int(np.count_nonzero(distances <= _NEIGHBOURHOOD)) - on_end[i]
             on, near = (on_end[0], on_end[1]), (near_end[0], near_end[1])
             frames.append(FrameExtent(frame, nearest_m, farthest_m, sum(depth_m.shape), on, near))
-        return WindowExtents(tuple(frames), step_of(window)) if frames else None
+        return WindowExtents(tuple(frames)) if frames else None
 
     def conclude(self, state: Sequence[WindowExtents], facts: Facts) -> Observation:
         """State the ends, and the pixels that lie on them."""
@@ -162,16 +159,19 @@ class DepthRange(WindowCheck[WindowExtents]):
         range_m = facts.declared.depth_range_m
         if not frames:
             return Observation(coverage, unobservable="no depth frame has a valid pixel")
-        steps = [window.step for window in state if window.step]
-        step = max(steps, key=lambda step: step.relative) if steps else None
         notices: tuple[Notice, ...] = ()
-        if step and step.relative >= _COARSE:
-            message = (
-                f"Depths come in steps of {MM_PER_M * step.size_m:.3g} mm at {step.depth_m:.3g} m, "
-                f"{100 * step.relative:.2g}% of the depth."
-            )
-            notices = (Notice("depth.range.steps", message, Where(stream="depth")),)
-        inferred = {"depth_step_mm": MM_PER_M * step.size_m} if step else {}
+        inferred: dict[str, str | float] = {}
+        step = depth_step_m(facts)
+        if step.is_coarse:
+            ends_m = (min(frame.nearest_m for frame in frames), max(frame.farthest_m for frame in frames))
+            share, at_m = max((largest_share(step, end_m, end_m), end_m) for end_m in ends_m)
+            inferred = {"depth_step_mm": MM_PER_M * share * at_m}
+            if share >= _COARSE:
+                message = (
+                    f"Depths come in steps of {MM_PER_M * share * at_m:.3g} mm at {at_m:.3g} m, "
+                    f"{100 * share:.2g}% of the depth."
+                )
+                notices = (Notice("depth.range.steps", message, Where(stream="depth")),)
         if range_m is None:
             why = "the file declares no depth range"
             ends = _ends(frames, facts, (0.0, np.inf))

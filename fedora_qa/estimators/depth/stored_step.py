@@ -1,4 +1,4 @@
-"""The steps in which depths were stored: of z (16-bit millimetres), of 1/z (a z-buffer, a disparity), or of a float.
+"""The steps in which depths were stored where these are not known beforehand: of 1/z (a z-buffer, a disparity), or z.
 
 Values alone do not identify a step: the inverse depths of a plane are as regular as a grid. Second differences identify
 it. They are 0 on a plane, vary on a curved surface, and are whole multiples of one step where depths were rounded.
@@ -14,6 +14,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 from fedora_qa.estimators.depth.inverse_depth import FINEST_RELATIVE_STEP
+from fedora_qa.sequence.stored_step import StoredStep
 
 Float64 = NDArray[np.float64]
 Int64 = NDArray[np.int64]
@@ -49,15 +50,24 @@ class DepthStep:
         The step as a share of the depth, 0 to 1.
     depth_m
         The depth at which the step is this share, m.
+    of_inverse
+        Whether the inverses of the depths have equal steps.
     """
 
     relative: float
     depth_m: float
+    of_inverse: bool = False
 
     @property
     def size_m(self) -> float:
         """The step, m."""
         return self.relative * self.depth_m
+
+    @property
+    def grid(self) -> StoredStep:
+        """The grid of the depths, in m, or of their inverses."""
+        # d(1/z) = dz / z^2
+        return StoredStep(inverse=self.relative / self.depth_m) if self.of_inverse else StoredStep(self.size_m)
 
 
 @dataclass(frozen=True, slots=True)
@@ -109,7 +119,7 @@ def depth_step(depths_m: NDArray[np.floating]) -> DepthStep | None:
         keep(octave, common.misfit, DepthStep(common.size / nearest_m, nearest_m))
     for octave, common, octave_m in _steps(1.0 / z, z):
         farthest_m = float(octave_m.max())
-        keep(octave, common.misfit, DepthStep(common.size * farthest_m, farthest_m))
+        keep(octave, common.misfit, DepthStep(common.size * farthest_m, farthest_m, of_inverse=True))
     return max((step for _, step in best.values()), key=lambda step: step.relative, default=None)
 
 
