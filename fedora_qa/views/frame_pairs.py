@@ -2,7 +2,8 @@
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import Final
+from sys import maxsize
+from typing import Final, TypeVar
 
 import cv2
 import numpy as np
@@ -17,6 +18,16 @@ from fedora_qa.views.luma import luma_dn
 from fedora_qa.views.warped_frames import Optics, optics_of
 
 Float32 = NDArray[np.float32]
+Box = tuple[int, int, int, int]
+"""Left, top, right, bottom, px, half-open."""
+
+_T = TypeVar("_T", bound=np.generic)
+
+WHOLE: Final = (0, 0, maxsize, maxsize)
+"""The rectangle that holds any image."""
+
+_ON_PIXEL: Final = 1e-6
+"""Distance from the centre of a pixel, px, that is rounding."""
 
 SAMPLED_COLUMNS: Final = 160
 """Approximate number of columns of points that are compared: exposure is the same in all of the image."""
@@ -38,7 +49,8 @@ class FrameTransition:
     before, after
         Rows of the earlier and of the later frame.
     flow_px
-        (H, W, 2) flow (u right, v down) from the earlier to the later frame, px; None where the file has none.
+        (h, w, 2) flow (u right, v down) from the earlier to the later frame in the part of its grid that the colour
+        camera sees (``seen_part``), px; None where the file has none.
     """
 
     before: int
@@ -63,11 +75,71 @@ def flow_rate_of(window: Window) -> str | None:
     if optics.H_rgb_flow is not None:
         depth = facts.declared.cameras["depth"]  # whose grid frames are mapped to
         size = (depth.height, depth.width)
+        left, top, right, bottom = seen_part(window)
+        if min(right - left, bottom - top) < 1:
+            return None
     return stream if bindings[image].shape[1:3] == size else None
 
 
 def _optics(window: Window) -> Optics | str:
     return window.once("optics of frames", lambda: optics_of(window.facts))
+
+
+def seen_part(window: Window) -> Box:
+    """Return the rectangle of the flow's grid that the colour camera sees.
+
+    Parameters
+    ----------
+    window
+        A window of the sequence.
+
+    Returns
+    -------
+    tuple of int
+        Left, top, right, bottom, px of the flow's grid, half-open; without an area where the cameras see nothing in
+        common. All of the grid where frames are not mapped.
+    """
+    return window.once("part of the flow's grid that colour shows", lambda: _seen_part(window))
+
+
+def _seen_part(window: Window) -> Box:
+    optics, cameras = _optics(window), window.facts.declared.cameras
+    if not isinstance(optics, Optics) or optics.H_rgb_flow is None:
+        return WHOLE
+    rgb, depth = cameras["rgb"], cameras["depth"]
+    # Centres of the pixels in the corners of the colour frame, between which it can be interpolated.
+    right, bottom = rgb.width - 1, rgb.height - 1
+    corners = np.array([[0, 0, 1], [right, 0, 1], [0, bottom, 1], [right, bottom, 1]], dtype=np.float64).T
+    mapped = np.linalg.inv(optics.H_rgb_flow) @ corners
+    if not (mapped[2] > 0).all():
+        return 0, 0, 0, 0
+    # Between the second and the third corner along each axis lies a rectangle within a quadrilateral that is little
+    # rotated.
+    edges = np.sort(mapped[:2] / mapped[2], axis=1)[:, 1:3]
+    first = np.maximum(np.ceil(edges[:, 0] - _ON_PIXEL), 0).astype(int)
+    stop = np.minimum(np.floor(edges[:, 1] + _ON_PIXEL) + 1, [depth.width, depth.height]).astype(int)
+    return int(first[0]), int(first[1]), max(int(stop[0]), int(first[0])), max(int(stop[1]), int(first[1]))
+
+
+def within(box: Box, image: NDArray[_T]) -> NDArray[_T]:
+    """Return the part of an image in a rectangle.
+
+    Parameters
+    ----------
+    box
+        Left, top, right, bottom, px, half-open.
+    image
+        (H, W, ...) of any values.
+
+    Returns
+    -------
+    ndarray
+        (h, w, ...) a view where that is all of the image, else a contiguous copy.
+    """
+    left, top, right, bottom = box
+    if left <= 0 and top <= 0 and right >= image.shape[1] and bottom >= image.shape[0]:
+        return image
+    return np.ascontiguousarray(image[top:bottom, left:right])
 
 
 def pairs_with_flow(window: Window) -> Iterator[FrameTransition]:
@@ -79,7 +151,7 @@ def pairs_with_flow(window: Window) -> Iterator[FrameTransition]:
     for interval in owned_intervals(window, stream):
         before, after = frame_at(clock, interval.start_ns), frame_at(clock, interval.end_ns)
         if before is not None and after is not None:
-            yield FrameTransition(before, after, window.flow_px(stream, interval.row))
+            yield FrameTransition(before, after, within(seen_part(window), window.flow_px(stream, interval.row)))
 
 
 def neighbours(window: Window) -> Iterator[FrameTransition]:
@@ -90,7 +162,7 @@ def neighbours(window: Window) -> Iterator[FrameTransition]:
 
 
 def luma_on_flow_grid(window: Window, frame: int) -> Float32:
-    """Return the luma of a colour frame on the grid of the flow.
+    """Return the luma of a colour frame on the part of the flow's grid that the colour camera sees.
 
     Parameters
     ----------
@@ -102,7 +174,7 @@ def luma_on_flow_grid(window: Window, frame: int) -> Float32:
     Returns
     -------
     ndarray of float32
-        (H, W) linear luma, DN.
+        (h, w) linear luma, DN; the part is ``seen_part``.
     """
     optics = _optics(window)
     if not isinstance(optics, Optics) or optics.H_rgb_flow is None:
@@ -113,7 +185,7 @@ def luma_on_flow_grid(window: Window, frame: int) -> Float32:
 
     def warped() -> Float32:
         warped_dn = cv2.warpPerspective(luma_dn(window, frame), H_rgb_flow, size, flags=flags)
-        return np.asarray(warped_dn, dtype=np.float32)
+        return within(seen_part(window), np.asarray(warped_dn, dtype=np.float32))
 
     return window.of_image("luma on the flow's grid", frame, warped)
 

@@ -20,7 +20,7 @@ from fedora_qa.features import Feature
 from fedora_qa.record.types import Coverage, Where
 from fedora_qa.sequence.facts import Facts
 from fedora_qa.sequence.window import USUAL_PIXELS, Window
-from fedora_qa.views.frame_pairs import luma_on_flow_grid, pairs_with_flow
+from fedora_qa.views.frame_pairs import luma_on_flow_grid, pairs_with_flow, seen_part
 from fedora_qa.views.large_frames import is_large
 from fedora_qa.views.warped_frames import optics_of
 
@@ -63,8 +63,8 @@ class FramePairRatio:
         Rows of the frames.
     ratio, standard_error, rounding_error
         Ratio of the whole frames, its standard error, and its error by rounding of the frames.
-    size
-        Width and height on the grid of the flow, px.
+    seen
+        Left, top, right, bottom of the part of the flow's grid that colour shows, px.
     parts
         Ratios of the parts.
     """
@@ -74,7 +74,7 @@ class FramePairRatio:
     ratio: float
     standard_error: float
     rounding_error: float
-    size: tuple[int, int]
+    seen: Box
     parts: PartRatios
 
 
@@ -199,7 +199,9 @@ class ImagesOrder(WindowCheck[tuple[FramePairRatio, ...]]):
                 parts = tuple(
                     (ratio.ratio, ratio.standard_error) if _is_informative(ratio) else (nan, nan) for ratio in of_parts
                 )
-                ratios.append(FramePairRatio(pair.before, pair.after, whole.ratio, *errors, size, parts))
+                left, top, *_ = seen_part(window)
+                seen = (left, top, left + size[0], top + size[1])
+                ratios.append(FramePairRatio(pair.before, pair.after, whole.ratio, *errors, seen, parts))
         return tuple(ratios)
 
     def conclude(self, state: Sequence[tuple[FramePairRatio, ...]], facts: Facts) -> Observation:
@@ -274,7 +276,9 @@ def _worst_part(pairs: Sequence[FramePairRatio], facts: Facts) -> Statistic | No
     scores = np.where(np.isfinite(relative), (np.abs(relative - 1) - ALLOWED) / errors, -np.inf)
     pair, part = (int(i) for i in np.unravel_index(int(np.argmax(scores)), scores.shape))
 
-    before, after, (left, top, right, bottom) = pairs[pair].before, pairs[pair].after, part_boxes(*pairs[0].size)[part]
+    before, after, (x0, y0, x1, y1) = pairs[pair].before, pairs[pair].after, pairs[0].seen
+    left, top, right, bottom = part_boxes(x1 - x0, y1 - y0)[part]
+    left, top, right, bottom = left + x0, top + y0, right + x0, bottom + y0
     series = [FrameInterval(p.before, p.after, float(r)) for p, r in zip(pairs, relative[:, part], strict=True)]
     off = [interval for interval in series if abs(interval.relative_ratio - 1) > ALLOWED] or [series[pair]]
     return Statistic(

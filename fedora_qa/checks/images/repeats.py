@@ -21,7 +21,7 @@ from fedora_qa.sequence.declared import Camera
 from fedora_qa.sequence.facts import Facts
 from fedora_qa.sequence.window import Window
 from fedora_qa.views.flow_intervals import Pose, interval_at, motion_between, pose_track
-from fedora_qa.views.frame_pairs import flow_rate_of, luma_on_flow_grid
+from fedora_qa.views.frame_pairs import flow_rate_of, luma_on_flow_grid, seen_part, within
 from fedora_qa.views.frame_poses import pose_of_frame
 from fedora_qa.views.luma import luma_dn
 
@@ -271,7 +271,7 @@ def must_have_changed(window: Window, frame: int) -> bool | None:
         right, down = (
             np.gradient(smoothed, axis=axis) if smoothed.shape[axis] > 1 else np.zeros_like(smoothed) for axis in (1, 0)
         )
-        flow_px = window.flow_px(stream, row)
+        flow_px = within(seen_part(window), window.flow_px(stream, row))
         with np.errstate(invalid="ignore"):
             change_dn = np.abs(right * flow_px[..., 0] + down * flow_px[..., 1]) * np.float32(interval_ratio)
         finite_dn = change_dn[np.isfinite(change_dn)]

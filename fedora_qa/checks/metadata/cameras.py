@@ -68,11 +68,12 @@ class MetadataCameras(FactsCheck):
 
     How
     ---
-    K must be upper triangular without skew, its last row 0 0 1, focal lengths positive, and its principal point in
-    the image; width and height are those of the images; T_body_camera is a rotation of determinant +1 with a last row
-    0 0 0 1. Depth and events share one centre, as the paper has it. Noted as unusual: principal points of another
-    convention than (W-1)/2, pixels that are not square, cameras without any rotation, cameras farther than 10 m from
-    the body.
+    K must be upper triangular without skew, its last row 0 0 1, and focal lengths positive; width and height are those
+    of the images; T_body_camera is a rotation of determinant +1 with a last row 0 0 0 1. Depth and events share one
+    centre, as the paper has it. A principal point outside of its image is that of a crop: the camera must then see some
+    of the directions that another camera with the same axes sees. Noted as unusual: such a crop, principal points of
+    another convention than (W-1)/2, pixels that are not square, cameras without any rotation, cameras farther than 10 m
+    from the body.
 
     Noise model
     -----------
@@ -99,6 +100,24 @@ class MetadataCameras(FactsCheck):
         """Measure each camera, then what the cameras share."""
         cameras = facts.declared.cameras
         statistics = [m for name, camera in cameras.items() for m in _of_camera(name, camera, facts)]
+        outside_px = {name: _outside_px(camera) for name, camera in cameras.items()}
+        for name, camera in cameras.items():
+            # Cameras with the same axes, by which a principal point outside of its image can be judged.
+            R = camera.T_body_camera[:3, :3]
+            others = [
+                other
+                for other_name, other in cameras.items()
+                if other_name != name and np.allclose(R, other.T_body_camera[:3, :3], rtol=0.0, atol=_ROUNDING)
+            ]
+            (cx, width), (cy, height) = _centre_and_size(camera)
+            from_centre_px = float(np.hypot(cx - (width - 1) / 2, cy - (height - 1) / 2))
+            is_crop = not others or any(_share_directions(camera, other) for other in others)
+            statistics.append(
+                _statistic(f"{name}.principal_point_outside", 0.0 if is_crop else outside_px[name], "px",
+                           features=(PrincipalPoint(from_centre_px),),
+                           text=f"the principal point of the {name} camera ({cx:.6g}, {cy:.6g}) is so far outside of "
+                           f"its {width} x {height} image that no other camera with these axes sees what it sees")
+            )  # fmt: skip
         if "depth" in cameras and "events" in cameras:
             depth, events = cameras["depth"].T_body_camera, cameras["events"].T_body_camera
             apart_m = float(np.linalg.norm(depth[:3, 3] - events[:3, 3]))
@@ -112,6 +131,12 @@ class MetadataCameras(FactsCheck):
         notices: list[Notice] = []
         for name, camera in cameras.items():
             where = Where(stream=name)
+            if outside_px[name] > 0:
+                message = (
+                    f"the principal point of the {name} camera ({camera.K[0, 2]:.6g}, {camera.K[1, 2]:.6g}) is outside "
+                    f"of its {camera.width} x {camera.height} image, as in a crop of a larger one"
+                )
+                notices.append(Notice("metadata.cameras.crop", message, where))
             offsets = [c - (size - 1) / 2 for c, size in _centre_and_size(camera)]
             for offset, convention in _PRINCIPAL_POINTS.items():
                 if np.allclose(offsets, offset, rtol=0.0, atol=1e-3):
@@ -148,18 +173,11 @@ def _of_camera(name: str, camera: Camera, facts: Facts) -> Iterator[Statistic]:
                      "length or of 1; is it transposed, or has it skew?")  # fmt: skip
     fx, fy = float(K[0, 0]), float(K[1, 1])
     not_positive = float(sum(focal <= 0 for focal in (fx, fy)))
+    width, height = camera.width, camera.height
     yield _statistic(f"{name}.focal_lengths_not_positive", not_positive, "focal lengths", resolution=1.0,
                      features=(FocalLengths(name, fx, fy),),
                      text=f"the focal lengths of the {name} camera are {fx:.6g} and {fy:.6g} px; a focal length is "
                      "positive")  # fmt: skip
-    # The edges of the image are at -1/2 and W - 1/2.
-    (cx, width), (cy, height) = _centre_and_size(camera)
-    outside = [max(-0.5 - c, c - (size - 0.5), 0.0) for c, size in ((cx, width), (cy, height))]
-    from_centre_px = float(np.hypot(cx - (width - 1) / 2, cy - (height - 1) / 2))
-    yield _statistic(f"{name}.principal_point_outside", max(outside), "px",
-                     features=(PrincipalPoint(from_centre_px),),
-                     text=f"the principal point of the {name} camera ({cx:.6g}, {cy:.6g}) is outside of its "
-                     f"{width} x {height} image")  # fmt: skip
     binding = facts.layout.bindings.get(_IMAGES_OF.get(name, ""))
     if binding is not None:
         stored_height, stored_width = binding.shape[1:3]
@@ -183,6 +201,24 @@ def _of_camera(name: str, camera: Camera, facts: Facts) -> Iterator[Statistic]:
 
 def _centre_and_size(camera: Camera) -> tuple[tuple[float, int], tuple[float, int]]:
     return (float(camera.K[0, 2]), camera.width), (float(camera.K[1, 2]), camera.height)
+
+
+def _outside_px(camera: Camera) -> float:
+    """Return how far the principal point lies outside of the image, px; its edges are at -1/2 and W - 1/2."""
+    return max(max(-0.5 - c, c - (size - 0.5), 0.0) for c, size in _centre_and_size(camera))
+
+
+def _share_directions(camera: Camera, other: Camera) -> bool:
+    """Return whether two cameras with the same axes see directions in common, far away from both."""
+    # The image covers the tangents (-1/2 - c) / f to (W - 1/2 - c) / f along each axis.
+    edges = [
+        [
+            sorted(((-0.5 - c) / f, (size - 0.5 - c) / f))
+            for (c, size), f in zip(_centre_and_size(a), focal_px, strict=True)
+        ]
+        for a, focal_px in ((camera, np.diag(camera.K)[:2]), (other, np.diag(other.K)[:2]))
+    ]
+    return all(max(mine[0], theirs[0]) < min(mine[1], theirs[1]) for mine, theirs in zip(*edges, strict=True))
 
 
 def _statistic(

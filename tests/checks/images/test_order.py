@@ -1,15 +1,19 @@
 """Frames out of their places in a part of the image, and images that were moved for a while."""
 
+from dataclasses import replace
 from functools import cache
 
 import numpy as np
 import pytest
 from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
 
 from fedora_qa.catalogue import hypotheses_of
 from fedora_qa.checks.images.order import FrameInterval, ImagesOrder, intervals_out_of_order
 from fedora_qa.diagnosis.images import hypotheses_of_order
 from fedora_qa.judgement.judge import Judged
+from fedora_qa.sequence.window import Sampling
+from fedora_qa.views.frame_pairs import seen_part
 from tests.support.facts import exact_facts
 from tests.support.flow_world import HEIGHT, WIDTH, FlowWorld, judged, make_world, observe
 
@@ -42,6 +46,58 @@ def with_part_of(world: FlowWorld, rows: dict[int, int]) -> FlowWorld:
     for row, source in rows.items():
         changed[row, down, right] = frames[source, down, right]
     return world.with_rows(path_rgb=changed)
+
+
+def cropped(world: FlowWorld, left: int, top: int, right: int, bottom: int) -> FlowWorld:
+    """The same file with a part of the colour frames, and the camera that belongs to it."""
+    depth = world.facts.declared.cameras["depth"]
+    K = depth.K - np.array([[0, 0, left], [0, 0, top], [0, 0, 0]])
+    cameras = {**world.facts.declared.cameras, "rgb": replace(depth, width=right - left, height=bottom - top, K=K)}
+    frames = np.ascontiguousarray(np.asarray(world.rows_by_key["path/rgb"])[:, top:bottom, left:right])
+    return world.declaring(cameras=cameras).with_rows(path_rgb=frames)
+
+
+@pytest.mark.parametrize("box", [(58, 43, 134, 101), (10, 75, 86, 133)], ids=["middle", "off the centre"])
+def test_only_what_colour_shows_is_compared(box: tuple[int, int, int, int]) -> None:
+    """With 40% of the width and height of the colour frames, frames follow the flow and exchanged ones are named."""
+    clean = cropped(world_of((50,)), *box)
+    ratio = observe(ImagesOrder(), clean).measurements[0]
+    assert ratio.value == pytest.approx(1.0, abs=0.1)
+    assert not judged(ImagesOrder(), clean).alarms
+    frames = np.asarray(clean.rows_by_key["path/rgb"]).copy()
+    frames[[FRAME, FRAME + 1]] = frames[[FRAME + 1, FRAME]]
+    result = judged(ImagesOrder(), clean.with_rows(path_rgb=frames))
+    assert first(result, "images.order.share") == "rgb:swapped_frames"
+
+
+@pytest.mark.parametrize(("angle_deg", "scale"), [(0.0, 1.0), (0.0, 1.7), (2.0, 0.6)])
+def test_the_seen_part_maps_into_the_colour_frame(angle_deg: float, scale: float) -> None:
+    """Each pixel of the part lies in the colour frame; without a rotation each pixel beside it lies outside."""
+    world = cropped(world_of((50,)), 30, 20, 120, 100)
+    cameras = world.facts.declared.cameras
+    rgb = cameras["rgb"]
+    K = np.diag([scale, scale, 1.0]) @ rgb.K
+    T = rgb.T_body_camera.copy()
+    T[:3, :3] = T[:3, :3] @ Rotation.from_euler("z", angle_deg, degrees=True).as_matrix()
+    rgb = replace(rgb, K=K, width=int(90 * scale), height=int(80 * scale), T_body_camera=T)
+    window = world.declaring(cameras={**cameras, "rgb": rgb}).windows(Sampling())[0]
+    left, top, right, bottom = seen_part(window)
+    assert (right - left) * (bottom - top) > 70 * 60
+
+    def lies_inside(column: float, row: float) -> bool:
+        ray = np.linalg.inv(cameras["depth"].K) @ [column, row, 1.0]
+        x, y, z = K @ T[:3, :3].T @ cameras["depth"].T_body_camera[:3, :3] @ ray
+        return bool(-1e-6 <= x / z <= rgb.width - 1 + 1e-6 and -1e-6 <= y / z <= rgb.height - 1 + 1e-6)
+
+    corners = [(column, row) for column in (left, right - 1) for row in (top, bottom - 1)]
+    if angle_deg:
+        middles = [((left + right) / 2, top), ((left + right) / 2, bottom - 1), (left, (top + bottom) / 2)]
+        assert all(lies_inside(*place) for place in middles)
+    else:
+        assert all(lies_inside(*place) for place in corners)
+        assert not any(
+            lies_inside(*place) for place in [(left - 1, top), (left, top - 1), (right, top), (left, bottom)]
+        )
 
 
 @pytest.mark.parametrize(
