@@ -237,7 +237,7 @@ def resampled_frames(window: Window) -> ResampledFrames:
     return window.once("resampled_frames", lambda: _resampled_frames(window))
 
 
-def event_footprints(window: Window, shape_frame: tuple[int, int]) -> Footprints:
+def event_footprints(window: Window, shape_frame: tuple[int, int], *, at_corners: bool = False) -> Footprints:
     """Return the footprints of the event camera's pixels in colour frames, computed once a file.
 
     Parameters
@@ -246,6 +246,8 @@ def event_footprints(window: Window, shape_frame: tuple[int, int]) -> Footprints
         A window of the sequence. It keeps both axes for the file.
     shape_frame
         Rows and columns of the colour frames.
+    at_corners
+        Of squares of a pixel's size around the corners of the pixels, half a pixel to the right and down.
 
     Returns
     -------
@@ -253,7 +255,10 @@ def event_footprints(window: Window, shape_frame: tuple[int, int]) -> Footprints
         One footprint for each pixel of the event camera, from row and column axes.
     """
     cameras, (height, width) = window.facts.declared.cameras, sensor_shape(window.facts.declared)
-    K_frame, K_event = cameras["rgb"].K, cameras["events"].K
+    K_frame, K_event, suffix = cameras["rgb"].K, cameras["events"].K.copy(), "_at_corners" if at_corners else ""
+    if at_corners:
+        # A ray at u + 1/2 is at u once the principal point is moved by -1/2.
+        K_event[:2, 2] -= 0.5
 
     def axis_of_file(name: str, compute: Callable[[], FootprintAxis]) -> FootprintAxis:
         """Return an axis that is computed once a file, and kept as an image is."""
@@ -261,11 +266,11 @@ def event_footprints(window: Window, shape_frame: tuple[int, int]) -> Footprints
 
     def footprints() -> Footprints:
         return Footprints(
-            axis_of_file("footprint_rows", lambda: row_axis(K_frame, shape_frame[0], K_event, height)),
-            axis_of_file("footprint_columns", lambda: column_axis(K_frame, shape_frame[1], K_event, width)),
+            axis_of_file(f"footprint_rows{suffix}", lambda: row_axis(K_frame, shape_frame[0], K_event, height)),
+            axis_of_file(f"footprint_columns{suffix}", lambda: column_axis(K_frame, shape_frame[1], K_event, width)),
         )
 
-    return window.once(("footprints", shape_frame), footprints)
+    return window.once(("footprints", shape_frame, at_corners), footprints)
 
 
 def intervals_due(window: Window, resampled: ResampledFrames, per_window: int) -> int:
@@ -367,8 +372,41 @@ def signal_of(
     lit
         (h, w).
     """
-    uniform_dn = resampled.uniform_dn[frame]
-    lit = np.greater(uniform_dn, 2 * resampled.error_dn[frame])
+    return _signal(resampled.uniform_dn[frame], resampled.error_dn[frame], declared)
+
+
+def signal_at_corners(
+    window: Window, resampled: ResampledFrames, declared: EventModel, frame: int
+) -> tuple[NDArray[np.float32], NDArray[np.bool_]]:
+    """Return ``signal_of`` at the corners of the pixels, half a pixel to the right and down.
+
+    Parameters
+    ----------
+    window
+        The window of the frames.
+    resampled
+        The window's frames.
+    declared
+        The model, ``log`` or ``linear``.
+    frame
+        Number of the frame among those of the window, 0 to n - 1.
+
+    Returns
+    -------
+    levels
+        (h, w), as of ``signal``.
+    lit
+        (h, w).
+    """
+    images = np.empty((3, *resampled.uniform_dn.shape[1:]), np.float32)
+    _, uniform_dn, error_dn = _resample_into(images, window, int(resampled.frames[frame]), at_corners=True)
+    return _signal(uniform_dn, error_dn, declared)
+
+
+def _signal(
+    uniform_dn: NDArray[np.float32], error_dn: NDArray[np.float32], declared: EventModel
+) -> tuple[NDArray[np.float32], NDArray[np.bool_]]:
+    lit = np.greater(uniform_dn, 2 * error_dn)
     if declared.model == "linear":
         return uniform_dn, lit
     # Log model: L = ln(light + log_eps), of 1e-3 DN at least.
@@ -442,13 +480,15 @@ def _resampled_frames(window: Window) -> ResampledFrames:
     return ResampledFrames(frames, times_ns, edge_aware_dn, uniform_dn, error_dn, counts)
 
 
-def _resample_into(target: NDArray[np.float32], window: Window, frame: int) -> NDArray[np.float32]:
+def _resample_into(
+    target: NDArray[np.float32], window: Window, frame: int, *, at_corners: bool = False
+) -> NDArray[np.float32]:
     """Write both reconstructions of a frame and the bound of the uniform one's error to an array (3, h, w).
 
     Each colour is rounded by at most half a step of its code, so luma is as well.
     """
     luma, clipped_px = luma_dn(window, frame), clipped(window, frame)
-    footprints = event_footprints(window, (luma.shape[0], luma.shape[1]))
+    footprints = event_footprints(window, (luma.shape[0], luma.shape[1]), at_corners=at_corners)
     edge_aware, uniform, error = target
     rounding_dn = ROUNDING_DN[window.facts.declared.transfer]
     footprints.resample(luma, clipped_px, rounding_dn, edge_aware=edge_aware, uniform=uniform, error=error)

@@ -2,7 +2,6 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import partial
 from typing import Final, Literal
 
 import numpy as np
@@ -11,18 +10,19 @@ from numpy.typing import NDArray
 from fedora_qa.checks.protocol import Observation, Statistic, WindowCheck
 from fedora_qa.conventions import US_PER_S
 from fedora_qa.estimators.events.far_shift import FarSums, far_shift, far_sums, joined
+from fedora_qa.estimators.events.level_changes import level_changes
 from fedora_qa.estimators.events.shift import (
     CLEAR,
     RADIUS_PX,
+    IntervalChanges,
     PartShift,
     ShiftSums,
-    intervals,
+    lattice_peak,
+    lattice_spread,
     most_shifted,
     open_level_errors,
-    peak,
-    peak_spread,
 )
-from fedora_qa.estimators.events.shift_kernels import KEPT, SETTLED, USABLE
+from fedora_qa.estimators.events.shift_kernels import KNOWN, USABLE
 from fedora_qa.estimators.fitting.sensitivity import sensitivity_range
 from fedora_qa.features import Feature
 from fedora_qa.record.types import Coverage, Where
@@ -31,11 +31,12 @@ from fedora_qa.sequence.window import USUAL_PIXELS, Window
 from fedora_qa.views.event_camera import (
     GRID,
     WINDOW_NS,
-    events_before,
     intervals_due,
     is_large_sensor,
+    pixel_events,
     resampled_frames,
     sensor_shape,
+    signal_at_corners,
     signal_of,
     tile_around,
     why_frames_and_events_do_not_meet,
@@ -82,25 +83,23 @@ class ShiftCorrelations:
     Attributes
     ----------
     patches
-        (k, s, s) cross-correlations of frame changes with event changes, without pixels whose events have changed sign.
-    with_turned, settled
-        (k, s, s) likewise with these pixels, and also without pixels whose frames have changed sign against their
-        events.
+        (k, 2, s, s) cross-correlations of frame changes with event changes, as ``lattice_peak`` takes them.
+    lines
+        (2, s, s) their sum, of changes by events without excursions between events.
     squares
-        (k, 2) sums of squares of both changes, without pixels whose events have changed sign.
+        (k, 2) sums of squares of both changes.
     slopes
-        (k, 3, 2) to the right and down, as in ``slope_sums``.
+        (k, 3, 2) to the right and down, as in ``slope_sums``, where the change by events is known.
     far
         The patches at half the resolution, for shifts beyond the reach of these.
     tiles
-        Correlations of each tile of the image, summed over the intervals.
+        Sums of each tile of the image over the intervals.
     start_ns, stop_ns
         Ends of the window, ns from the file's origin.
     """
 
     patches: Float64
-    with_turned: Float64
-    settled: Float64
+    lines: Float64
     squares: Float64
     slopes: Float64
     far: FarSums
@@ -174,23 +173,33 @@ class EventResponseAlignment(WindowCheck[ShiftCorrelations]):
         due, last = intervals_due(window, resampled, per_window), len(resampled) - 2
         if due <= 0:
             return None
-        # Events before the first interval are read only where there is no other interval.
-        chosen = np.unique(np.linspace(min(1, last), last, due).round().astype(int)).tolist()
-        before = events_before(resampled, window) if last == 0 else None
-        signals, thresholds = partial(signal_of, resampled, declared), (declared.threshold_on, declared.threshold_off)
-        whole, tiles, far, with_turned, settled = [], [], [], [], []
-        # Each interval is overwritten by the next, so that its sums are taken at once.
-        for changes in intervals(signals, resampled.counts, *thresholds, chosen, before):
-            height, width = changes.flags.shape
-            whole.append(changes.sums(KEPT, [(0, height, 0, width)]))
-            with_turned.append(changes.patch(USABLE))
-            settled.append(changes.patch(SETTLED))
-            far.append(far_sums(changes.change, changes.events, (changes.flags & KEPT).astype(np.bool_)))
-            tiles.append(changes.tile_sums(KEPT, GRID))
+        # In the middle of equal parts of the window, where events are known for long before and after.
+        chosen = np.unique((np.arange(due) + 0.5) * (last + 1) // due).astype(int).tolist()
+        thresholds, events = (declared.threshold_off, declared.threshold_on), pixel_events(window)
+        lines = np.zeros((2, 2 * RADIUS_PX + 1, 2 * RADIUS_PX + 1))
+        whole, tiles, far = [], [], []
+        for i in chosen:
+            times_ns = int(resampled.times_ns[i]), int(resampled.times_ns[i + 1])
+            by_events = level_changes(events, resampled.counts.shape[2:], times_ns, thresholds)
+            (level, lit), (later, lit_later) = (signal_of(resampled, declared, frame) for frame in (i, i + 1))
+            (corner, lit_corner), (later_corner, lit_later_corner) = (
+                signal_at_corners(window, resampled, declared, frame) for frame in (i, i + 1)
+            )
+            known = np.where(by_events.is_known, USABLE | KNOWN, USABLE).astype(np.uint8)
+            changes = IntervalChanges(
+                level,
+                (later - np.float64(level), later_corner - np.float64(corner)),
+                (known * (lit & lit_later), known * (lit_corner & lit_later_corner)),
+                by_events.mean,
+            )
+            height, width = level.shape
+            whole.append(changes.sums([(0, height, 0, width)]))
+            lines += changes.patches(by_events.line)
+            far.append(far_sums(changes.changes[0], changes.events, lit & lit_later))
+            tiles.append(changes.tile_sums(GRID))
         return ShiftCorrelations(
             np.concatenate([sums.patches for sums in whole]),
-            np.array(with_turned),
-            np.array(settled),
+            lines,
             np.concatenate([sums.squares for sums in whole]),
             np.concatenate([sums.slopes for sums in whole]),
             joined(far),
@@ -208,82 +217,82 @@ class EventResponseAlignment(WindowCheck[ShiftCorrelations]):
         patches = np.concatenate([window.patches for window in state])
         squares = np.sum([window.squares.sum(axis=0) for window in state], axis=0)
         far = far_shift(joined([window.far for window in state]), REACH_PX, LEAST_CORRELATION)
-        if far is None:
-            total = patches.sum(axis=0)
-            # Correlation coefficient of frames and events; 1e-300 keeps it finite where nothing changes.
-            strength = float(total.max()) / max(float(np.sqrt(squares.prod())), 1e-300)
-            near = peak(total)
-            if near is None or strength < LEAST_CORRELATION:
-                why = f"events and frames correlate by no more than {strength:.2g} within {RADIUS_PX} px"
-                return Observation(coverage, unobservable=why)
-            near_spread = peak_spread(patches, total)
-            if near_spread is None:
-                return Observation(coverage, unobservable="the peak depends on single frame intervals")
-            shift, spread = near, near_spread
-        else:
-            shift, spread = far.shift, far.errors_px
         if facts.declared.events is None:
             return Observation(coverage, unobservable="the event sensor is not declared")
         # The larger threshold leaves the larger uncertainty of the level.
         threshold = max(facts.declared.events.threshold_on, facts.declared.events.threshold_off)
-        slopes = np.concatenate([window.slopes for window in state])
-        # C sqrt(2/3 / sum g^2) px, and the lag of the level behind its reference (class docstring; derivation in
-        # ``shift``).
-        open_errors, lags = open_level_errors(slopes.mean(axis=0), threshold)
-        errors = np.maximum(spread, open_errors)
+        slopes = np.concatenate([window.slopes for window in state]).mean(axis=0)
         if far is None:
-            # Shift of the peak by pixels whose change has changed sign: those whose events have, plus those whose
-            # events are still to come. The peak without them bounds this shift by the data; the lag of the noise model
-            # bounds it as well.
-            drag_px = np.zeros(2)
-            for by_window in ([window.with_turned for window in state], [window.settled for window in state]):
-                dragged = peak(np.sum([of_intervals.sum(axis=0) for of_intervals in by_window], axis=0))
-                # Without a peak the data give no bound, and the lag of the noise model remains.
-                if dragged is None:
-                    drag_px = np.full(2, np.inf)
-                    break
-                drag_px += abs(np.array([dragged.right_px - shift.right_px, dragged.down_px - shift.down_px]))
-            lags = np.minimum(lags, drag_px)
+            total = patches.sum(axis=0)
+            # Correlation coefficient of frames and events; 1e-300 keeps it finite where nothing changes.
+            strength = float(total.max()) / max(float(np.sqrt(squares.prod())), 1e-300)
+            near = lattice_peak(total)
+            if near is None or strength < LEAST_CORRELATION:
+                why = f"events and frames correlate by no more than {strength:.2g} within {RADIUS_PX} px"
+                return Observation(coverage, unobservable=why)
+            # Spread over time, and over the image, where the errors of neighbouring pixels on one edge are alike.
+            tiles = np.sum([window.tiles.patches for window in state], axis=0)
+            spreads = lattice_spread(patches), lattice_spread(tiles[tiles.any(axis=(1, 2, 3))])
+            straight = lattice_peak(np.sum([window.lines for window in state], axis=0))
+            if spreads[0] is None or spreads[1] is None or straight is None:
+                return Observation(coverage, unobservable="the peak depends on single frame intervals or tiles")
+            shift = near
+            errors = np.maximum(*spreads)
+            # Distance of the peak without excursions of the level between events.
+            bounds = np.abs([straight.right_px - near.right_px, straight.down_px - near.down_px])
+        else:
+            level_errors, bounds = open_level_errors(slopes, threshold)
+            shift, errors = far.shift, np.maximum(far.errors_px, level_errors)
         whole = (
-            self._whole("shift_right", shift.right_px, "right", float(errors[0]), float(lags[0])),
-            self._whole("shift_down", shift.down_px, "down", float(errors[1]), float(lags[1])),
+            self._whole("shift_right", shift.right_px, "right", float(errors[0]), float(bounds[0])),
+            self._whole("shift_down", shift.down_px, "down", float(errors[1]), float(bounds[1])),
         )
-        return Observation(coverage, (*whole, *self._parts(state, threshold, lags, facts)))
+        return Observation(coverage, (*whole, *self._parts(state, threshold, bounds, facts)))
 
     def _parts(
-        self, state: Sequence[ShiftCorrelations], threshold: float, lags: Float64, facts: Facts
+        self, state: Sequence[ShiftCorrelations], threshold: float, bounds: Float64, facts: Facts
     ) -> list[Statistic]:
         """Return the segment of time and the region that are shifted most against the rest."""
         statistics = []
         windows = [ShiftSums(*(getattr(each, name).sum(axis=0) for name in ShiftSums.__slots__)) for each in state]
         usual = max(len(window.patches) for window in state)
-        with_turned = np.array([window.with_turned.sum(axis=0) for window in state])
-        segment = most_shifted(ShiftSums.stacked(windows), usual, threshold, LEAST_CORRELATION, with_turned)
+        lines, tiles = (
+            np.array([window.lines for window in state]),
+            np.array([window.tiles.patches for window in state]),
+        )
+        # A segment of time is spread over the tiles, and a tile over the segments.
+        spreads = [lattice_spread(of_window[of_window.any(axis=(1, 2, 3))]) for of_window in tiles]
+        segment = most_shifted(
+            ShiftSums.stacked(windows), usual, threshold, LEAST_CORRELATION, spreads=spreads, lines=lines
+        )
         if segment is not None:
             chosen = [window for window, alike in zip(state, segment.alike, strict=True) if alike]
             start_us, stop_us = facts.to_file_us(chosen[0].start_ns), facts.to_file_us(chosen[-1].stop_ns)
             where = Where(stream="events", start_us=start_us, stop_us=stop_us)
             place = f"From {start_us / US_PER_S:.2f} s to {stop_us / US_PER_S:.2f} s"
-            statistics.append(self._part("stretch", segment, lags, where, place))
+            statistics.append(self._part("stretch", segment, bounds, where, place))
         count = sum(len(window.patches) for window in state)
-        region = most_shifted(ShiftSums.added([window.tiles for window in state]), count, threshold, CLEAR)
+        spreads = [lattice_spread(of_tile) for of_tile in tiles.swapaxes(0, 1)]
+        region = most_shifted(
+            ShiftSums.added([window.tiles for window in state]), count, threshold, CLEAR, spreads=spreads
+        )
         if region is not None:
             tile = tile_around(region.alike, sensor_shape(facts.declared))
             place = f"In columns {tile[0]} to {tile[2] - 1}, rows {tile[1]} to {tile[3] - 1}"
-            statistics.append(self._part("region", region, lags, Where(stream="events", tile=tile), place))
+            statistics.append(self._part("region", region, bounds, Where(stream="events", tile=tile), place))
         return statistics
 
-    def _part(self, rule: str, part: PartShift, lags: Float64, where: Where, place: str) -> Statistic:
+    def _part(self, rule: str, part: PartShift, bounds: Float64, where: Where, place: str) -> Statistic:
         word, error = _AXES[part.axis], part.standard_error_px
         return Statistic(
             name=f"shift_in_a_{rule}",
             value=part.shift_px,
             unit="px",
             standard_error=error,
-            model_error_bound=float(lags[part.axis]),
+            model_error_bound=float(bounds[part.axis]),
             # Each part was compared along both axes.
             tests=2 * part.compared,
-            sensitivity=sensitivity_range(part.errors_px, lags),
+            sensitivity=sensitivity_range(part.errors_px, bounds),
             statement=f"{place} events lie {part.shift_px:+.3g} +/- {error:.2g} px ({word} positive) from where they "
             "lie in the rest.",
             code=f"event_response.alignment.{rule}",
@@ -291,13 +300,13 @@ class EventResponseAlignment(WindowCheck[ShiftCorrelations]):
             features=(ShiftAxis(word),),
         )
 
-    def _whole(self, name: str, value: float, word: Literal["right", "down"], error: float, lag: float) -> Statistic:
+    def _whole(self, name: str, value: float, word: Literal["right", "down"], error: float, bound: float) -> Statistic:
         return Statistic(
             name=name,
             value=value,
             unit="px",
             standard_error=error,
-            model_error_bound=lag,
+            model_error_bound=bound,
             statement=f"Events lie {value:+.3g} +/- {error:.2g} px ({word} positive) from where the frames change.",
             code="event_response.alignment.shift",
             where=Where(stream="events"),

@@ -3,9 +3,18 @@
 The events of a pixel determine its level only to within a threshold C on each side. Their sum differs from the change
 of the level between two frames by e, of variance 2/3 C^2. If the change of the level has the slope g, the peak of the
 correlation moves by the coefficient of the regression of e on g.
+
+A correlation at whole shifts does not determine its values between them, because scenes have edges sharper than a
+pixel: at whole shifts a spatial frequency f (1/px) has the same values as f - 1. A parabola through three values draws
+the peak to whole pixels: a shift of 0.3 px gives 0.16 px. Frames, however, can be resampled anywhere. At the corners of
+pixels, half a pixel to the right and down, they give the correlation at half shifts too. Both lattices together are a
+quincunx, on which f has the same values as f + (1, 1) and f + (1, -1), but not as f + (1, 0). Smoothing by a Gaussian
+of standard deviation s multiplies f by exp(-2 pi^2 s^2 |f|^2). With s = ``SMOOTHING_PX`` the equivalents of frequencies
+along an axis, at 1 / px or more, are multiplied by less than 1e-4. The smoothed sum over both lattices is then that
+over all shifts, and its peak is not drawn anywhere.
 """
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 from typing import Final
@@ -14,14 +23,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fedora_qa.estimators.events.shift_kernels import (
+    KNOWN,
     RADIUS,
     USABLE,
     add_slopes,
     correlate,
     correlate_with_itself,
-    follow_signs,
-    follow_turns,
-    step_between,
 )
 from fedora_qa.estimators.fitting.robust import MAD_TO_SIGMA, jackknife_errors
 
@@ -38,6 +45,16 @@ edges correlate by chance."""
 
 FEWEST_PARTS: Final = 4
 """Least number of parts with a peak: with fewer, no part can differ from the others."""
+
+SMOOTHING_PX: Final = 0.7
+"""Standard deviation of the Gaussian that smooths a correlation on both lattices, px (module docstring). With 0.5 px a
+shift of 0.3 px is drawn to whole pixels by 5%, with 0.7 px by 1%; errors by noise grow with it."""
+
+_MOST_GROUPS: Final = 30
+"""Groups of a jackknife: its error is then itself certain to 1 / sqrt(2 * 29), 13%."""
+
+_MOST_STEPS, _CONVERGED_PX, _FARTHEST_PX = 30, 1e-6, 1.5
+"""Newton's method takes three to six steps to the peak, which lies within a pixel of the largest value."""
 
 _FREEDOM: Final = 8
 """Least number of parts, less two, whose scatter is a better scale than their errors."""
@@ -113,11 +130,12 @@ class ShiftSums:
     Attributes
     ----------
     patches
-        (k, s, s) cross-correlations of frame changes with event changes; s = 2 R + 1, no shift in the middle.
+        (k, 2, s, s) cross-correlations of frame changes with event changes, s = 2 R + 1, as ``lattice_peak`` takes
+        them.
     squares
         (k, 2) sums of squares of frame changes and of event changes.
     slopes
-        (k, 3, 2) sums of slopes, as ``slope_sums`` returns them.
+        (k, 3, 2) sums of slopes, as ``slope_sums`` returns them, where the change by events is known.
     """
 
     patches: Float64
@@ -143,24 +161,24 @@ class IntervalChanges:
     ----------
     level
         (h, w) level of the earlier frame.
-    change, events
-        (h, w) changes by frames and by events, in the unit of the level.
+    changes
+        Changes (h, w) by frames at the centres of the pixels, and at their corners, half a pixel to the right and down.
     flags
-        (h, w) combinations of ``USABLE``, ``KEPT`` and ``SETTLED`` of ``shift_kernels``.
+        (h, w) flags ``USABLE`` and ``KNOWN`` of ``shift_kernels`` for both changes.
+    events
+        (h, w) changes by events, in the unit of the level; 0 where they are not known.
     """
 
     level: NDArray[np.floating]
-    change: Float64
+    changes: tuple[Float64, Float64]
+    flags: tuple[NDArray[np.uint8], NDArray[np.uint8]]
     events: Float64
-    flags: NDArray[np.uint8]
 
-    def sums(self, flag: int, boxes: Sequence[tuple[int, int, int, int]]) -> ShiftSums:
-        """Return the sums over the flagged pixels of parts of the image.
+    def sums(self, boxes: Sequence[tuple[int, int, int, int]]) -> ShiftSums:
+        """Return the sums over the usable pixels of parts of the image.
 
         Parameters
         ----------
-        flag
-            Flag of the pixels that count.
         boxes
             Top, bottom, left and right of each of the k parts, px, half open.
 
@@ -169,20 +187,19 @@ class IntervalChanges:
         ShiftSums
             Of the k parts.
         """
-        patches = np.empty((len(boxes), 2 * RADIUS_PX + 1, 2 * RADIUS_PX + 1))
+        patches = np.empty((len(boxes), 2, 2 * RADIUS_PX + 1, 2 * RADIUS_PX + 1))
         squares, slopes = np.empty((len(boxes), 2)), np.zeros((len(boxes), 3, 2))
         for i, box in enumerate(boxes):
-            squares[i] = correlate(self.change, self.events, self.flags, flag, box, 0.0, patches[i])
-            add_slopes(self.level, self.change, self.flags, flag, box, slopes[i])
+            squares[i] = correlate(self.changes[0], self.events, self.flags[0], USABLE, box, 0.0, patches[i, 0])
+            correlate(self.changes[1], self.events, self.flags[1], USABLE, box, 0.0, patches[i, 1])
+            add_slopes(self.level, self.changes[0], self.flags[0], KNOWN, box, slopes[i])
         return ShiftSums(patches, squares, slopes)
 
-    def tile_sums(self, flag: int, tiles: int) -> ShiftSums:
-        """Return the sums over the flagged pixels of each tile of the image.
+    def tile_sums(self, tiles: int) -> ShiftSums:
+        """Return the sums over the usable pixels of each tile of the image.
 
         Parameters
         ----------
-        flag
-            Flag of the pixels that count.
         tiles
             Number of tiles along each axis.
 
@@ -191,63 +208,83 @@ class IntervalChanges:
         ShiftSums
             Of tiles^2 parts, by rows.
         """
-        rows, columns = ([-(-edge * size // tiles) for edge in range(tiles + 1)] for size in self.flags.shape)
-        return self.sums(flag, [(*down, *right) for down in pairwise(rows) for right in pairwise(columns)])
+        rows, columns = ([-(-edge * size // tiles) for edge in range(tiles + 1)] for size in self.events.shape)
+        return self.sums([(*down, *right) for down in pairwise(rows) for right in pairwise(columns)])
 
-    def patch(self, flag: int) -> Float64:
-        """Return the cross-correlation (2 R + 1, 2 R + 1) over the flagged pixels of the whole image."""
-        patch = np.empty((2 * RADIUS_PX + 1, 2 * RADIUS_PX + 1))
-        box = 0, self.flags.shape[0], 0, self.flags.shape[1]
-        correlate(self.change, self.events, self.flags, flag, box, 0.0, patch)
-        return patch
+    def patches(self, events: Float64) -> Float64:
+        """Return the cross-correlations (2, 2 R + 1, 2 R + 1) of the whole image with other changes (h, w) by events."""
+        patches = np.empty((2, 2 * RADIUS_PX + 1, 2 * RADIUS_PX + 1))
+        box = 0, events.shape[0], 0, events.shape[1]
+        for change, flags, patch in zip(self.changes, self.flags, patches, strict=True):
+            correlate(change, events, flags, USABLE, box, 0.0, patch)
+        return patches
 
 
-def intervals(
-    signal_of: Callable[[int], tuple[Float32, Bool]],
-    counts: NDArray[np.int32],
-    threshold_on: float,
-    threshold_off: float,
-    chosen: Sequence[int],
-    before: NDArray[np.int32] | None = None,
-) -> Iterator[IntervalChanges]:
-    """Yield the chosen ones of successive intervals, in order.
-
-    If the signal of a pixel changes against the sign of its last events, it passes through both thresholds before the
-    pixel fires again. The flags exclude such pixels.
+def lattice_peak(correlations: Float64) -> Shift | None:
+    """Return the shift of the peak of a correlation that is sampled at whole and at half shifts, and smoothed.
 
     Parameters
     ----------
-    signal_of
-        Returns the signal (h, w) of a frame, and the mask (h, w) where it is known, by the number of the frame.
-    counts
-        (n - 1, 2, h, w) darker and brighter events of the intervals between n frames.
-    threshold_on, threshold_off
-        Change of the signal by one brighter and by one darker event, both positive.
-    chosen
-        Numbers of the intervals that are yielded, ascending.
-    before
-        (2, h, w) darker and brighter events before the first interval; None where they are not known. The first events
-        of a pixel without events before count as a change of sign.
+    correlations
+        (2, 2 R + 1, 2 R + 1) by shifts down (rows) and to the right (columns): whole shifts, no shift in the middle, and
+        shifts that are smaller by half a pixel along both axes.
 
-    Yields
-    ------
-    IntervalChanges
-        Its arrays are overwritten by the next interval: copy them to keep them.
+    Returns
+    -------
+    Shift | None
+        None where the largest value is not positive, or lies at the border, or is no peak after smoothing.
     """
-    shape, steps = counts.shape[2:], (-threshold_off, threshold_on)
-    change, events = np.empty(shape), np.empty(shape)
-    signs, flags = np.zeros(shape, np.int8), np.empty(shape, np.uint8)
-    if before is not None:
-        follow_signs(before, signs)
-    for i in range(max(chosen, default=-1) + 1):
-        if i not in chosen:
-            # The signs of the last events depend on all intervals before, also on those that are not chosen.
-            follow_signs(counts[i], signs)
-            continue
-        (earlier, lit_before), (later, lit_after) = signal_of(i), signal_of(i + 1)
-        step_between(earlier, later, lit_before & lit_after, counts[i], steps, change, events, flags)
-        follow_turns(counts[i], change, signs, flags)
-        yield IntervalChanges(earlier, change, events, flags)
+    which, row, column = (int(i) for i in np.unravel_index(int(np.argmax(correlations)), correlations.shape))
+    # A largest value at the border can belong to a peak outside of the range.
+    last = 2 * RADIUS_PX
+    if correlations[which, row, column] <= 0 or not (0 < row < last and 0 < column < last):
+        return None
+    shifts = np.arange(-RADIUS_PX, RADIUS_PX + 1.0) - np.array([[0.0], [0.5]])
+    start = np.array([shifts[which, row], shifts[which, column]])
+    position = start.copy()
+    for _ in range(_MOST_STEPS):
+        # Derivatives of S(x) = sum_l R(l) exp(-|l - x|^2 / (2 s^2)) over both lattices, with x in units of s.
+        value, gradient, curvature = 0.0, np.zeros(2), np.zeros((2, 2))
+        for patch, along in zip(correlations, shifts, strict=True):
+            apart = (along - position[:, np.newaxis]) / SMOOTHING_PX
+            zeroth = np.exp(-(apart**2) / 2)
+            first, second = apart * zeroth, (apart**2 - 1) * zeroth
+            value += zeroth[0] @ patch @ zeroth[1]
+            gradient += first[0] @ patch @ zeroth[1], zeroth[0] @ patch @ first[1]
+            mixed = first[0] @ patch @ first[1]
+            curvature += [[second[0] @ patch @ zeroth[1], mixed], [mixed, zeroth[0] @ patch @ second[1]]]
+        if value <= 0:
+            return None
+        # Newton's step near a maximum, where the determinant and minus the trace are positive; else a step uphill.
+        is_concave = np.linalg.det(curvature) > 0 and np.trace(curvature) < 0
+        step = SMOOTHING_PX * (-np.linalg.solve(curvature, gradient) if is_concave else gradient / value)
+        position += np.clip(step, -0.5, 0.5)
+        if np.abs(position - start).max() > _FARTHEST_PX:
+            return None
+        if np.abs(step).max() < _CONVERGED_PX:
+            return Shift(right_px=float(position[1]), down_px=float(position[0]))
+    return None
+
+
+def lattice_spread(patches: Float64) -> Float64 | None:
+    """Return the standard error of ``lattice_peak`` of the sum of correlations by the delete-one jackknife.
+
+    Parameters
+    ----------
+    patches
+        (k, 2, s, s) correlations of single parts. Many parts are joined to groups of successive ones.
+
+    Returns
+    -------
+    Float64 | None
+        (2,) to the right and down, px; None where the sum without one of the parts or groups has no peak.
+    """
+    total, groups = patches.sum(axis=0), np.array_split(patches, max(1, min(len(patches), _MOST_GROUPS)))
+    peaks = [lattice_peak(total - group.sum(axis=0)) for group in groups]
+    shifts = [(shift.right_px, shift.down_px) for shift in peaks if shift is not None]
+    if len(shifts) < len(peaks):
+        return None
+    return jackknife_errors(shifts)
 
 
 def peak(correlation: Float64) -> Shift | None:
@@ -345,6 +382,30 @@ def open_level_errors(sums: Float64, threshold: float) -> tuple[Float64, Float64
     return errors, lags
 
 
+def bracketed_level_errors(sums: Float64, threshold: float) -> Float64:
+    """Return the standard errors of a shift, from the levels that events on both sides leave undetermined.
+
+    Between two events of one polarity the level lies between 0 and C, with the mean f C. Its variance is then at most
+    f (1 - f) C^2 (Bhatia and Davis 2000), 1/6 C^2 on average over the time. Where the polarity differs, the uniform
+    excursion leaves less: (1 - f)^2 / 3 C^2 on the way back. A change has twice the variance, hence Var(e) <= 1/3 C^2.
+
+    Parameters
+    ----------
+    sums
+        (3, 2) ``slope_sums`` of an interval.
+    threshold
+        C, in the unit of the level.
+
+    Returns
+    -------
+    Float64
+        (2,) to the right and down, px.
+    """
+    # Regression of e on h has the standard error C sqrt(1/3 / sum h^2).
+    errors: Float64 = threshold * np.sqrt(1 / 3 / np.maximum(sums[2], 1e-300))
+    return errors
+
+
 @dataclass(frozen=True, slots=True)
 class PartShift:
     """The part whose shift along an axis differs most from the median of all parts.
@@ -375,7 +436,13 @@ class PartShift:
 
 
 def most_shifted(
-    sums: ShiftSums, intervals: int, threshold: float, least: float, with_turned: Float64 | None = None
+    sums: ShiftSums,
+    intervals: int,
+    threshold: float,
+    least: float,
+    *,
+    spreads: Sequence[Float64 | None] | None = None,
+    lines: Float64 | None = None,
 ) -> PartShift | None:
     """Return the part that is shifted most against the others, in standard errors.
 
@@ -390,9 +457,12 @@ def most_shifted(
         C, in the unit of the level.
     least
         Correlation, 0 to 1, below which a part has no peak of its own.
-    with_turned
-        (k, s, s) correlations that include pixels whose events changed sign. The shift of a peak by these pixels is
-        added to the error of its part. None: no such error.
+    spreads
+        Standard errors (2,) of each part by the jackknife, which count where they are larger; a part with None is not
+        compared. None: no such errors.
+    lines
+        (k, 2, s, s) correlations with changes by events without excursions between them. The distance of the peaks is
+        added to the error of a part. None: no such error.
 
     Returns
     -------
@@ -401,16 +471,15 @@ def most_shifted(
     """
     count = len(sums.patches)
     shifts, errors = np.full((count, 2), np.nan), np.full((count, 2), np.inf)
-    strengths = sums.patches.max(axis=(1, 2)) / np.maximum(np.sqrt(sums.squares.prod(axis=1)), 1e-300)
+    strengths = sums.patches.max(axis=(1, 2, 3)) / np.maximum(np.sqrt(sums.squares.prod(axis=1)), 1e-300)
     for i in np.flatnonzero(strengths >= least):
-        shift = peak(sums.patches[i])
-        if shift is not None:
+        shift, spread = lattice_peak(sums.patches[i]), np.zeros(2) if spreads is None else spreads[i]
+        if shift is not None and spread is not None:
             shifts[i] = shift.right_px, shift.down_px
-            errors[i] = open_level_errors(sums.slopes[i] / intervals, threshold)[0]
-            dragged = peak(with_turned[i]) if with_turned is not None else None
-            if dragged is not None:
-                drag_px = dragged.right_px - shift.right_px, dragged.down_px - shift.down_px
-                errors[i] = np.hypot(errors[i], drag_px)
+            errors[i] = np.maximum(bracketed_level_errors(sums.slopes[i] / intervals, threshold), spread)
+            straight = lattice_peak(lines[i]) if lines is not None else None
+            if straight is not None:
+                errors[i] = np.hypot(errors[i], (straight.right_px - shift.right_px, straight.down_px - shift.down_px))
     # Parts without a peak of their own are not compared.
     is_finite = np.isfinite(shifts).all(axis=1)
     if np.count_nonzero(is_finite) < FEWEST_PARTS:

@@ -15,7 +15,6 @@ from numpy.typing import NDArray
 Float32 = NDArray[np.float32]
 Float64 = NDArray[np.float64]
 Int32 = NDArray[np.int32]
-Signs = NDArray[np.int8]
 Flags = NDArray[np.uint8]
 Bools = NDArray[np.bool_]
 Images = NDArray[np.floating[Any]]
@@ -31,57 +30,8 @@ _WIDE = 32
 _FEW = 6
 """Where one in six pixels of a row fires, both ways take equally long: by firing pixels, or the whole row at once."""
 
-USABLE, KEPT, SETTLED = 1, 2, 4
-"""Flags of pixels. USABLE: the signal is known in both frames. KEPT: also, the events have not changed sign. SETTLED:
-also, the signal does not change against the sign of the last events."""
-
-
-@njit(cache=True)
-def follow_turns(counts: Int32, change: Float64, signs: Signs, flags: Flags) -> None:
-    """Clear the flags of pixels whose signal turned in an interval, and update the signs of the last events.
-
-    ``KEPT`` and ``SETTLED`` are cleared where events of the interval have both signs, or another sign than those
-    before. ``SETTLED`` is also cleared where the signal changes against the sign of the last events.
-
-    Parameters
-    ----------
-    counts
-        (2, h, w) darker and brighter events of the interval.
-    change
-        (h, w) change of the signal in the interval.
-    signs
-        (h, w) sign of the last events of each pixel: 1, -1, or 0 where there were none or both signs; updated in place.
-    flags
-        (h, w) flags; updated in place.
-    """
-    for row in range(signs.shape[0]):
-        for column in range(signs.shape[1]):
-            off, on, sign = counts[0, row, column] > 0, counts[1, row, column] > 0, signs[row, column]
-            now = np.int8(on) - np.int8(off)
-            if sign * change[row, column] < 0:
-                flags[row, column] &= USABLE | KEPT
-            if on | off:
-                if (on & off) | (now != sign):
-                    flags[row, column] &= USABLE
-                signs[row, column] = now
-
-
-@njit(cache=True)
-def follow_signs(counts: Int32, signs: Signs) -> None:
-    """Update the signs of the last events, as ``follow_turns`` does, for an interval that is not correlated.
-
-    Parameters
-    ----------
-    counts
-        (2, h, w) darker and brighter events of the interval.
-    signs
-        (h, w) sign of the last events of each pixel; updated in place.
-    """
-    for row in range(signs.shape[0]):
-        off, on, sign = counts[0, row], counts[1, row], signs[row]
-        for column in range(len(sign)):
-            now = np.int8(on[column] > 0) - np.int8(off[column] > 0)
-            sign[column] = now if (on[column] > 0) | (off[column] > 0) else sign[column]
+USABLE, KNOWN = 1, 2
+"""Flags of pixels. USABLE: the signal is known in both frames. KNOWN: also, the change of the level by events is."""
 
 
 @njit(cache=True)
@@ -275,14 +225,16 @@ def _add_products(fired: Float32, line: Float32, sums: Float64) -> None:
 
 @njit(cache=True)
 def add_slopes(level: NDArray[np.floating], change: Float64, flags: Flags, flag: int, box: Box, sums: Float64) -> None:
-    """Add the sums of slopes over pairs of neighbouring flagged pixels of a part of the image.
+    """Add the sums of slopes over pairs of neighbouring pixels of a part of the image.
+
+    A pair of which one pixel has the flag counts by a half: each pixel has a pair on either side.
 
     Parameters
     ----------
     level, change
         (h, w) level of the earlier frame, and its change.
     flags, flag
-        (h, w) flags of pixels, and the flag that both neighbours must have.
+        (h, w) flags of pixels, 0 where they are not usable, and the flag of those that count.
     box
         Top, bottom, left and right of the part, px, half open.
     sums
@@ -312,48 +264,16 @@ def _add_slopes_of_row(
     # sums of |g|, g^2 and h^2: g the slope of the level, h that of its change
     slopes, squares, change_squares = 0.0, 0.0, 0.0
     for i in range(len(next_level)):
-        both = 1.0 if (flags[i] & next_flags[i] & flag) != 0 else 0.0
-        slope = both * (float(next_level[i]) - level[i])
-        steeper = both * (next_change[i] - change[i])
-        slopes += abs(slope)
-        squares += slope * slope
-        change_squares += steeper * steeper
+        flagged = (0.5 if (flags[i] & flag) != 0 else 0.0) + (0.5 if (next_flags[i] & flag) != 0 else 0.0)
+        weight = flagged if flags[i] != 0 and next_flags[i] != 0 else 0.0
+        slope = float(next_level[i]) - level[i] if weight > 0 else 0.0
+        steeper = next_change[i] - change[i] if weight > 0 else 0.0
+        slopes += weight * abs(slope)
+        squares += weight * slope * slope
+        change_squares += weight * steeper * steeper
     sums[0] += slopes
     sums[1] += squares
     sums[2] += change_squares
-
-
-@njit(cache=True)
-def step_between(
-    earlier: Float32,
-    later: Float32,
-    lit: NDArray[np.bool_],
-    counts: Int32,
-    steps: tuple[float, float],
-    change: Float64,
-    events: Float64,
-    flags: Flags,
-) -> None:
-    """Write the changes of an interval by frames and by events, and flag the pixels known in both frames.
-
-    Parameters
-    ----------
-    earlier, later
-        (h, w) signals of both frames.
-    lit
-        (h, w) True where the signal is known in both frames.
-    counts
-        (2, h, w) darker and brighter events between the frames.
-    steps
-        Change of the signal by a darker event (negative) and by a brighter one.
-    change, events, flags
-        (h, w) receive the changes by frames and by events, in the unit of the signal, and the flags.
-    """
-    for row in range(flags.shape[0]):
-        for column in range(flags.shape[1]):
-            change[row, column] = later[row, column] - earlier[row, column]
-            events[row, column] = steps[0] * counts[0, row, column] + steps[1] * counts[1, row, column]
-            flags[row, column] = USABLE | KEPT | SETTLED if lit[row, column] else 0
 
 
 @njit(cache=True)
