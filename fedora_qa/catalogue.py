@@ -24,6 +24,7 @@ from fedora_qa.checks.depth.scale import DepthScale
 from fedora_qa.checks.event_response.alignment import EventResponseAlignment
 from fedora_qa.checks.event_response.conservation import EventResponseConservation
 from fedora_qa.checks.event_response.frames import EventResponseFrames
+from fedora_qa.checks.event_response.interpolation import EventResponseInterpolation
 from fedora_qa.checks.event_response.model import EventResponseModel
 from fedora_qa.checks.event_response.orientation import EventResponseOrientation
 from fedora_qa.checks.event_response.threshold import EventResponseThreshold
@@ -135,6 +136,7 @@ CATALOGUE: Final = (
     CatalogueRow(EventResponseAlignment(), event_response.propose_alignment, events.shifted),
     CatalogueRow(EventResponseFrames(), event_response.propose_frames, image_faults.exchanged_colour),
     CatalogueRow(EventResponseConservation(), event_conservation.propose_conservation, events.mirrored),
+    CatalogueRow(EventResponseInterpolation(), event_response.propose_interpolation, events.interpolated),
     CatalogueRow(AlignmentDepth(), alignment.propose_depth, image_faults.shifted_depth),
     CatalogueRow(AlignmentEvents(), alignment.propose_events, image_faults.shifted_colour),
     CatalogueRow(FlowPhotometricResidual(), flow_photometric.propose_residual, flow.larger),

@@ -73,6 +73,8 @@ _ALL: Final = (
           "Declare the threshold that the sensor model really used."),
     Cause("event_model_misdeclared", ("events",), "", "events follow another sensor model than declared",
           "Declare model='log' or model='linear' as the simulator really computes."),
+    Cause("interpolated_frames", ("events",), "", "events are interpolated between frames",
+          "Render whenever the image has moved by a pixel at most, and make events of these renders."),
     Cause("dead_region", ("events",), "px", "a region of the sensor gives no events",
           "Look for a mask, a crop, or a lost tile."),
     Cause("hot_pixels", ("events",), "pixels", "pixels fire without cause",

@@ -244,6 +244,11 @@ def _rates(estimate: ClockOffset, explained: float) -> tuple[Hypothesis, ...]:
     )
 
 
+def propose_interpolation(alarm: Alarm, facts: Facts) -> tuple[Hypothesis, ...]:
+    """Return interpolation between frames: nothing else places events by the times of the frames."""
+    return (Hypothesis("interpolated_frames", "events", support("event_response.lines_of_frames")),)
+
+
 def propose_alignment(alarm: Alarm, facts: Facts) -> tuple[Hypothesis, ...]:
     """Return the hypotheses for an alarm of ``event_response.alignment``, best supported first."""
     statistic = alarm.statistic

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from fedora_qa.conventions import NS_PER_S
 from fedora_qa.faults.canary_conditions import CanaryConditions, UnplantableError
-from fedora_qa.faults.fault import Fault, rows_from, values, values_by_row
+from fedora_qa.faults.fault import Alteration, Fault, rows_from, values, values_by_row
 from fedora_qa.sequence.declared import Camera
 
 _FEWEST_IN_PACKETS: Final = 16.0
@@ -66,6 +66,40 @@ def mirrored(conditions: CanaryConditions) -> Fault:
     """Columns are counted from right to left."""
     last = _sensor(conditions).width - 1
     return Fault("events are mirrored", {_X: values(lambda x: np.where(x <= last, last - x, x).astype(x.dtype))})
+
+
+def interpolated(conditions: CanaryConditions) -> Fault:
+    """Between two frames, pixels give three events at equal spacings each. No row is added or removed."""
+    index_map = conditions.facts.index_maps.get("rgb_to_event")
+    if index_map is None:
+        raise UnplantableError("no index map tells which events lie between two frames")
+    width, pixels = _sensor(conditions).width, _sensor(conditions).width * _sensor(conditions).height
+    advancing = np.flatnonzero(conditions.facts.clocks["rgb"].advancing)
+    frames_ns = conditions.facts.clocks["rgb"].times_ns[advancing]
+    first_rows = index_map.expected_left[advancing]
+
+    def places(rows: NDArray[np.int64]) -> tuple[NDArray[np.bool_], NDArray[np.int64], NDArray[np.int64]]:
+        """Return which rows lie in groups of three a pixel between two frames, their pixels, and all timestamps, ns."""
+        frame = np.clip(np.searchsorted(first_rows, rows, side="right") - 1, 0, len(first_rows) - 2)
+        row, count = rows - first_rows[frame], first_rows[frame + 1] - first_rows[frame]
+        # Pixel q of m has events at the shares (q + 1/2) / m + 0, 1 and 2 of a third of the interval.
+        columns = np.maximum(np.minimum(count // 3, pixels), 1)
+        grouped = (row >= 0) & (row < 3 * columns) & (count >= 3)
+        number, column = np.divmod(np.clip(row, 0, None), columns)
+        third_ns = (frames_ns[frame + 1] - frames_ns[frame]) // 3
+        # One spacing for all: whole steps of the phase, so that the three are equal to the nanosecond.
+        times_ns = frames_ns[frame] + third_ns * number + third_ns * (2 * column + 1) // (2 * columns)
+        return grouped, column * (pixels // columns), times_ns
+
+    def alter(name: str) -> Alteration:
+        def altered(values: NDArray[Any], rows: NDArray[np.int64]) -> NDArray[Any]:
+            grouped, pixel, times_ns = places(rows)
+            planted = {_X: pixel % width, _Y: pixel // width, _T: times_ns, _P: np.ones_like(pixel)}[name]
+            return np.where(grouped, planted, values).astype(values.dtype)
+
+        return values_by_row(altered)
+
+    return Fault("events are interpolated between the colour frames", {key: alter(key) for key in (_X, _Y, _T, _P)})
 
 
 def shifted(conditions: CanaryConditions) -> Fault:

@@ -3,7 +3,8 @@
 Between two renders the sensor takes the logarithm of the luminance as a straight line, so the image must not move far
 from one to the next. Over each frame interval the largest displacement of any pixel of the event camera is computed
 from depth and flight, forwards from its start and backwards from its end, and the interval is cut into as many equal
-steps as keep a step under the bound. The sky counts, as it turns with the camera.
+steps as keep a step under the bound, and into two at least: events of a slow flight are not interpolated between frames.
+The sky counts, as it turns with the camera.
 """
 
 import math
@@ -22,6 +23,9 @@ Quality = Literal["draft", "standard", "reference"]
 
 MOTION_BOUND_PX: Final[dict[Quality, float]] = {"draft": 1.0, "standard": 0.5, "reference": 0.1}
 """Image motion between two renders, px of the event camera."""
+
+FEWEST_STEPS: Final = 2
+"""Steps between two frames: more than the frames themselves."""
 
 SHORTEST_STEP_US: Final = 10
 """A point that passes close to the camera has no bound; more than 100 000 renders a second are never made."""
@@ -83,9 +87,9 @@ class MotionSteps:
     bound_px: float
 
     def times_us(self, start_us: int, stop_us: int) -> NDArray[np.int64]:
-        """Equal steps from start to stop, rounded to whole microseconds."""
+        """Equal steps from start to stop, two at least, rounded to whole microseconds."""
         steps = math.ceil(self.largest_motion_px(start_us, stop_us) / self.bound_px)
-        steps = max(1, min(steps, (stop_us - start_us) // SHORTEST_STEP_US))
+        steps = max(1, min(max(steps, FEWEST_STEPS), (stop_us - start_us) // SHORTEST_STEP_US))
         return start_us + (stop_us - start_us) * np.arange(1, steps + 1, dtype=np.int64) // steps
 
     def largest_motion_px(self, start_us: int, stop_us: int) -> float:

@@ -22,6 +22,7 @@ _CAUSES_BEFORE_MAPS: Final = frozenset(
         "truncated",
         "dead_region",
         "hot_pixels",
+        "interpolated_frames",
         "spatial_offset",
         "other_sequence",
     }

@@ -1,0 +1,227 @@
+"""Events against the instants of the frames: interpolation between renders."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from math import sqrt
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fedora_qa.checks.protocol import Observation, Statistic, WindowCheck
+from fedora_qa.conventions import NS_PER_MS, NS_PER_S
+from fedora_qa.estimators.events.straight_runs import (
+    FEWEST_EVENTS,
+    LEAST_SPACING_TICKS,
+    chance_of_line,
+    straight_runs,
+)
+from fedora_qa.estimators.images.tracked_motion import tracked_motion_px
+from fedora_qa.features import Feature
+from fedora_qa.record.types import Coverage, Where
+from fedora_qa.sequence.facts import Facts
+from fedora_qa.sequence.window import Window
+from fedora_qa.views.event_camera import pixel_events, resampled_frames, why_frames_and_events_do_not_meet
+from fedora_qa.views.event_tick import local_tick_ns
+
+STEPS: Final = (1, 2, 3, 4, 5, 6, 8, 10)
+"""Renders in a frame interval that are tried."""
+
+UNSEEN_LINES: Final = 10
+"""Lines that are added to those across renders, for the error of their share.
+
+Of lines that are as likely in either place, the number within the intervals is binomial with 1/2 of all. Where none is
+across, a fault must show so many within that chance gives them with the false-alarm rate of z standard errors: 2^-m with
+m = 20 for z = 4.7. With ``a`` lines added, the limit is z sqrt(2 a) = 21 lines of as many runs in either place.
+"""
+
+
+@dataclass(frozen=True, slots=True)
+class RenderRate(Feature):
+    """Renders between which the events are interpolated.
+
+    Attributes
+    ----------
+    rate_hz
+        Their rate.
+    steps
+        Renders in a frame interval.
+    """
+
+    rate_hz: float
+    steps: int
+
+
+@dataclass(frozen=True, slots=True)
+class RunCounts:
+    """Runs of events in a window, for each number of renders in a frame interval.
+
+    Attributes
+    ----------
+    within, across
+        (len(STEPS), 3) runs, runs on a line and events, from each supposed render to the next, and from the middle
+        between two of them to the next middle.
+    intervals, lengths_ns
+        (len(STEPS),) number of frame intervals with sufficient motion, and the sum of their lengths, ns.
+    frames
+        Number of all frame intervals.
+    tick_ns
+        Step of the timestamps, ns.
+    start_ns, stop_ns
+        First and last frame, ns from the file's origin.
+    """
+
+    within: NDArray[np.int64]
+    across: NDArray[np.int64]
+    intervals: NDArray[np.int64]
+    lengths_ns: NDArray[np.int64]
+    frames: int
+    tick_ns: int
+    start_ns: int
+    stop_ns: int
+
+
+class EventResponseInterpolation(WindowCheck[RunCounts]):
+    """Does the light between two frames follow the motion, or a straight line?
+
+    The share of runs (three events or more of a pixel between two renders) that lie on a straight line from the first
+    render to the second, less the share in intervals that begin and end halfway between renders. Renders are supposed
+    at the frames, and at 2, 3, 4, 5, 6, 8 and 10 times their rate. 0 in a correct file; 1 where all events are
+    interpolated.
+
+    Why it matters
+    --------------
+    Events that are made of frames have the time resolution of frames: within an interval their timestamps are off by up
+    to half of it, 10 ms at 50 Hz. A model that learns of them learns the interpolation. Such events agree with the
+    frames at all frame times, so no comparison at frames detects them.
+
+    How
+    ---
+    A pixel whose signal is a straight line from one render to the next has events of one polarity at equal spacings,
+    to within the step of the timestamps, which fill the interval (``straight_runs``). Light of a moving texture is no
+    straight line, and an edge passes in a part of the interval. n renders in a frame interval are supposed only where the image
+    moves by more than n pixels in it (``tracked_motion_px``): simulators that render whenever the image has moved by a
+    pixel, as good ones do, interpolate on shorter paths and pass. A file without any render between frames fails at any
+    motion. Of all numbers of renders the one that deviates most is stated.
+
+    Noise model
+    -----------
+    Nothing in a correct file is bound to the frames: lines are as likely within as across, up to chance. Both shares are
+    binomial with the probability of a line across; ten lines are added to it (derivation beside ``UNSEEN_LINES``), as
+    few or none occur. Runs within and across are not the same selection, as frames are chosen by what moved between
+    them. So the allowance is the probability of a line by chance, tick / spacing; runs of fewer than ten ticks a spacing
+    are left out.
+
+    Cannot see
+    ----------
+    Interpolation between n > 1 renders in a frame interval in which the image moves by n pixels or less, which is also
+    what adaptive simulators do. Renders at a rate that is no multiple of that of the frames in the list, or shifted
+    against the frames. Changes of less than three thresholds from render to render (hovering, no texture:
+    not_observable). Timestamps so coarse that three events ten steps apart do not fit between renders: one event a step of
+    a millisecond, as the simulated DVS plugin gives it (not_observable). Events whose times are spoilt afterwards by
+    jitter of more than a microsecond.
+
+    Sources
+    -------
+    First principles (``straight_runs``). Linear interpolation between renders, and renders by image motion: H. Rebecq,
+    D. Gehrig, D. Scaramuzza, "ESIM: an open event camera simulator", CoRL 2018.
+    """
+
+    name = "event_response.interpolation"
+    needs = ("events", "rgb")
+
+    def not_applicable(self, facts: Facts) -> str:
+        """Require both cameras at one place, and declared thresholds."""
+        return why_frames_and_events_do_not_meet(facts)
+
+    def measure(self, window: Window) -> RunCounts | None:
+        """Count the runs of the window's frame intervals that have sufficient motion."""
+        frames, declared, scan = resampled_frames(window), window.facts.declared.events, window.facts.events
+        if len(frames) < 2 or declared is None or scan is None:
+            return None
+        thresholds = declared.threshold_on, declared.threshold_off
+        # After an event of the other polarity the signal has to cross both thresholds.
+        first_spacings = sum(thresholds) / min(thresholds)
+        tick_ns = local_tick_ns(window)
+        within, across = np.zeros((2, len(STEPS), 3), np.int64)
+        intervals, lengths_ns = np.zeros((2, len(STEPS)), np.int64)
+        for before in range(len(frames) - 1):
+            ends_ns = frames.times_ns[before : before + 2]
+            motion_px = tracked_motion_px(frames.uniform_dn[before : before + 2])
+            for index, steps in enumerate(STEPS):
+                # Renders that are a pixel of motion apart, or less, are as close as adaptive simulators make them.
+                if steps > max(1.0, motion_px):
+                    break
+                edges_ns = ends_ns[0] + (ends_ns[1] - ends_ns[0]) * np.arange(steps + 1) // steps
+                middles_ns = edges_ns + (ends_ns[1] - ends_ns[0]) // (2 * steps)
+                within[index] += straight_runs(
+                    pixel_events(window), np.stack([edges_ns[:-1], edges_ns[1:]], axis=1), tick_ns, first_spacings
+                )
+                # Behind the last event there is nothing to compare with.
+                halves_ns = np.stack([middles_ns[:-1], middles_ns[1:]], axis=1)
+                halves_ns = halves_ns[halves_ns[:, 1] <= scan.last_ns]
+                across[index] += straight_runs(pixel_events(window), halves_ns, tick_ns, first_spacings)
+                intervals[index] += 1
+                lengths_ns[index] += ends_ns[1] - ends_ns[0]
+        start_ns, stop_ns = int(frames.times_ns[0]), int(frames.times_ns[-1])
+        return RunCounts(within, across, intervals, lengths_ns, len(frames) - 1, tick_ns, start_ns, stop_ns)
+
+    def conclude(self, state: Sequence[RunCounts], facts: Facts) -> Observation:
+        """Compare the shares of lines for each number of renders, and state the one that deviates most."""
+        intervals = max(len(facts.clocks["rgb"].times_ns) - 1, 0)
+        coverage = Coverage(sum(counts.frames for counts in state), intervals, "frame intervals")
+        if not state:
+            return Observation(coverage, unobservable="no two frames with events")
+        tick_ns = max(counts.tick_ns for counts in state)
+        period_ns = min((counts.stop_ns - counts.start_ns) // counts.frames for counts in state)
+        if period_ns < FEWEST_EVENTS * LEAST_SPACING_TICKS * tick_ns:
+            reason = f"between two frames, timestamps in steps of {tick_ns / NS_PER_MS:g} ms show no equal spacings"
+            return Observation(coverage, unobservable=reason)
+        # Axes: number of renders, then runs, lines and events.
+        within, across = sum(counts.within for counts in state), sum(counts.across for counts in state)
+        compared = np.flatnonzero((within[:, 0] > 0) & (across[:, 0] > 0)).tolist()
+        if not compared:
+            return Observation(coverage, unobservable="no pixel has three events between two frames")
+        statistics = [self._lines(state, facts, index, len(compared)) for index in compared]
+        # The first of equals: the frames themselves.
+        worst = max(statistics, key=lambda line: (line.value - line.model_error_bound) / line.standard_error)
+        return Observation(coverage, (worst,))
+
+    def _lines(self, state: Sequence[RunCounts], facts: Facts, index: int, tests: int) -> Statistic:
+        """Return the statistic of a number of renders."""
+        runs, lines, _ = sum(counts.within[index] for counts in state).tolist()
+        runs_across, lines_across, _ = sum(counts.across[index] for counts in state).tolist()
+        share, share_across = lines / runs, lines_across / runs_across
+        # Difference of two shares with one probability (binomial), that of a line across renders.
+        probability = (lines_across + UNSEEN_LINES) / (runs_across + 2 * UNSEEN_LINES)
+        error = sqrt(probability * (1 - probability) * (1 / runs + 1 / runs_across))
+        steps = STEPS[index]
+        rates_hz = [NS_PER_S * steps * counts.intervals[index] / max(counts.lengths_ns[index], 1) for counts in state]
+        rate_hz = max(rates_hz)
+        # Mean spacing of a line: the time between two renders over the number of events.
+        chances = [
+            chance_of_line(counts.tick_ns, NS_PER_S / rate) * counts.within[index, 2]
+            for counts, rate in zip(state, rates_hz, strict=True)
+        ]
+        affected = [counts for counts in state if counts.within[index, 1] > counts.across[index, 1]]
+        where = Where(stream="events")
+        if affected and len(affected) < sum(counts.within[index, 0] > 0 for counts in state):
+            where = Where(
+                stream="events",
+                start_us=facts.to_file_us(affected[0].start_ns),
+                stop_us=facts.to_file_us(affected[-1].stop_ns),
+            )
+        return Statistic(
+            name="lines_between_renders",
+            value=share - share_across,
+            unit="1",
+            standard_error=error,
+            model_error_bound=min(1.0, float(sum(chances)) / runs),
+            side="upper",
+            tests=tests,
+            statement=f"{share:.0%} of the changes of a pixel between renders at {rate_hz:.3g} Hz are straight lines in "
+            f"time, and {share_across:.0%} of those across a render: events are interpolated.",
+            code="event_response.interpolation.lines",
+            where=where,
+            features=(RenderRate(rate_hz, steps),),
+        )
