@@ -43,6 +43,7 @@ from fedora_qa.checks.images.exposure import ImagesExposure
 from fedora_qa.checks.images.order import ImagesOrder
 from fedora_qa.checks.images.repeats import ImagesRepeats
 from fedora_qa.checks.images.transfer import ImagesTransfer
+from fedora_qa.checks.images.vignetting import ImagesVignetting
 from fedora_qa.checks.imu.noise import ImuNoise
 from fedora_qa.checks.imu.rotation import ImuRotation
 from fedora_qa.checks.imu.timing import ImuTiming
@@ -152,6 +153,7 @@ CATALOGUE: Final = (
     CatalogueRow(ImagesExposure(), images.propose_exposure, image_faults.darker_colour),
     CatalogueRow(ImagesChannels(), images.propose_channels, image_faults.exchanged_channels),
     CatalogueRow(ImagesTransfer(), images.propose_transfer, image_faults.other_transfer),
+    CatalogueRow(ImagesVignetting(), images.propose_vignetting, image_faults.darker_corners),
     CatalogueRow(FlowEventsSharpness(), flow_events.propose_sharpness, flow.backwards),
     CatalogueRow(PoseOrientation(), pose.propose_orientation, motion.long_quaternions),
     CatalogueRow(PoseContinuity(), pose.propose_continuity, motion.teleport),

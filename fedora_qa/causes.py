@@ -135,6 +135,8 @@ _ALL: Final = (
           "Convert from BGR before writing."),
     Cause("exposure_or_gamma", ("rgb",), "percent", "the transfer curve or exposure is not what is declared",
           "Declare the transfer (linear, srgb, gamma2.2)."),
+    Cause("vignetting", ("rgb",), "percent", "frames get darker towards the corners",
+          "Turn off the lens model of the camera, or divide by its flat field in linear light, before rounding."),
     Cause("depth_ray_not_z", ("depth",), "", "depth is the length of the ray, not z",
           "Store the component along the optical axis."),
     Cause("invalid_encoding", ("depth", "flow"), "", "invalid pixels are not NaN",

@@ -1,10 +1,11 @@
-"""Hypotheses for colour frames: repeats, order, exposure, the order of channels, the transfer curve."""
+"""Hypotheses for colour frames: repeats, order, exposure, the order of channels, the transfer curve, vignetting."""
 
 from typing import Final
 
 from fedora_qa.checks.images.channels import NearestChannelOrder
 from fedora_qa.checks.images.exposure import BrightnessJump, CodesMultiplied
 from fedora_qa.checks.images.order import ALLOWED, OutOfOrderIntervals
+from fedora_qa.checks.images.vignetting import CornerLoss
 from fedora_qa.diagnosis.features import only_feature
 from fedora_qa.diagnosis.hypothesis import Hypothesis
 from fedora_qa.diagnosis.support import support
@@ -141,4 +142,18 @@ def propose_transfer(alarm: Alarm, facts: Facts) -> tuple[Hypothesis, ...]:
                                                             "dropped_samples", "duplicated_samples", "other_sequence")),
         *(Hypothesis(cause, "rgb", spoils) for cause in ("spatial_offset", "time_offset", "channel_order",
                                                          "swapped_frames", "frozen_frames", "other_sequence")),
+    )  # fmt: skip
+
+
+def propose_vignetting(alarm: Alarm, facts: Facts) -> tuple[Hypothesis, ...]:
+    """Return vignetting as a cause, and frames that do not show the surfaces to which the flow leads."""
+    loss = only_feature(alarm.statistic.features, CornerLoss)
+    size = loss.percent, "percent", loss.standard_error_percent
+    mismatch = support("images.corner_mismatch")
+    return (
+        Hypothesis("vignetting", "rgb", support("images.corner_vignetting"), *size),
+        *(Hypothesis(cause, "rgb", mismatch) for cause in ("spatial_offset", "time_offset", "other_sequence",
+                                                           "mirrored", "swapped_frames", "frozen_frames")),
+        *(Hypothesis(cause, "flow", mismatch) for cause in ("flow_gain", "flow_sign", "flow_unit", "axes_swapped",
+                                                            "mirrored", "time_offset", "other_sequence")),
     )  # fmt: skip

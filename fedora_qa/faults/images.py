@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fedora_qa.conventions import MM_PER_M
+from fedora_qa.estimators.images.transfer import to_code, to_linear
 from fedora_qa.faults.canary_conditions import CanaryConditions
 from fedora_qa.faults.fault import Fault, rows_from, values, values_by_row
 
@@ -17,6 +18,10 @@ _LEAST_POWER: Final = 0.5
 """Least excess of the exponent above 1. Contrasts are then 1.5 times as large; the transfer curve of a display makes
 them more than twice as large."""
 _WHITE_DN: Final = 255.0
+_LEAST_LOSS_PERCENT: Final = 2.0
+"""Least loss of light in the corner: with eight bits it changes the grey values there from 26 DN on."""
+_LARGEST_LOSS: Final = 0.9
+"""Largest loss (0 to 1) of light in the corner, so that corners keep contrast."""
 _EXCHANGES: Final = ("RBG", "GRB", "BGR")
 _SPARSELY: Final = 8
 """Frames are exchanged in every 8th interval. Three of eight intervals are then out of order, so that the median of all
@@ -82,6 +87,23 @@ def other_transfer(conditions: CanaryConditions) -> Fault:
     # Y' = 255 (Y / 255)^power, for all 256 codes; 0 and 255 stay.
     codes = np.rint(_WHITE_DN * (np.arange(_WHITE_DN + 1) / _WHITE_DN) ** power).astype(np.uint8)
     return Fault(f"rgb went through a power of {power:.3g}", {_RGB: values(lambda frames: codes[frames])})
+
+
+def darker_corners(conditions: CanaryConditions) -> Fault:
+    """Colour frames get darker from the principal point to the farthest corner, in linear light."""
+    facts = conditions.facts
+    loss = min(conditions.size("corner_loss", at_least=_LEAST_LOSS_PERCENT) / 100, _LARGEST_LOSS)
+    declared, K = facts.declared, facts.declared.cameras["rgb"].K
+    linear_dn = to_linear(np.arange(_WHITE_DN + 1), declared.transfer)
+
+    def alter(frames: NDArray[Any]) -> NDArray[Any]:
+        y, x = np.indices(frames.shape[1:3], dtype=np.float64)
+        squares = ((x - K[0, 2]) / K[0, 0]) ** 2 + ((y - K[1, 2]) / K[1, 1]) ** 2
+        gains = (1 - loss) ** (squares / squares.max())
+        darkened_dn = linear_dn[frames] * gains[..., np.newaxis]
+        return np.asarray(np.rint(to_code(darkened_dn, declared.transfer)), dtype=frames.dtype)
+
+    return Fault(f"rgb loses {100 * loss:.3g}% of its light in the farthest corner", {_RGB: values(alter)})
 
 
 def shifted_colour(conditions: CanaryConditions) -> Fault:

@@ -180,7 +180,7 @@ class FramePair:
         rgb = self.window.rgb(self.before)
         # A square of colour pixels about the middle of each tile, moved into the frame where it would leave it.
         middles = (origins + TILE_PX // 2).astype(np.float32)
-        corners = np.stack(self._on_frame(middles[:, 0], middles[:, 1]), axis=-1) - TILE_PX // 2
+        corners = np.stack(self.on_frame(middles[:, 0], middles[:, 1]), axis=-1) - TILE_PX // 2
         inside = np.clip(np.rint(corners), 0, np.array(rgb.shape[1::-1]) - TILE_PX).astype(np.int64)
         patches = smoothed_patches(
             rgb, _luma_of_codes(self.window.facts.declared.transfer), _NO_SMOOTHING, inside, TILE_PX
@@ -219,14 +219,14 @@ class FramePair:
         # pixel of the flow's grid away.
         reach_px = len(smoothing_taps(self.optics.sigma_px)) // 2 + _SPLINE_REACH_PX + self.optics.sigma_px
         height, width = self.window.rgb(self.before).shape[:2]
-        x, y = self._on_frame(columns, rows)
+        x, y = self.on_frame(columns, rows)
         with np.errstate(invalid="ignore"):
             inside = (x >= reach_px) & (x <= width - 1 - reach_px) & (y >= reach_px) & (y <= height - 1 - reach_px)
         return np.asarray(inside)
 
     def _read(self, frame: int, columns: Float32, rows: Float32) -> Float32:
         """Return the smoothed luma of a frame (by row) at positions (n, s, s) on the flow's grid."""
-        columns, rows = (np.ascontiguousarray(positions) for positions in self._on_frame(columns, rows))
+        columns, rows = (np.ascontiguousarray(positions) for positions in self.on_frame(columns, rows))
         rgb, taps = self.window.rgb(frame), smoothing_taps(self.optics.sigma_px)
         # Each tile needs the part of the frame about its positions, and the reach of the taps around it.
         parts = parts_about(columns, rows, rgb.shape[1], rgb.shape[0])
@@ -244,7 +244,7 @@ class FramePair:
         """Whether the parts about the tiles have few enough pixels to smooth only these."""
         return pixels < _LARGEST_SHARE_IN_PARTS * self.window.rgb(frame)[..., 0].size
 
-    def _on_frame(self, columns: Float32, rows: Float32) -> tuple[Float32, Float32]:
+    def on_frame(self, columns: Float32, rows: Float32) -> tuple[Float32, Float32]:
         """Return columns and rows of the colour frame for columns and rows of the flow's grid, px, of any shape."""
         H = self.optics.H_rgb_flow
         if H is None:

@@ -1,5 +1,6 @@
 """Faults of the colour frames: by how much values change, and in which frames."""
 
+import shutil
 from pathlib import Path
 
 import h5py
@@ -67,3 +68,35 @@ def test_what_is_no_curve_is_refused(clean: Path, tmp_path: Path, magnitude: flo
     with pytest.raises(FaultError, match="Expected"):
         planted(clean, tmp_path / "faulty.h5", magnitude, unit)
     assert list(tmp_path.iterdir()) == []
+
+
+def test_vignetting_darkens_about_the_principal_point(clean: Path, tmp_path: Path) -> None:
+    """1 - loss r^2 / r_corner^2 in linear light; the middle stays, and the farthest corner loses all of it."""
+    plant_fault(clean, tmp_path / "faulty.h5", "vignetting", "rgb", 30.0)
+    before, after = frames(clean), frames(tmp_path / "faulty.h5")
+    with h5py.File(clean) as file:
+        K = file["metadata/cameras/rgb"].attrs["K"]
+    y, x = np.indices(before.shape[1:3])
+    squares = (x - K[0, 2]) ** 2 + (y - K[1, 2]) ** 2
+    due = before * (1 - 0.3 * squares / squares.max())[..., np.newaxis]
+    np.testing.assert_allclose(after, due, atol=0.5 + 1e-9)
+
+
+@pytest.mark.parametrize("transfer", ["srgb", "gamma2.2"])
+def test_vignetting_is_of_linear_light(clean: Path, tmp_path: Path, transfer: str) -> None:
+    """Codes of a display are decoded, darkened, and encoded again; without a loss they stay."""
+    shutil.copy(clean, tmp_path / "declared.h5")
+    with h5py.File(tmp_path / "declared.h5", "r+") as file:
+        file["path/rgb"].attrs["transfer"] = transfer
+        file["path/rgb"][...] = 200
+    plant_fault(tmp_path / "declared.h5", tmp_path / "none.h5", "vignetting", "rgb", 1e-9)
+    assert np.all(frames(tmp_path / "none.h5") == 200)
+    plant_fault(tmp_path / "declared.h5", tmp_path / "faulty.h5", "vignetting", "rgb", 50.0)
+    # (0.5 L)^(1/2.2) for a power; sRGB is within 1.5 codes of its own power of 2.2 here.
+    assert frames(tmp_path / "faulty.h5").min() == pytest.approx(200 * 0.5 ** (1 / 2.2), abs=2)
+
+
+def test_vignetting_of_all_light_is_refused(clean: Path, tmp_path: Path) -> None:
+    """Nothing would be left in the corner."""
+    with pytest.raises(FaultError, match="below 100%"):
+        plant_fault(clean, tmp_path / "faulty.h5", "vignetting", "rgb", 100.0)

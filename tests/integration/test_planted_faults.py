@@ -93,6 +93,7 @@ PLANTED = {
     "images.order": Planted("swapped_frames", "rgb", 1, within=0.0, start_s=0.5),
     "images.exposure": Planted("exposure_or_gamma", "rgb", 10, within=0.05, start_s=0.5),
     "images.channels": Planted("channel_order", "rgb", scene="park-traffic"),
+    "images.vignetting": Planted("vignetting", "rgb", 30, within=0.1),
     "images.transfer": Planted("exposure_or_gamma", "rgb", 1.5, "gamma", scene="racetrack"),
     "pose.orientation": Planted("quaternion_not_unit", "pose", 0.01, within=0.05),
     "pose.continuity": Planted("teleport", "pose", 0.1, within=0.05, start_s=0.5),

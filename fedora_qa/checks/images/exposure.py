@@ -144,8 +144,8 @@ class ImagesExposure(WindowCheck[WindowExposure]):
     Cannot see
     ----------
     Exposure that is wrong in all frames alike and was so before rounding: to the log model of events it means nothing
-    at all, and to the linear model it is a threshold. Gains of single tiles of the image, and vignetting that stays.
-    Light that changes slowly is no jump.
+    at all, and to the linear model it is a threshold. Gains of single tiles of the image. Vignetting that stays, which
+    ``images.vignetting`` measures. Light that changes slowly is no jump.
 
     Sources
     -------

@@ -102,6 +102,7 @@ FAULTS: Final[Mapping[tuple[str, str], Edit]] = MappingProxyType(
         ("depth_ray_not_z", "depth"): depth.depth_ray_not_z,
         ("channel_order", "rgb"): rgb.channel_order,
         ("exposure_or_gamma", "rgb"): rgb.exposure_or_gamma,
+        ("vignetting", "rgb"): rgb.vignetting,
         ("intrinsics_focal", "metadata"): metadata.intrinsics_focal,
         ("intrinsics_centre", "metadata"): metadata.intrinsics_centre,
         ("extrinsic_rotation", "metadata"): metadata.extrinsic_rotation,
