@@ -2,6 +2,7 @@
 
 from typing import Final
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
 
@@ -13,6 +14,7 @@ from fedora_qa.estimators.images.vignetting import PARTS, CellRatios
 from fedora_qa.sequence.declared import Camera
 from fedora_qa.views.flow_intervals import Interval
 from fedora_qa.views.flow_residuals import sample_tiles
+from fedora_qa.views.luma import clipped
 from fedora_qa.views.warped_frames import FramePair
 
 Float32 = NDArray[np.float32]
@@ -27,8 +29,6 @@ CELL_PX: Final = 8
 
 _FEWEST_PIXELS: Final = CELL_PX**2 // 2
 """Least number of the pixels of a cell that both frames must show."""
-
-_WHITE: Final = 255
 
 
 def cell_ratios(frames: FramePair, interval: Interval, camera: Camera, tile_share: float) -> CellRatios | None:
@@ -67,13 +67,12 @@ def cell_ratios(frames: FramePair, interval: Interval, camera: Camera, tile_shar
     for frame, places in ((frames.before, (columns, rows)), (frames.after, later)):
         x, y = frames.on_frame(*places)
         squared_radii.append(squared_radius(camera, x, y))
-        # Clipped pixels have lost their brightness: no cell with any of them is compared.
-        rgb = frames.window.rgb(frame)
+        near_clipped = _near_clipped(frames, frame)
         at_rows, at_columns = (
             np.clip(np.nan_to_num(np.rint(places)), 0, size - 1).astype(np.intp)
-            for places, size in ((y, rgb.shape[0]), (x, rgb.shape[1]))
+            for places, size in ((y, near_clipped.shape[0]), (x, near_clipped.shape[1]))
         )
-        usable = usable & (rgb[at_rows, at_columns].max(axis=-1) < _WHITE)
+        usable = usable & ~near_clipped[at_rows, at_columns]
     pixels = _sums(usable)
     values = np.stack((before_dn, after_dn, *squared_radii))
     before, after, s1, s2 = (_sums(np.where(usable, image, 0.0)) for image in values)
@@ -120,6 +119,22 @@ def squared_radius(camera: Camera, columns: NDArray[np.floating], rows: NDArray[
     right, bottom = camera.width - 1.0, camera.height - 1.0
     corners = squared_tangent(np.array([0.0, right, 0.0, right]), np.array([0.0, 0.0, bottom, bottom]))
     return np.asarray(squared_tangent(columns, rows) / corners.max())
+
+
+def _near_clipped(frames: FramePair, frame: int) -> NDArray[np.bool_]:
+    """Return where the smoothed value of a pixel (H, W) of a frame depends on a clipped pixel.
+
+    Smoothing spreads the light of a bright spot farther over the surface in the frame that shows the surface smaller.
+    Beside a spot that is left out, that frame would always be the brighter of both.
+    """
+    window = frames.window
+
+    def dilated() -> NDArray[np.bool_]:
+        side_px = 2 * frames.reach_px + 1
+        spots = clipped(window, frame).view(np.uint8)
+        return np.asarray(cv2.dilate(spots, np.ones((side_px, side_px), np.uint8))).view(np.bool_)
+
+    return window.of_image("near clipped", frame, dilated)
 
 
 def _sums(values: NDArray[np.generic]) -> Float64:

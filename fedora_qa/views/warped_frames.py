@@ -141,6 +141,11 @@ class FramePair:
     before: int
     after: int
 
+    @property
+    def reach_px(self) -> int:
+        """Distance, colour pixels, of the farthest pixels that a value depends on: half of the taps, and the spline."""
+        return len(smoothing_taps(self.optics.sigma_px)) // 2 + _SPLINE_REACH_PX
+
     def first(self, origins: Int64) -> Float32:
         """Return the smoothed luma of the first frame on tiles of the flow's grid with their halo.
 
@@ -215,9 +220,8 @@ class FramePair:
         ndarray of bool
             (n, s, s) False also at positions that are NaN.
         """
-        # Half of the taps, two pixels of the spline on either side, and the neighbours of the gradient, which are a
-        # pixel of the flow's grid away.
-        reach_px = len(smoothing_taps(self.optics.sigma_px)) // 2 + _SPLINE_REACH_PX + self.optics.sigma_px
+        # The neighbours of the gradient are a pixel of the flow's grid away.
+        reach_px = self.reach_px + self.optics.sigma_px
         height, width = self.window.rgb(self.before).shape[:2]
         x, y = self.on_frame(columns, rows)
         with np.errstate(invalid="ignore"):
@@ -245,7 +249,18 @@ class FramePair:
         return pixels < _LARGEST_SHARE_IN_PARTS * self.window.rgb(frame)[..., 0].size
 
     def on_frame(self, columns: Float32, rows: Float32) -> tuple[Float32, Float32]:
-        """Return columns and rows of the colour frame for columns and rows of the flow's grid, px, of any shape."""
+        """Return positions in the colour frame.
+
+        Parameters
+        ----------
+        columns, rows
+            Positions on the flow's grid, px, of any shape.
+
+        Returns
+        -------
+        columns, rows
+            Of the same shape, px of the colour frame.
+        """
         H = self.optics.H_rgb_flow
         if H is None:
             return columns, rows
