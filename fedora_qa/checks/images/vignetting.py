@@ -79,18 +79,20 @@ class ImagesVignetting(WindowCheck[WindowVignetting]):
     -----------
     The scatter of the cells about the fit of their pair has noise, rounding, detail that the pixels do not resolve, and
     errors of the flow in it. The standard error is the largest of three: that of independent cells, and those from the
-    scatter of whole pairs and of 24 parts of the image, whose cells may share errors. The bound of the model is
-    half of the variance of a cell's logarithm times its mean change of place: the logarithm of a noisy sum is too
-    small by at most that.
+    scatter of whole pairs and of 24 parts of the image, whose cells may share errors. The bound of the model is half of
+    the variance of a cell's logarithm times its mean change of place: the logarithm of a noisy sum is too small by at
+    most that. Frames that were rounded and then darkened keep every code that changes by less than half a step. The
+    detection limit therefore includes the loss that darkens the compared surfaces by 1 DN on average.
 
     Cannot see
     ----------
     A fall-off that the events and all other streams share. Light that the camera carries with it, which has the same
-    effect and is reported as vignetting. A fall-off that is not symmetric about the principal point, and the part of it
-    that is not quadratic in the tangent of the angle. Colour: only luma is compared. Frames whose motion moves nothing
-    nearer to or farther from the principal point, as in hovering flight, where it states its limit. Frames that are so
-    dark or so clipped that few cells remain. Shining surfaces have another brightness from each direction: they widen
-    the error.
+    effect and is reported as vignetting. A fall-off that is not symmetric about the principal point; one that is not
+    quadratic in the tangent of the angle is measured with an error of some hundredths of itself. Colour: only luma is
+    compared. A loss of less than about 1 DN, and of twice that in flat colours, is underestimated, by up to two fifths.
+    Motion that moves nothing nearer to or farther from the principal point, as in hovering flight, where it states its
+    limit. Frames that are so dark or so clipped that few cells remain. Shining surfaces have another brightness from
+    each direction: they widen the error. The fall-off of a lamp that is fixed in the world belongs to the surfaces.
 
     Sources
     -------
