@@ -55,6 +55,8 @@ _ALL: Final = (
           "Sort by time before writing."),
     Cause("quantised_time", TIMED, "ms", "stamps lie on a coarse grid",
           "Keep the full resolution of the clock: no rounding to milliseconds, no float32 seconds."),
+    Cause("time_jitter", ("events",), "ms", "stamps scatter at random",
+          "Stamp each event when its pixel fires, not when it is read or received."),
     Cause("time_unit", TIMED, "1", "stamps are in another unit than microseconds",
           "Write int64 microseconds."),
     Cause("index_off_by_one", INDEX_MAPS, "events", "indices are shifted by a constant",

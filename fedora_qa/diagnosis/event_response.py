@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from fedora_qa.checks.event_response.alignment import ShiftAxis
 from fedora_qa.checks.event_response.frames import ChangeAnomalies
+from fedora_qa.checks.event_response.jitter import TimestampScatter
 from fedora_qa.checks.event_response.orientation import EventSymmetry
 from fedora_qa.checks.event_response.threshold import DomainPreference, EventStepSize
 from fedora_qa.checks.event_response.timing import DelayCourses, OffsetSize
@@ -151,6 +152,18 @@ def propose_timing(alarm: Alarm, facts: Facts) -> tuple[Hypothesis, ...]:
         *_offsets(statistic.value - statistic.expected, error_ms, facts, courses.constant + courses.segment),
         *_rates(estimate, courses.drift),
         wrong_model,
+    )
+
+
+def propose_jitter(alarm: Alarm, facts: Facts) -> tuple[Hypothesis, ...]:
+    """Return jitter of the timestamps with its size, and events that are noise."""
+    scatter = only_feature(alarm.statistic.features, TimestampScatter)
+    # A lower bound has no error.
+    size = (None, None) if scatter.saturated else (scatter.sigma_ms, scatter.standard_error_ms)
+    of_jitter = support("event_response.scatter_of_stamps")
+    return (
+        Hypothesis("time_jitter", "events", of_jitter, size[0], "ms", size[1]),
+        Hypothesis("noise_misdeclared", "events", support("event_response.scatter_of_noise")),
     )
 
 

@@ -1,5 +1,7 @@
 """Faults of timestamps and index maps: clock offsets, rates, orders, and indices that are too large by one."""
 
+from math import ceil, sqrt
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -8,6 +10,7 @@ from fedora_qa.faults.canary_conditions import CanaryConditions, UnplantableErro
 from fedora_qa.faults.fault import Alteration, Fault, rows_from, values, values_by_row
 from fedora_qa.layout.canonical import TIMESTAMPS_OF
 
+_SEED = 1
 _THOUSAND = 1_000
 _COARSE_TICKS = 1_000
 """Ratio of the coarse grid to the declared one. By chance a thousand events lie on the coarse grid with a probability
@@ -140,6 +143,22 @@ def late_events(conditions: CanaryConditions) -> Fault:
     """The timestamps of events are too late."""
     late_ms = conditions.size("time_offset")
     return Fault(f"events {late_ms:.3g} ms late", {TIMESTAMPS_OF["events"]: shifted_ns(late_ms * NS_PER_MS)})
+
+
+def scattered_events(conditions: CanaryConditions) -> Fault:
+    """The timestamps of events scatter: within blocks of rows, events have exchanged their timestamps at random."""
+    events = conditions.facts.events
+    if events is None or events.last_ns <= events.first_ns:
+        raise UnplantableError("the events have no duration")
+    jitter_ms = conditions.size("jitter")
+    # Both times of an exchange are uniform in the block of duration d: their difference has the spread d / sqrt(6).
+    block_ns = sqrt(6) * jitter_ms * NS_PER_MS
+    rows_per_block = max(2, ceil(events.count * block_ns / (events.last_ns - events.first_ns)))
+    order = np.random.default_rng(_SEED).permutation(rows_per_block)
+    # Timestamps stay in order, and so do index maps: the other columns are moved.
+    exchange = rows_from(lambda rows: rows - rows % rows_per_block + order[rows % rows_per_block], events.count)
+    columns = [f"path/events/{name}" for name in "xyp"]
+    return Fault(f"stamps of events scatter by {jitter_ms:.3g} ms", dict.fromkeys(columns, exchange))
 
 
 def gap_in_events(conditions: CanaryConditions) -> Fault:

@@ -98,6 +98,27 @@ def hot_pixels(file: h5py.File, fault: Fault) -> None:
         insert_rows(file[key], before, values.astype(DATASETS[key].dtype))
 
 
+def time_jitter(file: h5py.File, fault: Fault) -> None:
+    """Add normal noise of the given spread to each timestamp, and sort the events again.
+
+    Times beyond the first or the last timestamp of the fault's interval are reflected there, so that all other rows
+    stay as they are.
+    """
+    sigma_us = fault.magnitude_in("us")
+    if sigma_us <= 0:
+        raise FaultError(f"Expected a spread above 0, got {fault.magnitude:g} {fault.unit}")
+    window = window_of(file, "events", fault)
+    columns = {key: file[key][window] for key in (X, Y, T, P)}
+    first_us, last_us = int(columns[T].min()), int(columns[T].max())
+    span_us = max(last_us - first_us, 1)
+    noisy_us = columns[T] - first_us + np.rint(fault.rng().normal(0.0, sigma_us, len(columns[T]))).astype(np.int64)
+    # Reflection at 0 and at the span: a triangle wave whose period is twice the span.
+    columns[T] = first_us + span_us - np.abs(noisy_us % (2 * span_us) - span_us)
+    order = np.lexsort([columns[key] for key in (P, X, Y, T)])
+    for key, values in columns.items():
+        file[key][window] = values[order]
+
+
 def threshold_misdeclared(file: h5py.File, fault: Fault) -> None:
     """Declare thresholds too large by the magnitude; the events stay."""
     attributes = group_in(file, METADATA).attrs

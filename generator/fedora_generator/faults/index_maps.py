@@ -17,6 +17,7 @@ _CAUSES_BEFORE_MAPS: Final = frozenset(
         "time_offset",
         "clock_rate",
         "quantised_time",
+        "time_jitter",
         "dropped_samples",
         "duplicated_samples",
         "truncated",

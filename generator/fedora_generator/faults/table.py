@@ -64,6 +64,7 @@ FAULTS: Final[Mapping[tuple[str, str], Edit]] = MappingProxyType(
         ("interpolated_frames", "events"): interpolated_events.interpolated_frames,
         ("dead_region", "events"): events.dead_region,
         ("hot_pixels", "events"): events.hot_pixels,
+        ("time_jitter", "events"): events.time_jitter,
         ("threshold_misdeclared", "events"): events.threshold_misdeclared,
         ("event_model_misdeclared", "events"): events.event_model_misdeclared,
         ("noise_misdeclared", "events"): events.noise_misdeclared,
@@ -137,7 +138,7 @@ _TIMELESS: Final = frozenset(
 
 _OF_ROWS: Final = frozenset(
     {
-        *("time_offset", "clock_rate", "quantised_time", "time_unit"),
+        *("time_offset", "clock_rate", "quantised_time", "time_unit", "time_jitter"),
         *("dropped_samples", "duplicated_samples", "unsorted"),
     }
 )

@@ -1,0 +1,203 @@
+"""Events by themselves: scatter of their timestamps."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fedora_qa.checks.protocol import Observation, Statistic, WindowCheck
+from fedora_qa.conventions import NS_PER_S
+from fedora_qa.estimators.events.time_jitter import (
+    FEWEST_PIXELS,
+    Quadruples,
+    estimate_jitter,
+    event_quadruples,
+    step_polynomial,
+)
+from fedora_qa.features import Feature
+from fedora_qa.record.types import Coverage, Where
+from fedora_qa.sequence.facts import Facts
+from fedora_qa.sequence.window import Window
+from fedora_qa.views.event_camera import GRID, HALO_NS, pixel_events, sensor_shape
+from fedora_qa.views.event_tick import local_tick_ns
+
+MOST_QUADRUPLES: Final = 4000
+"""Number of quadruples of a window beyond which pixels are sampled. 4000 determine the jitter of a window to 5%."""
+
+_LINEAR_SHARE: Final = 1 / 3
+"""Standard deviation of w / T due to whole grey values of a sensor of the linear model, times its threshold in DN.
+
+A reference is a whole value, with a rounding error of 1 / sqrt(12) DN, so that a step of C has an error of
+sqrt(2 / 12) DN, and an interval one of sqrt(1 / 6) / C of itself, T / 3. w weighs the intervals by 1, -2, 1 and has
+sqrt(6) times this error: sqrt(6) sqrt(1 / 6) / (3 C)."""
+
+
+@dataclass(frozen=True, slots=True)
+class TimestampScatter(Feature):
+    """Scatter of event timestamps.
+
+    Attributes
+    ----------
+    sigma_ms, standard_error_ms
+        Standard deviation and its standard error, ms.
+    saturated
+        Whether the standard deviation is only a lower bound.
+    """
+
+    sigma_ms: float
+    standard_error_ms: float
+    saturated: bool
+
+
+@dataclass(frozen=True, slots=True)
+class JitterSummary:
+    """Quadruples of a window.
+
+    Attributes
+    ----------
+    quadruples
+        Four successive events of one pixel and one polarity each.
+    tick_ns
+        Step of the event timestamps in the window, ns.
+    """
+
+    quadruples: Quadruples
+    tick_ns: int
+
+
+class EventResponseJitter(WindowCheck[JitterSummary]):
+    """Are events stamped without jitter?
+
+    The standard deviation of the timestamps of single events about the times at which their pixels fired, in ms.
+
+    Why it matters
+    --------------
+    Events are used for their resolution in time. At 200 px/s a jitter of 2 ms blurs each edge that is warped along the
+    flow by 0.4 px; a method that orders events within a pixel, or takes the slope of light from their intervals, gets
+    noise. No offset, rate or order of the stream betrays it.
+
+    How
+    ---
+    While an edge crosses a pixel, events of one polarity follow each other in regular intervals: equal ones for the
+    linear model, ones in the ratio exp(C) or exp(-C) for the log model. A third difference of the times of four
+    successive events vanishes for all of them, and is 4.5 times the jitter otherwise. Its size is estimated by the
+    lower quartile, from the shortest quadruples, as the light's share grows with their duration. The shortest eighth is
+    left to noise events. Where jitter exceeds the intervals, longer quadruples are used; where it exceeds these as
+    well, a lower bound is stated.
+
+    Noise model
+    -----------
+    Expected is 0. Standard error: the largest of the formal one of a quartile, for normal noise and overlapping
+    quadruples, and those by leaving out tiles (4 x 4) and windows (delete-one jackknife). Bounds: 0.02 of the duration
+    for the shape of light, since straight edges of all directions over square pixels have a lower quartile of 0.007 or
+    less; for the linear model 0.11 over the threshold in DN of it, for whole grey values; and the scatter of a tick,
+    tick / sqrt(12), declared or measured. A spread of thresholds between pixels, a leak and a low-pass alter the
+    intervals of a pixel smoothly. Shot noise puts events into less than a tenth of the quadruples up to the rate at
+    which the check is not observable; declared hot pixels are left out, and each pixel gives four quadruples of a
+    window at most.
+
+    Cannot see
+    ----------
+    Jitter that all events of an edge share (packets of other lengths than declared are seen by ``clocks.resolution``);
+    jitter of fewer than a quarter of the events, of a short time or of a region; jitter below the bound (a fiftieth of
+    the shortest intervals). Where edges pass in a shorter time than the jitter lasts, its size is a lower bound.
+    Scenes whose edges have fewer than four thresholds. Images blurred over several pixels, whose edges have no more
+    than five events, look alike to 0.1 of their duration: no such blur is part of the format.
+
+    Sources
+    -------
+    First principles: ``fedora_qa/estimators/events/time_jitter.py``. Order statistics: Cramer, Mathematical Methods of
+    Statistics, 1946; jackknife: Efron and Stein 1981.
+    """
+
+    name = "event_response.jitter"
+    needs = ("events",)
+
+    def not_applicable(self, facts: Facts) -> str:
+        """Require the size of the sensor, and positive thresholds."""
+        if "events" not in facts.declared.cameras:
+            return "the camera events is not declared in /metadata/cameras"
+        declared = facts.declared.events
+        if declared is None or not min(declared.threshold_on, declared.threshold_off) > 0:
+            return "the event sensor is not declared with positive thresholds in /metadata/events"
+        return ""
+
+    def measure(self, window: Window) -> JitterSummary | None:
+        """Collect the quadruples that begin in the window."""
+        declared, (height, width) = window.facts.declared.events, sensor_shape(window.facts.declared)
+        if declared is None:
+            return None
+        hot = [row * width + column for column, row in declared.hot_pixels if 0 <= row < height and 0 <= column < width]
+        quadruples = event_quadruples(
+            pixel_events(window),
+            window.span.start_ns,
+            window.span.stop_ns,
+            # The halo holds all events of a quadruple that is no longer.
+            HALO_NS,
+            np.array(hot, np.int64),
+            MOST_QUADRUPLES,
+        )
+        return JitterSummary(quadruples, local_tick_ns(window)) if len(quadruples.pixels) else None
+
+    def conclude(self, state: Sequence[JitterSummary], facts: Facts) -> Observation:
+        """Estimate the jitter from the quadruples of all windows."""
+        declared, (height, width) = facts.declared.events, sensor_shape(facts.declared)
+        count = sum(len(summary.quadruples.pixels) for summary in state)
+        coverage = Coverage(count, count, "quadruples of events")
+        if declared is None:
+            return Observation(coverage, unobservable="the event sensor is not declared")
+        noise_hz = declared.leak_rate_hz + declared.shot_rate_hz
+        if noise_hz > _MOST_NOISE_HZ:
+            why = f"noise events of {noise_hz:g} Hz a pixel lie in more than a tenth of what is measured"
+            return Observation(coverage, unobservable=why)
+        durations_s, middles_s = (
+            _joined([column(summary.quadruples) for summary in state]) / NS_PER_S
+            for column in (lambda each: each.durations_ns, lambda each: each.middles_ns)
+        )
+        pixels = _joined([summary.quadruples.pixels for summary in state]).astype(np.int64)
+        rows, columns = np.divmod(pixels, width)
+        windows = np.repeat(np.arange(len(state)), [len(summary.quadruples.pixels) for summary in state])
+        linear = declared.model == "linear"
+        threshold = 0.5 * (declared.threshold_on + declared.threshold_off)
+        estimate = estimate_jitter(
+            durations_s,
+            middles_s,
+            pixels,
+            np.stack([GRID * rows // height * GRID + GRID * columns // width, windows], axis=1),
+            c=step_polynomial(0.0 if linear else threshold),
+            tick_s=max((summary.tick_ns for summary in state), default=1) / NS_PER_S,
+            longest_s=HALO_NS / NS_PER_S,
+            rounding_share=_LINEAR_SHARE / threshold if linear else 0.0,
+        )
+        if estimate is None:
+            why = (
+                f"fewer than {FEWEST_PIXELS} pixels have four events of one polarity within 30 ms "
+                "(slow motion, little contrast, or large thresholds)"
+            )
+            return Observation(coverage, unobservable=why)
+        sigma_ms, error_ms = 1e3 * estimate.sigma_s, 1e3 * estimate.standard_error_s
+        size = f"at least {sigma_ms:.3g}" if estimate.saturated else f"{sigma_ms:.3g} +/- {error_ms:.2g}"
+        jitter = Statistic(
+            name="jitter",
+            value=sigma_ms,
+            unit="ms",
+            standard_error=error_ms,
+            model_error_bound=1e3 * estimate.bound_s,
+            side="upper",
+            statement=f"Timestamps of events scatter by {size} ms about the times at which their pixels fired.",
+            code="event_response.jitter.spread",
+            where=Where(stream="events"),
+            features=(TimestampScatter(sigma_ms, error_ms, estimate.saturated),),
+        )
+        return Observation(coverage, (jitter,))
+
+
+_MOST_NOISE_HZ: Final = 0.8
+"""Rate of noise events of a pixel at which one lies among four events within 30 ms with a probability of a tenth: four
+such intervals times the rate."""
+
+
+def _joined(columns: Sequence[NDArray[np.int32]]) -> NDArray[np.int32]:
+    return np.concatenate(columns) if columns else np.zeros(0, np.int32)

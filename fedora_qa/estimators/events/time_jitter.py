@@ -1,0 +1,318 @@
+"""Jitter of event timestamps, from four successive events of a pixel with one polarity.
+
+While a straight edge crosses the square footprint of a pixel, its light Y changes linearly with time, over the part of
+the edge in which the edge meets two opposite sides of the footprint. Successive events of one polarity lie at equal
+steps of the signal:
+
+    linear model:  Y = Y0 + k C                t_k = a + b k
+    log model:     Y = Y0 exp(+- k C)          t_k = a + b exp(+- k C)
+
+The third difference that is 0 for both signs has the characteristic polynomial (E - 1)(E - e^C)(E - e^-C), with E the
+step from one event to the next:
+
+    w = t_3 - t_0 - (c + 1) (t_2 - t_1),       c = 2 cosh C (log model), 2 (linear model)
+
+Independent errors of time of the standard deviation s give w the standard deviation s sqrt(2 + 2 (c + 1)^2), about
+4.5 s. The light gives w a share e of the duration T = t_3 - t_0, and that share does not depend on the speed of the
+edge. So short durations determine s best.
+
+The share e is not 0 where an edge meets a corner of the footprint, where edges follow each other, and where the image
+is not made of straight edges. Therefore the spread of w is estimated by low quantiles of |w|, which the most regular
+quadruples determine: by the lower quartile over that of a standard normal variable or, where it gives clearly less, by the
+lower tenth. Quadruples of several edges enlarge the quartile before they enlarge the tenth.
+
+``SHAPE_SHARES`` bounds both quantiles of |e|. Straight edges of all directions, of 3 to 12 events, have a lower
+quartile of at most 0.007 for thresholds up to 0.5 nat, and for the linear model (integrated in
+``tests/estimators/events/test_time_jitter.py``). So the lower tenth stays below 0.008 as long as two fifths of the
+quadruples are of straight edges. The bound on the lower quartile is the one that gives the same jitter, 0.02.
+
+Durations below a few s are those of events that jitter has brought together: there, w is limited by T. Four events at
+random within T have a lower quartile of |w| / T of ``RANDOM_SHARE``. Where the quartile comes near to this share, longer
+durations are used.
+"""
+
+from dataclasses import dataclass
+from math import cosh, pi, sqrt
+from typing import Final, NamedTuple
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from fedora_qa.estimators.events.pixels import PixelEvents
+from fedora_qa.estimators.fitting.robust import jackknife_errors
+
+Int32 = NDArray[np.int32]
+Int64 = NDArray[np.int64]
+Float64 = NDArray[np.float64]
+
+SHARES: Final = (0.1, 0.25)
+"""Shares of the quadruples below the quantiles of |w|."""
+
+DEVIATES: Final = (0.12566134685507402, 0.31863936396437514)
+"""Quantiles of |x| for a standard normal x: 2 Phi(0.1257) - 1 = 0.1, 2 Phi(0.3186) - 1 = 0.25."""
+
+SHAPE_SHARES: Final = (0.008, 0.02)
+"""Bounds on both quantiles of |w| / T that the light causes. Derivation above."""
+
+RANDOM_SHARE: Final = 0.275
+"""Lower quartile of |w| / T for two events at random times between two others, for c = 2.
+
+w = T - 3 (t_2 - t_1), and (t_2 - t_1) / T has the density 2 (1 - g). P(|1 - 3 g| < q) = 2 q / 3 (2 - 2 / 3) = 8 q / 9
+for q up to 1, so the quartile is 9 / 32 = 0.28; a little less where c > 2."""
+
+_REGULAR_SHARE: Final = 0.7 * RANDOM_SHARE
+"""Largest lower quartile of |w| / T at which the durations are long against the jitter. Below it the quartile grows in
+proportion to the jitter to within a tenth."""
+
+_CLEARLY: Final = 2.0
+"""Standard errors of the estimate by the lower tenth by which it must be smaller to count; it chooses only."""
+
+_LIMIT_ERRORS: Final = 5.0
+"""Approximate number of standard errors in a limit, for the comparison of octaves only."""
+
+SHORT_SHARE: Final = 0.125
+"""Share of the quadruples with the shortest durations that may be due to noise events, and determine nothing alone."""
+
+FEWEST_PIXELS: Final = 50
+"""Least number of pixels in the quadruples of an octave: one pixel that fires without cause must not decide."""
+
+MOST_OF_A_PIXEL: Final = 4
+"""Largest number of quadruples of a pixel in a window, with the same reason."""
+
+_OVERLAP: Final = 2.31
+"""Number of successive quadruples that count as one.
+
+Successive w of independent times have the correlations -15/20, 6/20 and -1/20, and those of w^2 are their squares:
+1 + 2 (0.5625 + 0.09 + 0.0025) = 2.31."""
+
+
+class Quadruples(NamedTuple):
+    """n quadruples of successive events of one pixel and one polarity.
+
+    Attributes
+    ----------
+    durations_ns
+        (n,) from the first event to the fourth, ns.
+    middles_ns
+        (n,) from the second event to the third, ns.
+    pixels
+        (n,) row * width + column.
+    """
+
+    durations_ns: Int32
+    middles_ns: Int32
+    pixels: Int32
+
+
+@dataclass(frozen=True, slots=True)
+class JitterEstimate:
+    """The spread of event timestamps about their true times.
+
+    Attributes
+    ----------
+    sigma_s, standard_error_s
+        Standard deviation and its standard error, s.
+    bound_s
+        Bound on the spread that light alone causes, s.
+    saturated
+        Whether jitter exceeds the intervals between events at all durations, so that ``sigma_s`` is a lower bound.
+    quadruples
+        Number of quadruples that determine the estimate.
+    duration_s
+        Their median duration, s.
+    """
+
+    sigma_s: float
+    standard_error_s: float
+    bound_s: float
+    saturated: bool
+    quadruples: int
+    duration_s: float
+
+
+def event_quadruples(
+    events: PixelEvents, start_ns: int, stop_ns: int, longest_ns: int, excluded: NDArray[np.int64], most: int
+) -> Quadruples:
+    """Return quadruples of successive events of one pixel and one polarity.
+
+    Parameters
+    ----------
+    events
+        Events by pixel.
+    start_ns, stop_ns
+        The first event of a quadruple lies in [start, stop), ns.
+    longest_ns
+        Longest duration, ns, below 2^31.
+    excluded
+        (k,) pixels that are left out, row * width + column.
+    most
+        Number of quadruples beyond which only every second, third, ... pixel is taken.
+
+    Returns
+    -------
+    Quadruples
+        In the order of pixels and, within a pixel, of time.
+    """
+    usable = np.ones(len(events.starts) - 1, np.bool_)
+    usable[excluded] = False
+    nothing = np.empty((3, 0), np.int32)
+    count = _collect(events.starts, events.timestamped, usable, start_ns, stop_ns, longest_ns, nothing)
+    # Pixels in an order without pattern: Knuth's multiplicative hash (TAOCP vol. 3, 6.4).
+    every = max(1, -(-count // most))
+    usable &= (np.arange(len(usable), dtype=np.uint64) * np.uint64(2654435761) >> np.uint64(7)) % np.uint64(every) == 0
+    rows = np.empty((3, count), np.int32)
+    count = _collect(events.starts, events.timestamped, usable, start_ns, stop_ns, longest_ns, rows)
+    durations_ns, middles_ns, pixels = rows[:, :count].copy()
+    return Quadruples(durations_ns, middles_ns, pixels)
+
+
+@njit(cache=True)
+def _collect(
+    starts: Int32,
+    timestamped: Int64,
+    usable: NDArray[np.bool_],
+    start_ns: int,
+    stop_ns: int,
+    longest_ns: int,
+    rows: Int32,
+) -> int:
+    """Count quadruples, and write duration, middle interval and pixel of as many as ``rows`` (3, n) has room for."""
+    count, room = 0, rows.shape[1]
+    for pixel in range(len(usable)):
+        if not usable[pixel]:
+            continue
+        of_pixel = 0
+        for i in range(starts[pixel], starts[pixel + 1] - 3):
+            first = timestamped[i] >> 1
+            if first < start_ns or first >= stop_ns or of_pixel == MOST_OF_A_PIXEL:
+                continue
+            duration = (timestamped[i + 3] >> 1) - first
+            middle = (timestamped[i + 2] >> 1) - (timestamped[i + 1] >> 1)
+            # The lowest bit is the polarity. Events out of order have no duration.
+            same = (timestamped[i] & 1) + (timestamped[i + 1] & 1) + (timestamped[i + 2] & 1) + (timestamped[i + 3] & 1)
+            if same % 4 or duration <= 0 or duration > longest_ns or middle < 0 or middle > duration:
+                continue
+            if count < room:
+                rows[0, count], rows[1, count], rows[2, count] = duration, middle, pixel
+            count += 1
+            of_pixel += 1
+    return count
+
+
+def step_polynomial(threshold_nat: float) -> float:
+    """Return c = 2 cosh C, for a threshold C in nat; 2 for the linear model, with a threshold of 0."""
+    return 2 * cosh(threshold_nat)
+
+
+def estimate_jitter(
+    durations_s: Float64,
+    middles_s: Float64,
+    pixels: NDArray[np.integer],
+    parts: NDArray[np.integer],
+    *,
+    c: float,
+    tick_s: float,
+    longest_s: float,
+    rounding_share: float = 0.0,
+) -> JitterEstimate | None:
+    """Return the jitter of event timestamps.
+
+    Durations are divided into octaves below ``longest_s``. The shortest octave that does not belong to the shortest
+    eighth of all quadruples gives the estimate. Where its quadruples are nearly as irregular as random events, longer
+    octaves are used as well, until one is regular, and the estimate with the largest lower confidence limit counts:
+    short durations limit the jitter that they show.
+
+    Parameters
+    ----------
+    durations_s, middles_s
+        (n,) durations and middle intervals of the quadruples, s.
+    pixels
+        (n,) numbers that differ between pixels.
+    parts
+        (n, k) numbers of the part of a quadruple, by k partitions; the scatter between the parts of each gives a
+        standard error.
+    c
+        Of ``step_polynomial``.
+    tick_s
+        Step of the timestamps, s.
+    longest_s
+        Longest duration, s.
+    rounding_share
+        Standard deviation of w / T that the rounding of the signal causes.
+
+    Returns
+    -------
+    JitterEstimate or None
+        None where no octave has quadruples of ``FEWEST_PIXELS`` pixels.
+    """
+    if not len(durations_s):
+        return None
+    sizes_s = np.abs(durations_s - (c + 1) * middles_s)
+    octaves = np.floor(np.log2(longest_s / durations_s)).astype(np.int64)
+    shortest = int(np.floor(np.log2(longest_s / np.quantile(durations_s, SHORT_SHARE))))
+    # Independent errors s of four times give w = t_3 - t_0 - (c + 1)(t_2 - t_1) the standard deviation gain * s.
+    gain = sqrt(2 + 2 * (c + 1) ** 2)
+    # A stamp is uniform within a tick, and the quantiles of whole ticks spread w over a tick once more.
+    tick_bound_s = tick_s * sqrt((1 + 1 / gain**2) / 12)
+    shape_share = max(share / deviate for share, deviate in zip(SHAPE_SHARES, DEVIATES, strict=True)) + rounding_share
+    estimates: list[JitterEstimate] = []
+    for octave in range(max(shortest, 0), -1, -1):
+        chosen = octaves == octave
+        if len(np.unique(pixels[chosen])) < FEWEST_PIXELS:
+            continue
+        duration_s = float(np.median(durations_s[chosen]))
+        (by_tenth_s, by_quartile_s) = _deviations(sizes_s[chosen], tick_s)
+        tenth_error_s, quartile_error_s = _errors(sizes_s[chosen], parts[chosen], tick_s)
+        mixed = by_quartile_s - by_tenth_s > _CLEARLY * tenth_error_s
+        estimates.append(
+            JitterEstimate(
+                sigma_s=float(by_tenth_s if mixed else by_quartile_s) / gain,
+                standard_error_s=float(tenth_error_s if mixed else quartile_error_s) / gain,
+                bound_s=shape_share * duration_s / gain + tick_bound_s,
+                saturated=bool(by_quartile_s * DEVIATES[1] > _REGULAR_SHARE * duration_s),
+                quadruples=int(np.count_nonzero(chosen)),
+                duration_s=duration_s,
+            )
+        )
+        if not estimates[-1].saturated:
+            break
+    return max(estimates, key=_lower_limit_s, default=None)
+
+
+def _lower_limit_s(estimate: JitterEstimate) -> float:
+    """Return a lower confidence limit of the jitter, s; it only chooses among octaves."""
+    return estimate.sigma_s - estimate.bound_s - _LIMIT_ERRORS * estimate.standard_error_s
+
+
+def _deviations(sizes: Float64, tick: float) -> Float64:
+    """Return the standard deviations of normal variables with the low quantiles of |w| (n,), by ``SHARES``.
+
+    Each value is spread evenly over the tick around it: timestamps in coarse ticks give few different values, and order
+    statistics would jump by whole ticks.
+    """
+    # Value k stands for (k - 1/2, k + 1/2] ticks; of |w|, the cell of 0 is half as wide.
+    cells, counts = np.unique(np.rint(sizes / tick), return_counts=True)
+    above = np.cumsum(counts) / len(sizes)
+    quantiles = []
+    for share in SHARES:
+        cell = int(np.searchsorted(above, share))
+        below = float(above[cell - 1]) if cell else 0.0
+        begin, end = max(float(cells[cell]) - 0.5, 0.0), float(cells[cell]) + 0.5
+        quantiles.append(begin + (end - begin) * (share - below) / (float(above[cell]) - below))
+    return np.array(quantiles) * tick / np.array(DEVIATES)
+
+
+def _errors(sizes: Float64, parts: NDArray[np.integer], tick: float) -> Float64:
+    """Return the standard errors of ``_deviations``: for each the largest of the formal one and those by parts."""
+    shares, deviates = np.array(SHARES), np.array(DEVIATES)
+    # Asymptotic variance of a quantile, p (1 - p) / (n f^2), with the density f = 2 phi(x) of |x| (Cramer 1946, 28.5).
+    densities = 2 * np.exp(-0.5 * deviates**2) / sqrt(2 * pi)
+    relative = np.sqrt(shares * (1 - shares) * _OVERLAP / len(sizes)) / (densities * deviates)
+    errors = [relative * _deviations(sizes, tick)]
+    for partition in parts.T:
+        masks = [partition != part for part in np.unique(partition)]
+        if len(masks) > 1:
+            errors.append(jackknife_errors([_deviations(sizes[others], tick) for others in masks]))
+    largest: Float64 = np.max(errors, axis=0)
+    return largest
