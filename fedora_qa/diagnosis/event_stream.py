@@ -16,6 +16,10 @@ from fedora_qa.judgement.judge import Alarm
 from fedora_qa.sequence.facts import Facts
 from fedora_qa.views.clock_resets import ClockReset
 
+_RARE: Final = 1e-3
+"""Largest share of events that repeat another by chance: jitter leaves them anywhere, so that most have a microsecond of
+their own."""
+
 _BY_CHANCE: Final = 3
 """Largest number of repeats by a hot pixel: of a pixel with 200 Hz, 0.2 of a thousand events have the microsecond of
 another."""
@@ -42,16 +46,19 @@ def propose_bounds(alarm: Alarm, facts: Facts) -> tuple[Hypothesis, ...]:
 
 
 def propose_duplicates(alarm: Alarm, facts: Facts) -> tuple[Hypothesis, ...]:
-    """Return the causes of repeated events: a packet that was written twice, or a hot pixel by chance."""
+    """Return the causes of repeated events: a packet that was written twice, or a hot pixel or jitter by chance."""
     repeats = only_feature(alarm.statistic.features, RepeatedEvents).count
     if alarm.finding.code == "event_stream.duplicates.packet":
         supported = support("event_stream.doubled_ticks")
         return (Hypothesis("duplicated_samples", "events", supported, float(repeats), "samples"),)
     few = repeats <= _BY_CHANCE
+    rare = facts.events is not None and repeats <= _RARE * facts.events.count
+    by_jitter = "event_stream.rare_repeats_of_jitter" if rare else "event_stream.repeats_of_jitter"
     by_hot_pixels = "event_stream.few_repeats_of_hot_pixels" if few else "event_stream.repeats_of_hot_pixels"
     return (
         Hypothesis("duplicated_samples", "events", support("event_stream.repeats"), float(repeats), "samples"),
         Hypothesis("hot_pixels", "events", support(by_hot_pixels)),
+        Hypothesis("time_jitter", "events", support(by_jitter)),
     )
 
 

@@ -75,6 +75,7 @@ PLANTED = {
     "event_response.model": Planted("event_model_misdeclared", "events"),
     "event_response.threshold": Planted("threshold_misdeclared", "events", 20, within=0.15),
     "event_response.timing": Planted("time_offset", "events", 5, "ms", within=0.15),
+    "event_response.jitter": Planted("time_jitter", "events", 2, "ms", within=0.3),
     "event_response.alignment": Planted("spatial_offset", "events", 3, within=0.2),
     "event_response.frames": Planted("frozen_frames", "rgb", 3, scene="fast-turn", start_s=0.5),
     "event_response.conservation": Planted("mirrored", "events"),

@@ -82,29 +82,29 @@ class EventResponseJitter(WindowCheck[JitterSummary]):
     ---
     While an edge crosses a pixel, events of one polarity follow each other in regular intervals: equal ones for the
     linear model, ones in the ratio exp(C) or exp(-C) for the log model. A third difference of the times of four
-    successive events vanishes for all of them, and is 4.5 times the jitter otherwise. Its size is estimated by the
-    lower quartile, from the shortest quadruples, as the light's share grows with their duration. The shortest eighth is
-    left to noise events. Where jitter exceeds the intervals, longer quadruples are used; where it exceeds these as
-    well, a lower bound is stated.
+    successive events vanishes for all of them; jitter makes it 4.5 times as large as itself, of either sign. Blur and
+    corners make it positive only. Its spread is therefore estimated by its lower quartile, or by that of its size where
+    this is smaller, from the shortest quadruples, as the light's share grows with their duration. The shortest eighth
+    is left to noise events. Where jitter exceeds the intervals, longer quadruples are used as well; where it exceeds
+    these too, a lower bound is stated.
 
     Noise model
     -----------
     Expected is 0. Standard error: the largest of the formal one of a quartile, for normal noise and overlapping
-    quadruples, and those by leaving out tiles (4 x 4) and windows (delete-one jackknife). Bounds: 0.02 of the duration
-    for the shape of light, since straight edges of all directions over square pixels have a lower quartile of 0.007 or
-    less; for the linear model 0.11 over the threshold in DN of it, for whole grey values; and the scatter of a tick,
-    tick / sqrt(12), declared or measured. A spread of thresholds between pixels, a leak and a low-pass alter the
-    intervals of a pixel smoothly. Shot noise puts events into less than a tenth of the quadruples up to the rate at
-    which the check is not observable; declared hot pixels are left out, and each pixel gives four quadruples of a
-    window at most.
+    quadruples, and those by leaving out tiles (4 x 4) and windows (delete-one jackknife). Bounds, as a jitter: 0.7% of
+    the duration of the quadruples, for the shape of light, since the lower quartile of straight edges, of edges with a
+    Gaussian blur and of sine waves is not below -0.022 of it; for the linear model a thirteenth of the duration over
+    the threshold in DN, for whole grey values; and the scatter of a tick, tick / sqrt(12), declared or measured. A
+    spread of thresholds between pixels, a leak and a low-pass alter the intervals of a pixel smoothly. Shot noise puts
+    events into less than a tenth of the quadruples up to the rate at which the check is not observable; declared hot
+    pixels are left out, and each pixel gives four quadruples of a window at most.
 
     Cannot see
     ----------
     Jitter that all events of an edge share (packets of other lengths than declared are seen by ``clocks.resolution``);
-    jitter of fewer than a quarter of the events, of a short time or of a region; jitter below the bound (a fiftieth of
-    the shortest intervals). Where edges pass in a shorter time than the jitter lasts, its size is a lower bound.
-    Scenes whose edges have fewer than four thresholds. Images blurred over several pixels, whose edges have no more
-    than five events, look alike to 0.1 of their duration: no such blur is part of the format.
+    jitter of fewer than a quarter of the events, of a short time or of a region; jitter below the bound. Where edges pass in a
+    shorter time than the jitter lasts, and where blur makes the differences positive, its size is too small. Scenes
+    whose edges have fewer than four thresholds within 30 ms.
 
     Sources
     -------

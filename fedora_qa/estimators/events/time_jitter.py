@@ -13,22 +13,23 @@ step from one event to the next:
     w = t_3 - t_0 - (c + 1) (t_2 - t_1),       c = 2 cosh C (log model), 2 (linear model)
 
 Independent errors of time of the standard deviation s give w the standard deviation s sqrt(2 + 2 (c + 1)^2), about
-4.5 s. The light gives w a share e of the duration T = t_3 - t_0, and that share does not depend on the speed of the
-edge. So short durations determine s best.
+4.5 s, and both signs equally often. The light gives w a share e of the duration T = t_3 - t_0, and that share does not
+depend on the speed of the edge. So short durations determine s best.
 
-The share e is not 0 where an edge meets a corner of the footprint, where edges follow each other, and where the image
-is not made of straight edges. Therefore the spread of w is estimated by low quantiles of |w|, which the most regular
-quadruples determine: by the lower quartile over that of a standard normal variable or, where it gives clearly less, by the
-lower tenth. Quadruples of several edges enlarge the quartile before they enlarge the tenth.
+The share e is not 0 where an edge meets a corner of the footprint, or is blurred. But then light changes fastest in the
+middle of an edge, the outer intervals are longer than the middle one, and e is positive. Jitter makes w negative as
+often as positive. Therefore the spread of w is estimated by its lower quartile, over that of a standard normal
+variable. Where edges follow each other, a gap in the middle makes some e strongly negative, while those of single edges
+stay small. Therefore the lower quartile of |w| gives a second estimate, and the smaller one counts.
 
-``SHAPE_SHARES`` bounds both quantiles of |e|. Straight edges of all directions, of 3 to 12 events, have a lower
-quartile of at most 0.007 for thresholds up to 0.5 nat, and for the linear model (integrated in
-``tests/estimators/events/test_time_jitter.py``). So the lower tenth stays below 0.008 as long as two fifths of the
-quadruples are of straight edges. The bound on the lower quartile is the one that gives the same jitter, 0.02.
+``SHAPE_SHARE`` bounds how far the lower quartile of e lies below 0. Over directions, or phases, and over 3 to 12 events
+of an edge, at thresholds of 0.05 to 0.5 nat and for the linear model, it is 0 for straight edges, -0.005 or more for
+edges with a Gaussian blur, and -0.0215 or more for sine waves, which are worst (integrated in
+``tests/estimators/events/test_time_jitter.py``).
 
 Durations below a few s are those of events that jitter has brought together: there, w is limited by T. Four events at
 random within T have a lower quartile of |w| / T of ``RANDOM_SHARE``. Where the quartile comes near to this share, longer
-durations are used.
+durations are used as well.
 """
 
 from dataclasses import dataclass
@@ -46,14 +47,14 @@ Int32 = NDArray[np.int32]
 Int64 = NDArray[np.int64]
 Float64 = NDArray[np.float64]
 
-SHARES: Final = (0.1, 0.25)
-"""Shares of the quadruples below the quantiles of |w|."""
+QUARTILE: Final = 0.25
 
-DEVIATES: Final = (0.12566134685507402, 0.31863936396437514)
-"""Quantiles of |x| for a standard normal x: 2 Phi(0.1257) - 1 = 0.1, 2 Phi(0.3186) - 1 = 0.25."""
+DEVIATES: Final = (0.6744897501960817, 0.31863936396437514)
+"""For a standard normal x, minus the lower quartile of x, Phi(-0.6745) = 1/4, and the lower quartile of |x|,
+2 Phi(0.3186) - 1 = 1/4."""
 
-SHAPE_SHARES: Final = (0.008, 0.02)
-"""Bounds on both quantiles of |w| / T that the light causes. Derivation above."""
+SHAPE_SHARE: Final = 0.022
+"""Bound on minus the lower quartile of w / T that the light causes. Derivation above."""
 
 RANDOM_SHARE: Final = 0.275
 """Lower quartile of |w| / T for two events at random times between two others, for c = 2.
@@ -64,9 +65,6 @@ for q up to 1, so the quartile is 9 / 32 = 0.28; a little less where c > 2."""
 _REGULAR_SHARE: Final = 0.7 * RANDOM_SHARE
 """Largest lower quartile of |w| / T at which the durations are long against the jitter. Below it the quartile grows in
 proportion to the jitter to within a tenth."""
-
-_CLEARLY: Final = 2.0
-"""Standard errors of the estimate by the lower tenth by which it must be smaller to count; it chooses only."""
 
 _LIMIT_ERRORS: Final = 5.0
 """Approximate number of standard errors in a limit, for the comparison of octaves only."""
@@ -248,29 +246,28 @@ def estimate_jitter(
     """
     if not len(durations_s):
         return None
-    sizes_s = np.abs(durations_s - (c + 1) * middles_s)
+    differences_s = durations_s - (c + 1) * middles_s
     octaves = np.floor(np.log2(longest_s / durations_s)).astype(np.int64)
     shortest = int(np.floor(np.log2(longest_s / np.quantile(durations_s, SHORT_SHARE))))
     # Independent errors s of four times give w = t_3 - t_0 - (c + 1)(t_2 - t_1) the standard deviation gain * s.
     gain = sqrt(2 + 2 * (c + 1) ** 2)
-    # A stamp is uniform within a tick, and the quantiles of whole ticks spread w over a tick once more.
+    # A stamp is uniform within a tick, and the quartiles of whole ticks spread w over a tick once more.
     tick_bound_s = tick_s * sqrt((1 + 1 / gain**2) / 12)
-    shape_share = max(share / deviate for share, deviate in zip(SHAPE_SHARES, DEVIATES, strict=True)) + rounding_share
+    shape_share = SHAPE_SHARE / DEVIATES[0] + rounding_share
     estimates: list[JitterEstimate] = []
     for octave in range(max(shortest, 0), -1, -1):
         chosen = octaves == octave
         if len(np.unique(pixels[chosen])) < FEWEST_PIXELS:
             continue
         duration_s = float(np.median(durations_s[chosen]))
-        (by_tenth_s, by_quartile_s) = _deviations(sizes_s[chosen], tick_s)
-        tenth_error_s, quartile_error_s = _errors(sizes_s[chosen], parts[chosen], tick_s)
-        mixed = by_quartile_s - by_tenth_s > _CLEARLY * tenth_error_s
+        deviations_s = _deviations(differences_s[chosen], tick_s)
+        which = int(np.argmin(deviations_s))
         estimates.append(
             JitterEstimate(
-                sigma_s=float(by_tenth_s if mixed else by_quartile_s) / gain,
-                standard_error_s=float(tenth_error_s if mixed else quartile_error_s) / gain,
+                sigma_s=max(float(deviations_s[which]), 0.0) / gain,
+                standard_error_s=float(_errors(differences_s[chosen], parts[chosen], tick_s)[which]) / gain,
                 bound_s=shape_share * duration_s / gain + tick_bound_s,
-                saturated=bool(by_quartile_s * DEVIATES[1] > _REGULAR_SHARE * duration_s),
+                saturated=bool(deviations_s[1] * DEVIATES[1] > _REGULAR_SHARE * duration_s),
                 quadruples=int(np.count_nonzero(chosen)),
                 duration_s=duration_s,
             )
@@ -285,34 +282,40 @@ def _lower_limit_s(estimate: JitterEstimate) -> float:
     return estimate.sigma_s - estimate.bound_s - _LIMIT_ERRORS * estimate.standard_error_s
 
 
-def _deviations(sizes: Float64, tick: float) -> Float64:
-    """Return the standard deviations of normal variables with the low quantiles of |w| (n,), by ``SHARES``.
+def _deviations(differences: Float64, tick: float) -> Float64:
+    """Return the standard deviations of normal variables with the lower quartiles of w (n,) and of |w|."""
+    cells = np.rint(differences / tick)
+    quartiles = -_lower_quartile(cells, -np.inf), _lower_quartile(np.abs(cells), 0.0)
+    return np.array(quartiles) * tick / np.array(DEVIATES)
 
-    Each value is spread evenly over the tick around it: timestamps in coarse ticks give few different values, and order
-    statistics would jump by whole ticks.
+
+def _lower_quartile(cells: Float64, least: float) -> float:
+    """Return the lower quartile of values of at least ``least`` that are rounded to whole numbers (n,).
+
+    Each value is spread evenly over its cell: timestamps in coarse ticks give few different values, and order statistics
+    would jump by whole ticks.
     """
-    # Value k stands for (k - 1/2, k + 1/2] ticks; of |w|, the cell of 0 is half as wide.
-    cells, counts = np.unique(np.rint(sizes / tick), return_counts=True)
-    above = np.cumsum(counts) / len(sizes)
-    quantiles = []
-    for share in SHARES:
-        cell = int(np.searchsorted(above, share))
-        below = float(above[cell - 1]) if cell else 0.0
-        begin, end = max(float(cells[cell]) - 0.5, 0.0), float(cells[cell]) + 0.5
-        quantiles.append(begin + (end - begin) * (share - below) / (float(above[cell]) - below))
-    return np.array(quantiles) * tick / np.array(DEVIATES)
+    ordered = np.sort(cells)
+    # The cell that holds the quartile, the share of the values below it, and the share within it.
+    cell = float(ordered[min(int(QUARTILE * len(ordered)), len(ordered) - 1)])
+    first, stop = np.searchsorted(ordered, cell, side="left"), np.searchsorted(ordered, cell, side="right")
+    # |w| has no values below 0: its cell of 0 is half as wide.
+    begin = max(cell - 0.5, least)
+    return float(begin + (cell + 0.5 - begin) * (QUARTILE * len(ordered) - first) / (stop - first))
 
 
-def _errors(sizes: Float64, parts: NDArray[np.integer], tick: float) -> Float64:
+def _errors(differences: Float64, parts: NDArray[np.integer], tick: float) -> Float64:
     """Return the standard errors of ``_deviations``: for each the largest of the formal one and those by parts."""
-    shares, deviates = np.array(SHARES), np.array(DEVIATES)
-    # Asymptotic variance of a quantile, p (1 - p) / (n f^2), with the density f = 2 phi(x) of |x| (Cramer 1946, 28.5).
-    densities = 2 * np.exp(-0.5 * deviates**2) / sqrt(2 * pi)
-    relative = np.sqrt(shares * (1 - shares) * _OVERLAP / len(sizes)) / (densities * deviates)
-    errors = [relative * _deviations(sizes, tick)]
+    deviates = np.array(DEVIATES)
+    # Asymptotic variance of a quantile, p (1 - p) / (n f^2), with the density f of x, phi(x), and of |x|, 2 phi(x)
+    # (Cramer 1946, 28.5).
+    densities = np.array([1, 2]) * np.exp(-0.5 * deviates**2) / sqrt(2 * pi)
+    relative = sqrt(QUARTILE * (1 - QUARTILE) * _OVERLAP / len(differences)) / (densities * deviates)
+    # The lower quartile of w may be near 0 by chance, or by shape; that of |w| shows the spread.
+    errors = [relative * _deviations(differences, tick)[1]]
     for partition in parts.T:
         masks = [partition != part for part in np.unique(partition)]
         if len(masks) > 1:
-            errors.append(jackknife_errors([_deviations(sizes[others], tick) for others in masks]))
+            errors.append(jackknife_errors([_deviations(differences[others], tick) for others in masks]))
     largest: Float64 = np.max(errors, axis=0)
     return largest

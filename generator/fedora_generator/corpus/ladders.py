@@ -114,6 +114,7 @@ _COUNT: Final = Ladder(nominal=1, whole=True)
 _OF_CAUSE: Final[Mapping[str, Ladder]] = MappingProxyType(
     {
         "time_offset": Ladder(nominal=2.0, unit="ms"),
+        "time_jitter": Ladder(nominal=1.0, unit="ms"),
         "clock_rate": Ladder(nominal=20.0, unit="ppm"),
         # 0.7 and its thirds and triples divide no sampling interval: every rung moves timestamps.
         "quantised_time": Ladder(nominal=0.7, unit="ms"),
