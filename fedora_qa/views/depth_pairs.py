@@ -19,7 +19,7 @@ from fedora_qa.estimators.depth.pair_fit import DepthFit, fit_depth, noise_direc
 from fedora_qa.estimators.depth.warp import DepthLattice, DepthModel, lattice_stride, lattice_values
 from fedora_qa.estimators.images.values import positive_extremes
 from fedora_qa.geometry.camera import RigidMotion
-from fedora_qa.record.types import Where
+from fedora_qa.record.types import Coverage, Where
 from fedora_qa.sequence.facts import Facts
 from fedora_qa.sequence.stored_step import StoredStep
 from fedora_qa.sequence.window import USUAL_PIXELS, Window
@@ -223,6 +223,29 @@ def lattice_of_frame(window: Window, frame: int) -> DepthLattice:
     values = window.of_image(f"depth lattice of {share:g}", frame, make)
     # Rounding to steps errs by half a step at most.
     return DepthLattice(*values).with_relative_error(step_share(window) / 2)
+
+
+def pixels_of_pairs(pixels_read: int, pairs: int, facts: Facts) -> Coverage:
+    """Return the coverage of the pairs of depth frames by the pixels that were carried from one frame to the other.
+
+    Parameters
+    ----------
+    pixels_read
+        Of all pairs.
+    pairs
+        Number of pairs of the file, compared or not.
+    facts
+        With the depth camera.
+
+    Returns
+    -------
+    Coverage
+        Of the pixels of the first frame of each pair; of the pairs where none was compared.
+    """
+    if not pixels_read:
+        return Coverage(0, pairs, "pairs of depth frames")
+    camera = facts.declared.cameras["depth"]
+    return Coverage(pixels_read, pairs * camera.height * camera.width, "pixels of pairs of depth frames")
 
 
 def image_of(window: Window, frame: int, every_px: int) -> DepthImage:

@@ -56,6 +56,8 @@ class FieldError:
         Row of the depth frame at the start of the interval.
     pixels
         Number of compared pixels.
+    pixels_read, pixels_of_field
+        Number of pixels that were read, whether they could be compared or not, and of all pixels of the field.
     squares, bound_squares
         Sums over pixels of the squared endpoint error and of the square of its rounding bound, px^2.
     worst_px, worst_bound_px, worst_pixel
@@ -90,6 +92,8 @@ class FieldError:
     twist_dof: float = 0.0
     free_squares: float = float("nan")
     free_pixels: int = 0
+    pixels_read: int = 0
+    pixels_of_field: int = 0
     free_twist: tuple[float, ...] = ()
     region: Region | None = None
     repeats: Literal["", "flow", "depth"] = ""
@@ -173,6 +177,8 @@ def compare_field(
         worst_px=float(error[worst]),
         worst_bound_px=float(bound[worst]),
         worst_pixel=(int(columns[0, worst[1]]), int(rows[worst[0], 0])),
+        pixels_read=error.size,
+        pixels_of_field=int(np.prod(window.flow_px(interval.stream, interval.row).shape[:2])),
     )
     # Between pose samples interpolation reduces the noise: there the correction is not compared with it.
     if fit and noise and track.on_samples(interval.start_ns, interval.end_ns):

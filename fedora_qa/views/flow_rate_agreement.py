@@ -76,7 +76,9 @@ class RateAgreement:
         Error of the tile whose error exceeds its bound most, and the tile (left, top, right, bottom, px, half-open).
         None where too few pixels could be compared; ``tile`` is also None where no tile holds enough of them.
     lost
-        Share of all pixels that one rate keeps within the image and the other does not.
+        Share of the read pixels that one rate keeps within the image and the other does not.
+    pixels_read, pixels_of_field
+        Number of pixels whose paths were followed, and of all pixels of a field.
     """
 
     segment: Segment
@@ -84,6 +86,8 @@ class RateAgreement:
     worst_tile: MedianEndpointError | None
     tile: tuple[int, int, int, int] | None
     lost: float
+    pixels_read: int = 0
+    pixels_of_field: int = 0
 
     @property
     def suspicion(self) -> float:
@@ -123,7 +127,7 @@ def compare_rates(window: Window, segment: Segment) -> RateAgreement | None:
     lost = np.count_nonzero(slow.stays != fast.stays) / len(columns)
     compared = np.flatnonzero(usable & fast.clear & fast.stays)
     if len(compared) < FEWEST_PIXELS:
-        return RateAgreement(segment, None, None, None, lost)
+        return RateAgreement(segment, None, None, None, lost, len(columns), height * width)
     apart_px = slow.displacement_px[compared] - fast.displacement_px[compared]
     error_px = np.sqrt(np.square(apart_px[:, 0]) + np.square(apart_px[:, 1]))
     # Both compositions err, by any amount within their bounds: bounds add, not their squares.
@@ -137,12 +141,12 @@ def compare_rates(window: Window, segment: Segment) -> RateAgreement | None:
     typical_px, limits_px = (medians_of_parts(values[order], part_starts) for values in (error_px, bound_px))
     enough = counts >= _FEWEST_IN_TILE
     if not enough.any():
-        return RateAgreement(segment, whole, whole, None, lost)
+        return RateAgreement(segment, whole, whole, None, lost, len(columns), height * width)
     number = int(np.argmax(np.where(enough, typical_px / limits_px, -1.0)))
     worst = MedianEndpointError(float(typical_px[number]), float(limits_px[number]))
     (across, down), (top, left) = _TILES, divmod(number, _TILES[0])
     tile = (left * width // across, top * height // down, (left + 1) * width // across, (top + 1) * height // down)
-    return RateAgreement(segment, whole, worst, tile, lost)
+    return RateAgreement(segment, whole, worst, tile, lost, len(columns), height * width)
 
 
 def compared_pixels(path: ComposedPaths, other: ComposedPaths) -> NDArray[np.bool_]:

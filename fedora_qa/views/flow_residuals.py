@@ -164,6 +164,8 @@ class FieldResidual:
     worst_tile, worst_px, worst_error_px
         The matched tile (left, top, right, bottom, px) with the largest ratio of its deviation from the field's mean to
         the error of that; both in px.
+    tiles_of_field
+        Number of all tiles of the field, read or not.
     tile_errors_px
         Lowest and highest standard error of a matched tile, px: in its best and in its worst determined direction.
     """
@@ -184,6 +186,7 @@ class FieldResidual:
     worst_tile: tuple[int, int, int, int] | None = None
     worst_px: float = 0.0
     worst_error_px: float = 0.0
+    tiles_of_field: int = 0
     tile_errors_px: tuple[float, float] = (float("nan"), float("nan"))
 
     @property
@@ -271,11 +274,12 @@ def measure_field(frames: FramePair, interval: Interval, share: float) -> FieldR
     origins = _sampled(stored, interval, _OF_LARGE_FRAMES * share if is_thinned else share)
     if not len(origins):
         return None
+    tiles_of_field = len(TileGrid.of(*stored.shape[:2]).origins)
     fewest = ceil(FEWEST_VALID * TILE_PX**2)
     visible_pixels, by_depth = visible(window, interval, origins, fewest)
     enough = np.count_nonzero(visible_pixels.reshape(len(origins), -1), axis=1) >= fewest
     if not enough.any():
-        return FieldResidual(interval, frames.before, len(origins), textured=0, unmatched=0)
+        return FieldResidual(interval, frames.before, len(origins), 0, 0, tiles_of_field=tiles_of_field)
     tiles = _tiles_at(frames, stored, origins[enough], visible_pixels[enough], by_depth=by_depth)
     residuals = tiles.residuals(frames)
     is_textured = textured(residuals)
@@ -291,7 +295,7 @@ def measure_field(frames: FramePair, interval: Interval, share: float) -> FieldR
         covariances_px2 = np.where(better[:, None, None], relinearised.covariances_px2, covariances_px2)
     counts = FieldResidual(
         interval, frames.before, len(origins), int(np.count_nonzero(is_textured)),
-        int(np.count_nonzero(is_textured & ~matched)),
+        int(np.count_nonzero(is_textured & ~matched)), tiles_of_field=tiles_of_field,
     )  # fmt: skip
     if tiles.by_depth and is_textured.any():
         least = int(np.argmax(np.where(is_textured, residuals.unexplained, -1.0)))

@@ -13,11 +13,11 @@ from fedora_qa.estimators.depth.warp import warp
 from fedora_qa.estimators.fitting.quantile_kernels import median_of
 from fedora_qa.estimators.fitting.sensitivity import sensitivity_range
 from fedora_qa.features import Feature
-from fedora_qa.record.types import Coverage, Where
+from fedora_qa.record.types import Where
 from fedora_qa.sequence.facts import Facts
 from fedora_qa.sequence.window import Window
 from fedora_qa.views.depth_conventions import PairTrials, try_conventions
-from fedora_qa.views.depth_pairs import DepthPair, owned_pairs, where_of_frames, why_no_geometry
+from fedora_qa.views.depth_pairs import DepthPair, owned_pairs, pixels_of_pairs, where_of_frames, why_no_geometry
 from fedora_qa.views.flow_comparison import is_noisy
 
 Float64 = NDArray[np.float64]
@@ -107,8 +107,8 @@ class PairAgreement:
         bottom, px, or None without one.
     bounds_of_tiles
         Lowest and highest bound of a tile.
-    pixels
-        Number of compared pixels.
+    pixels, pixels_read
+        Number of compared pixels, and of those of the lattice, clear of edges, whether they could be compared or not.
     noise_square, noise_dof
         chi^2 of the correction of the motion under its declared noise, and its degrees of freedom; 0 where none is
         declared.
@@ -123,6 +123,7 @@ class PairAgreement:
     tile: tuple[int, int, int, int] | None
     bounds_of_tiles: tuple[float, float]
     pixels: int
+    pixels_read: int
     noise_square: float
     noise_dof: float
     repeats: bool
@@ -245,7 +246,7 @@ class DepthConsistency(WindowCheck[WindowAgreement]):
         """State the worst deviations, and how large the corrections were."""
         pairs = sorted((pair for window in state for pair in window.pairs), key=lambda pair: pair.first)
         total = max(int(np.count_nonzero(facts.clocks["depth"].advancing)) - 1, 0)
-        coverage = Coverage(len(pairs), total, "pairs of depth frames")
+        coverage = pixels_of_pairs(sum(pair.pixels_read for pair in pairs), total, facts)
         if not pairs:
             pairs_by_reason = {
                 "are not covered by poses": sum(window.without_pose for window in state),
@@ -423,6 +424,7 @@ def compare(pair: DepthPair) -> PairAgreement | None:
         tile_px,
         bounds_of_tiles,
         pixels=warped.compared,
+        pixels_read=lattice.depths_m.size,
         noise_square=fit.noise_square,
         noise_dof=fit.noise_dof,
         repeats=repeats,

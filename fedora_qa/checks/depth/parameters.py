@@ -12,10 +12,9 @@ from fedora_qa.estimators.depth.pair_fit import DepthFit, Family, fit_depth
 from fedora_qa.estimators.depth.warp import ModelNumber
 from fedora_qa.estimators.fitting.robust import MAD_TO_SIGMA
 from fedora_qa.features import Feature
-from fedora_qa.record.types import Coverage
 from fedora_qa.sequence.facts import Facts
 from fedora_qa.sequence.window import Window
-from fedora_qa.views.depth_pairs import DepthPair, owned_pairs, where_of_frames, why_no_geometry
+from fedora_qa.views.depth_pairs import DepthPair, owned_pairs, pixels_of_pairs, where_of_frames, why_no_geometry
 from fedora_qa.views.flow_intervals import depths_plausible
 
 _FAR: Final = 3.0
@@ -43,6 +42,8 @@ class PairParameter:
     ----------
     first, second
         Rows of the depth stream.
+    pixels_read
+        Number of pixels that were fitted.
     value, standard_error, bound
         The parameter, its standard error, and a bound of its error by the model.
     declared_residual, fit_residual
@@ -56,6 +57,7 @@ class PairParameter:
 
     first: int
     second: int
+    pixels_read: int
     value: float
     standard_error: float
     bound: float
@@ -155,6 +157,7 @@ class FittedParameter(WindowCheck[tuple[PairParameter, ...]]):
                 PairParameter(
                     pair.first,
                     pair.second,
+                    lattice.depths_m.size,
                     fit.value,
                     fit.standard_error,
                     fit.bound,
@@ -171,7 +174,7 @@ class FittedParameter(WindowCheck[tuple[PairParameter, ...]]):
         # In the order of frames: sums then do not depend on how windows were shared among workers.
         fits = sorted((fit for fits in state for fit in fits), key=lambda fit: fit.first)
         total = max(int(np.count_nonzero(facts.clocks["depth"].advancing)) - 1, 0)
-        coverage = Coverage(len(fits), total, "pairs of depth frames")
+        coverage = pixels_of_pairs(sum(fit.pixels_read for fit in fits), total, facts)
         pooled = self.pooled(fits)
         if pooled is None:
             why = "no two depth frames show the same surfaces from places that poses tell apart"

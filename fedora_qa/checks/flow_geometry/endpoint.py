@@ -285,8 +285,12 @@ class FlowGeometryEndpoint(WindowCheck[WindowErrors]):
         )
         trials = [trial for errors in state for trial in errors.trials]
         total = sum(facts.sizes.get(f"path/{stream}", 0) for stream in facts.flow_streams)
-        coverage = Coverage(len(fields), total, "flow fields")
+        pixels_of_field = max((field.pixels_of_field for field in fields), default=0)
+        coverage = Coverage(
+            sum(field.pixels_read for field in fields), total * pixels_of_field, "pixels of flow fields"
+        )
         if not fields:
+            coverage = Coverage(0, total, "flow fields")
             counts = {
                 "start or end on no frame": sum(errors.without_depth for errors in state),
                 "are not covered by poses": sum(errors.without_pose for errors in state),

@@ -192,7 +192,11 @@ class FlowPhotometricResidual(WindowCheck[WindowResiduals]):
         fields = [residual for w in state for residual in w.fields]
         fields.sort(key=lambda residual: (residual.interval.stream, residual.interval.row))
         total = sum(facts.sizes.get(f"path/{stream}", 0) for stream in facts.flow_streams)
-        coverage = Coverage(len(fields), total, "flow fields")
+        # The tiles that were read, of all tiles of all fields; fields are counted where none has a tile.
+        tiles_of_field = max((residual.tiles_of_field for residual in fields), default=0)
+        coverage = Coverage(sum(residual.tiles for residual in fields), total * tiles_of_field, "tiles of flow fields")
+        if not tiles_of_field:
+            coverage = Coverage(0, total, "flow fields")
         informative = [residual for residual in fields if residual.textured >= FEWEST_TILES]
         by_rate = {
             stream: [residual for residual in informative if residual.interval.stream == stream]

@@ -195,7 +195,15 @@ class FlowRatesComposition(WindowCheck[WindowComposition]):
         pairs = _by_pair([agreement for summary in state for agreement in summary.segments])
         count = sum(len(group) for group in pairs.values())
         not_compared = sum(summary.not_compared for summary in state)
-        coverage = Coverage(count, count + not_compared, "common intervals")
+        agreements = [agreement for group in pairs.values() for agreement in group]
+        pixels_of_field = max((agreement.pixels_of_field for agreement in agreements), default=0)
+        coverage = Coverage(
+            sum(agreement.pixels_read for agreement in agreements),
+            (count + not_compared) * pixels_of_field,
+            "pixels of common intervals",
+        )
+        if not agreements:
+            coverage = Coverage(0, not_compared, "common intervals")
         if not pairs:
             return Observation(coverage, unobservable="no two rates cover a common interval by whole fields")
         trials = [trial for summary in state for trial in summary.trials]

@@ -55,6 +55,17 @@ def test_what_moves_by_itself_is_left_out_where_it_is_marked(share: float) -> No
     assert (hypothesis.cause, hypothesis.stream) == ("flow_gain", "flow")
 
 
+@pytest.mark.parametrize(("share", "step"), [(1.0, 1), (0.25, 4)])
+def test_coverage_counts_pixels(share: float, step: int) -> None:
+    """Every fourth row and column of each field is a sixteenth of its pixels, not all fields."""
+    coverage = judged(FlowGeometryEndpoint(), clean(), tile_share=share).result.coverage
+    fields = [values for key, values in clean().rows_by_key.items() if key.startswith("path/flow") and values.ndim == 4]
+    assert coverage is not None
+    assert coverage.unit == "pixels of flow fields"
+    assert coverage.of == sum(values.shape[0] * values.shape[1] * values.shape[2] for values in fields)
+    assert coverage.seen == coverage.of / step**2
+
+
 def with_camera(world: FlowWorld, K_declared: np.ndarray = K, T: np.ndarray = T_BODY_CAMERA) -> FlowWorld:
     cameras = {
         name: replace(camera, K=K_declared, T_body_camera=T) for name, camera in world.facts.declared.cameras.items()

@@ -254,3 +254,12 @@ def test_evidence_is_small_and_titled() -> None:
     assert observation.evidence
     assert set(observation.evidence) == set(observation.titles)
     assert all(max(picture.shape) <= 200 for picture in observation.evidence.values())
+
+
+@pytest.mark.parametrize("share", [0.25, 1.0])
+def test_coverage_counts_tiles(share: float) -> None:
+    """A share of the tiles of each field is that share, not all fields."""
+    coverage = judged(FlowPhotometricResidual(), clean(), tile_share=share).result.coverage
+    assert coverage is not None
+    assert coverage.unit == "tiles of flow fields"
+    assert coverage.share == pytest.approx(share, abs=0.1)

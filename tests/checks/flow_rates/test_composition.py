@@ -49,6 +49,15 @@ def test_clean_file_passes(share: float) -> None:
     assert max(m.value or 0.0 for m in result.measurements if m.name.endswith("error")) < 0.01
 
 
+@pytest.mark.parametrize("share", [0.25, 1.0])
+def test_coverage_counts_pixels(share: float) -> None:
+    """A share of the pixels of each interval is that share, not all intervals."""
+    coverage = judged(FlowRatesComposition(), clean(), tile_share=share).result.coverage
+    assert coverage is not None
+    assert coverage.unit == "pixels of common intervals"
+    assert coverage.share == pytest.approx(share, abs=0.03)
+
+
 def next_field(fields: Fields) -> Fields:
     return np.concatenate((fields[:1], fields[:-1]))
 
