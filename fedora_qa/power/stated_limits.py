@@ -14,8 +14,8 @@ least limit counts.
 file is a copy of a clean one, noise and all, so that the difference of the two measurements is what the fault moved the
 measurement by. That effect is compared with the limit stated of the clean file, and found is what the measurement
 itself exceeded. Of several, the one that exceeded most often is taken, and of those alike the one that moves most.
-Left out are trials whose fault makes the measurement's own limit more than twice what it was: it disturbs what the
-measurement is made of, and the faulty file states another limit.
+Trials whose fault makes the measurement's own limit more than twice what it was are counted like all others, and their
+number is stated: who reads the limit of a clean file cannot know that a fault disturbs what the measurement is made of.
 
 Either way each trial has its ratio to the limit that was stated of its own clean file, because limits differ from file
 to file as their information does. A stated limit is too bold where fewer than 90% of the faults from 1 on were found,
@@ -56,13 +56,15 @@ _NOTHING: Final = 0.01
 class _Comparison:
     """A trial whose clean file states a limit: that limit, the fault in units of it, and whether it was found.
 
-    ``is_detected`` is by the check that states the limit, ``by_any`` by any check.
+    ``is_detected`` is by the check that states the limit, ``by_any`` by any check. ``is_disturbed``: the faulty file
+    states a limit of more than ``_DISTURBED`` times that of the clean one.
     """
 
     limit: float
     ratio: float
     is_detected: bool
     by_any: bool
+    is_disturbed: bool
 
 
 @dataclass(frozen=True, slots=True)
@@ -104,7 +106,7 @@ def stated_limits(
             elif max(exceeded.values()) < _FEWEST:
                 why = f"exceeded in fewer than {_FEWEST} trials"
             else:
-                why = "no clean file states a limit of what exceeded, or the fault moves the limit itself"
+                why = "no clean file states a limit of what exceeded"
             others.append(NotComparable(sized.cause, check, why))
             continue
         limits = [trial.limit for trial in compared.trials]
@@ -126,6 +128,7 @@ def stated_limits(
                 curve=curve,
                 truth=_truth(share, curve, [trial.ratio for trial in informative]),
                 found_from_twice_by_any=_found_from(2, by_any),
+                worsened=sum(trial.is_disturbed for trial in compared.trials),
             )
         )
     return tuple(comparable), tuple(others)
@@ -150,16 +153,17 @@ def _by_size(sized: CauseTrials, check: str, clean: Mapping[str, Trial]) -> _Lim
     )
     trials = []
     for size, trial in zip(sized.sizes, sized.trials, strict=True):
+        of_faulty = _of_check(trial, check)
         limits = [
-            measurement.least_detectable * to_size
+            (measurement.least_detectable * to_size, _is_disturbed(measurement, of_faulty.get(name)))
             for name, measurement in _stated(trial, check, clean).items()
             if name in names and measurement.least_detectable
             if (to_size := factor_between(measurement.unit, sized.unit)) is not None
         ]
         if limits:
-            trials.append(
-                _Comparison(min(limits), size / min(limits), is_found_by(trial, check), trial.checked.is_found)
-            )
+            least, is_disturbed = min(limits)
+            is_detected, by_any = is_found_by(trial, check), trial.checked.is_found
+            trials.append(_Comparison(least, size / least, is_detected, by_any, is_disturbed))
     return _LimitTrials("size", names, sized.unit, tuple(trials)) if trials else None
 
 
@@ -174,21 +178,29 @@ def _by_response(sized: CauseTrials, check: str, clean: Mapping[str, Trial]) -> 
         compared: list[_Comparison] = []
         for trial in sized.trials:
             before, after = _stated(trial, check, clean).get(name), _of_check(trial, check).get(name)
-            if (
-                before
-                and after
-                and before.least_detectable
-                and not (bool(before.limit) and (after.limit or 0.0) > _DISTURBED * (before.limit or 0.0))
-            ):
+            if before and after and before.least_detectable:
                 # The noise of the clean file is in both measurements and cancels: the difference is the effect of the
                 # fault.
                 ratio = before.harm(after.deviation - before.deviation) / before.least_detectable
-                compared.append(_Comparison(before.least_detectable, ratio, after.exceeds, trial.checked.is_found))
+                compared.append(
+                    _Comparison(
+                        before.least_detectable,
+                        ratio,
+                        after.exceeds,
+                        trial.checked.is_found,
+                        _is_disturbed(before, after),
+                    )
+                )
                 units.append(before.unit)
         if compared:
             limit_trials = _LimitTrials("response", (name,), units[0], tuple(compared))
             options.append((times, median(trial.ratio for trial in compared), limit_trials))
     return max(options, key=lambda option: option[:2])[2] if options else None
+
+
+def _is_disturbed(before: MeasuredDeviation, after: MeasuredDeviation | None) -> bool:
+    """Whether the faulty file states a worse limit than its clean one."""
+    return bool(before.limit) and after is not None and (after.limit or 0.0) > _DISTURBED * (before.limit or 0.0)
 
 
 def _names_exceeded(sized: CauseTrials, check: str) -> dict[str, int]:

@@ -172,7 +172,8 @@ class StatedLimit:
     moved them by. ``least``, ``median``, ``most`` are their stated limits over the clean files, in
     ``unit``. ``found_from_it`` counts faults of at least the limit stated of their own clean file, ``found_from_twice``
     those of at least twice that, both by this check; ``found_from_twice_by_any`` those by any check (None in
-    records made before it was counted). ``at_50`` and
+    records made before it was counted). ``worsened`` counts trials whose faulty file states more than twice the limit
+    of its clean one (None in records made before they were counted rather than left out). ``at_50`` and
     ``at_95`` are sizes in units of that limit: ``at_95`` below 1/2 is too cautious by more than 2.
     """
 
@@ -189,6 +190,7 @@ class StatedLimit:
     curve: Curve
     truth: Truth
     found_from_twice_by_any: Share | None = None
+    worsened: int | None = None
 
 
 @dataclass(frozen=True, slots=True)

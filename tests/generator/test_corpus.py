@@ -327,3 +327,50 @@ def test_without_trials_nothing_is_said_of_starts(corpus: Corpus, tmp_path: Path
     items = manifest(tmp_path / "spread")["items"]
     assert len({item["start_s"] for item in items if item["scene"] == "park-day"}) == 2
     assert corpus(tmp_path / "none", "--deep", "gyro_bias").exit_code == 2
+
+
+def test_trials_off_the_grid_are_drawn_at_random() -> None:
+    """Sizes lie on no grid, shifts of colour go anywhere by parts of a pixel, and local faults anywhere in the file."""
+    scenes = (load_scene("park-day").with_size(*STUDY_SIZE),)
+    causes = ("rgb:spatial_offset", "events:spatial_offset", "imu:gyro_bias", "pose:teleport")
+    plan = plan_corpus(CorpusOptions(clean=12, causes=causes, trials=12, off_grid=True), scenes)
+    of_pair: dict[tuple[str, str], list[PlannedFile]] = {}
+    for planned in plan:
+        for fault in planned.faults:
+            of_pair.setdefault((fault.stream, fault.cause), []).append(planned)
+    shifts = [one.faults[0] for one in of_pair["rgb", "spatial_offset"] if one.file.startswith("single/")]
+    assert len({fault.magnitude for fault in shifts}) == len({fault.direction_deg for fault in shifts}) == 12
+    assert all(1 / 9 <= (fault.magnitude or 0.0) <= 9 for fault in shifts)
+    assert any((fault.magnitude or 1.0) % 1 for fault in shifts)
+    for one in of_pair["events", "spatial_offset"]:
+        assert one.faults[0].direction_deg is None
+        assert (one.faults[0].magnitude or 0.5) % 1 == 0
+    intervals = [one.faults[0] for one in of_pair["imu", "gyro_bias"] if one.file.startswith("local/")]
+    assert len({(fault.start_s, fault.stop_s) for fault in intervals}) == len(intervals) == 3
+    assert all(0 <= (fault.start_s or 0.0) < (fault.stop_s or 0.0) <= 1 for fault in intervals)
+    jumps = [one.faults[0] for one in of_pair["pose", "teleport"] if one.file.startswith("local/")]
+    assert all(fault.start_s is not None and fault.stop_s is None for fault in jumps)
+    regions = [one.faults[0].region for one in of_pair["rgb", "spatial_offset"] if one.faults[0].region]
+    assert len({*regions}) == 3
+    assert all(0 <= left < right <= STUDY_SIZE[0] * 4 and 0 <= top < bottom for left, top, right, bottom in regions)
+
+
+def test_off_the_grid_more_trials_keep_those_before() -> None:
+    """A corpus that grows keeps its files, and a corpus on the grid has no trace of the option."""
+    scenes = (load_scene("park-day").with_size(*STUDY_SIZE),)
+    few = CorpusOptions(clean=20, causes=("flow_gain", "rgb:spatial_offset"), trials=8, off_grid=True)
+    assert {*plan_corpus(few, scenes)} < {*plan_corpus(replace(few, trials=16), scenes)}
+    on_grid = plan_corpus(replace(few, off_grid=False), scenes)
+    assert all(fault.direction_deg is None for one in on_grid for fault in one.faults)
+    assert not {one.file for one in plan_corpus(few, scenes) if one.faults} & {one.file for one in on_grid}
+
+
+def test_a_manifest_off_the_grid_states_directions(corpus: Corpus, tmp_path: Path) -> None:
+    """Only shifts off the grid have a direction; without trials there is nothing to draw."""
+    arguments = ("--causes", "rgb:spatial_offset,gyro_bias", "--trials", "4", "--clean", "2")
+    assert corpus(tmp_path / "off", *arguments, "--off-grid").exit_code == 0
+    faults = [fault for item in manifest(tmp_path / "off")["items"] for fault in item["faults"]]
+    assert {fault["cause"] for fault in faults if "direction_deg" in fault} == {"spatial_offset"}
+    assert corpus(tmp_path / "on", *arguments).exit_code == 0
+    assert "direction_deg" not in (tmp_path / "on" / MANIFEST).read_text()
+    assert "--trials with --off-grid" in corpus(tmp_path / "none", "--off-grid").output

@@ -171,3 +171,22 @@ def test_a_stream_of_another_sequence(clean: Path, tmp_path: Path) -> None:
     np.testing.assert_array_equal(events(target), events(donor))
     np.testing.assert_array_equal(read(target, "metadata/rgb_to_event"), read(donor, "metadata/rgb_to_event"))
     np.testing.assert_array_equal(read(target, "path/rgb"), read(clean, "path/rgb"))
+
+
+def test_a_shift_by_parts_of_a_pixel_moves_a_ramp_by_as_much(tmp_path: Path) -> None:
+    """On a ramp a shift by (right, down) subtracts its slopes times the vector; by whole pixels it copies values."""
+    source, target = tmp_path / "ramp.h5", tmp_path / "shifted.h5"
+    write_tiny_sequence(source)
+    rows, columns = np.mgrid[:HEIGHT, :WIDTH]
+    with h5py.File(source, "r+") as file:
+        for stream in FLOW_STREAMS:
+            if f"path/{stream}" in file:
+                file[f"path/{stream}"][...] = (2.0 * columns + 3.0 * rows)[None, :, :, None]
+    plant_fault(source, target, "spatial_offset", "flow", magnitude=0.5, direction_deg=30.0)
+    with h5py.File(target) as file:
+        shifted = file["path/flow/25hz"][0, 2:-2, 2:-2, 0]
+    vector_px = 0.5 * np.cos(np.pi / 6), 0.5 * np.sin(np.pi / 6)
+    expected = 2.0 * (columns - vector_px[0]) + 3.0 * (rows - vector_px[1])
+    np.testing.assert_allclose(shifted, expected[2:-2, 2:-2], atol=1e-4)
+    with pytest.raises(FaultError, match="only shifts of rgb and flow"):
+        plant_fault(source, target, "spatial_offset", "depth", magnitude=1.0, direction_deg=30.0)

@@ -213,13 +213,14 @@ def test_what_the_clean_file_deviates_by_is_not_the_faults_effect() -> None:
     assert (stated.found_from_it.of, stated.curve.fitted, stated.truth) == (0, "all_found", "untested")
 
 
-def test_a_fault_that_widens_the_limit_is_no_test_of_it() -> None:
-    """Where the fault itself makes the limit ten times as wide, its misses say nothing of the stated limit."""
+def test_a_fault_that_widens_the_limit_counts() -> None:
+    """Where the fault itself makes the limit ten times as wide, its misses are misses of the stated limit."""
     trials = [moved(k, effect, 0.7) for k, effect in enumerate(EFFECTS_PX)]
     wide = [moved(100 + k, 3.0, 7.0) for k in range(9)]
     at_first = (replace(measurement(name="shift", unit="px"), limit=0.7),)
     stated = limits_of((clean(stated=at_first), *trials, *wide))
-    assert (stated.found_from_it.count, stated.found_from_it.of) == (15, 15)
+    assert (stated.found_from_it.count, stated.found_from_it.of) == (15, 24)
+    assert (stated.worsened, stated.truth) == (9, "too_bold")
 
 
 def test_far_beyond_its_limit_a_fault_says_nothing_of_it() -> None:

@@ -244,6 +244,7 @@ def plant_together(base: Path, target: Path, faults: tuple[PlannedFault, ...], d
                 start_s=fault.start_s,
                 stop_s=fault.stop_s,
                 region=fault.region,
+                direction_deg=fault.direction_deg,
                 donor=None if fault.donor is None else donors / fault.donor,
             )
             source = step

@@ -38,6 +38,7 @@ def _read_list(_: click.Context, __: click.Parameter, value: str) -> tuple[str, 
 @click.option("--deep", default="", callback=_read_list, metavar="LIST", help="Causes that get more trials.")
 @click.option("--deep-trials", default=60, show_default=True, type=click.IntRange(1, 10_000), help="How many.")
 @click.option("--spread", is_flag=True, help="Begin the sequences of a scene at different places of its flight.")
+@click.option("--off-grid", is_flag=True, help="Draw sizes, directions, times and regions of trials at random.")
 @click.option("--dry-run", is_flag=True, help="Print what would be made, and make nothing.")
 @click.option("--force", is_flag=True, help="Write into a folder that holds something else.")
 def corpus(
@@ -54,6 +55,7 @@ def corpus(
     deep: tuple[str, ...],
     deep_trials: int,
     spread: bool,
+    off_grid: bool,
     dry_run: bool,
     force: bool,
 ) -> None:
@@ -68,6 +70,8 @@ def corpus(
         raise click.UsageError("Expected scenes of different names, got one name twice; files are called after them")
     if deep and not trials:
         raise click.UsageError("Expected --trials with --deep, got none; give the trials of the other causes")
+    if off_grid and not trials:
+        raise click.UsageError("Expected --trials with --off-grid, got none; give the trials of each cause")
     options = CorpusOptions(
         clean=clean,
         causes=causes,
@@ -79,6 +83,7 @@ def corpus(
         deep=deep,
         deep_trials=deep_trials,
         spread=spread,
+        off_grid=off_grid,
     )
     if dry_run:
         # Files and bytes by kind, a line each, and in all.

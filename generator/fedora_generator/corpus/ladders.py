@@ -54,11 +54,11 @@ class Ladder:
         """Whether the fault has more than one size."""
         return self.nominal is not None and not self.fixed
 
-    def at(self, factor: float) -> float | None:
+    def at(self, factor: float, digits: int = 3) -> float | None:
         """Return the magnitude of so many times the nominal one, as far as the fault allows; None without a size."""
         if self.nominal is None or self.fixed:
             return self.nominal
-        return self._stated(min(self.nominal * factor, self.most))
+        return self._stated(min(self.nominal * factor, self.most), digits)
 
     def rungs(self, count: int) -> tuple[float | None, ...]:
         """Return ``count`` magnitudes from mild to severe around the nominal one, or fewer where some are the same."""
@@ -82,8 +82,8 @@ class Ladder:
             return magnitude <= self.nominal * math.sqrt(share)
         return magnitude >= self.nominal / math.sqrt(share)
 
-    def _stated(self, size: float) -> float:
-        return float(max(1, round(size))) if self.whole else float(f"{size:.3g}")
+    def _stated(self, size: float, digits: int = 3) -> float:
+        return float(max(1, round(size))) if self.whole else float(f"{size:.{digits}g}")
 
 
 def depends_on_pose_noise(cause: str, stream: str) -> bool:

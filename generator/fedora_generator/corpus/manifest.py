@@ -47,6 +47,9 @@ def description_of(planned: PlannedFile) -> Item:
     item: Item = json.loads(json.dumps(asdict(planned)))
     if planned.start_s is None:
         del item["start_s"]  # as in corpora whose sequences all begin where their scenes do
+    for fault in item["faults"]:
+        if fault["direction_deg"] is None:
+            del fault["direction_deg"]  # as in corpora whose shifts all go to the right
     first = item["faults"][0] if item["faults"] else dict.fromkeys(_OF_ONE_FAULT)
     return item | {name: first[name] for name in _OF_ONE_FAULT}
 

@@ -5,10 +5,28 @@ from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from typing import Final
 
+import numpy as np
+
 from fedora_generator.camera import colour_camera, event_camera
 from fedora_generator.corpus.ladders import Ladder, depends_on_pose_noise, ladder_of
-from fedora_generator.corpus.spread import magnitude_of, start_of, trials_of
-from fedora_generator.faults import BYTE_FAULTS, FAULTS, FaultError, Region, allows_interval, allows_region
+from fedora_generator.corpus.spread import (
+    SINGLE_SIZE_DIVISOR,
+    magnitude_of,
+    random_interval_s,
+    random_magnitude_of,
+    random_region,
+    start_of,
+    trials_of,
+)
+from fedora_generator.faults import (
+    BYTE_FAULTS,
+    FAULTS,
+    FaultError,
+    Region,
+    allows_direction,
+    allows_interval,
+    allows_region,
+)
 from fedora_generator.faults.fault import default_unit
 from fedora_generator.sampling import Quality
 from fedora_generator.scene import Scene
@@ -65,6 +83,9 @@ class CorpusOptions:
     spread
         Whether sequences of a scene begin at different places of its flight. Where there is no noise, those of one
         scene are all alike otherwise.
+    off_grid
+        Whether trials draw sizes, directions of shifts, times and regions at random: sizes of no grid, shifts by parts
+        of a pixel, and local faults as trials of their own.
     """
 
     clean: int = 2
@@ -77,6 +98,7 @@ class CorpusOptions:
     deep: tuple[str, ...] = ()
     deep_trials: int = 60
     spread: bool = False
+    off_grid: bool = False
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -91,6 +113,7 @@ class PlannedFault:
     start_s: float | None = None
     stop_s: float | None = None
     region: Region | None = None
+    direction_deg: float | None = None
     donor: str | None = None
 
 
@@ -131,7 +154,7 @@ def plan_corpus(options: CorpusOptions, scenes: tuple[Scene, ...]) -> tuple[Plan
     for pair in pairs:
         trials = options.deep_trials if pair in deep else options.trials
         files += planner.trials(pair, trials) if options.trials else planner.ladder(pair)
-        files += planner.local(pair)
+        files += planner.local_trials(pair, trials) if options.off_grid else planner.local(pair)
     files += [planner.composite(first, second) for first, second in TWO_AT_ONCE if {first, second} <= {*pairs}]
     return tuple(files)
 
@@ -169,8 +192,14 @@ class _Planner:
         for trial in range(trials_of(self._ladder(pair, bases[0]), most)):
             base = bases[(number + trial) % len(bases)]
             ladder = self._ladder(pair, base)
-            magnitude = magnitude_of(ladder, trial, number / 2**32)
-            fault = replace(self._fault(pair, base, magnitude), seed=_number(f"{pair}{magnitude} {trial}"))
+            if self.options.off_grid:
+                random = np.random.default_rng([number, trial])
+                fault = self._random_fault(pair, base, random)
+                magnitude = fault.magnitude
+            else:
+                magnitude = magnitude_of(ladder, trial, number / 2**32)
+                fault = self._fault(pair, base, magnitude)
+            fault = replace(fault, seed=_number(f"{pair}{magnitude} {trial}"))
             observable = ladder.is_observable(magnitude)
             yield _copy_of(base, "single", f"{_label(fault)}-trial{trial}", (fault,), observable)
 
@@ -191,11 +220,46 @@ class _Planner:
             observable = ladder.is_observable(fault.magnitude, share=1 / 4)
             yield _copy_of(base, "local", f"{_label(part)}-quarter", (part,), observable, "a quarter of the image")
 
+    def local_trials(self, pair: Pair, most: int) -> Iterator[PlannedFile]:
+        """Magnitudes over a range, each in an interval at random and in a region at random, of another sequence."""
+        number, bases = _number(f"{pair} local"), self._bases(pair)
+        for trial in range(-(-most // SINGLE_SIZE_DIVISOR)):
+            base = bases[(number + trial) % len(bases)]
+            ladder, random = self._ladder(pair, base), np.random.default_rng([number, trial])
+            fault = replace(self._random_fault(pair, base, random), seed=_number(f"{pair} local {trial}"))
+            if allows_interval(*pair):
+                start_s, stop_s = random_interval_s(random, self.options.duration_s)
+                share = (stop_s - start_s) / self.options.duration_s
+                interval = replace(fault, start_s=start_s, stop_s=stop_s)
+                if pair[0] in _PLACED:  # a place in time, and no interval
+                    share, interval = 1.0, replace(fault, start_s=start_s)
+                observable = ladder.is_observable(fault.magnitude, share)
+                name = f"{_label(interval)}-interval{trial}"
+                yield _copy_of(base, "local", name, (interval,), observable, "at a random time")
+            if allows_region(*pair):
+                camera_of = event_camera if pair[1] == "events" else colour_camera
+                camera = camera_of(self.scenes[base.scene].camera)
+                left, top, right, bottom = random_region(random, camera.width, camera.height)
+                part = replace(fault, region=(left, top, right, bottom))
+                share = (right - left) * (bottom - top) / (camera.width * camera.height)
+                observable = ladder.is_observable(fault.magnitude, share)
+                yield _copy_of(
+                    base, "local", f"{_label(part)}-region{trial}", (part,), observable, "in a random region"
+                )
+
     def composite(self, first: Pair, second: Pair) -> PlannedFile:
         """Two severe faults at once."""
         base = self._base(first)
         faults = self._severe(first, base), self._severe(second, base)
         return _copy_of(base, "composite", "+".join(map(_label, faults)), faults, True, "two faults at once")
+
+    def _random_fault(self, pair: Pair, base: PlannedFile, random: np.random.Generator) -> PlannedFault:
+        """Return a fault of random size, and of random direction where it has one."""
+        ladder = self._ladder(pair, base)
+        if not allows_direction(*pair):
+            return self._fault(pair, base, random_magnitude_of(ladder, random))
+        magnitude = random_magnitude_of(replace(ladder, whole=False), random)
+        return replace(self._fault(pair, base, magnitude), direction_deg=round(random.uniform(0.0, 360.0), 3))
 
     def _ladder(self, pair: Pair, base: PlannedFile) -> Ladder:
         return ladder_of(*pair, noisy_pose=_has_pose_noise(self.scenes[base.scene]))

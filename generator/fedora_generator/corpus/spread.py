@@ -7,6 +7,8 @@ number of terms: with more trials or sequences, a corpus keeps those that it has
 import math
 from typing import Final
 
+import numpy as np
+
 from fedora_generator.corpus.ladders import Ladder
 from fedora_generator.scene import Scene
 
@@ -40,6 +42,25 @@ def magnitude_of(ladder: Ladder, trial: int, beginning: float) -> float | None:
         0 to 1, different between faults.
     """
     return ladder.at(SPAN ** (2 * _golden_fraction(trial, beginning) - 1))
+
+
+def random_magnitude_of(ladder: Ladder, random: np.random.Generator) -> float | None:
+    """Return a magnitude drawn uniformly in its logarithm from the same range, to six digits where it is no number."""
+    return ladder.at(SPAN ** random.uniform(-1.0, 1.0), digits=6)
+
+
+def random_interval_s(random: np.random.Generator, duration_s: float) -> tuple[float, float]:
+    """Return start and stop of an interval of a fifth to four fifths of a sequence, anywhere in it, to the us."""
+    length_s = random.uniform(0.2, 0.8) * duration_s
+    start_s = random.uniform(0.0, duration_s - length_s)
+    return round(start_s, 6), round(start_s + length_s, 6)
+
+
+def random_region(random: np.random.Generator, width: int, height: int) -> tuple[int, int, int, int]:
+    """Return a rectangle whose sides are a quarter to three quarters of those of the image, anywhere in it."""
+    across, down = (round(random.uniform(0.25, 0.75) * side) for side in (width, height))
+    left, top = int(random.integers(width - across, endpoint=True)), int(random.integers(height - down, endpoint=True))
+    return left, top, left + across, top + down
 
 
 def start_of(scene: Scene, seed: int, duration_s: float) -> float:

@@ -11,6 +11,7 @@ from fedora_generator.faults.plant import plant_fault
 from fedora_generator.faults.table import (
     BYTE_FAULTS,
     FAULTS,
+    allows_direction,
     allows_interval,
     allows_region,
     legal_causes,
@@ -23,6 +24,7 @@ __all__ = [
     "Fault",
     "FaultError",
     "Region",
+    "allows_direction",
     "allows_interval",
     "allows_region",
     "legal_causes",

@@ -36,6 +36,9 @@ def _read_region(_: click.Context, __: click.Parameter, value: str | None) -> Re
     metavar="X0,Y0,X1,Y1",
     help="Confine the fault to this part of the image, the last column and row not included.",
 )
+@click.option(
+    "--direction", "direction_deg", type=float, help="Of a shift of rgb or flow: degrees, clockwise from right."
+)
 @click.option("--donor", type=click.Path(path_type=Path), help="The file that other_sequence takes the stream from.")
 @click.option("--stale-maps", is_flag=True, help="Leave the index maps as they were before the fault.")
 @click.option("--force", is_flag=True, help="Replace the output if it exists.")
@@ -50,6 +53,7 @@ def fault(
     start_s: float | None,
     stop_s: float | None,
     region: Region | None,
+    direction_deg: float | None,
     donor: Path | None,
     stale_maps: bool,
     force: bool,
@@ -69,6 +73,7 @@ def fault(
         start_s=start_s,
         stop_s=stop_s,
         region=region,
+        direction_deg=direction_deg,
         donor=donor,
         consistent_maps=not stale_maps,
     )

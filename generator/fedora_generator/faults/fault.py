@@ -45,6 +45,9 @@ class Fault:
         begins at ``start_s``, or in the middle of the stream; one of a declaration or of storage cannot be confined.
     region
         Rectangle of the image that the fault is confined to: outside, the file does not change.
+    direction_deg
+        Direction of a shift of images or flow, clockwise from the right; it need not be by whole pixels. None: to the
+        right, by whole pixels.
     donor
         The file that a stream of another sequence comes from.
     """
@@ -57,6 +60,7 @@ class Fault:
     start_s: float | None = None
     stop_s: float | None = None
     region: Region | None = None
+    direction_deg: float | None = None
     donor: Path | None = None
 
     @property

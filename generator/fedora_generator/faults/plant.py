@@ -16,6 +16,7 @@ from fedora_generator.faults.table import (
     BYTE_FAULTS,
     FAULTS,
     USUAL_FACTORS,
+    allows_direction,
     allows_interval,
     allows_region,
     legal_causes,
@@ -39,6 +40,7 @@ def plant_fault(
     stop_s: float | None = None,
     *,
     region: Region | None = None,
+    direction_deg: float | None = None,
     donor: Path | None = None,
     consistent_maps: bool = True,
 ) -> Fault:
@@ -61,6 +63,8 @@ def plant_fault(
     region
         Rectangle (x0, y0, x1, y1), half-open, in pixels of the stream's own image, to confine the fault to: inside, the
         file is as the fault makes it; outside, as it was.
+    direction_deg
+        Direction of a shift, clockwise from the right, which then need not be by whole pixels (``allows_direction``).
     donor
         The file that ``other_sequence`` takes the stream from.
     consistent_maps
@@ -89,6 +93,8 @@ def plant_fault(
         raise FaultError(f"Expected no interval for {stream}:{cause}, got one: it befalls the whole stream or none")
     if region is not None and not allows_region(cause, stream):
         raise FaultError(f"Expected no region for {stream}:{cause}, got one: it befalls the whole image or none")
+    if direction_deg is not None and not allows_direction(cause, stream):
+        raise FaultError(f"Expected no direction for {stream}:{cause}, got one: only shifts of rgb and flow have one")
     unit = default_unit(cause, stream) if unit is None else unit
     fault = Fault(
         cause=cause,
@@ -99,6 +105,7 @@ def plant_fault(
         start_s=start_s,
         stop_s=stop_s,
         region=region,
+        direction_deg=direction_deg,
         donor=donor,
     )
     if not source.is_file() or not h5py.is_hdf5(source):

@@ -161,6 +161,14 @@ def allows_region(cause: str, stream: str) -> bool:
     return family in _IMAGES and cause not in _TIMELESS | _OF_ROWS
 
 
+def allows_direction(cause: str, stream: str) -> bool:
+    """Whether a fault is a shift that can go in any direction, and by parts of a pixel.
+
+    Depth cannot be interpolated between surfaces, and events lie on whole pixels.
+    """
+    return cause == "spatial_offset" and stream_family(stream) in ("rgb", "flow")
+
+
 USUAL_FACTORS: Final[Mapping[tuple[str, str], float]] = MappingProxyType(
     {
         ("unit_mm_m", "depth"): 1e-3,
