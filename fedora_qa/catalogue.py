@@ -54,6 +54,7 @@ from fedora_qa.checks.index_maps.rgb import IndexMapsRgb
 from fedora_qa.checks.integrity.finite import IntegrityFinite
 from fedora_qa.checks.integrity.layout import IntegrityLayout
 from fedora_qa.checks.integrity.readable import IntegrityReadable
+from fedora_qa.checks.integrity.resolution import IntegrityResolution
 from fedora_qa.checks.metadata.cameras import MetadataCameras
 from fedora_qa.checks.metadata.complete import MetadataComplete
 from fedora_qa.checks.metadata.profile import MetadataProfile
@@ -82,7 +83,7 @@ from fedora_qa.diagnosis import (
 from fedora_qa.diagnosis.flow_geometry.endpoint import propose_endpoint
 from fedora_qa.diagnosis.flow_geometry.validity import propose_validity
 from fedora_qa.diagnosis.hypothesis import Hypothesis, Propose
-from fedora_qa.faults import damage, declarations, events, flow, motion, timestamps
+from fedora_qa.faults import damage, declarations, events, flow, motion, storage, timestamps
 from fedora_qa.faults import images as image_faults
 from fedora_qa.faults.canary_conditions import PlantCanary
 from fedora_qa.judgement.judge import Alarm
@@ -115,6 +116,7 @@ CATALOGUE: Final = (
     CatalogueRow(IntegrityLayout(), integrity.propose_layout, declarations.absent_stream),
     CatalogueRow(IntegrityReadable(), integrity.propose_readable, damage.undecodable),
     CatalogueRow(IntegrityFinite(), integrity.propose_finite, damage.not_finite),
+    CatalogueRow(IntegrityResolution(), integrity.propose_resolution, storage.coarse_values),
     CatalogueRow(MetadataComplete(), metadata.propose_complete, declarations.missing_attribute),
     CatalogueRow(MetadataUnits(), metadata.propose_units, declarations.wrong_label),
     CatalogueRow(MetadataCameras(), metadata.propose_cameras, declarations.stretched_mounting),

@@ -57,6 +57,8 @@ _ALL: Final = (
           "Keep the full resolution of the clock: no rounding to milliseconds, no float32 seconds."),
     Cause("time_jitter", ("events",), "ms", "stamps scatter at random",
           "Stamp each event when its pixel fires, not when it is read or received."),
+    Cause("quantised_values", ("depth", "flow", "pose", "imu"), "percent", "values are rounded to a coarse step",
+          "Store the values as they are computed: float32 for images, float64 for samples."),
     Cause("time_unit", TIMED, "1", "stamps are in another unit than microseconds",
           "Write int64 microseconds."),
     Cause("index_off_by_one", INDEX_MAPS, "events", "indices are shifted by a constant",

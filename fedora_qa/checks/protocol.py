@@ -140,6 +140,8 @@ class Check(ABC, Generic[State]):
     """``<subject>.<property>``."""
     needs: tuple[str, ...] = ()
     """Streams without which the question cannot be asked. ``flow`` stands for at least one rate."""
+    looks_at: tuple[str, ...] = ()
+    """Further streams whose stored steps it looks at, where the file has them."""
 
     @property
     def question(self) -> str:

@@ -32,6 +32,15 @@ def propose_readable(alarm: Alarm, facts: Facts) -> tuple[Hypothesis, ...]:
     return over_all_rates(alarm.statistic, _of_chunks)
 
 
+def propose_resolution(alarm: Alarm, facts: Facts) -> tuple[Hypothesis, ...]:
+    """Return the rounding of values as the cause of their coarse step."""
+    return over_all_rates(alarm.statistic, _of_steps)
+
+
+def _of_steps(statistic: Statistic) -> tuple[Hypothesis, ...]:
+    return (Hypothesis("quantised_values", statistic.where.stream or "", support("integrity.coarse_step")),)
+
+
 def _of_values(statistic: Statistic) -> tuple[Hypothesis, ...]:
     stream = statistic.where.stream or ""
     rule = statistic.code.rpartition(".")[2]

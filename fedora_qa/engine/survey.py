@@ -167,7 +167,8 @@ def survey_file(
         with watch.stage("stamps"):
             progress("reading stamps", 0, 1)
             # Where checks are selected, no values of other streams are decoded.
-            needed = frozenset(stream for check in checks for stream in check.needs) if options.select else None
+            streams = frozenset(stream for check in checks for stream in (*check.needs, *check.looks_at))
+            needed = streams if options.select else None
             ready = prepare(view(sequence) if view else sequence, options.memory_bytes, needed)
     return Survey(
         path=path,

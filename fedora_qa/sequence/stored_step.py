@@ -1,6 +1,6 @@
 """The step in which the values of a dataset are stored, and the errors that rounding to it makes."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Final
 
 import numpy as np
@@ -33,6 +33,8 @@ class StoredStep:
     inverse
         Distance of neighbouring inverse values of a grid of equal steps of these (a disparity, a z-buffer), in one over
         the unit of the values; 0 where there is no such grid.
+    typical
+        Median absolute value of the values, in their unit; 0 where it is not known.
     components
         Grids of the components of vectors, of which this is the coarsest; empty where all are alike.
     """
@@ -40,6 +42,7 @@ class StoredStep:
     size: float = 0.0
     roundoff: float = DOUBLE_ROUNDOFF
     inverse: float = 0.0
+    typical: float = field(default=0.0, compare=False)
     components: tuple["StoredStep", ...] = ()
 
     @property
@@ -65,7 +68,8 @@ class StoredStep:
     def scaled(self, factor: float) -> "StoredStep":
         """Return the step of the values times a factor."""
         components = tuple(component.scaled(factor) for component in self.components)
-        return StoredStep(abs(factor) * self.size, self.roundoff, self.inverse / abs(factor), components)
+        inverse, typical = self.inverse / abs(factor), abs(factor) * self.typical
+        return StoredStep(abs(factor) * self.size, self.roundoff, inverse, typical, components)
 
     def text(self, unit: str) -> str:
         """Return the step in words, as ``1 mm`` or ``float32``."""
@@ -80,7 +84,9 @@ class StoredStep:
 def coarsest(steps: list[StoredStep]) -> StoredStep:
     """Return the coarser of the steps of several components in either grid; as fine as float64 where there is none."""
     return StoredStep(
-        max((step.size for step in steps), default=0.0), max((step.roundoff for step in steps), default=DOUBLE_ROUNDOFF)
+        max((step.size for step in steps), default=0.0),
+        max((step.roundoff for step in steps), default=DOUBLE_ROUNDOFF),
+        typical=max((step.typical for step in steps), default=0.0),
     )
 
 

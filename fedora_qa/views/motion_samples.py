@@ -219,7 +219,11 @@ def sample_step(times_ns: NDArray[np.int64], values: Float64, curve: SampledCurv
     constant = np.all(values == values[:1], axis=0)
     return of_components(
         [
-            StoredStep(max(sizes) if is_constant else size, stored.component(i).roundoff)
+            StoredStep(
+                max(sizes) if is_constant else size,
+                stored.component(i).roundoff,
+                typical=stored.component(i).typical or stored.typical,
+            )
             for i, (size, is_constant) in enumerate(zip(sizes, constant, strict=True))
         ]
     )

@@ -10,16 +10,19 @@ from numpy.typing import NDArray
 from fedora_qa.errors import UnreadableRowsError
 from fedora_qa.estimators.depth.stored_step import depth_step
 from fedora_qa.estimators.imu.local_motion import OrientationSamples, SampledCurve, VectorSamples
-from fedora_qa.estimators.storage.steps import stored_step
+from fedora_qa.estimators.storage.steps import level_step, stored_step
 from fedora_qa.layout.canonical import DATASETS
 from fedora_qa.sequence.facts import Facts
 from fedora_qa.sequence.sequence import SequenceRows
-from fedora_qa.sequence.stored_step import DOUBLE_ROUNDOFF, StoredStep
+from fedora_qa.sequence.stored_step import DOUBLE_ROUNDOFF, StoredStep, of_components
 from fedora_qa.views.motion_samples import sample_step
 
 _PLACES: Final = (0.25, 0.5, 0.75)
 """Where images are read, as shares of the rows: the middle one of three steps is taken, so that one image that is zero,
 or has a fault, does not decide. Where the first two agree they are the middle, and the third is not read."""
+
+_FEWEST_LEVELS: Final = 5
+"""Least number of levels of a component of flow that show a step."""
 
 _MOST_VALUES: Final = 4096
 """Values of a component that are read of an image, and samples of a motion: hundreds suffice for any probability."""
@@ -81,10 +84,19 @@ def image_step(image: NDArray[np.floating]) -> StoredStep:
     """Return the step of the values (H, W) or (H, W, k) of an image; of depths (H, W) also that of their inverses."""
     # Depth has no axis of components.
     values = image.reshape(image.shape[0] * image.shape[1], -1)
-    step = stored_step(values[:: max(1, len(values) // _MOST_VALUES)].astype(np.float64))
+    values = values[:: max(1, len(values) // _MOST_VALUES)].astype(np.float64)
+    step = stored_step(values)
     if image.ndim == 2 and not step.is_coarse and (of_depth := depth_step(image)):
-        return replace(of_depth.grid, roundoff=step.roundoff)
-    return step
+        return replace(of_depth.grid, roundoff=step.roundoff, typical=step.typical)
+    if image.ndim == 2:
+        return step
+    # Flow of a coarse step has few levels. Two or three may be that of as many walls.
+    parts = []
+    for i, component in enumerate(values.T):
+        part, finite = step.component(i), component[np.isfinite(component)]
+        few = not part.size and len(np.unique(finite)) >= _FEWEST_LEVELS
+        parts.append(replace(part, size=level_step(finite)) if few else part)
+    return of_components(parts)
 
 
 def _motion_step(sequence: SequenceRows, facts: Facts, stream: str, key: str) -> StoredStep | None:

@@ -55,6 +55,7 @@ PLANTED = {
     "integrity.layout": Planted("missing_stream", "imu"),
     "integrity.readable": Planted("corrupt_chunk", "depth", 1, within=0.0),
     "integrity.finite": Planted("nan_in_stream", "imu", 3, within=0.0),
+    "integrity.resolution": Planted("quantised_values", "depth", 2),
     "metadata.complete": Planted("missing_stream", "metadata"),
     "metadata.units": Planted("flow_unit", "flow", edit=label_flow_as_px_s),
     "metadata.cameras": Planted("frame_convention", "metadata", edit=stretch_camera_rotation),

@@ -139,7 +139,8 @@ def _component_step(values: NDArray[np.floating], with_unknown_steps: bool) -> S
     size = next((float(size) for size in _STEPS[hopeful] if _lies_on_grid(distinct, units, size)), 0.0)
     # Three eighths are multiples of one eighth too. A known step is exact where an unknown one is an estimate of it.
     unknown = next(_unknown_steps(distinct, units), 0.0) if with_unknown_steps else 0.0
-    return StoredStep(unknown if unknown > 1.5 * size else size, roundoff)
+    typical = float(np.median(np.abs(distinct))) if len(distinct) else 0.0
+    return StoredStep(unknown if unknown > 1.5 * size else size, roundoff, typical=typical)
 
 
 def _lies_on_grid(values: Float64, units: Float64, size: float) -> bool:

@@ -118,6 +118,7 @@ _OF_CAUSE: Final[Mapping[str, Ladder]] = MappingProxyType(
         "clock_rate": Ladder(nominal=20.0, unit="ppm"),
         # 0.7 and its thirds and triples divide no sampling interval: every rung moves timestamps.
         "quantised_time": Ladder(nominal=0.7, unit="ms"),
+        "quantised_values": Ladder(nominal=1.0, unit="percent"),
         "dropped_samples": _COUNT,
         "duplicated_samples": _COUNT,
         "unsorted": Ladder(nominal=2, whole=True),

@@ -22,6 +22,7 @@ from fedora_generator.faults import (
     rgb,
     samples,
     storage,
+    values,
 )
 from fedora_generator.faults.fault import Fault
 from fedora_qa.causes import CAUSES, INDEX_MAPS, TIMED, stream_family
@@ -45,6 +46,7 @@ FAULTS: Final[Mapping[tuple[str, str], Edit]] = MappingProxyType(
         **_by_stream("clock_rate", TIMED, clocks.clock_rate),
         **_by_stream("quantised_time", TIMED, clocks.quantised_time),
         **_by_stream("time_unit", TIMED, clocks.time_unit),
+        **_by_stream("quantised_values", ("depth", "flow", "pose", "imu"), values.quantised_values),
         **_by_stream("dropped_samples", TIMED, samples.dropped_samples),
         **_by_stream("duplicated_samples", TIMED, samples.duplicated_samples),
         **_by_stream("unsorted", TIMED, samples.unsorted),
@@ -131,7 +133,7 @@ BYTE_FAULTS: Final[Mapping[tuple[str, str], Damage]] = MappingProxyType(
 _TIMELESS: Final = frozenset(
     {
         *("truncated", "missing_stream", "wrong_shape", "wrong_dtype", "corrupt_chunk", "other_sequence"),
-        *("threshold_misdeclared", "event_model_misdeclared", "noise_misdeclared"),
+        *("threshold_misdeclared", "event_model_misdeclared", "noise_misdeclared", "quantised_values"),
     }
 )
 """Faults of a whole stream, of its storage or of a declaration."""

@@ -1,0 +1,159 @@
+"""The steps in which values are stored, against what rounding to them does to what is derived from the values."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from types import MappingProxyType
+from typing import Final
+
+import numpy as np
+
+from fedora_qa.checks.flow_rate_deviations import with_flow_rate_deviations
+from fedora_qa.checks.protocol import FactsCheck, Observation, Statistic
+from fedora_qa.conventions import MM_PER_M, NS_PER_S
+from fedora_qa.estimators.imu.rounding import mean_rounding_bound
+from fedora_qa.features import Feature
+from fedora_qa.layout.canonical import DATASETS
+from fedora_qa.record.types import Coverage, Where
+from fedora_qa.sequence.declared import ImuModel
+from fedora_qa.sequence.facts import Facts
+from fedora_qa.sequence.stored_step import StoredStep
+
+MATERIAL: Final[Mapping[str, tuple[float, str, str]]] = MappingProxyType(
+    {
+        "flow": (0.02, "px", "flow_geometry.endpoint.error"),
+        "path/depth": (0.001, "of the depth", "depth.scale.factor"),
+        "path/pose/position": (0.001, "m", "pose.continuity.position"),
+        "path/pose/orientation": (1.7e-4, "rad", "pose.noise.rotation"),
+        "path/imu/angular_velocity": (1e-3, "rad/s", "imu.rotation.bias"),
+        "path/imu/linear_acceleration": (0.01, "m/s^2", "imu.translation.bias"),
+    }
+)
+"""By dataset: from which size an error of what is derived matters, its unit, and the code whose material size it is."""
+
+_LARGE_FLOW_PX: Final = 20.0
+"""A large mean flow, px: the error of a mantissa is stated there."""
+
+_UNIFORM: Final = float(np.sqrt(3.0))
+"""Largest error of uniform rounding over its standard deviation: ``(s / 2) / (s / sqrt(12))``."""
+
+
+@dataclass(frozen=True, slots=True)
+class CoarseStep(Feature):
+    """The step of a dataset.
+
+    Attributes
+    ----------
+    text
+        The step in words.
+    """
+
+    text: str
+
+
+class IntegrityResolution(FactsCheck):
+    """Are values stored finely enough for what is derived from them?
+
+    For each dataset of depth, flow, poses and IMU that is stored in steps: the error that rounding to the step alone
+    makes in what is derived from the values, as a multiple of the size from which such an error matters.
+
+    Why it matters
+    --------------
+    All other checks count a step as noise, so that correct rounding is no fault. Values that were rounded to a quarter
+    of a pixel or to a decimetre would then pass everything, and are of no use as ground truth.
+
+    How
+    ---
+    The step is inferred from the values (``fedora_qa/estimators/storage/steps.py``): decimal, binary, a mantissa, or
+    the full scale of a sensor over its integers, of each component alone. Flow: the endpoint error, ``sqrt((su^2 +
+    sv^2) / 12)``; of float16 at 20 px. Depth: the standard deviation of its rounding as a share of the median depth,
+    which is that of any parallax. Positions: the length of the error; orientations: twice that of the quaternion, an
+    angle.
+    IMU: the bias of a sensor at rest, half a step, or less by the noise that is declared
+    (``fedora_qa/estimators/imu/rounding.py``).
+
+    Noise model
+    -----------
+    Rounding to a step s is uniform, of variance ``s^2/12``. The step is exact, or known to 0.1%. The limit is 1: the
+    error is stated in sizes that matter.
+
+    Cannot see
+    ----------
+    Steps of a part of the stream; steps of which too few occur, as in a body at rest; colour and timestamps
+    (clocks.resolution).
+
+    Sources
+    -------
+    B. Widrow, I. Kollar, Quantization Noise, Cambridge 2008; ``fedora_qa/judgement/materiality.toml`` for the sizes.
+    """
+
+    name = "integrity.resolution"
+    looks_at = ("depth", "flow", "pose", "imu")
+
+    def not_applicable(self, facts: Facts) -> str:
+        """Require a stream of values that are no whole numbers."""
+        present = any(DATASETS[key].stream in facts.streams for key in DATASETS if _material_key(key))
+        return "" if present else "the file has neither depth nor flow nor poses nor an IMU"
+
+    def examine(self, facts: Facts) -> Observation:
+        """Compare each step with what matters."""
+        statistics = []
+        keys = [key for key in DATASETS if _material_key(key) and DATASETS[key].stream in facts.streams]
+        for key in keys:
+            step = facts.steps.get(key)
+            if step is None:
+                continue
+            size, unit, _ = MATERIAL[_material_key(key)]
+            error = _derived_error(key, step, facts) if step.is_coarse else 0.0
+            text = step.text(DATASETS[key].units)
+            statistics.append(
+                Statistic(
+                    name=f"{key}.step",
+                    value=error / size,
+                    unit="1",
+                    standard_error=0.0,
+                    model_error_bound=1.0,
+                    side="upper",
+                    statement=f"{key} is stored in steps of {text}: rounding alone errs by {error:.2g} {unit}, "
+                    f"and {size:g} {unit} matters.",
+                    code="integrity.resolution.step",
+                    where=Where(stream=DATASETS[key].stream),
+                    features=(CoarseStep(text),),
+                )
+            )
+        coverage = Coverage(len(statistics), len(keys), "datasets")
+        if not statistics:
+            return Observation(coverage, unobservable="no values of depth, flow, poses or IMU can be read")
+        return Observation(coverage, with_flow_rate_deviations(statistics, set(facts.flow_streams)))
+
+
+def _material_key(key: str) -> str:
+    """Return the key of ``MATERIAL`` for a dataset; empty where it has none."""
+    spec = DATASETS[key]
+    if spec.stream.startswith("flow/") and not spec.is_timestamps:
+        return "flow"
+    return key if key in MATERIAL else ""
+
+
+def _derived_error(key: str, step: StoredStep, facts: Facts) -> float:
+    """Return the error that rounding makes in what is derived from a dataset, in the unit of ``MATERIAL``."""
+    spec = DATASETS[key]
+    count = spec.shape[-1]
+    # The last axis of depth is that of its columns.
+    components = [step.component(i) for i in range(count if isinstance(count, int) else 1)]
+    if spec.stream == "imu":
+        model = facts.declared.imu or ImuModel()
+        gyro = key.endswith("angular_velocity")
+        times_ns = facts.clocks["imu"].times_ns
+        sample_s = float(np.median(np.diff(times_ns))) / NS_PER_S if len(times_ns) > 1 else 1.0
+        noise = (model.gyro_noise_density if gyro else model.accel_noise_density) / max(sample_s, 1e-9) ** 0.5
+        # A mantissa has the step of its largest error at the typical value.
+        steps = [2 * float(component.error_bounds(component.typical)) for component in components]
+        return max(mean_rounding_bound(np.zeros(1), size, noise) for size in steps)
+    if key == "path/depth":
+        typical = step.typical or MM_PER_M
+        return float(step.error_bounds(typical)) / _UNIFORM / typical
+    is_flow = _material_key(key) == "flow"
+    bounds = [float(part.error_bounds(_LARGE_FLOW_PX if is_flow else part.typical)) for part in components]
+    length = float(np.linalg.norm(bounds)) / _UNIFORM
+    # A quaternion holds half angles.
+    return 2 * length if key.endswith("orientation") else length
