@@ -131,16 +131,25 @@ def _component_step(values: NDArray[np.floating], with_unknown_steps: bool) -> S
                 break
     # Numbers of whichever value lie a unit in the last place, 2 u |value| at most, apart.
     units = 2 * roundoff * np.abs(distinct)
-    # Some values exclude most grids, all at once; the others are tested with all values, the coarsest first.
-    some = slice(None, None, max(1, len(distinct) // _FIRST_VALUES))
-    multiples = distinct[some] / _STEPS[:, None]
-    off = np.abs(distinct[some] - _STEPS[:, None] * np.rint(multiples))
-    hopeful = np.count_nonzero(off <= _ROUNDED_UNITS * units[some], axis=1) >= 0.5 * off.shape[1]
-    size = next((float(size) for size in _STEPS[hopeful] if _lies_on_grid(distinct, units, size)), 0.0)
+    size = _coarsest_grid(distinct, units)
+    if roundoff == HALF_ROUNDOFF:
+        # Multiples of 1/128 below 8 are float16 numbers: they lie on that grid to the digits of a longer mantissa, and
+        # most of them on a coarser one than float16 has there.
+        exact = _coarsest_grid(distinct, units * SINGLE_ROUNDOFF / HALF_ROUNDOFF)
+        size = exact if exact > np.median(units) else size
     # Three eighths are multiples of one eighth too. A known step is exact where an unknown one is an estimate of it.
     unknown = next(_unknown_steps(distinct, units), 0.0) if with_unknown_steps else 0.0
     typical = float(np.median(np.abs(distinct))) if len(distinct) else 0.0
     return StoredStep(unknown if unknown > 1.5 * size else size, roundoff, typical=typical)
+
+
+def _coarsest_grid(values: Float64, units: Float64) -> float:
+    """Return the coarsest step of which values (n,) with a unit in the last place (n,) are multiples; 0 for none."""
+    # Some values exclude most grids, all at once; the others are tested with all values.
+    some = slice(None, None, max(1, len(values) // _FIRST_VALUES))
+    off = np.abs(values[some] - _STEPS[:, None] * np.rint(values[some] / _STEPS[:, None]))
+    hopeful = np.count_nonzero(off <= _ROUNDED_UNITS * units[some], axis=1) >= 0.5 * off.shape[1]
+    return next((float(size) for size in _STEPS[hopeful] if _lies_on_grid(values, units, size)), 0.0)
 
 
 def _lies_on_grid(values: Float64, units: Float64, size: float) -> bool:

@@ -112,3 +112,12 @@ def test_each_component_has_its_own_step(seed: int) -> None:
     found = stored_step(values)
     assert [found.component(i).size for i in range(4)] == pytest.approx([1e-3, 1 / 64, 0.0, 1 / 64])
     assert found.size == 1 / 64
+
+
+@pytest.mark.parametrize("step", [1 / 128, 1 / 64, 1 / 4])
+def test_a_binary_step_is_found_among_float16_numbers(step: float) -> None:
+    """Multiples of 1/128 below 8 are float16 numbers too; float16 numbers themselves have no step."""
+    values = np.random.default_rng(9).uniform(0.4, 11.3, 3000)
+    found = stored_step(step * np.rint(values / step))
+    assert found.size == step
+    assert stored_step(values.astype(np.float16)).size == 0.0
