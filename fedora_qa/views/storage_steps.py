@@ -77,7 +77,7 @@ def _image_steps(sequence: SequenceRows, facts: Facts, key: str) -> Iterator[Sto
         except UnreadableRowsError:  # a finding of integrity.readable
             continue
         scale = sequence.layout.bindings[key].scale
-        yield image_step(image / scale).scaled(scale)
+        yield image_step(image if scale == 1 else image / scale).scaled(scale)
 
 
 def image_step(image: NDArray[np.floating]) -> StoredStep:
