@@ -302,30 +302,6 @@ def intervals_due(window: Window, resampled: ResampledFrames, per_window: int) -
     return int(resampled.times_ns[-2]) * per_window // WINDOW_NS - int(before_ns) * per_window // WINDOW_NS
 
 
-def events_before(resampled: ResampledFrames, window: Window) -> NDArray[np.int32]:
-    """Count the events before a window's first frame, over an interval as long as that to its second frame.
-
-    Parameters
-    ----------
-    resampled
-        The window's frames, two or more.
-    window
-        The window of the frames.
-
-    Returns
-    -------
-    ndarray of int32
-        (2, h, w) darker and brighter events.
-    """
-    first_ns, second_ns = resampled.times_ns[:2].tolist()
-    events, counts = sensor_events(window), np.zeros((1, *resampled.counts.shape[1:]), np.int32)
-    # The interval before the first frame, as long as the one after it.
-    times_ns = np.array([2 * first_ns - second_ns, first_ns])
-    count_between_frames(events.x, events.y, events.times_ns, events.p, times_ns, counts)
-    darker_and_brighter: NDArray[np.int32] = counts[0]
-    return darker_and_brighter
-
-
 def signal(resampled: ResampledFrames, declared: EventModel) -> tuple[NDArray[np.float32], NDArray[np.bool_]]:
     """Return the signal of the declared model, and where pixels are lit.
 
@@ -372,13 +348,17 @@ def signal_of(
     lit
         (h, w).
     """
-    return _signal(resampled.uniform_dn[frame], resampled.error_dn[frame], declared)
+    uniform_dn, error_dn = resampled.uniform_dn[frame], resampled.error_dn[frame]
+    return _levels(uniform_dn, declared), np.greater(uniform_dn, 2 * error_dn)
 
 
-def signal_at_corners(
+def lattice_signals(
     window: Window, resampled: ResampledFrames, declared: EventModel, frame: int
-) -> tuple[NDArray[np.float32], NDArray[np.bool_]]:
-    """Return ``signal_of`` at the corners of the pixels, half a pixel to the right and down.
+) -> tuple[tuple[NDArray[np.float32], NDArray[np.bool_]], tuple[NDArray[np.float32], NDArray[np.bool_]]]:
+    """Return the signal of a frame at the centres of the pixels, and at their corners half a pixel right and down.
+
+    A pixel is usable where all of its light is known and exceeds twice the rounding of the frame. A mask by the error
+    of its luma, which contrast dominates, leaves out the dark sides of edges and so moves what is left.
 
     Parameters
     ----------
@@ -393,25 +373,26 @@ def signal_at_corners(
 
     Returns
     -------
-    levels
-        (h, w), as of ``signal``.
-    lit
-        (h, w).
+    centres, corners
+        Levels (h, w), as of ``signal``, and mask (h, w) of usable pixels.
     """
     images = np.empty((3, *resampled.uniform_dn.shape[1:]), np.float32)
-    _, uniform_dn, error_dn = _resample_into(images, window, int(resampled.frames[frame]), at_corners=True)
-    return _signal(uniform_dn, error_dn, declared)
+    _, *corners = _resample_into(images, window, int(resampled.frames[frame]), at_corners=True)
+    least_dn = 2 * ROUNDING_DN[window.facts.declared.transfer]
+    centres, corners_signal = (
+        (_levels(uniform_dn, declared), np.isfinite(error_dn) & (uniform_dn > least_dn))
+        for uniform_dn, error_dn in ((resampled.uniform_dn[frame], resampled.error_dn[frame]), corners)
+    )
+    return centres, corners_signal
 
 
-def _signal(
-    uniform_dn: NDArray[np.float32], error_dn: NDArray[np.float32], declared: EventModel
-) -> tuple[NDArray[np.float32], NDArray[np.bool_]]:
-    lit = np.greater(uniform_dn, 2 * error_dn)
+def _levels(uniform_dn: NDArray[np.float32], declared: EventModel) -> NDArray[np.float32]:
     if declared.model == "linear":
-        return uniform_dn, lit
+        return uniform_dn
     # Log model: L = ln(light + log_eps), of 1e-3 DN at least.
     level = uniform_dn + np.float32(declared.log_eps_dn)
-    return np.log(np.maximum(level, np.float32(LEAST_LIGHT), out=level), out=level), lit
+    np.log(np.maximum(level, np.float32(LEAST_LIGHT), out=level), out=level)
+    return level
 
 
 def why_frames_and_events_do_not_meet(facts: Facts) -> str:

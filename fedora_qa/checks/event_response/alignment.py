@@ -33,11 +33,10 @@ from fedora_qa.views.event_camera import (
     WINDOW_NS,
     intervals_due,
     is_large_sensor,
+    lattice_signals,
     pixel_events,
     resampled_frames,
     sensor_shape,
-    signal_at_corners,
-    signal_of,
     tile_around,
     why_frames_and_events_do_not_meet,
 )
@@ -84,8 +83,9 @@ class ShiftCorrelations:
     ----------
     patches
         (k, 2, s, s) cross-correlations of frame changes with event changes, as ``lattice_peak`` takes them.
-    lines
-        (2, s, s) their sum, of changes by events without excursions between events.
+    lines, known
+        (2, s, s) sums of such correlations, of changes by events without excursions between events, and without pixels
+        that lack an event before or after a frame.
     squares
         (k, 2) sums of squares of both changes.
     slopes
@@ -100,6 +100,7 @@ class ShiftCorrelations:
 
     patches: Float64
     lines: Float64
+    known: Float64
     squares: Float64
     slopes: Float64
     far: FarSums
@@ -121,24 +122,25 @@ class EventResponseAlignment(WindowCheck[ShiftCorrelations]):
 
     How
     ---
-    The change of the signal between two frames is cross-correlated with the signed events in between, over shifts of up
-    to eight pixels; the peak of the sum over three intervals each 0.2 s (one or two of large sensors) is found to a
-    fraction of a pixel by parabolas. Farther ones, up to fourteen pixels, are found to half a pixel on blocks of 2 x 2.
-    A pixel whose brightness has turned fires late: it must first come back through both thresholds. Such hysteresis
-    drags events behind the motion, so pixels whose events change sign within the interval or since the one before are
-    left out. Shift and delay are nearly one along the mean motion and are fitted alone, not jointly: a late stream
-    appears shifted here, by its delay times that motion, and event_response.timing tells which it is.
+    The change of the signal between two frames is cross-correlated with the change by events, over shifts of up to
+    eight pixels, of three intervals each 0.2 s (one or two of large sensors). Frames are resampled at the centres and
+    at the corners of the event camera's pixels, which gives whole and half shifts; the peak of the smoothed sum is not
+    drawn to whole pixels. Farther ones, up to fourteen pixels, are found to half a pixel on blocks of 2 x 2.
+    A sum of events lags behind the motion, most where brightness turns: it must first come back through both
+    thresholds. The level at a frame is therefore estimated from the last event before it and the first one after it.
+    Shift and delay are nearly one along the mean motion and are fitted alone, not jointly: a late stream appears
+    shifted here, by its delay times that motion, and event_response.timing tells which it is.
 
     Noise model
     -----------
-    With g the slope of the change in the image and e what events leave open of it (variance 2/3 C^2), the peak moves
-    by the regression of e on g: a standard error of C sqrt(2/3 / sum g^2) in one interval. It is not divided by the
-    number of intervals, as e hardly changes where little moves. The spread when intervals are left out in turn is
-    taken where it is larger. Pixels that have turned and not yet fired drag still. Those whose frames change against
-    their last events can be left out too, and others are fewer: what leaving out all that are known changes is allowed
-    for. Each window and each of 4 x 4 tiles is also held against the median
-    of all (tiles where they correlate by a half at least); where there are ten or more, their usual scatter counts if
-    it exceeds the errors.
+    The standard error is the spread of the peak when groups of intervals are left out in turn, or tiles of the image
+    where that is larger. Two errors of the level are systematic, and each is bounded by what the other extreme changes:
+    how far the level goes between two events before it turns (not at all, against the mean of all possible ways), and
+    pixels without an event before or after a frame (their reference stands for the level and lags; without them the
+    shift errs the other way). Each window and each of 4 x 4 tiles is also held against the median of all (tiles where
+    they correlate by a half at least). Its error is the spread over tiles or windows, or that of levels between two
+    events, C sqrt(1/3 / sum h^2) with h the slope of the change, whichever is larger; where there are ten or more,
+    their usual scatter counts if it exceeds the errors.
 
     Cannot see
     ----------
@@ -175,31 +177,31 @@ class EventResponseAlignment(WindowCheck[ShiftCorrelations]):
             return None
         # In the middle of equal parts of the window, where events are known for long before and after.
         chosen = np.unique((np.arange(due) + 0.5) * (last + 1) // due).astype(int).tolist()
+        sensor = sensor_shape(window.facts.declared)
         thresholds, events = (declared.threshold_off, declared.threshold_on), pixel_events(window)
-        lines = np.zeros((2, 2 * RADIUS_PX + 1, 2 * RADIUS_PX + 1))
+        lines, known = np.zeros((2, 2, 2 * RADIUS_PX + 1, 2 * RADIUS_PX + 1))
         whole, tiles, far = [], [], []
         for i in chosen:
-            times_ns = int(resampled.times_ns[i]), int(resampled.times_ns[i + 1])
-            by_events = level_changes(events, resampled.counts.shape[2:], times_ns, thresholds)
-            (level, lit), (later, lit_later) = (signal_of(resampled, declared, frame) for frame in (i, i + 1))
-            (corner, lit_corner), (later_corner, lit_later_corner) = (
-                signal_at_corners(window, resampled, declared, frame) for frame in (i, i + 1)
-            )
-            known = np.where(by_events.is_known, USABLE | KNOWN, USABLE).astype(np.uint8)
+            between_ns = int(resampled.times_ns[i]), int(resampled.times_ns[i + 1])
+            by_events = level_changes(events, sensor, between_ns, thresholds)
+            earlier, later = (lattice_signals(window, resampled, declared, frame) for frame in (i, i + 1))
+            flag = np.where(by_events.is_known, USABLE | KNOWN, USABLE).astype(np.uint8)
+            level = earlier[0][0]
             changes = IntervalChanges(
                 level,
-                (later - np.float64(level), later_corner - np.float64(corner)),
-                (known * (lit & lit_later), known * (lit_corner & lit_later_corner)),
+                (later[0][0] - np.float64(level), later[1][0] - np.float64(earlier[1][0])),
+                (flag * (earlier[0][1] & later[0][1]), flag * (earlier[1][1] & later[1][1])),
                 by_events.mean,
             )
-            height, width = level.shape
-            whole.append(changes.sums([(0, height, 0, width)]))
+            whole.append(changes.sums([(0, level.shape[0], 0, level.shape[1])]))
             lines += changes.patches(by_events.line)
-            far.append(far_sums(changes.changes[0], changes.events, lit & lit_later))
+            known += changes.patches(np.where(by_events.is_known, by_events.mean, 0.0))
+            far.append(far_sums(changes.changes[0], changes.events, changes.flags[0] > 0))
             tiles.append(changes.tile_sums(GRID))
         return ShiftCorrelations(
             np.concatenate([sums.patches for sums in whole]),
             lines,
+            known,
             np.concatenate([sums.squares for sums in whole]),
             np.concatenate([sums.slopes for sums in whole]),
             joined(far),
@@ -232,14 +234,19 @@ class EventResponseAlignment(WindowCheck[ShiftCorrelations]):
                 return Observation(coverage, unobservable=why)
             # Spread over time, and over the image, where the errors of neighbouring pixels on one edge are alike.
             tiles = np.sum([window.tiles.patches for window in state], axis=0)
-            spreads = lattice_spread(patches), lattice_spread(tiles[tiles.any(axis=(1, 2, 3))])
-            straight = lattice_peak(np.sum([window.lines for window in state], axis=0))
-            if spreads[0] is None or spreads[1] is None or straight is None:
+            over_time, over_image = lattice_spread(patches), lattice_spread(tiles[tiles.any(axis=(1, 2, 3))])
+            variants = [
+                lattice_peak(np.sum([getattr(window, name) for window in state], axis=0)) for name in ("lines", "known")
+            ]
+            if over_time is None or over_image is None or None in variants:
                 return Observation(coverage, unobservable="the peak depends on single frame intervals or tiles")
-            shift = near
-            errors = np.maximum(*spreads)
-            # Distance of the peak without excursions of the level between events.
-            bounds = np.abs([straight.right_px - near.right_px, straight.down_px - near.down_px])
+            shift, errors = near, np.maximum(over_time, over_image)
+            # Excursions of the level between events, and pixels without an event before or after a frame: two errors of
+            # the level, each bounded by the distance of the peak without them.
+            bounds = np.sum(
+                [np.abs([each.right_px - near.right_px, each.down_px - near.down_px]) for each in variants if each],
+                axis=0,
+            )
         else:
             level_errors, bounds = open_level_errors(slopes, threshold)
             shift, errors = far.shift, np.maximum(far.errors_px, level_errors)
@@ -256,14 +263,12 @@ class EventResponseAlignment(WindowCheck[ShiftCorrelations]):
         statistics = []
         windows = [ShiftSums(*(getattr(each, name).sum(axis=0) for name in ShiftSums.__slots__)) for each in state]
         usual = max(len(window.patches) for window in state)
-        lines, tiles = (
-            np.array([window.lines for window in state]),
-            np.array([window.tiles.patches for window in state]),
-        )
+        tiles = np.array([window.tiles.patches for window in state])
+        variants = [np.array([getattr(window, name) for window in state]) for name in ("lines", "known")]
         # A segment of time is spread over the tiles, and a tile over the segments.
         spreads = [lattice_spread(of_window[of_window.any(axis=(1, 2, 3))]) for of_window in tiles]
         segment = most_shifted(
-            ShiftSums.stacked(windows), usual, threshold, LEAST_CORRELATION, spreads=spreads, lines=lines
+            ShiftSums.stacked(windows), usual, threshold, LEAST_CORRELATION, spreads=spreads, variants=variants
         )
         if segment is not None:
             chosen = [window for window, alike in zip(state, segment.alike, strict=True) if alike]

@@ -19,6 +19,9 @@ between both that has passed, U the threshold of the polarity of the last event 
   With r the least o at which the level still rises. The line, -f D, leaves the excursion out (o = 0). The mean
   excursion lies between 0 and twice U / 2, so that the distance between both bounds what another distribution of o
   changes, to first order.
+
+Where there are no events before a frame, or none after it, the reference stands for the level. It lags. To leave such
+pixels out selects those that fire again soon, in which the motion leads to an error of the opposite sign.
 """
 
 from dataclasses import dataclass
@@ -46,7 +49,8 @@ class LevelChanges:
     line
         (h, w) change without excursions.
     is_known
-        (h, w) True where there are events before and after both frames; the changes are 0 elsewhere.
+        (h, w) True where there are events before and after both frames; elsewhere the reference stands for the level at
+        one of them, or at both.
     """
 
     mean: Float64
@@ -129,7 +133,7 @@ def write_level_changes(
     thresholds
         Change of the level by a darker and by a brighter event, both positive.
     mean, line, is_known
-        (h * w,) receive the changes and where they are known; 0 and False before.
+        (h * w,) receive the changes and where they are known.
     """
     for pixel in range(len(mean)):
         begin, stop = np.int64(starts[pixel]), np.int64(starts[pixel + 1])
@@ -137,16 +141,14 @@ def write_level_changes(
         after = begin
         while after < stop and timestamped[after] <= 2 * frame_times[0] + 1:
             after += 1
-        if after == begin or after == stop:
-            continue
         after_later, level = after, 0.0
         while after_later < stop and timestamped[after_later] <= 2 * frame_times[1] + 1:
             level += thresholds[1] if timestamped[after_later] & 1 else -thresholds[0]
             after_later += 1
-        if after_later == stop:
-            continue
         mean_change, line_change = level, level
         for i, frame, sign in ((after, frame_times[0], -1.0), (after_later, frame_times[1], 1.0)):
+            if not begin < i < stop:
+                continue
             last, following = timestamped[i - 1], timestamped[i]
             share = (frame - (last >> 1)) / ((following >> 1) - (last >> 1))
             turned = (last & 1) != (following & 1)
@@ -154,4 +156,5 @@ def write_level_changes(
             threshold = thresholds[following & 1]
             mean_change += sign * direction * mean_level(share, turned, thresholds[last & 1], threshold)
             line_change += sign * direction * share * (-threshold if turned else threshold)
-        mean[pixel], line[pixel], is_known[pixel] = mean_change, line_change, True
+        mean[pixel], line[pixel] = mean_change, line_change
+        is_known[pixel] = after != begin and after_later != stop

@@ -166,7 +166,7 @@ class IntervalChanges:
     flags
         (h, w) flags ``USABLE`` and ``KNOWN`` of ``shift_kernels`` for both changes.
     events
-        (h, w) changes by events, in the unit of the level; 0 where they are not known.
+        (h, w) changes by events, in the unit of the level.
     """
 
     level: NDArray[np.floating]
@@ -192,6 +192,7 @@ class IntervalChanges:
         for i, box in enumerate(boxes):
             squares[i] = correlate(self.changes[0], self.events, self.flags[0], USABLE, box, 0.0, patches[i, 0])
             correlate(self.changes[1], self.events, self.flags[1], USABLE, box, 0.0, patches[i, 1])
+            patches[i] *= _scale_of_pairs(box[1] - box[0], box[3] - box[2])
             add_slopes(self.level, self.changes[0], self.flags[0], KNOWN, box, slopes[i])
         return ShiftSums(patches, squares, slopes)
 
@@ -212,12 +213,26 @@ class IntervalChanges:
         return self.sums([(*down, *right) for down in pairwise(rows) for right in pairwise(columns)])
 
     def patches(self, events: Float64) -> Float64:
-        """Return the cross-correlations (2, 2 R + 1, 2 R + 1) of the whole image with other changes (h, w) by events."""
+        """Return the correlations (2, 2 R + 1, 2 R + 1) of the whole image with other changes (h, w) by events."""
         patches = np.empty((2, 2 * RADIUS_PX + 1, 2 * RADIUS_PX + 1))
         box = 0, events.shape[0], 0, events.shape[1]
         for change, flags, patch in zip(self.changes, self.flags, patches, strict=True):
             correlate(change, events, flags, USABLE, box, 0.0, patch)
-        return patches
+        scaled: Float64 = patches * _scale_of_pairs(*events.shape)
+        return scaled
+
+
+def _scale_of_pairs(height: int, width: int) -> Float64:
+    """Return the number of pixels over the number of pairs at each shift, (2 R + 1, 2 R + 1).
+
+    An image of w columns has w - |s| pairs at a shift s. Corners have w at s = 0 and w - 1 at s = 1, which are half a
+    pixel to either side of no shift. Without the scale both are drawn to no shift, and to the first of them.
+    """
+    apart = np.abs(np.arange(-RADIUS_PX, RADIUS_PX + 1))
+    # Images smaller than the shift have no pairs, and sums of 0.
+    rows, columns = np.maximum(height - apart, 1), np.maximum(width - apart, 1)
+    scale: Float64 = height * width / np.outer(rows, columns)
+    return scale
 
 
 def lattice_peak(correlations: Float64) -> Shift | None:
@@ -226,8 +241,8 @@ def lattice_peak(correlations: Float64) -> Shift | None:
     Parameters
     ----------
     correlations
-        (2, 2 R + 1, 2 R + 1) by shifts down (rows) and to the right (columns): whole shifts, no shift in the middle, and
-        shifts that are smaller by half a pixel along both axes.
+        (2, 2 R + 1, 2 R + 1) by shifts down (rows) and to the right (columns): whole shifts, no shift in the middle,
+        and shifts that are smaller by half a pixel along both axes.
 
     Returns
     -------
@@ -442,7 +457,7 @@ def most_shifted(
     least: float,
     *,
     spreads: Sequence[Float64 | None] | None = None,
-    lines: Float64 | None = None,
+    variants: Sequence[Float64] = (),
 ) -> PartShift | None:
     """Return the part that is shifted most against the others, in standard errors.
 
@@ -460,9 +475,9 @@ def most_shifted(
     spreads
         Standard errors (2,) of each part by the jackknife, which count where they are larger; a part with None is not
         compared. None: no such errors.
-    lines
-        (k, 2, s, s) correlations with changes by events without excursions between them. The distance of the peaks is
-        added to the error of a part. None: no such error.
+    variants
+        (k, 2, s, s) correlations with the level changes of other assumptions. The distances of their peaks are added to
+        the error of a part.
 
     Returns
     -------
@@ -472,14 +487,15 @@ def most_shifted(
     count = len(sums.patches)
     shifts, errors = np.full((count, 2), np.nan), np.full((count, 2), np.inf)
     strengths = sums.patches.max(axis=(1, 2, 3)) / np.maximum(np.sqrt(sums.squares.prod(axis=1)), 1e-300)
-    for i in np.flatnonzero(strengths >= least):
+    for i in np.flatnonzero(strengths >= least).tolist():
         shift, spread = lattice_peak(sums.patches[i]), np.zeros(2) if spreads is None else spreads[i]
         if shift is not None and spread is not None:
             shifts[i] = shift.right_px, shift.down_px
             errors[i] = np.maximum(bracketed_level_errors(sums.slopes[i] / intervals, threshold), spread)
-            straight = lattice_peak(lines[i]) if lines is not None else None
-            if straight is not None:
-                errors[i] = np.hypot(errors[i], (straight.right_px - shift.right_px, straight.down_px - shift.down_px))
+            for variant in variants:
+                other = lattice_peak(variant[i])
+                if other is not None:
+                    errors[i] = np.hypot(errors[i], (other.right_px - shift.right_px, other.down_px - shift.down_px))
     # Parts without a peak of their own are not compared.
     is_finite = np.isfinite(shifts).all(axis=1)
     if np.count_nonzero(is_finite) < FEWEST_PARTS:

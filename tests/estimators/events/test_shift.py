@@ -1,23 +1,26 @@
 """Changes of intervals, and parts whose events lie elsewhere, on images whose shift is known."""
 
-from collections.abc import Callable
-
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter, shift
 
+from fedora_qa.estimators.events.level_changes import level_changes
+from fedora_qa.estimators.events.pixels import by_pixel
 from fedora_qa.estimators.events.shift import (
     CLEAR,
     IntervalChanges,
     ShiftSums,
     cross_correlation,
-    intervals,
+    lattice_peak,
+    lattice_spread,
     most_shifted,
     peak,
     slope_sums,
 )
-from fedora_qa.estimators.events.shift_kernels import KEPT, SETTLED, USABLE
+from fedora_qa.estimators.events.shift_kernels import KNOWN, USABLE
 from fedora_qa.views.event_camera import GRID, tile_around
 
 TEXTURE = gaussian_filter(np.random.default_rng(0).normal(0, 1, (24, 36)), 1.5)
@@ -32,18 +35,18 @@ def scene(seed: int = 0) -> NDArray[np.float64]:
     return image / image.std()
 
 
-def tile_sums(
-    level: NDArray[np.float64], change: NDArray[np.float64], events: NDArray[np.float64], usable: NDArray[np.bool_]
-) -> ShiftSums:
-    """Sums of each of the tiles of an image."""
-    return IntervalChanges(level, change, events, usable.view(np.uint8)).tile_sums(USABLE, GRID)
+def tile_sums(change: NDArray[np.float64], events: NDArray[np.float64], usable: NDArray[np.bool_]) -> ShiftSums:
+    """Sums of each of the tiles of an image, whose corners are interpolated by splines."""
+    flags = np.where(usable, USABLE | KNOWN, 0).astype(np.uint8)
+    corners = shift(change, (-0.5, -0.5), order=5, mode="wrap")
+    return IntervalChanges(change, (change, corners), (flags, flags), events).tile_sums(GRID)
 
 
 def sums_with(moved: NDArray[np.bool_], right_px: float) -> ShiftSums:
     """Sums of the tiles of a change whose events lie farther right where ``moved``."""
     change = scene()
     elsewhere = shift(change, (0, right_px), order=3, mode="wrap")
-    return tile_sums(change, change, np.where(moved, elsewhere, change), np.ones(SHAPE, np.bool_))
+    return tile_sums(change, np.where(moved, elsewhere, change), np.ones(SHAPE, np.bool_))
 
 
 @pytest.mark.parametrize("right_px", [-3.0, 0.5, 2.0])
@@ -71,7 +74,7 @@ def test_the_shifted_parts_may_be_the_most() -> None:
 
 def test_parts_of_another_scene_have_no_shift() -> None:
     """Events of unrelated texture correlate too little for a peak of their own."""
-    unrelated = tile_sums(scene(), scene(), scene(seed=1), np.ones(SHAPE, np.bool_))
+    unrelated = tile_sums(scene(), scene(seed=1), np.ones(SHAPE, np.bool_))
     assert most_shifted(unrelated, 1, THRESHOLD, CLEAR) is None
 
 
@@ -79,98 +82,166 @@ def test_dark_tiles_are_left_out() -> None:
     """Tiles without a usable pixel neither crash nor count."""
     usable = np.ones(SHAPE, np.bool_)
     usable[:24] = False
-    found = most_shifted(tile_sums(scene(), scene(), scene(), usable), 1, THRESHOLD, CLEAR)
+    found = most_shifted(tile_sums(scene(), scene(), usable), 1, THRESHOLD, CLEAR)
     assert found is not None
     assert found.compared == GRID * (GRID - 1)
-    assert abs(found.shift_px) < 1e-6
-
-
-def signals(levels: np.ndarray, lit: np.ndarray) -> Callable[[int], tuple[np.ndarray, np.ndarray]]:
-    """What frames show, a frame at a time."""
-    return lambda frame: (levels[frame].astype(np.float32), lit[frame])
-
-
-def flags_of(counts: np.ndarray, levels: np.ndarray) -> list[np.ndarray]:
-    """Flags of all intervals, all pixels lit."""
-    lit = np.ones(levels.shape, np.bool_)
-    found = intervals(signals(levels, lit), counts, 0.2, 0.2, range(len(counts)))
-    return [one.flags[0].copy() for one in found]
-
-
-def test_pixels_whose_events_change_sign_have_turned() -> None:
-    """Both signs in an interval, another sign than before, or nothing known before: turned; no events: not."""
-    counts = np.zeros((3, 2, 1, 4), np.int32)
-    counts[0, 1, 0, :3] = 1  # brighter; the last pixel is silent
-    counts[1, :, 0, 0] = 1  # both signs
-    counts[1, 0, 0, 1] = 2  # darker
-    counts[2, 1, 0, 2] = 1  # brighter again
-    turned = [(flags & KEPT == 0).tolist() for flags in flags_of(counts, np.zeros((4, 1, 4)))]
-    assert turned == [[True, True, True, False], [True, True, False, False], [False] * 4]
-
-
-def test_pixels_whose_frames_change_against_their_last_events_have_turned() -> None:
-    """A pixel on its way back through both thresholds is silent: only its frames tell that it has turned."""
-    counts = np.zeros((2, 2, 1, 3), np.int32)
-    counts[0, 1, 0, :2] = 1  # brighter; the last pixel is silent
-    levels = np.cumsum([[[0.0, 0.0, 0.0]], [[1.0, 1.0, -1.0]], [[-0.5, 0.5, -1.0]]], axis=0)
-    _, later = flags_of(counts, levels)
-    assert (later & KEPT == 0).tolist() == [False] * 3
-    assert (later & SETTLED == 0).tolist() == [True, False, False]
-    assert np.all(later & USABLE)
-
-
-def test_intervals_say_what_frames_and_events_have_changed() -> None:
-    """The change is that of the levels, events count by their thresholds, and dark pixels of either frame are out."""
-    rng = np.random.default_rng(3)
-    levels, counts = rng.normal(size=(3, 4, 5)).astype(np.float32), rng.poisson(1, (2, 2, 4, 5)).astype(np.int32)
-    lit = rng.uniform(size=levels.shape) < 0.7
-    for i, found in zip([1], intervals(signals(levels, lit), counts, 0.2, 0.3, [1]), strict=True):
-        assert np.allclose(found.change, levels[i + 1] - levels[i], atol=1e-6)
-        assert np.allclose(found.events, 0.2 * counts[i, 1] - 0.3 * counts[i, 0])
-        assert np.array_equal(found.flags & USABLE != 0, lit[i] & lit[i + 1])
-
-
-def test_intervals_that_are_not_asked_for_count_all_the_same() -> None:
-    """Who has turned follows from all events before, whether their interval is asked for or not."""
-    rng = np.random.default_rng(5)
-    levels, counts = rng.normal(size=(6, 4, 5)), rng.poisson(0.5, (5, 2, 4, 5)).astype(np.int32)
-    lit = np.ones(levels.shape, np.bool_)
-    every = [one.flags.copy() for one in intervals(signals(levels, lit), counts, 0.2, 0.3, range(5))]
-    some = [one.flags.copy() for one in intervals(signals(levels, lit), counts, 0.2, 0.3, [2, 4])]
-    assert np.array_equal(some, [every[2], every[4]])
-    assert len(np.unique(some)) > 2
+    # Corners of a tile are not those of its neighbours: smooth tiles of 24 x 32 pixels scatter by it.
+    assert abs(found.shift_px) < 5 * found.standard_error_px
 
 
 def test_slopes_are_those_of_their_definition() -> None:
-    """Sums over a part of the image: of |g| and g^2 of the level and g^2 of its change, where both pixels are used."""
+    """Sums over a part of the image: of |g| and g^2 of the level and g^2 of its change, by pairs of usable pixels.
+
+    A pair counts by the share of its pixels whose change by events is known.
+    """
     rng = np.random.default_rng(4)
     level, change = rng.normal(size=(2, 9, 12))
-    flags = rng.integers(0, 8, (9, 12)).astype(np.uint8)
-    part = IntervalChanges(level, change, change, flags).sums(KEPT, [(2, 8, 1, 11)])
+    flags = rng.choice(np.array([0, USABLE, USABLE | KNOWN], np.uint8), (9, 12))
+    part = IntervalChanges(level, (change, change), (flags, flags), change).sums([(2, 8, 1, 11)])
     inside = slice(2, 8), slice(1, 11)
-    used = (flags & KEPT > 0)[inside]
+    usable, known = (flags > 0)[inside], (flags & KNOWN > 0)[inside]
     for axis, along in ((0, 1), (1, 0)):
-        both = used[:, 1:] & used[:, :-1] if along else used[1:] & used[:-1]
-        slopes, steeper = (np.diff(image[inside], axis=along)[both] for image in (level, change))
-        due = np.sum(np.abs(slopes)), np.sum(slopes**2), np.sum(steeper**2)
+        first, second = (
+            (
+                (slice(None), slice(None, -1)),
+                (slice(None), slice(1, None)),
+            )
+            if along
+            else ((slice(None, -1),), (slice(1, None),))
+        )
+        weights = (usable[first] & usable[second]) * (known[first] / 2 + known[second] / 2)
+        slopes, steeper = (np.diff(image[inside], axis=along) for image in (level, change))
+        due = [np.sum(weights * values) for values in (np.abs(slopes), slopes**2, steeper**2)]
         assert np.allclose(part.slopes[0, :, axis], due)
-    assert np.allclose(slope_sums(level[inside], change[inside], used), part.slopes[0])
-    assert np.allclose(part.squares[0], np.sum(change[inside][used] ** 2))
+    assert np.allclose(part.squares[0], np.sum(change[inside][usable] ** 2))
+    all_known = np.where(flags > 0, USABLE | KNOWN, 0).astype(np.uint8)
+    whole = IntervalChanges(level, (change, change), (all_known, all_known), change).sums([(0, 9, 0, 12)])
+    assert np.allclose(slope_sums(level, change, flags > 0), whole.slopes[0])
 
 
-def test_what_came_before_the_first_interval_tells_who_has_turned() -> None:
-    """A pixel that goes on as before is kept; one that turns, and one of which nothing is known, are not."""
-    counts, levels = np.zeros((1, 2, 1, 3), np.int32), np.zeros((2, 1, 3), np.float32)
-    counts[0, 1] = 1
-    before = np.zeros((2, 1, 3), np.int32)
-    before[1, 0, 0], before[0, 0, 1] = 1, 1
-    lit = np.ones(levels.shape, np.bool_)
-    (told,), (untold,) = (
-        [one.flags.copy() for one in intervals(signals(levels, lit), counts, 0.2, 0.2, [0], known)]
-        for known in (before, None)
-    )
-    assert (told & KEPT > 0).tolist() == [[True, False, False]]
-    assert not np.any(untold & KEPT)
+THRESHOLDS = 0.2, 0.25
+FRAMES_S = 0.4, 0.6
+"""Times of both frames within 1 s of events."""
+
+
+def strips(
+    positions: NDArray[np.float64], edges: NDArray[np.float64], heights: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """Means over squares of 1 px around positions of steps at edges, in closed form."""
+    return np.clip(positions[..., np.newaxis] + 0.5 - edges, 0, 1) @ heights
+
+
+class EdgeWorld:
+    """Vertical and horizontal edges, as sharp as edges are, that move evenly over a sensor of 48 x 64 pixels."""
+
+    shape = 48, 64
+
+    def __init__(self, seed: int) -> None:
+        rng = np.random.default_rng(seed)
+        self.velocity_px_s = rng.uniform(6, 12, 2) * rng.choice([-1, 1], 2)
+        self.edges = [np.sort(rng.uniform(-20, size + 20, (size + 40) // 6)) for size in self.shape]
+        self.heights = [rng.uniform(0.5, 1.5, len(each)) * (-1) ** np.arange(len(each)) for each in self.edges]
+
+    def level(self, time_s: float, down_px: float, right_px: float) -> NDArray[np.float64]:
+        """(h, w) level at the pixels, moved down and to the right of their places."""
+        rows, columns = (
+            strips(np.arange(size) + moved - speed * time_s, edges, heights)
+            for size, moved, speed, edges, heights in zip(
+                self.shape, (down_px, right_px), self.velocity_px_s, self.edges, self.heights, strict=True
+            )
+        )
+        return rows[:, np.newaxis] + columns
+
+    def events(self, down_px: float, right_px: float) -> tuple[NDArray[np.int64], ...]:
+        """Rows, columns, times (ns) and polarities of an ideal sensor that is moved."""
+        before = self.level(0.0, down_px, right_px)
+        # References of a sensor that has been at work for long are uniform.
+        reference = before + np.random.default_rng(1).uniform(-THRESHOLDS[0], THRESHOLDS[1], before.shape)
+        fired = []
+        for step in range(1, 201):
+            after = self.level(step / 200, down_px, right_px)
+            for sign, threshold in ((-1, THRESHOLDS[0]), (1, THRESHOLDS[1])):
+                while (crossed := sign * (after - reference) >= threshold).any():
+                    reference = np.where(crossed, reference + sign * threshold, reference)
+                    rows, columns = np.nonzero(crossed)
+                    # Edges are steps of the level that pixels average: between both times it is linear.
+                    change = after[crossed] - before[crossed]
+                    share = np.divide(reference[crossed] - before[crossed], change, where=change != 0,
+                                      out=np.zeros(len(rows)))  # fmt: skip
+                    times_ns = 5e6 * (step - 1 + np.clip(share, 0, 1))
+                    fired.append((rows, columns, times_ns.astype(np.int64), np.full(len(rows), sign > 0)))
+            before = after
+        rows, columns, times_ns, brighter = (np.concatenate(each) for each in zip(*fired, strict=True))
+        order = np.argsort(times_ns, kind="stable")
+        return rows[order], columns[order], times_ns[order], brighter[order]
+
+    def changes(self, down_px: float, right_px: float) -> IntervalChanges:
+        """Changes of frames, and of events that lie farther down and to the right."""
+        rows, columns, times_ns, brighter = self.events(-down_px, -right_px)
+        events = by_pixel(
+            columns.astype(np.uint16), rows.astype(np.uint16), times_ns, brighter.astype(np.uint8), self.shape
+        )
+        frames_ns = round(1e9 * FRAMES_S[0]), round(1e9 * FRAMES_S[1])
+        by_events = level_changes(events, self.shape, frames_ns, THRESHOLDS)
+        flags = np.where(by_events.is_known, USABLE | KNOWN, USABLE).astype(np.uint8)
+        centres, corners = (
+            self.level(FRAMES_S[1], apart, apart) - self.level(FRAMES_S[0], apart, apart) for apart in (0.0, 0.5)
+        )
+        return IntervalChanges(self.level(FRAMES_S[0], 0, 0), (centres, corners), (flags, flags), by_events.mean)
+
+
+@settings(max_examples=15, deadline=None)
+@given(st.floats(-2.5, 2.5), st.floats(-2.5, 2.5), st.integers(0, 1000))
+def test_shifts_of_events_of_sharp_edges_are_estimated(down_px: float, right_px: float, seed: int) -> None:
+    """Any fraction of a pixel, in a world in closed form, to five standard deviations of one interval."""
+    changes = EdgeWorld(seed).changes(down_px, right_px)
+    found = lattice_peak(changes.patches(changes.events))
+    assert found is not None
+    assert (found.right_px, found.down_px) == pytest.approx((right_px, down_px), abs=0.25)
+
+
+@pytest.mark.parametrize("planted_px", [0.0, 0.3, 0.5])
+def test_the_mean_over_worlds_is_drawn_nowhere(planted_px: float) -> None:
+    """Neither to whole pixels nor along the motion, to four standard errors. A parabola gives a third of 0.3 px."""
+    worlds = [EdgeWorld(seed).changes(-planted_px, planted_px) for seed in range(16)]
+    found = [lattice_peak(world.patches(world.events)) for world in worlds]
+    mean = np.mean([(each.right_px, -each.down_px) for each in found if each is not None], axis=0)
+    assert len(found) == len(worlds)
+    assert mean == pytest.approx([planted_px, planted_px], abs=0.05)
+
+
+def gaussian_lattices(right_px: float, down_px: float, width_px: float) -> NDArray[np.float64]:
+    """A Gaussian correlation at whole and at half shifts."""
+    axis = np.arange(-8, 9.0)
+    return np.array([
+        np.exp(-((axis - half - right_px) ** 2 + (axis[:, np.newaxis] - half - down_px) ** 2) / (2 * width_px**2))
+        for half in (0.0, 0.5)
+    ])  # fmt: skip
+
+
+@settings(max_examples=50, deadline=None)
+@given(st.floats(-6, 6), st.floats(-6, 6), st.floats(0.5, 1.5))
+def test_peaks_of_gaussians_are_where_they_are(right_px: float, down_px: float, width_px: float) -> None:
+    """Also narrow ones, between all shifts of both lattices, to a hundredth of a pixel."""
+    found = lattice_peak(gaussian_lattices(right_px, down_px, width_px))
+    assert found is not None
+    assert (found.right_px, found.down_px) == pytest.approx((right_px, down_px), abs=0.015)
+
+
+def test_peaks_at_the_border_are_none() -> None:
+    """A correlation that rises to the border belongs to a farther shift; one without a positive value to none."""
+    assert lattice_peak(gaussian_lattices(9.0, 0.0, 1.0)) is None
+    assert lattice_peak(-gaussian_lattices(0.0, 0.0, 1.0)) is None
+
+
+def test_the_spread_is_the_scatter_over_the_root_of_the_number() -> None:
+    """Parts with a known scatter of their shifts, of equal weight: the error of their mean."""
+    rng = np.random.default_rng(2)
+    moved = rng.normal(0, 0.1, (300, 2))
+    spread = lattice_spread(np.array([gaussian_lattices(right, down, 1.0) for right, down in moved]))
+    assert spread == pytest.approx([0.1 / 300**0.5] * 2, rel=0.3)
+    alone = np.array([gaussian_lattices(0, 0, 1.0), -3 * gaussian_lattices(4, 0, 1.0)])
+    assert lattice_spread(alone) is None
 
 
 @pytest.mark.parametrize(("right", "down"), [(0, 0), (3, -2), (-7, 5)])
