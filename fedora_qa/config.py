@@ -39,7 +39,8 @@ RULESET_VERSION: Final = "2"
 
 RULESET_CHANGES: Final[Mapping[str, str]] = {
     "2": "a deviation fails only from a material size on (`profile`, release by default); as in ruleset 1 with "
-    'profile = "strict"',
+    'profile = "strict"; and a sequence name that is declared twice with other data fails the gate, unless the policy '
+    "has `same_sequence = true`",
 }
 """What changed with each version of the ruleset since the one before."""
 

@@ -23,6 +23,9 @@ from fedora_qa.record.types import FileRecord, Result
 from fedora_qa.sequence.declared import Camera
 from fedora_qa.sequence.sequence import Sequence, open_sequence
 
+_SAME_SEQUENCE_STREAMS: Final = ("rgb", "depth", "events", "imu", "pose")
+"""Streams by which files of one declared sequence are compared; flow follows from depth and pose."""
+
 _SPLIT_STREAMS: Final = ("rgb", "depth", "events", "imu", "pose", "flow")
 """Streams that no two splits may share."""
 
@@ -42,6 +45,8 @@ class Contents:
         SHA-256 of a stream's content, by stream; streams that are absent, unreadable, or never change have none.
     poses
         Digests of the distinct poses, to find segments of one flight in two files.
+    sequence, world, illumination
+        Names of the sequence, of its world and of the light, as declared; empty where they are not.
     """
 
     streams: frozenset[str]
@@ -49,6 +54,9 @@ class Contents:
     cameras: Mapping[str, Camera]
     digests: Mapping[str, str]
     poses: frozenset[bytes]
+    sequence: str = ""
+    world: str = ""
+    illumination: str = ""
 
 
 def read_contents(
@@ -89,6 +97,9 @@ def read_contents(
             cameras=sequence.declared.cameras,
             digests={stream: digest for stream, digest in digests.items() if digest},
             poses=pose_digests,
+            sequence=sequence.declared.sequence,
+            world=sequence.declared.world,
+            illumination=sequence.declared.illumination,
         )
 
 
@@ -137,10 +148,15 @@ def contents_of(
     The contents of each sequence that can be opened, by name; and the records of all. A record is incomplete where the
     process that read the file has died. Files whose checks all crashed are not opened again.
     """
-    if not (policy.required_streams or policy.same_intrinsics or policy.distinct_streams or policy.splits):
+    needs = policy.required_streams, policy.same_intrinsics, policy.distinct_streams, policy.splits
+    if policy.same_sequence and not any(needs):
         return {}, list(files)
     dialect = load_dialect(policy.check.dialect) if policy.check.dialect else None
-    names = (*policy.distinct_streams, *(_SPLIT_STREAMS if policy.splits else ()))
+    names = (
+        *policy.distinct_streams,
+        *(_SPLIT_STREAMS if policy.splits else ()),
+        *(() if policy.same_sequence else _SAME_SEQUENCE_STREAMS),
+    )
     streams = tuple(dict.fromkeys(each_stream(names)))
     folders = tuple(map(Path, policy.check.allow_external))
     contents_by_name, records_read = dict[str, Contents](), list[FileRecord]()

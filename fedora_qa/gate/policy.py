@@ -22,7 +22,7 @@ Total = Literal["sequences", "bytes", "duration_s", "distance_m", "events"]
 CameraName = Literal["rgb", "depth", "events"]
 
 RULES: Final = ("release", *(f"release.{rule}" for rule in (
-    "naming", "streams", "intrinsics", "distinct", "splits", "checksums", "documents", "totals",
+    "naming", "streams", "intrinsics", "distinct", "identity", "splits", "checksums", "documents", "totals",
 )))  # fmt: skip
 """The rules about a release, as severities name them: all together, and each. Waivers that are wrong always fail."""
 
@@ -79,6 +79,8 @@ class Policy:
     """Cameras whose declared intrinsics must be the same in all sequences."""
     distinct_streams: tuple[str, ...] = ()
     """Streams whose content must not occur twice; ``flow`` is all rates."""
+    same_sequence: bool = False
+    """Whether files with different data may declare one sequence, as the parts of a long flight do."""
     totals: Mapping[Total, Bounds] = field(default_factory=dict)
     """Bounds of sums over the release."""
     documents: Documents = field(default_factory=Documents)

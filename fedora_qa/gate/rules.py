@@ -64,6 +64,8 @@ def release_results_of(
         yield rule_on_intrinsics(contents_by_name, policy.same_intrinsics)
     if policy.distinct_streams:
         yield rule_on_distinct(contents_by_name, each_stream(policy.distinct_streams))
+    if not policy.same_sequence:
+        yield rule_on_identity(contents_by_name)
     if policy.splits:
         yield rule_on_splits(names, contents_by_name, policy.splits)
     if policy.documents.checksums is not None:
@@ -132,6 +134,33 @@ def rule_on_distinct(contents_by_name: ContentsByName, streams: Iterable[str]) -
                 message = f"Expected sequences that differ, got the same {stream} as in {first[digest]}"
                 violations.append(Violation(name, stream, message, stream))
     return ReleaseResult("release.distinct", "Is every stream its own, and none a copy?", "each", tuple(violations))
+
+
+def rule_on_identity(contents_by_name: ContentsByName) -> ReleaseResult:
+    """No declared sequence has other data in another file.
+
+    Files of one sequence are compared by the streams that both hold, so that one sequence may be stored in a file for
+    each stream. The same data under one name are a copy, which ``release.distinct`` and ``release.splits`` find.
+    """
+    violations = []
+    first: dict[str, str] = {}
+    for name, contents in contents_by_name.items():
+        if not contents.sequence or first.setdefault(contents.sequence, name) == name:
+            continue
+        earlier = contents_by_name[first[contents.sequence]]
+        shared = [stream for stream in contents.digests if stream in earlier.digests]
+        other = [stream for stream in shared if contents.digests[stream] != earlier.digests[stream]]
+        if other:
+            where = f"world {contents.world!r}, light {contents.illumination!r}"
+            earlier_where = f"world {earlier.world!r}, light {earlier.illumination!r}"
+            message = (
+                f"Expected a sequence name of its own, got {contents.sequence!r} ({where}), which "
+                f"{first[contents.sequence]} declares ({earlier_where}) with other {', '.join(other)}; rename one, or "
+                "set same_sequence in the policy"
+            )
+            violations.append(Violation(name, "other_data", message))
+    question = "Does no other sequence of the release declare this name?"
+    return ReleaseResult("release.identity", question, "each", tuple(violations))
 
 
 def rule_on_splits(

@@ -8,12 +8,16 @@ import h5py
 import numpy as np
 import pytest
 
+from fedora_qa.config import RULESET_VERSION
 from fedora_qa.engine.worker import OpenFile, Worker
 from fedora_qa.gate.contents import Contents, read_contents
-from fedora_qa.gate.policy import Bounds
+from fedora_qa.gate.policy import Bounds, Policy
+from fedora_qa.gate.release import Release
 from fedora_qa.gate.rules import (
     amount_of,
+    release_results_of,
     rule_on_distinct,
+    rule_on_identity,
     rule_on_intrinsics,
     rule_on_names,
     rule_on_splits,
@@ -140,6 +144,41 @@ def test_copies_are_named(moving: Path) -> None:
     (violation,) = rule_on_distinct(known, ["events", "pose"]).violations
     assert (violation.name, violation.stream) == ("b", "pose")
     assert "the same pose as in a" in violation.message
+
+
+def test_a_name_with_other_data_is_named(moving: Path) -> None:
+    """The later of two files that declare one sequence, with other events, names the earlier and what differs."""
+    other = edited(moving, "other.h5", "path/events/x", lambda x: x[::-1])
+    with h5py.File(other, "r+") as file:
+        file.attrs["illumination"] = "night"
+    (violation,) = rule_on_identity({"a": contents(moving), "b": contents(other)}).violations
+    assert (violation.name, violation.code) == ("b", "other_data")
+    assert "'rest' (world 'wall', light 'night'), which a declares (world 'wall', light 'day')" in violation.message
+    assert "with other events;" in violation.message
+
+
+def test_copies_and_names_of_their_own_keep_their_identity(moving: Path) -> None:
+    """The same data under one name are a copy; other data under another name, or none, are in order."""
+    other = edited(moving, "other.h5", "path/events/x", lambda x: x[::-1])
+    first, different = contents(moving), contents(other)
+    assert not rule_on_identity({"a": first, "b": contents(moving)}).violations
+    assert not rule_on_identity({"a": first, "b": replace(different, sequence="turn")}).violations
+    assert not rule_on_identity({"a": replace(first, sequence=""), "b": replace(different, sequence="")}).violations
+
+
+@pytest.mark.parametrize("allowed", [False, True])
+def test_a_policy_may_allow_one_name_for_several_files(allowed: bool, tmp_path: Path) -> None:
+    """The rule holds unless the policy says otherwise."""
+    policy = Policy(RULESET_VERSION, same_sequence=allowed)
+    release_results = release_results_of(policy, Release(tmp_path, ()), (), {}, {})
+    assert ("release.identity" in {release_result.rule for release_result in release_results}) != allowed
+
+
+def test_one_sequence_in_a_file_for_each_stream(moving: Path) -> None:
+    """Files that hold different streams of one sequence hold no other data."""
+    first = contents(moving)
+    files = {stream: replace(first, digests={stream: first.digests[stream]}) for stream in ("events", "pose")}
+    assert not rule_on_identity(files).violations
 
 
 def test_splits_that_leak(moving: Path) -> None:
