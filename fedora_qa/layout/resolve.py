@@ -354,11 +354,13 @@ def holds_without_loss(spec: DatasetSpec, dtype: np.dtype[Any]) -> bool:
     -------
     bool
         Wider types, and whole numbers in others that hold them; float32 samples, whose step of 2^-24 of the value is
-        below the noise of any IMU; millimetres of depth as integers. Narrower floats and scaled integers lose.
+        below the noise of any IMU; millimetres of depth as integers of 16 bits or more. Narrower floats and scaled
+        integers lose, and 8 bits hold no millimetres.
     """
     canonical = np.dtype(spec.dtype)
     if canonical.kind == "f":
-        return (dtype.kind == "f" and dtype.itemsize >= 4) or (spec.key == "path/depth" and dtype.kind in "iu")
+        millimetres = spec.key == "path/depth" and dtype.kind in "iu" and dtype.itemsize >= 2
+        return millimetres or (dtype.kind == "f" and dtype.itemsize >= 4)
     # float64 holds microseconds and indices up to 2^53 (285 years), float32 columns, rows and polarity up to 2^24.
     return dtype.kind in "iub" or dtype.itemsize >= (8 if canonical.itemsize == 8 else 4)
 

@@ -265,6 +265,7 @@ def test_an_index_map_declares_events(file: h5py.File) -> None:
         ("path/depth", "float64", True),
         ("path/depth", "uint16", True),
         ("path/depth", "float16", False),
+        ("path/depth", "uint8", False),
         ("path/imu/angular_velocity", "float32", True),
         ("path/imu/angular_velocity", "int16", False),
         ("path/pose/position", "float16", False),

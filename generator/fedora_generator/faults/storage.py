@@ -12,13 +12,13 @@ from fedora_generator.faults.fault import Fault, FaultError
 from fedora_generator.faults.metadata import CAMERAS, group_in
 from fedora_generator.faults.rows import blocks, datasets_in, delete_rows, length_of, streams_in, values_in
 
-_OTHER_TYPE: Final = {
-    "uint8": "int16",
-    "uint16": "int32",
-    "int64": "float64",
-    "float64": "float32",
-    "float32": "float64",
-}
+_LOSSY_TYPE: Final = {"uint8": "int8", "int64": "float32", "float64": "float16", "float32": "float16"}
+"""Types that lose values: of 8-bit codes those above 127, of microseconds and indices those above 2^24, of samples all
+but 11 bits."""
+
+_LOSSY_DEPTH: Final = "uint8"
+"""Depth as whole metres, as a writer of 8-bit images stores it."""
+
 _DAMAGED_BYTES: Final = 16
 _EVENT_TIMESTAMPS: Final = "path/events/t"
 
@@ -86,14 +86,15 @@ def wrong_shape(file: h5py.File, fault: Fault) -> None:
 
 
 def wrong_dtype(file: h5py.File, fault: Fault) -> None:
-    """Store the stream's first dataset (events: the timestamps) in another type; in the metadata, widths as text."""
+    """Store the first dataset (events: the stamps) in a type that loses values; of metadata, widths as text."""
     if fault.stream == "metadata":
         for camera in group_in(file, CAMERAS).values():
             camera.attrs["width"] = str(camera.attrs["width"])
         return
     for stream in streams_in(file, fault.stream):
         dataset = file[_EVENT_TIMESTAMPS] if stream == "events" else _first_values(file, stream)
-        _store_again(file, dataset, dataset.shape, np.dtype(_OTHER_TYPE[dataset.dtype.name]))
+        lossy = _LOSSY_DEPTH if stream == "depth" else _LOSSY_TYPE[dataset.dtype.name]
+        _store_again(file, dataset, dataset.shape, np.dtype(lossy))
 
 
 def _cut_length(length: int, fault: Fault) -> int:
@@ -108,7 +109,7 @@ def _first_values(file: h5py.File, stream: str) -> h5py.Dataset:
 
 
 def _store_again(file: h5py.File, dataset: h5py.Dataset, shape: tuple[int, ...], dtype: np.dtype[Any]) -> None:
-    """Replace a dataset by one of another shape or type with the same values, attributes and codec."""
+    """Replace a dataset by one of another shape or type with the same attributes and codec, and the nearest values."""
     key, temporary_key = dataset.name, f"{dataset.name}_aside"
     extra = (1,) * (len(shape) - dataset.ndim)
     replacement = file.create_dataset(
@@ -121,7 +122,10 @@ def _store_again(file: h5py.File, dataset: h5py.Dataset, shape: tuple[int, ...],
     )
     for block in blocks(dataset):
         values = dataset[block]
-        replacement[block] = values.reshape(*values.shape, *extra)
+        if dtype.kind in "iu":
+            limits = np.iinfo(dtype)
+            values = np.clip(np.nan_to_num(values), limits.min, limits.max)
+        replacement[block] = values.astype(dtype).reshape(*values.shape, *extra)
     for name, value in dataset.attrs.items():
         replacement.attrs[name] = value
     del file[key]

@@ -266,14 +266,41 @@ def test_missing_stream_keeps_what_was_declared(plant: Any) -> None:
         assert list(file) == ["path"]
 
 
-def test_wrong_shape_and_type_keep_the_values(plant: Any) -> None:
-    """One axis more, or another type: the numbers, the units and the codec are as before."""
+def test_wrong_shape_keeps_the_values(plant: Any) -> None:
+    """One axis more: the numbers are as before."""
     before, after = plant("wrong_shape", "pose").pair("path/pose/position")
     np.testing.assert_array_equal(after[..., 0], before)
+
+
+@pytest.mark.parametrize(
+    ("stream", "key", "dtype"),
+    [
+        ("rgb", "path/rgb", "int8"),
+        ("depth", "path/depth", "uint8"),
+        ("imu", "path/imu/angular_velocity", "float16"),
+        ("pose", "path/pose/position", "float16"),
+        ("flow/50hz", "path/flow/50hz", "float16"),
+    ],
+)
+def test_wrong_type_loses_values(plant: Any, stream: str, key: str, dtype: str) -> None:
+    """Values are the nearest that the type holds, and not the ones before."""
+    before, after = plant("wrong_dtype", stream).pair(key)
+    assert after.dtype == dtype
+    exact, stored = np.nan_to_num(before).astype(float), np.nan_to_num(after).astype(float)
+    assert not np.array_equal(stored, exact)
+    if dtype == "float16":
+        np.testing.assert_allclose(stored, exact, rtol=2**-11, atol=1e-7)
+    else:
+        limits = np.iinfo(dtype)
+        assert np.abs(stored - np.clip(exact, limits.min, limits.max)).max() < 1
+
+
+def test_wrong_type_of_timestamps(plant: Any) -> None:
+    """float32 holds no microseconds beyond 17 s; units and codec are as before."""
     faulty = plant("wrong_dtype", "events")
     before, after = faulty.pair("path/events/t")
-    assert after.dtype == np.float64
-    np.testing.assert_array_equal(after, before)
+    assert after.dtype == np.float32
+    np.testing.assert_array_equal(after, before.astype(np.float32))
     with h5py.File(faulty.path) as file:
         assert file["path/events/t"].attrs["units"] == "us"
         assert file["path/events/t"].chunks is not None
