@@ -63,7 +63,7 @@ class FramePairRatio:
         Rows of the frames.
     ratio, standard_error, rounding_error
         Ratio of the whole frames, its standard error, and its error by rounding of the frames.
-    seen
+    shown_part
         Left, top, right, bottom of the part of the flow's grid that colour shows, px.
     parts
         Ratios of the parts.
@@ -74,7 +74,7 @@ class FramePairRatio:
     ratio: float
     standard_error: float
     rounding_error: float
-    seen: Box
+    shown_part: Box
     parts: PartRatios
 
 
@@ -200,8 +200,8 @@ class ImagesOrder(WindowCheck[tuple[FramePairRatio, ...]]):
                     (ratio.ratio, ratio.standard_error) if _is_informative(ratio) else (nan, nan) for ratio in of_parts
                 )
                 left, top, *_ = seen_part(window)
-                seen = (left, top, left + size[0], top + size[1])
-                ratios.append(FramePairRatio(pair.before, pair.after, whole.ratio, *errors, seen, parts))
+                shown_part = (left, top, left + size[0], top + size[1])
+                ratios.append(FramePairRatio(pair.before, pair.after, whole.ratio, *errors, shown_part, parts))
         return tuple(ratios)
 
     def conclude(self, state: Sequence[tuple[FramePairRatio, ...]], facts: Facts) -> Observation:
@@ -276,7 +276,7 @@ def _worst_part(pairs: Sequence[FramePairRatio], facts: Facts) -> Statistic | No
     scores = np.where(np.isfinite(relative), (np.abs(relative - 1) - ALLOWED) / errors, -np.inf)
     pair, part = (int(i) for i in np.unravel_index(int(np.argmax(scores)), scores.shape))
 
-    before, after, (x0, y0, x1, y1) = pairs[pair].before, pairs[pair].after, pairs[0].seen
+    before, after, (x0, y0, x1, y1) = pairs[pair].before, pairs[pair].after, pairs[0].shown_part
     left, top, right, bottom = part_boxes(x1 - x0, y1 - y0)[part]
     left, top, right, bottom = left + x0, top + y0, right + x0, bottom + y0
     series = [FrameInterval(p.before, p.after, float(r)) for p, r in zip(pairs, relative[:, part], strict=True)]
