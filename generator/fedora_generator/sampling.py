@@ -3,8 +3,8 @@
 Between two renders the sensor takes the logarithm of the luminance as a straight line, so the image must not move far
 from one to the next. Over each frame interval the largest displacement of any pixel of the event camera is computed
 from depth and flight, forwards from its start and backwards from its end, and the interval is cut into as many equal
-steps as keep a step under the bound, and into two at least: events of a slow flight are not interpolated between frames.
-The sky counts, as it turns with the camera.
+steps as keep a step under the bound. The sky counts, as it turns with the camera. There are two steps at least, so that
+events of a slow flight are not those of interpolated frames.
 """
 
 import math

@@ -80,6 +80,7 @@ PLANTED = {
     "event_response.alignment": Planted("spatial_offset", "events", 3, within=0.2),
     "event_response.frames": Planted("frozen_frames", "rgb", 3, scene="fast-turn", start_s=0.5),
     "event_response.conservation": Planted("mirrored", "events"),
+    "event_response.interpolation": Planted("interpolated_frames", "events"),
     "alignment.depth": Planted("spatial_offset", "depth", 3, within=0.1),
     "alignment.events": Planted("spatial_offset", "rgb", -3, within=0.1),
     "flow_events.sharpness": Planted("flow_gain", "flow", -30, scene="fast-turn", within=0.05),

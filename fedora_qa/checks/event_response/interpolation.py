@@ -30,10 +30,13 @@ STEPS: Final = (1, 2, 3, 4, 5, 6, 8, 10)
 UNSEEN_LINES: Final = 10
 """Lines that are added to those across renders, for the error of their share.
 
-Of lines that are as likely in either place, the number within the intervals is binomial with 1/2 of all. Where none is
-across, a fault must show so many within that chance gives them with the false-alarm rate of z standard errors: 2^-m with
-m = 20 for z = 4.7. With ``a`` lines added, the limit is z sqrt(2 a) = 21 lines of as many runs in either place.
+Of m lines that are as likely in either place, all lie within with a probability of 2^-m. Where none is across, so many
+must lie within as have the false-alarm rate of z standard errors: m = 20 for z = 4.7. With ``a`` lines added, the limit
+is z sqrt(2 a) = 21 lines, of as many runs in either place.
 """
+
+CLEAR: Final = 3.0
+"""Standard errors from which the number of renders with the largest deviation is stated, in place of the first."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -99,27 +102,27 @@ class EventResponseInterpolation(WindowCheck[RunCounts]):
     ---
     A pixel whose signal is a straight line from one render to the next has events of one polarity at equal spacings,
     to within the step of the timestamps, which fill the interval (``straight_runs``). Light of a moving texture is no
-    straight line, and an edge passes in a part of the interval. n renders in a frame interval are supposed only where the image
-    moves by more than n pixels in it (``tracked_motion_px``): simulators that render whenever the image has moved by a
-    pixel, as good ones do, interpolate on shorter paths and pass. A file without any render between frames fails at any
-    motion. Of all numbers of renders the one that deviates most is stated.
+    straight line, and an edge passes in a part of the interval. n > 1 renders in a frame interval are supposed only
+    where the image moves by more than n pixels in it (``tracked_motion_px``): simulators that render whenever the image
+    has moved by a pixel, as good ones do, interpolate on shorter paths and pass. A file without any render between its
+    frames fails at any motion. Of all numbers of renders the one that deviates most is stated.
 
     Noise model
     -----------
-    Nothing in a correct file is bound to the frames: lines are as likely within as across, up to chance. Both shares are
-    binomial with the probability of a line across; ten lines are added to it (derivation beside ``UNSEEN_LINES``), as
-    few or none occur. Runs within and across are not the same selection, as frames are chosen by what moved between
-    them. So the allowance is the probability of a line by chance, tick / spacing; runs of fewer than ten ticks a spacing
-    are left out.
+    Nothing in a correct file is bound to the times of the frames: lines are as likely within as across, up to chance.
+    Where light changes so slowly and evenly that it is a straight line, it is one in both places. Both shares are
+    binomial with the probability of a line across; ten lines are added to it, as few or none occur (derivation beside
+    ``UNSEEN_LINES``). Allowance: the probability of a line by chance, tick / spacing, so that a file of coarse
+    timestamps does not fail by what it selects. Runs of less than ten ticks a spacing are left out.
 
     Cannot see
     ----------
     Interpolation between n > 1 renders in a frame interval in which the image moves by n pixels or less, which is also
-    what adaptive simulators do. Renders at a rate that is no multiple of that of the frames in the list, or shifted
-    against the frames. Changes of less than three thresholds from render to render (hovering, no texture:
-    not_observable). Timestamps so coarse that three events ten steps apart do not fit between renders: one event a step of
-    a millisecond, as the simulated DVS plugin gives it (not_observable). Events whose times are spoilt afterwards by
-    jitter of more than a microsecond.
+    what adaptive simulators do; renders at a rate that is no multiple of that of the frames, or more than ten times as
+    high, or that are shifted against the frames. Changes of less than three thresholds from render to render
+    (hovering, no texture: not_observable). Timestamps so coarse that three events ten steps apart do not fit between
+    two frames: one event a step of a millisecond, as the simulated DVS plugin gives it (not_observable). Interpolation
+    whose timestamps were jittered by more than their step afterwards.
 
     Sources
     -------
@@ -178,19 +181,19 @@ class EventResponseInterpolation(WindowCheck[RunCounts]):
             reason = f"between two frames, timestamps in steps of {tick_ns / NS_PER_MS:g} ms show no equal spacings"
             return Observation(coverage, unobservable=reason)
         # Axes: number of renders, then runs, lines and events.
-        within, across = sum(counts.within for counts in state), sum(counts.across for counts in state)
+        within, across = (np.sum([getattr(counts, kind) for counts in state], axis=0) for kind in ("within", "across"))
         compared = np.flatnonzero((within[:, 0] > 0) & (across[:, 0] > 0)).tolist()
         if not compared:
             return Observation(coverage, unobservable="no pixel has three events between two frames")
         statistics = [self._lines(state, facts, index, len(compared)) for index in compared]
-        # The first of equals: the frames themselves.
-        worst = max(statistics, key=lambda line: (line.value - line.model_error_bound) / line.standard_error)
-        return Observation(coverage, (worst,))
+        worst = max(statistics, key=_significance)
+        # The frames themselves where nothing deviates: of many renders there are few runs, whose limit is large.
+        return Observation(coverage, (worst if _significance(worst) > CLEAR else statistics[0],))
 
     def _lines(self, state: Sequence[RunCounts], facts: Facts, index: int, tests: int) -> Statistic:
         """Return the statistic of a number of renders."""
-        runs, lines, _ = sum(counts.within[index] for counts in state).tolist()
-        runs_across, lines_across, _ = sum(counts.across[index] for counts in state).tolist()
+        runs, lines, _ = np.sum([counts.within[index] for counts in state], axis=0).tolist()
+        runs_across, lines_across, _ = np.sum([counts.across[index] for counts in state], axis=0).tolist()
         share, share_across = lines / runs, lines_across / runs_across
         # Difference of two shares with one probability (binomial), that of a line across renders.
         probability = (lines_across + UNSEEN_LINES) / (runs_across + 2 * UNSEEN_LINES)
@@ -203,7 +206,12 @@ class EventResponseInterpolation(WindowCheck[RunCounts]):
             chance_of_line(counts.tick_ns, NS_PER_S / rate) * counts.within[index, 2]
             for counts, rate in zip(state, rates_hz, strict=True)
         ]
-        affected = [counts for counts in state if counts.within[index, 1] > counts.across[index, 1]]
+        # Windows whose lines within clearly outnumber those across, by the error of the difference of two counts.
+        excess, both = (
+            np.array([combine(counts.within[index, 1], counts.across[index, 1]) for counts in state])
+            for combine in (np.subtract, np.add)
+        )
+        affected = [counts for counts, clear in zip(state, excess > CLEAR * np.sqrt(both), strict=True) if clear]
         where = Where(stream="events")
         if affected and len(affected) < sum(counts.within[index, 0] > 0 for counts in state):
             where = Where(
@@ -219,9 +227,14 @@ class EventResponseInterpolation(WindowCheck[RunCounts]):
             model_error_bound=min(1.0, float(sum(chances)) / runs),
             side="upper",
             tests=tests,
-            statement=f"{share:.0%} of the changes of a pixel between renders at {rate_hz:.3g} Hz are straight lines in "
-            f"time, and {share_across:.0%} of those across a render: events are interpolated.",
+            statement=f"{share:.0%} of the changes of a pixel between renders at {rate_hz:.3g} Hz are straight lines "
+            f"in time, and {share_across:.0%} of those across a render: events are interpolated.",
             code="event_response.interpolation.lines",
             where=where,
             features=(RenderRate(rate_hz, steps),),
         )
+
+
+def _significance(statistic: Statistic) -> float:
+    """Return the deviation of a statistic beyond its allowance, in standard errors."""
+    return (statistic.value - statistic.expected - statistic.model_error_bound) / statistic.standard_error

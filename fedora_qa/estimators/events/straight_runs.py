@@ -99,7 +99,9 @@ def _count_runs(
             counts[2] += count
             first_time, last_time = timestamped[first] >> 1, timestamped[event - 1] >> 1
             spacing = (last_time - first_time) / (count - 1)
-            straight = first_time - start <= first_spacings * spacing + 2 * tick and stop - last_time <= spacing + 2 * tick
+            straight = (
+                first_time - start <= first_spacings * spacing + 2 * tick and stop - last_time <= spacing + 2 * tick
+            )
             for i in range(first + 1, event):
                 # Timestamps are up to a tick late: so is the event, and so is the line through first and last event.
                 off = (timestamped[i] >> 1) - (first_time + spacing * (i - first))

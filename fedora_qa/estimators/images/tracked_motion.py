@@ -16,6 +16,9 @@ FARTHEST_SHARE: Final = 0.1
 RETURN_PX: Final = 0.1
 """Largest distance, px, at which a corner ends that is tracked to the next image and back."""
 
+_WINDOW: Final = (15, 15)
+"""Columns and rows around a corner that are compared, px; with three halvings of the image they reach 60 px."""
+
 _WHITE_DN: Final = 255.0
 
 
@@ -41,9 +44,9 @@ def tracked_motion_px(light_dn: NDArray[np.float32]) -> float:
     corners = cv2.goodFeaturesToTrack(before, CORNERS, 0.01, 5)
     if corners is None:
         return 0.0
-    # A window of 15 px sees corners of 5 px and what surrounds them; three halvings reach 60 px.
-    ahead, is_ahead, _ = cv2.calcOpticalFlowPyrLK(before, after, corners, None, winSize=(15, 15), maxLevel=3)  # type: ignore[call-overload]
-    back, is_back, _ = cv2.calcOpticalFlowPyrLK(after, before, ahead, None, winSize=(15, 15), maxLevel=3)
+    # The fourth argument only receives the result.
+    ahead, is_ahead, _ = cv2.calcOpticalFlowPyrLK(before, after, corners, corners.copy(), winSize=_WINDOW, maxLevel=3)
+    back, is_back, _ = cv2.calcOpticalFlowPyrLK(after, before, ahead, ahead.copy(), winSize=_WINDOW, maxLevel=3)
     steps, returns = (ahead - corners)[:, 0], (back - corners)[:, 0]
     tracked = (is_ahead[:, 0] == 1) & (is_back[:, 0] == 1) & (np.hypot(*returns.T) <= RETURN_PX)
     if np.count_nonzero(tracked) < FEWEST_CORNERS:

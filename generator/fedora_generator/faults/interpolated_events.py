@@ -45,7 +45,9 @@ def interpolated_frames(file: h5py.File, fault: Fault) -> None:
     tick_us = max(int(declared.get("packet_interval_us", 0)), 1)
     step_us = int(np.gcd.reduce(np.diff(stored["t"]))) if is_linear else 0
     if is_linear and step_us < _SHORTEST_STEP_US:
-        raise FaultError(f"Expected events of a linear sensor in steps of {_SHORTEST_STEP_US} us or more, got {step_us}")
+        raise FaultError(
+            f"Expected events of a linear sensor in steps of {_SHORTEST_STEP_US} us or more, got {step_us}"
+        )
 
     weights = _weights(file, "height"), _weights(file, "width")
 
@@ -72,9 +74,7 @@ def interpolated_frames(file: h5py.File, fault: Fault) -> None:
         before = after
     first_us, last_us = int(frames_us[numbers[0]]), int(frames_us[numbers[-1]])
     outside = (stored["t"] <= first_us) | (stored["t"] > last_us)
-    events = {
-        name: np.concatenate([stored[name][outside], *(columns[name] for columns in planted)]) for name in "xytp"
-    }
+    events = {name: np.concatenate([stored[name][outside], *(columns[name] for columns in planted)]) for name in "xytp"}
     order = np.lexsort((events["p"], events["x"], events["y"], events["t"]))
     for name, values in events.items():
         key = f"path/events/{name}"
