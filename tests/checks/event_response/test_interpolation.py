@@ -1,6 +1,5 @@
 """Events that are interpolated between renders, made by a naive simulator that shares no line with the generator."""
 
-import math
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -20,30 +19,11 @@ from tests.checks.event_file import (
     linear_file,
     log_file,
 )
-from tests.estimators.event_world import MS, Floats, Stream, Waves
+from tests.estimators.event_world import MS, Stream, Waves
 from tests.support.checked import diagnoses_of, run_check
+from tests.support.naive_events import naive_events
 
 CHECK = "event_response.interpolation"
-
-
-def naive_events(renders_dn: list[Floats], times_us: list[int], threshold: float) -> Stream:
-    """Events as simulators of the simplest kind make them: pixel by pixel, level by level."""
-    rows: list[tuple[int, int, int, int]] = []
-    height, width = renders_dn[0].shape
-    logs = [np.log(np.maximum(render, 0.5)) for render in renders_dn]
-    for y in range(height):
-        for x in range(width):
-            reference = float(logs[0][y, x])
-            for i in range(1, len(logs)):
-                before, after = float(logs[i - 1][y, x]), float(logs[i][y, x])
-                sign = 1 if after > before else -1
-                while sign * (after - reference) >= threshold:
-                    reference += sign * threshold
-                    share = (reference - before) / (after - before)
-                    time_us = times_us[i - 1] + share * (times_us[i] - times_us[i - 1])
-                    rows.append((math.ceil(time_us), y, x, int(sign > 0)))
-    t, y_px, x_px, p = np.array(sorted(rows), np.int64).reshape(-1, 4).T
-    return Stream(x_px.astype(np.uint16), y_px.astype(np.uint16), 1_000 * t, p.astype(np.uint8))
 
 
 def rendered(world: Waves, renders_hz: int, threshold: float = 0.2) -> EventFile:
