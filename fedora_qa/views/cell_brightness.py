@@ -8,17 +8,18 @@ from numpy.typing import NDArray
 
 from fedora_qa.estimators.flow.residual import HALO_PX, TILE_PX
 from fedora_qa.estimators.flow.tiles import TileGrid, pixels_of
+from fedora_qa.estimators.flow.warp import parts_about
 from fedora_qa.estimators.images.gain import LEVELS_DN
 from fedora_qa.estimators.images.luma import LUMA_ROUNDING_VARIANCE_DN2
 from fedora_qa.estimators.images.vignetting import PARTS, CellRatios
 from fedora_qa.sequence.declared import Camera
 from fedora_qa.views.flow_intervals import Interval
 from fedora_qa.views.flow_residuals import sample_tiles
-from fedora_qa.views.luma import clipped
 from fedora_qa.views.warped_frames import FramePair
 
 Float32 = NDArray[np.float32]
 Float64 = NDArray[np.float64]
+Mask = NDArray[np.bool_]
 
 TILES: Final = 48
 """Tiles of a field that are compared, of 32 x 32 px: all of a frame of 270x200, 3% of 1440x1080. Other tiles are drawn
@@ -29,6 +30,10 @@ CELL_PX: Final = 8
 
 _FEWEST_PIXELS: Final = CELL_PX**2 // 2
 """Least number of the pixels of a cell that both frames must show."""
+
+
+_WHITE: Final = 255
+"""Code at which a channel is clipped."""
 
 
 def cell_ratios(frames: FramePair, interval: Interval, camera: Camera, tile_share: float) -> CellRatios | None:
@@ -67,12 +72,7 @@ def cell_ratios(frames: FramePair, interval: Interval, camera: Camera, tile_shar
     for frame, places in ((frames.before, (columns, rows)), (frames.after, later)):
         x, y = frames.on_frame(*places)
         squared_radii.append(squared_radius(camera, x, y))
-        near_clipped = _near_clipped(frames, frame)
-        at_rows, at_columns = (
-            np.clip(np.nan_to_num(np.rint(places)), 0, size - 1).astype(np.intp)
-            for places, size in ((y, near_clipped.shape[0]), (x, near_clipped.shape[1]))
-        )
-        usable = usable & ~near_clipped[at_rows, at_columns]
+        usable = usable & ~_near_clipped(frames, frame, x, y)
     pixels = _sums(usable)
     values = np.stack((before_dn, after_dn, *squared_radii))
     before, after, s1, s2 = (_sums(np.where(usable, image, 0.0)) for image in values)
@@ -121,20 +121,29 @@ def squared_radius(camera: Camera, columns: NDArray[np.floating], rows: NDArray[
     return np.asarray(squared_tangent(columns, rows) / corners.max())
 
 
-def _near_clipped(frames: FramePair, frame: int) -> NDArray[np.bool_]:
-    """Return where the smoothed value of a pixel (H, W) of a frame depends on a clipped pixel.
+def _near_clipped(frames: FramePair, frame: int, x: Float32, y: Float32) -> Mask:
+    """Return where the smoothed values at positions (n, s, s) in a frame depend on a clipped pixel.
 
     Smoothing spreads the light of a bright spot farther over the surface in the frame that shows the surface smaller.
     Beside a spot that is left out, that frame would always be the brighter of both.
     """
-    window = frames.window
-
-    def dilated() -> NDArray[np.bool_]:
-        side_px = 2 * frames.reach_px + 1
-        spots = clipped(window, frame).view(np.uint8)
-        return np.asarray(cv2.dilate(spots, np.ones((side_px, side_px), np.uint8))).view(np.bool_)
-
-    return window.of_image("near clipped", frame, dilated)
+    rgb, reach = frames.window.rgb(frame), frames.reach_px
+    height, width = rgb.shape[:2]
+    x, y = np.ascontiguousarray(x), np.ascontiguousarray(y)
+    near = np.zeros(x.shape, np.bool_)
+    # Only the part of the frame about each tile is searched: tiles are few hundredths of a large frame.
+    for i, (left, top, right, bottom) in enumerate(parts_about(x, y, width, height).tolist()):
+        first_x, first_y = max(left - reach, 0), max(top - reach, 0)
+        white = rgb[first_y : bottom + reach, first_x : right + reach] == _WHITE
+        if white.any():
+            spots = white.any(axis=-1).view(np.uint8)
+            dilated = cv2.dilate(spots, np.ones((2 * reach + 1, 2 * reach + 1), np.uint8))
+            columns, rows = (
+                np.clip(np.nan_to_num(np.rint(places)), 0, size - 1).astype(np.intp) - first
+                for places, size, first in ((x[i], width, first_x), (y[i], height, first_y))
+            )
+            near[i] = dilated[rows, columns] > 0
+    return near
 
 
 def _sums(values: NDArray[np.generic]) -> Float64:
