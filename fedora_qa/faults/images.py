@@ -19,7 +19,7 @@ _LEAST_POWER: Final = 0.5
 them more than twice as large."""
 _WHITE_DN: Final = 255.0
 _LEAST_LOSS_PERCENT: Final = 2.0
-"""Least loss of light in the corner: with eight bits it changes the grey values there from 26 DN on."""
+"""Least loss of light in the corner: with eight bits it changes the grey values there from 25 DN on."""
 _LARGEST_LOSS: Final = 0.9
 """Largest loss (0 to 1) of light in the corner, so that corners keep contrast."""
 _EXCHANGES: Final = ("RBG", "GRB", "BGR")

@@ -145,7 +145,7 @@ _OF_CAUSE: Final[Mapping[str, Ladder]] = MappingProxyType(
         "intrinsics_centre": Ladder(nominal=0.02, unit="px"),
         "extrinsic_rotation": Ladder(nominal=5e-3, unit="deg"),
         "exposure_or_gamma": Ladder(nominal=3.0, unit="percent"),
-        "vignetting": Ladder(nominal=2.0, unit="percent", most=90.0),
+        "vignetting": Ladder(nominal=4.0, unit="percent", most=90.0),
         "truncated": Ladder(nominal=10.0, unit="percent", most=90.0),
         "corrupt_chunk": Ladder(nominal=1, fixed=True),
     }
