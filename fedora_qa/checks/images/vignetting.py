@@ -89,7 +89,8 @@ class ImagesVignetting(WindowCheck[WindowVignetting]):
     A fall-off that the events and all other streams share. Light that the camera carries with it, which has the same
     effect and is reported as vignetting. A fall-off that is not symmetric about the principal point; one that is not
     quadratic in the tangent of the angle is measured with an error of some hundredths of itself. Colour: only luma is
-    compared. A loss of less than about 1 DN, and of twice that in flat colours, is underestimated, by up to two fifths.
+    compared. A loss after rounding that darkens surfaces by less than 1 DN is missed, or measured too small by up to
+    two thirds; one of 1 to 2 DN by up to two fifths, where colours are flat.
     Motion that moves nothing nearer to or farther from the principal point, as in hovering flight, where it states its
     limit. Frames that are so dark or so clipped that few cells remain. Shining surfaces have another brightness from
     each direction: they widen the error. The fall-off of a lamp that is fixed in the world belongs to the surfaces.
