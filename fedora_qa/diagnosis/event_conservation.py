@@ -51,8 +51,9 @@ _OF_FRAMES_TOO: Final = frozenset({"mirrored", "spatial_offset", "time_offset"})
 
 _BREAKS_THE_LAW: Final = (
     *((cause, "events")
-      for cause in ("time_offset", "clock_rate", "time_jitter", "polarity_inverted", "mirrored", "axes_swapped", "other_sequence",
-                    "threshold_misdeclared", "event_model_misdeclared", "spatial_offset", "hot_pixels", "time_unit")),
+      for cause in ("time_offset", "clock_rate", "time_jitter", "polarity_inverted", "mirrored", "axes_swapped",
+                    "other_sequence", "threshold_misdeclared", "event_model_misdeclared", "spatial_offset",
+                    "hot_pixels", "time_unit")),
     *((cause, "rgb")
       for cause in ("swapped_frames", "frozen_frames", "exposure_or_gamma", "channel_order", "time_offset",
                     "clock_rate", "mirrored", "other_sequence", "spatial_offset")),

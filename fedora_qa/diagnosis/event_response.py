@@ -159,7 +159,7 @@ def propose_jitter(alarm: Alarm, facts: Facts) -> tuple[Hypothesis, ...]:
     """Return jitter of the timestamps with its size, and events that are noise."""
     scatter = only_feature(alarm.statistic.features, TimestampScatter)
     # A lower bound has no error.
-    size = (None, None) if scatter.saturated else (scatter.sigma_ms, scatter.standard_error_ms)
+    size = (None, None) if scatter.saturated else (scatter.sigma_ms, scatter.error_ms)
     of_jitter = support("event_response.scatter_of_stamps")
     return (
         Hypothesis("time_jitter", "events", of_jitter, size[0], "ms", size[1]),

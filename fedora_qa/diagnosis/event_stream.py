@@ -17,8 +17,7 @@ from fedora_qa.sequence.facts import Facts
 from fedora_qa.views.clock_resets import ClockReset
 
 _RARE: Final = 1e-3
-"""Largest share of events that repeat another by chance: jitter leaves them anywhere, so that most have a microsecond of
-their own."""
+"""Largest share of events that repeat another by chance: jitter leaves most of them a microsecond of their own."""
 
 _BY_CHANCE: Final = 3
 """Largest number of repeats by a hot pixel: of a pixel with 200 Hz, 0.2 of a thousand events have the microsecond of

@@ -5,15 +5,18 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from fedora_qa.checks.event_response.jitter import TimestampScatter
 from fedora_qa.checks.event_response.orientation import EventSymmetry
 from fedora_qa.checks.event_response.timing import DelayCourses, delay_courses
 from fedora_qa.diagnosis.event_response import hypotheses_of_symmetry, with_clock_reset
+from fedora_qa.diagnosis.hypothesis import Hypothesis
 from fedora_qa.estimators.events.delays import DelayStep
 from fedora_qa.estimators.events.orientation import SYMMETRIES
 from fedora_qa.sequence.facts import EventScan, EventStep
 from fedora_qa.views.clock_resets import clock_reset
 from fedora_qa.views.event_clock_offset import LocalOffset
 from tests.support.facts import MS
+from tests.support.proposals import proposed
 
 
 def test_mirrored_frames_are_hypotheses_beside_mirrored_events() -> None:
@@ -48,3 +51,12 @@ def test_a_late_segment_within_a_file_needs_two_steps(chosen: list[bool], gains:
     courses = with_clock_reset(segment_only(chosen), reset)
     assert (courses.drift > courses.segment) == gains
     assert courses.drift + courses.segment == pytest.approx(1.0)
+
+
+def test_scatter_of_stamps_is_jitter_with_its_size() -> None:
+    """A lower bound has no size; events of noise come second."""
+    sized, noise = proposed("event_response.jitter.spread", TimestampScatter(1.5, 0.2, saturated=False))
+    assert sized == Hypothesis("time_jitter", "events", 0.9, 1.5, "ms", 0.2)
+    assert noise == Hypothesis("noise_misdeclared", "events", 0.3)
+    bound, _ = proposed("event_response.jitter.spread", TimestampScatter(1.5, 0.2, saturated=True))
+    assert bound == Hypothesis("time_jitter", "events", 0.9, None, "ms")

@@ -69,7 +69,7 @@ def conditions(sequence: Sequence) -> CanaryConditions:
     """The file, with every limit that a canary may ask for at a size that its values can carry."""
     names = ("imu.rate_error", "imu.missing", "imu.begins_late", "events.grid", "gap", "loudest_pixel_excess",
              "threshold_on", "time_offset", "shift_right", "gain", "endpoint_error", "by 25hz error", "deviation",
-             "scale", "position_jump", "bias_x", "repeats", "position_noise", "gyro_noise")  # fmt: skip
+             "scale", "jitter", "position_jump", "bias_x", "repeats", "position_noise", "gyro_noise")  # fmt: skip
     facts = prepare(sequence, 1 << 26).facts
     measurements = tuple(Measurement(name, 0.0, "", 0.1, 1.0, 0.5, 1.0) for name in names)
     return CanaryConditions(facts, measurements, place_ns=50_000_000, multiple=3.0)

@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from math import hypot
 from typing import Final
 
 import numpy as np
@@ -40,14 +41,14 @@ class TimestampScatter(Feature):
 
     Attributes
     ----------
-    sigma_ms, standard_error_ms
-        Standard deviation and its standard error, ms.
+    sigma_ms, error_ms
+        Standard deviation, and its error with bounds, ms.
     saturated
         Whether the standard deviation is only a lower bound.
     """
 
     sigma_ms: float
-    standard_error_ms: float
+    error_ms: float
     saturated: bool
 
 
@@ -91,20 +92,22 @@ class EventResponseJitter(WindowCheck[JitterSummary]):
     Noise model
     -----------
     Expected is 0. Standard error: the largest of the formal one of a quartile, for normal noise and overlapping
-    quadruples, and those by leaving out tiles (4 x 4) and windows (delete-one jackknife). Bounds, as a jitter: 0.7% of
-    the duration of the quadruples, for the shape of light, since the lower quartile of straight edges, of edges with a
-    Gaussian blur and of sine waves is not below -0.022 of it; for the linear model a thirteenth of the duration over
-    the threshold in DN, for whole grey values; and the scatter of a tick, tick / sqrt(12), declared or measured. A
-    spread of thresholds between pixels, a leak and a low-pass alter the intervals of a pixel smoothly. Shot noise puts
-    events into less than a tenth of the quadruples up to the rate at which the check is not observable; declared hot
-    pixels are left out, and each pixel gives four quadruples of a window at most.
+    quadruples, and those by leaving out tiles (4 x 4) and windows (delete-one jackknife); where the spread exceeds the
+    bounds, the error that it would have at the bounds, since the error of a spread is a share of it. Bounds, as a
+    jitter: 0.7% of the duration of the quadruples, for the shape of light, since the lower quartile of straight edges,
+    of edges with a Gaussian blur and of sine waves is not below -0.022 of it; for the linear model a thirteenth of the
+    duration over the threshold in DN, for whole grey values; and the scatter of a tick, tick / sqrt(12), declared or
+    measured. A spread of thresholds between pixels, a leak and a low-pass alter the intervals of a pixel smoothly.
+    Noise events lie in less than a tenth of the quadruples up to the rate at which the check is not observable;
+    declared hot pixels are left out, and each pixel gives four quadruples of a window at most.
 
     Cannot see
     ----------
-    Jitter that all events of an edge share (packets of other lengths than declared are seen by ``clocks.resolution``);
-    jitter of fewer than a quarter of the events, of a short time or of a region; jitter below the bound. Where edges pass in a
-    shorter time than the jitter lasts, and where blur makes the differences positive, its size is too small. Scenes
-    whose edges have fewer than four thresholds within 30 ms.
+    Jitter that all events of an edge share (``clocks.resolution`` measures packets of other lengths than declared);
+    jitter of a small part of the events, of a short time or of a region; jitter below the bound. Near the detection
+    limit, blur hides up to a quarter of the size; where edges pass in a shorter time than the jitter lasts, the size is
+    a lower bound. Scenes whose edges have fewer than four thresholds within 30 ms, or pass within eight steps of the
+    timestamps.
 
     Sources
     -------
@@ -152,10 +155,8 @@ class EventResponseJitter(WindowCheck[JitterSummary]):
         if noise_hz > _MOST_NOISE_HZ:
             why = f"noise events of {noise_hz:g} Hz a pixel lie in more than a tenth of what is measured"
             return Observation(coverage, unobservable=why)
-        durations_s, middles_s = (
-            _joined([column(summary.quadruples) for summary in state]) / NS_PER_S
-            for column in (lambda each: each.durations_ns, lambda each: each.middles_ns)
-        )
+        durations_s = _joined([summary.quadruples.durations_ns for summary in state]) / NS_PER_S
+        middles_s = _joined([summary.quadruples.middles_ns for summary in state]) / NS_PER_S
         pixels = _joined([summary.quadruples.pixels for summary in state]).astype(np.int64)
         rows, columns = np.divmod(pixels, width)
         windows = np.repeat(np.arange(len(state)), [len(summary.quadruples.pixels) for summary in state])
@@ -174,16 +175,17 @@ class EventResponseJitter(WindowCheck[JitterSummary]):
         if estimate is None:
             why = (
                 f"fewer than {FEWEST_PIXELS} pixels have four events of one polarity within 30 ms "
-                "(slow motion, little contrast, or large thresholds)"
+                "(slow motion, little contrast, or large thresholds), or edges pass within few steps of the stamps"
             )
             return Observation(coverage, unobservable=why)
-        sigma_ms, error_ms = 1e3 * estimate.sigma_s, 1e3 * estimate.standard_error_s
+        # The shape of light may hide a part of the jitter as well as show some.
+        sigma_ms, error_ms = 1e3 * estimate.sigma_s, 1e3 * hypot(estimate.standard_error_s, estimate.bound_s)
         size = f"at least {sigma_ms:.3g}" if estimate.saturated else f"{sigma_ms:.3g} +/- {error_ms:.2g}"
         jitter = Statistic(
             name="jitter",
             value=sigma_ms,
             unit="ms",
-            standard_error=error_ms,
+            standard_error=1e3 * estimate.nominal_error_s,
             model_error_bound=1e3 * estimate.bound_s,
             side="upper",
             statement=f"Timestamps of events scatter by {size} ms about the times at which their pixels fired.",

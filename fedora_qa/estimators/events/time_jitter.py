@@ -28,8 +28,8 @@ edges with a Gaussian blur, and -0.0215 or more for sine waves, which are worst 
 ``tests/estimators/events/test_time_jitter.py``).
 
 Durations below a few s are those of events that jitter has brought together: there, w is limited by T. Four events at
-random within T have a lower quartile of |w| / T of ``RANDOM_SHARE``. Where the quartile comes near to this share, longer
-durations are used as well.
+random within T have a lower quartile of |w| / T of ``RANDOM_SHARE``. Where the quartile comes near to this share,
+longer durations are used as well.
 """
 
 from dataclasses import dataclass
@@ -62,9 +62,9 @@ RANDOM_SHARE: Final = 0.275
 w = T - 3 (t_2 - t_1), and (t_2 - t_1) / T has the density 2 (1 - g). P(|1 - 3 g| < q) = 2 q / 3 (2 - 2 / 3) = 8 q / 9
 for q up to 1, so the quartile is 9 / 32 = 0.28; a little less where c > 2."""
 
-_REGULAR_SHARE: Final = 0.7 * RANDOM_SHARE
-"""Largest lower quartile of |w| / T at which the durations are long against the jitter. Below it the quartile grows in
-proportion to the jitter to within a tenth."""
+_REGULAR_SHARE, _SATURATED_SHARE = 0.4 * RANDOM_SHARE, 0.7 * RANDOM_SHARE
+"""Lower quartiles of |w| / T: below the first, both quartiles grow in proportion to the jitter, and no longer durations
+are needed; above the second, the jitter of the estimate is only a lower bound."""
 
 _LIMIT_ERRORS: Final = 5.0
 """Approximate number of standard errors in a limit, for the comparison of octaves only."""
@@ -74,6 +74,9 @@ SHORT_SHARE: Final = 0.125
 
 FEWEST_PIXELS: Final = 50
 """Least number of pixels in the quadruples of an octave: one pixel that fires without cause must not decide."""
+
+FEWEST_TICKS: Final = 8
+"""Least duration of a quadruple in ticks: three intervals of more than two ticks each, after rounding."""
 
 MOST_OF_A_PIXEL: Final = 4
 """Largest number of quadruples of a pixel in a window, with the same reason."""
@@ -112,9 +115,11 @@ class JitterEstimate:
     sigma_s, standard_error_s
         Standard deviation and its standard error, s.
     bound_s
-        Bound on the spread that light alone causes, s.
+        Bound on the spread that light and ticks alone cause, s.
+    nominal_error_s
+        Standard error of the spread of a correct file with as many quadruples, s.
     saturated
-        Whether jitter exceeds the intervals between events at all durations, so that ``sigma_s`` is a lower bound.
+        Whether jitter exceeds the intervals between events, so that ``sigma_s`` is a lower bound.
     quadruples
         Number of quadruples that determine the estimate.
     duration_s
@@ -124,6 +129,7 @@ class JitterEstimate:
     sigma_s: float
     standard_error_s: float
     bound_s: float
+    nominal_error_s: float
     saturated: bool
     quadruples: int
     duration_s: float
@@ -187,9 +193,9 @@ def _collect(
                 continue
             duration = (timestamped[i + 3] >> 1) - first
             middle = (timestamped[i + 2] >> 1) - (timestamped[i + 1] >> 1)
-            # The lowest bit is the polarity. Events out of order have no duration.
+            # The lowest bit is the polarity. Events out of order have a negative duration.
             same = (timestamped[i] & 1) + (timestamped[i + 1] & 1) + (timestamped[i + 2] & 1) + (timestamped[i + 3] & 1)
-            if same % 4 or duration <= 0 or duration > longest_ns or middle < 0 or middle > duration:
+            if same % 4 or duration < 0 or duration > longest_ns or middle < 0 or middle > duration:
                 continue
             if count < room:
                 rows[0, count], rows[1, count], rows[2, count] = duration, middle, pixel
@@ -242,10 +248,19 @@ def estimate_jitter(
     Returns
     -------
     JitterEstimate or None
-        None where no octave has quadruples of ``FEWEST_PIXELS`` pixels.
+        None where no octave has quadruples of ``FEWEST_PIXELS`` pixels, or where more than the shortest eighth last
+        less than ``FEWEST_TICKS`` ticks.
     """
-    if not len(durations_s):
+    # Errors of stamps on a grid are independent and uniform only where the intervals are longer than its step.
+    if not len(durations_s) or not np.quantile(durations_s, SHORT_SHARE) >= FEWEST_TICKS * tick_s:
         return None
+    resolved = durations_s >= FEWEST_TICKS * tick_s
+    durations_s, middles_s, pixels, parts = (
+        durations_s[resolved],
+        middles_s[resolved],
+        pixels[resolved],
+        parts[resolved],
+    )
     differences_s = durations_s - (c + 1) * middles_s
     octaves = np.floor(np.log2(longest_s / durations_s)).astype(np.int64)
     shortest = int(np.floor(np.log2(longest_s / np.quantile(durations_s, SHORT_SHARE))))
@@ -262,17 +277,21 @@ def estimate_jitter(
         duration_s = float(np.median(durations_s[chosen]))
         deviations_s = _deviations(differences_s[chosen], tick_s)
         which = int(np.argmin(deviations_s))
+        error_s = float(_errors(differences_s[chosen], parts[chosen], tick_s)[which]) / gain
+        bound_s = shape_share * duration_s / gain + tick_bound_s
         estimates.append(
             JitterEstimate(
                 sigma_s=max(float(deviations_s[which]), 0.0) / gain,
-                standard_error_s=float(_errors(differences_s[chosen], parts[chosen], tick_s)[which]) / gain,
-                bound_s=shape_share * duration_s / gain + tick_bound_s,
-                saturated=bool(deviations_s[1] * DEVIATES[1] > _REGULAR_SHARE * duration_s),
+                standard_error_s=error_s,
+                bound_s=bound_s,
+                # The error of a spread is a share of it, and the spread of a correct file is ``bound_s`` at most.
+                nominal_error_s=error_s * min(1.0, bound_s * gain / max(float(deviations_s[1]), tick_s)),
+                saturated=bool(deviations_s[1] * DEVIATES[1] > _SATURATED_SHARE * duration_s),
                 quadruples=int(np.count_nonzero(chosen)),
                 duration_s=duration_s,
             )
         )
-        if not estimates[-1].saturated:
+        if deviations_s[1] * DEVIATES[1] <= _REGULAR_SHARE * duration_s:
             break
     return max(estimates, key=_lower_limit_s, default=None)
 
@@ -286,14 +305,15 @@ def _deviations(differences: Float64, tick: float) -> Float64:
     """Return the standard deviations of normal variables with the lower quartiles of w (n,) and of |w|."""
     cells = np.rint(differences / tick)
     quartiles = -_lower_quartile(cells, -np.inf), _lower_quartile(np.abs(cells), 0.0)
-    return np.array(quartiles) * tick / np.array(DEVIATES)
+    deviations: Float64 = np.array(quartiles) * tick / np.array(DEVIATES)
+    return deviations
 
 
 def _lower_quartile(cells: Float64, least: float) -> float:
     """Return the lower quartile of values of at least ``least`` that are rounded to whole numbers (n,).
 
-    Each value is spread evenly over its cell: timestamps in coarse ticks give few different values, and order statistics
-    would jump by whole ticks.
+    Each value is spread evenly over its cell: timestamps in coarse ticks give few different values, and order
+    statistics would jump by whole ticks.
     """
     ordered = np.sort(cells)
     # The cell that holds the quartile, the share of the values below it, and the share within it.

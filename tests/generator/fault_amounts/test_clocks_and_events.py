@@ -58,6 +58,30 @@ def test_time_unit(plant: Any, factor: float | None, expected: float) -> None:
     assert after.dtype == np.int64
 
 
+def test_time_jitter(plant: Any, clean: Path) -> None:
+    """Each event keeps its pixel and polarity; times scatter by the spread, in order, within those of the stream."""
+    rows, faulty = events(clean), plant("time_jitter", "events", 3, "ms")
+    after = events(faulty.path)
+    assert np.all(np.diff(after[:, 2]) >= 0)
+    assert rows[0, 2] <= after[0, 2]
+    assert after[-1, 2] <= rows[-1, 2]
+    # Pixels and polarities are the same ones, in another order.
+    columns = [0, 1, 3]
+    np.testing.assert_array_equal(
+        np.unique(rows[:, columns], axis=0, return_counts=True)[1],
+        np.unique(after[:, columns], axis=0, return_counts=True)[1],
+    )
+    assert true_maps(faulty.path)
+
+
+def test_time_jitter_within_an_interval(plant: Any) -> None:
+    """Events before and after it keep their times and rows."""
+    before, after = plant("time_jitter", "events", 3, start_s=0.1, stop_s=0.3).pair("path/events/t")
+    outside = (before < 100_000) | (before >= 300_000)
+    np.testing.assert_array_equal(before[outside], after[outside])
+    assert not np.array_equal(before[~outside], after[~outside])
+
+
 # Samples
 
 
