@@ -1,12 +1,15 @@
 """Sequences that several tests share."""
 
+import functools
 import os
+from collections.abc import Iterator
 from pathlib import Path
 
 import cv2
 import numba
 import pytest
 
+from fedora_generator.mesh import places
 from fedora_generator.scene import load_scene
 from fedora_qa.cli.startup import IN_PROCESS_VARIABLE
 from tests.support.graphics import require_chromium, require_opengl
@@ -25,6 +28,14 @@ def one_thread() -> None:
     """Limit each process of a test run to one thread; tests of threads set another number."""
     numba.set_num_threads(1)
     cv2.setNumThreads(1)
+
+
+@pytest.fixture(autouse=True, scope="session")
+def places_built_once() -> Iterator[None]:
+    """Build each place of meshes once in each process: it takes seconds, and all scenes of a place need the same."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(places, "build_place", functools.cache(places.build_place))
+        yield
 
 
 @pytest.fixture(scope="session")
@@ -49,7 +60,8 @@ def clean_sequence(shared_files: SharedFiles) -> CleanSequence:
         if load_scene(scene).renderer == "exact":
             return shared_files.file(f"{scene}.h5", lambda path: make_sequence(path, scene))
         require_opengl()
-        # A second of drawing takes a minute. Faults are planted in the park by day, and need size.
+        # A second of drawing takes half a minute. Faults are planted in the park by day, and need size; in less than a
+        # second it shows too little colour to tell red from blue.
         size = (1.0, 270, 200) if scene == "park-mesh-day" else (0.5, 180, 136)
         return shared_files.file(f"{scene}.h5", lambda path: make_sequence(path, scene, *size))
 

@@ -1,6 +1,5 @@
 """The places as wholes: well-formed, the same for the same seed, free where they are flown through, and visible."""
 
-from functools import cache
 from itertools import pairwise
 
 import numpy as np
@@ -9,8 +8,9 @@ from numpy.typing import NDArray
 
 from fedora_generator.camera import colour_camera
 from fedora_generator.flight import Flight
+from fedora_generator.mesh import places
 from fedora_generator.mesh.model import MeshModel
-from fedora_generator.mesh.places import PLACES, build_place, outline_place
+from fedora_generator.mesh.places import PLACES, outline_place
 from fedora_generator.mesh.places.race_furniture import GATE_CENTER_M
 from fedora_generator.mesh.world import MeshWorld
 from fedora_generator.scene import Scene, load_scene
@@ -24,12 +24,6 @@ NEAREST_LAYERS_M = 0.004
 SCENES = ("park-mesh-day", "park-mesh-night", "racetrack-mesh-day", "racetrack-mesh-night")
 
 
-@cache
-def built(name: str, seed: int) -> MeshModel:
-    """A place, built once for all tests."""
-    return build_place(name, seed)
-
-
 @pytest.fixture(params=["park-mesh-day", "racetrack-mesh-day"])
 def place(request: pytest.FixtureRequest) -> MeshModel:
     """Each of the places, as its scenes have it."""
@@ -39,7 +33,7 @@ def place(request: pytest.FixtureRequest) -> MeshModel:
 def place_of(scene: Scene) -> MeshModel:
     """The place of a scene."""
     assert scene.place is not None
-    return built(scene.place.name, scene.place.seed)
+    return places.build_place(scene.place.name, scene.place.seed)
 
 
 def test_meshes_are_well_formed(place: MeshModel) -> None:
@@ -151,9 +145,9 @@ def test_the_seed_decides(place: MeshModel) -> None:
 def test_only_what_exists_is_built() -> None:
     """Another name is refused with those that there are, and so is a negative seed."""
     with pytest.raises(ValueError, match="Expected one of the places park, racetrack, got 'moon'"):
-        build_place("moon", 0)
+        places.build_place("moon", 0)
     with pytest.raises(ValueError, match="Expected seed >= 0, got -1"):
-        build_place("park", -1)
+        places.build_place("park", -1)
 
 
 @pytest.mark.parametrize("name", SCENES)
@@ -189,7 +183,7 @@ def test_gates_are_open_and_solid(place: MeshModel) -> None:
 def test_the_outline_is_where_a_camera_can_be(name: str) -> None:
     """The solids of the whole place and nothing to draw; it ends where the ground does, and far above it."""
     outline = outline_place(name, 3)
-    assert outline.solids == built(name, 3).solids
+    assert outline.solids == places.build_place(name, 3).solids
     assert outline.meshes == ()
     middle, near_rim, beyond, above = ([0, 0, 200], [0, 690, 200], [710, 0, 200], [0, 0, 1100])
     assert outline.collision(np.array([middle, near_rim])) is None
