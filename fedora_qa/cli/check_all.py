@@ -1,7 +1,7 @@
 """Check files with the executor of the settings, and store each run as soon as it is complete."""
 
 import os
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Final
 
@@ -18,8 +18,8 @@ from fedora_qa.engine.files import check_files
 from fedora_qa.engine.options import CheckOptions, FileRun
 from fedora_qa.engine.processes import ProcessExecutor
 from fedora_qa.errors import MisuseError
+from fedora_qa.judgement.verdict import with_required_coverage
 from fedora_qa.record.types import FileRecord, Result
-from fedora_qa.record.wording import SHORT_OF_COVERAGE
 from fedora_qa.storage.place import Place, RemoteFile
 from fedora_qa.storage.version import Version, local_version
 
@@ -107,29 +107,3 @@ def incomplete_if_changed(file: FileRecord, place: Place, before: Version | None
         verdict="incomplete",
         results=(*file.results, Result(_UNCHANGED, "crashed", _UNCHANGED_QUESTION, reason=reason)),
     )
-
-
-def with_required_coverage(file: FileRecord, required: Mapping[str, float]) -> FileRecord:
-    """Return the record, incomplete where a check covers less of its stream than required; its reason then states so.
-
-    Parameters
-    ----------
-    file
-        The record of one file.
-    required
-        Least share, 0 to 1, by subject or check. Where both are named, that of the check counts.
-    """
-    results: list[Result] = []
-    for result in file.results:
-        # A check's own requirement overrides that of its subject; without either the required share is 0.
-        least = required.get(result.check, required.get(result.check.partition(".")[0], 0.0))
-        # A check without coverage, such as one that crashed, measured nothing: it meets no requirement above 0.
-        share = result.coverage.share if result.coverage else 0.0
-        if share >= least:
-            results.append(result)
-        else:
-            short = f"saw {share:.3g} of its stream {SHORT_OF_COVERAGE} {least:.3g}"
-            results.append(replace(result, reason="; ".join(filter(None, (result.reason, short)))))
-    if tuple(results) == file.results:
-        return file
-    return replace(file, results=tuple(results), verdict="incomplete")

@@ -10,11 +10,11 @@ import click
 
 from fedora_qa.cli.arrays import arrays_beside, read_arrays
 from fedora_qa.cli.check import external_folders, require_hdf5
+from fedora_qa.cli.console import print_table, stdout_console, text
 from fedora_qa.cli.isolated import run_isolated
 from fedora_qa.cli.options import PATH, allow_external_option, dialect_option, memory_option
 from fedora_qa.cli.outputs import Outputs
 from fedora_qa.cli.progress import progress_bar
-from fedora_qa.cli.terminal import print_table, stdout_console, text
 from fedora_qa.comparison.compare import DEFAULT_FALSE_ALARM_RATE
 from fedora_qa.comparison.compare import compare as compare_subjects
 from fedora_qa.comparison.paper_tables import paper_tables

@@ -15,9 +15,9 @@ from rich.table import Table
 from rich.text import Text
 
 from fedora_qa import __version__
+from fedora_qa.cli.console import stdout_console, text
 from fedora_qa.cli.exit_codes import CLEAN, INCOMPLETE
 from fedora_qa.cli.host import PACKAGES, host_facts, memory_mib, package_version, usable_cores
-from fedora_qa.cli.terminal import stdout_console, text
 
 State = Literal["ok", "missing", "broken"]
 

@@ -8,11 +8,11 @@ from rich.text import Text
 
 from fedora_qa.catalogue import CHECKS
 from fedora_qa.checks.explanation import explanation
+from fedora_qa.cli.console import stdout_console
 from fedora_qa.cli.detection_power import TITLE, detection_power_text
 from fedora_qa.cli.material_sizes import TITLE as MATERIAL_SIZES
 from fedora_qa.cli.material_sizes import material_sizes_text
 from fedora_qa.cli.options import complete_check
-from fedora_qa.cli.terminal import stdout_console
 from fedora_qa.errors import MisuseError
 
 

@@ -11,10 +11,10 @@ from rich.table import Table
 from rich.text import Text
 
 from fedora_qa.cli.check import external_folders, require_hdf5
+from fedora_qa.cli.console import stdout_console, text
 from fedora_qa.cli.isolated_light import run_isolated_light
 from fedora_qa.cli.options import PATH, allow_external_option, dialect_option
 from fedora_qa.cli.outputs import Outputs
-from fedora_qa.cli.terminal import stdout_console, text
 from fedora_qa.errors import UnreadableFileError
 from fedora_qa.layout.describe import DatasetRow, Description, describe
 from fedora_qa.layout.dialect import Dialect, load_dialect

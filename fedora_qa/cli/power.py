@@ -9,12 +9,12 @@ from typing import Any
 import click
 
 from fedora_qa.cli.check import check_options, settings_from
+from fedora_qa.cli.console import print_table, stdout_console, text
 from fedora_qa.cli.exit_codes import CLEAN, INCOMPLETE
 from fedora_qa.cli.html import require_renderer
 from fedora_qa.cli.options import PATH, config_option, ignore_option, select_option
 from fedora_qa.cli.outputs import Outputs
 from fedora_qa.cli.progress import progress_bar
-from fedora_qa.cli.terminal import print_table, stdout_console, text
 from fedora_qa.errors import MisuseError
 from fedora_qa.power.detection_power import detection_power_of, write_detection_power
 from fedora_qa.power.manifest import MANIFEST, read_manifest, require_files, require_other_names

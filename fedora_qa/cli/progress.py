@@ -15,7 +15,7 @@ from rich.progress import (
     TimeRemainingColumn,
 )
 
-from fedora_qa.cli.terminal import stderr_console
+from fedora_qa.cli.console import stderr_console
 from fedora_qa.engine.progress import ProgressTally
 from fedora_qa.engine.progress import Report as FilesReport
 from fedora_qa.record.wording import printable

@@ -9,11 +9,11 @@ import click
 
 from fedora_qa import __version__
 from fedora_qa.cli.check import external_folders, require_hdf5
+from fedora_qa.cli.console import print_table, stdout_console, text
 from fedora_qa.cli.isolated import run_isolated
 from fedora_qa.cli.options import PATH, allow_external_option, dialect_option, memory_option
 from fedora_qa.cli.outputs import Outputs
 from fedora_qa.cli.progress import progress_bar
-from fedora_qa.cli.terminal import print_table, stdout_console, text
 from fedora_qa.comparison.text_table import ABSENT, TextTable
 from fedora_qa.config import parse_bytes
 from fedora_qa.engine.executor import Task

@@ -9,7 +9,7 @@ from rich.padding import Padding
 from rich.table import Table
 from rich.text import Text
 
-from fedora_qa.cli.terminal import stdout_console, text
+from fedora_qa.cli.console import stdout_console, text
 from fedora_qa.record.github import record_to_github, silenced
 from fedora_qa.record.types import Diagnosis, FileRecord, Outcome, Record, Result, Severity, Verdict
 from fedora_qa.record.wording import (

@@ -197,6 +197,7 @@ def whose_offset(offset_ms: float, facts: Facts) -> tuple[float, float]:
 
     A renderer draws colour, depth and flow at common times. If the frames meet these times only after the offset is
     subtracted, the frames have the offset; if they meet them as stored, the frames have none.
+    The reasons for the numbers stand in ``support.toml``, under ``event_response``.
 
     Parameters
     ----------

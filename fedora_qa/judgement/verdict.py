@@ -1,10 +1,16 @@
-"""The verdict of a file, and what it rests on, from the results of its checks."""
+"""The verdict of a file, and what it rests on, from the results of its checks.
 
-from collections.abc import Iterable
+Two more places make a verdict ``incomplete``: ``engine/outcomes.py``, where nothing could be measured (no known
+layout, a lost worker), and ``cli/check_all.py``, where the file changed. ``gate/verdict.py`` judges a release.
+"""
+
+from collections.abc import Iterable, Mapping
+from dataclasses import replace
 from typing import Any, Final
 
 from fedora_qa.checks.protocol import Check
-from fedora_qa.record.types import Result, Verdict
+from fedora_qa.record.types import FileRecord, Result, Verdict
+from fedora_qa.record.wording import SHORT_OF_COVERAGE
 
 INDEX_MAPS: Final = "index_maps."
 """Start of the names of the checks that compare an index map with the timestamps that it was made from."""
@@ -48,6 +54,32 @@ def verdict_of(results: tuple[Result, ...], crossing: frozenset[str]) -> Verdict
     if of_values and not _conclusive(results) & of_values:
         return "incomplete"
     return "clean"
+
+
+def with_required_coverage(file: FileRecord, required: Mapping[str, float]) -> FileRecord:
+    """Return the record, incomplete where a check covers less of its stream than required; its reason then states so.
+
+    Parameters
+    ----------
+    file
+        The record of one file.
+    required
+        Least share, 0 to 1, by subject or check. Where both are named, that of the check counts.
+    """
+    results: list[Result] = []
+    for result in file.results:
+        # A check's own requirement overrides that of its subject; without either the required share is 0.
+        least = required.get(result.check, required.get(result.check.partition(".")[0], 0.0))
+        # A check without coverage, such as one that crashed, measured nothing: it meets no requirement above 0.
+        share = result.coverage.share if result.coverage else 0.0
+        if share >= least:
+            results.append(result)
+        else:
+            short = f"saw {share:.3g} of its stream {SHORT_OF_COVERAGE} {least:.3g}"
+            results.append(replace(result, reason="; ".join(filter(None, (result.reason, short)))))
+    if tuple(results) == file.results:
+        return file
+    return replace(file, results=tuple(results), verdict="incomplete")
 
 
 def _conclusive(results: tuple[Result, ...]) -> frozenset[str]:

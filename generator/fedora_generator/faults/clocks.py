@@ -1,4 +1,4 @@
-"""Faults of a clock, for every stream that has timestamps."""
+"""Faults of a clock, for every stream that has timestamps; jitter of single events is in ``events.py``."""
 
 import h5py
 import numpy as np
