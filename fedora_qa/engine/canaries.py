@@ -25,10 +25,12 @@ from fedora_qa.engine.survey import Prepared, prepare
 from fedora_qa.faults.canary_conditions import MULTIPLES, CanaryConditions, UnplantableError
 from fedora_qa.faults.fault import Fault, FaultySequence
 from fedora_qa.judgement.judge import judge
+from fedora_qa.layout.canonical import DATASETS
 from fedora_qa.record.types import Canary, Outcome, Result
 from fedora_qa.record.wording import OUTCOME_WORDS
 from fedora_qa.sequence.sequence import SequenceRows
 from fedora_qa.sequence.window import Span
+from fedora_qa.views.storage_steps import stored_steps
 
 _IN_ORDER: tuple[Outcome, ...] = ("passed", "warned")
 
@@ -139,6 +141,10 @@ def _plant(check: Check[Any], fault: Fault, run: PlainRun, place_ns: int, *, kno
         faulty = prepare(sequence, run.memory_bytes)
     else:
         facts = replace(ready.facts, declared=sequence.declared, layout=sequence.layout)
+        # Altered values are stored in other steps.
+        altered = {DATASETS[key].stream for key in fault.rows}
+        kept = {key: step for key, step in facts.steps.items() if DATASETS[key].stream not in altered}
+        facts = replace(facts, steps=kept | stored_steps(sequence, facts, altered))
         # Blocks and images of the plain run hold values without the fault, so none may be reused.
         decoder = BlockDecoder(sequence, ready.scanned, ready.decoder.leases.limit_bytes)
         faulty = replace(ready, scanned=replace(ready.scanned, facts=facts), decoder=decoder)

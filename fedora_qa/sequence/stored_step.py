@@ -37,6 +37,8 @@ class StoredStep:
         Median absolute value of the values, in their unit; 0 where it is not known.
     components
         Grids of the components of vectors, of which this is the coarsest; empty where all are alike.
+    is_identifiable
+        Whether the values are enough, and different enough, to show a grid. Otherwise no grid is known.
     """
 
     size: float = 0.0
@@ -44,6 +46,7 @@ class StoredStep:
     inverse: float = 0.0
     typical: float = field(default=0.0, compare=False)
     components: tuple["StoredStep", ...] = ()
+    is_identifiable: bool = field(default=True, compare=False)
 
     @property
     def is_coarse(self) -> bool:
@@ -69,7 +72,7 @@ class StoredStep:
         """Return the step of the values times a factor."""
         components = tuple(component.scaled(factor) for component in self.components)
         inverse, typical = self.inverse / abs(factor), abs(factor) * self.typical
-        return StoredStep(abs(factor) * self.size, self.roundoff, inverse, typical, components)
+        return StoredStep(abs(factor) * self.size, self.roundoff, inverse, typical, components, self.is_identifiable)
 
     def text(self, unit: str) -> str:
         """Return the step in words, as ``1 mm`` or ``float32``."""
@@ -87,6 +90,7 @@ def coarsest(steps: list[StoredStep]) -> StoredStep:
         max((step.size for step in steps), default=0.0),
         max((step.roundoff for step in steps), default=DOUBLE_ROUNDOFF),
         typical=max((step.typical for step in steps), default=0.0),
+        is_identifiable=any(step.is_identifiable for step in steps),
     )
 
 

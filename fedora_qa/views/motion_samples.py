@@ -205,7 +205,7 @@ def sample_step(times_ns: NDArray[np.int64], values: Float64, curve: SampledCurv
         In the unit of the values; without size where they were not rounded.
     """
     if len(values) < FEWEST_VALUES:
-        return StoredStep()
+        return StoredStep(is_identifiable=False)
     stored = stored_step(values, with_unknown_steps=True)
     level = noise_level(times_ns, curve, order=NOISE_ORDER)
     sigma = 0.0 if level is None else level.sigma
@@ -223,6 +223,7 @@ def sample_step(times_ns: NDArray[np.int64], values: Float64, curve: SampledCurv
                 max(sizes) if is_constant else size,
                 stored.component(i).roundoff,
                 typical=stored.component(i).typical or stored.typical,
+                is_identifiable=stored.component(i).is_identifiable or size > 0,
             )
             for i, (size, is_constant) in enumerate(zip(sizes, constant, strict=True))
         ]

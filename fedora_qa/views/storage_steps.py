@@ -95,7 +95,8 @@ def image_step(image: NDArray[np.floating]) -> StoredStep:
     for i, component in enumerate(values.T):
         part, finite = step.component(i), component[np.isfinite(component)]
         few = not part.size and len(np.unique(finite)) >= _FEWEST_LEVELS
-        parts.append(replace(part, size=level_step(finite)) if few else part)
+        size = level_step(finite) if few else 0.0
+        parts.append(replace(part, size=size, is_identifiable=True) if size else part)
     return of_components(parts)
 
 

@@ -24,6 +24,8 @@ from tests.extremes.files import (
 
 DIM_MEAN_DN = 4.0
 OF_FRAMES = [name for name in checks_of("rgb") if not name.startswith("index_maps")]
+OF_TEXTURE = [name for name in OF_FRAMES if name != "images.vignetting"]
+"""Checks of frames that need something to see; even light shows vignetting best."""
 
 
 @pytest.fixture(scope="module")
@@ -108,7 +110,15 @@ def test_grey_frames_do_not_fit_events(half_second: Path, tmp_path: Path) -> Non
     """Right: events of half a second cannot come from frames that stay at 128 DN; the law of conservation breaks."""
     record = record_of(edited(half_second, tmp_path / "grey.h5", filled_with(128)))
     assert outcomes(record)["event_response.conservation"] == "failed"
-    assert not passed(record, OF_FRAMES)
+    assert not passed(record, OF_TEXTURE)
+
+
+def test_even_light_shows_vignetting(half_second: Path, tmp_path: Path) -> None:
+    """Right: grey frames pass as they are, and fail with corners that are a fifth too dark."""
+    grey, faulty = edited(half_second, tmp_path / "grey.h5", filled_with(128)), tmp_path / "faulty.h5"
+    plant_fault(grey, faulty, "vignetting", "rgb", 20.0)
+    assert passed(record_of(grey, "images.vignetting"), ["images.vignetting"])
+    assert named(record_of(faulty, "images.vignetting"))[0] == ("rgb", "vignetting")
 
 
 def test_no_texture_is_not_observable(half_second: Path, tmp_path: Path) -> None:
@@ -120,7 +130,7 @@ def test_no_texture_is_not_observable(half_second: Path, tmp_path: Path) -> None
 
     record = record_of(edited(half_second, tmp_path / "fog.h5", fog))
     assert not alarms(record)
-    assert not passed(record, [*OF_FRAMES, *(name for name in checks_of("events") if not name.startswith("index"))])
+    assert not passed(record, [*OF_TEXTURE, *(name for name in checks_of("events") if not name.startswith("index"))])
     assert set(passed(record, checks_of("imu", "pose"))) >= {
         "imu.timing",
         "depth.consistency",

@@ -100,7 +100,7 @@ class IntegrityResolution(FactsCheck):
         keys = [key for key in DATASETS if _material_key(key) and DATASETS[key].stream in facts.streams]
         for key in keys:
             step = facts.steps.get(key)
-            if step is None:
+            if step is None or not step.is_identifiable:
                 continue
             size, unit, _ = MATERIAL[_material_key(key)]
             error = _derived_error(key, step, facts) if step.is_coarse else 0.0
@@ -122,7 +122,10 @@ class IntegrityResolution(FactsCheck):
             )
         coverage = Coverage(len(statistics), len(keys), "datasets")
         if not statistics:
-            return Observation(coverage, unobservable="no values of depth, flow, poses or IMU can be read")
+            return Observation(
+                coverage,
+                unobservable="no values of depth, flow, poses or IMU can be read, or they hardly differ: no step shows",
+            )
         return Observation(coverage, with_flow_rate_deviations(statistics, set(facts.flow_streams)))
 
 

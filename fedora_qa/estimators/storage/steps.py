@@ -72,10 +72,11 @@ def stored_step(values: NDArray[np.floating], *, with_unknown_steps: bool = Fals
     -------
     StoredStep
         The coarsest, with those of the components. ``size`` is 0 where the values lie on no grid of equal steps, or
-        are too few to tell; components of too few values have the coarsest step of the others.
+        are too few to show one, which is then not identifiable; components of too few values have the coarsest step of
+        the others.
     """
     if not values.size:
-        return StoredStep()
+        return StoredStep(is_identifiable=False)
     components = values.reshape(len(values), -1).T
     steps = [_component_step(component, with_unknown_steps) for component in components]
     # A constant component shows no step; as far as can be known it is stored like the others.
@@ -140,7 +141,8 @@ def _component_step(values: NDArray[np.floating], with_unknown_steps: bool) -> S
     # Three eighths are multiples of one eighth too. A known step is exact where an unknown one is an estimate of it.
     unknown = next(_unknown_steps(distinct, units), 0.0) if with_unknown_steps else 0.0
     typical = float(np.median(np.abs(distinct))) if len(distinct) else 0.0
-    return StoredStep(unknown if unknown > 1.5 * size else size, roundoff, typical=typical)
+    size = unknown if unknown > 1.5 * size else size
+    return StoredStep(size, roundoff, typical=typical, is_identifiable=size > 0 or len(distinct) >= FEWEST_VALUES)
 
 
 def _coarsest_grid(values: Float64, units: Float64) -> float:
