@@ -30,7 +30,7 @@ BIN := $(VENV)/bin
 READY := $(VENV)/.ready
 OUT ?= out
 
-.PHONY: demo test lint compiled docs fuzz lock same-results test-lowest test-newest audit sbom wheel study-causes study-false-alarms study-foreign study-mesh study-presets study-trade mutation bench bench-costs bench-files bench-flow bench-imu bench-readings clean
+.PHONY: demo test lint compiled-generator compiled-checks docs fuzz lock same-results test-lowest test-newest audit sbom wheel study-causes study-false-alarms study-foreign study-mesh study-presets study-trade mutation bench bench-costs bench-files bench-flow bench-imu bench-readings clean
 
 demo: $(READY)
 	@mkdir -p $(OUT)
@@ -164,13 +164,13 @@ wheel: $(TOOLS)/.ready
 test: export OMP_NUM_THREADS = 1
 test: export OPENBLAS_NUM_THREADS = 1
 test: export LP_NUM_THREADS = 1
-# Types are checked in one process: the other core compiles meanwhile.
+# Types are checked in one process; other cores compile meanwhile.
 test: $(READY)
-	$(MAKE) --jobs 2 lint compiled
+	$(MAKE) --jobs 2 lint compiled-generator compiled-checks
 	$(BIN)/pytest --numprocesses auto --dist worksteal
 
-compiled: $(READY)
-	$(BIN)/python -m tests.compiled
+compiled-generator compiled-checks: compiled-%: $(READY)
+	$(BIN)/python -m tests.compiled $*
 
 lint: $(READY)
 	$(BIN)/ruff format --check .
