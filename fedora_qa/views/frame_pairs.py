@@ -29,6 +29,12 @@ WHOLE: Final = (0, 0, maxsize, maxsize)
 _ON_PIXEL: Final = 1e-6
 """Distance from the centre of a pixel, px, that is rounding."""
 
+_SAME_SCALE: Final = 0.01
+"""Difference of the scales of two grids below which frames are not averaged: a hundredth of a pixel is no detail."""
+
+_LEAST_VARIANCE_PX2: Final = 1e-2
+"""Least s^2 - 1 along the axis of the smaller scale: OpenCV takes the other axis for one of no width."""
+
 SAMPLED_COLUMNS: Final = 160
 """Approximate number of columns of points that are compared: exposure is the same in all of the image."""
 
@@ -183,8 +189,18 @@ def luma_on_flow_grid(window: Window, frame: int) -> Float32:
     # H maps flow pixels to colour pixels, which is the inverse map that OpenCV reads with (WARP_INVERSE_MAP).
     size, flags = (camera.width, camera.height), cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP
 
+    # Colour pixels along each axis of a pixel of the flow's grid: columns of H, at the image's scale.
+    scales = np.linalg.norm(H_rgb_flow[:2, :2] / H_rgb_flow[2, 2], axis=0)
+
     def warped() -> Float32:
-        warped_dn = cv2.warpPerspective(luma_dn(window, frame), H_rgb_flow, size, flags=flags)
+        luma = luma_dn(window, frame)
+        if scales.max() > 1 + _SAME_SCALE:
+            # On a grid of every s-th pixel, detail finer than 2 s appears as coarser detail, which does not move as the
+            # flow does (aliasing). A Gaussian of variance (s^2 - 1) / 4 px^2 leaves exp(-3 pi^2 / 8) = 2.5% of the
+            # finest detail, of 2 px, at s = 2, and less at larger s.
+            sigma_x, sigma_y = np.sqrt(np.maximum(scales**2 - 1, _LEAST_VARIANCE_PX2)) / 2
+            luma = np.asarray(cv2.GaussianBlur(luma, (0, 0), sigmaX=sigma_x, sigmaY=sigma_y), dtype=np.float32)
+        warped_dn = cv2.warpPerspective(luma, H_rgb_flow, size, flags=flags)
         return within(seen_part(window), np.asarray(warped_dn, dtype=np.float32))
 
     return window.of_image("luma on the flow's grid", frame, warped)
