@@ -80,7 +80,10 @@ def require_lost(folder: Path, hostile: list[str], others: list[str]) -> None:
         assert {result["outcome"] for result in own} == {"crashed"}, name
         assert (DIED if name == f"{patched.tree_that_holds_itself.__name__}.h5" else ENDED) in own[0]["reason"]
     for name in others:
-        assert all(result["outcome"] == "passed" for result in files[name]["results"]), name
+        outcomes = {result["check"]: result["outcome"] for result in files[name]["results"]}
+        # The values of the clean file are constant, so that no step of storage shows.
+        assert outcomes.pop("integrity.resolution", "not_observable") == "not_observable", name
+        assert set(outcomes.values()) == {"passed"}, name
 
 
 def test_a_check_goes_on_with_the_other_files(folder: Path) -> None:
