@@ -125,7 +125,9 @@ class EventResponseAlignment(WindowCheck[ShiftCorrelations]):
     The change of the signal between two frames is cross-correlated with the change by events, over shifts of up to
     eight pixels, of three intervals each 0.2 s (one or two of large sensors). Frames are resampled at the centres and
     at the corners of the event camera's pixels, which gives whole and half shifts; the peak of the smoothed sum is not
-    drawn to whole pixels. Farther ones, up to fourteen pixels, are found to half a pixel on blocks of 2 x 2.
+    drawn to whole pixels. Each product is divided by the root of both energies at its shift, and the events of a tile
+    are paired with frames beyond it: otherwise small tiles peak at their borders, or at stronger edges. Farther shifts,
+    up to fourteen pixels, are found to half a pixel on blocks of 2 x 2.
     A sum of events lags behind the motion, most where brightness turns: it must first come back through both
     thresholds. The level at a frame is therefore estimated from the last event before it and the first one after it.
     Shift and delay are nearly one along the mean motion and are fitted alone, not jointly: a late stream appears

@@ -12,6 +12,13 @@ quincunx, on which f has the same values as f + (1, 1) and f + (1, -1), but not 
 of standard deviation s multiplies f by exp(-2 pi^2 s^2 |f|^2). With s = ``SMOOTHING_PX`` the equivalents of frequencies
 along an axis, at 1 / px or more, are multiplied by less than 1e-4. The smoothed sum over both lattices is then that
 over all shifts, and its peak is not drawn anywhere.
+
+A sum of products also grows with the energies (sums of squares) of both images in its pairs, so that it can peak at
+another, stronger edge. Within a part that is hardly larger than the shifts, pairs are few at far shifts, and chance
+correlates them most: a product scaled by the number of pairs peaks there. Events of a part are therefore paired with
+frames beyond it, so that pairs are lost at the border of the image only. Each sum is divided by the root of both
+energies, which bounds it by 1 (Cauchy and Schwarz) with equality where both images are alike. Shifts at which less than
+``LEAST_PAIRS`` of the part have a partner are not compared.
 """
 
 from collections.abc import Sequence
@@ -26,6 +33,7 @@ from fedora_qa.estimators.events.shift_kernels import (
     KNOWN,
     RADIUS,
     USABLE,
+    add_energies,
     add_slopes,
     correlate,
     correlate_with_itself,
@@ -42,6 +50,10 @@ RADIUS_PX: Final = RADIUS
 CLEAR: Final = 0.5
 """Correlation above which the peak of a tile comes from the scene of the tile. Tiles contain few edges, and parallel
 edges correlate by chance."""
+
+LEAST_PAIRS: Final = 0.5
+"""Least share of the pixels of a part that have a partner in the image. A correlation by chance is inverse to the root
+of the number of pairs: at all shifts that are compared, it is at most 1.4 times that at no shift."""
 
 FEWEST_PARTS: Final = 4
 """Least number of parts with a peak: with fewer, no part can differ from the others."""
@@ -131,7 +143,7 @@ class ShiftSums:
     ----------
     patches
         (k, 2, s, s) cross-correlations of frame changes with event changes, s = 2 R + 1, as ``lattice_peak`` takes
-        them.
+        them: divided by the root of both energies at a shift, and multiplied by that at no shift.
     squares
         (k, 2) sums of squares of frame changes and of event changes.
     slopes
@@ -175,7 +187,7 @@ class IntervalChanges:
     events: Float64
 
     def sums(self, boxes: Sequence[tuple[int, int, int, int]]) -> ShiftSums:
-        """Return the sums over the usable pixels of parts of the image.
+        """Return the sums over the usable pixels of parts of the image, whose events are paired with all frames.
 
         Parameters
         ----------
@@ -190,9 +202,7 @@ class IntervalChanges:
         patches = np.empty((len(boxes), 2, 2 * RADIUS_PX + 1, 2 * RADIUS_PX + 1))
         squares, slopes = np.empty((len(boxes), 2)), np.zeros((len(boxes), 3, 2))
         for i, box in enumerate(boxes):
-            squares[i] = correlate(self.changes[0], self.events, self.flags[0], USABLE, box, 0.0, patches[i, 0])
-            correlate(self.changes[1], self.events, self.flags[1], USABLE, box, 0.0, patches[i, 1])
-            patches[i] *= _scale_of_pairs(box[1] - box[0], box[3] - box[2])
+            squares[i] = self._correlate(self.events, box, patches[i])
             add_slopes(self.level, self.changes[0], self.flags[0], KNOWN, box, slopes[i])
         return ShiftSums(patches, squares, slopes)
 
@@ -215,24 +225,40 @@ class IntervalChanges:
     def patches(self, events: Float64) -> Float64:
         """Return the correlations (2, 2 R + 1, 2 R + 1) of the whole image with other changes (h, w) by events."""
         patches = np.empty((2, 2 * RADIUS_PX + 1, 2 * RADIUS_PX + 1))
-        box = 0, events.shape[0], 0, events.shape[1]
+        self._correlate(events, (0, events.shape[0], 0, events.shape[1]), patches)
+        return patches
+
+    def _correlate(self, events: Float64, box: tuple[int, int, int, int], patches: Float64) -> tuple[float, float]:
+        """Write the correlations (2, 2 R + 1, 2 R + 1) of a part, and return the sums of squares of both changes."""
+        squares, at_no_shift = [], 0.0
         for change, flags, patch in zip(self.changes, self.flags, patches, strict=True):
-            correlate(change, events, flags, USABLE, box, 0.0, patch)
-        scaled: Float64 = patches * _scale_of_pairs(*events.shape)
-        return scaled
+            squares.append(correlate(change, events, flags, USABLE, box, 0.0, patch))
+            rows, columns = (np.flatnonzero(flags.any(axis=axis)) for axis in (1, 0))
+            if not len(rows):
+                continue
+            area = int(rows[0]), int(rows[-1]) + 1, int(columns[0]), int(columns[-1]) + 1
+            energies = np.zeros((2, *patch.shape))
+            add_energies(change, events, flags, USABLE, box, area, energies)
+            roots = np.sqrt(np.maximum(energies.prod(axis=0), 0.0))
+            # Of both lattices, the centres come first.
+            at_no_shift = at_no_shift or roots[RADIUS_PX, RADIUS_PX]
+            # rho(s) = sum c(x - s) e(x) / sqrt(sum c(x - s)^2 sum e(x)^2), over the pairs at s (module docstring). To
+            # keep sums over intervals weighted by energy, it is multiplied by the root of both energies at no shift.
+            # Energies are differences of running sums, whose rounding has a root of 1e-7 of the largest.
+            counts = (roots > 1e-6 * roots.max()) & (_share_of_pairs(box, area) >= LEAST_PAIRS)
+            patch[:] = np.where(counts, patch * at_no_shift / np.where(counts, roots, 1.0), 0.0)
+        return squares[0]
 
 
-def _scale_of_pairs(height: int, width: int) -> Float64:
-    """Return the number of pixels over the number of pairs at each shift, (2 R + 1, 2 R + 1).
-
-    An image of w columns has w - |s| pairs at a shift s. Corners have w at s = 0 and w - 1 at s = 1, which are half a
-    pixel to either side of no shift. Without the scale both are drawn to no shift, and to the first of them.
-    """
-    apart = np.abs(np.arange(-RADIUS_PX, RADIUS_PX + 1))
-    # Images smaller than the shift have no pairs, and sums of 0.
-    rows, columns = np.maximum(height - apart, 1), np.maximum(width - apart, 1)
-    scale: Float64 = height * width / np.outer(rows, columns)
-    return scale
+def _share_of_pairs(box: tuple[int, int, int, int], area: tuple[int, int, int, int]) -> Float64:
+    """Return the share of the pixels of a part whose partners lie within an area, by shifts as in a correlation."""
+    shifts, shares = np.arange(-RADIUS_PX, RADIUS_PX + 1), []
+    for start, stop, first, last in zip(box[::2], box[1::2], area[::2], area[1::2], strict=True):
+        # The partner of x is x - s.
+        partners = np.arange(start, stop) - shifts[:, np.newaxis]
+        shares.append(np.mean((partners >= first) & (partners < last), axis=1))
+    share: Float64 = np.outer(*shares)
+    return share
 
 
 def lattice_peak(correlations: Float64) -> Shift | None:
@@ -242,7 +268,7 @@ def lattice_peak(correlations: Float64) -> Shift | None:
     ----------
     correlations
         (2, 2 R + 1, 2 R + 1) by shifts down (rows) and to the right (columns): whole shifts, no shift in the middle,
-        and shifts that are smaller by half a pixel along both axes.
+        and shifts that are smaller by half a pixel along both axes. 0 where there are too few pairs.
 
     Returns
     -------
@@ -250,9 +276,9 @@ def lattice_peak(correlations: Float64) -> Shift | None:
         None where the largest value is not positive, or lies at the border, or is no peak after smoothing.
     """
     which, row, column = (int(i) for i in np.unravel_index(int(np.argmax(correlations)), correlations.shape))
-    # A largest value at the border can belong to a peak outside of the range.
-    last = 2 * RADIUS_PX
-    if correlations[which, row, column] <= 0 or not (0 < row < last and 0 < column < last):
+    # A largest value at the border can belong to a peak outside of the range. Shifts without enough pairs have zeros.
+    around = correlations[which, max(row - 1, 0) : row + 2, max(column - 1, 0) : column + 2]
+    if correlations[which, row, column] <= 0 or around.size < 9 or not around.all():
         return None
     shifts = np.arange(-RADIUS_PX, RADIUS_PX + 1.0) - np.array([[0.0], [0.5]])
     start = np.array([shifts[which, row], shifts[which, column]])
