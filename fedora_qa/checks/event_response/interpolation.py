@@ -205,6 +205,7 @@ class EventResponseInterpolation(WindowCheck[RunCounts]):
         chances = [
             chance_of_line(counts.tick_ns, NS_PER_S / rate) * counts.within[index, 2]
             for counts, rate in zip(state, rates_hz, strict=True)
+            if rate
         ]
         # Windows whose lines within clearly outnumber those across, by the error of the difference of two counts.
         excess, both = (
