@@ -13,6 +13,7 @@
 #   make study-causes  every fault in four scenes: found, and named? docs/named-causes.md; two hours
 #   make study-false-alarms  some hundred honest files through all checks: docs/false-alarms.md; about an hour
 #   make study-foreign  correct files as others make them, 70 kinds: docs/foreign.md; hours
+#   make study-blind-spots  real faults of three scenes, from which size they are found: printed, for docs/blind-spots.md; some minutes
 #   make study-trade  what each effort costs, and what it finds: docs/trade.md; an hour
 #   make mutation     random small changes of estimators and judgement: do their unit tests notice? docs/mutation.md; half an hour
 #   make fuzz         100,000 mutants of a small file: nothing may crash, hang, eat memory, or be wrongly clean; hours
@@ -30,7 +31,7 @@ BIN := $(VENV)/bin
 READY := $(VENV)/.ready
 OUT ?= out
 
-.PHONY: demo test lint compiled-generator compiled-checks docs fuzz lock same-results test-lowest test-newest audit sbom wheel study-causes study-false-alarms study-foreign study-mesh study-presets study-trade mutation bench bench-costs bench-files bench-flow bench-imu bench-readings clean
+.PHONY: demo test lint compiled-generator compiled-checks docs fuzz lock same-results test-lowest test-newest audit sbom wheel study-causes study-false-alarms study-foreign study-blind-spots study-mesh study-presets study-trade mutation bench bench-costs bench-files bench-flow bench-imu bench-readings clean
 
 demo: $(READY)
 	@mkdir -p $(OUT)
@@ -94,6 +95,9 @@ power: $(READY)
 
 study-false-alarms: $(READY)
 	OMP_NUM_THREADS=1 NUMBA_NUM_THREADS=1 $(BIN)/python -m tests.benchmarks.false_alarms.study --fresh
+
+study-blind-spots: $(READY)
+	OMP_NUM_THREADS=1 NUMBA_NUM_THREADS=1 $(BIN)/python -m tests.benchmarks.blind_spots
 
 study-foreign: $(READY)
 	OMP_NUM_THREADS=1 NUMBA_NUM_THREADS=1 $(BIN)/python -m tests.benchmarks.foreign.study --fresh --all
