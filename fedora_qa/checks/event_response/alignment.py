@@ -83,7 +83,7 @@ class ShiftCorrelations:
     ----------
     patches
         (k, 2, s, s) cross-correlations of frame changes with event changes, as ``lattice_peak`` takes them.
-    lines, known
+    lines, two_sided
         (2, s, s) sums of such correlations, of changes by events without excursions between events, and without pixels
         that lack an event before or after a frame.
     squares
@@ -100,7 +100,7 @@ class ShiftCorrelations:
 
     patches: Float64
     lines: Float64
-    known: Float64
+    two_sided: Float64
     squares: Float64
     slopes: Float64
     far: FarSums
@@ -181,7 +181,7 @@ class EventResponseAlignment(WindowCheck[ShiftCorrelations]):
         chosen = np.unique((np.arange(due) + 0.5) * (last + 1) // due).astype(int).tolist()
         sensor = sensor_shape(window.facts.declared)
         thresholds, events = (declared.threshold_off, declared.threshold_on), pixel_events(window)
-        lines, known = np.zeros((2, 2, 2 * RADIUS_PX + 1, 2 * RADIUS_PX + 1))
+        lines, two_sided = np.zeros((2, 2, 2 * RADIUS_PX + 1, 2 * RADIUS_PX + 1))
         whole, tiles, far = [], [], []
         for i in chosen:
             between_ns = int(resampled.times_ns[i]), int(resampled.times_ns[i + 1])
@@ -197,13 +197,13 @@ class EventResponseAlignment(WindowCheck[ShiftCorrelations]):
             )
             whole.append(changes.sums([(0, level.shape[0], 0, level.shape[1])]))
             lines += changes.patches(by_events.line)
-            known += changes.patches(np.where(by_events.is_known, by_events.mean, 0.0))
+            two_sided += changes.patches(np.where(by_events.is_known, by_events.mean, 0.0))
             far.append(far_sums(changes.changes[0], changes.events, changes.flags[0] > 0))
             tiles.append(changes.tile_sums(GRID))
         return ShiftCorrelations(
             np.concatenate([sums.patches for sums in whole]),
             lines,
-            known,
+            two_sided,
             np.concatenate([sums.squares for sums in whole]),
             np.concatenate([sums.slopes for sums in whole]),
             joined(far),
@@ -238,7 +238,8 @@ class EventResponseAlignment(WindowCheck[ShiftCorrelations]):
             tiles = np.sum([window.tiles.patches for window in state], axis=0)
             over_time, over_image = lattice_spread(patches), lattice_spread(tiles[tiles.any(axis=(1, 2, 3))])
             variants = [
-                lattice_peak(np.sum([getattr(window, name) for window in state], axis=0)) for name in ("lines", "known")
+                lattice_peak(np.sum([getattr(window, name) for window in state], axis=0))
+                for name in ("lines", "two_sided")
             ]
             if over_time is None or over_image is None or None in variants:
                 return Observation(coverage, unobservable="the peak depends on single frame intervals or tiles")
@@ -266,7 +267,7 @@ class EventResponseAlignment(WindowCheck[ShiftCorrelations]):
         windows = [ShiftSums(*(getattr(each, name).sum(axis=0) for name in ShiftSums.__slots__)) for each in state]
         usual = max(len(window.patches) for window in state)
         tiles = np.array([window.tiles.patches for window in state])
-        variants = [np.array([getattr(window, name) for window in state]) for name in ("lines", "known")]
+        variants = [np.array([getattr(window, name) for window in state]) for name in ("lines", "two_sided")]
         # A segment of time is spread over the tiles, and a tile over the segments.
         spreads = [lattice_spread(of_window[of_window.any(axis=(1, 2, 3))]) for of_window in tiles]
         segment = most_shifted(

@@ -122,10 +122,15 @@ def fit_inertial(
         None where there are too few rows.
     """
     barred: tuple[str, ...] = ()
+    settled = True
     while True:
         fit, free = _converged(samples, noise, comparison, bias_walk, barred)
-        if fit is None or all(parameter.determined for parameter in fit.parameters.values() if parameter.free):
-            return fit
+        if fit is None:
+            return None
+        # Without a group a fit may converge that did not: it describes the two streams no better.
+        settled &= fit.settled
+        if all(parameter.determined for parameter in fit.parameters.values() if parameter.free):
+            return replace(fit, settled=settled)
         barred = (*barred, free[-1])
 
 
