@@ -132,7 +132,7 @@ class IntegrityResolution(FactsCheck):
 def _material_key(key: str) -> str:
     """Return the key of ``MATERIAL`` for a dataset; empty where it has none."""
     spec = DATASETS[key]
-    if spec.stream.startswith("flow/") and not spec.is_timestamps:
+    if spec.stream.startswith("flow/") and spec.units == "px":
         return "flow"
     return key if key in MATERIAL else ""
 
