@@ -60,7 +60,11 @@ def stored_steps(sequence: SequenceRows, facts: Facts, streams: Collection[str])
                 break
             in_places.append(step)
         if in_places:
-            steps[key] = sorted(in_places, key=lambda step: (step.size, step.roundoff))[len(in_places) // 2]
+            # The middle one of each component alone: one image may show the step of u, and another that of v.
+            count = max(1, *(len(step.components) for step in in_places))
+            parts = [[step.component(i) for step in in_places] for i in range(count)]
+            middles = [sorted(part, key=lambda step: (step.size, step.roundoff))[len(part) // 2] for part in parts]
+            steps[key] = of_components(middles) if count > 1 else middles[0]
     for stream in ("pose", "imu"):
         if stream in streams and stream in facts.clocks:
             for key in _MOTIONS[stream]:
