@@ -234,7 +234,8 @@ class IntervalChanges:
         for change, flags, patch in zip(self.changes, self.flags, patches, strict=True):
             squares.append(correlate(change, events, flags, USABLE, box, 0.0, patch))
             rows, columns = (np.flatnonzero(flags.any(axis=axis)) for axis in (1, 0))
-            if not len(rows):
+            # Of an image with fewer pixels than tiles, some tiles are empty.
+            if not len(rows) or box[0] == box[1] or box[2] == box[3]:
                 continue
             area = int(rows[0]), int(rows[-1]) + 1, int(columns[0]), int(columns[-1]) + 1
             energies = np.zeros((2, *patch.shape))
