@@ -384,7 +384,10 @@ def test_saturated_frames_tell_nothing(path: Path) -> None:
     """Where frames are clipped to white, no pixel violates anything."""
     white = frames(lambda images: np.full((len(images), *FRAME_SHAPE, 3), 255, np.uint8))
     white(log_file()).write(path)
-    assert set(outcomes_with_frames(path).values()) == {"not_observable"}
+    by_check = outcomes_with_frames(path)
+    # Spacings of events between the times of the frames do not depend on what the frames show.
+    assert by_check.pop("interpolation") == "passed"
+    assert set(by_check.values()) == {"not_observable"}
 
 
 @pytest.mark.parametrize(("large", "intervals"), [(False, 12), (True, 8)])
