@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fedora_qa.errors import MisuseError
+from fedora_qa.layout.bitshuffle import require_sound_blocks
 from fedora_qa.layout.links import READ_ERRORS
 
 if TYPE_CHECKING:
@@ -151,6 +152,8 @@ def copy_whole(dataset: h5py.Dataset, parent: h5py.Group, name: str) -> None:
     made = h5py.h5d.create(parent.id, name.encode(), stored.get_type(), stored.get_space(), stored.get_create_plist())
     copy = h5py.Dataset(made)
     if dataset.shape is not None and not is_external(dataset) and stored.get_storage_size():
+        if dataset.shape:
+            require_sound_blocks(dataset, 0, len(dataset))
         copy[()] = dataset[()]
     copy_attributes(dataset, copy)
 
@@ -206,4 +209,6 @@ def _blocks(dataset: h5py.Dataset, start: int, stop: int) -> Iterator[tuple[int,
         # Whole chunks at a time, so that a chunk is not decoded again for the next block.
         rows = ceil(rows / dataset.chunks[0]) * dataset.chunks[0]
     for first in range(start, stop, rows):
-        yield first, dataset[first : min(first + rows, stop)]
+        last = min(first + rows, stop)
+        require_sound_blocks(dataset, first, last)
+        yield first, dataset[first:last]

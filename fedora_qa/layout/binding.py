@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from fedora_qa.conventions import POLARITY_BRIGHTER, POLARITY_DARKER
 from fedora_qa.errors import UnreadableRowsError
+from fedora_qa.layout.bitshuffle import require_sound_blocks, require_sound_chunk, uses_bitshuffle
 from fedora_qa.layout.canonical import DATASETS
 from fedora_qa.layout.direct_chunks import StoredChunks
 from fedora_qa.layout.links import READ_ERRORS
@@ -145,6 +146,8 @@ def raw_rows(file: h5py.File, binding: Binding, start: int, stop: int, opened: O
             opened[binding.key] = StoredChunks(stored_dataset(file, binding))
         chunks = opened[binding.key]
         dataset = chunks.dataset
+        if chunks.uses_bitshuffle:
+            require_sound_blocks(dataset, start, stop)
         if binding.is_image_as_it_is:
             stored = np.empty((stop - start, *dataset.shape[1:]), dataset.dtype)
             # Direct decoding covers one whole Blosc chunk. HDF5 reads all else, and names the fault of a damaged chunk.
@@ -176,9 +179,11 @@ def _failing_chunks(file: h5py.File, binding: Binding, start: int, stop: int) ->
     for position in product(range(start // chunk[0], -(-stop // chunk[0])), *map(range, grid[1:])):
         try:
             # One chunk a read: a read of all of them fails as a whole and does not name the chunk.
-            stored_dataset(file, binding)[
-                tuple(slice(at * size, (at + 1) * size) for at, size in zip(position, chunk, strict=True))
-            ]
+            dataset = stored_dataset(file, binding)
+            place = tuple(slice(at * size, (at + 1) * size) for at, size in zip(position, chunk, strict=True))
+            if uses_bitshuffle(dataset):
+                require_sound_chunk(dataset, tuple(axis.start for axis in place))
+            dataset[place]
         except READ_ERRORS:
             yield int(np.ravel_multi_index(position, grid))
 

@@ -13,6 +13,7 @@ from numba import njit
 from numcodecs import blosc
 from numpy.typing import NDArray
 
+from fedora_qa.layout.bitshuffle import uses_bitshuffle
 from fedora_qa.layout.filters import FLETCHER32_BYTES, filters_of
 
 blosc.use_threads = False  # --jobs decides how many cores are used
@@ -47,10 +48,13 @@ class StoredChunks:
     ----------
     dataset
         The dataset.
+    uses_bitshuffle
+        Whether its chunks must be verified before HDF5 decodes them.
     """
 
     def __init__(self, dataset: h5py.Dataset) -> None:
         self.dataset = dataset
+        self.uses_bitshuffle = uses_bitshuffle(dataset)
         self._shape: tuple[int, ...] | None = dataset.chunks
         self._filters: list[int] | None = None
 

@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fedora_qa.conventions import FLOW_RATES_HZ, NS_PER_S
+from fedora_qa.layout.bitshuffle import require_sound_blocks, require_verifiable
 from fedora_qa.layout.canonical import DATASETS, STREAMS, datasets_of
 from fedora_qa.layout.dialect import NS_PER_TIME_UNIT
 from fedora_qa.layout.filters import require_filters
@@ -137,6 +138,7 @@ def take_inventory(file: h5py.File) -> tuple[StoredObject, ...]:
             dataset = file[path]
             outside = dataset.is_virtual or dataset.external
             require_filters(dataset, path)
+            require_verifiable(dataset, path)
             numbers = dataset.shape and prod(dataset.shape) and dataset.dtype.kind in "iufb"
             # Values of virtual and external datasets lie in other files, which a draft may not read.
             if not numbers or outside:
@@ -145,6 +147,7 @@ def take_inventory(file: h5py.File) -> tuple[StoredObject, ...]:
             # HDF5 decodes whole chunks even for one row.
             values = max(rows * prod(dataset.shape[1:]), prod(dataset.chunks) if dataset.chunks else 0)
             if values * dataset.dtype.itemsize <= _MOST_HEAD_BYTES:
+                require_sound_blocks(dataset, 0, rows)
                 items.append(StoredObject(path, dataset.shape, dataset.dtype, np.asarray(dataset[:rows])))
     return tuple(items)
 

@@ -1,4 +1,4 @@
-"""Refuse datasets that HDF5 cannot decode, or not safely: by their filters, and by chunks too short for them."""
+"""Refuse datasets that HDF5 cannot decode: by their filters, and by chunks too short for them."""
 
 from collections.abc import Iterator
 from math import prod
@@ -26,9 +26,6 @@ _KNOWN_FILTERS: Final = {
 }
 """Filters that neither HDF5 nor hdf5plugin brings, by the numbers under which they are registered."""
 
-_UNSAFE_FILTERS: Final = {32008: "Bitshuffle"}
-"""Filters whose decoder does not verify the sizes in a chunk and writes beyond its memory: docs/hostile-files.md."""
-
 FLETCHER32_BYTES: Final = 4
 """Length of the checksum of Fletcher-32 behind each chunk."""
 
@@ -37,20 +34,14 @@ _LENGTH_KEEPING_FILTERS: Final = frozenset({h5py.h5z.FILTER_SHUFFLE, h5py.h5z.FI
 
 
 def require_filters(dataset: h5py.Dataset, path: str) -> None:
-    """Refuse a dataset that cannot be decoded here, or not safely.
+    """Refuse a dataset that cannot be decoded here.
 
     Raises
     ------
     RefusedError
-        A filter is not installed, or is one that a damaged chunk can crash. The message names it and the remedy.
+        A filter is not installed. The message names it and the remedy.
     """
     for number, name in filters_of(dataset):
-        if number in _UNSAFE_FILTERS:
-            message = (
-                f"Expected {path} through a codec that damaged bytes cannot crash, got {_UNSAFE_FILTERS[number]}; "
-                "write the data again through Blosc-Zstd"
-            )
-            raise RefusedError("unsafe_filter", "unknown", message)
         if not h5py.h5z.filter_avail(number):
             # The name stands in the file and may have any length.
             title = _KNOWN_FILTERS.get(number) or name[:60] or "without a name"

@@ -9,6 +9,7 @@ import numpy as np
 
 from fedora_qa.causes import INDEX_MAPS, allowed
 from fedora_qa.layout.binding import Binding, instant_ns, rows_together
+from fedora_qa.layout.bitshuffle import require_sound_blocks, require_verifiable
 from fedora_qa.layout.bounds import require_bounded, require_small_chunks, unwritten_chunks
 from fedora_qa.layout.canonical import (
     FLOW_STREAMS,
@@ -255,6 +256,7 @@ class _Finder:
                 require_readable_type(spec, dataset, path)
                 require_shape(spec, place, dataset, path)
                 require_filters(dataset, path)
+                require_verifiable(dataset, path)
                 require_bounded(spec, dataset, path)
                 require_whole_chunks(dataset, path)
                 columns: tuple[int, ...] | None = place.columns or None
@@ -312,9 +314,11 @@ class _Finder:
         # Nothing bounds a scalar by itself: its chunk passes the same tests as that of a stream before it is read.
         numeric = dataset.size == 1 and dataset.dtype.kind in "iuf"
         require_filters(dataset, place.offset_path)
+        require_verifiable(dataset, place.offset_path)
         require_small_chunks(dataset, place.offset_path)
         require_whole_chunks(dataset, place.offset_path)
         with reading(place.offset_path):
+            require_sound_blocks(dataset, 0, dataset.size)
             offset = instant_ns(np.asarray(dataset[()]).reshape(-1)[0], binding) if numeric else None
         if offset is None:
             raise RefusedError("wrong_shape", "wrong_shape", f"Expected one finite number at {place.offset_path}")
@@ -375,7 +379,9 @@ def _is_whole(spec: DatasetSpec, dataset: h5py.Dataset) -> bool:
         return True
     try:
         # Images have a row a frame: one is enough.
-        values = np.asarray(dataset[: 1 if spec.is_image else _FIRST_ROWS], np.float64)
+        rows = 1 if spec.is_image else _FIRST_ROWS
+        require_sound_blocks(dataset, 0, rows)
+        values = np.asarray(dataset[:rows], np.float64)
     except READ_ERRORS:
         return True
     finite, limits = values[np.isfinite(values)], np.iinfo(canonical)
@@ -389,6 +395,7 @@ def _is_signed_polarity(dataset: h5py.Dataset) -> bool:
     if dataset.dtype.kind not in "if":
         return False
     try:
+        require_sound_blocks(dataset, 0, _FIRST_ROWS)
         polarity = dataset[:_FIRST_ROWS]
     except READ_ERRORS:
         return False

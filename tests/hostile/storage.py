@@ -135,6 +135,27 @@ def through_bitshuffle(file: h5py.File) -> None:
     replace(file, "path/depth", data=file["path/depth"][:], chunks=(1, 27, 36), **hdf5plugin.Bitshuffle())
 
 
+def damaged_bitshuffle(file: h5py.File) -> None:
+    """The same, and one of its blocks claims 2 GiB, which its decoder would write beyond its memory."""
+    through_bitshuffle(file)
+    stored = file["path/depth"].id
+    _, chunk = stored.read_direct_chunk((2, 0, 0))
+    stored.write_direct_chunk((2, 0, 0), chunk[:12] + b"\x7f\xff\xff\xff" + chunk[16:])
+
+
+def bitshuffle_within_gzip(file: h5py.File) -> None:
+    """Depth through Bitshuffle and then gzip, which hides the bytes that would be verified."""
+    values = file["path/depth"][:]
+    del file["path/depth"]
+    properties = h5py.h5p.create(h5py.h5p.DATASET_CREATE)
+    properties.set_chunk((1, *values.shape[1:]))
+    properties.set_filter(hdf5plugin.BSHUF_ID, h5py.h5z.FLAG_MANDATORY, (0, 0))
+    properties.set_deflate(1)
+    space = h5py.h5s.create_simple(values.shape)
+    made = h5py.h5d.create(file.id, b"path/depth", h5py.h5t.IEEE_F32LE, space, properties)
+    h5py.Dataset(made)[:] = values
+
+
 def paths(file: h5py.File) -> list[str]:
     """Return the paths of all streams."""
     found: list[str] = []

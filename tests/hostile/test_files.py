@@ -32,7 +32,8 @@ STORAGE: Final = {
     storage.a_chunk_beyond_its_dataset: f"{LAYOUT}.too_large",
     storage.no_rows: f"{LAYOUT}.wrong_shape",
     storage.no_columns: f"{LAYOUT}.wrong_shape",
-    storage.through_bitshuffle: f"{LAYOUT}.unsafe_filter",
+    storage.damaged_bitshuffle: "integrity.readable.chunk",
+    storage.bitshuffle_within_gzip: f"{LAYOUT}.unsafe_filter",
 }
 LINKS: Final = {
     links.external_storage: f"{LAYOUT}.outside_link",
@@ -82,7 +83,8 @@ PATCHED: Final = {
     patched.names_out_of_order: f"{LAYOUT}.unreadable",
     patched.names_of_a_flow_damaged: f"{LAYOUT}.unreadable",
 }
-HARMLESS: Final = (storage.a_chunk_for_each_value, links.hard_link_cycle, links.deep_groups, links.many_datasets,
+HARMLESS: Final = (storage.a_chunk_for_each_value, storage.through_bitshuffle,
+                   links.hard_link_cycle, links.deep_groups, links.many_datasets,
                    contents.names_that_are_not_text, contents.timestamps_as(">i8"))  # fmt: skip
 
 
