@@ -142,13 +142,13 @@ VERSION_TESTS := tests/layout tests/sequence tests/record/test_json_io.py tests/
 
 test-lowest: $(TOOLS)/.ready
 	$(TOOLS)/bin/uv venv --quiet --clear --python 3.11 $(OUT)/lowest
-	$(TOOLS)/bin/uv pip install --quiet --python $(OUT)/lowest/bin/python -r requirements/lowest.lock pytest hypothesis
+	$(TOOLS)/bin/uv pip install --quiet --python $(OUT)/lowest/bin/python -r requirements/lowest.lock pytest hypothesis filelock
 	PYTHONPATH=.:generator:reports $(OUT)/lowest/bin/python -m pytest -q -W default $(VERSION_TESTS)
 
 test-newest: $(TOOLS)/.ready
 	$(TOOLS)/bin/uv venv --quiet --clear --python 3.11 $(OUT)/newest
 	$(TOOLS)/bin/uv pip install --quiet --upgrade --resolution highest --python $(OUT)/newest/bin/python --requirements pyproject.toml \
-	  --extra reports pytest hypothesis
+	  --extra reports pytest hypothesis filelock
 	PYTHONPATH=.:generator:reports $(OUT)/newest/bin/python -m pytest -q -W default $(VERSION_TESTS)
 
 audit: $(TOOLS)/.ready
