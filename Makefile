@@ -168,6 +168,8 @@ wheel: $(TOOLS)/.ready
 test: export OMP_NUM_THREADS = 1
 test: export OPENBLAS_NUM_THREADS = 1
 test: export LP_NUM_THREADS = 1
+# A thread of a parallel loop that waits for the next one sleeps: several processes share the cores.
+test: export OMP_WAIT_POLICY = PASSIVE
 # Types are checked in one process; other cores compile meanwhile.
 test: $(READY)
 	$(MAKE) --jobs 2 lint compiled-generator compiled-checks

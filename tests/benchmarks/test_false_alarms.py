@@ -42,9 +42,10 @@ def test_a_file_is_checked_once(tmp_path: Path) -> None:
 def test_files_are_checked_in_processes(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """A kind whose scene is a local function is checked in a process of the study."""
     monkeypatch.setattr(study, "KEPT", tmp_path)
-    ended = CliRunner().invoke(study.main, ["--jobs", "1", "--kind", "hover", "--share", "0.01"])
+    kind = "park-day, half a second"
+    ended = CliRunner().invoke(study.main, ["--jobs", "1", "--kind", kind, "--share", "0.01"])
     assert ended.exit_code == 0, ended.output
-    assert "1/1 hover 0: clean" in ended.output
+    assert f"1/1 {kind} 0: clean" in ended.output
 
 
 def test_timestamps_are_moved_to_wall_clock_time(tmp_path: Path) -> None:

@@ -1,8 +1,9 @@
 """Runs ``fedora-generate`` again and again, each time stopped by a signal or by a limit of the file size.
 
-``python -m tests.generator.cut_short often|seldom FOLDER ARGUMENT...`` imports once and forks for each run, into a
-folder of its own beneath FOLDER; the word ``{out}`` in an argument stands for it. Prints one JSON document: a list of
-runs.
+``python -m tests.generator.cut_short`` imports once and forks for each run. From standard input it reads one JSON
+document, a list of commands: how often each is stopped (``often``, ``seldom``), a folder, and its arguments. Each run
+has a folder of its own beneath that one; the word ``{out}`` in an argument stands for it. Prints one JSON document: for
+each command a list of runs.
 """
 
 import json
@@ -100,4 +101,5 @@ def cut_short(how: str, folder: Path, arguments: list[str]) -> list[Run]:
 
 
 if __name__ == "__main__":
-    print(json.dumps([asdict(each) for each in cut_short(sys.argv[1], Path(sys.argv[2]), sys.argv[3:])]))
+    commands = json.load(sys.stdin)
+    print(json.dumps([[asdict(each) for each in cut_short(how, Path(folder), rest)] for how, folder, rest in commands]))

@@ -5,8 +5,11 @@ import os
 import signal
 import subprocess
 import sys
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
+
+import pytest
 
 from fedora_generator.corpus.manifest import MANIFEST
 from tests.generator.tiny_sequence import write_tiny_sequence
@@ -19,13 +22,38 @@ WORDS = {"SIGINT": "no file was left that is not whole", "limit": "got a full di
 Runs = list[dict[str, Any]]
 
 
-def cut_short(how: str, folder: Path, *arguments: str) -> Runs:
-    """Runs in folders of their own beneath ``folder``, the first one left alone."""
-    command = [sys.executable, "-m", "tests.generator.cut_short", how, str(folder), *arguments]
+@dataclass(frozen=True)
+class CutShort:
+    """A command, and its runs in folders of their own beneath ``folder``, the first one left alone."""
+
+    folder: Path
+    runs: Runs
+
+
+@pytest.fixture(scope="module")
+def commands(tmp_path_factory: pytest.TempPathFactory) -> dict[str, CutShort]:
+    """Each command, run again and again by one process."""
+    base = tmp_path_factory.mktemp("cut-short")
+    clean = base / "clean.h5"
+    write_tiny_sequence(clean)
+    sequence = ["sequence", "park-day", "-o", "{out}/a.h5", "--duration", "0.1", *TINY]
+    fault = ["fault", str(clean), "wrong_dtype", "--stream", "flow", "-o", "{out}/a.h5"]
+    corpus = ["corpus", "-o", "{out}", "--scenes", "park-day", "--clean", "1", "--causes", "gyro_bias", *TINY]
+    how = {
+        "sequence": ("often", sequence),
+        "fault": ("seldom", fault),
+        "corpus": ("seldom", [*corpus, "--duration", "0.1"]),
+    }
+    asked = []
+    for name, (often, arguments) in how.items():
+        (base / name).mkdir()
+        asked.append([often, str(base / name), arguments])
+    command = [sys.executable, "-m", "tests.generator.cut_short"]
     environment = os.environ | {"NUMBA_THREADING_LAYER": "workqueue", "NUMBA_NUM_THREADS": "1"}  # it can be forked
-    done = subprocess.run(command, capture_output=True, text=True, check=True, env=environment, timeout=300)
-    found: Runs = json.loads(done.stdout)
-    return found
+    done = subprocess.run(
+        command, capture_output=True, text=True, check=True, env=environment, timeout=300, input=json.dumps(asked)
+    )
+    return {name: CutShort(base / name, runs) for name, runs in zip(how, json.loads(done.stdout), strict=True)}
 
 
 def files(folder: Path) -> dict[str, bytes]:
@@ -34,8 +62,9 @@ def files(folder: Path) -> dict[str, bytes]:
     return {str(path.relative_to(folder)): path.read_bytes() for path in found if ".partial" not in path.name}
 
 
-def require_whole_or_absent(folder: Path, runs: Runs) -> None:
+def require_whole_or_absent(command: CutShort) -> None:
     """A run that ended before its time says so; each file that it left is that of the run left alone."""
+    folder, runs = command.folder, command.runs
     alone = files(folder / runs[0]["folder"])
     assert runs[0]["exit_code"] == 0
     cut = set()
@@ -54,22 +83,16 @@ def require_whole_or_absent(folder: Path, runs: Runs) -> None:
     assert "limit" in cut
 
 
-def test_a_sequence_is_whole_or_absent(tmp_path: Path) -> None:
+def test_a_sequence_is_whole_or_absent(commands: dict[str, CutShort]) -> None:
     """Whenever a signal comes and wherever the disk is full; exit code, one line, and no crash at the end of it."""
-    runs = cut_short("often", tmp_path, "sequence", "park-day", "-o", "{out}/a.h5", "--duration", "0.2", *TINY)
-    require_whole_or_absent(tmp_path, runs)
+    require_whole_or_absent(commands["sequence"])
 
 
-def test_a_faulty_copy_is_whole_or_absent(tmp_path: Path) -> None:
+def test_a_faulty_copy_is_whole_or_absent(commands: dict[str, CutShort]) -> None:
     """Likewise while a fault is planted."""
-    clean = tmp_path / "clean.h5"
-    write_tiny_sequence(clean)
-    runs = cut_short("seldom", tmp_path, "fault", str(clean), "wrong_dtype", "--stream", "flow", "-o", "{out}/a.h5")
-    require_whole_or_absent(tmp_path, runs)
+    require_whole_or_absent(commands["fault"])
 
 
-def test_a_corpus_is_whole_or_has_no_manifest(tmp_path: Path) -> None:
+def test_a_corpus_is_whole_or_has_no_manifest(commands: dict[str, CutShort]) -> None:
     """Likewise each of its files."""
-    arguments = ("corpus", "-o", "{out}", "--scenes", "park-day", "--clean", "1", "--causes", "gyro_bias", *TINY)
-    runs = cut_short("seldom", tmp_path, *arguments, "--duration", "0.1")
-    require_whole_or_absent(tmp_path, runs)
+    require_whole_or_absent(commands["corpus"])

@@ -8,9 +8,11 @@ from typing import Any
 
 import h5py
 import hdf5plugin  # noqa: F401  registers the codec
+import numba
 import numpy as np
 import pytest
 
+from fedora_generator.cli import main
 from fedora_generator.scene import list_scenes
 from tests.support.identical import identical
 
@@ -19,29 +21,34 @@ EXACT = [scene.name for scene in list_scenes() if scene.renderer == "exact"]
 PROGRAM = """
 import sys
 import numba
-from fedora_generator.cli import main
+from tests.generator.test_workers import make
 
-folder, *scenes = sys.argv[1:]
-for scene in scenes:
-    tiny = ["--size", "72x54", "--duration", "0.06", "--quality", "draft"]
-    sys.argv = ["fedora-generate", "sequence", scene, "-o", f"{folder}/{scene}.h5", *tiny]
-    main()
+make(*sys.argv[1:])
 print(numba.get_num_threads())
 """
 
 
+def make(folder: str) -> None:
+    """Make every exact scene by the command."""
+    for scene in EXACT:
+        tiny = ["--size", "72x54", "--duration", "0.06", "--quality", "draft"]
+        sys.argv = ["fedora-generate", "sequence", scene, "-o", f"{folder}/{scene}.h5", *tiny]
+        main()
+
+
 @pytest.fixture(scope="module")
 def folders(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Path]:
-    """Every exact scene, made by one worker and by two."""
-    made = []
-    for workers in (1, 2):
-        folder = tmp_path_factory.mktemp(f"workers-{workers}")
-        environment = os.environ | {"NUMBA_NUM_THREADS": str(workers), "OMP_NUM_THREADS": str(workers)}
-        command = [sys.executable, "-c", PROGRAM, str(folder), *EXACT]
-        done = subprocess.run(command, env=environment, capture_output=True, text=True, check=True)
-        assert done.stdout.strip() == str(workers)
-        made.append(folder)
-    return made[0], made[1]
+    """Every exact scene, made by one worker in this process and by two in another."""
+    one, two = (tmp_path_factory.mktemp(f"workers-{workers}") for workers in (1, 2))
+    assert numba.get_num_threads() == 1
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(sys, "argv", [])
+        make(str(one))
+    environment = os.environ | {"NUMBA_NUM_THREADS": "2", "OMP_NUM_THREADS": "2"}
+    command = [sys.executable, "-c", PROGRAM, str(two)]
+    done = subprocess.run(command, env=environment, capture_output=True, text=True, check=True)
+    assert done.stdout.strip() == "2"
+    return one, two
 
 
 def content(path: Path) -> dict[str, Any]:

@@ -15,6 +15,7 @@ from xml.etree import ElementTree
 import pytest
 
 from fedora_qa.cli.main import run
+from fedora_qa.cli.startup import IN_PROCESS_VARIABLE
 from fedora_qa.engine.files import check_files
 from fedora_qa.record.json_io import read_record, write_record
 from tests.support.records import failed, file_record, record
@@ -29,23 +30,45 @@ OUTPUTS: Final = {
 }
 
 KILLED: Final = """
-import os, signal, sys
+import json, os, signal, sys
 from pathlib import Path
 from fedora_qa.cli.main import run
 
-writes, killed_at, replace = 0, int(sys.argv[1]), Path.replace
+folder, count, *options = sys.argv[1:]
+replace = Path.replace
 
-def watched(self, target):
-    global writes
-    writes += self.name.endswith(".part")
-    if writes == killed_at:
-        os.kill(os.getpid(), getattr(signal, sys.argv[2]))
-    return replace(self, target)
+def checked(into):
+    os.chdir(into)
+    return run(["check", "clean.h5", *options])
 
-Path.replace = watched
-sys.exit(run(sys.argv[3:]))
+def killed(at, how):
+    writes = 0
+
+    def watched(self, target):
+        nonlocal writes
+        writes += self.name.endswith(".part")
+        if writes == at:
+            os.kill(os.getpid(), getattr(signal, how))
+        return replace(self, target)
+
+    Path.replace = watched
+    os.dup2(os.open("../stderr", os.O_WRONLY | os.O_CREAT | os.O_TRUNC), 2)
+    os.dup2(2, 1)
+    return checked(".")
+
+assert checked(f"{folder}/alone/in") == 0
+codes = {}
+for at in range(1, int(count) + 1):
+    for how in ("SIGKILL", "SIGINT"):
+        os.chdir(f"{folder}/{at}-{how}/in")
+        child = os.fork()
+        if child == 0:
+            os._exit(killed(at, how))
+        codes[f"{at}-{how}"] = os.waitstatus_to_exitcode(os.waitpid(child, 0)[1])
+Path(folder, "codes.json").write_text(json.dumps(codes))
 """
-"""A command that is killed when its n-th output is written, and has not got its name yet."""
+"""A command, imported and run once, that is then killed in forks: when its n-th output is written, and has not got its
+name yet."""
 
 WHOLE: Final[dict[str, Callable[[Path], object]]] = {
     "r.json": read_record,
@@ -102,31 +125,45 @@ def test_a_full_disk_leaves_no_record(clean_bytes: bytes, tmp_path: Path, capsys
     assert [one.name for one in tmp_path.iterdir()] == ["clean.h5"]
 
 
+WRITTEN: Final = ["r.json.arrays.npz", *WHOLE]
+FORMATS: Final = {"--json": "r.json", "--markdown": "o.md", "--junit": "o.xml", "--sarif": "o.sarif", "--html": "o.html"}
+ARGUMENTS: Final = ["--select", "integrity", *(part for option in FORMATS.items() for part in option)]
+
+
+@pytest.fixture(scope="module")
+def killed(clean_bytes: bytes, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder with ``codes.json``, exit codes of all runs that were killed, and what each has left in ``.../in``."""
+    folder = tmp_path_factory.mktemp("killed")
+    for name in ("alone", *(f"{write}-{ended}" for write in range(1, 7) for ended in ("SIGKILL", "SIGINT"))):
+        (folder / name / "in").mkdir(parents=True)
+        (folder / name / "in" / "clean.h5").write_bytes(clean_bytes)
+    command = [sys.executable, "-c", KILLED, str(folder), str(len(WRITTEN)), *ARGUMENTS]
+    can_be_forked = {"NUMBA_THREADING_LAYER": "workqueue", "NUMBA_NUM_THREADS": "1", IN_PROCESS_VARIABLE: "1"}
+    environment = os.environ | can_be_forked
+    subprocess.run(command, capture_output=True, timeout=300, check=True, env=environment)
+    return folder
+
+
 @pytest.mark.parametrize("ended", ["SIGKILL", "SIGINT"])
 @pytest.mark.parametrize("write", range(1, 7))
 def test_what_is_killed_as_it_writes_leaves_whole_files(
-    write: int, ended: str, clean_bytes: bytes, tmp_path: Path
+    write: int, ended: str, killed: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Right: what has its name is whole, what was being written has none; and it can be written afterwards."""
-    path = tmp_path / "clean.h5"
-    path.write_bytes(clean_bytes)
-    options = {"--json": "r.json", "--markdown": "o.md", "--junit": "o.xml", "--sarif": "o.sarif", "--html": "o.html"}
-    given = [part for option, name in options.items() for part in (option, str(tmp_path / name))]
-    arguments = ["check", str(path), "--select", "integrity", *given]
-    command = [sys.executable, "-c", KILLED, str(write), ended, *arguments]
-    done = subprocess.run(command, capture_output=True, timeout=300, check=False)
-    assert done.returncode == (-signal.SIGKILL if ended == "SIGKILL" else 130), done.stderr
-    names = ["r.json.arrays.npz", *WHOLE]
-    there = {one.name for one in tmp_path.iterdir() if not one.name.startswith(".")}
-    assert there == {"clean.h5", *names[: write - 1]}
+    folder = killed / f"{write}-{ended}" / "in"
+    code = json.loads((killed / "codes.json").read_text())[f"{write}-{ended}"]
+    assert code == (-signal.SIGKILL if ended == "SIGKILL" else 130), (folder.parent / "stderr").read_text()
+    there = {one.name for one in folder.iterdir() if not one.name.startswith(".")}
+    assert there == {"clean.h5", *WRITTEN[: write - 1]}
     for name in WHOLE.keys() & there:
-        WHOLE[name](tmp_path / name)
+        WHOLE[name](folder / name)
     if ended == "SIGINT":
-        assert not [one for one in tmp_path.iterdir() if one.name.startswith(".")]
-    if write == len(names):
-        assert run(arguments) == 0
+        assert not [one for one in folder.iterdir() if one.name.startswith(".")]
+    if write == len(WRITTEN):
+        monkeypatch.chdir(folder)
+        assert run(["check", "clean.h5", *ARGUMENTS]) == 0
         for name, read in WHOLE.items():
-            read(tmp_path / name)
+            read(folder / name)
 
 
 def grown(path: Path) -> None:
