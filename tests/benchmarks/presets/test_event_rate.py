@@ -48,11 +48,11 @@ def test_strips_are_spread_over_the_image() -> None:
 def test_a_window_counts_the_events_of_the_file(tmp_path: Path) -> None:
     """The whole sensor from the start of the sequence on: the same events, brighter and darker, as are written."""
     scene = load_scene("racetrack-ngt").with_size(90, 68).starting_at(20.0)
-    generate_sequence(scene, tmp_path / "a.h5", Request(duration_s=0.4, streams=frozenset({"events"})))
+    generate_sequence(scene, tmp_path / "a.h5", Request(duration_s=0.2, streams=frozenset({"events"})))
     with h5py.File(tmp_path / "a.h5") as file:
         t_us, p = file["path/events/t"][:], file["path/events/p"][:]
     camera = event_camera(scene.camera)
-    for start_us, counted_us in ((0, 400_000), (200_000, 100_000)):
+    for start_us, counted_us in ((0, 200_000), (100_000, 50_000)):
         seen = p[(t_us > start_us) & (t_us <= start_us + counted_us)]
         expected = np.count_nonzero(seen == 1), np.count_nonzero(seen == 0)
         assert min(expected) > 20
@@ -93,11 +93,11 @@ def test_windows_are_where_the_image_moves() -> None:
 def test_the_rate_follows_the_light() -> None:
     """Half the light, half the differences of grey: by day and by night far fewer events."""
     for name in ("baylands-day2", "racetrack-ngt"):
-        scene = load_scene(name).with_size(144, 108)
+        scene = load_scene(name).with_size(72, 54)
         light = scene.light
         dimmed = replace(light, **{key: 0.5 * getattr(light, key) for key in ("ambient", "sun_strength", "lamp_scale")})
         bright, dark = (
-            sum(count_events(each, world_of(each), event_camera(each.camera), 5_000_000, 200_000))
+            sum(count_events(each, world_of(each), event_camera(each.camera), 5_000_000, 100_000))
             for each in (scene, replace(scene, light=dimmed))
         )
         assert 0 < dark < 0.6 * bright

@@ -43,7 +43,7 @@ def scene(seed: int = 0) -> NDArray[np.float64]:
 
 def inner(image: NDArray[np.float64]) -> NDArray[np.float64]:
     """The image without the margin."""
-    return image[MARGIN_PX:-MARGIN_PX, MARGIN_PX:-MARGIN_PX]
+    return image[MARGIN_PX:-MARGIN_PX, MARGIN_PX:-MARGIN_PX].copy()
 
 
 def tile_sums(change: NDArray[np.float64], events: NDArray[np.float64], usable: NDArray[np.bool_]) -> ShiftSums:

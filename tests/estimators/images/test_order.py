@@ -20,13 +20,19 @@ def frame(share: float, flow_px: Float32, gain: float = 1.0) -> Float32:
     return np.asarray(np.rint(gain * (110 + 8 * np.asarray(total))), dtype=np.float32)
 
 
+def as_read(flow_px: Float32) -> Float32:
+    """The flow as checks get it, which may not write into what was decoded; loops are compiled for that."""
+    flow_px.flags.writeable = False
+    return flow_px
+
+
 def pan(u: float, v: float) -> Float32:
-    return np.broadcast_to(np.array([u, v], dtype=np.float32), (HEIGHT, WIDTH, 2)).copy()
+    return as_read(np.broadcast_to(np.array([u, v], dtype=np.float32), (HEIGHT, WIDTH, 2)).copy())
 
 
 def expansion(rate: float) -> Float32:
     rows, columns = np.mgrid[0:HEIGHT, 0:WIDTH].astype(np.float32)
-    return np.stack([rate * (columns - WIDTH / 2), rate * (rows - HEIGHT / 2)], axis=-1)
+    return as_read(np.stack([rate * (columns - WIDTH / 2), rate * (rows - HEIGHT / 2)], axis=-1))
 
 
 @pytest.mark.parametrize("share", [0.0, 1.0, -1.0, 2.0], ids=["frozen", "in order", "turned round", "one left out"])
@@ -51,9 +57,10 @@ def test_missing_flow_is_left_out() -> None:
     """NaN and absurd values in half of the image change nothing."""
     flow_px = pan(1.0, 0.5)
     before, after = frame(0.0, flow_px), frame(1.0, flow_px)
-    flow_px[: HEIGHT // 2] = np.nan
-    flow_px[HEIGHT // 2 : HEIGHT // 2 + 5] = 1e9
-    found = flow_ratio(before, after, flow_px)
+    damaged_px = flow_px.copy()
+    damaged_px[: HEIGHT // 2] = np.nan
+    damaged_px[HEIGHT // 2 : HEIGHT // 2 + 5] = 1e9
+    found = flow_ratio(before, after, as_read(damaged_px))
     assert found is not None
     assert found.ratio == pytest.approx(1.0, abs=0.1)
 
@@ -62,8 +69,8 @@ def test_missing_flow_is_left_out() -> None:
     ("before", "flow_px"),
     [
         (np.full((HEIGHT, WIDTH), 90, np.float32), pan(1.0, 0.5)),
-        (frame(0.0, pan(0, 0)), np.full((HEIGHT, WIDTH, 2), np.nan, np.float32)),
-        (frame(0.0, pan(0, 0))[:5, :5], pan(1.0, 0.5)[:5, :5]),
+        (frame(0.0, pan(0, 0)), as_read(np.full((HEIGHT, WIDTH, 2), np.nan, np.float32))),
+        (frame(0.0, pan(0, 0))[:5, :5].copy(), as_read(pan(1.0, 0.5)[:5, :5].copy())),
         (frame(0.0, pan(0, 0)), pan(300.0, 0.0)),
     ],
     ids=["no texture", "no flow", "tiny", "flow larger than the image"],
@@ -108,6 +115,6 @@ def test_one_part_together_is_that_part() -> None:
 
 def test_parts_that_cannot_tell_say_nothing() -> None:
     """Without valid flow neither the parts nor all of them together have a share."""
-    flow_px = np.full((HEIGHT, WIDTH, 2), np.nan, np.float32)
+    flow_px = as_read(np.full((HEIGHT, WIDTH, 2), np.nan, np.float32))
     image = frame(0.0, pan(0, 0))
     assert flow_ratios_of_parts(image, image, flow_px, PARTS) == (None, [None] * len(PARTS))

@@ -109,9 +109,9 @@ def test_on_whole_scenes_events_are_those_of_a_dense_movie(name: str) -> None:
     """
     scene = load_scene(name).with_size(90, 68)
     world, camera, flight = ExactWorld.of(scene.world, scene.light), event_camera(scene.camera), scene.fly()
-    start_us, stop_us, step_us = 960_000, 980_000, 20
+    start_us, stop_us, step_us = 960_000, 970_000, 20
     first = world.at(start_us).luma_dn(camera, camera.pose_at(flight, start_us))
-    sensitive = options(threshold_on=0.02, threshold_off=0.02)
+    sensitive = options(threshold_on=0.012, threshold_off=0.012)
     movie, light = (EventSensor(sensitive, 30, 40, np.random.SeedSequence(0)) for _ in range(2))
     movie.start(start_us * 1000, first)
     light.start(start_us * 1000, first)
