@@ -3,7 +3,6 @@
 import os
 import subprocess
 import sys
-
 from collections.abc import Callable
 
 import pytest

@@ -4,7 +4,10 @@ import json
 import os
 import subprocess
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from concurrent.futures import Future, ThreadPoolExecutor
+from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Final
 
@@ -36,13 +39,6 @@ import fedora_qa
 if __name__ == "__main__":
     fedora_qa.check(*sys.argv[1:], apart=True, select=["integrity"]).save("record.json")
 """
-
-
-@pytest.fixture
-def folder(clean_bytes: bytes, tmp_path: Path) -> Path:
-    """A folder with ``clean.h5``, in which Python is run."""
-    (tmp_path / "clean.h5").write_bytes(clean_bytes)
-    return tmp_path
 
 
 def write_endless(folder: Path, *patches: Patch) -> list[str]:
@@ -86,58 +82,108 @@ def require_lost(folder: Path, hostile: list[str], others: list[str]) -> None:
         assert set(outcomes.values()) == {"passed"}, name
 
 
-def test_a_check_goes_on_with_the_other_files(folder: Path) -> None:
-    """HDF5 2.0 ends the process that opens them, or never ends (docs/hostile-files.md): other files stand."""
-    hostile = write_endless(folder)
-    ended = command(folder, "check", *hostile, "clean.h5", "--json", "record.json", "--select", "integrity")
-    assert ended.returncode == 3, ended.stderr
-    assert "Traceback" not in ended.stderr
-    require_lost(folder, hostile, others=["clean.h5"])
+OTHER_COMMANDS: Final[dict[str, tuple[list[str], Patch]]] = {
+    "layout died": (["layout", "patched.h5"], patched.tree_that_holds_itself),
+    "layout without end": (["layout", "patched.h5"], patched.name_heap_without_end),
+    "stats": (["stats", "patched.h5"], patched.text_heap_without_end),
+    "extract": (["extract", "patched.h5", "F1", "-o", "piece.h5"], patched.name_heap_without_end),
+    "compare died": (["compare", "clean.h5", "patched.h5", "--json", "c.json"], patched.tree_that_holds_itself),
+    "compare without end": (["compare", "patched.h5", "clean.h5", "--html", "c.html"], patched.text_heap_without_end),
+}
 
 
-def test_from_python_they_are_opened_apart_where_asked_to(folder: Path) -> None:
-    """With ``apart=True`` the program goes on, and has the record of the other files."""
+@dataclass(frozen=True, slots=True)
+class Ended:
+    """A run that came to an end: how, the hostile files in its folder, and what lay there before."""
+
+    folder: Path
+    hostile: list[str]
+    before: list[Path]
+    process: subprocess.CompletedProcess[str]
+
+
+def check(folder: Path) -> Ended:
+    """Check hostile files before a clean one."""
+    hostile, before = write_endless(folder), sorted(folder.iterdir())
+    given = ["check", *hostile, "clean.h5", "--json", "record.json", "--select", "integrity"]
+    return Ended(folder, hostile, before, command(folder, *given))
+
+
+def check_from_python(folder: Path) -> Ended:
+    """Check them by a script."""
     hostile = write_endless(folder)
     (folder / "script.py").write_text(SCRIPT)
-    ended = ran(folder, "script.py", *hostile, "clean.h5")
-    assert ended.returncode == 0, ended.stderr
-    require_lost(folder, hostile, others=["clean.h5"])
+    before = sorted(folder.iterdir())
+    return Ended(folder, hostile, before, ran(folder, "script.py", *hostile, "clean.h5"))
 
 
-def test_a_gate_goes_on_with_the_other_files(folder: Path) -> None:
-    """What a policy asks of contents is read apart as well: incomplete, never clean, and nothing is certified."""
+def gate(folder: Path) -> Ended:
+    """Hold two of them, and the clean one, to a policy."""
     hostile = write_endless(folder, patched.tree_that_holds_itself, patched.name_heap_without_end)
     (folder / "policy.toml").write_text(POLICY)
+    before = sorted(folder.iterdir())
     options = ["--json", "record.json", "--certificate", "certificate.json"]
-    ended = command(folder, "gate", ".", "--policy", "policy.toml", *options)
-    assert ended.returncode == 3, ended.stderr
-    assert "Traceback" not in ended.stderr
-    require_lost(folder, hostile, others=["clean.h5"])
-    assert not (folder / "certificate.json").exists()
+    return Ended(folder, hostile, before, command(folder, "gate", ".", "--policy", "policy.toml", *options))
 
 
-@pytest.mark.parametrize(
-    ("arguments", "patch"),
-    [(["layout", "patched.h5"], patched.tree_that_holds_itself),
-     (["layout", "patched.h5"], patched.name_heap_without_end),
-     (["stats", "patched.h5"], patched.text_heap_without_end),
-     (["extract", "patched.h5", "F1", "-o", "piece.h5"], patched.name_heap_without_end),
-     (["compare", "clean.h5", "patched.h5", "--json", "c.json"], patched.tree_that_holds_itself),
-     (["compare", "patched.h5", "clean.h5", "--html", "c.html"], patched.text_heap_without_end)],
-    ids=["layout died", "layout without end", "stats", "extract", "compare died", "compare without end"],
-)  # fmt: skip
-def test_other_commands_end_with_one_sentence(arguments: list[str], patch: Patch, folder: Path) -> None:
-    """One sentence and exit code 2; nothing is left behind."""
+def run_other(name: str, folder: Path) -> Ended:
+    """Run another command over one of them."""
+    arguments, patch = OTHER_COMMANDS[name]
     (folder / "patched.h5").write_bytes((folder / "clean.h5").read_bytes())
     patch(folder / "patched.h5")
     before = sorted(folder.iterdir())
-    ended = command(folder, *arguments)
-    assert ended.returncode == 2, ended.stderr
-    assert ended.stderr.count("\n") == 1
-    assert "over which the process that read it has ended" in ended.stderr
-    assert sorted(folder.iterdir()) == before
+    return Ended(folder, ["patched.h5"], before, command(folder, *arguments))
 
 
-def test_what_the_command_sees_is_no_end_of_something_endless(folder: Path) -> None:
+@pytest.fixture(scope="module")
+def runs(clean_bytes: bytes, tmp_path_factory: pytest.TempPathFactory) -> Iterator[dict[str, Future[Ended]]]:
+    """All runs, some at a time: each mostly waits for what does not end."""
+    works: dict[str, Callable[[Path], Ended]] = {"check": check, "python": check_from_python, "gate": gate}
+    works |= {name: partial(run_other, name) for name in OTHER_COMMANDS}
+    with ThreadPoolExecutor(3) as pool:
+        started = {}
+        for name, work in works.items():
+            folder = tmp_path_factory.mktemp("endless")
+            (folder / "clean.h5").write_bytes(clean_bytes)
+            started[name] = pool.submit(work, folder)
+        yield started
+
+
+def test_a_check_goes_on_with_the_other_files(runs: dict[str, Future[Ended]]) -> None:
+    """HDF5 2.0 ends the process that opens them, or never ends (docs/hostile-files.md): other files stand."""
+    ended = runs["check"].result()
+    assert ended.process.returncode == 3, ended.process.stderr
+    assert "Traceback" not in ended.process.stderr
+    require_lost(ended.folder, ended.hostile, others=["clean.h5"])
+
+
+def test_from_python_they_are_opened_apart_where_asked_to(runs: dict[str, Future[Ended]]) -> None:
+    """With ``apart=True`` the program goes on, and has the record of the other files."""
+    ended = runs["python"].result()
+    assert ended.process.returncode == 0, ended.process.stderr
+    require_lost(ended.folder, ended.hostile, others=["clean.h5"])
+
+
+def test_a_gate_goes_on_with_the_other_files(runs: dict[str, Future[Ended]]) -> None:
+    """What a policy asks of contents is read apart as well: incomplete, never clean, and nothing is certified."""
+    ended = runs["gate"].result()
+    assert ended.process.returncode == 3, ended.process.stderr
+    assert "Traceback" not in ended.process.stderr
+    require_lost(ended.folder, ended.hostile, others=["clean.h5"])
+    assert not (ended.folder / "certificate.json").exists()
+
+
+@pytest.mark.parametrize("name", OTHER_COMMANDS)
+def test_other_commands_end_with_one_sentence(name: str, runs: dict[str, Future[Ended]]) -> None:
+    """One sentence and exit code 2; nothing is left behind."""
+    ended = runs[name].result()
+    assert ended.process.returncode == 2, ended.process.stderr
+    assert ended.process.stderr.count("\n") == 1
+    assert "over which the process that read it has ended" in ended.process.stderr
+    assert sorted(ended.folder.iterdir()) == ended.before
+
+
+def test_what_the_command_sees_is_no_end_of_something_endless(clean_bytes: bytes, tmp_path: Path) -> None:
     """Where the fuzz did not come to an end, but the command does and calls the file seen, something else hung."""
-    assert by_command(folder / "clean.h5") == "hang"
+    (tmp_path / "clean.h5").write_bytes(clean_bytes)
+    assert by_command(tmp_path / "clean.h5") == "hang"

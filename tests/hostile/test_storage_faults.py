@@ -126,7 +126,13 @@ def test_a_full_disk_leaves_no_record(clean_bytes: bytes, tmp_path: Path, capsys
 
 
 WRITTEN: Final = ["r.json.arrays.npz", *WHOLE]
-FORMATS: Final = {"--json": "r.json", "--markdown": "o.md", "--junit": "o.xml", "--sarif": "o.sarif", "--html": "o.html"}
+FORMATS: Final = {
+    "--json": "r.json",
+    "--markdown": "o.md",
+    "--junit": "o.xml",
+    "--sarif": "o.sarif",
+    "--html": "o.html",
+}
 ARGUMENTS: Final = ["--select", "integrity", *(part for option in FORMATS.items() for part in option)]
 
 
