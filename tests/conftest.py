@@ -13,7 +13,7 @@ from fedora_generator.mesh import places
 from fedora_generator.scene import load_scene
 from fedora_qa.cli.startup import IN_PROCESS_VARIABLE
 from tests.support.graphics import require_chromium, require_opengl
-from tests.support.sequences import CleanSequence, make_sequence
+from tests.support.sequences import CLEAN_PART_S, CLEAN_S, CleanSequence, make_sequence
 from tests.support.shared_files import SharedFiles
 
 
@@ -51,27 +51,29 @@ def shared_files(tmp_path_factory: pytest.TempPathFactory) -> SharedFiles:
 
 @pytest.fixture(scope="session")
 def clean_sequence(shared_files: SharedFiles) -> CleanSequence:
-    """A clean second of any scene; half of one, and smaller, of most scenes that are drawn by software.
+    """Part of a second of any scene, clean, as each test run writes it once.
 
     Where there is no OpenGL, a test that asks for a scene of meshes is skipped, or fails where CI is set.
     """
 
     def clean(scene: str) -> Path:
-        if load_scene(scene).renderer == "exact":
-            return shared_files.file(f"{scene}.h5", lambda path: make_sequence(path, scene))
-        require_opengl()
-        # A second of drawing takes half a minute. Faults are planted in the park by day, and need size; in less than a
-        # second it shows too little colour to tell red from blue.
-        size = (1.0, 270, 200) if scene == "park-mesh-day" else (0.5, 180, 136)
-        return shared_files.file(f"{scene}.h5", lambda path: make_sequence(path, scene, *size))
+        renderer = load_scene(scene).renderer
+        if renderer == "mesh":
+            require_opengl()
+        duration_s = CLEAN_S.get(scene, CLEAN_PART_S[renderer])
+        # Faults are planted in the park of meshes by day, and need size.
+        width, height = (180, 136) if renderer == "mesh" and scene != "park-mesh-day" else (270, 200)
+        return shared_files.file(
+            f"{scene}-short.h5", lambda path: make_sequence(path, scene, duration_s, width, height)
+        )
 
     return clean
 
 
 @pytest.fixture(scope="session")
-def park_day(clean_sequence: CleanSequence) -> Path:
+def park_day(shared_files: SharedFiles) -> Path:
     """A clean second of the park by day. Tests must not write into it."""
-    return clean_sequence("park-day")
+    return shared_files.file("park-day.h5", lambda path: make_sequence(path, "park-day"))
 
 
 @pytest.fixture(scope="session")

@@ -33,11 +33,11 @@ class Waves:
         k, phase = size * np.array([np.cos(angle), np.sin(angle)]), rng.uniform(0, 2 * np.pi, self.count)
         rows = (np.arange(shape[0]) + 0.5) / scale - 0.5 - self.velocity_px_s[1] * t_s
         columns = (np.arange(shape[1]) + 0.5) / scale - 0.5 - self.velocity_px_s[0] * t_s
-        total = np.full(shape, self.mean_dn)
-        for kx, ky, phi in zip(*k, phase, strict=True):
-            mean = np.sinc(kx / scale / (2 * np.pi)) * np.sinc(ky / scale / (2 * np.pi))
-            total += self.amplitude_dn * mean * np.cos(kx * columns + ky * rows[:, np.newaxis] + phi)
-        return total
+        amplitudes_dn = self.amplitude_dn * np.prod(np.sinc(k / scale / (2 * np.pi)), axis=0)
+        # cos(a + b) = cos(a) cos(b) - sin(a) sin(b): a depends on the column alone, b on the row.
+        a, b = k[0] * columns[:, np.newaxis] + phase, k[1] * rows[:, np.newaxis]
+        waves_dn: Floats = (amplitudes_dn * np.cos(b)) @ np.cos(a).T - (amplitudes_dn * np.sin(b)) @ np.sin(a).T
+        return self.mean_dn + waves_dn
 
 
 @dataclass(frozen=True)

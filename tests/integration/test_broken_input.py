@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from fedora_qa.cli.main import run
-from tests.support.sequences import make_sequence
+from tests.support.sequences import CleanSequence, make_sequence
 
 Mutation = Callable[[Path, Path], None]
 
@@ -97,11 +97,16 @@ BROKEN: dict[str, tuple[Mutation, int, str]] = {
 
 @pytest.mark.parametrize(("mutate", "code", "said"), BROKEN.values(), ids=BROKEN)
 def test_broken_file_is_named(
-    mutate: Mutation, code: int, said: str, park_day: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    mutate: Mutation,
+    code: int,
+    said: str,
+    clean_sequence: CleanSequence,
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
 ) -> None:
     """The exit code is right, the message or a diagnosis says what is wrong, and only whole outputs are left."""
     target, record = tmp_path / "seq.h5", tmp_path / "record.json"
-    mutate(park_day, target)
+    mutate(clean_sequence("park-day"), target)
     assert run(["check", str(target), "--json", str(record)]) == code
     output = "".join(capsys.readouterr())
     assert "Traceback" not in output
@@ -125,11 +130,12 @@ def shift_to_epoch(file: h5py.File) -> None:
     file.visititems(shift)
 
 
-def test_epoch_timestamps_are_as_good_as_any(park_day: Path, tmp_path: Path) -> None:
+def test_epoch_timestamps_are_as_good_as_any(clean_sequence: CleanSequence, tmp_path: Path) -> None:
     """Any int64 origin is legal: the same outcomes, to the last finding."""
     shifted, records = tmp_path / "epoch.h5", []
-    edited(shift_to_epoch)(park_day, shifted)
-    for path in (park_day, shifted):
+    clean = clean_sequence("park-day")
+    edited(shift_to_epoch)(clean, shifted)
+    for path in (clean, shifted):
         out = tmp_path / f"{path.stem}.json"
         assert run(["check", str(path), "--json", str(out)]) == 0
         records.append(json.loads(out.read_text())["files"][0])

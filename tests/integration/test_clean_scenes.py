@@ -10,8 +10,7 @@ from fedora_generator.scene_tables import SCENE_NAMES
 from fedora_qa.catalogue import CHECKS
 from fedora_qa.engine.run import CheckOptions, check_file
 from fedora_qa.record.types import FileRecord
-from tests.support.sequences import CleanSequence, make_sequence, small_scene
-from tests.support.shared_files import SharedFiles
+from tests.support.sequences import CLEAN_PART_S, CleanSequence, small_scene
 
 SCENES = [name for name in SCENE_NAMES if name not in PRESET_NAMES]
 
@@ -25,15 +24,10 @@ def alarms(record: FileRecord) -> list[str]:
             if r.outcome in {"failed", "crashed"}]  # fmt: skip
 
 
-WHOLE_S = 0.6
-"""As short as still gives every check the outcome that a second gives it."""
-
-
 @pytest.fixture(scope="module")
-def whole(shared_files: SharedFiles) -> dict[str, str]:
+def whole(clean_sequence: CleanSequence) -> dict[str, str]:
     """The outcome of each check for the park by day with all its streams."""
-    path = shared_files.file("park-day-short.h5", lambda path: make_sequence(path, "park-day", WHOLE_S))
-    return outcomes(check_file(path, CheckOptions()).record)
+    return outcomes(check_file(clean_sequence("park-day"), CheckOptions()).record)
 
 
 @pytest.mark.parametrize("scene", SCENES)
@@ -60,7 +54,9 @@ def test_a_stream_left_out_costs_only_what_needs_it(stream: str, whole: dict[str
     """What needs the stream is not applicable; everything else gives the outcome that it gives for the whole file."""
     path = tmp_path / "without.h5"
     kept = frozenset(STREAMS) - {stream}
-    generate_sequence(small_scene("park-day"), path, Request(duration_s=WHOLE_S, quality="draft", streams=kept))
+    generate_sequence(
+        small_scene("park-day"), path, Request(duration_s=CLEAN_PART_S["exact"], quality="draft", streams=kept)
+    )
     record = check_file(path, CheckOptions()).record
     assert not alarms(record)
     assert record.verdict == "clean"

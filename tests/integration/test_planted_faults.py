@@ -99,7 +99,7 @@ PLANTED = {
     "images.vignetting": Planted("vignetting", "rgb", 30, within=0.1),
     "images.transfer": Planted("exposure_or_gamma", "rgb", 1.5, "gamma", scene="racetrack"),
     "pose.orientation": Planted("quaternion_not_unit", "pose", 0.01, within=0.05),
-    "pose.continuity": Planted("teleport", "pose", 0.1, within=0.05, start_s=0.5),
+    "pose.continuity": Planted("teleport", "pose", 0.1, within=0.05, start_s=0.3),
     "pose.noise": Planted("noise_misdeclared", "pose", 100, scene="park-noisy", within=0.2),
     "imu.rotation": Planted("gyro_bias", "imu", 0.05, within=0.05),
     "imu.translation": Planted("gravity_missing", "imu"),

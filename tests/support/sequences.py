@@ -10,6 +10,13 @@ from fedora_generator.scene import Scene, load_scene
 CleanSequence = Callable[[str], Path]
 """Gives a clean sequence of a scene, by name."""
 
+CLEAN_PART_S = {"exact": 0.6, "mesh": 0.3}
+"""As short as still gives every check of most scenes, by renderer, the outcome of a second (of meshes half of one)."""
+
+CLEAN_S = {"fast-turn": 1.0, "park-noisy": 1.0, "park-mesh-day": 0.75, "racetrack-mesh-day": 0.4}
+"""In less there are too few fields with enough events, noise hides gravity, there is too little colour to tell red from
+blue, or too few edges to tell a delay."""
+
 
 def small_scene(name: str, width: int = 270, height: int = 200) -> Scene:
     """Return a scene at a small size (the event sensor scales with it)."""
