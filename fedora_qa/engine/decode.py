@@ -1,14 +1,15 @@
 """Decode stored blocks of rows, each of them once while neighbouring windows lease it."""
 
 from bisect import bisect_left
+from collections.abc import Hashable
 from functools import partial
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 from numpy.typing import NDArray
 
 from fedora_qa.errors import UnreadableRowsError
-from fedora_qa.layout.canonical import TIMESTAMPS_OF
+from fedora_qa.layout.canonical import DATASETS, TIMESTAMPS_OF
 from fedora_qa.sequence.facts import Facts
 from fedora_qa.sequence.leases import Leases
 from fedora_qa.sequence.scan import BLOCK_ROWS, Scan
@@ -38,12 +39,16 @@ class BlockDecoder:
         self._block_first_ns = scan.block_first_ns
         self._event_count = scan.facts.events.count if scan.facts.events else 0
         self.leases = Leases(limit_bytes)
+        # Of each stream, the first row that the latest window with rows of it owns.
+        self._first_rows: dict[str, int] = {}
         self.decoded_bytes = 0
         """Bytes decoded so far, for the record's run."""
 
     def window(self, span: Span, facts: Facts, sampling: Sampling) -> Window:
-        """Begin a window: leases of what the window before did not request end."""
-        self.leases.begin_window()
+        """Begin a window: leases of what the window before did not request end, but of rows that lie ahead."""
+        # A window shorter than the interval of a stream can own none of its rows: the first row of the last one counts.
+        self._first_rows |= {stream: rows[0] for stream, rows in span.owned.items()}
+        self.leases.begin_window(self._is_ahead)
         return Window(span, facts, self, sampling, self.leases)
 
     def rows(self, key: str, start: int, stop: int) -> NDArray[Any]:
@@ -72,6 +77,12 @@ class BlockDecoder:
         # Bisection reads about twenty of up to a million timestamps; to concatenate them all would take longer.
         rows = range(start, stop)
         return start + bisect_left(rows, time_ns, key=lambda row: int(self.rows(timestamps, row, row + 1)[0]))
+
+    def _is_ahead(self, key: Hashable) -> bool:
+        """Whether a block holds rows of the latest window or of later ones; False for a result of an image."""
+        name, number = cast("tuple[str, int]", key)
+        first = self._first_rows.get(DATASETS[name].stream) if name in DATASETS else None
+        return first is not None and (number + 1) * self._sequence.chunk_rows(name) > first
 
     def _decode(self, key: str, number: int, rows: int) -> Block:
         count = self._sequence.layout.bindings[key].rows

@@ -1,7 +1,8 @@
 """Arrays that neighbouring windows share: decoded rows, and what is computed of single images.
 
 The halo of a window lies in its neighbours, so that most rows are needed by two or more windows. A window leases each
-array that it requests. The lease ends when a whole window has passed that did not request the array.
+array that it requests. The lease ends when a whole window has passed that did not request the array; of rows that a
+later window owns, not before that window.
 """
 
 from collections.abc import Callable, Hashable
@@ -15,7 +16,7 @@ _UNLIMITED: Final = 1 << 62
 class Leases:
     """Keeps an array until a window has passed in which it was not requested.
 
-    Where the limit of bytes is reached, leases of the previous window end first, the oldest first. An array that still
+    Where the limit of bytes is reached, leases of earlier windows end first, the oldest first. An array that still
     does not fit is not kept, and is made again at a later request: that costs time and changes no result.
 
     Parameters
@@ -27,18 +28,26 @@ class Leases:
     def __init__(self, limit_bytes: int = _UNLIMITED) -> None:
         self.limit_bytes = limit_bytes
         self.kept_bytes = 0
-        # Arrays that the previous window requested and this one has not yet, and those that this one requested. Both
-        # are in the order of request.
+        # Arrays that earlier windows requested and this one has not yet, and those that this one requested. Both are in
+        # the order of request.
         self._before: dict[Hashable, Any] = {}
         self._now: dict[Hashable, Any] = {}
         # The latest array that did not fit: a search reads one block many times.
         self._latest: tuple[Hashable, Any] | None = None
 
-    def begin_window(self) -> None:
-        """End the leases of arrays that the last window did not request."""
+    def begin_window(self, is_ahead: Callable[[Hashable], bool] = lambda _: False) -> None:
+        """End the leases of arrays that the last window did not request, unless a later window is to request them.
+
+        Parameters
+        ----------
+        is_ahead
+            Whether the array of a key belongs to the window that begins, or to a later one.
+        """
         for key in tuple(self._before):
-            self._end(key)
-        self._before, self._now = self._now, {}
+            if not is_ahead(key):
+                self._end(key)
+        # Those that were requested last are the last to end where bytes are short.
+        self._before, self._now = self._before | self._now, {}
         self._latest = None
 
     def get(self, key: Hashable, make: Callable[[], Value]) -> Value:

@@ -60,6 +60,32 @@ def test_what_neighbouring_windows_request_is_made_once(windows: list[set[int]])
         assert maker.leases.kept_bytes >= len(wanted) * IMAGE_BYTES
 
 
+def test_what_lies_ahead_is_kept_for_its_window() -> None:
+    """An image of a later window is leased until that window; one behind ends, and both count as bytes that are kept."""
+    leases = Leases()
+    maker = Maker(leases)
+    for window in range(5):
+        leases.begin_window(lambda key, first=window: isinstance(key, tuple) and key[1] >= first)
+        if window in (0, 3):
+            maker.get(0)
+            maker.get(3)
+    # Image 0 lay behind, and was made again; image 3 was not.
+    assert maker.made == [0, 3, 0]
+    leases.begin_window()
+    leases.begin_window()
+    assert leases.kept_bytes == 0
+
+
+def test_what_lies_ahead_gives_way_where_bytes_are_short() -> None:
+    """An image of a later window ends before those that this window requests."""
+    maker = Maker(Leases(2 * IMAGE_BYTES))
+    for wanted in ((9, 1), (2, 3), (3, 9)):
+        maker.leases.begin_window(lambda key: isinstance(key, tuple) and key[1] == 9)
+        for number in wanted:
+            maker.get(number)
+    assert maker.made == [9, 1, 2, 3, 9]
+
+
 def test_leases_of_the_window_before_end_first() -> None:
     """Where not all fits, this window's images stay, and those that it has not requested yet give way."""
     maker = Maker(Leases(3 * IMAGE_BYTES))
