@@ -6,6 +6,7 @@ T C / |D|. The pixel has events of one polarity only. The last of them is less t
 interval, and the first one less than one from its start, or less than (C+ + C-) / C where the polarity changes there.
 """
 
+from collections.abc import Sequence
 from typing import Final
 
 import numpy as np
@@ -40,8 +41,8 @@ def chance_of_line(tick_ns: int, spacing_ns: float) -> float:
     return tick_ns / spacing_ns
 
 
-def straight_runs(events: PixelEvents, intervals_ns: Int64, tick_ns: int, first_spacings: float) -> Int64:
-    """Count the runs of events of a pixel within an interval, and those that lie on one line through all of it.
+def straight_runs(events: PixelEvents, parts_ns: Sequence[Int64], tick_ns: int, first_spacings: float) -> Int64:
+    """Count the runs of events of a pixel within intervals, and those that lie on one line through all of an interval.
 
     A run is all events of one pixel in an interval, three at least, as few as to be ten ticks apart on average.
 
@@ -49,8 +50,8 @@ def straight_runs(events: PixelEvents, intervals_ns: Int64, tick_ns: int, first_
     ----------
     events
         By pixel; timestamps in ns.
-    intervals_ns
-        (n, 2) intervals (start, stop], ns, that ascend and do not overlap.
+    parts_ns
+        k arrays (n, 2) of intervals (start, stop], ns. Those of an array ascend and do not overlap.
     tick_ns
         Step of the timestamps, ns: a timestamp is the first tick not before the crossing.
     first_spacings
@@ -59,10 +60,12 @@ def straight_runs(events: PixelEvents, intervals_ns: Int64, tick_ns: int, first_
     Returns
     -------
     ndarray of int64
-        (3,) number of runs, of runs on a line, and of events in all runs.
+        (k, 3) number of runs, of runs on a line, and of events in all runs.
     """
-    counts = np.zeros(3, np.int64)
-    _count_runs(events.starts, events.timestamped, intervals_ns, tick_ns, first_spacings, counts)
+    counts = np.zeros((len(parts_ns), 3), np.int64)
+    if len(parts_ns):
+        ends = np.cumsum([len(part) for part in parts_ns])
+        _count_runs(events.starts, events.timestamped, np.concatenate(parts_ns), ends, tick_ns, first_spacings, counts)
     return counts
 
 
@@ -71,39 +74,49 @@ def _count_runs(
     starts: NDArray[np.int32],
     timestamped: Int64,
     intervals: Int64,
+    ends: Int64,
     tick: int,
     first_spacings: float,
     counts: Int64,
 ) -> None:
-    """Add to ``counts`` (3,), as of ``straight_runs``."""
+    """Add to ``counts`` (k, 3), as of ``straight_runs``; ``ends`` (k,) are the indices after each part's intervals."""
     for pixel in range(len(starts) - 1):
-        event, last_of_pixel, interval = starts[pixel], starts[pixel + 1], 0
-        if last_of_pixel - event < FEWEST_EVENTS:
+        # Most pixels have too few events for any interval.
+        if starts[pixel + 1] - starts[pixel] >= FEWEST_EVENTS:
+            for part in range(len(ends)):
+                first = ends[part - 1] if part else 0
+                of_pixel = timestamped[starts[pixel] : starts[pixel + 1]]
+                _count_runs_of_pixel(of_pixel, intervals[first : ends[part]], tick, first_spacings, counts[part])
+
+
+@njit(cache=True)
+def _count_runs_of_pixel(
+    timestamped: Int64, intervals: Int64, tick: int, first_spacings: float, counts: Int64
+) -> None:
+    """Add to ``counts`` (3,) the runs of the events of a pixel."""
+    event, interval = 0, 0
+    while event < len(timestamped) and interval < len(intervals):
+        start, stop = intervals[interval]
+        time = timestamped[event] >> 1
+        if time > stop:
+            interval += 1
             continue
-        while event < last_of_pixel and interval < len(intervals):
-            start, stop = intervals[interval]
-            time = timestamped[event] >> 1
-            if time > stop:
-                interval += 1
-                continue
-            if time <= start:
-                event += 1
-                continue
-            first = event
-            while event < last_of_pixel and timestamped[event] >> 1 <= stop:
-                event += 1
-            count = event - first
-            if count < FEWEST_EVENTS or stop - start < count * LEAST_SPACING_TICKS * tick:
-                continue
-            counts[0] += 1
-            counts[2] += count
-            first_time, last_time = timestamped[first] >> 1, timestamped[event - 1] >> 1
-            spacing = (last_time - first_time) / (count - 1)
-            straight = (
-                first_time - start <= first_spacings * spacing + 2 * tick and stop - last_time <= spacing + 2 * tick
-            )
-            for i in range(first + 1, event):
-                # Timestamps are up to a tick late: so is the event, and so is the line through first and last event.
-                off = (timestamped[i] >> 1) - (first_time + spacing * (i - first))
-                straight &= abs(off) <= tick and (timestamped[i] & 1) == (timestamped[first] & 1)
-            counts[1] += straight
+        if time <= start:
+            event += 1
+            continue
+        first = event
+        while event < len(timestamped) and timestamped[event] >> 1 <= stop:
+            event += 1
+        count = event - first
+        if count < FEWEST_EVENTS or stop - start < count * LEAST_SPACING_TICKS * tick:
+            continue
+        counts[0] += 1
+        counts[2] += count
+        first_time, last_time = timestamped[first] >> 1, timestamped[event - 1] >> 1
+        spacing = (last_time - first_time) / (count - 1)
+        straight = first_time - start <= first_spacings * spacing + 2 * tick and stop - last_time <= spacing + 2 * tick
+        for i in range(first + 1, event):
+            # Timestamps are up to a tick late: so is the event, and so is the line through first and last event.
+            off = (timestamped[i] >> 1) - (first_time + spacing * (i - first))
+            straight &= abs(off) <= tick and (timestamped[i] & 1) == (timestamped[first] & 1)
+        counts[1] += straight

@@ -40,7 +40,9 @@ def tracked_motion_px(light_dn: NDArray[np.float32]) -> float:
         In px, less the error of a track; 0 where too few corners are tracked.
     """
     # The tracker takes 8 bits: the root spreads dark values, of which linear bits have few.
-    before, after = np.rint(np.sqrt(np.clip(light_dn, 0, _WHITE_DN) * _WHITE_DN)).astype(np.uint8)
+    codes = np.clip(light_dn, 0, _WHITE_DN)
+    codes *= _WHITE_DN
+    before, after = np.rint(np.sqrt(codes, out=codes), out=codes).astype(np.uint8)
     corners = cv2.goodFeaturesToTrack(before, CORNERS, 0.01, 5)
     if corners is None:
         return 0.0

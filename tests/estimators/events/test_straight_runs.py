@@ -34,7 +34,7 @@ def test_a_signal_that_is_a_line_gives_a_straight_run(slope_nat_s: float, start_
     """Wherever the reference lies between the two thresholds."""
     times_us = crossings_us(slope_nat_s, start_nat, 0.2)
     events = events_of([int(t) * US for t in times_us], [polarity] * len(times_us))
-    assert straight_runs(events, INTERVALS, US, 2.0).tolist() == [1, 1, len(times_us)]
+    assert straight_runs(events, [INTERVALS], US, 2.0).tolist() == [[1, 1, len(times_us)]]
 
 
 @settings(deadline=None)
@@ -45,7 +45,7 @@ def test_a_curved_signal_does_not(curvature: float) -> None:
     signal = 1.5 * (shares + curvature * shares * (1 - shares))
     times_us = np.ceil(20_000 * np.interp(0.2 * np.arange(1, 8), signal, shares)).astype(np.int64)
     events = events_of([int(t) * US for t in times_us], [1] * 7)
-    assert straight_runs(events, INTERVALS, US, 2.0).tolist() == [1, 0, 7]
+    assert straight_runs(events, [INTERVALS], US, 2.0).tolist() == [[1, 0, 7]]
 
 
 @pytest.mark.parametrize(
@@ -60,15 +60,15 @@ def test_a_curved_signal_does_not(curvature: float) -> None:
 def test_a_run_that_no_line_through_the_interval_gives(times_us: list[int], polarities: list[int]) -> None:
     """It counts as a run."""
     events = events_of([t * US for t in times_us], polarities)
-    assert straight_runs(events, INTERVALS, US, 2.0).tolist() == [1, 0, 3]
+    assert straight_runs(events, [INTERVALS], US, 2.0).tolist() == [[1, 0, 3]]
 
 
 def test_two_events_and_dense_events_are_no_run() -> None:
     """Two lie on any line; spacings of less than ten ticks are lines by chance."""
     pair = events_of([5_000 * US, 10_000 * US], [1, 1])
-    assert straight_runs(pair, INTERVALS, US, 2.0).tolist() == [0, 0, 0]
+    assert straight_runs(pair, [INTERVALS], US, 2.0).tolist() == [[0, 0, 0]]
     coarse = events_of([5_000 * US, 10_000 * US, 15_000 * US], [1, 1, 1])
-    assert straight_runs(coarse, INTERVALS, 1_000 * US, 2.0).tolist() == [0, 0, 0]
+    assert straight_runs(coarse, [INTERVALS], 1_000 * US, 2.0).tolist() == [[0, 0, 0]]
 
 
 @settings(deadline=None)
@@ -92,7 +92,7 @@ def test_runs_are_those_of_a_slow_loop(rows: list[tuple[int, int, int]]) -> None
             line = times[0] + spacing * np.arange(len(times))
             fills = times[0] - start <= 2 * spacing and stop - times[-1] <= spacing
             lines += bool(np.all(times == line) and len(set(signs.tolist())) == 1 and fills)
-    assert straight_runs(events, intervals, 0, 2.0).tolist() == [runs, lines, total]
+    assert straight_runs(events, [intervals], 0, 2.0).tolist() == [[runs, lines, total]]
 
 
 def test_chance_is_that_of_random_events() -> None:
