@@ -23,6 +23,7 @@ energies, which bounds it by 1 (Cauchy and Schwarz) with equality where both ima
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from itertools import pairwise
 from typing import Final
 
@@ -33,7 +34,6 @@ from fedora_qa.estimators.events.shift_kernels import (
     KNOWN,
     RADIUS,
     USABLE,
-    add_energies,
     add_slopes,
     correlate,
     correlate_with_itself,
@@ -110,7 +110,8 @@ def cross_correlation(change: Float64, events: Float64, usable: Bool, rest: floa
     patch = np.empty((2 * RADIUS_PX + 1, 2 * RADIUS_PX + 1))
     change, events = (np.ascontiguousarray(image, np.float64) for image in (change, events))
     flags = np.ascontiguousarray(usable).view(np.uint8)
-    correlate(change, events, flags, USABLE, (0, usable.shape[0], 0, usable.shape[1]), rest, patch)
+    whole = 0, usable.shape[0], 0, usable.shape[1]
+    correlate(change, events, flags, USABLE, whole, whole, rest, patch, np.empty((2, 0, 0)))
     return patch
 
 
@@ -165,7 +166,7 @@ class ShiftSums:
         return ShiftSums(*(np.sum([getattr(each, name) for each in sums], axis=0) for name in ShiftSums.__slots__))
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class IntervalChanges:
     """Changes by frames and by events between two frames, and flags of the pixels.
 
@@ -228,18 +229,25 @@ class IntervalChanges:
         self._correlate(events, (0, events.shape[0], 0, events.shape[1]), patches)
         return patches
 
+    @cached_property
+    def areas(self) -> tuple[tuple[int, int, int, int] | None, ...]:
+        """Rectangle around the usable pixels of each change: top, bottom, left and right, px; None without any."""
+        areas: list[tuple[int, int, int, int] | None] = []
+        for flags in self.flags:
+            rows, columns = (np.flatnonzero(flags.any(axis=axis)) for axis in (1, 0))
+            area = (int(rows[0]), int(rows[-1]) + 1, int(columns[0]), int(columns[-1]) + 1) if len(rows) else None
+            areas.append(area)
+        return tuple(areas)
+
     def _correlate(self, events: Float64, box: tuple[int, int, int, int], patches: Float64) -> tuple[float, float]:
         """Write the correlations (2, 2 R + 1, 2 R + 1) of a part, and return the sums of squares of both changes."""
-        squares, at_no_shift = [], 0.0
-        for change, flags, patch in zip(self.changes, self.flags, patches, strict=True):
-            squares.append(correlate(change, events, flags, USABLE, box, 0.0, patch))
-            rows, columns = (np.flatnonzero(flags.any(axis=axis)) for axis in (1, 0))
+        squares, at_no_shift, energies = [], 0.0, np.empty((2, *patches.shape[1:]))
+        for change, flags, area, patch in zip(self.changes, self.flags, self.areas, patches, strict=True):
+            # Without usable pixels the correlation is 0, whatever the area.
+            squares.append(correlate(change, events, flags, USABLE, box, area or box, 0.0, patch, energies))
             # Of an image with fewer pixels than tiles, some tiles are empty.
-            if not len(rows) or box[0] == box[1] or box[2] == box[3]:
+            if area is None or box[0] == box[1] or box[2] == box[3]:
                 continue
-            area = int(rows[0]), int(rows[-1]) + 1, int(columns[0]), int(columns[-1]) + 1
-            energies = np.zeros((2, *patch.shape))
-            add_energies(change, events, flags, USABLE, box, area, energies)
             roots = np.sqrt(np.maximum(energies.prod(axis=0), 0.0))
             # Of both lattices, the centres come first.
             at_no_shift = at_no_shift or roots[RADIUS_PX, RADIUS_PX]

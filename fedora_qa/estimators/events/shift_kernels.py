@@ -36,11 +36,19 @@ USABLE, KNOWN = 1, 2
 
 @njit(cache=True)
 def correlate(
-    change: Float64, events: Float64, flags: Flags, flag: int, box: Box, rest: float, patch: Float64
+    change: Float64,
+    events: Float64,
+    flags: Flags,
+    flag: int,
+    box: Box,
+    area: Box,
+    rest: float,
+    patch: Float64,
+    energies: Float64,
 ) -> tuple[float, float]:
     """Write the cross-correlation of change and events of a part of the image, and return their sums of squares.
 
-    For the correlation, both images are taken less their means over the flagged pixels of the part. Change is 0 where
+    For the correlation and the energies, both images are taken less their means over the flagged pixels of the part. Change is 0 where
     pixels are not flagged, and events also outside the part. All shifts of a part therefore have equally many pairs,
     except where they reach beyond the image.
 
@@ -52,11 +60,16 @@ def correlate(
         (h, w) flags of pixels, and the flag of those that count.
     box
         Top, bottom, left and right of the part, px, half open.
+    area
+        Rectangle that holds all flagged pixels. The energy of events counts a pixel if its partner lies within it.
     rest
         Value of ``events`` where a pixel does not fire. It saves time; the result does not depend on it.
     patch
         (2 R + 1, 2 R + 1) receives the correlation by shifts down (rows) and to the right (columns), no shift in the
         middle.
+    energies
+        (2, 2 R + 1, 2 R + 1) receives the energies of change and of events, sums of squares over the pairs at each
+        shift. With no row or column, (2, 0, 0), they are left out.
 
     Returns
     -------
@@ -73,13 +86,14 @@ def correlate(
         change_squares, event_squares = change_squares + row_sums[3], event_squares + row_sums[4]
     # patch[s] = sum_x (c(x) - mean c) (e(x + s) - mean e); pixels without the flag are 0 in both.
     patch[:] = 0.0
+    energies[:] = 0.0
     if count == 0:
         return change_squares, event_squares
-    mean = event_sum / count
+    mean, with_energies = event_sum / count, energies.size > 0
     # Rounded to single precision as ``fired`` is: otherwise the values of silent pixels would not be equal to it.
     beside = np.float64(np.float32(rest - mean))
     around = np.zeros((bottom - top + 2 * RADIUS, width + _WIDE - 1), np.float32)
-    sums = np.zeros((bottom - top + 2 * RADIUS, _SIDE))
+    sums, shifted = np.zeros((bottom - top + 2 * RADIUS, _SIDE)), np.empty(_SIDE)
     first, last = max(left - RADIUS, 0), min(right + RADIUS, change.shape[1])
     for row in range(max(top - RADIUS, 0), min(bottom + RADIUS, change.shape[0])):
         line = around[row - top + RADIUS]
@@ -90,11 +104,21 @@ def correlate(
             flag,
             line[first - left + RADIUS : last - left + RADIUS],
         )
-        _shifted_sums(line[: width + 2 * RADIUS], sums[row - top + RADIUS])
+        line = line[: width + 2 * RADIUS]
+        _shifted_sums(line, sums[row - top + RADIUS])
+        if with_energies:
+            _shifted_sums(line * line, shifted)
+            # A row of the frames is paired with the rows of the part that lie up to R above or below it.
+            for down in range(max(top - row + RADIUS, 0), min(bottom - row + RADIUS, _SIDE)):
+                energies[0, down] += shifted[::-1]
     fired, columns = np.empty(width, np.float32), np.empty(width + 1, np.int64)
     products = np.empty((_SIDE, _WIDE), np.float32)
     for row in range(top, bottom):
         _centre(events[row, left:right], mean, flags[row, left:right], flag, fired)
+        if with_energies:
+            _partnered_sums(fired * fired, area[2] - RADIUS - left, area[3] - RADIUS - left, shifted)
+            for down in range(max(row - area[1] + 1 + RADIUS, 0), min(row - area[0] + 1 + RADIUS, _SIDE)):
+                energies[1, down] += shifted
         firing = _find_firing(fired, beside, columns)
         lines = around[row - top : row - top + _SIDE]
         # Rows in which many pixels fire are multiplied as a whole. In others, silent pixels contribute by sums of rows:
@@ -111,62 +135,6 @@ def correlate(
                     back = row - top + _SIDE - 1 - down
                     patch[down, _SIDE - 1 - i] += products[_SIDE - 1 - down, i] + beside * sums[back, i]
     return change_squares, event_squares
-
-
-@njit(cache=True)
-def add_energies(
-    change: Float64, events: Float64, flags: Flags, flag: int, box: Box, area: Box, energies: Float64
-) -> None:
-    """Add the energies of change and of events in the pairs of each shift of a part, as ``correlate`` pairs them.
-
-    The energy is the sum of the squares of the values less the mean over the flagged pixels of the part.
-
-    Parameters
-    ----------
-    change, events
-        (h, w) changes of the level by frames and by events.
-    flags, flag
-        (h, w) flags of pixels, and the flag of those that count.
-    box
-        Top, bottom, left and right of the part, px, half open.
-    area
-        Rectangle that holds all flagged pixels. A pixel of the part counts if its partner lies within it.
-    energies
-        (2, 2 R + 1, 2 R + 1) is added to: of change and of events, by shifts down (rows) and to the right (columns).
-    """
-    top, bottom, left, right = box
-    width = right - left
-    count, change_sum, event_sum = 0, 0.0, 0.0
-    for row in range(top, bottom):
-        row_sums = _sums_of_row(change[row, left:right], events[row, left:right], flags[row, left:right], flag)
-        count, change_sum, event_sum = count + int(row_sums[0]), change_sum + row_sums[1], event_sum + row_sums[2]
-    if count == 0:
-        return
-    squares, sums = np.zeros(width + 2 * RADIUS, np.float32), np.zeros(_SIDE)
-    first, last = max(left - RADIUS, 0), min(right + RADIUS, change.shape[1])
-    around = squares[first - left + RADIUS : last - left + RADIUS]
-    for row in range(max(top - RADIUS, 0), min(bottom + RADIUS, change.shape[0])):
-        _centre(change[row, first:last], change_sum / count, flags[row, first:last], flag, around)
-        around *= around
-        _shifted_sums(squares, sums)
-        # A row of the frames is paired with the rows of the part that lie up to R above or below it.
-        for down in range(max(top - row + RADIUS, 0), min(bottom - row + RADIUS, _SIDE)):
-            energies[0, down] += sums[::-1]
-    fired = squares[:width]
-    for row in range(top, bottom):
-        _centre(events[row, left:right], event_sum / count, flags[row, left:right], flag, fired)
-        fired *= fired
-        # Partners x - s within the area: left + s <= x < right + s of the area, less the left of the part.
-        begin, stop = area[2] - RADIUS - left, area[3] - RADIUS - left
-        total = _total(fired)
-        for right_shift in range(_SIDE):
-            sums[right_shift] = total
-            for i in range(min(begin + right_shift, width)):
-                sums[right_shift] -= fired[i]
-            for i in range(max(stop + right_shift, 0), width):
-                sums[right_shift] -= fired[i]
-        for down in range(max(row - area[1] + 1 + RADIUS, 0), min(row - area[0] + 1 + RADIUS, _SIDE)):
-            energies[1, down] += sums
 
 
 @njit(cache=True)
@@ -233,6 +201,18 @@ def _shifted_sums(line: Float32, sums: Float64) -> None:
     for i in range(1, _SIDE):
         total += np.float64(line[i - 1 + width]) - line[i - 1]
         sums[i] = total
+
+
+@njit(cache=True)
+def _partnered_sums(squares: Float32, begin: int, stop: int, sums: Float64) -> None:
+    """Write the sums (2 R + 1,) of a row (w,) by shifts s: over the columns from ``begin + s`` to before ``stop + s``."""
+    total = _total(squares)
+    for right in range(_SIDE):
+        sums[right] = total
+        for i in range(min(begin + right, len(squares))):
+            sums[right] -= squares[i]
+        for i in range(max(stop + right, 0), len(squares)):
+            sums[right] -= squares[i]
 
 
 @njit(cache=True, fastmath={"reassoc", "nsz", "contract"})
