@@ -88,6 +88,19 @@ def test_a_window_ends_the_leases_of_the_one_before_the_last() -> None:
     assert [decoded(0, 1, 2), decoded(2, 3), decoded(3, 4), decoded(2, 3)] == [3, 1, 1, 1]
 
 
+def test_rows_ahead_of_their_window_are_decoded_once() -> None:
+    """Images that a window reads ahead are leased until the window that owns them, over windows that own none."""
+    decoder = BlockDecoder(Films(), NOTHING_SCANNED, 1 << 28)
+
+    def decoded(owned: dict[str, tuple[int, int]], *frames: int) -> int:
+        decoder.window(Span(0, 0, 1, owned), FACTS, Sampling())
+        return images_of(decoder, *frames)
+
+    assert decoded({"depth": (0, 1)}, 0, 1, 5) == 3
+    assert [decoded({}), decoded({"depth": (1, 2)}, 1), decoded({"depth": (5, 6)}, 5)] == [0, 0, 0]
+    assert [decoded({"depth": (6, 7)}, 6), decoded({"depth": (7, 8)}, 7, 5)] == [1, 2]
+
+
 @pytest.fixture
 def large(tmp_path: Path) -> Path:
     """Two depth images of 2 MB, the second of which is damaged."""

@@ -61,7 +61,7 @@ def test_what_neighbouring_windows_request_is_made_once(windows: list[set[int]])
 
 
 def test_what_lies_ahead_is_kept_for_its_window() -> None:
-    """An image of a later window is leased until that window; one behind ends, and both count as bytes that are kept."""
+    """An image of a later window is leased until that window; one behind it is not."""
     leases = Leases()
     maker = Maker(leases)
     for window in range(5):

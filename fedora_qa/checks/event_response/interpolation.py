@@ -166,7 +166,7 @@ class EventResponseInterpolation(WindowCheck[RunCounts]):
         first_spacings = sum(thresholds) / min(thresholds)
         tick_ns = local_tick_ns(window)
         chosen = np.unique((np.arange(due) + 0.5) * (last + 1) // due).astype(int).tolist()
-        # Number of renders, and intervals from render to render and from middle to middle, of each part that is counted.
+        # Number of renders of each pair of parts: intervals from render to render, and from middle to middle.
         indices: list[int] = []
         parts_ns: list[NDArray[np.int64]] = []
         intervals, lengths_ns = np.zeros((2, len(STEPS)), np.int64)

@@ -293,16 +293,15 @@ def lattice_peak(correlations: Float64) -> Shift | None:
     start = np.array([shifts[which, row], shifts[which, column]])
     position = start.copy()
     for _ in range(_MOST_STEPS):
-        # Derivatives of S(x) = sum_l R(l) exp(-|l - x|^2 / (2 s^2)) over both lattices, with x in units of s.
-        value, gradient, curvature = 0.0, np.zeros(2), np.zeros((2, 2))
-        for patch, along in zip(correlations, shifts, strict=True):
-            apart = (along - position[:, np.newaxis]) / SMOOTHING_PX
-            zeroth = np.exp(-(apart**2) / 2)
-            first, second = apart * zeroth, (apart**2 - 1) * zeroth
-            value += zeroth[0] @ patch @ zeroth[1]
-            gradient += first[0] @ patch @ zeroth[1], zeroth[0] @ patch @ first[1]
-            mixed = first[0] @ patch @ first[1]
-            curvature += [[second[0] @ patch @ zeroth[1], mixed], [mixed, zeroth[0] @ patch @ second[1]]]
+        # Derivatives of S(x) = sum_l R(l) exp(-|l - x|^2 / (2 s^2)) over both lattices, with x in units of s: [i, j] is
+        # of order i down and j to the right. The orders along an axis are by lattice, axis and order.
+        apart = (shifts[:, np.newaxis] - position[:, np.newaxis]) / SMOOTHING_PX
+        gaussian = np.exp(-(apart**2) / 2)
+        orders = np.stack([gaussian, apart * gaussian, (apart**2 - 1) * gaussian], axis=2)
+        derivatives = (orders[:, 0] @ correlations @ orders[:, 1].swapaxes(1, 2)).sum(axis=0)
+        value, gradient = derivatives[0, 0], np.array([derivatives[1, 0], derivatives[0, 1]])
+        mixed = derivatives[1, 1]
+        curvature = np.array([[derivatives[2, 0], mixed], [mixed, derivatives[0, 2]]])
         if value <= 0:
             return None
         # Newton's step near a maximum, where the determinant and minus the trace are positive; else a step uphill.

@@ -48,9 +48,9 @@ def correlate(
 ) -> tuple[float, float]:
     """Write the cross-correlation of change and events of a part of the image, and return their sums of squares.
 
-    For the correlation and the energies, both images are taken less their means over the flagged pixels of the part. Change is 0 where
-    pixels are not flagged, and events also outside the part. All shifts of a part therefore have equally many pairs,
-    except where they reach beyond the image.
+    For the correlation and the energies, both images are taken less their means over the flagged pixels of the part.
+    Change is 0 where pixels are not flagged, and events also outside the part. All shifts of a part therefore have
+    equally many pairs, except where they reach beyond the image.
 
     Parameters
     ----------
@@ -205,7 +205,7 @@ def _shifted_sums(line: Float32, sums: Float64) -> None:
 
 @njit(cache=True)
 def _partnered_sums(squares: Float32, begin: int, stop: int, sums: Float64) -> None:
-    """Write the sums (2 R + 1,) of a row (w,) by shifts s: over the columns from ``begin + s`` to before ``stop + s``."""
+    """Write the sums (2 R + 1,) of a row (w,) by shifts s, over columns from ``begin + s`` to before ``stop + s``."""
     total = _total(squares)
     for right in range(_SIDE):
         sums[right] = total

@@ -90,9 +90,7 @@ def _count_runs(
 
 
 @njit(cache=True)
-def _count_runs_of_pixel(
-    timestamped: Int64, intervals: Int64, tick: int, first_spacings: float, counts: Int64
-) -> None:
+def _count_runs_of_pixel(timestamped: Int64, intervals: Int64, tick: int, first_spacings: float, counts: Int64) -> None:
     """Add to ``counts`` (3,) the runs of the events of a pixel."""
     event, interval = 0, 0
     while event < len(timestamped) and interval < len(intervals):
