@@ -47,7 +47,8 @@ CLEAR: Final = 3.0
 
 INTERVALS_OF_LARGE: Final = 3
 """Frame intervals in 0.2 s that are used of large sensors, evenly spread. The standard error is inverse to the root of
-their number: of ten it is 1.8 times that of all, 4e-5 in 2 s of 640x480, where a share of 0.1 matters."""
+their number, or to the number itself where ``UNSEEN_LINES`` exceed the lines across: in 2 s of 640x480 it is 5e-5, 2.7
+times that of all intervals, where a share of 0.1 matters."""
 
 
 @dataclass(frozen=True, slots=True)

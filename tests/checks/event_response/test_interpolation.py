@@ -139,16 +139,16 @@ def test_packets_hide_nothing_and_raise_nothing(packet_us: int, path: Path) -> N
 
 
 @pytest.mark.parametrize("threshold", [0.1, 0.2])
-def test_some_intervals_of_a_large_sensor_suffice(threshold: float, path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Three of ten are used: clean and interpolated events are told apart, with an error of at most 2.4 times."""
+def test_a_part_of_the_intervals_suffices(threshold: float, path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Three of ten are used: clean and interpolated events are told apart, with a larger error."""
     clean = log_file(threshold=threshold)
     error = lines_of(clean, path).error
     monkeypatch.setattr("fedora_qa.views.large_frames.USUAL_PIXELS", 1000)
     path.unlink()
     lines = lines_of(clean, path)
     assert lines.outcome == "passed"
-    # sqrt(10 / 3) = 1.8, and the lines that are added to few runs.
-    assert 1.2 * error < lines.error < 2.4 * error
+    # sqrt(10 / 3) = 1.8 where lines occur, and 10 / 3 where the added ones are most of them.
+    assert 1.5 * error < lines.error < 3.6 * error
     coverage = run_check(path, CHECK).coverage
     assert 0.25 * coverage.of < coverage.seen < 0.4 * coverage.of
     path.unlink()
