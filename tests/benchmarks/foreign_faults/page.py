@@ -1,0 +1,153 @@
+"""The page of the study."""
+
+import time
+from collections import Counter
+from collections.abc import Iterator, Mapping, Sequence
+from itertools import pairwise
+from typing import Final
+
+from scipy.stats import binomtest
+
+from tests.benchmarks.foreign.scenes import Size
+from tests.benchmarks.foreign_faults.kind import Kind
+from tests.benchmarks.foreign_faults.outcome import Outcome
+
+CONFIDENCE: Final = 0.95
+EDGES: Final = (0.0, 0.3, 0.5, 0.7, 0.9, 0.97, 1.0)
+"""Of the bins of stated confidence."""
+
+HEAD: Final = """\
+# Real faults by other code: found, and named?
+
+Written by `make study-named-foreign`, {date}: {files} files with {kinds} kinds of faults, over {scenes},
+{width}x{height} pixels, {duration:g} s, {seeds} sequence(s) of a scene. `tests/benchmarks/foreign_faults` shares neither
+code nor places nor sizes with the faults that the generator plants. Sizes are log-uniform within the range of their kind.
+A third of the kinds, by a hash of their names, is held out: nobody looks at their outcomes while the diagnosis is built.
+
+*Found*: a check failed. *Named first*: the first diagnosis is that of cause and stream; a share of the files that were
+found. *No name*: no cause of the tool is that fault, and right is to name none.
+
+| kinds | | kinds | files | found | share | named first | share | true share, {confidence:.0%} | first or second |
+| --- | --- | --- | --- | --- | --- | --- | --- | --- | --- |
+"""
+
+TABLE: Final = """
+## {title}
+
+| kind | real pipeline | size | place | true cause | files | found | named first | second | named instead |
+| --- | --- | --- | --- | --- | --- | --- | --- | --- | --- |
+"""
+
+CALIBRATION: Final = """
+## Stated confidence
+
+First diagnoses of all files that name a cause, by the confidence beside them.
+
+| kinds | confidence | diagnoses | mean confidence | right |
+| --- | --- | --- | --- | --- |
+"""
+
+Files = Mapping[str, Sequence[Outcome]]
+"""Outcomes by the name of their kind."""
+
+
+def page(kinds: Sequence[Kind], outcomes: Sequence[Outcome], size: Size) -> Iterator[str]:
+    """Text of docs/named-foreign.md, of the kinds that were looked at."""
+    files = {kind.name: [outcome for outcome in outcomes if outcome.kind == kind.name] for kind in kinds}
+    yield HEAD.format(
+        date=time.strftime("%Y-%m-%d"),
+        files=len(outcomes),
+        kinds=len(kinds),
+        scenes=", ".join(dict.fromkeys(outcome.scene for outcome in outcomes)),
+        seeds=len({outcome.seed for outcome in outcomes}),
+        width=size.width,
+        height=size.height,
+        duration=size.duration_s,
+        confidence=CONFIDENCE,
+    )
+    groups = {
+        "looked at": [kind for kind in kinds if not kind.held_out],
+        "held out": [kind for kind in kinds if kind.held_out],
+    }
+    for title, group in groups.items():
+        yield from _totals(title, group, files)
+    yield "\nWanted: 90% of what was found are named first.\n"
+    for title, group in groups.items():
+        for suffix, rows in {
+            "": [kind for kind in group if kind.truth and not kind.composite],
+            ", two faults": [kind for kind in group if kind.composite],
+            ", no name": [kind for kind in group if not kind.truth],
+        }.items():
+            if rows:
+                yield TABLE.format(title=title.capitalize() + suffix)
+                yield from (_row(kind, files[kind.name]) for kind in rows)
+    yield CALIBRATION
+    for title, group in groups.items():
+        yield from _calibration(title, group, files)
+    yield from _debatable(kinds)
+    crashes = [f"- {x.kind}, {x.scene}, seed {x.seed}: {', '.join(x.crashed)}\n" for x in outcomes if x.crashed]
+    if crashes:
+        yield "\n## Crashed checks\n\n"
+        yield from crashes
+
+
+def _totals(title: str, kinds: Sequence[Kind], files: Files) -> Iterator[str]:
+    for name, chosen in {
+        "all with a name": [kind for kind in kinds if kind.truth],
+        "whole-file": [kind for kind in kinds if kind.truth and not kind.local],
+        "local": [kind for kind in kinds if kind.truth and kind.local],
+        "two faults": [kind for kind in kinds if kind.composite],
+        "no name": [kind for kind in kinds if not kind.truth],
+    }.items():
+        count = sum(len(files[kind.name]) for kind in chosen)
+        found = [(kind, outcome) for kind in chosen for outcome in files[kind.name] if outcome.is_found]
+        if not found:
+            continue
+        first = sum(outcome.is_first_right(kind) for kind, outcome in found)
+        either = sum(outcome.is_first_right(kind) or outcome.is_second_right(kind) for kind, outcome in found)
+        # Clopper and Pearson, Biometrika 26, 1934.
+        bounds = binomtest(first, len(found)).proportion_ci(CONFIDENCE, method="exact")
+        yield (
+            f"| {title} | {name} | {len(chosen)} | {count} | {len(found)} | {len(found) / count:.0%} | {first} "
+            f"| {first / len(found):.0%} | {bounds.low:.0%} to {bounds.high:.0%} | {either / len(found):.0%} |\n"
+        )
+
+
+def _row(kind: Kind, outcomes: Sequence[Outcome]) -> str:
+    found = [outcome for outcome in outcomes if outcome.is_found]
+    first = sum(outcome.is_first_right(kind) for outcome in found)
+    second = sum(outcome.are_all_named(kind) if kind.composite else outcome.is_second_right(kind) for outcome in found)
+    instead = Counter(
+        outcome.diagnoses[0].name if outcome.diagnoses else "nothing"
+        for outcome in found
+        if not outcome.is_first_right(kind)
+    )
+    named = ", ".join(f"{name} {count}" for name, count in instead.most_common())
+    size = "" if kind.size is None else f"{kind.size.low:g} to {kind.size.high:g} {kind.size.unit}"
+    truth = (" and " if kind.composite else " or ").join(kind.truth) or "none"
+    return (
+        f"| {kind.name} | {kind.pipeline} | {size} | {'local' if kind.local else 'whole'} | {truth} | {len(outcomes)} "
+        f"| {len(found)} | {first} | {second} | {named} |\n"
+    )
+
+
+def _calibration(title: str, kinds: Sequence[Kind], files: Files) -> Iterator[str]:
+    stated = [
+        (outcome.first.confidence, outcome.is_first_right(kind))
+        for kind in kinds
+        for outcome in files[kind.name]
+        if outcome.first is not None
+    ]
+    for low, high in pairwise(EDGES):
+        within = [(confidence, right) for confidence, right in stated if low < confidence + (low == 0) * 1e-9 <= high]
+        if within:
+            mean = sum(confidence for confidence, _ in within) / len(within)
+            right = sum(right for _, right in within) / len(within)
+            yield f"| {title} | {low:.0%} to {high:.0%} | {len(within)} | {mean:.0%} | {right:.0%} |\n"
+
+
+def _debatable(kinds: Sequence[Kind]) -> Iterator[str]:
+    disputed = [kind for kind in kinds if kind.debatable]
+    if disputed:
+        yield "\n## Truths that may be disputed\n\n"
+    yield from (f"- {kind.name} ({' or '.join(kind.truth) or 'none'}): {kind.debatable}.\n" for kind in disputed)
