@@ -13,6 +13,7 @@
 #   make study-causes  every fault in four scenes: found, and named? docs/named-causes.md; two hours
 #   make study-false-alarms  some hundred honest files through all checks: docs/false-alarms.md; about an hour
 #   make study-foreign  correct files as others make them, 70 kinds: docs/foreign.md; hours
+#   make study-named-foreign  faults of real pipelines, 169 kinds by code of their own: found, and named? docs/named-foreign.md; hours
 #   make study-blind-spots  real faults of three scenes, from which size they are found: printed, for docs/blind-spots.md; some minutes
 #   make study-trade  what each effort costs, and what it finds: docs/trade.md; an hour
 #   make mutation     random small changes of estimators and judgement: do their unit tests notice? docs/mutation.md; half an hour
@@ -31,7 +32,7 @@ BIN := $(VENV)/bin
 READY := $(VENV)/.ready
 OUT ?= out
 
-.PHONY: demo test lint compiled-generator compiled-checks docs fuzz lock same-results test-lowest test-newest audit sbom wheel study-causes study-false-alarms study-foreign study-blind-spots study-mesh study-presets study-trade mutation bench bench-costs bench-files bench-flow bench-imu bench-readings clean
+.PHONY: demo test lint compiled-generator compiled-checks docs fuzz lock same-results test-lowest test-newest audit sbom wheel study-causes study-false-alarms study-foreign study-named-foreign study-blind-spots study-mesh study-presets study-trade mutation bench bench-costs bench-files bench-flow bench-imu bench-readings clean
 
 demo: $(READY)
 	@mkdir -p $(OUT)
@@ -101,6 +102,10 @@ study-blind-spots: $(READY)
 
 study-foreign: $(READY)
 	OMP_NUM_THREADS=1 NUMBA_NUM_THREADS=1 $(BIN)/python -m tests.benchmarks.foreign.study --fresh --all
+
+study-named-foreign: $(READY)
+	OMP_NUM_THREADS=1 NUMBA_NUM_THREADS=1 $(BIN)/python -m tests.benchmarks.foreign_faults.study --fresh --held-out \
+	  --processes $(JOBS) --page docs/named-foreign.md
 
 mutation: $(READY)
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[dev,mutation]'

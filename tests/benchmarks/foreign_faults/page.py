@@ -20,9 +20,10 @@ HEAD: Final = """\
 # Real faults by other code: found, and named?
 
 Written by `make study-named-foreign`, {date}: {files} files with {kinds} kinds of faults, over {scenes},
-{width}x{height} pixels, {duration:g} s, {seeds} sequence(s) of a scene. `tests/benchmarks/foreign_faults` shares neither
-code nor places nor sizes with the faults that the generator plants. Sizes are log-uniform within the range of their kind.
-A third of the kinds, by a hash of their names, is held out: nobody looks at their outcomes while the diagnosis is built.
+{width}x{height} pixels, {duration:g} s, {seeds} sequence(s) of a scene. `tests/benchmarks/foreign_faults` shares no
+code, place or size with the faults that the generator plants. Sizes are log-uniform within the range of their kind.
+A third of the kinds, by a hash of their names, is held out: nobody looks at their outcomes while the diagnosis is
+built.
 
 *Found*: a check failed. *Named first*: the first diagnosis is that of cause and stream; a share of the files that were
 found. *No name*: no cause of the tool is that fault, and right is to name none.

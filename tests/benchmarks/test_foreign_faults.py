@@ -1,0 +1,439 @@
+"""The planters of foreign faults: each alters what it says and nothing else, by an amount that is known.
+
+Held-out kinds are planted here as well; what the checks say of them is not looked at.
+"""
+
+import ast
+from collections.abc import Callable
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import h5py
+import numpy as np
+import pytest
+from click.testing import CliRunner
+from hypothesis import given
+from hypothesis import strategies as st
+from scipy.spatial.transform import Rotation
+
+from fedora_qa.causes import allowed
+from tests.benchmarks.foreign.scenes import Size
+from tests.benchmarks.foreign_faults import study
+from tests.benchmarks.foreign_faults.displacement import KEYS, recomputed
+from tests.benchmarks.foreign_faults.kind import ALL_SCENES, EXACT_SCENES, SHARES, Plan, Range
+from tests.benchmarks.foreign_faults.outcome import Named, Outcome, diagnose_planted, outcome_of, plant, state_path
+from tests.benchmarks.foreign_faults.page import page
+from tests.benchmarks.foreign_faults.sources import SPAN_S, Source
+from tests.benchmarks.foreign_faults.table import KINDS
+from tests.support.shared_files import SharedFiles
+
+BY_NAME = {kind.name: kind for kind in KINDS}
+SMALL = Size(90, 68, 0.4)
+FOLDERS = [Path(__file__).parent / name for name in ("foreign_faults", "foreign")]
+
+Contents = dict[str, Any]
+"""Values of all datasets by path, and of all attributes by ``path@name``."""
+
+
+def contents_of(path: Path) -> Contents:
+    contents: Contents = {}
+
+    def add(name: str, thing: h5py.HLObject) -> None:
+        if isinstance(thing, h5py.Dataset):
+            contents[name] = thing[()]
+        contents.update({f"{name}@{key}": value for key, value in thing.attrs.items()})
+
+    with h5py.File(path) as file:
+        add("", file)
+        file.visititems(add)
+    return contents
+
+
+@pytest.fixture(scope="module")
+def clean_of(shared_files: SharedFiles) -> Callable[[Source], Path]:
+    """Clean sequences of any scene and seed."""
+
+    def clean(source: Source) -> Path:
+        name = f"foreign-faults-{source.scene}-{source.seed}.h5"
+        return shared_files.file(name, lambda path: source.write(SMALL, path))
+
+    return clean
+
+
+@pytest.fixture(scope="module")
+def pair_of(
+    clean_of: Callable[[Source], Path], tmp_path_factory: pytest.TempPathFactory
+) -> Callable[[str], tuple[Contents, Contents, Plan]]:
+    """Plants a kind: contents before and after, and what was planted."""
+    target = tmp_path_factory.mktemp("foreign-faults") / "a.h5"
+    read_clean = cache(contents_of)
+
+    @cache
+    def planted(name: str) -> tuple[Contents, Contents, Plan]:
+        kind = BY_NAME[name]
+        source = Source("park-noisy" if kind.scenes == ("park-noisy",) else "park-day", 0)
+        clean, donor = clean_of(source), clean_of(Source("park-day", 1))
+        plant(kind, kind.plan(source.scene, source.seed, donor), clean, target)
+        return read_clean(clean), contents_of(target), kind.plan(source.scene, source.seed, donor)
+
+    return planted
+
+
+def test_there_are_enough_kinds() -> None:
+    """At least 66 with names and files of their own, local ones and composites among them."""
+    assert len(BY_NAME) == len(KINDS) >= 66
+    paths = {state_path(Path(), kind, Source("park-day", 0)).name.lower() for kind in KINDS}
+    assert len(paths) == len(KINDS)
+    assert sum(kind.local for kind in KINDS) >= 20
+    assert sum(kind.composite for kind in KINDS) >= 5
+    assert sum(not kind.truth for kind in KINDS) >= 10
+
+
+def test_a_third_is_held_out() -> None:
+    """By the name alone: neither the place in the table nor what else a kind has moves it."""
+    assert 0.3 <= sum(kind.held_out for kind in KINDS) / len(KINDS) <= 0.4
+    some = BY_NAME["BGR"]
+    renamed = {type(some)(f"kind {number}", some.plant, (), ("a:b",), "").held_out for number in range(20)}
+    assert renamed == {False, True}
+    assert [type(some)(kind.name, some.plant, (), (), "").held_out for kind in KINDS] == [k.held_out for k in KINDS]
+
+
+@pytest.mark.parametrize("name", BY_NAME)
+def test_truths_are_causes(name: str) -> None:
+    """Stream and cause fit; a composite has two; scenes are those of the study."""
+    kind = BY_NAME[name]
+    pairs = [truth.split(":") for truth in kind.truth]
+    assert all(allowed(cause, stream) for stream, cause in pairs)
+    assert not any(cause == "unknown" for _, cause in pairs)
+    assert len(set(kind.truth)) == len(kind.truth)
+    assert not kind.composite or len(kind.truth) == 2
+    assert kind.scenes
+    assert set(kind.scenes) <= set(ALL_SCENES) == set(SPAN_S)
+    assert kind.pipeline.endswith(".")
+    assert len(kind.truth) < 2 or kind.composite or kind.debatable or "gravity" in kind.name
+
+
+def test_no_planter_knows_other_faults() -> None:
+    """Neither the generator's faults, nor those of the canary, nor the corpus are imported."""
+    forbidden = ("fedora_generator.faults", "fedora_generator.corpus", "fedora_qa.faults", "fedora_qa.diagnosis")
+    imported: set[str] = set()
+    for path in (path for folder in FOLDERS for path in folder.glob("*.py")):
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+            if isinstance(node, ast.Import):
+                imported |= {alias.name for alias in node.names}
+            elif isinstance(node, ast.ImportFrom):
+                imported |= {f"{node.module}.{alias.name}" for alias in node.names}
+    assert len(imported) > 50
+    assert not [name for name in imported if name.startswith(forbidden)]
+    inside = {name for name in imported if name.startswith("tests.")}
+    assert all(name.startswith(("tests.benchmarks.foreign.", "tests.benchmarks.foreign_faults")) for name in inside)
+
+
+@pytest.mark.parametrize("name", BY_NAME)
+def test_sizes_lie_in_their_range_and_differ(name: str) -> None:
+    """Between sequences; so do places. The same sequence has the same."""
+    kind = BY_NAME[name]
+    plans = [kind.plan(scene, seed, Path()) for scene in SPAN_S for seed in range(4)]
+    again = kind.plan("park-day", 0, Path())
+    assert (again.size, again.begin, again.end) == (plans[0].size, plans[0].begin, plans[0].end)
+    assert again.random.random() == plans[0].random.random()
+    if kind.size is None:
+        assert {plan.size for plan in plans} == {0.0}
+    else:
+        assert all(kind.size.holds(plan.size) for plan in plans)
+        assert len({plan.size for plan in plans}) >= (3 if kind.size.whole else len(plans))
+        assert len({plan.size > 0 for plan in plans}) == (2 if kind.size.signed else 1)
+    if kind.local:
+        assert all(0 < plan.begin < plan.end < 1 for plan in plans)
+        assert all(SHARES[0] <= plan.end - plan.begin + 1e-12 <= SHARES[1] + 1e-9 for plan in plans)
+        assert len({plan.begin for plan in plans}) == len(plans)
+    else:
+        assert all((plan.begin, plan.end) == (0.0, 1.0) for plan in plans)
+
+
+@given(
+    low=st.floats(1e-3, 1e3),
+    factor=st.floats(1.1, 1e3),
+    signed=st.booleans(),
+    seed=st.integers(0, 2**32),
+)
+def test_any_size_lies_in_its_range(low: float, factor: float, signed: bool, seed: int) -> None:
+    """Of any range; half of many lie below the geometric mean, where sizes are log-uniform."""
+    sizes = Range(low, low * factor, "", signed)
+    random = np.random.default_rng(seed)
+    drawn = np.array([sizes.draw(random) for _ in range(400)])
+    magnitudes = np.abs(drawn) * (1 + 1e-12)
+    assert np.all((magnitudes >= low) & (np.abs(drawn) * (1 - 1e-12) <= low * factor))
+    # 400 draws: a standard deviation of 10.
+    assert abs(np.sum(magnitudes < low * factor**0.5) - 200) < 60
+    assert signed or np.all(drawn > 0)
+
+
+def test_sequences_begin_apart() -> None:
+    """Not where those of the study of correct files begin, and a donor begins elsewhere."""
+    for scene, span_s in SPAN_S.items():
+        starts_s = [Source(scene, seed).start_s for seed in range(6)]
+        assert np.diff(np.sort(starts_s)).min() > 0.05 * span_s
+        assert all(0 <= start_s < span_s for start_s in starts_s)
+        assert Source(scene, 3).donor.start_s == starts_s[4]
+
+
+def lies_under(path: str, roots: tuple[str, ...]) -> bool:
+    return any(path == root or path.startswith((f"{root}/", f"{root}@")) for root in roots)
+
+
+@pytest.mark.parametrize("name", BY_NAME)
+def test_a_planter_alters_what_it_says_and_nothing_else(
+    name: str, pair_of: Callable[[str], tuple[Contents, Contents, Plan]]
+) -> None:
+    """All other values, types and attributes stay, to the bit; nothing comes or goes; what it says differs."""
+    kind = BY_NAME[name]
+    old, new, _ = pair_of(name)
+    assert set(old) == set(new)
+    for path in [path for path in old if not lies_under(path, kind.alters)]:
+        np.testing.assert_array_equal(new[path], old[path], err_msg=path, strict=isinstance(old[path], np.ndarray))
+    for root in kind.alters:
+        inside = [path for path in old if lies_under(path, (root,))]
+        assert inside, root
+        # Maps follow from the stamps and change only where those of events or of their frames do.
+        if not root.endswith("_to_event"):
+            assert any(not np.array_equal(new[path], old[path], equal_nan=is_float(old[path])) for path in inside), root
+    assert any(not np.array_equal(new[path], old[path], equal_nan=is_float(old[path])) for path in old)
+    for path in [path for path in old if "@" not in path]:
+        assert new[path].dtype == old[path].dtype, path
+
+
+def is_float(values: Any) -> bool:
+    return np.issubdtype(np.asarray(values).dtype, np.floating)
+
+
+@pytest.mark.parametrize(
+    ("name", "key"),
+    [
+        ("colour stamped when received", "path/rgb_ts"),
+        ("events on another epoch", "path/events/t"),
+        ("IMU delayed by its filter", "path/imu/ts"),
+        ("flow stamped when computed", "path/flow/25hz_ts"),
+    ],
+)
+def test_stamps_are_late_by_the_size(
+    name: str, key: str, pair_of: Callable[[str], tuple[Contents, Contents, Plan]]
+) -> None:
+    """To half a microsecond, all of them."""
+    old, new, plan = pair_of(name)
+    np.testing.assert_allclose(new[key] - old[key], 1000 * plan.size, rtol=0, atol=0.5)
+
+
+@pytest.mark.parametrize(
+    "name",
+    [kind.name for kind in KINDS if "metadata/rgb_to_event" in kind.alters and ":index" not in "".join(kind.truth)
+     and "map" not in kind.name],
+)  # fmt: skip
+def test_maps_follow_the_stamps(name: str, pair_of: Callable[[str], tuple[Contents, Contents, Plan]]) -> None:
+    """Where a pipeline makes them of the stamps that it has: the count of events before each frame."""
+    _, new, _ = pair_of(name)
+    events_us = new["path/events/t"]
+    for stream in ("rgb", "depth"):
+        counts = [int(np.sum(events_us < frame_us)) for frame_us in new[f"path/{stream}_ts"]]
+        assert new[f"metadata/{stream}_to_event"].tolist() == counts
+
+
+def test_equal_stamps_are_counted(pair_of: Callable[[str], tuple[Contents, Contents, Plan]]) -> None:
+    """Entries are the events that are not after their frame, and some are at its time."""
+    _, new, _ = pair_of("maps behind equal stamps")
+    counts = [int(np.sum(new["path/events/t"] <= frame_us)) for frame_us in new["path/rgb_ts"]]
+    assert new["metadata/rgb_to_event"].tolist() == counts
+    assert counts != [int(np.sum(new["path/events/t"] < frame_us)) for frame_us in new["path/rgb_ts"]]
+
+
+def test_local_faults_leave_the_rest(pair_of: Callable[[str], tuple[Contents, Contents, Plan]]) -> None:
+    """Rows that differ lie in one interval, no longer than the plan's."""
+    for name, key in {
+        "gyro bias for a while": "path/imu/angular_velocity",
+        "exposure jumps": "path/rgb",
+        "colour of another sequence for a while": "path/rgb",
+    }.items():
+        old, new, plan = pair_of(name)
+        differ = np.flatnonzero((old[key] != new[key]).reshape(len(old[key]), -1).any(axis=1))
+        assert np.all(np.diff(differ) == 1)
+        assert len(differ) == pytest.approx((plan.end - plan.begin) * len(old[key]), abs=1.5)
+
+
+def test_flow_is_recomputed_as_the_format_defines_it(clean_of: Callable[[Source], Path]) -> None:
+    """What planters of flow change in one respect is the clean file's flow, to single precision."""
+    with h5py.File(clean_of(Source("park-day", 0))) as file:
+        for key, values in recomputed(file).items():
+            np.testing.assert_allclose(values, file[key][...], rtol=1e-5, atol=1e-5)
+
+
+def test_backward_flow_leads_back(pair_of: Callable[[str], tuple[Contents, Contents, Plan]]) -> None:
+    """Where flow carries a pixel, backward flow leads to where it came from, but where depth jumps."""
+    old, new, _ = pair_of("backward flow")
+    key = KEYS[-1]
+    forward, backward = old[key][3].astype(np.float64), new[key][3].astype(np.float64)
+    rows, columns = np.indices(forward.shape[:2])
+    at = np.nan_to_num(np.rint(np.stack([rows + forward[..., 1], columns + forward[..., 0]]))).astype(int)
+    at[0], at[1] = np.clip(at[0], 0, rows.max()), np.clip(at[1], 0, columns.max())
+    back = np.linalg.norm(forward + backward[at[0], at[1]], axis=-1)
+    assert np.nanmedian(back) < 0.02 * np.nanmedian(np.linalg.norm(forward, axis=-1)) + 0.01
+
+
+def test_events_between_frames_sum_to_the_frames(pair_of: Callable[[str], tuple[Contents, Contents, Plan]]) -> None:
+    """Events of a pixel times the threshold give the change of its log luma, to less than a threshold."""
+    _, new, _ = pair_of("events between the frames")
+    shape = (int(new["metadata/cameras/events@height"]), int(new["metadata/cameras/events@width"]))
+    threshold = new["metadata/events@threshold_on"]
+    total = np.zeros(shape)
+    np.add.at(total, (new["path/events/y"], new["path/events/x"]), np.where(new["path/events/p"] == 1, 1.0, -1.0))
+    # The frames' size is not a whole multiple of the sensor's: nearest pixels bound the change loosely.
+    luma = np.log(np.maximum(new["path/rgb"][[0, -1]].astype(float) @ [0.299, 0.587, 0.114], 1.0))
+    change = luma[1] - luma[0]
+    columns = np.clip(np.rint((np.arange(shape[1]) + 0.5) * change.shape[1] / shape[1] - 0.5).astype(int), 0, None)
+    rows = np.clip(np.rint((np.arange(shape[0]) + 0.5) * change.shape[0] / shape[0] - 0.5).astype(int), 0, None)
+    nearest = change[np.minimum(rows, change.shape[0] - 1)][:, np.minimum(columns, change.shape[1] - 1)]
+    assert np.median(np.abs(total * threshold - nearest)) < threshold
+    assert np.corrcoef(total.ravel(), nearest.ravel())[0, 1] > 0.8
+
+
+@pytest.mark.parametrize(("name", "factor"), [("gravity removed", -1.0), ("gravity with the other sign", -2.0)])
+def test_gravity_changes_along_the_vertical(
+    name: str, factor: float, pair_of: Callable[[str], tuple[Contents, Contents, Plan]]
+) -> None:
+    """In the world, specific force differs by a multiple of gravity along Z alone."""
+    old, new, _ = pair_of(name)
+    key = "path/imu/linear_acceleration"
+    rows = np.searchsorted(old["path/imu/ts"], old["path/pose/ts"])
+    attitude = Rotation.from_quat(old["path/pose/orientation"])
+    gravity = factor * old["metadata/imu@gravity"]
+    np.testing.assert_allclose(
+        attitude.apply((new[key] - old[key])[rows]), np.tile([0, 0, gravity], (len(rows), 1)), rtol=0, atol=1e-9
+    )
+
+
+def test_poses_of_a_lower_rate_are_straight(pair_of: Callable[[str], tuple[Contents, Contents, Plan]]) -> None:
+    """Second differences vanish but where a pose of the lower rate lies."""
+    _, new, plan = pair_of("pose from a lower rate")
+    bends = np.linalg.norm(np.diff(new["path/pose/position"], 2, axis=0), axis=1) > 1e-10
+    # 200 Hz in the file: a bend for each of the lower rate's poses within.
+    assert np.sum(bends) == pytest.approx(0.4 * plan.size, abs=2)
+
+
+def test_ned_is_a_rotation_of_both_frames(pair_of: Callable[[str], tuple[Contents, Contents, Plan]]) -> None:
+    """Forward in ENU, east and north exchanged, up turned to down; the body's forward stays forward."""
+    old, new, _ = pair_of("pose in NED")
+    before, after = (Rotation.from_quat(contents["path/pose/orientation"]) for contents in (old, new))
+    east, north, up = before.apply([1.0, 0.0, 0.0]).T
+    np.testing.assert_allclose(after.apply([1.0, 0.0, 0.0]), np.stack([north, east, -up], axis=1), atol=1e-12)
+    np.testing.assert_allclose(new["path/pose/position"], old["path/pose/position"][:, [1, 0, 2]] * [1, 1, -1])
+
+
+def test_saturation_loses_the_share_that_it_states(
+    pair_of: Callable[[str], tuple[Contents, Contents, Plan]],
+) -> None:
+    """To a tenth: all milliseconds have one limit."""
+    old, new, plan = pair_of("readout saturates")
+    lost = 1 - len(new["path/events/t"]) / len(old["path/events/t"])
+    assert lost == pytest.approx(plan.size / 100, abs=0.1)
+    assert np.bincount(new["path/events/t"] - old["path/events/t"][0] >> 10).max() > 0
+
+
+WHOLE_CHAIN = ("gyro in deg/s", "quaternions w first")
+
+
+@pytest.mark.parametrize("name", WHOLE_CHAIN)
+def test_a_kind_goes_through_the_whole_chain(
+    name: str, clean_of: Callable[[Source], Path], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """It is planted, found and named; the outcome is kept and read again, and the faulty file is not."""
+    kind, source = BY_NAME[name], Source("park-day", 0)
+    assert not kind.held_out
+    clean, donor = clean_of(source), clean_of(source.donor)
+    outcome = diagnose_planted(kind, source, tmp_path, clean, donor)
+    assert outcome.is_found
+    assert outcome.is_first_right(kind)
+    assert outcome.crashed == ()
+    assert [path.suffix for path in tmp_path.iterdir()] == [".json"]
+    monkeypatch.delattr("tests.benchmarks.foreign_faults.outcome.check_file")
+    assert diagnose_planted(kind, source, tmp_path, clean, donor) == outcome
+
+
+def test_the_study_leaves_out_what_is_held_out(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Without --held-out; and it plants in the scenes of a kind alone."""
+    planted: list[str] = []
+
+    def diagnose(folder: Path, item: tuple[str, Source]) -> Outcome:
+        planted.append(f"{item[0]} {item[1].scene}")
+        return said(item[0])
+
+    monkeypatch.setattr(study, "KEPT", tmp_path)
+    monkeypatch.setattr(study, "_write_clean", lambda *_: None)
+    monkeypatch.setattr(study, "_diagnose", diagnose)
+    monkeypatch.setattr(
+        study, "_in_processes", lambda jobs, work, items: [made for item in items if (made := work(item))]
+    )
+    ended = CliRunner().invoke(study.main, ["--scenes", "park-noisy", "--seeds", "1", "--page", str(tmp_path / "a.md")])
+    assert ended.exit_code == 0, ended.output
+    wanted = [kind for kind in KINDS if not kind.held_out and "park-noisy" in kind.scenes]
+    assert planted == [f"{kind.name} park-noisy" for kind in wanted]
+    text = (tmp_path / "a.md").read_text(encoding="utf-8")
+    assert not [kind.name for kind in KINDS if kind.held_out and f"| {kind.name} |" in text]
+    planted.clear()
+    assert CliRunner().invoke(study.main, ["--seeds", "1", "--held-out"]).exit_code == 0
+    assert planted == [f"{kind.name} {scene}" for scene in SPAN_S for kind in KINDS if scene in kind.scenes]
+
+
+def said(kind: str, *names: str, seed: int = 0, confidence: float = 0.8, failed: tuple[str, ...] = ("a",)) -> Outcome:
+    diagnoses = tuple(Named(*name.split(":"), None, "", confidence) for name in names)
+    return Outcome(kind, "park-day", seed, 0.0, 0.0, 1.0, "findings", failed, (), diagnoses)
+
+
+def test_right_is_strict() -> None:
+    """Cause and stream; a rate of flow is flow; where the truth has no name, none is right."""
+    bgr = BY_NAME["BGR"]
+    assert said("BGR", "rgb:channel_order").is_first_right(bgr)
+    assert not said("BGR", "events:channel_order").is_first_right(bgr)
+    assert not said("BGR").is_first_right(bgr)
+    assert said("BGR", "rgb:vignetting", "rgb:channel_order").is_second_right(bgr)
+    flow = BY_NAME["flow in px/s"]
+    assert said("flow in px/s", "flow/25hz:flow_unit").is_first_right(flow)
+    assert not said("flow in px/s", "flow/25hz:flow_unit", "flow:flow_unit").is_second_right(flow)
+    nameless = BY_NAME["pose smoothed"]
+    assert said(nameless.name).is_first_right(nameless)
+    assert said(nameless.name, "pose:unknown").is_first_right(nameless)
+    assert not said(nameless.name, "pose:noise_misdeclared").is_first_right(nameless)
+    two = BY_NAME["BGR, and events late"]
+    assert said(two.name, "events:time_offset", "rgb:channel_order").are_all_named(two)
+    assert not said(two.name, "events:time_offset", "rgb:vignetting").are_all_named(two)
+
+
+def test_an_outcome_survives_json() -> None:
+    """With its diagnoses."""
+    outcome = said("BGR", "rgb:channel_order", "rgb:vignetting")
+    values = {name: getattr(outcome, name) for name in Outcome.__slots__}
+    diagnoses = [{name: getattr(named, name) for name in Named.__slots__} for named in outcome.diagnoses]
+    assert outcome_of({**values, "failed": ["a"], "crashed": [], "diagnoses": diagnoses}) == outcome
+
+
+def test_the_page_counts_apart() -> None:
+    """Kinds with a name and without, found and named, and what was named instead; confidence by bins."""
+    kinds = [BY_NAME["vignetting"], BY_NAME["dead columns"], BY_NAME["lens distortion"]]
+    assert not any(kind.held_out for kind in kinds)
+    outcomes = [
+        said("vignetting", "rgb:vignetting", confidence=0.98),
+        said("vignetting", "rgb:time_offset", "rgb:vignetting", seed=1, confidence=0.6),
+        said("dead columns", failed=()),
+        said("lens distortion", "rgb:unknown"),
+    ]
+    text = "".join(page(kinds, outcomes, Size()))
+    # Clopper and Pearson for one of two, 95%: the lower bound solves 1 - (1 - p)^2 = 0.025.
+    assert "| looked at | all with a name | 2 | 3 | 2 | 67% | 1 | 50% | 1% to 99% | 100% |" in text
+    assert "| looked at | no name | 1 | 1 | 1 | 100% | 1 | 100% |" in text
+    assert "| rgb:vignetting | 2 | 2 | 1 | 1 | rgb:time_offset 1 |" in text
+    assert "| looked at | 50% to 70% | 1 | 60% | 0% |" in text
+    assert "| looked at | 97% to 100% | 1 | 98% | 100% |" in text
+
+
+def test_geometry_is_computed_where_the_pose_is_exact() -> None:
+    """Flow that is computed from depth and pose needs both without noise."""
+    assert all(BY_NAME[name].scenes == EXACT_SCENES for name in ("backward flow", "flow of another centre"))
