@@ -139,12 +139,12 @@ def background_activity(file: h5py.File, plan: Plan) -> None:
 
 
 def readout_saturated(file: h5py.File, plan: Plan) -> None:
-    """The bus carries a limited number of events in a millisecond; so many percent of all find no place."""
+    """The bus carries a limited number of events in a millisecond; at most so many percent of all find no place."""
     stamps_us = file["path/events/t"][...]
     bins = (stamps_us - stamps_us[0]) // 1000
     position = np.arange(len(bins)) - np.searchsorted(bins, bins)
-    limit = np.quantile(position, 1 - plan.size / 100)
-    keep_rows(file, "events", np.flatnonzero(position < limit))
+    limit = np.quantile(position, 1 - plan.size / 100, method="higher")
+    keep_rows(file, "events", np.flatnonzero(position <= limit))
     update_index_maps(file)
 
 
