@@ -182,15 +182,12 @@ def raised(key: str) -> Plant:
     return plant
 
 
-def noisy(key: str) -> Plant:
-    """Every value has white noise of that standard deviation."""
-
-    def plant(file: h5py.File, plan: Plan) -> None:
-        values = file[key][...]
-        noise = plan.random.normal(0.0, plan.size, values.shape)
-        replace_values(file, key, (values + noise).astype(values.dtype))
-
-    return plant
+def noisy_depth(file: h5py.File, plan: Plan) -> None:
+    """Depth has white noise of that standard deviation, mm, and stays within the declared range."""
+    values = file["path/depth"][...]
+    noise = plan.random.normal(0.0, plan.size, values.shape)
+    nearest, farthest = 1000 * file["metadata/depth_range"][...]
+    replace_values(file, "path/depth", np.clip(values + noise, nearest, farthest).astype(values.dtype))
 
 
 def coarse(*keys: str) -> Plant:

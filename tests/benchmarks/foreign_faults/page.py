@@ -27,6 +27,7 @@ built.
 
 *Found*: a check failed. *Named first*: the first diagnosis is that of cause and stream; a share of the files that were
 found. *No name*: no cause of the tool is that fault, and right is to name none.
+*Two faults* are named first where the first diagnosis is one of both; *all with a name* and *whole-file* count them.
 
 | kinds | | kinds | files | found | share | named first | share | true share, {confidence:.0%} | first or second |
 | --- | --- | --- | --- | --- | --- | --- | --- | --- | --- |
@@ -35,7 +36,7 @@ found. *No name*: no cause of the tool is that fault, and right is to name none.
 TABLE: Final = """
 ## {title}
 
-| kind | real pipeline | size | place | true cause | files | found | named first | second | named instead |
+| kind | real pipeline | size | place | true cause | files | found | named first | {second} | named instead |
 | --- | --- | --- | --- | --- | --- | --- | --- | --- | --- |
 """
 
@@ -80,7 +81,8 @@ def page(kinds: Sequence[Kind], outcomes: Sequence[Outcome], size: Size) -> Iter
             ", no name": [kind for kind in group if not kind.truth],
         }.items():
             if rows:
-                yield TABLE.format(title=title.capitalize() + suffix)
+                second = "both named" if suffix == ", two faults" else "second"
+                yield TABLE.format(title=title.capitalize() + suffix, second=second)
                 yield from (_row(kind, files[kind.name]) for kind in rows)
     yield CALIBRATION
     for title, group in groups.items():

@@ -247,7 +247,7 @@ _DEPTH: Final = (
          "8 bits for 30 m.", Range(37, 260, "mm")),
     Kind("depth frozen", clocks.frozen("path/depth"), ("path/depth",), ("depth:frozen_frames",),
          "A sensor slower than the file's rate.", Range(2, 9, "frames", whole=True), local=True),
-    Kind("noise of depth", images.noisy("path/depth"), ("path/depth",), (),
+    Kind("noise of depth", images.noisy_depth, ("path/depth",), (),
          "A model of a depth sensor that nothing declares.", Range(7, 90, "mm")),
 )  # fmt: skip
 
