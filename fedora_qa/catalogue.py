@@ -83,8 +83,8 @@ from fedora_qa.diagnosis import (
 from fedora_qa.diagnosis.flow_geometry.endpoint import propose_endpoint
 from fedora_qa.diagnosis.flow_geometry.validity import propose_validity
 from fedora_qa.diagnosis.hypothesis import Hypothesis, Propose
-from fedora_qa.faults import damage, declarations, events, flow, motion, storage, timestamps
-from fedora_qa.faults import images as image_faults
+from fedora_qa.faults.canaries import damage, declarations, events, flow, motion, storage, timestamps
+from fedora_qa.faults.canaries import images as image_faults
 from fedora_qa.faults.canary_conditions import PlantCanary
 from fedora_qa.judgement.judge import Alarm
 from fedora_qa.sequence.facts import Facts

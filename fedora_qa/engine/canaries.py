@@ -115,7 +115,9 @@ def _plant_ever_larger(check: Check[Any], result: Result, run: PlainRun, place_n
     proofs: dict[str, Proof] = {}
     for multiple in MULTIPLES:
         try:
-            fault = CANARIES[check.name](CanaryConditions(run.ready.facts, result.measurements, place_ns, multiple))
+            fault = CANARIES[check.name](
+                CanaryConditions(run.sequence, run.ready.facts, result.measurements, place_ns, multiple)
+            )
         except UnplantableError as why:
             return Proof(Canary(check.name, "not_planted", reason=str(why)))
         # A fault without a size is the same at every multiple.

@@ -8,8 +8,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fedora_qa.faults.fault import Fault
+from fedora_qa.faults.reversible import InapplicableError, ReversibleFault
 from fedora_qa.record.types import Measurement
 from fedora_qa.sequence.facts import Facts
+from fedora_qa.sequence.sequence import SequenceRows
 
 MULTIPLES: Final = (3.0, 10.0, 30.0)
 """Sizes of a canary, as multiples of the detection limit of the check, tried in this order until one is detected.
@@ -30,6 +32,8 @@ class CanaryConditions:
 
     Attributes
     ----------
+    sequence
+        The file.
     facts
         The clocks, streams and declarations of the file.
     measurements
@@ -40,6 +44,7 @@ class CanaryConditions:
         Size of the canary, as a multiple of the detection limit of the check.
     """
 
+    sequence: SequenceRows
     facts: Facts
     measurements: tuple[Measurement, ...]
     place_ns: int
@@ -71,6 +76,19 @@ class CanaryConditions:
         if size <= 0:
             raise UnplantableError(f"the check states no limit of {' or '.join(endings)}")
         return size
+
+    def planted(self, fault: ReversibleFault) -> Fault:
+        """Return a fault that can be undone, planted in the file.
+
+        Raises
+        ------
+        UnplantableError
+            If the file lacks what the fault needs.
+        """
+        try:
+            return fault.plant(self.facts, self.sequence)
+        except InapplicableError as error:
+            raise UnplantableError(str(error)) from error
 
     def measured_stream(self, rule: str) -> str | None:
         """Return the first stream for which the check measured ``<stream>.<rule>``; None where there is none."""

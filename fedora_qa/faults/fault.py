@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,6 +11,9 @@ from fedora_qa.layout.canonical import DATASETS
 from fedora_qa.layout.resolve import Layout
 from fedora_qa.sequence.declared import Declared
 from fedora_qa.sequence.sequence import SequenceRows
+
+_WIDEST_RANGE: Final = 4
+"""Ratio up to which a range that holds all sources may exceed the number of rows, to be read at once."""
 
 Read = Callable[[int, int], NDArray[Any]]
 """Returns rows ``start`` to ``stop`` (excluded) of a dataset, without the fault, in canonical units."""
@@ -68,7 +71,7 @@ def rows_from(source: Callable[[NDArray[np.int64]], NDArray[np.int64]], count: i
     Returns
     -------
     Alteration
-        Reads the smallest range of rows that holds all sources.
+        Reads the smallest range of rows that holds all sources, or several ranges where they lie far apart.
     """
 
     def taken(read: Read, start: int, stop: int) -> NDArray[Any]:
@@ -77,9 +80,15 @@ def rows_from(source: Callable[[NDArray[np.int64]], NDArray[np.int64]], count: i
             return read(start, stop)
         wanted = source(rows)
         wanted = np.where((wanted >= 0) & (wanted < count), wanted, rows)
-        first = int(wanted.min())
-        # One read of the range that holds all sources: datasets are read by ranges of rows.
-        return read(first, int(wanted.max()) + 1)[wanted - first]
+        first, last = int(wanted.min()), int(wanted.max())
+        if last - first < _WIDEST_RANGE * len(rows):
+            # One read of the range that holds all sources: datasets are read by ranges of rows.
+            return read(first, last + 1)[wanted - first]
+        # Of sources far apart only the successive ones are read together, so that memory is that of the rows.
+        needed = np.unique(wanted)
+        runs = np.split(needed, np.flatnonzero(np.diff(needed) > 1) + 1)
+        parts = np.concatenate([read(int(run[0]), int(run[-1]) + 1) for run in runs])
+        return parts[np.searchsorted(needed, wanted)]
 
     return taken
 

@@ -1,65 +1,64 @@
-"""Faults of optical flow."""
+"""Faults of the order of flow fields."""
 
-from collections.abc import Callable, Iterable
-from typing import Any, Final
+from dataclasses import dataclass
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 
-from fedora_qa.faults.canary_conditions import CanaryConditions
-from fedora_qa.faults.fault import Fault, values
-
-_BLOCK_PX: Final = 8
-
-
-def larger(conditions: CanaryConditions) -> Fault:
-    """Flow of every rate is too large by a factor."""
-    percent = conditions.size("gain")
-    # float32 keeps the stored type of flow.
-    gain = np.float32(1 + percent / 100)
-    return _altered(conditions, f"flow is {percent:.3g}% too large", lambda flow: flow * gain)
+from fedora_qa.faults.fault import Alteration, Fault, Read
+from fedora_qa.faults.reversible import streams_in, value_keys
+from fedora_qa.sequence.facts import Facts
+from fedora_qa.sequence.sequence import SequenceRows
 
 
-def off_by_a_constant(conditions: CanaryConditions) -> Fault:
-    """Flow of every rate is too large to the right by a constant."""
-    size_px = conditions.size("endpoint_error")
-    return _altered(conditions, f"flow is {size_px:.3g} px off", lambda flow: flow + _right(size_px))
+@dataclass(frozen=True, slots=True)
+class FlowIntervalShift:
+    """Flow belongs to a neighbouring interval.
+
+    Fields at the end of the stream that no row holds are lost, and NaN.
+
+    Attributes
+    ----------
+    stream
+        ``flow``, or a rate.
+    intervals
+        Number of intervals; positive: fields are stamped too late.
+    """
+
+    stream: str
+    intervals: int
+    cause: ClassVar[str] = "flow_interval_shifted"
+
+    @property
+    def magnitude(self) -> float:
+        """Number of intervals."""
+        return self.intervals
+
+    def plant(self, facts: Facts, sequence: SequenceRows) -> Fault:
+        """Store fields in later rows."""
+        description = f"{self.stream} is stamped {self.intervals} intervals too late"
+        return self._moved(facts, description, self.intervals)
+
+    def undo(self, facts: Facts, sequence: SequenceRows) -> Fault:
+        """Store fields in earlier rows."""
+        return self._moved(facts, f"{self.stream} back by {self.intervals} intervals", -self.intervals)
+
+    def _moved(self, facts: Facts, description: str, later: int) -> Fault:
+        streams_in(facts, self.stream)
+        keys = value_keys(facts, self.stream)
+        return Fault(description, {key: _later_by(later, facts.sizes[key]) for key in keys})
 
 
-def one_rate_off(conditions: CanaryConditions) -> Fault:
-    """Flow of the slowest rate is too large to the right by a constant; flow of other rates is not altered."""
-    size_px, stream = conditions.size(" error"), conditions.facts.flow_streams[0]
-    return _altered(conditions, f"{stream} is {size_px:.3g} px off", lambda flow: flow + _right(size_px), [stream])
+def _later_by(later: int, count: int) -> Alteration:
+    """Return the alteration that stores each field ``later`` rows later, and NaN in the rows that become free."""
 
+    def alter(read: Read, start: int, stop: int) -> NDArray[Any]:
+        first, last = np.clip((start - later, stop - later), 0, count)
+        moved = read(int(first), int(last))
+        fields = np.full((stop - start, *moved.shape[1:]), np.nan, moved.dtype)
+        begin = int(first) + later - start
+        fields[begin : begin + len(moved)] = moved
+        return fields
 
-def backwards(conditions: CanaryConditions) -> Fault:
-    """Flow has the opposite direction."""
-    return _altered(conditions, "flow points backwards", np.negative)
-
-
-def other_validity(conditions: CanaryConditions) -> Fault:
-    """In one corner of 8 x 8 px NaN is replaced by 0, and values are replaced by NaN."""
-
-    def alter(flow: NDArray[Any]) -> NDArray[Any]:
-        # Other readers may share the field that was read.
-        altered = flow.copy()
-        corner = altered[:, :_BLOCK_PX, :_BLOCK_PX]
-        corner[:] = np.where(np.isnan(corner), np.float32(0), np.float32(np.nan))
-        return altered
-
-    return _altered(conditions, "NaN and values of flow are exchanged in a corner", alter)
-
-
-def _right(size_px: float) -> NDArray[np.float32]:
-    """Return a flow vector (u, v), px, u positive to the right."""
-    return np.array([size_px, 0], dtype=np.float32)
-
-
-def _altered(
-    conditions: CanaryConditions,
-    description: str,
-    alter: Callable[[NDArray[Any]], NDArray[Any]],
-    streams: Iterable[str] | None = None,
-) -> Fault:
-    wanted = conditions.facts.flow_streams if streams is None else streams
-    return Fault(description, {f"path/{stream}": values(alter) for stream in wanted})
+    return alter

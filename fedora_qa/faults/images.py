@@ -1,169 +1,287 @@
-"""Faults of colour and depth frames."""
+"""Faults of the values of images: channels, brightness, lengths of rays, codes of invalid pixels."""
 
-import math
-from typing import Any, Final
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from typing import Any, ClassVar, Final, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
-from fedora_qa.conventions import MM_PER_M
-from fedora_qa.estimators.images.transfer import to_code, to_linear
-from fedora_qa.faults.canary_conditions import CanaryConditions
-from fedora_qa.faults.fault import Fault, rows_from, values, values_by_row
+from fedora_qa.estimators.images.transfer import WHITE_DN, to_code, to_linear
+from fedora_qa.faults.fault import Fault, values
+from fedora_qa.faults.reversible import InapplicableError, RowRange, in_rows, streams_in, value_keys
+from fedora_qa.sequence.declared import Camera
+from fedora_qa.sequence.facts import Facts
+from fedora_qa.sequence.sequence import SequenceRows
 
 _RGB, _DEPTH = "path/rgb", "path/depth"
-_LEAST_GAIN: Final = 0.1
-"""Least relative change of brightness, 0 to 1. With eight bits it changes every grey value above 5 DN."""
-_LEAST_POWER: Final = 0.5
-"""Least excess of the exponent above 1. Contrasts are then 1.5 times as large; the transfer curve of a display makes
-them more than twice as large."""
-_WHITE_DN: Final = 255.0
-_LEAST_LOSS_PERCENT: Final = 2.0
-"""Least loss of light in the corner: with eight bits it changes the grey values there from 25 DN on."""
-_LARGEST_LOSS: Final = 0.9
-"""Largest loss (0 to 1) of light in the corner, so that corners keep contrast."""
-_EXCHANGES: Final = ("RBG", "GRB", "BGR")
-_SPARSELY: Final = 8
-"""Frames are exchanged in every 8th interval. Three of eight intervals are then out of order, so that the median of all
-intervals does not change."""
-_DARKEST: Final = 0.3
-"""Least share (0 to 1) of the brightness after a jump of exposure, so that images keep contrast."""
+
+Transfer = Literal["linear", "srgb", "gamma2.2"]
+
+_CODES: Final = np.arange(WHITE_DN + 1)
+"""The 256 codes of eight bits."""
 
 
-def frozen_colour(conditions: CanaryConditions) -> Fault:
-    """Three successive colour frames repeat the frame before them."""
-    row = conditions.row_at_place("rgb")
-    held = rows_from(lambda rows: np.where((rows >= row) & (rows < row + 3), row - 1, rows), _count(conditions, _RGB))
-    return Fault(f"rgb frames {row} to {row + 2} repeat frame {row - 1}", {_RGB: held})
+@dataclass(frozen=True, slots=True)
+class ChannelOrder:
+    """Channels are in another order than R, G, B.
 
-
-def exchanged_colour(conditions: CanaryConditions) -> Fault:
-    """The colour frames at the two ends of every 8th interval are exchanged.
-
-    Intervals are those of the fastest flow; without flow they last from one frame to the next.
+    Attributes
+    ----------
+    order
+        Which correct channel is stored at each place: ``BGR``.
     """
-    facts, count = conditions.facts, _count(conditions, _RGB)
-    # The frames at the start and at the end of each interval.
-    flow_clock = facts.clocks[facts.flow_streams[-1]] if facts.flow_streams else None
-    if flow_clock is None or flow_clock.ends_ns is None:
-        first, last = np.arange(count - 1), np.arange(1, count)
-    else:
-        times_ns = facts.clocks["rgb"].times_ns
-        first, last = np.searchsorted(times_ns, flow_clock.times_ns), np.searchsorted(times_ns, flow_clock.ends_ns)
-    # One of the exchanged intervals lies at the place, where motion makes the exchange detectable.
-    chosen = np.arange(conditions.row_at_place("rgb") % _SPARSELY, len(first), _SPARSELY)
-    inside = chosen[(last[chosen] < count) & (first[chosen] < last[chosen])]
-    source = np.arange(count)
-    source[last[inside]], source[first[inside]] = first[inside], last[inside]
-    description = f"rgb frames are exchanged at the ends of every {_SPARSELY}th interval"
-    return Fault(description, {_RGB: rows_from(lambda rows: source[rows], count)})
+
+    order: str = "BGR"
+    cause: ClassVar[str] = "channel_order"
+    stream: ClassVar[str] = "rgb"
+    magnitude: ClassVar[None] = None
+
+    def plant(self, facts: Facts, sequence: SequenceRows) -> Fault:
+        """Store the channels in this order."""
+        channels = ["RGB".index(channel) for channel in self.order]
+        return _of_colour(facts, f"rgb is {', '.join(self.order)}", lambda frames: frames[..., channels])
+
+    def undo(self, facts: Facts, sequence: SequenceRows) -> Fault:
+        """Return to the order R, G, B."""
+        channels = [self.order.index(channel) for channel in "RGB"]
+        return _of_colour(facts, f"rgb back from {', '.join(self.order)}", lambda frames: frames[..., channels])
 
 
-def darker_colour(conditions: CanaryConditions) -> Fault:
-    """Colour frames are darker from the place on."""
-    row, percent = conditions.row_at_place("rgb"), conditions.size("largest_jump", at_least=100 * _LEAST_GAIN)
-    gain = max(1 - percent / 100, _DARKEST)
+@dataclass(frozen=True, slots=True)
+class ExposureGain:
+    """Codes are multiplied by a factor, rounded, and clipped at white, which is lost.
 
-    def alter(frames: NDArray[Any], rows: NDArray[np.int64]) -> NDArray[Any]:
-        gains = np.where(rows >= row, gain, 1.0)[:, np.newaxis, np.newaxis, np.newaxis]
-        return np.asarray(np.rint(frames * gains), dtype=frames.dtype)
-
-    return Fault(f"rgb is {100 * (1 - gain):.3g}% darker from frame {row} on", {_RGB: values_by_row(alter)})
-
-
-def exchanged_channels(conditions: CanaryConditions) -> Fault:
-    """Two colour channels are exchanged: those of the exchange with the least detection limit."""
-    limits = ((m.least_detectable, m.name.removeprefix("towards_")) for m in conditions.measurements)
-    orders = [(limit, order) for limit, order in limits if limit and order in _EXCHANGES]
-    # The least detection limit belongs to the exchange that is easiest to detect.
-    order = min(orders, default=(0.0, "BGR"))[1]
-    channels = ["RGB".index(channel) for channel in order]
-    return Fault(f"rgb is {', '.join(order)}", {_RGB: values(lambda frames: frames[..., channels])})
-
-
-def other_transfer(conditions: CanaryConditions) -> Fault:
-    """Grey values are altered by a power law that is not declared."""
-    power = 1 + conditions.size("exponent", "exponent_at_declared_thresholds", at_least=_LEAST_POWER)
-    # Y' = 255 (Y / 255)^power, for all 256 codes; 0 and 255 stay.
-    codes = np.rint(_WHITE_DN * (np.arange(_WHITE_DN + 1) / _WHITE_DN) ** power).astype(np.uint8)
-    return Fault(f"rgb went through a power of {power:.3g}", {_RGB: values(lambda frames: codes[frames])})
-
-
-def darker_corners(conditions: CanaryConditions) -> Fault:
-    """Colour frames get darker from the principal point to the farthest corner, in linear light."""
-    facts = conditions.facts
-    loss = min(conditions.size("corner_loss", at_least=_LEAST_LOSS_PERCENT) / 100, _LARGEST_LOSS)
-    declared, K = facts.declared, facts.declared.cameras["rgb"].K
-    linear_dn = to_linear(np.arange(_WHITE_DN + 1), declared.transfer)
-
-    def alter(frames: NDArray[Any]) -> NDArray[Any]:
-        y, x = np.indices(frames.shape[1:3], dtype=np.float64)
-        squares = ((x - K[0, 2]) / K[0, 0]) ** 2 + ((y - K[1, 2]) / K[1, 1]) ** 2
-        gains = (1 - loss) ** (squares / squares.max())
-        darkened_dn = linear_dn[frames] * gains[..., np.newaxis]
-        return np.asarray(np.rint(to_code(darkened_dn, declared.transfer)), dtype=frames.dtype)
-
-    return Fault(f"rgb loses {100 * loss:.3g}% of its light in the farthest corner", {_RGB: values(alter)})
-
-
-def shifted_colour(conditions: CanaryConditions) -> Fault:
-    """Colour frames lie too far to the right, by a number of pixels of the event camera."""
-    cameras = conditions.facts.declared.cameras
-    scale = cameras["rgb"].width / cameras["events"].width
-    # The limit is in px of the event camera; one px of it spans width_rgb / width_events colour columns (2.25 in the
-    # paper of the dataset).
-    return _shifted(_RGB, math.ceil(scale * conditions.size("shift_right", at_least=1.0)))
-
-
-def shifted_depth(conditions: CanaryConditions) -> Fault:
-    """Depth lies too far to the right."""
-    return _shifted(_DEPTH, math.ceil(conditions.size("shift_right", at_least=1.0)))
-
-
-def far_depth(conditions: CanaryConditions) -> Fault:
-    """Depth is a thousand times too large: in micrometres instead of millimetres."""
-    # 1 mm = 1000 um: the factor equals that from metres to millimetres.
-    return Fault("depth is in micrometres", {_DEPTH: values(lambda depth: depth * np.float32(MM_PER_M))})
-
-
-def uneven_depth(conditions: CanaryConditions) -> Fault:
-    """Depths of every second frame are too large by a factor."""
-    percent = conditions.size("deviation")
-
-    def alter(frames: NDArray[Any], rows: NDArray[np.int64]) -> NDArray[Any]:
-        factors = 1 + np.where(rows % 2, percent / 100, 0.0)[:, np.newaxis, np.newaxis]
-        return np.asarray(frames * factors, dtype=frames.dtype)
-
-    return Fault(f"every second depth frame is {percent:.3g}% too far", {_DEPTH: values_by_row(alter)})
-
-
-def scaled_depth(conditions: CanaryConditions) -> Fault:
-    """Depth is too large by a factor."""
-    factor = np.float32(1 + conditions.size("scale"))
-    return Fault(f"depth is too large by a factor of {factor:.6g}", {_DEPTH: values(lambda depth: depth * factor)})
-
-
-def ray_depth(conditions: CanaryConditions) -> Fault:
-    """Depth is the length of the ray, or z times a higher power of |m| where that length is below the detection limit.
-
-    |m| is the length of the ray of a pixel where z is 1.
+    Attributes
+    ----------
+    percent
+        Excess of the factor over 1; negative: too dark.
+    rows
+        The frames; None: all.
     """
-    camera, exponent = conditions.facts.declared.cameras["depth"], conditions.size("ray_exponent", at_least=1.0)
-    x, y = np.meshgrid(np.arange(camera.width), np.arange(camera.height))
-    pixels = np.stack([x, y, np.ones_like(x)], axis=-1)
-    # Ray length / z-depth = |m| = |K^-1 (x, y, 1)|, with integer coordinates at pixel centres.
-    lengths = np.linalg.norm(pixels @ np.linalg.inv(camera.K).T, axis=-1)
-    factors = (lengths**exponent).astype(np.float32)
-    return Fault("depth is the length of the ray", {_DEPTH: values(lambda depth: depth * factors)})
+
+    percent: float
+    rows: RowRange | None = None
+    cause: ClassVar[str] = "exposure_or_gamma"
+    stream: ClassVar[str] = "rgb"
+
+    @property
+    def magnitude(self) -> float:
+        """Excess of the factor, percent."""
+        return self.percent
+
+    def plant(self, facts: Facts, sequence: SequenceRows) -> Fault:
+        """Multiply by the factor."""
+        gain, start = 1 + self.percent / 100, 0 if self.rows is None else self.rows[0]
+        change = f"{abs(self.percent):.3g}% {'darker' if self.percent < 0 else 'brighter'} from frame {start} on"
+        return _of_colour(facts, f"rgb is {change}", lambda frames: _recoded(frames, _CODES * gain), self.rows)
+
+    def undo(self, facts: Facts, sequence: SequenceRows) -> Fault:
+        """Divide by the factor; the error is half a code over the factor, and half a code."""
+        gain = 1 + self.percent / 100
+        if gain <= 0:
+            raise InapplicableError(f"Expected frames that are not black, got a factor of {gain:g}")
+        description = f"rgb divided by {gain:.4g}"
+        return _of_colour(facts, description, lambda frames: _recoded(frames, _CODES / gain), self.rows)
 
 
-def _shifted(key: str, columns: int) -> Fault:
-    stream = key.removeprefix("path/")
-    # Axes are (time, row, column); columns increase to the right.
-    return Fault(
-        f"{stream} lies {columns} px too far to the right", {key: values(lambda v: np.roll(v, columns, axis=2))}
-    )
+@dataclass(frozen=True, slots=True)
+class PowerCurve:
+    """Codes went through a power law, ``Y' = 255 (Y / 255)^exponent``, that is not declared.
+
+    Attributes
+    ----------
+    exponent
+        Above 0; 1 / 2.2 is the curve of a display.
+    """
+
+    exponent: float
+    cause: ClassVar[str] = "exposure_or_gamma"
+    stream: ClassVar[str] = "rgb"
+    magnitude: ClassVar[None] = None
+
+    def plant(self, facts: Facts, sequence: SequenceRows) -> Fault:
+        """Raise to the exponent."""
+        description = f"rgb went through a power of {self.exponent:.3g}"
+        return _of_colour(facts, description, lambda frames: _recoded(frames, _powers(self.exponent)))
+
+    def undo(self, facts: Facts, sequence: SequenceRows) -> Fault:
+        """Raise to 1 / exponent: codes that the curve has merged become one code."""
+        description = f"rgb back from a power of {self.exponent:.3g}"
+        return _of_colour(facts, description, lambda frames: _recoded(frames, _powers(1 / self.exponent)))
 
 
-def _count(conditions: CanaryConditions, key: str) -> int:
-    return conditions.facts.sizes[key]
+@dataclass(frozen=True, slots=True)
+class TransferMisdeclared:
+    """Frames have another transfer curve than the declared one.
+
+    Attributes
+    ----------
+    actual, declared
+        Transfer curve of the frames, and the declared one.
+    """
+
+    actual: Transfer
+    declared: Transfer
+    cause: ClassVar[str] = "exposure_or_gamma"
+    stream: ClassVar[str] = "rgb"
+    magnitude: ClassVar[None] = None
+
+    def plant(self, facts: Facts, sequence: SequenceRows) -> Fault:
+        """Declare the other curve."""
+        description = f"rgb is declared {self.declared}"
+        return Fault(description, declared=replace(facts.declared, transfer=self.declared))
+
+    def undo(self, facts: Facts, sequence: SequenceRows) -> Fault:
+        """Declare the curve that frames have."""
+        return Fault(f"rgb is declared {self.actual}", declared=replace(facts.declared, transfer=self.actual))
+
+
+@dataclass(frozen=True, slots=True)
+class Vignetting:
+    """Frames get darker from the principal point to the farthest corner, in linear light.
+
+    The gain is ``(1 - loss)^(r^2 / r_corner^2)``, r being the distance from the optical axis where z is 1. The
+    logarithm of the brightness falls as r^2, which is how it is measured.
+
+    Attributes
+    ----------
+    corner_loss_percent
+        Loss in the farthest corner; negative: corners too bright.
+    """
+
+    corner_loss_percent: float
+    cause: ClassVar[str] = "vignetting"
+    stream: ClassVar[str] = "rgb"
+
+    @property
+    def magnitude(self) -> float:
+        """Loss in the farthest corner, percent."""
+        return self.corner_loss_percent
+
+    def plant(self, facts: Facts, sequence: SequenceRows) -> Fault:
+        """Multiply linear values by the gains."""
+        description = f"rgb loses {self.corner_loss_percent:.3g}% of its light in the farthest corner"
+        return self._shaded(facts, description, power=1)
+
+    def undo(self, facts: Facts, sequence: SequenceRows) -> Fault:
+        """Divide linear values by the gains; the error is half a code over the gain, and half a code."""
+        return self._shaded(facts, f"rgb divided by a fall-off of {self.corner_loss_percent:.3g}%", power=-1)
+
+    def _shaded(self, facts: Facts, description: str, power: int) -> Fault:
+        K, transfer = _camera(facts, "rgb").K, facts.declared.transfer
+        corner_gain = 1 - self.corner_loss_percent / 100
+        if corner_gain <= 0:
+            raise InapplicableError(f"Expected a loss below 100%, got {self.corner_loss_percent:g}%")
+        linear_dn = to_linear(_CODES, transfer)
+
+        def alter(frames: NDArray[Any]) -> NDArray[Any]:
+            y, x = np.indices(frames.shape[1:3], dtype=np.float64)
+            squares = ((x - K[0, 2]) / K[0, 0]) ** 2 + ((y - K[1, 2]) / K[1, 1]) ** 2
+            gains = corner_gain ** (power * squares / squares.max())
+            shaded_dn = linear_dn[np.clip(frames, 0, int(WHITE_DN))] * gains[..., np.newaxis]
+            return np.rint(to_code(shaded_dn, transfer))
+
+        return _of_colour(facts, description, alter)
+
+
+@dataclass(frozen=True, slots=True)
+class RayLength:
+    """Depth is the length of the ray instead of z: z |m|, with ``m = K^-1 (x, y, 1)``.
+
+    Attributes
+    ----------
+    exponent
+        Of |m|: 1 for the length of the ray.
+    """
+
+    exponent: float = 1.0
+    cause: ClassVar[str] = "depth_ray_not_z"
+    stream: ClassVar[str] = "depth"
+    magnitude: ClassVar[None] = None
+
+    def plant(self, facts: Facts, sequence: SequenceRows) -> Fault:
+        """Multiply by |m|."""
+        return self._scaled(facts, "depth is the length of the ray", self.exponent)
+
+    def undo(self, facts: Facts, sequence: SequenceRows) -> Fault:
+        """Divide by |m|."""
+        return self._scaled(facts, "lengths of rays become z", -self.exponent)
+
+    def _scaled(self, facts: Facts, description: str, exponent: float) -> Fault:
+        streams_in(facts, self.stream)
+        camera = _camera(facts, "depth")
+        x, y = np.meshgrid(np.arange(camera.width), np.arange(camera.height))
+        pixels = np.stack([x, y, np.ones_like(x)], axis=-1)
+        # Ray length / z-depth = |m| = |K^-1 (x, y, 1)|, with integer coordinates at pixel centres.
+        factors = np.linalg.norm(pixels @ np.linalg.inv(camera.K).T, axis=-1) ** exponent
+        return Fault(description, {_DEPTH: in_rows(lambda depth: depth * factors, None)})
+
+
+@dataclass(frozen=True, slots=True)
+class InvalidCode:
+    """Invalid pixels hold a code instead of NaN.
+
+    Attributes
+    ----------
+    stream
+        ``depth`` or flow.
+    code
+        In the unit of the stream: 0, or infinite. Undone, valid pixels of exactly this value become NaN too: of flow,
+        those of which both components have it.
+    """
+
+    stream: str
+    code: float = 0.0
+    cause: ClassVar[str] = "invalid_encoding"
+    magnitude: ClassVar[None] = None
+
+    def plant(self, facts: Facts, sequence: SequenceRows) -> Fault:
+        """Replace NaN by the code."""
+
+        def alter(images: NDArray[Any]) -> NDArray[Any]:
+            return np.where(np.isnan(images), images.dtype.type(self.code), images)
+
+        description = f"invalid pixels of {self.stream} are {self.code:g}"
+        return Fault(description, dict.fromkeys(value_keys(facts, self.stream), values(alter)))
+
+    def undo(self, facts: Facts, sequence: SequenceRows) -> Fault:
+        """Replace the code by NaN."""
+
+        def alter(images: NDArray[Any]) -> NDArray[Any]:
+            is_code = images == images.dtype.type(self.code)
+            if images.ndim > 3:
+                # A component may be 0 where a point moves along the other axis.
+                is_code = np.all(is_code, axis=-1, keepdims=True)
+            return np.where(is_code, images.dtype.type(np.nan), images)
+
+        description = f"{self.code:g} of {self.stream} becomes NaN"
+        return Fault(description, dict.fromkeys(value_keys(facts, self.stream), values(alter)))
+
+
+def _powers(exponent: float) -> NDArray[np.float64]:
+    """Return ``255 (Y / 255)^exponent`` of the 256 codes Y; 0 and 255 stay."""
+    powers: NDArray[np.float64] = WHITE_DN * (_CODES / WHITE_DN) ** exponent
+    return powers
+
+
+def _recoded(frames: NDArray[Any], curve_dn: NDArray[np.float64]) -> NDArray[Any]:
+    """Replace codes by those of a curve (256,), rounded and clipped; codes that eight bits cannot hold stay."""
+    codes = np.rint(np.clip(curve_dn, 0, WHITE_DN)).astype(frames.dtype)
+    if frames.dtype == np.uint8:
+        return np.asarray(codes[frames])
+    is_code = (frames >= 0) & (frames <= WHITE_DN)
+    return np.where(is_code, codes[np.where(is_code, frames, 0)], frames)
+
+
+def _of_colour(
+    facts: Facts, description: str, alter: Callable[[NDArray[Any]], NDArray[Any]], rows: RowRange | None = None
+) -> Fault:
+    streams_in(facts, "rgb")
+    return Fault(description, {_RGB: in_rows(lambda frames: np.ascontiguousarray(alter(frames)), rows)})
+
+
+def _camera(facts: Facts, name: str) -> Camera:
+    if name not in facts.declared.cameras:
+        raise InapplicableError(f"Expected a declared {name} camera, got none: its intrinsics are needed")
+    return facts.declared.cameras[name]

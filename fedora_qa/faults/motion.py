@@ -1,47 +1,331 @@
-"""Faults of IMU and pose values.
+"""Faults of IMU and pose values; those of the axes in which they are written are in ``axes.py``."""
 
-Faults of their timestamps are in ``timestamps.py``, those of the declared noise in ``declarations.py``.
-"""
-
-from typing import Any, Final
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any, ClassVar, Final, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
-from fedora_qa.faults.canary_conditions import CanaryConditions
-from fedora_qa.faults.fault import Fault, values, values_by_row
+from fedora_qa.faults.fault import Fault, Read, values
+from fedora_qa.faults.reversible import (
+    InapplicableError,
+    RowRange,
+    Vector3,
+    in_rows,
+    signed_length,
+    streams_in,
+)
+from fedora_qa.geometry import so3
+from fedora_qa.geometry.motion import STENCIL, interpolate_poses
+from fedora_qa.sequence.facts import Facts
+from fedora_qa.sequence.sequence import SequenceRows
 
-_LEAST_STRETCH: Final = 1e-3
-_ALONG_X: Final = np.array([1.0, 0.0, 0.0])
+Float64 = NDArray[np.float64]
 
-
-def long_quaternions(conditions: CanaryConditions) -> Fault:
-    """Quaternions are longer than 1."""
-    factor = 1 + conditions.size("length_error", at_least=_LEAST_STRETCH)
-    return Fault(f"quaternions have the length {factor:.6g}", {"path/pose/orientation": values(lambda q: q * factor)})
-
-
-def teleport(conditions: CanaryConditions) -> Fault:
-    """Positions are displaced to the east from the place on."""
-    size_m, row = conditions.size("position_jump"), conditions.row_at_place("pose")
-
-    def alter(positions: NDArray[Any], rows: NDArray[np.int64]) -> NDArray[Any]:
-        # World frame (ENU): X points east.
-        return np.asarray(positions + np.outer(rows >= row, _ALONG_X) * size_m)
-
-    return Fault(f"positions jump by {size_m:.3g} m at row {row}", {"path/pose/position": values_by_row(alter)})
+_GYRO, _ACCEL = "path/imu/angular_velocity", "path/imu/linear_acceleration"
+_POSITION, _ORIENTATION = "path/pose/position", "path/pose/orientation"
+_UP: Final = np.array([0.0, 0.0, 1.0])
 
 
-def gyro_bias(conditions: CanaryConditions) -> Fault:
-    """Angular velocities about X are too large by a constant."""
-    bias = conditions.size("bias_x")
-    # Body frame: X points forward, so that the bias is one of the roll rate.
-    description = f"the gyro is biased by {bias:.3g} rad/s"
-    return Fault(description, {"path/imu/angular_velocity": values(lambda rates: rates + bias * _ALONG_X)})
+@dataclass(frozen=True, slots=True)
+class GyroBias:
+    """Angular velocities are too large by a constant.
+
+    Attributes
+    ----------
+    bias_rad_s
+        About body X, Y and Z.
+    rows
+        The samples; None: all.
+    """
+
+    bias_rad_s: Vector3
+    rows: RowRange | None = None
+    cause: ClassVar[str] = "gyro_bias"
+    stream: ClassVar[str] = "imu"
+
+    @property
+    def magnitude(self) -> float:
+        """Length of the bias, rad/s, with the sign of its largest component."""
+        return signed_length(self.bias_rad_s)
+
+    def plant(self, facts: Facts, sequence: SequenceRows) -> Fault:
+        """Add the bias."""
+        return _displaced(facts, _GYRO, f"the gyro is biased by {self.magnitude:.3g} rad/s", self.bias_rad_s, self.rows)
+
+    def undo(self, facts: Facts, sequence: SequenceRows) -> Fault:
+        """Subtract the bias."""
+        description = f"{self.magnitude:.3g} rad/s subtracted from the gyro"
+        return _displaced(facts, _GYRO, description, _opposite(self.bias_rad_s), self.rows)
 
 
-def accel_bias(conditions: CanaryConditions) -> Fault:
-    """Specific forces along X are too large by a constant."""
-    bias = conditions.size("bias_x")
-    description = f"the accelerometer is biased by {bias:.3g} m/s^2"
-    return Fault(description, {"path/imu/linear_acceleration": values(lambda forces: forces + bias * _ALONG_X)})
+@dataclass(frozen=True, slots=True)
+class AccelBias:
+    """Specific forces are too large by a constant.
+
+    Attributes
+    ----------
+    bias_m_s2
+        Along body X, Y and Z.
+    rows
+        The samples; None: all.
+    """
+
+    bias_m_s2: Vector3
+    rows: RowRange | None = None
+    cause: ClassVar[str] = "accel_bias"
+    stream: ClassVar[str] = "imu"
+
+    @property
+    def magnitude(self) -> float:
+        """Length of the bias, m/s^2, with the sign of its largest component."""
+        return signed_length(self.bias_m_s2)
+
+    def plant(self, facts: Facts, sequence: SequenceRows) -> Fault:
+        """Add the bias."""
+        description = f"the accelerometer is biased by {self.magnitude:.3g} m/s^2"
+        return _displaced(facts, _ACCEL, description, self.bias_m_s2, self.rows)
+
+    def undo(self, facts: Facts, sequence: SequenceRows) -> Fault:
+        """Subtract the bias."""
+        description = f"{self.magnitude:.3g} m/s^2 subtracted from the accelerometer"
+        return _displaced(facts, _ACCEL, description, _opposite(self.bias_m_s2), self.rows)
+
+
+@dataclass(frozen=True, slots=True)
+class Teleport:
+    """Positions are displaced within a range of rows.
+
+    Attributes
+    ----------
+    displacement_m
+        In the world (east, north, up).
+    rows
+        The first displaced row, and the row where positions are correct again; None for the latter: none.
+    """
+
+    displacement_m: Vector3
+    rows: RowRange
+    cause: ClassVar[str] = "teleport"
+    stream: ClassVar[str] = "pose"
+
+    @property
+    def magnitude(self) -> float:
+        """Length of the displacement, m, with the sign of its largest component."""
+        return signed_length(self.displacement_m)
+
+    def plant(self, facts: Facts, sequence: SequenceRows) -> Fault:
+        """Add the displacement."""
+        description = f"positions jump by {abs(self.magnitude):.3g} m at row {self.rows[0]}"
+        return _displaced(facts, _POSITION, description, self.displacement_m, self.rows)
+
+    def undo(self, facts: Facts, sequence: SequenceRows) -> Fault:
+        """Subtract the displacement."""
+        description = f"positions back by {abs(self.magnitude):.3g} m from row {self.rows[0]}"
+        return _displaced(facts, _POSITION, description, _opposite(self.displacement_m), self.rows)
+
+
+@dataclass(frozen=True, slots=True)
+class PoseLeverArm:
+    """Positions are those of another point of the body: ``p + R_world_body arm``.
+
+    Attributes
+    ----------
+    arm_body_m
+        From the body's origin to that point.
+    """
+
+    arm_body_m: Vector3
+    cause: ClassVar[str] = "lever_arm"
+    stream: ClassVar[str] = "pose"
+
+    @property
+    def magnitude(self) -> float:
+        """Length of the arm, m, with the sign of its largest component."""
+        return signed_length(self.arm_body_m)
+
+    def plant(self, facts: Facts, sequence: SequenceRows) -> Fault:
+        """Move positions to the other point."""
+        description = f"positions of a point {self.magnitude:.3g} m from the origin"
+        return self._moved(facts, sequence, description, self.arm_body_m)
+
+    def undo(self, facts: Facts, sequence: SequenceRows) -> Fault:
+        """Move positions to the body's origin."""
+        description = f"positions back by {self.magnitude:.3g} m in the body"
+        return self._moved(facts, sequence, description, _opposite(self.arm_body_m))
+
+    def _moved(self, facts: Facts, sequence: SequenceRows, description: str, arm: Vector3) -> Fault:
+        streams_in(facts, self.stream)
+
+        def alter(read: Read, start: int, stop: int) -> NDArray[Any]:
+            R_world_body = so3.matrices_from_quaternions(sequence.rows(_ORIENTATION, start, stop))
+            return np.asarray(read(start, stop) + R_world_body @ np.array(arm))
+
+        return Fault(description, {_POSITION: alter})
+
+
+@dataclass(frozen=True, slots=True)
+class GravityError:
+    """Specific force has a wrong part of gravity: ``f + e g R_body_world (0, 0, 1)``, g the declared gravity.
+
+    Attitudes are those of the pose, interpolated at IMU times; beyond the poses the nearest.
+
+    Attributes
+    ----------
+    cause
+        ``gravity_missing``, ``gravity_sign`` or ``gravity_magnitude``.
+    excess_m_s2
+        e g, of ``gravity_magnitude``: positive if the gravity of the samples exceeds the declared one. The other
+        causes have e = -1 and e = -2.
+    """
+
+    cause: Literal["gravity_missing", "gravity_sign", "gravity_magnitude"]
+    excess_m_s2: float = 0.0
+    stream: ClassVar[str] = "imu"
+
+    @property
+    def magnitude(self) -> float | None:
+        """Excess of gravity, m/s^2; None for causes without a size."""
+        return self.excess_m_s2 if self.cause == "gravity_magnitude" else None
+
+    def plant(self, facts: Facts, sequence: SequenceRows) -> Fault:
+        """Add the wrong part."""
+        upward_m_s2 = self._upward_m_s2(facts)
+        description = f"specific force has {upward_m_s2:+.4g} m/s^2 along the vertical"
+        return _lifted(facts, sequence, description, upward_m_s2)
+
+    def undo(self, facts: Facts, sequence: SequenceRows) -> Fault:
+        """Subtract the wrong part."""
+        upward_m_s2 = -self._upward_m_s2(facts)
+        return _lifted(facts, sequence, f"{upward_m_s2:+.4g} m/s^2 added along the vertical", upward_m_s2)
+
+    def _upward_m_s2(self, facts: Facts) -> float:
+        if self.cause == "gravity_magnitude":
+            return self.excess_m_s2
+        if facts.declared.imu is None:
+            raise InapplicableError("Expected a declared gravity, got none")
+        return (-1 if self.cause == "gravity_missing" else -2) * facts.declared.imu.gravity
+
+
+@dataclass(frozen=True, slots=True)
+class QuaternionOrder:
+    """Components of quaternions are in another order.
+
+    Attributes
+    ----------
+    order
+        Which of x, y, z, w (0 to 3) is stored at each place: (3, 0, 1, 2) for w, x, y, z.
+    """
+
+    order: tuple[int, int, int, int] = (3, 0, 1, 2)
+    cause: ClassVar[str] = "quaternion_order"
+    stream: ClassVar[str] = "pose"
+    magnitude: ClassVar[None] = None
+
+    def plant(self, facts: Facts, sequence: SequenceRows) -> Fault:
+        """Store the components in this order."""
+        order = list(self.order)
+        description = f"quaternions are {', '.join('xyzw'[place] for place in order)}"
+        return _of_orientations(facts, description, lambda q: q[:, order])
+
+    def undo(self, facts: Facts, sequence: SequenceRows) -> Fault:
+        """Return to x, y, z, w."""
+        inverse = np.argsort(self.order)
+        return _of_orientations(facts, "quaternions back to x, y, z, w", lambda q: q[:, inverse])
+
+
+@dataclass(frozen=True, slots=True)
+class QuaternionInversion:
+    """Quaternions take the world to the body."""
+
+    cause: ClassVar[str] = "quaternion_inverted"
+    stream: ClassVar[str] = "pose"
+    magnitude: ClassVar[None] = None
+
+    def plant(self, facts: Facts, sequence: SequenceRows) -> Fault:
+        """Conjugate the quaternions."""
+        return _of_orientations(facts, "quaternions take the world to the body", so3.inverse)
+
+    def undo(self, facts: Facts, sequence: SequenceRows) -> Fault:
+        """Conjugate them again: conjugation is its own inverse."""
+        return self.plant(facts, sequence)
+
+
+@dataclass(frozen=True, slots=True)
+class QuaternionLength:
+    """Quaternions are not of unit length.
+
+    Attributes
+    ----------
+    excess
+        Length above 1; without influence on the undoing, which normalises each quaternion.
+    """
+
+    excess: float
+    cause: ClassVar[str] = "quaternion_not_unit"
+    stream: ClassVar[str] = "pose"
+
+    @property
+    def magnitude(self) -> float:
+        """Length above 1."""
+        return self.excess
+
+    def plant(self, facts: Facts, sequence: SequenceRows) -> Fault:
+        """Multiply by the length."""
+        length = 1 + self.excess
+        return _of_orientations(facts, f"quaternions have the length {length:.6g}", lambda q: q * length)
+
+    def undo(self, facts: Facts, sequence: SequenceRows) -> Fault:
+        """Normalise; quaternions of length 0 have no direction, and stay."""
+
+        def alter(q: NDArray[Any]) -> NDArray[Any]:
+            unit = so3.normalise(q)
+            return np.where(np.isfinite(unit), unit, q)
+
+        return _of_orientations(facts, "quaternions are normalised", alter)
+
+
+def _opposite(vector: Vector3) -> Vector3:
+    return -vector[0], -vector[1], -vector[2]
+
+
+def _displaced(facts: Facts, key: str, description: str, vector: Vector3, rows: RowRange | None) -> Fault:
+    streams_in(facts, key.split("/")[1])
+    return Fault(description, {key: in_rows(lambda vectors: vectors + np.array(vector), rows)})
+
+
+def _of_orientations(facts: Facts, description: str, alter: Callable[[NDArray[Any]], NDArray[Any]]) -> Fault:
+    streams_in(facts, "pose")
+    return Fault(description, {_ORIENTATION: values(alter)})
+
+
+def _lifted(facts: Facts, sequence: SequenceRows, description: str, upward_m_s2: float) -> Fault:
+    """Return the fault that adds an acceleration along the vertical of the world to specific forces."""
+    for stream in ("imu", "pose"):
+        streams_in(facts, stream)
+    clock, times_ns = facts.clocks["pose"], facts.clocks["imu"].times_ns
+    pose_rows = np.flatnonzero(clock.advancing)
+    pose_ns = clock.times_ns[pose_rows]
+    if not len(pose_ns):
+        raise InapplicableError("Expected poses with timestamps that advance, got none")
+
+    def alter(read: Read, start: int, stop: int) -> NDArray[Any]:
+        forces = read(start, stop)
+        if start >= stop:
+            return forces
+        at_ns = np.clip(times_ns[start:stop], pose_ns[0], pose_ns[-1])
+        # The poses around these times, with all that the interpolation uses.
+        first = max(int(np.searchsorted(pose_ns, at_ns.min())) - STENCIL, 0)
+        last = min(int(np.searchsorted(pose_ns, at_ns.max())) + STENCIL, len(pose_ns) - 1)
+        chosen = pose_rows[first : last + 1]
+        q = sequence.rows(_ORIENTATION, int(chosen[0]), int(chosen[-1]) + 1)[chosen - chosen[0]]
+        near_ns = pose_ns[first : last + 1]
+        R_world_body, _ = interpolate_poses(near_ns, np.zeros((len(q), 3)), q, at_ns=at_ns)
+        # Within a gap of the poses the attitude is the one of the pose before it.
+        held = np.flatnonzero(np.isnan(R_world_body).any(axis=(1, 2)))
+        R_world_body[held] = so3.matrices_from_quaternions(q[np.searchsorted(near_ns, at_ns[held], "right") - 1])
+        # R_body_world up = R_world_body^T up.
+        return np.asarray(forces + upward_m_s2 * np.einsum("nji,j->ni", R_world_body, _UP))
+
+    return Fault(description, {_ACCEL: alter})

@@ -72,7 +72,7 @@ def conditions(sequence: Sequence) -> CanaryConditions:
              "scale", "jitter", "position_jump", "bias_x", "repeats", "position_noise", "gyro_noise")  # fmt: skip
     facts = prepare(sequence, 1 << 26).facts
     measurements = tuple(Measurement(name, 0.0, "", 0.1, 1.0, 0.5, 1.0) for name in names)
-    return CanaryConditions(facts, measurements, place_ns=50_000_000, multiple=3.0)
+    return CanaryConditions(sequence, facts, measurements, place_ns=50_000_000, multiple=3.0)
 
 
 @pytest.mark.parametrize("check", CANARIES)
@@ -105,9 +105,10 @@ def test_fault_does_not_depend_on_pieces(
 
 def test_size_is_clearly_above_the_sharpest_limit() -> None:
     """Of all measurements with the name the sharpest counts; a floor holds where it is higher."""
+    sequence: Any = None
     facts: Any = None
     limits = (measured("imu time_offset", 2.0), measured("time_offset", 0.5), measured("other", 0.1))
-    conditions = CanaryConditions(facts, limits, 0, multiple=3.0)
+    conditions = CanaryConditions(sequence, facts, limits, 0, multiple=3.0)
     assert conditions.size("time_offset") == 1.5
     assert conditions.size("time_offset", at_least=4.0) == 4.0
     assert conditions.size("unheard", at_least=1.0) == 1.0
@@ -116,9 +117,10 @@ def test_size_is_clearly_above_the_sharpest_limit() -> None:
 @pytest.mark.parametrize("limit", [None, 0.0])
 def test_no_size_without_a_limit(limit: float | None) -> None:
     """Where a check states no limit there is no fault that it would have to see."""
+    sequence: Any = None
     facts: Any = None
     with pytest.raises(UnplantableError, match="no limit of gap"):
-        CanaryConditions(facts, (measured("gap", limit),), 0, multiple=3.0).size("gap")
+        CanaryConditions(sequence, facts, (measured("gap", limit),), 0, multiple=3.0).size("gap")
 
 
 def test_only_timestamps_and_index_maps_move_time() -> None:

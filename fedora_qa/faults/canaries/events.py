@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from fedora_qa.conventions import NS_PER_S
 from fedora_qa.faults.canary_conditions import CanaryConditions, UnplantableError
 from fedora_qa.faults.fault import Alteration, Fault, rows_from, values, values_by_row
+from fedora_qa.faults.pixels import Mirroring, PixelShift, PolarityInversion
 from fedora_qa.sequence.declared import Camera
 
 _FEWEST_IN_PACKETS: Final = 16.0
@@ -58,14 +59,12 @@ def hot_pixel(conditions: CanaryConditions) -> Fault:
 
 def inverted_polarity(conditions: CanaryConditions) -> Fault:
     """Brighter and darker events are exchanged. Invalid polarities stay."""
-    # Codes above 1 are invalid, and the inversion must not make them valid.
-    return Fault("polarity is inverted", {_P: values(lambda p: np.where(p <= 1, 1 - p, p).astype(p.dtype))})
+    return conditions.planted(PolarityInversion())
 
 
 def mirrored(conditions: CanaryConditions) -> Fault:
     """Columns are counted from right to left."""
-    last = _sensor(conditions).width - 1
-    return Fault("events are mirrored", {_X: values(lambda x: np.where(x <= last, last - x, x).astype(x.dtype))})
+    return conditions.planted(Mirroring("events"))
 
 
 def interpolated(conditions: CanaryConditions) -> Fault:
@@ -105,13 +104,7 @@ def interpolated(conditions: CanaryConditions) -> Fault:
 def shifted(conditions: CanaryConditions) -> Fault:
     """Events lie too far to the right. Events that would leave the sensor enter it on the left."""
     # Whole columns, rounded up: a smaller shift can lie below the detection limit.
-    columns, width = math.ceil(conditions.size("shift_right", at_least=1.0)), _sensor(conditions).width
-
-    def alter(x: NDArray[Any]) -> NDArray[Any]:
-        # In int64: uint16 would overflow before the remainder is taken.
-        return np.where(x < width, (x.astype(np.int64) + columns) % width, x).astype(x.dtype)
-
-    return Fault(f"events lie {columns} px too far to the right", {_X: values(alter)})
+    return conditions.planted(PixelShift("events", math.ceil(conditions.size("shift_right", at_least=1.0))))
 
 
 def _sensor(conditions: CanaryConditions) -> Camera:

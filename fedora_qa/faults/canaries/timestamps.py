@@ -1,5 +1,6 @@
 """Faults of timestamps and index maps: clock offsets, rates, orders, and indices that are too large by one."""
 
+from dataclasses import replace
 from math import ceil, sqrt
 
 import numpy as np
@@ -7,7 +8,10 @@ from numpy.typing import NDArray
 
 from fedora_qa.conventions import NS_PER_MS, NS_PER_US
 from fedora_qa.faults.canary_conditions import CanaryConditions, UnplantableError
-from fedora_qa.faults.fault import Alteration, Fault, rows_from, values, values_by_row
+from fedora_qa.faults.clocks import ClockRate, ClockShift, TimeUnit
+from fedora_qa.faults.fault import Fault, rows_from, values
+from fedora_qa.faults.index_maps import IndexShift
+from fedora_qa.faults.row_order import Unsorted
 from fedora_qa.layout.canonical import TIMESTAMPS_OF
 
 _SEED = 1
@@ -15,35 +19,6 @@ _THOUSAND = 1_000
 _COARSE_TICKS = 1_000
 """Ratio of the coarse grid to the declared one. By chance a thousand events lie on the coarse grid with a probability
 of 1e-3000."""
-
-
-def shifted_ns(later_ns: float) -> Alteration:
-    """Return the alteration that adds a constant, ns, to all timestamps; the negative constant undoes it."""
-    return values(lambda timestamps: timestamps + round(later_ns))
-
-
-def later_from(row: int, later_ns: float) -> Alteration:
-    """Return the alteration that adds a constant to the timestamps from a row on.
-
-    Parameters
-    ----------
-    row
-        First row whose timestamps are altered.
-    later_ns
-        The constant, ns; rounded to whole nanoseconds.
-
-    Returns
-    -------
-    Alteration
-        Of timestamps (n,), or (n, 2) for the intervals of flow, ns.
-    """
-
-    def alter(timestamps: NDArray[np.int64], rows: NDArray[np.int64]) -> NDArray[np.int64]:
-        late = np.where(rows >= row, round(later_ns), 0)
-        # Timestamps of flow are (n, 2): the same constant is added to both ends of an interval.
-        return timestamps + late.reshape(-1, *(1,) * (timestamps.ndim - 1))
-
-    return values_by_row(alter)
 
 
 def exchanged_timestamps(conditions: CanaryConditions) -> Fault:
@@ -57,9 +32,7 @@ def exchanged_timestamps(conditions: CanaryConditions) -> Fault:
         last_ns = events.last_ns
         return Fault("the stamps of events run backwards", {TIMESTAMPS_OF["events"]: values(lambda t: last_ns - t)})
     row = conditions.row_at_place(stream)
-    # rows ^ 1 exchanges 2k and 2k + 1.
-    exchange = rows_from(lambda rows: np.where(rows // 2 == row // 2, rows ^ 1, rows), counts[stream])
-    return Fault(f"stamps {row} and {row ^ 1} of {stream} are exchanged", {TIMESTAMPS_OF[stream]: exchange})
+    return conditions.planted(Unsorted(stream, row - row % 2, 2, timestamps_only=True))
 
 
 def in_nanoseconds(conditions: CanaryConditions) -> Fault:
@@ -68,9 +41,8 @@ def in_nanoseconds(conditions: CanaryConditions) -> Fault:
     timed = len(streams) + len(conditions.facts.flow_streams) + (conditions.facts.events is not None)
     if not streams or (timed < 3 and not conditions.facts.flow_streams):
         raise UnplantableError("of two streams without flow none is known to be the wrong one")
-    return Fault(
-        f"stamps of {streams[0]} are in nanoseconds", {TIMESTAMPS_OF[streams[0]]: values(lambda t: t * _THOUSAND)}
-    )
+    # From the file's origin, so that epoch timestamps stay within reach of int64.
+    return conditions.planted(TimeUnit(streams[0], _THOUSAND, pivot_ns=0))
 
 
 def wrong_rate(conditions: CanaryConditions) -> Fault:
@@ -80,10 +52,7 @@ def wrong_rate(conditions: CanaryConditions) -> Fault:
         raise UnplantableError("no stream has a nominal rate")
     if not conditions.facts.flow_streams and len(conditions.facts.clocks) < 2:
         raise UnplantableError("a single clock is held against nothing")
-    # The detection limit of the rate is in ppm: factor = 1 + 1e-6 ppm.
-    factor = 1 + 1e-6 * conditions.size(f"{stream}.rate_error")
-    description = f"the clock of {stream} is wrong by {1e6 * (factor - 1):.3g} ppm"
-    return Fault(description, {TIMESTAMPS_OF[stream]: values(lambda t: np.rint(factor * t).astype(np.int64))})
+    return conditions.planted(ClockRate(stream, conditions.size(f"{stream}.rate_error")))
 
 
 def lost_samples(conditions: CanaryConditions) -> Fault:
@@ -92,8 +61,8 @@ def lost_samples(conditions: CanaryConditions) -> Fault:
     if stream is None:
         raise UnplantableError("no stream has a regular clock")
     row = conditions.row_at_place(stream)
-    description = f"three samples of {stream} are missing before row {row}"
-    return Fault(description, {TIMESTAMPS_OF[stream]: later_from(row, 3 * conditions.period_ns(stream))})
+    gap = conditions.planted(ClockShift(stream, 3 * conditions.period_ns(stream), rows=(row, None)))
+    return replace(gap, description=f"three samples of {stream} are missing before row {row}")
 
 
 def begins_late(conditions: CanaryConditions) -> Fault:
@@ -102,7 +71,7 @@ def begins_late(conditions: CanaryConditions) -> Fault:
     if stream is None:
         raise UnplantableError("fewer than two streams have a regular clock")
     late_ms = conditions.size(f"{stream}.begins_late")
-    return Fault(f"{stream} begins {late_ms:.4g} ms late", {TIMESTAMPS_OF[stream]: shifted_ns(late_ms * NS_PER_MS)})
+    return conditions.planted(ClockShift(stream, late_ms * NS_PER_MS))
 
 
 def coarse_grid(conditions: CanaryConditions) -> Fault:
@@ -130,19 +99,17 @@ def next_event(conditions: CanaryConditions, index_map: str) -> Fault:
     Fault
         Of ``metadata/<index_map>``.
     """
-    return Fault(f"{index_map} is one event too far", {f"metadata/{index_map}": values(lambda index: index + 1)})
+    return conditions.planted(IndexShift(index_map, 1))
 
 
 def late_imu(conditions: CanaryConditions) -> Fault:
     """The timestamps of the IMU are too late."""
-    late_ms = conditions.size("time_offset")
-    return Fault(f"imu {late_ms:.3g} ms late", {TIMESTAMPS_OF["imu"]: shifted_ns(late_ms * NS_PER_MS)})
+    return conditions.planted(ClockShift("imu", conditions.size("time_offset") * NS_PER_MS))
 
 
 def late_events(conditions: CanaryConditions) -> Fault:
     """The timestamps of events are too late."""
-    late_ms = conditions.size("time_offset")
-    return Fault(f"events {late_ms:.3g} ms late", {TIMESTAMPS_OF["events"]: shifted_ns(late_ms * NS_PER_MS)})
+    return conditions.planted(ClockShift("events", conditions.size("time_offset") * NS_PER_MS))
 
 
 def scattered_events(conditions: CanaryConditions) -> Fault:

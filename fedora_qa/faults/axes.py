@@ -1,0 +1,120 @@
+"""Faults of the axes in which vectors, orientations and mountings are written."""
+
+from dataclasses import dataclass, replace
+from typing import Any, ClassVar, Final, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fedora_qa.conventions import R_BODY_OPTICAL
+from fedora_qa.faults.fault import Fault, values
+from fedora_qa.faults.reversible import InapplicableError, Matrix3, value_keys
+from fedora_qa.geometry import so3
+from fedora_qa.sequence.declared import Camera
+from fedora_qa.sequence.facts import Facts
+from fedora_qa.sequence.sequence import SequenceRows
+
+Float64 = NDArray[np.float64]
+
+_POSITION, _ORIENTATION = "path/pose/position", "path/pose/orientation"
+_IDENTITY: Final[Matrix3] = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
+
+
+@dataclass(frozen=True, slots=True)
+class VectorAxes:
+    """Vectors are written in other axes: ``v' = axes v``.
+
+    Attributes
+    ----------
+    stream
+        ``imu`` (both sensors), ``pose`` (positions and orientations), or flow (the third axis has no influence).
+    axes
+        Orthogonal matrix, for ``pose`` of the world.
+    body_axes
+        Orthogonal matrix of the body, only for ``pose``: ``R' = axes R body_axes^T``.
+    turns_orientations
+        Whether orientations are written in the axes too. If not, only positions are.
+    cause
+        ``frame_convention`` or ``axes_swapped``.
+    """
+
+    stream: str
+    axes: Matrix3
+    body_axes: Matrix3 = _IDENTITY
+    turns_orientations: bool = True
+    cause: Literal["frame_convention", "axes_swapped"] = "frame_convention"
+    magnitude: ClassVar[None] = None
+
+    def plant(self, facts: Facts, sequence: SequenceRows) -> Fault:
+        """Write vectors in the other axes."""
+        description = f"the axes of {self.stream} follow another convention"
+        return self._turned(facts, description, np.array(self.axes), np.array(self.body_axes))
+
+    def undo(self, facts: Facts, sequence: SequenceRows) -> Fault:
+        """Write vectors in the axes of the format: the inverse of an orthogonal matrix is its transpose."""
+        description = f"the axes of {self.stream} back to the convention"
+        return self._turned(facts, description, np.array(self.axes).T, np.array(self.body_axes).T)
+
+    def _turned(self, facts: Facts, description: str, axes: Float64, body_axes: Float64) -> Fault:
+        keys = value_keys(facts, self.stream)
+        if self.stream not in ("imu", "pose"):
+            axes = axes[:2, :2]
+        turn = values(lambda vectors: _times_vectors(axes, vectors))
+        if self.stream != "pose":
+            return Fault(description, dict.fromkeys(keys, turn))
+        if not self.turns_orientations:
+            return Fault(description, {_POSITION: turn})
+        signs = np.sign(np.linalg.det(axes)), np.sign(np.linalg.det(body_axes))
+        if signs[0] != signs[1]:
+            raise InapplicableError("Expected axes of world and body of the same handedness, got different ones")
+        # Two mirrorings are a rotation: (-A) R (-B)^T = A R B^T with -A and -B proper.
+        left, right = (so3.quaternions_from_matrices(signs[0] * matrix) for matrix in (axes, body_axes.T))
+
+        def rotated(q: NDArray[Any]) -> NDArray[Any]:
+            return so3.compose(so3.compose(left, q), right)
+
+        return Fault(description, {_POSITION: turn, _ORIENTATION: values(rotated)})
+
+
+@dataclass(frozen=True, slots=True)
+class CameraAxes:
+    """Mountings of cameras are declared in other optical axes: ``R_body_camera' = R_body_camera axes``.
+
+    Attributes
+    ----------
+    axes
+        Rotation; by default that of body axes taken for optical ones, of a camera that looks straight ahead.
+    """
+
+    axes: Matrix3 = tuple(zip(*R_BODY_OPTICAL, strict=True))  # type: ignore[assignment]  # the transpose
+    cause: ClassVar[str] = "frame_convention"
+    stream: ClassVar[str] = "metadata"
+    magnitude: ClassVar[None] = None
+
+    def plant(self, facts: Facts, sequence: SequenceRows) -> Fault:
+        """Declare the other axes."""
+        return self._declared(facts, "cameras are declared in other axes", np.array(self.axes))
+
+    def undo(self, facts: Facts, sequence: SequenceRows) -> Fault:
+        """Declare optical axes."""
+        return self._declared(facts, "cameras back to optical axes", np.array(self.axes).T)
+
+    def _declared(self, facts: Facts, description: str, axes: Float64) -> Fault:
+        T_camera_written = np.eye(4)
+        T_camera_written[:3, :3] = axes
+
+        def changed(camera: Camera) -> Camera:
+            return replace(camera, T_body_camera=camera.T_body_camera @ T_camera_written)
+
+        if not facts.declared.cameras:
+            raise InapplicableError("Expected declared cameras, got none")
+        cameras = {name: changed(camera) for name, camera in facts.declared.cameras.items()}
+        return Fault(description, declared=replace(facts.declared, cameras=cameras))
+
+
+def _times_vectors(axes: Float64, vectors: NDArray[Any]) -> NDArray[Any]:
+    """Return ``axes v`` of vectors (..., n). A signed permutation moves NaN with its component, and rounds nothing."""
+    if np.all(np.count_nonzero(axes, axis=-1) == 1):
+        source = np.argmax(axes != 0, axis=-1)
+        return np.asarray(vectors[..., source] * axes[np.arange(len(axes)), source]).astype(vectors.dtype)
+    return np.asarray(vectors @ axes.T).astype(vectors.dtype)

@@ -1,0 +1,262 @@
+"""Faults of cameras: they are declared wrongly, or flow was made with a wrong one.
+
+Flow of a wrong camera is undone by the difference of two flows made from the depth and the poses of the file, with the
+wrong and the declared camera, so that noise of the poses cancels to first order.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from typing import Any, ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fedora_qa.conventions import MM_PER_M
+from fedora_qa.faults.fault import Fault, Read
+from fedora_qa.faults.reversible import InapplicableError, Vector3, signed_length, streams_in
+from fedora_qa.geometry import so3
+from fedora_qa.geometry.camera import camera_motion
+from fedora_qa.geometry.motion import STENCIL, interpolate_poses
+from fedora_qa.geometry.rigid_flow import rigid_flow
+from fedora_qa.sequence.declared import Camera
+from fedora_qa.sequence.facts import Clock, Facts
+from fedora_qa.sequence.sequence import SequenceRows
+
+Float64 = NDArray[np.float64]
+Change = Callable[[Camera], Camera]
+
+
+@dataclass(frozen=True, slots=True)
+class FocalLength:
+    """Focal lengths are too large by a factor.
+
+    Attributes
+    ----------
+    stream
+        ``metadata``: of the declared cameras; flow, or a rate: of the camera that the flow was made with.
+    percent
+        Excess of the factor over 1.
+    """
+
+    stream: str
+    percent: float
+    cause: ClassVar[str] = "intrinsics_focal"
+
+    @property
+    def magnitude(self) -> float:
+        """Excess of the factor, percent."""
+        return self.percent
+
+    def plant(self, facts: Facts, sequence: SequenceRows) -> Fault:
+        """Multiply the focal lengths."""
+        description = f"the focal length of {self.stream} is {self.percent:.3g}% too large"
+        return _planted(facts, sequence, self.stream, description, self._by(1 + self.percent / 100))
+
+    def undo(self, facts: Facts, sequence: SequenceRows) -> Fault:
+        """Divide the focal lengths."""
+        gain = 1 + self.percent / 100
+        description = f"the focal length of {self.stream} divided by {gain:.6g}"
+        return _removed(facts, sequence, self.stream, description, self._by(gain), self._by(1 / gain))
+
+    def _by(self, gain: float) -> Change:
+        # fx, fy and the skew between them.
+        gains = np.array([[gain, gain, 1.0], [1.0, gain, 1.0], [1.0, 1.0, 1.0]])
+        return lambda camera: replace(camera, K=camera.K * gains)
+
+
+@dataclass(frozen=True, slots=True)
+class PrincipalPointShift:
+    """Principal points lie too far to the right and down.
+
+    Attributes
+    ----------
+    stream
+        ``metadata``: of the declared cameras; flow, or a rate: of the camera that the flow was made with.
+    columns_px, rows_px
+        In the pixels of each camera.
+    """
+
+    stream: str
+    columns_px: float
+    rows_px: float = 0.0
+    cause: ClassVar[str] = "intrinsics_centre"
+
+    @property
+    def magnitude(self) -> float:
+        """Length of the displacement, px; negative if its larger part is to the left or up."""
+        return signed_length((self.columns_px, self.rows_px))
+
+    def plant(self, facts: Facts, sequence: SequenceRows) -> Fault:
+        """Displace the principal points."""
+        description = f"the principal point of {self.stream} is displaced by {self.magnitude:.3g} px"
+        return _planted(facts, sequence, self.stream, description, self._by(1))
+
+    def undo(self, facts: Facts, sequence: SequenceRows) -> Fault:
+        """Displace them back."""
+        description = f"the principal point of {self.stream} back by {self.magnitude:.3g} px"
+        return _removed(facts, sequence, self.stream, description, self._by(1), self._by(-1))
+
+    def _by(self, sign: int) -> Change:
+        shift = np.zeros((3, 3))
+        shift[:2, 2] = sign * self.columns_px, sign * self.rows_px
+        return lambda camera: replace(camera, K=camera.K + shift)
+
+
+@dataclass(frozen=True, slots=True)
+class MountingRotation:
+    """Cameras are rotated in their mounting: ``R_body_camera' = R_body_camera Exp(rotation)``.
+
+    Attributes
+    ----------
+    stream
+        ``metadata``: the declared cameras; flow, or a rate: the camera that the flow was made with.
+    rotation_deg
+        Rotation vector in optical axes: about Z, a roll clockwise as seen from behind the camera.
+    """
+
+    stream: str
+    rotation_deg: Vector3
+    cause: ClassVar[str] = "extrinsic_rotation"
+
+    @property
+    def magnitude(self) -> float:
+        """Angle, deg, with the sign of the largest component."""
+        return signed_length(self.rotation_deg)
+
+    def plant(self, facts: Facts, sequence: SequenceRows) -> Fault:
+        """Rotate the cameras."""
+        description = f"the camera of {self.stream} is rotated by {self.magnitude:.3g} deg"
+        return _planted(facts, sequence, self.stream, description, self._by(1))
+
+    def undo(self, facts: Facts, sequence: SequenceRows) -> Fault:
+        """Rotate them back."""
+        description = f"the camera of {self.stream} back by {self.magnitude:.3g} deg"
+        return _removed(facts, sequence, self.stream, description, self._by(1), self._by(-1))
+
+    def _by(self, sign: int) -> Change:
+        T_camera_rotated = np.eye(4)
+        T_camera_rotated[:3, :3] = so3.exp(sign * np.radians(self.rotation_deg))
+        return lambda camera: replace(camera, T_body_camera=camera.T_body_camera @ T_camera_rotated)
+
+
+@dataclass(frozen=True, slots=True)
+class MountingLeverArm:
+    """Cameras are declared too far along the axes of the body.
+
+    Attributes
+    ----------
+    arm_body_m
+        Declared less correct position.
+    """
+
+    arm_body_m: Vector3
+    cause: ClassVar[str] = "lever_arm"
+    stream: ClassVar[str] = "metadata"
+
+    @property
+    def magnitude(self) -> float:
+        """Length of the displacement, m, with the sign of its largest component."""
+        return signed_length(self.arm_body_m)
+
+    def plant(self, facts: Facts, sequence: SequenceRows) -> Fault:
+        """Add the displacement."""
+        description = f"cameras are declared {self.magnitude:.3g} m too far forward"
+        return _planted(facts, sequence, self.stream, description, self._by(1))
+
+    def undo(self, facts: Facts, sequence: SequenceRows) -> Fault:
+        """Subtract the displacement."""
+        description = f"cameras back by {self.magnitude:.3g} m"
+        return _removed(facts, sequence, self.stream, description, self._by(1), self._by(-1))
+
+    def _by(self, sign: int) -> Change:
+        shift = np.zeros((4, 4))
+        shift[:3, 3] = sign * np.array(self.arm_body_m)
+        return lambda camera: replace(camera, T_body_camera=camera.T_body_camera + shift)
+
+
+def _planted(facts: Facts, sequence: SequenceRows, stream: str, description: str, wrong: Change) -> Fault:
+    if stream == "metadata":
+        return _declared(facts, description, wrong)
+    return _remade(facts, sequence, stream, description, wrong, sign=1)
+
+
+def _removed(
+    facts: Facts, sequence: SequenceRows, stream: str, description: str, wrong: Change, correct: Change
+) -> Fault:
+    """Return what undoes a fault: declared cameras are corrected, and flow loses the share of the wrong camera."""
+    if stream == "metadata":
+        return _declared(facts, description, correct)
+    return _remade(facts, sequence, stream, description, wrong, sign=-1)
+
+
+def _declared(facts: Facts, description: str, change: Change) -> Fault:
+    if not facts.declared.cameras:
+        raise InapplicableError("Expected declared cameras, got none")
+    cameras = {name: change(camera) for name, camera in facts.declared.cameras.items()}
+    return Fault(description, declared=replace(facts.declared, cameras=cameras))
+
+
+def _remade(facts: Facts, sequence: SequenceRows, stream: str, description: str, wrong: Change, *, sign: int) -> Fault:
+    """Return the fault that adds to flow the difference between the flow of the wrong camera and of the declared one.
+
+    Fields whose interval does not begin with a depth frame, or is not covered by poses, stay.
+    """
+    for needed in ("depth", "pose"):
+        streams_in(facts, needed)
+    camera = facts.declared.cameras.get("depth")
+    if camera is None:
+        raise InapplicableError("Expected a declared depth camera, got none: its intrinsics are needed")
+    rows = {}
+    for name in streams_in(facts, stream):
+
+        def alter(read: Read, start: int, stop: int, clock: Clock = facts.clocks[name]) -> NDArray[Any]:
+            fields = read(start, stop)
+            # Other readers may share the fields that were read.
+            altered = fields.copy()
+            for place, row in enumerate(range(start, stop)):
+                error_px = _camera_error_px(facts, sequence, clock, row, camera, wrong(camera))
+                if error_px is not None:
+                    altered[place] = fields[place] + sign * error_px
+            return altered
+
+        rows[f"path/{name}"] = alter
+    return Fault(description, rows)
+
+
+def _camera_error_px(
+    facts: Facts, sequence: SequenceRows, clock: Clock, row: int, camera: Camera, wrong: Camera
+) -> Float64 | None:
+    """Return flow (H, W, 2) of the wrong camera less that of the declared one, px; None where it cannot be made."""
+    assert clock.ends_ns is not None  # flow has intervals
+    interval_ns = np.array([clock.times_ns[row], clock.ends_ns[row]])
+    frame = int(np.argmax(facts.clocks["depth"].times_ns == interval_ns[0]))
+    poses = facts.clocks["pose"]
+    if facts.clocks["depth"].times_ns[frame] != interval_ns[0]:
+        return None
+    pose_rows = np.flatnonzero(poses.advancing)
+    places = np.searchsorted(poses.times_ns[pose_rows], interval_ns)
+    chosen = pose_rows[max(int(places[0]) - STENCIL, 0) : int(places[1]) + STENCIL + 1]
+    if not len(chosen):
+        return None
+    first, stop = int(chosen[0]), int(chosen[-1]) + 1
+    positions_m, q = (sequence.rows(f"path/pose/{name}", first, stop)[chosen - first]
+                      for name in ("position", "orientation"))  # fmt: skip
+    R, position_m = interpolate_poses(poses.times_ns[chosen], positions_m, q, at_ns=interval_ns)
+    if not (np.all(np.isfinite(R)) and np.all(np.isfinite(position_m))):
+        return None
+    depth_m = sequence.rows("path/depth", frame, frame + 1)[0].astype(np.float64) / MM_PER_M
+    height, width = depth_m.shape
+    columns, lines = np.arange(width, dtype=np.float64), np.arange(height, dtype=np.float64)[:, np.newaxis]
+    wrong_px, declared_px = (
+        rigid_flow(
+            each.K,
+            camera_motion(R[0], position_m[0], R[1], position_m[1], each.T_body_camera),
+            columns,
+            lines,
+            depth_m,
+        )
+        for each in (wrong, camera)
+    )
+    # A point that lies behind the wrong camera only has no flow there: its value in the file stays.
+    error_px: Float64 = np.nan_to_num(wrong_px - declared_px, nan=0.0, posinf=0.0, neginf=0.0)
+    return error_px

@@ -1,0 +1,199 @@
+"""Faults of the unit, scale or sign of values."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any, ClassVar, Final, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fedora_qa.conventions import NS_PER_S
+from fedora_qa.faults.fault import Fault, values_by_row
+from fedora_qa.faults.reversible import RowRange, in_rows, streams_in, value_keys
+from fedora_qa.sequence.facts import Clock, Facts
+from fedora_qa.sequence.sequence import SequenceRows
+
+_LENGTHS: Final = {"depth": "path/depth", "pose": "path/pose/position"}
+_ANGULAR_VELOCITY: Final = "path/imu/angular_velocity"
+
+
+@dataclass(frozen=True, slots=True)
+class LengthUnit:
+    """Depths or positions are too large by a factor.
+
+    Attributes
+    ----------
+    stream
+        ``depth`` or ``pose``.
+    factor
+        Stored over correct value: 0.001 for metres that are read as millimetres.
+    rows
+        The rows in the other unit; None: all.
+    """
+
+    stream: Literal["depth", "pose"]
+    factor: float
+    rows: RowRange | None = None
+    cause: ClassVar[str] = "unit_mm_m"
+
+    @property
+    def magnitude(self) -> float:
+        """Stored over correct value."""
+        return self.factor
+
+    def plant(self, facts: Facts, sequence: SequenceRows) -> Fault:
+        """Multiply by the factor."""
+        description = f"{self.stream} is too large by a factor of {self.factor:.6g}"
+        return self._scaled(facts, description, lambda lengths: lengths * np.float64(self.factor))
+
+    def undo(self, facts: Facts, sequence: SequenceRows) -> Fault:
+        """Divide by the factor."""
+        description = f"{self.stream} divided by {self.factor:.6g}"
+        return self._scaled(facts, description, lambda lengths: lengths / np.float64(self.factor))
+
+    def _scaled(self, facts: Facts, description: str, scale: Callable[[NDArray[Any]], NDArray[Any]]) -> Fault:
+        streams_in(facts, self.stream)
+        return Fault(description, {_LENGTHS[self.stream]: in_rows(scale, self.rows)})
+
+
+@dataclass(frozen=True, slots=True)
+class AngleUnit:
+    """Angular velocities are too large by a factor.
+
+    Attributes
+    ----------
+    factor
+        Stored over correct value: 180 / pi for deg/s.
+    rows
+        The rows in the other unit; None: all.
+    """
+
+    factor: float
+    rows: RowRange | None = None
+    cause: ClassVar[str] = "unit_deg_rad"
+    stream: ClassVar[str] = "imu"
+
+    @property
+    def magnitude(self) -> float:
+        """Stored over correct value."""
+        return self.factor
+
+    def plant(self, facts: Facts, sequence: SequenceRows) -> Fault:
+        """Multiply by the factor."""
+        streams_in(facts, self.stream)
+        description = f"angular velocities are too large by a factor of {self.factor:.6g}"
+        return Fault(description, {_ANGULAR_VELOCITY: in_rows(lambda rates: rates * self.factor, self.rows)})
+
+    def undo(self, facts: Facts, sequence: SequenceRows) -> Fault:
+        """Divide by the factor."""
+        streams_in(facts, self.stream)
+        description = f"angular velocities divided by {self.factor:.6g}"
+        return Fault(description, {_ANGULAR_VELOCITY: in_rows(lambda rates: rates / self.factor, self.rows)})
+
+
+@dataclass(frozen=True, slots=True)
+class FlowGain:
+    """Flow is too large by a factor.
+
+    Attributes
+    ----------
+    stream
+        ``flow``, or a rate.
+    percent
+        Excess of the factor over 1.
+    rows
+        The fields; None: all.
+    """
+
+    stream: str
+    percent: float
+    rows: RowRange | None = None
+    cause: ClassVar[str] = "flow_gain"
+
+    @property
+    def magnitude(self) -> float:
+        """Excess of the factor, percent."""
+        return self.percent
+
+    def plant(self, facts: Facts, sequence: SequenceRows) -> Fault:
+        """Multiply by the factor."""
+        gain, keys = np.float64(1 + self.percent / 100), value_keys(facts, self.stream)
+        alter = in_rows(lambda flow: flow * gain, self.rows)
+        return Fault(f"{self.stream} is {self.percent:.3g}% too large", dict.fromkeys(keys, alter))
+
+    def undo(self, facts: Facts, sequence: SequenceRows) -> Fault:
+        """Divide by the factor."""
+        gain, keys = np.float64(1 + self.percent / 100), value_keys(facts, self.stream)
+        alter = in_rows(lambda flow: flow / gain, self.rows)
+        return Fault(f"{self.stream} divided by {gain:.6g}", dict.fromkeys(keys, alter))
+
+
+@dataclass(frozen=True, slots=True)
+class FlowSign:
+    """Flow points backwards.
+
+    Attributes
+    ----------
+    stream
+        ``flow``, or a rate.
+    """
+
+    stream: str = "flow"
+    cause: ClassVar[str] = "flow_sign"
+    magnitude: ClassVar[None] = None
+
+    def plant(self, facts: Facts, sequence: SequenceRows) -> Fault:
+        """Change the sign."""
+        keys = value_keys(facts, self.stream)
+        return Fault("flow points backwards", dict.fromkeys(keys, in_rows(np.negative, None)))
+
+    def undo(self, facts: Facts, sequence: SequenceRows) -> Fault:
+        """Change it again: the change is its own inverse."""
+        return self.plant(facts, sequence)
+
+
+@dataclass(frozen=True, slots=True)
+class FlowUnit:
+    """Flow is divided by its interval, or multiplied by it.
+
+    Attributes
+    ----------
+    stream
+        ``flow``, or a rate.
+    unit
+        ``px/s``, or ``px s``: the equation of the paper applied to a displacement.
+    """
+
+    stream: str
+    unit: Literal["px/s", "px s"] = "px/s"
+    cause: ClassVar[str] = "flow_unit"
+
+    @property
+    def magnitude(self) -> float:
+        """1 for values that are too large (px/s), -1 for values that are too small (px s)."""
+        return 1.0 if self.unit == "px/s" else -1.0
+
+    def plant(self, facts: Facts, sequence: SequenceRows) -> Fault:
+        """Convert from px."""
+        return self._scaled(facts, f"{self.stream} is in {self.unit}", divided=self.unit == "px/s")
+
+    def undo(self, facts: Facts, sequence: SequenceRows) -> Fault:
+        """Convert to px."""
+        return self._scaled(facts, f"{self.stream} from {self.unit} to px", divided=self.unit != "px/s")
+
+    def _scaled(self, facts: Facts, description: str, *, divided: bool) -> Fault:
+        rows = {}
+        for name in streams_in(facts, self.stream):
+            clock: Clock = facts.clocks[name]
+
+            def alter(flow: NDArray[Any], numbers: NDArray[np.int64], clock: Clock = clock) -> NDArray[Any]:
+                assert clock.ends_ns is not None  # flow has intervals
+                intervals_s = (clock.ends_ns[numbers] - clock.times_ns[numbers]) / NS_PER_S
+                intervals_s = intervals_s.reshape(-1, 1, 1, 1)
+                with np.errstate(divide="ignore", invalid="ignore"):
+                    scaled = flow / intervals_s if divided else flow * intervals_s
+                # An interval of length 0 has no velocity: its field stays.
+                return np.where(intervals_s == 0, flow, scaled).astype(flow.dtype)
+
+            rows[f"path/{name}"] = values_by_row(alter)
+        return Fault(description, rows)
