@@ -48,27 +48,31 @@ class VectorAxes:
     def plant(self, facts: Facts, sequence: SequenceRows) -> Fault:
         """Write vectors in the other axes."""
         description = f"the axes of {self.stream} follow another convention"
-        return self._turned(facts, description, np.array(self.axes), np.array(self.body_axes))
+        return self._turned(facts, description, inverted=False)
 
     def undo(self, facts: Facts, sequence: SequenceRows) -> Fault:
         """Write vectors in the axes of the format: the inverse of an orthogonal matrix is its transpose."""
         description = f"the axes of {self.stream} back to the convention"
-        return self._turned(facts, description, np.array(self.axes).T, np.array(self.body_axes).T)
+        return self._turned(facts, description, inverted=True)
 
-    def _turned(self, facts: Facts, description: str, axes: Float64, body_axes: Float64) -> Fault:
-        keys = value_keys(facts, self.stream)
+    def _turned(self, facts: Facts, description: str, *, inverted: bool) -> Fault:
+        keys, axes = value_keys(facts, self.stream), np.array(self.axes)
         if self.stream not in ("imu", "pose"):
             axes = axes[:2, :2]
-        turn = values(lambda vectors: _times_vectors(axes, vectors))
+        turn = values(lambda vectors: _times_vectors(axes.T if inverted else axes, vectors))
         if self.stream != "pose":
             return Fault(description, dict.fromkeys(keys, turn))
         if not self.turns_orientations:
             return Fault(description, {_POSITION: turn})
+        body_axes = np.array(self.body_axes)
         signs = np.sign(np.linalg.det(axes)), np.sign(np.linalg.det(body_axes))
         if signs[0] != signs[1]:
             raise InapplicableError("Expected axes of world and body of the same handedness, got different ones")
         # Two mirrorings are a rotation: (-A) R (-B)^T = A R B^T with -A and -B proper.
         left, right = (so3.quaternions_from_matrices(signs[0] * matrix) for matrix in (axes, body_axes.T))
+        if inverted:
+            # Inverses of these quaternions: those of the transposed matrices may have the opposite sign.
+            left, right = so3.inverse(left), so3.inverse(right)
 
         def rotated(q: NDArray[Any]) -> NDArray[Any]:
             return so3.compose(so3.compose(left, q), right)

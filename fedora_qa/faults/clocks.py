@@ -161,7 +161,7 @@ class TimeUnit:
             if factor.numerator == 1:
                 # Rounded to the nearest whole number; float64 would round epoch times to 256 ns.
                 return np.asarray(pivot_ns + (elapsed_ns + factor.denominator // 2) // factor.denominator)
-            return pivot_ns + np.rint(elapsed_ns * float(factor)).astype(np.int64)
+            return np.asarray(pivot_ns + np.rint(elapsed_ns * float(factor)).astype(np.int64))
 
         return scaled
 

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from fedora_qa.conventions import MM_PER_M
 from fedora_qa.faults.canary_conditions import CanaryConditions
 from fedora_qa.faults.fault import Fault, rows_from, values_by_row
-from fedora_qa.faults.images import ExposureGain, ChannelOrder, PowerCurve, RayLength, Vignetting
+from fedora_qa.faults.images import ChannelOrder, ExposureGain, PowerCurve, RayLength, Vignetting
 from fedora_qa.faults.pixels import PixelShift
 from fedora_qa.faults.row_order import SwappedFrames
 from fedora_qa.faults.units import LengthUnit

@@ -1,0 +1,459 @@
+"""Undoing returns the true rows of data that a test altered itself: a shared sign error would survive a round trip.
+
+Each planter is written with plain arrays from the definitions of the format and the meaning of the cause: positive is
+too late or too large.
+"""
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.interpolate import CubicSpline
+from scipy.spatial.transform import Rotation
+
+from fedora_qa.faults.axes import CameraAxes, VectorAxes
+from fedora_qa.faults.cameras import FocalLength, MountingLeverArm, MountingRotation, PrincipalPointShift
+from fedora_qa.faults.clocks import ClockRate, ClockShift, TimeUnit
+from fedora_qa.faults.declarations import (
+    EventModelMisdeclared,
+    GravityMisdeclared,
+    NoiseMisdeclared,
+    ThresholdMisdeclared,
+)
+from fedora_qa.faults.fault import FaultySequence
+from fedora_qa.faults.flow import FlowIntervalShift
+from fedora_qa.faults.images import (
+    ChannelOrder,
+    ExposureGain,
+    InvalidCode,
+    PowerCurve,
+    RayLength,
+    TransferMisdeclared,
+    Vignetting,
+)
+from fedora_qa.faults.index_maps import IndexShift, IndexSide
+from fedora_qa.faults.motion import (
+    AccelBias,
+    GravityError,
+    GyroBias,
+    PoseLeverArm,
+    QuaternionInversion,
+    QuaternionLength,
+    QuaternionOrder,
+    Teleport,
+)
+from fedora_qa.faults.pixels import Mirroring, PixelShift, PolarityInversion, SwappedPixelAxes
+from fedora_qa.faults.reversible import InapplicableError, ReversibleFault
+from fedora_qa.faults.row_order import DuplicatedSamples, SwappedFrames, Unsorted
+from fedora_qa.faults.units import AngleUnit, FlowGain, FlowSign, FlowUnit, LengthUnit
+from fedora_qa.sequence.declared import Camera
+from tests.support.memory_sequence import (
+    EVENT_HEIGHT,
+    EVENT_WIDTH,
+    HEIGHT,
+    MS,
+    WIDTH,
+    Arrays,
+    MemorySequence,
+    all_rows,
+    facts_of,
+    memory_sequence,
+)
+
+Planter = Callable[[Arrays], Arrays]
+EVENT_KEYS = tuple(f"path/events/{column}" for column in "xytp")
+FLOW_KEYS = tuple(f"path/flow/{rate}hz" for rate in (10, 25, 50))
+X, Y, T, P = EVENT_KEYS
+GYRO, ACCEL = "path/imu/angular_velocity", "path/imu/linear_acceleration"
+
+
+def counted(arrays: Arrays) -> Arrays:
+    """Index maps of a recorder that makes them from these timestamps."""
+    return {f"metadata/{frames}_to_event": np.array([np.sum(arrays[T] < at) for at in arrays[f"path/{frames}_ts"]])
+            for frames in ("rgb", "depth")}  # fmt: skip
+
+
+def on(planter: Callable[[np.ndarray], np.ndarray], *keys: str) -> Planter:
+    """Alter each of these arrays."""
+    return lambda arrays: {key: planter(arrays[key].copy()) for key in keys}
+
+
+def with_maps(planter: Planter) -> Planter:
+    """Alter timestamps or rows, then make the index maps of what came out."""
+    return lambda arrays: (altered := planter(arrays)) | counted({**arrays, **altered})
+
+
+def rows_twice(arrays: Arrays) -> Arrays:
+    """Write rows 3 and 4 of rgb twice, each copy after its frame."""
+    twice = [0, 1, 2, 3, 3, 4, 4, 5]
+    return {key: arrays[key][twice] for key in ("path/rgb", "path/rgb_ts")}
+
+
+def packet_twice(arrays: Arrays) -> Arrays:
+    """Flush the IMU samples 40 to 49 twice, all ten together."""
+    twice = [*range(50), *range(40, 50), *range(50, 101)]
+    return {key: arrays[key][twice] for key in arrays if key.startswith("path/imu")}
+
+
+def events_twice(arrays: Arrays) -> Arrays:
+    """Write events 150 to 249 twice, each copy after its event."""
+    twice = np.sort([*range(400), *range(150, 250)])
+    return {key: arrays[key][twice] for key in EVENT_KEYS}
+
+
+def reversed_events(arrays: Arrays) -> Arrays:
+    """Write the distinct timestamps of 60 events in reverse, with all their values."""
+    order = np.arange(400)
+    order[300:360] = order[300:360][::-1]
+    return {key: arrays[key][order] for key in EVENT_KEYS}
+
+
+def distinct(arrays: Arrays) -> Arrays:
+    """Give every event its own timestamp, so that there is one order of time."""
+    return {T: arrays[T] + np.arange(400)}
+
+
+def late_flow(fields: np.ndarray) -> np.ndarray:
+    """Store each field one row too late; the first row repeats it."""
+    return fields[[0, *range(len(fields) - 1)]]
+
+
+def in_px_per_s(arrays: Arrays) -> Arrays:
+    """Divide displacements by the duration of their interval, s."""
+    intervals_s = {key: np.diff(arrays[f"{key}_ts"], axis=1)[:, :, None, None] / 1e9 for key in FLOW_KEYS}
+    return {key: (arrays[key].astype(float) / intervals_s[key]).astype(np.float32) for key in FLOW_KEYS}
+
+
+def attitudes_at_imu(arrays: Arrays) -> Rotation:
+    """Body-to-world rotations at the IMU times, by cubic splines of the rotation vectors, which are linear here."""
+    vectors = Rotation.from_quat(arrays["path/pose/orientation"]).as_rotvec()
+    return Rotation.from_rotvec(CubicSpline(arrays["path/pose/ts"], vectors)(arrays["path/imu/ts"]))
+
+
+def upward(m_s2: float) -> Planter:
+    """Add an acceleration along the vertical of the world to the specific force in the body."""
+    return lambda arrays: {"path/imu/linear_acceleration": arrays["path/imu/linear_acceleration"]
+                           + attitudes_at_imu(arrays).inv().apply([0, 0, m_s2])}  # fmt: skip
+
+
+def north_east_down(arrays: Arrays) -> Arrays:
+    """Write (north, east, down) from (east, north, up), and a body of X forward, Y right, Z down."""
+    W, B = np.array([[0, 1, 0], [1, 0, 0], [0, 0, -1]]), np.diag([1, -1, -1])
+    R = Rotation.from_quat(arrays["path/pose/orientation"]).as_matrix()
+    position = arrays["path/pose/position"]
+    return {"path/pose/position": np.column_stack([position[:, 1], position[:, 0], -position[:, 2]]),
+            "path/pose/orientation": Rotation.from_matrix(W @ R @ B.T).as_quat()}  # fmt: skip
+
+
+def ray_lengths(arrays: Arrays) -> Arrays:
+    """Distance of each point from the centre of the camera: sqrt(X^2 + Y^2 + Z^2)."""
+    Z = arrays["path/depth"].astype(float)
+    focal = WIDTH / (2 * np.tan(np.pi / 6))
+    X = (np.arange(WIDTH) - (WIDTH - 1) / 2) / focal * Z
+    Y = ((np.arange(HEIGHT) - (HEIGHT - 1) / 2) / focal)[:, None] * Z
+    return {"path/depth": np.sqrt(X**2 + Y**2 + Z**2).astype(np.float32)}
+
+
+def darker_corners(frames: np.ndarray) -> np.ndarray:
+    """Lose 30% in the corner; the logarithm of the gain goes with the square of the distance from the middle."""
+    y, x = np.mgrid[:HEIGHT, :WIDTH]
+    squares = (x - (WIDTH - 1) / 2) ** 2 + (y - (HEIGHT - 1) / 2) ** 2
+    gains = np.exp(np.log(0.7) * squares / squares.max())
+    return np.rint(frames * gains[..., None]).astype(np.uint8)
+
+
+def shifted_right(images: np.ndarray) -> np.ndarray:
+    """Shift by two columns to the right and one row down; what is freed is NaN."""
+    shifted = np.full_like(images, np.nan)
+    shifted[:, 1:, 2:] = images[:, :-1, :-2]
+    return shifted
+
+
+def from_row(value: float | list[float], first: int, last: int | None = None) -> Callable[[np.ndarray], np.ndarray]:
+    """Add a value to the rows from one on."""
+
+    def planter(rows: np.ndarray) -> np.ndarray:
+        rows[first:last] = rows[first:last] + np.array(value).astype(rows.dtype)
+        return rows
+
+    return planter
+
+
+Truth = tuple[ReversibleFault, Planter]
+EXACT: list[Truth] = [
+    (ClockShift("imu", 3 * MS), on(lambda t: t + 3 * MS, "path/imu/ts")),
+    (ClockShift("flow", -2 * MS), on(lambda t: t - 2 * MS, *(f"{key}_ts" for key in FLOW_KEYS))),
+    (ClockShift("pose", 5 * MS, rows=(9, None)), on(from_row(5 * MS, 9), "path/pose/ts")),
+    (ClockShift("events", 7 * MS), with_maps(on(lambda t: t + 7 * MS, T))),
+    (ClockShift("events", 7 * MS), on(lambda t: t + 7 * MS, T)),
+    (ClockShift("rgb", -4 * MS), with_maps(on(lambda t: t - 4 * MS, "path/rgb_ts"))),
+    (ClockRate("imu", 1000, pivot_ns=0), on(lambda t: t + t // 1000, "path/imu/ts")),
+    (TimeUnit("events", 1000), on(lambda t: t * 1000, T)),
+    (TimeUnit("flow", 1000), on(lambda t: t * 1000, *(f"{key}_ts" for key in FLOW_KEYS))),
+    (Unsorted("imu", 0, 2), lambda arrays: {key: arrays[key][[*range(50), *range(60, 49, -1), *range(61, 101)]]
+                                            for key in arrays if key.startswith("path/imu")}),
+    (Unsorted("imu", 0, 2, timestamps_only=True), on(lambda t: t[[1, 0, *range(2, 101)]], "path/imu/ts")),
+    (DuplicatedSamples("imu"), packet_twice),
+    (SwappedFrames("depth", ((1, 4),)), on(lambda images: images[[0, 4, 2, 3, 1, 5]], "path/depth")),
+    (IndexShift("rgb_to_event", 1), on(lambda index: index + 1, "metadata/rgb_to_event")),
+    (IndexSide("rgb_to_event"), lambda arrays: {"metadata/rgb_to_event": np.array(
+        [np.sum(arrays[T] <= at) for at in arrays["path/rgb_ts"]])}),
+    (PolarityInversion(), on(lambda p: np.choose(np.minimum(p, 2), [1, 0, 255]).astype(np.uint8), P)),
+    (SwappedPixelAxes("events"), lambda arrays: {X: arrays[Y], Y: arrays[X]}),
+    (SwappedPixelAxes("flow/10hz"), on(lambda flow: np.stack([flow[..., 1], flow[..., 0]], -1), "path/flow/10hz")),
+    (Mirroring("rgb"), on(lambda frames: frames[:, :, ::-1], "path/rgb")),
+    (Mirroring("depth", "vertical"), on(lambda frames: frames[:, ::-1], "path/depth")),
+    (Mirroring("events"), on(lambda x: np.where(x < EVENT_WIDTH, 9 - x, x).astype(np.uint16), X)),
+    (Mirroring("events", "vertical"), on(lambda y: np.where(y < EVENT_HEIGHT, 7 - y, y).astype(np.uint16), Y)),
+    (FlowSign(), on(lambda flow: -flow, *FLOW_KEYS)),
+    (QuaternionOrder((3, 0, 1, 2)), on(lambda q: np.column_stack([q[:, 3], q[:, :3]]), "path/pose/orientation")),
+    (QuaternionInversion(), on(lambda q: np.column_stack([-q[:, :3], q[:, 3]]), "path/pose/orientation")),
+    (ChannelOrder("BGR"), on(lambda frames: frames[..., ::-1], "path/rgb")),
+    (ChannelOrder("GBR"), on(lambda frames: np.stack([frames[..., i] for i in (1, 2, 0)], -1), "path/rgb")),
+    (InvalidCode("depth"), on(lambda depth: np.nan_to_num(depth, nan=0.0), "path/depth")),
+    (InvalidCode("flow"), on(lambda flow: np.nan_to_num(flow, nan=0.0), *FLOW_KEYS)),
+    (VectorAxes("imu", ((1, 0, 0), (0, -1, 0), (0, 0, -1))),
+     on(lambda v: np.column_stack([v[:, 0], -v[:, 1], -v[:, 2]]), GYRO, ACCEL)),
+    (VectorAxes("imu", ((0, 1, 0), (0, 0, 1), (1, 0, 0))), on(lambda v: v[:, [1, 2, 0]], GYRO, ACCEL)),
+]  # fmt: skip
+"""Whose undone rows equal the true ones, bit by bit."""
+
+ROUNDED: list[Truth] = [
+    (LengthUnit("depth", 1e-3), on(lambda depth: depth / np.float32(1000), "path/depth")),
+    (LengthUnit("pose", 1e3), on(lambda position: position * 1000, "path/pose/position")),
+    (AngleUnit(180 / np.pi), on(np.degrees, "path/imu/angular_velocity")),
+    (FlowUnit("flow", "px/s"), in_px_per_s),
+    (FlowGain("flow", 10), on(lambda flow: flow + flow / np.float32(10), *FLOW_KEYS)),
+    (GyroBias((0.1, 0, -0.2)), on(lambda v: v + np.array([0.1, 0, -0.2]), "path/imu/angular_velocity")),
+    (AccelBias((0, 0.3, 0)), on(lambda v: v + np.array([0, 0.3, 0]), "path/imu/linear_acceleration")),
+    (Teleport((0.5, 0, 0), (10, None)), on(from_row([0.5, 0, 0], 10), "path/pose/position")),
+    (Teleport((0, -2, 0), (10, 15)), on(from_row([0, -2, 0], 10, 15), "path/pose/position")),
+    (PoseLeverArm((0.3, 0, 0.1)), lambda arrays: {"path/pose/position": arrays["path/pose/position"]
+        + Rotation.from_quat(arrays["path/pose/orientation"]).apply([0.3, 0, 0.1])}),
+    (QuaternionLength(0.1), on(lambda q: q * 1.1, "path/pose/orientation")),
+    (QuaternionLength(0.0), on(lambda q: q * np.linspace(0.9, 1.2, len(q))[:, None], "path/pose/orientation")),
+    (VectorAxes("pose", ((0, 1, 0), (1, 0, 0), (0, 0, -1)), ((1, 0, 0), (0, -1, 0), (0, 0, -1))), north_east_down),
+    (RayLength(), ray_lengths),
+]  # fmt: skip
+"""Whose undone rows differ from the true ones by roundings of their type."""
+
+
+def undone_rows(fault: ReversibleFault, clean: MemorySequence, planter: Planter) -> Arrays:
+    """All rows after undoing, in a sequence that the planter altered."""
+    faulty = MemorySequence({**clean.arrays, **planter(clean.arrays)}, clean.declared, clean.origin_ns)
+    assert any(not np.array_equal(faulty.arrays[key], array) for key, array in clean.arrays.items())
+    return all_rows(FaultySequence(faulty, fault.undo(facts_of(faulty), faulty)))
+
+
+@pytest.mark.parametrize(("fault", "planter"), EXACT)
+def test_undone_rows_are_the_true_ones(fault: ReversibleFault, planter: Planter) -> None:
+    """Every dataset is as in the clean sequence, index maps too, whether or not they were made after the fault."""
+    clean = memory_sequence()
+    for key, rows in undone_rows(fault, clean, planter).items():
+        np.testing.assert_array_equal(rows, clean.arrays[key], err_msg=key)
+
+
+@pytest.mark.parametrize(("fault", "planter"), ROUNDED)
+def test_undone_rows_are_the_true_ones_but_for_rounding(fault: ReversibleFault, planter: Planter) -> None:
+    """Every dataset is as in the clean sequence, but for two roundings; quaternions but for their sign."""
+    clean = memory_sequence()
+    for key, rows in undone_rows(fault, clean, planter).items():
+        true, signs = clean.arrays[key], 1
+        if key == "path/pose/orientation":
+            signs = np.sign(np.sum(rows * true, axis=1, keepdims=True))
+        tolerance = 4 * np.finfo(true.dtype).eps if true.dtype.kind == "f" else 0
+        # Sums lose what is small against their terms: the largest value is of their size.
+        np.testing.assert_allclose(
+            signs * rows, true, rtol=tolerance, atol=4 * tolerance * np.nanmax(true), err_msg=key
+        )
+
+
+@pytest.mark.parametrize(
+    ("cause", "m_s2"), [("gravity_missing", -9.8066), ("gravity_sign", -19.6132), ("gravity_magnitude", 0.2)]
+)
+def test_gravity_is_put_back(cause: str, m_s2: float) -> None:
+    """Specific force is as before but for the interpolation of the attitude, by another spline."""
+    clean, fault = memory_sequence(), GravityError(cause, 0.2)  # type: ignore[arg-type]
+    rows = undone_rows(fault, clean, upward(m_s2))["path/imu/linear_acceleration"]
+    np.testing.assert_allclose(rows, clean.arrays["path/imu/linear_acceleration"], atol=1e-4)
+
+
+def test_frames_and_events_that_were_written_twice() -> None:
+    """Copies are dropped, also the rows of the index map, whose entries follow."""
+    clean = memory_sequence()
+    planters: tuple[tuple[ReversibleFault, Planter], ...] = (
+        (DuplicatedSamples("rgb"), with_maps(rows_twice)),
+        (DuplicatedSamples("events", 150, 100), with_maps(events_twice)),
+    )
+    for fault, planter in planters:
+        for key, rows in undone_rows(fault, clean, planter).items():
+            np.testing.assert_array_equal(rows, clean.arrays[key], err_msg=key)
+
+
+def test_samples_that_share_a_timestamp_and_differ_are_kept() -> None:
+    """Two frames of one timestamp with other values are not the same frame twice."""
+    clean = memory_sequence()
+    faulty = clean.altered(path__rgb_ts=np.array([0, 1, 1, 3, 4, 5]) * 20 * MS)
+    undone = FaultySequence(faulty, DuplicatedSamples("rgb").undo(facts_of(faulty), faulty))
+    assert undone.layout.bindings["path/rgb"].rows == 6
+
+
+@pytest.mark.parametrize("block", [7, 64, 1 << 20])
+def test_events_are_sorted_in_blocks(block: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Events go back to their place, whatever blocks the stream is scanned in."""
+    monkeypatch.setattr("fedora_qa.faults.row_order.BLOCK_ROWS", block)
+    clean = MemorySequence(
+        {**memory_sequence().arrays, **distinct(memory_sequence().arrays)}, memory_sequence().declared
+    )
+    clean = MemorySequence({**clean.arrays, **counted(clean.arrays)}, clean.declared)
+    undone = undone_rows(Unsorted("events", 0, 2), clean, reversed_events)
+    for key, rows in undone.items():
+        np.testing.assert_array_equal(rows, clean.arrays[key], err_msg=key)
+
+
+def test_events_far_from_their_place_are_not_sorted(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Where too many events would have to be sorted together it is said."""
+    monkeypatch.setattr("fedora_qa.faults.row_order._LONGEST_RUN", 30)
+    with pytest.raises(InapplicableError, match="sorted within 30 rows"):
+        undone_rows(Unsorted("events", 0, 2), memory_sequence(), reversed_events)
+
+
+def test_invalid_timestamps_stay() -> None:
+    """A timestamp without a place in time has none after any undoing."""
+    clean, invalid = memory_sequence(), -(2**61)
+    times = clean.arrays["path/imu/ts"].copy()
+    times[[3, 50]] = invalid
+    faulty = clean.altered(path__imu__ts=times)
+    for fault in (ClockShift("imu", 9), ClockRate("imu", 9), TimeUnit("imu", 1e-3), Unsorted("imu", 0, 2)):
+        rows = all_rows(FaultySequence(faulty, fault.undo(facts_of(faulty), faulty)))["path/imu/ts"]
+        assert np.flatnonzero(rows == invalid).tolist() == [3, 50]
+
+
+def test_shifted_images_and_events_go_back() -> None:
+    """What has not left the image is where it was; what has left is NaN."""
+    clean = memory_sequence()
+    rows = undone_rows(PixelShift("depth", 2, 1), clean, on(shifted_right, "path/depth"))["path/depth"]
+    np.testing.assert_array_equal(rows[:, :-1, :-2], clean.arrays["path/depth"][:, :-1, :-2])
+    assert np.all(np.isnan(rows[:, -1]))
+    assert np.all(np.isnan(rows[:, :, -2:]))
+    x = clean.arrays[X]
+    right = np.where(x < EVENT_WIDTH - 3, x + 3, x).astype(np.uint16)
+    rows = all_rows(FaultySequence(faulty := clean.altered(path__events__x=right),
+                                   PixelShift("events", 3).undo(facts_of(faulty), faulty)))[X]  # fmt: skip
+    stays = x < EVENT_WIDTH - 3
+    np.testing.assert_array_equal(rows[stays], x[stays])
+    np.testing.assert_array_equal(rows[x >= EVENT_WIDTH], x[x >= EVENT_WIDTH])
+
+
+def test_flow_goes_back_to_its_interval() -> None:
+    """Fields that were stored one row late are where they were, and the lost last field is NaN."""
+    clean = memory_sequence()
+    rows = undone_rows(FlowIntervalShift("flow/50hz", 1), clean, on(late_flow, "path/flow/50hz"))["path/flow/50hz"]
+    np.testing.assert_array_equal(rows[:-1], clean.arrays["path/flow/50hz"][:-1])
+    assert np.all(np.isnan(rows[-1]))
+
+
+def darker_from_row_2(frames: np.ndarray) -> np.ndarray:
+    """Lose a fifth of each code from the third frame on."""
+    return np.concatenate([frames[:2], np.rint(frames[2:] * 0.8).astype(np.uint8)])
+
+
+@pytest.mark.parametrize(("fault", "planter", "most"), [
+    (ExposureGain(-20, rows=(2, None)), on(darker_from_row_2, "path/rgb"), 1),
+    (PowerCurve(1 / 2.2), on(lambda v: np.rint(255 * (v / 255) ** (1 / 2.2)).astype(np.uint8), "path/rgb"), 2),
+    (Vignetting(30), on(darker_corners, "path/rgb"), 1),
+])  # fmt: skip
+def test_brightness_is_put_back(fault: ReversibleFault, planter: Planter, most: int) -> None:
+    """Codes differ by the roundings of both curves: half a code times the slope of the inverse, and half a code."""
+    clean = memory_sequence()
+    rows = undone_rows(fault, clean, planter)["path/rgb"].astype(int)
+    assert np.abs(rows - clean.arrays["path/rgb"]).max() <= most
+
+
+def declared_changes(camera: Camera) -> dict[str, tuple[ReversibleFault, Camera]]:
+    """Cameras that are declared wrongly, written out, and what undoes it."""
+    K, T = camera.K.copy(), camera.T_body_camera.copy()
+    longer = np.array([[1.1 * K[0, 0], 0, K[0, 2]], [0, 1.1 * K[1, 1], K[1, 2]], [0, 0, 1]])
+    centre = np.array([[K[0, 0], 0, K[0, 2] + 2], [0, K[1, 1], K[1, 2] - 1], [0, 0, 1]])
+    rolled, forward, bare = T.copy(), T.copy(), np.eye(4)
+    rolled[:3, :3] = T[:3, :3] @ Rotation.from_euler("z", 5, degrees=True).as_matrix()
+    forward[0, 3] += 0.2
+    bare[:3, 3] = T[:3, 3]
+    return {
+        "focal": (FocalLength("metadata", 10), replace(camera, K=longer)),
+        "centre": (PrincipalPointShift("metadata", 2, -1), replace(camera, K=centre)),
+        "rolled": (MountingRotation("metadata", (0, 0, 5)), replace(camera, T_body_camera=rolled)),
+        "lever": (MountingLeverArm((0.2, 0, 0)), replace(camera, T_body_camera=forward)),
+        "axes": (CameraAxes(), replace(camera, T_body_camera=bare)),
+    }
+
+
+@pytest.mark.parametrize("name", ["focal", "centre", "rolled", "lever", "axes"])
+def test_declared_cameras_are_put_back(name: str) -> None:
+    """All cameras are declared as in the clean sequence."""
+    clean = memory_sequence()
+    cameras = {key: declared_changes(camera)[name][1] for key, camera in clean.declared.cameras.items()}
+    fault = declared_changes(clean.declared.cameras["depth"])[name][0]
+    faulty = clean.altered(declared=replace(clean.declared, cameras=cameras))
+    undone = FaultySequence(faulty, fault.undo(facts_of(faulty), faulty)).declared
+    for key, camera in clean.declared.cameras.items():
+        np.testing.assert_allclose(undone.cameras[key].K, camera.K, atol=1e-13)
+        np.testing.assert_allclose(undone.cameras[key].T_body_camera, camera.T_body_camera, atol=1e-13)
+
+
+def test_other_declarations_are_put_back() -> None:
+    """Thresholds, model, noise, gravity and transfer are declared as in the clean sequence."""
+    clean = memory_sequence()
+    declared = clean.declared
+    assert declared.events is not None
+    assert declared.imu is not None
+    wrong: tuple[tuple[ReversibleFault, dict[str, object]], ...] = (
+        (ThresholdMisdeclared(10, 20), {"events": replace(declared.events, threshold_on=0.22, threshold_off=0.3)}),
+        (EventModelMisdeclared(), {"events": replace(declared.events, model="linear")}),
+        (NoiseMisdeclared("events", (("leak_rate_hz", 0.4),)), {"events": replace(declared.events, leak_rate_hz=0.5)}),
+        (GravityMisdeclared(0.1), {"imu": replace(declared.imu, gravity=9.9066)}),
+        (TransferMisdeclared("linear", "srgb"), {"transfer": "srgb"}),
+    )
+    for fault, changes in wrong:
+        faulty = clean.altered(declared=replace(declared, **changes))  # type: ignore[arg-type]
+        undone = FaultySequence(faulty, fault.undo(facts_of(faulty), faulty)).declared
+        assert undone.transfer == declared.transfer
+        assert undone.events is not None
+        assert undone.imu is not None
+        assert undone.events.model == declared.events.model
+        assert undone.events.threshold_on == pytest.approx(declared.events.threshold_on, rel=1e-14)
+        assert undone.events.threshold_off == pytest.approx(declared.events.threshold_off, rel=1e-14)
+        assert undone.events.leak_rate_hz == pytest.approx(declared.events.leak_rate_hz, rel=1e-14)
+        assert undone.imu.gravity == pytest.approx(declared.imu.gravity, rel=1e-14)
+
+
+@pytest.mark.parametrize("name", ["focal", "centre", "rolled"])
+def test_flow_of_a_wrong_camera_becomes_that_of_the_declared_one(name: str) -> None:
+    """Flow that was made with the wrong camera, written out for each pixel, becomes the flow of the declared one."""
+    clean = memory_sequence()
+    camera = clean.declared.cameras["depth"]
+    fault, wrong = declared_changes(camera)[name]
+    correct, faulty = (clean.altered(path__flow__50hz=flow_of(clean.arrays, each)) for each in (camera, wrong))
+    undone = FaultySequence(faulty, replace(fault, stream="flow/50hz").undo(facts_of(faulty), faulty))  # type: ignore[type-var]
+    rows, true = undone.rows("path/flow/50hz", 0, 5), correct.arrays["path/flow/50hz"]
+    assert np.nanmax(np.abs(faulty.arrays["path/flow/50hz"] - true)) > 0.01
+    np.testing.assert_allclose(rows, true, rtol=1e-5, atol=1e-5)
+
+
+def flow_of(arrays: Arrays, camera: Camera) -> np.ndarray:
+    """Flow of static points over 20 ms: x1 - x0 with X1 = T_world_camera(t1)^-1 T_world_camera(t0) X0."""
+    flow = np.full((5, HEIGHT, WIDTH, 2), np.nan, np.float32)
+    T_world_body = np.tile(np.eye(4), (21, 1, 1))
+    T_world_body[:, :3, :3] = Rotation.from_quat(arrays["path/pose/orientation"]).as_matrix()
+    T_world_body[:, :3, 3] = arrays["path/pose/position"]
+    for row in range(5):
+        start, end = T_world_body[4 * row] @ camera.T_body_camera, T_world_body[4 * row + 4] @ camera.T_body_camera
+        T_end_start = np.linalg.inv(end) @ start
+        for y in range(HEIGHT):
+            for x in range(WIDTH):
+                ray = np.linalg.inv(camera.K) @ [x, y, 1] * (arrays["path/depth"][row, y, x] / 1000)
+                moved = camera.K @ (T_end_start @ [*ray, 1])[:3]
+                if moved[2] > 0:
+                    flow[row, y, x] = moved[:2] / moved[2] - [x, y]
+    return flow
