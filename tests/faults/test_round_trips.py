@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import find, given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
@@ -231,7 +231,8 @@ def test_every_class_of_the_table_makes_a_round_trip() -> None:
     """No class is left out above, and each case alters something."""
     sequence = memory_sequence()
     of_table = {fault for entry in FAULTS.values() if not isinstance(entry, WithoutInverse) for fault in entry}
-    tried = {type(strategy.example()) for strategy, _ in CASES} | {PixelShift}
+    once = settings(max_examples=1, database=None)
+    tried = {type(find(strategy, lambda fault: True, settings=once)) for strategy, _ in CASES}
     assert tried == of_table
     gross: tuple[ReversibleFault, ...] = (
         ClockShift("events", MS), ClockRate("imu", 100), TimeUnit("flow", 1000), Unsorted("events", 5, 9),
