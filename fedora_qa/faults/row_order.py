@@ -299,16 +299,22 @@ def _without(dropped: Int64) -> Source:
 
 
 def _repeated_samples(facts: Facts, sequence: SequenceRows, stream: str) -> Int64:
-    """Return the rows (m,) that equal the first row of the same timestamp in all values."""
+    """Return the rows (m,) that equal the first row of the same timestamp in all values, where both can be read."""
     clock = facts.clocks[stream]
     _, first, inverse = np.unique(clock.times_ns, return_index=True, return_inverse=True)
     original = first[inverse]
-    candidates = np.flatnonzero(original != np.arange(len(original)))
+    # Samples without a place in time share no timestamp.
+    candidates = np.flatnonzero((original != np.arange(len(original))) & has_place(clock.times_ns))
     keys = row_keys(facts, stream)
 
     def is_repeat(row: int) -> bool:
         earlier = int(original[row])
-        return all(_equal(sequence.rows(key, row, row + 1), sequence.rows(key, earlier, earlier + 1)) for key in keys)
+        try:
+            return all(
+                _equal(sequence.rows(key, row, row + 1), sequence.rows(key, earlier, earlier + 1)) for key in keys
+            )
+        except UnreadableRowsError:
+            return False
 
     return np.array([row for row in candidates if is_repeat(int(row))], dtype=np.int64)
 
@@ -326,7 +332,11 @@ def _repeated_events(sequence: SequenceRows, start: int, stop: int) -> Int64:
     dropped = []
     while start < stop:
         end = min(start + BLOCK_ROWS, stop)
-        columns = [sequence.rows(key, start, end).astype(np.int64) for key in _EVENT_COLUMNS]
+        try:
+            columns = [sequence.rows(key, start, end).astype(np.int64) for key in _EVENT_COLUMNS]
+        except UnreadableRowsError:
+            start = end
+            continue
         if end < stop:
             # The last timestamp goes on in the next block, unless it fills this one.
             last = int(np.searchsorted(columns[0], columns[0][-1]))

@@ -291,6 +291,26 @@ def test_frames_and_events_that_were_written_twice() -> None:
             np.testing.assert_array_equal(rows, clean.arrays[key], err_msg=key)
 
 
+@pytest.mark.parametrize("block", [16, 64])
+def test_copies_of_events_are_dropped_in_blocks(block: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Blocks end where the timestamp changes, so that no event is parted from its copy."""
+    monkeypatch.setattr("fedora_qa.faults.row_order.BLOCK_ROWS", block)
+    for key, rows in undone_rows(DuplicatedSamples("events", 150, 100), memory_sequence(), events_twice).items():
+        if key in EVENT_KEYS:
+            np.testing.assert_array_equal(rows, memory_sequence().arrays[key], err_msg=key)
+
+
+def test_a_size_that_is_slightly_off_leaves_the_rest_of_the_fault() -> None:
+    """Of 7 ms, 6.5 ms are undone; maps that followed the faulty timestamps follow those that are left."""
+    clean = memory_sequence()
+    late = with_maps(on(lambda t: t + 7 * MS, T))
+    rows = undone_rows(ClockShift("events", 6.5 * MS), clean, late)
+    np.testing.assert_array_equal(rows[T], clean.arrays[T] + MS // 2)
+    np.testing.assert_array_equal(
+        rows["metadata/rgb_to_event"], counted({**clean.arrays, T: rows[T]})["metadata/rgb_to_event"]
+    )
+
+
 def test_samples_that_share_a_timestamp_and_differ_are_kept() -> None:
     """Two frames of one timestamp with other values are not the same frame twice."""
     clean = memory_sequence()
