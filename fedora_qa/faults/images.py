@@ -202,7 +202,8 @@ class RayLength:
 
     def plant(self, facts: Facts, sequence: SequenceRows) -> Fault:
         """Multiply by |m|."""
-        return self._scaled(facts, "depth is the length of the ray", self.exponent)
+        power = "" if self.exponent == 1 else f" with |m| to the power of {self.exponent:.3g}"
+        return self._scaled(facts, f"depth is the length of the ray{power}", self.exponent)
 
     def undo(self, facts: Facts, sequence: SequenceRows) -> Fault:
         """Divide by |m|."""
