@@ -160,12 +160,12 @@ class MountingLeverArm:
 
     def plant(self, facts: Facts, sequence: SequenceRows) -> Fault:
         """Add the displacement."""
-        description = f"cameras are declared {self.magnitude:.3g} m too far forward"
+        description = f"cameras are declared {abs(self.magnitude):.3g} m from their place"
         return _planted(facts, sequence, self.stream, description, self._by(1))
 
     def undo(self, facts: Facts, sequence: SequenceRows) -> Fault:
         """Subtract the displacement."""
-        description = f"cameras back by {self.magnitude:.3g} m"
+        description = f"cameras back by {abs(self.magnitude):.3g} m"
         return _removed(facts, sequence, self.stream, description, self._by(1), self._by(-1))
 
     def _by(self, sign: int) -> Change:

@@ -137,13 +137,13 @@ class TimeUnit:
 
     def plant(self, facts: Facts, sequence: SequenceRows) -> Fault:
         """Multiply the times by the factor."""
-        description = f"stamps of {self.stream} are {self.factor:.6g} times as large"
+        description = f"timestamps of {self.stream} are {self.factor:.6g} times as large"
         factor = Fraction(self.factor).limit_denominator(_LARGEST_WHOLE)
         return _retimed(facts, self, description, self._scaling(factor, sequence))
 
     def undo(self, facts: Facts, sequence: SequenceRows) -> Fault:
         """Divide the times by the factor."""
-        description = f"stamps of {self.stream} divided by {self.factor:.6g}"
+        description = f"timestamps of {self.stream} divided by {self.factor:.6g}"
         factor = 1 / Fraction(self.factor).limit_denominator(_LARGEST_WHOLE)
         fault = _retimed(facts, self, description, self._scaling(factor, sequence))
         return with_following_maps(facts, sequence, fault)

@@ -72,13 +72,13 @@ class IndexSide:
     def plant(self, facts: Facts, sequence: SequenceRows) -> Fault:
         """Let correct entries count the events that are not later than the frame."""
         index_map = _map_of(facts, self.stream)
-        description = f"{self.stream} points behind equal stamps"
+        description = f"{self.stream} points behind equal timestamps"
         return self._exchanged(facts, description, index_map.expected_left, index_map.expected_right)
 
     def undo(self, facts: Facts, sequence: SequenceRows) -> Fault:
         """Let entries that count the events not later than the frame count those before it."""
         index_map = _map_of(facts, self.stream)
-        description = f"{self.stream} points to the first of equal stamps"
+        description = f"{self.stream} points to the first of equal timestamps"
         return self._exchanged(facts, description, index_map.expected_right, index_map.expected_left)
 
     def _exchanged(self, facts: Facts, description: str, before: Int64, after: Int64) -> Fault:
@@ -122,7 +122,7 @@ def with_following_maps(facts: Facts, sequence: SequenceRows, fault: Fault) -> F
 
 
 def _following(
-    name: str, index_map: IndexMap, undone_maps: Callable[[], Any], replace_rows: Alteration | None
+    name: str, index_map: IndexMap, maps_without_fault: Callable[[], Any], replace_rows: Alteration | None
 ) -> Alteration:
     def expected(start: int, stop: int) -> Int64:
         return index_map.expected_left[start:stop]
@@ -133,7 +133,7 @@ def _following(
                           for rows in (read, expected))  # fmt: skip
         if not np.any(stored == faulty):
             return stored
-        return np.where(stored == faulty, undone_maps()[name].expected_left[start:stop], stored)
+        return np.where(stored == faulty, maps_without_fault()[name].expected_left[start:stop], stored)
 
     return alter
 

@@ -12,18 +12,10 @@ from typing import Final
 
 import h5py
 
-from fedora_qa.layout.filters import FLETCHER32_BYTES, filters_of
-from fedora_qa.layout.links import RefusedError
+from fedora_qa.layout.filters import BITSHUFFLE, FLETCHER32_BYTES, filter_parameters, filters_of
 
-BITSHUFFLE: Final = 32008
-"""The number under which the filter is registered with HDF5."""
-
-_PIPELINES: Final = ([BITSHUFFLE], [BITSHUFFLE, h5py.h5z.FILTER_FLETCHER32])
-"""Sequences of filters whose chunks are verified: behind any other filter the bytes are not those that are stored."""
-
-_ELEMENT_BYTES: Final = 2
 _CODEC: Final = 4
-"""Where the parameters of the filter hold the size of a value and the codec (bshuf_h5filter.c)."""
+"""Where the parameters of the filter hold the codec (bshuf_h5filter.c)."""
 
 _PACKED: Final = (2, 3)
 """LZ4 and Zstandard; without a codec the bits of the values are transposed and keep their length."""
@@ -36,28 +28,6 @@ _BLOCK: Final = struct.Struct(">I")
 
 _VALUES_TOGETHER: Final = 8
 """Values whose bits are transposed together; those left over at the end of a chunk are stored as they are."""
-
-
-def require_verifiable(dataset: h5py.Dataset, path: str) -> None:
-    """Refuse Bitshuffle with parameters that do not fit the values, or before another filter than a checksum.
-
-    Raises
-    ------
-    RefusedError
-        Such a chunk cannot be verified before it is decoded.
-    """
-    if not uses_bitshuffle(dataset):
-        return
-    numbers = [number for number, _ in filters_of(dataset)]
-    parameters = _parameters(dataset)
-    value_bytes = dataset.id.get_type().get_size()
-    fits = len(parameters) > _ELEMENT_BYTES and parameters[_ELEMENT_BYTES] == value_bytes
-    if numbers not in _PIPELINES or not fits:
-        message = (
-            f"Expected {path} through a codec whose chunks can be verified, got Bitshuffle with filters {numbers} and "
-            f"parameters {list(parameters)}; write the data again through Blosc-Zstd"
-        )
-        raise RefusedError("unsafe_filter", "unknown", message)
 
 
 def uses_bitshuffle(dataset: h5py.Dataset) -> bool:
@@ -97,7 +67,7 @@ def require_sound_chunk(dataset: h5py.Dataset, corner: tuple[int, ...]) -> None:
     length = len(content)
     if dataset.id.get_create_plist().get_nfilters() > 1 and not mask & 2:
         length -= FLETCHER32_BYTES
-    parameters = _parameters(dataset)
+    parameters = filter_parameters(dataset, 0)
     packed = not mask & 1 and len(parameters) > _CODEC and parameters[_CODEC] in _PACKED
     value_bytes = dataset.id.get_type().get_size()
     if not _is_sound(content, length, prod(dataset.chunks), value_bytes, packed=packed):
@@ -122,8 +92,3 @@ def _is_sound(content: bytes, length: int, values: int, value_bytes: int, *, pac
             return False
         position += _BLOCK.size + _BLOCK.unpack_from(content, position)[0]
     return bool(position + remainder_bytes == length)
-
-
-def _parameters(dataset: h5py.Dataset) -> tuple[int, ...]:
-    """Return the parameters of the filter, which stands first in all pipelines that are verified."""
-    return tuple(dataset.id.get_create_plist().get_filter(0)[2])

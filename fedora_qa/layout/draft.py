@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fedora_qa.conventions import FLOW_RATES_HZ, NS_PER_S
-from fedora_qa.layout.bitshuffle import require_sound_blocks, require_verifiable
+from fedora_qa.layout.bitshuffle import require_sound_blocks
 from fedora_qa.layout.canonical import DATASETS, STREAMS, datasets_of
 from fedora_qa.layout.dialect import NS_PER_TIME_UNIT
 from fedora_qa.layout.filters import require_filters
@@ -138,7 +138,6 @@ def take_inventory(file: h5py.File) -> tuple[StoredObject, ...]:
             dataset = file[path]
             outside = dataset.is_virtual or dataset.external
             require_filters(dataset, path)
-            require_verifiable(dataset, path)
             numbers = dataset.shape and prod(dataset.shape) and dataset.dtype.kind in "iufb"
             # Values of virtual and external datasets lie in other files, which a draft may not read.
             if not numbers or outside:

@@ -15,7 +15,7 @@ import h5py
 from h5py import h5s
 
 from fedora_qa.layout.binding import Binding
-from fedora_qa.layout.bitshuffle import require_sound_blocks, require_verifiable
+from fedora_qa.layout.bitshuffle import require_sound_blocks
 from fedora_qa.layout.bounds import MOST_EXPANSION, SMALL_BYTES, require_small_chunks, unwritten_chunks
 from fedora_qa.layout.filters import require_filters, require_whole_chunks
 from fedora_qa.layout.links import RefusedError, find_dataset, reading
@@ -138,7 +138,6 @@ class ExternalFiles:
             raise RefusedError("dangling_link", "missing_stream", f"Expected the source of {path}, got nothing there")
         # HDF5 decodes sources by itself, so that they must meet the rules for datasets of the file.
         require_filters(source, path)
-        require_verifiable(source, path)
         require_small_chunks(source, path)
         require_whole_chunks(source, path)
         with reading(path):

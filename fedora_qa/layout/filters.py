@@ -26,6 +26,15 @@ _KNOWN_FILTERS: Final = {
 }
 """Filters that neither HDF5 nor hdf5plugin brings, by the numbers under which they are registered."""
 
+BITSHUFFLE: Final = 32008
+"""The number under which Bitshuffle is registered with HDF5."""
+
+_VERIFIABLE: Final = ([BITSHUFFLE], [BITSHUFFLE, h5py.h5z.FILTER_FLETCHER32])
+"""Sequences of filters with Bitshuffle whose chunks can be verified: behind another codec its bytes are not at hand."""
+
+_ELEMENT_BYTES: Final = 2
+"""Where the parameters of Bitshuffle hold the size of a value (bshuf_h5filter.c)."""
+
 FLETCHER32_BYTES: Final = 4
 """Length of the checksum of Fletcher-32 behind each chunk."""
 
@@ -34,14 +43,27 @@ _LENGTH_KEEPING_FILTERS: Final = frozenset({h5py.h5z.FILTER_SHUFFLE, h5py.h5z.FI
 
 
 def require_filters(dataset: h5py.Dataset, path: str) -> None:
-    """Refuse a dataset that cannot be decoded here.
+    """Refuse a dataset that cannot be decoded here, or not safely.
+
+    Chunks of Bitshuffle are verified before they are decoded (``require_sound_blocks``), where that is possible.
 
     Raises
     ------
     RefusedError
-        A filter is not installed. The message names it and the remedy.
+        A filter is not installed, or its chunks cannot be verified. The message names it and the remedy.
     """
-    for number, name in filters_of(dataset):
+    filters = list(filters_of(dataset))
+    numbers = [number for number, _ in filters]
+    if BITSHUFFLE in numbers:
+        parameters = filter_parameters(dataset, numbers.index(BITSHUFFLE))
+        fits = parameters[_ELEMENT_BYTES : _ELEMENT_BYTES + 1] == (dataset.id.get_type().get_size(),)
+        if numbers not in _VERIFIABLE or not fits:
+            message = (
+                f"Expected {path} through a codec whose chunks can be verified, got Bitshuffle with filters {numbers} "
+                f"and parameters {list(parameters)}; write the data again through Blosc-Zstd"
+            )
+            raise RefusedError("unsafe_filter", "unknown", message)
+    for number, name in filters:
         if not h5py.h5z.filter_avail(number):
             # The name stands in the file and may have any length.
             title = _KNOWN_FILTERS.get(number) or name[:60] or "without a name"
@@ -89,3 +111,8 @@ def filters_of(dataset: h5py.Dataset) -> Iterator[tuple[int, str]]:
     for position in range(properties.get_nfilters()):
         number, _, _, name = properties.get_filter(position)
         yield number, name.decode("utf-8", "replace")
+
+
+def filter_parameters(dataset: h5py.Dataset, position: int) -> tuple[int, ...]:
+    """Return the parameters of the filter at a position, counted in the order in which a writer applies them."""
+    return tuple(dataset.id.get_create_plist().get_filter(position)[2])

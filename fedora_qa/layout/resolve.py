@@ -9,7 +9,7 @@ import numpy as np
 
 from fedora_qa.causes import INDEX_MAPS, allowed
 from fedora_qa.layout.binding import Binding, instant_ns, rows_together
-from fedora_qa.layout.bitshuffle import require_sound_blocks, require_verifiable
+from fedora_qa.layout.bitshuffle import require_sound_blocks
 from fedora_qa.layout.bounds import require_bounded, require_small_chunks, unwritten_chunks
 from fedora_qa.layout.canonical import (
     FLOW_STREAMS,
@@ -256,7 +256,6 @@ class _Finder:
                 require_readable_type(spec, dataset, path)
                 require_shape(spec, place, dataset, path)
                 require_filters(dataset, path)
-                require_verifiable(dataset, path)
                 require_bounded(spec, dataset, path)
                 require_whole_chunks(dataset, path)
                 columns: tuple[int, ...] | None = place.columns or None
@@ -314,7 +313,6 @@ class _Finder:
         # Nothing bounds a scalar by itself: its chunk passes the same tests as that of a stream before it is read.
         numeric = dataset.size == 1 and dataset.dtype.kind in "iuf"
         require_filters(dataset, place.offset_path)
-        require_verifiable(dataset, place.offset_path)
         require_small_chunks(dataset, place.offset_path)
         require_whole_chunks(dataset, place.offset_path)
         with reading(place.offset_path):

@@ -26,28 +26,12 @@ from tests.benchmarks.foreign_faults.outcome import Named, Outcome, diagnose_pla
 from tests.benchmarks.foreign_faults.page import page
 from tests.benchmarks.foreign_faults.sources import SPAN_S, Source
 from tests.benchmarks.foreign_faults.table import KINDS
+from tests.support.contents import Contents, contents_of
 from tests.support.shared_files import SharedFiles
 
 BY_NAME = {kind.name: kind for kind in KINDS}
 SMALL = Size(90, 68, 0.4)
 FOLDERS = [Path(__file__).parent / name for name in ("foreign_faults", "foreign")]
-
-Contents = dict[str, Any]
-"""Values of all datasets by path, and of all attributes by ``path@name``."""
-
-
-def contents_of(path: Path) -> Contents:
-    contents: Contents = {}
-
-    def add(name: str, thing: h5py.HLObject) -> None:
-        if isinstance(thing, h5py.Dataset):
-            contents[name] = thing[()]
-        contents.update({f"{name}@{key}": value for key, value in thing.attrs.items()})
-
-    with h5py.File(path) as file:
-        add("", file)
-        file.visititems(add)
-    return contents
 
 
 @pytest.fixture(scope="module")
@@ -127,7 +111,8 @@ def test_no_planter_knows_other_faults() -> None:
     assert len(imported) > 50
     assert not [name for name in imported if name.startswith(forbidden)]
     inside = {name for name in imported if name.startswith("tests.")}
-    assert all(name.startswith(("tests.benchmarks.foreign.", "tests.benchmarks.foreign_faults")) for name in inside)
+    known = ("tests.benchmarks.foreign.", "tests.benchmarks.foreign_faults", "tests.benchmarks.processes.in_processes")
+    assert all(name.startswith(known) for name in inside)
 
 
 @pytest.mark.parametrize("name", BY_NAME)
@@ -372,9 +357,7 @@ def test_the_study_leaves_out_what_is_held_out(tmp_path: Path, monkeypatch: pyte
     monkeypatch.setattr(study, "KEPT", tmp_path)
     monkeypatch.setattr(study, "_write_clean", lambda *_: None)
     monkeypatch.setattr(study, "_diagnose", diagnose)
-    monkeypatch.setattr(
-        study, "_in_processes", lambda jobs, work, items: [made for item in items if (made := work(item))]
-    )
+    monkeypatch.setattr(study, "in_processes", lambda processes, work, items, report: [work(item) for item in items])
     ended = CliRunner().invoke(study.main, ["--scenes", "park-noisy", "--seeds", "1", "--page", str(tmp_path / "a.md")])
     assert ended.exit_code == 0, ended.output
     wanted = [kind for kind in KINDS if not kind.held_out and "park-noisy" in kind.scenes]

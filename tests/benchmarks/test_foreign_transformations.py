@@ -23,29 +23,13 @@ from tests.benchmarks.foreign.checked import transform
 from tests.benchmarks.foreign.events import order_by_columns
 from tests.benchmarks.foreign.storage import ACCELEROMETER_STEP_M_S2, GYRO_STEP_RAD_S, positive_scalar_part
 from tests.benchmarks.foreign.table import TRANSFORMATIONS, UNCHANGED
+from tests.support.contents import Contents, contents_of
 from tests.support.shared_files import SharedFiles
 
 BY_NAME = {kind.name: kind for kind in TRANSFORMATIONS}
 
-Contents = dict[str, Any]
-"""Values of all datasets by path, and of all attributes by ``path@name``."""
-
 Pair = tuple[Contents, Contents]
 """A file before and after."""
-
-
-def contents_of(path: Path) -> Contents:
-    contents: Contents = {}
-
-    def add(name: str, thing: h5py.HLObject) -> None:
-        if isinstance(thing, h5py.Dataset):
-            contents[name] = thing[()]
-        contents.update({f"{name}@{key}": value for key, value in thing.attrs.items()})
-
-    with h5py.File(path) as file:
-        add("", file)
-        file.visititems_links(lambda name, _: add(name, file[name]))
-    return contents
 
 
 @pytest.fixture(scope="module")

@@ -30,7 +30,7 @@ before = most_bytes()
 print(peak_bytes(scene, names))
 for duration_s in durations_s:
     request = Request(duration_s=float(duration_s), quality="draft", streams=names)
-    generate_sequence(scene, Path(sys.argv[1]) / f"{duration_s}.h5", request)
+    generate_sequence(scene, Path(sys.argv[1]) / "a.h5", request, overwrite=True)
     print(most_bytes() - before)
 """
 
@@ -48,12 +48,13 @@ def test_the_estimate_is_above_what_is_taken(tmp_path: Path) -> None:
 
 
 def test_memory_does_not_grow_with_the_length(tmp_path: Path) -> None:
-    """Three times the sequence takes what the sequence has taken, but for the allocator's whims, 3 MB.
+    """Four times the sequence takes what the sequence has taken, but for the allocator's whims, 3 MB.
 
-    What the file holds more, before it is compressed, are 6 MB.
+    What the file holds more, before it is compressed, are 9 MB. The first sequence of a process does not count: another
+    one of the same length takes 2 MB more.
     """
-    _, short, long = measured(tmp_path, "park-day", (90, 68), ",".join(ALL), 0.5, 1.5)
-    assert 0 < short <= long < short + 3e6
+    _, first, short, long = measured(tmp_path, "park-day", (90, 68), ",".join(ALL), 0.5, 0.5, 2)
+    assert 0 < first <= short <= long < short + 3e6
 
 
 def test_inertial_samples_are_written_in_pieces(tmp_path: Path) -> None:

@@ -12,7 +12,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from fedora_qa.layout.bitshuffle import require_sound_blocks, require_verifiable
+from fedora_qa.layout.bitshuffle import require_sound_blocks
+from fedora_qa.layout.filters import require_filters
 from fedora_qa.layout.links import READ_ERRORS, RefusedError
 
 CODECS = ("none", "lz4", "zstd")
@@ -37,7 +38,7 @@ def stored(
 @pytest.mark.parametrize("checksum", [False, True], ids=["", "checksum"])
 def test_what_the_library_writes_is_sound(codec: str, dtype: str, checksum: bool, tmp_path: Path) -> None:
     dataset = stored(tmp_path / "x.h5", codec, (2, 4, 7), dtype, fletcher32=checksum)
-    require_verifiable(dataset, "x")
+    require_filters(dataset, "x")
     require_sound_blocks(dataset, 0, len(dataset))
     np.testing.assert_array_equal(dataset[:], values(dtype))
 
@@ -50,7 +51,7 @@ def test_other_storage_is_left_alone(tmp_path: Path) -> None:
             file.create_dataset("gzip", data=values(), compression="gzip"),
             file.create_dataset("unwritten", shape=SHAPE, dtype="f4", chunks=(2, 9, 13), **hdf5plugin.Bitshuffle()),
         ):
-            require_verifiable(dataset, dataset.name)
+            require_filters(dataset, dataset.name)
             require_sound_blocks(dataset, 0, 5)
 
 
@@ -105,7 +106,7 @@ def test_what_cannot_be_verified_is_refused(tmp_path: Path) -> None:
     with h5py.File(tmp_path / "x.h5", "w") as file:
         made = h5py.h5d.create(file.id, b"x", h5py.h5t.IEEE_F32LE, h5py.h5s.create_simple(SHAPE), properties)
         with pytest.raises(RefusedError, match=r"filters \[32008, 1\]") as refused:
-            require_verifiable(h5py.Dataset(made), "x")
+            require_filters(h5py.Dataset(made), "x")
     assert refused.value.rule == "unsafe_filter"
 
 
@@ -121,7 +122,7 @@ def test_a_filter_for_values_of_another_size_is_refused(tmp_path: Path) -> None:
         h5py.File(tmp_path / "x.h5") as file,
         pytest.raises(RefusedError, match="whose chunks can be verified"),
     ):
-        require_verifiable(file["x"], "x")
+        require_filters(file["x"], "x")
 
 
 @given(data=st.data(), codec=st.sampled_from(["lz4", "zstd"]))

@@ -17,7 +17,7 @@ def undecodable(conditions: CanaryConditions) -> Fault:
     keys = [key for key in conditions.facts.layout.bindings if not DATASETS[key].is_timestamps]
     images = [key for key in keys if DATASETS[key].is_image]
     if not keys:
-        raise UnplantableError("the file holds stamps only")
+        raise UnplantableError("the file holds timestamps only")
     key = (images or keys)[0]
 
     def fail(read: Read, start: int, stop: int) -> NDArray[Any]:
@@ -37,7 +37,7 @@ def not_finite(conditions: CanaryConditions) -> Fault:
     for stream, clock in conditions.facts.clocks.items():
         if len(clock.times_ns):
             invalid = values(lambda timestamps: np.full_like(timestamps, INVALID_TIMESTAMP_NS))
-            return Fault(f"the stamps of {stream} are NaN", {TIMESTAMPS_OF[stream]: invalid})
+            return Fault(f"the timestamps of {stream} are NaN", {TIMESTAMPS_OF[stream]: invalid})
     raise UnplantableError("the file holds no stream whose values could be other than finite")
 
 

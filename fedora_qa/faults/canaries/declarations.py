@@ -105,7 +105,7 @@ def other_imu_noise(conditions: CanaryConditions) -> Fault:
     """
     model, period_s = conditions.facts.declared.imu or ImuModel(), conditions.period_ns("imu") / NS_PER_S
     if period_s <= 0:
-        raise UnplantableError("the stamps of the imu do not advance")
+        raise UnplantableError("the timestamps of the imu do not advance")
     # sigma of a sample (rad/s) = density (rad/s/sqrt(Hz)) * sqrt(rate)
     root_hz = period_s**-0.5
     density = _other_noise(conditions, root_hz * model.gyro_noise_density, "gyro_noise") / root_hz

@@ -34,7 +34,7 @@ def repeated(conditions: CanaryConditions) -> Fault:
         if events.last_ns > events.first_ns:
             events_per_tick = events.count * events.grid_ns / (events.last_ns - events.first_ns)
     if not any(m.name == "repeats" for m in conditions.measurements) and events_per_tick < _FEWEST_IN_PACKETS:
-        raise UnplantableError("too few events share their stamps to be told from a packet that was written twice")
+        raise UnplantableError("too few events share a timestamp to show a packet that was written twice")
     # Row 2k + 1 takes x, y, t and p of row 2k: the same event twice.
     earlier = rows_from(lambda rows: rows - rows % 2, count)
     return Fault("every second event repeats the one before", dict.fromkeys((_X, _Y, _T, _P), earlier))

@@ -28,9 +28,9 @@ def exchanged_timestamps(conditions: CanaryConditions) -> Fault:
     if stream is None:
         events = conditions.facts.events
         if events is None or events.first_ns == events.last_ns:
-            raise UnplantableError("no stream has three stamps")
+            raise UnplantableError("no stream has three timestamps")
         last_ns = events.last_ns
-        return Fault("the stamps of events run backwards", {TIMESTAMPS_OF["events"]: values(lambda t: last_ns - t)})
+        return Fault("the timestamps of events run backwards", {TIMESTAMPS_OF["events"]: values(lambda t: last_ns - t)})
     row = conditions.row_at_place(stream)
     return conditions.planted(Unsorted(stream, row - row % 2, 2, timestamps_only=True))
 
@@ -78,9 +78,9 @@ def coarse_grid(conditions: CanaryConditions) -> Fault:
     """Event timestamps are rounded down to a grid that is a thousand times as coarse as declared."""
     grid_us = next((m.expected for m in conditions.measurements if m.name == "events.grid" and m.expected), None)
     if grid_us is None:
-        raise UnplantableError("stamps of sampled streams show a coarse grid only where their clock is irregular")
+        raise UnplantableError("timestamps of sampled streams show a coarse grid only where their clock is irregular")
     grid_ns = round(grid_us * NS_PER_US) * _COARSE_TICKS
-    description = f"event stamps lie on a grid of {grid_ns / NS_PER_MS:g} ms"
+    description = f"event timestamps lie on a grid of {grid_ns / NS_PER_MS:g} ms"
     return Fault(description, {TIMESTAMPS_OF["events"]: values(lambda t: t - t % grid_ns)})
 
 
@@ -125,7 +125,7 @@ def scattered_events(conditions: CanaryConditions) -> Fault:
     # Timestamps stay in order, and so do index maps: the other columns are moved.
     exchange = rows_from(lambda rows: rows - rows % rows_per_block + order[rows % rows_per_block], events.count)
     columns = [f"path/events/{name}" for name in "xyp"]
-    return Fault(f"stamps of events scatter by {jitter_ms:.3g} ms", dict.fromkeys(columns, exchange))
+    return Fault(f"timestamps of events scatter by {jitter_ms:.3g} ms", dict.fromkeys(columns, exchange))
 
 
 def gap_in_events(conditions: CanaryConditions) -> Fault:

@@ -6,13 +6,10 @@ is neither checked nor shown, and no page is written.
 """
 
 import shutil
-from collections.abc import Callable, Iterable
-from concurrent.futures import ProcessPoolExecutor, as_completed
 from functools import partial
 from itertools import product
-from multiprocessing import get_context
 from pathlib import Path
-from typing import Any, Final
+from typing import Final
 
 import click
 
@@ -21,6 +18,7 @@ from tests.benchmarks.foreign.page import page
 from tests.benchmarks.foreign.scenes import SCENES, SEEDS, Size, Source
 from tests.benchmarks.foreign.table import TRANSFORMATIONS, UNCHANGED
 from tests.benchmarks.foreign.transformation import Transformation
+from tests.benchmarks.processes import in_processes
 
 ROOT: Final = Path(__file__).parents[3]
 TARGET: Final = ROOT / "docs" / "foreign.md"
@@ -62,28 +60,18 @@ def main(
     if fresh:
         shutil.rmtree(folder, ignore_errors=True)
     folder.mkdir(parents=True, exist_ok=True)
-    _in_processes(jobs, partial(_write_clean, extent), sources)
-    outcomes = _in_processes(
-        jobs, partial(_check, extent), [(kind.name, source) for source, kind in product(sources, kinds)]
-    )
+    in_processes(jobs, partial(_write_clean, extent), sources, lambda number, _: None)
+    items = [(kind.name, source) for source, kind in product(sources, kinds)]
+    outcomes = in_processes(jobs, partial(_check, extent), items, _report)
     text = "".join(page(kinds, outcomes, extent))
     if held_out and not scenes and not names and seeds == SEEDS and extent == Size():
         TARGET.write_text(text, encoding="utf-8")
     click.echo(text)
 
 
-def _in_processes(jobs: int, work: Callable[[Any], Outcome | None], items: Iterable[Any]) -> list[Outcome]:
-    """Do the work of all items in processes, and return the outcomes in the order of the items."""
-    with ProcessPoolExecutor(jobs, mp_context=get_context("spawn")) as pool:
-        futures = [pool.submit(work, item) for item in items]
-        for count, future in enumerate(as_completed(futures), start=1):
-            outcome = future.result()
-            if outcome is not None:
-                place = f"{outcome.transformation}, {outcome.scene}, seed {outcome.seed}"
-                click.echo(f"{count}/{len(futures)} {place}: {outcome.verdict}", err=True)
-                for alarm in outcome.alarms:
-                    click.echo(f"  {alarm}", err=True)
-        return [outcome for future in futures if (outcome := future.result()) is not None]
+def _report(number: str, outcome: Outcome) -> None:
+    place = f"{outcome.transformation}, {outcome.scene}, seed {outcome.seed}"
+    click.echo("\n  ".join((f"{number} {place}: {outcome.verdict}", *outcome.alarms)), err=True)
 
 
 def _clean_path(size: Size, source: Source) -> Path:

@@ -103,26 +103,28 @@ def _totals(title: str, kinds: Sequence[Kind], files: Files) -> Iterator[str]:
         "no name": [kind for kind in kinds if not kind.truth],
     }.items():
         count = sum(len(files[kind.name]) for kind in chosen)
-        found = [(kind, outcome) for kind in chosen for outcome in files[kind.name] if outcome.is_found]
-        if not found:
+        detected = [(kind, outcome) for kind in chosen for outcome in files[kind.name] if outcome.is_found]
+        if not detected:
             continue
-        first = sum(outcome.is_first_right(kind) for kind, outcome in found)
-        either = sum(outcome.is_first_right(kind) or outcome.is_second_right(kind) for kind, outcome in found)
+        first = sum(outcome.is_first_right(kind) for kind, outcome in detected)
+        either = sum(outcome.is_first_right(kind) or outcome.is_second_right(kind) for kind, outcome in detected)
         # Clopper and Pearson, Biometrika 26, 1934.
-        bounds = binomtest(first, len(found)).proportion_ci(CONFIDENCE, method="exact")
+        bounds = binomtest(first, len(detected)).proportion_ci(CONFIDENCE, method="exact")
         yield (
-            f"| {title} | {name} | {len(chosen)} | {count} | {len(found)} | {len(found) / count:.0%} | {first} "
-            f"| {first / len(found):.0%} | {bounds.low:.0%} to {bounds.high:.0%} | {either / len(found):.0%} |\n"
+            f"| {title} | {name} | {len(chosen)} | {count} | {len(detected)} | {len(detected) / count:.0%} | {first} "
+            f"| {first / len(detected):.0%} | {bounds.low:.0%} to {bounds.high:.0%} | {either / len(detected):.0%} |\n"
         )
 
 
 def _row(kind: Kind, outcomes: Sequence[Outcome]) -> str:
-    found = [outcome for outcome in outcomes if outcome.is_found]
-    first = sum(outcome.is_first_right(kind) for outcome in found)
-    second = sum(outcome.are_all_named(kind) if kind.composite else outcome.is_second_right(kind) for outcome in found)
+    detected = [outcome for outcome in outcomes if outcome.is_found]
+    first = sum(outcome.is_first_right(kind) for outcome in detected)
+    second = sum(
+        outcome.are_all_named(kind) if kind.composite else outcome.is_second_right(kind) for outcome in detected
+    )
     instead = Counter(
         outcome.diagnoses[0].name if outcome.diagnoses else "nothing"
-        for outcome in found
+        for outcome in detected
         if not outcome.is_first_right(kind)
     )
     named = ", ".join(f"{name} {count}" for name, count in instead.most_common())
@@ -130,7 +132,7 @@ def _row(kind: Kind, outcomes: Sequence[Outcome]) -> str:
     truth = (" and " if kind.composite else " or ").join(kind.truth) or "none"
     return (
         f"| {kind.name} | {kind.pipeline} | {size} | {'local' if kind.local else 'whole'} | {truth} | {len(outcomes)} "
-        f"| {len(found)} | {first} | {second} | {named} |\n"
+        f"| {len(detected)} | {first} | {second} | {named} |\n"
     )
 
 

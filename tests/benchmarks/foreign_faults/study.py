@@ -6,13 +6,10 @@ diagnosis. Without ``--held-out`` the held-out third is neither planted nor show
 """
 
 import shutil
-from collections.abc import Callable, Iterable
-from concurrent.futures import ProcessPoolExecutor, as_completed
 from functools import partial
 from itertools import product
-from multiprocessing import get_context
 from pathlib import Path
-from typing import Any, Final
+from typing import Final
 
 import click
 
@@ -21,6 +18,7 @@ from tests.benchmarks.foreign_faults.outcome import Outcome, diagnose_planted
 from tests.benchmarks.foreign_faults.page import page
 from tests.benchmarks.foreign_faults.sources import SEEDS, SPAN_S, Source
 from tests.benchmarks.foreign_faults.table import KINDS
+from tests.benchmarks.processes import in_processes
 
 ROOT: Final = Path(__file__).parents[3]
 KEPT: Final = ROOT / "out" / "foreign-faults"
@@ -64,9 +62,9 @@ def main(
         shutil.rmtree(folder, ignore_errors=True)
     folder.mkdir(parents=True, exist_ok=True)
     needed = dict.fromkeys([*sources, *(source.donor for source in sources)])
-    _in_processes(processes, partial(_write_clean, folder, extent), needed)
+    in_processes(processes, partial(_write_clean, folder, extent), needed, lambda number, _: None)
     items = [(kind.name, source) for source, kind in product(sources, kinds) if source.scene in kind.scenes]
-    outcomes = _in_processes(processes, partial(_diagnose, folder), items)
+    outcomes = in_processes(processes, partial(_diagnose, folder), items, _report)
     text = "".join(page([kind for kind in kinds if any(kind.name == x.kind for x in outcomes)], outcomes, extent))
     if target is None:
         click.echo(text)
@@ -74,19 +72,12 @@ def main(
         target.write_text(text, encoding="utf-8")
 
 
-def _in_processes(processes: int, work: Callable[[Any], Outcome | None], items: Iterable[Any]) -> list[Outcome]:
-    """Do the work of all items in processes, and return the outcomes in the order of the items."""
-    with ProcessPoolExecutor(processes, mp_context=get_context("spawn")) as pool:
-        futures = [pool.submit(work, item) for item in items]
-        for count, future in enumerate(as_completed(futures), start=1):
-            outcome = future.result()
-            if outcome is not None:
-                kind = _BY_NAME[outcome.kind]
-                said = outcome.diagnoses[0].name if outcome.diagnoses else "nothing"
-                right = "right" if outcome.is_first_right(kind) else f"not {' or '.join(kind.truth) or 'named'}"
-                place = f"{outcome.kind} {outcome.size:.4g}, {outcome.scene}, seed {outcome.seed}"
-                click.echo(f"{count}/{len(futures)} {place}: {outcome.verdict}; {said}, {right}", err=True)
-        return [outcome for future in futures if (outcome := future.result()) is not None]
+def _report(number: str, outcome: Outcome) -> None:
+    kind = _BY_NAME[outcome.kind]
+    first = outcome.diagnoses[0].name if outcome.diagnoses else "nothing"
+    right = "right" if outcome.is_first_right(kind) else f"not {' or '.join(kind.truth) or 'named'}"
+    place = f"{outcome.kind} {outcome.size:.4g}, {outcome.scene}, seed {outcome.seed}"
+    click.echo(f"{number} {place}: {outcome.verdict}; {first}, {right}", err=True)
 
 
 def _clean_path(folder: Path, source: Source) -> Path:
