@@ -189,11 +189,11 @@ lint: $(READY)
 	$(BIN)/mypy
 	$(BIN)/lint-imports
 
+# uv takes a third of the time of pip, which knows indices that are set for pip alone.
 $(READY): pyproject.toml
 	$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11) and "Expected Python 3.11 or newer, got " + sys.version)'
 	test -x $(BIN)/python || $(PYTHON) -m venv $(VENV)
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check uv
-	# uv takes a third of the time of pip, which knows indices that are set for pip alone.
 	$(BIN)/uv pip install --quiet --python $(BIN)/python --editable '.[dev]' || \
 	  $(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[dev]'
 	touch $@
