@@ -5,7 +5,8 @@ from collections.abc import Iterable, Mapping, Sequence
 from fedora_qa.catalogue import hypotheses_of
 from fedora_qa.checks.protocol import Observation
 from fedora_qa.diagnosis.diagnose import choose_causes
-from fedora_qa.engine.canaries import PlainRun, held_to_canaries, prove_alive
+from fedora_qa.engine.altered import PlainRun
+from fedora_qa.engine.canaries import held_to_canaries, prove_alive
 from fedora_qa.engine.measure import PassState, attempt, conclude, follow_up, merge_all
 from fedora_qa.engine.options import FileRun
 from fedora_qa.engine.outcomes import lost_windows, results_in_order

@@ -6,7 +6,7 @@ the limits of the plain run. A check that gives no finding gets larger faults. O
 that it passed on the file is then no evidence.
 """
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any
@@ -14,41 +14,18 @@ from typing import Any
 import numpy as np
 
 from fedora_qa.catalogue import CANARIES
-from fedora_qa.checks.protocol import Check, Observation
-from fedora_qa.engine.decode import BlockDecoder
-from fedora_qa.engine.effort import Effort
-from fedora_qa.engine.measure import PassState, attempt, conclude, measure
+from fedora_qa.checks.protocol import Check
+from fedora_qa.engine.altered import PlainRun, growing
+from fedora_qa.engine.measure import PassState, attempt
 from fedora_qa.engine.outcomes import crashed_result
-from fedora_qa.engine.plan import make_plan, sampling_of, sees_every_window
-from fedora_qa.engine.progress import Progress, quiet
-from fedora_qa.engine.survey import Prepared, prepare
+from fedora_qa.engine.plan import sees_every_window
+from fedora_qa.engine.progress import Progress
 from fedora_qa.faults.canary_conditions import MULTIPLES, CanaryConditions, UnplantableError
-from fedora_qa.faults.fault import Fault, FaultySequence
-from fedora_qa.judgement.judge import judge
-from fedora_qa.layout.canonical import DATASETS
+from fedora_qa.faults.fault import Fault
 from fedora_qa.record.types import Canary, Outcome, Result
 from fedora_qa.record.wording import OUTCOME_WORDS
-from fedora_qa.sequence.sequence import SequenceRows
-from fedora_qa.sequence.window import Span
-from fedora_qa.views.storage_steps import stored_steps
 
 _IN_ORDER: tuple[Outcome, ...] = ("passed", "warned")
-
-
-@dataclass(frozen=True, slots=True)
-class PlainRun:
-    """The run that canaries are added to: the open file, what the checks observed on it, and the options.
-
-    ``strict`` holds the results by the limits alone, by check: a canary is planted and judged by these.
-    """
-
-    sequence: SequenceRows
-    ready: Prepared
-    observations: Mapping[str, Observation]
-    strict: Mapping[str, Result]
-    effort: Effort
-    memory_bytes: int
-    false_alarm_rate: float
 
 
 @dataclass(frozen=True, slots=True)
@@ -66,7 +43,7 @@ def prove_alive(
     by_name = {check.name: check for check in checks}
     # The middle of the window with most events; without events, of the middle window.
     place_ns = 0
-    if spans := _planned(run, run.ready):
+    if spans := run.planned(run.ready):
         events = [stop - start for start, stop in (span.owned.get("events", (0, 0)) for span in spans)]
         busiest = spans[int(np.argmax(events)) if any(events) else len(spans) // 2]
         place_ns = (busiest.start_ns + busiest.stop_ns) // 2
@@ -134,56 +111,21 @@ def _plant_ever_larger(check: Check[Any], result: Result, run: PlainRun, place_n
 
 
 def _plant(check: Check[Any], fault: Fault, run: PlainRun, place_ns: int, *, known_rules: frozenset[str]) -> Proof:
-    """Plant a fault on ever more windows; a finding of a rule that is not in ``known_rules`` is a detection.
-
-    Only the first pass counts: follow-ups serve to name causes.
-    """
-    sequence, ready = FaultySequence(run.sequence, fault), run.ready
-    if fault.moves_time:
-        faulty = prepare(sequence, run.memory_bytes)
-    else:
-        facts = replace(ready.facts, declared=sequence.declared, layout=sequence.layout)
-        # Altered values are stored in other steps.
-        altered = {DATASETS[key].stream for key in fault.rows}
-        kept = {key: step for key, step in facts.steps.items() if DATASETS[key].stream not in altered}
-        facts = replace(facts, steps=kept | stored_steps(sequence, facts, altered))
-        # Blocks and images of the plain run hold values without the fault, so none may be reused.
-        decoder = BlockDecoder(sequence, ready.scanned, ready.decoder.leases.limit_bytes)
-        faulty = replace(ready, scanned=replace(ready.scanned, facts=facts), decoder=decoder)
-    sampling = sampling_of(run.effort, faulty.frame_pixels)
+    """Plant a fault on ever more windows; a finding of a rule that is not in ``known_rules`` is a detection."""
+    faulty = run.altered(fault)
     canary, reason = Canary(check.name, "silent", fault.description), ""
     # Windows of the faulty sequence: a fault that moves time is cut into other windows than the file.
-    for spans in growing((faulty.spans if sees_every_window(check.needs) else _planned(run, faulty)), place_ns):
-        states = measure([check], spans, faulty.facts, faulty.decoder, sampling, quiet)
-        # The check's result by the limits of the plain run, whose comparisons share one false-alarm rate.
-        observed = conclude([check], states, faulty.facts)
-        judged = judge({**run.observations, **observed}, [check] if observed else [], run.false_alarm_rate)
+    for spans in growing((faulty.spans if sees_every_window(check.needs) else run.planned(faulty)), place_ns):
+        judged, crashes = run.judged([check], spans, faulty)
         results = [check_result.result for check_result in judged]
         canary = replace(canary, windows=len(spans))
         if _rules(results) - known_rules:
             return Proof(replace(canary, outcome="seen"))
-        if check.name in states.crashes:
-            return Proof(canary, states.crashes[check.name])
+        if check.name in crashes:
+            return Proof(canary, crashes[check.name])
         reason = "".join(result.reason for result in results if result.outcome == "not_observable")
     return Proof(replace(canary, outcome="withheld", reason=reason) if reason else canary)
 
 
 def _rules(results: Sequence[Result]) -> frozenset[str]:
     return frozenset(finding.code for result in results for finding in result.findings)
-
-
-def _planned(run: PlainRun, ready: Prepared) -> list[Span]:
-    plan = make_plan(run.effort, len(ready.spans), ready.scanned.cell_ns)
-    return [ready.spans[number] for number in plan.chosen]
-
-
-def growing(chosen: Sequence[Span], place_ns: int) -> Iterator[Sequence[Span]]:
-    """Yield the window of the place, then twice as many around it, and so on until all."""
-    centre = int(np.argmin([abs((span.start_ns + span.stop_ns) / 2 - place_ns) for span in chosen])) if chosen else 0
-    count = 1
-    while count < len(chosen):
-        # Clamped at both ends of the sequence, so that there are always ``count`` windows.
-        first = min(max(centre - count // 2, 0), len(chosen) - count)
-        yield chosen[first : first + count]
-        count *= 2
-    yield chosen

@@ -14,6 +14,7 @@ from fedora_qa.storage.traffic import NO_TRAFFIC, Traffic
 if TYPE_CHECKING:  # commands that measure nothing load neither NumPy nor HDF5
     from numpy.typing import NDArray
 
+    from fedora_qa.faults.reversible import ReversibleFault
     from fedora_qa.judgement.materiality import Profile
     from fedora_qa.layout.dialect import Dialect
 
@@ -63,7 +64,8 @@ class CheckOptions:
 class FileRun:
     """The record of one file, its evidence, the seconds of each stage, and the traffic with servers.
 
-    ``reached`` states how many windows a budget of time sufficed for; empty without one.
+    ``reached`` states how many windows a budget of time sufficed for; empty without one. ``undone`` holds the fault
+    that was undone for a diagnosis, by the identifier of the diagnosis.
     """
 
     record: FileRecord
@@ -72,3 +74,4 @@ class FileRun:
     decoded_bytes: int = 0
     traffic: Traffic = NO_TRAFFIC
     reached: str = ""
+    undone: "Mapping[str, ReversibleFault]" = field(default_factory=dict)

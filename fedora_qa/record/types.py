@@ -17,6 +17,7 @@ Severity = Literal["critical", "error", "warning", "info"]
 Verdict = Literal["clean", "findings", "incomplete"]
 Side = Literal["both", "upper", "lower"]
 CanaryOutcome = Literal["seen", "withheld", "silent", "not_planted"]
+DiagnosisStatus = Literal["confirmed", "supported", "suggested", "unidentified"]
 Scalar = str | int | float | bool | None
 
 
@@ -127,7 +128,16 @@ class Result:
 
 @dataclass(frozen=True, slots=True)
 class Diagnosis:
-    """A probable cause, its fitted size, and the findings that it explains."""
+    """A probable cause, its fitted size, and the findings that it explains.
+
+    ``status`` states how the cause is known. ``confirmed``: with the fault undone, all that it explains is within its
+    limits, nothing else exceeds them, and no other proposal does the same. ``supported``: undoing clears most findings,
+    or several causes clear them alike, or a check measures the cause itself, which cannot be undone. ``suggested``: the
+    cause fits and was not tested. ``unidentified``: no known cause fits.
+
+    ``tried`` describes the faults that were undone, the first that of the cause; ``cleared`` names the findings that
+    are within their limits with it undone, measured again in ``windows`` windows.
+    """
 
     id: str
     cause: str
@@ -139,6 +149,10 @@ class Diagnosis:
     where: Where
     remedy: str
     explains: tuple[str, ...]
+    status: DiagnosisStatus = "suggested"
+    tried: tuple[str, ...] = ()
+    cleared: tuple[str, ...] = ()
+    windows: int = 0
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,0 +1,84 @@
+"""Measure some windows of a sequence with its rows altered: a canary planted, or a fault undone."""
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from fedora_qa.checks.protocol import Check, Observation
+from fedora_qa.engine.decode import BlockDecoder
+from fedora_qa.engine.effort import Effort
+from fedora_qa.engine.measure import conclude, measure
+from fedora_qa.engine.plan import make_plan, sampling_of
+from fedora_qa.engine.progress import quiet
+from fedora_qa.engine.survey import Prepared, prepare
+from fedora_qa.faults.fault import Fault, FaultySequence
+from fedora_qa.judgement.judge import Judged, judge
+from fedora_qa.layout.canonical import DATASETS
+from fedora_qa.record.types import Result
+from fedora_qa.sequence.sequence import SequenceRows
+from fedora_qa.sequence.window import Span
+from fedora_qa.views.storage_steps import stored_steps
+
+
+@dataclass(frozen=True, slots=True)
+class PlainRun:
+    """The run of the unaltered file: the open file, what the checks observed on it, and the options.
+
+    ``strict`` holds the results by the limits alone, by check: altered rows are judged by these.
+    """
+
+    sequence: SequenceRows
+    ready: Prepared
+    observations: Mapping[str, Observation]
+    strict: Mapping[str, Result]
+    effort: Effort
+    memory_bytes: int
+    false_alarm_rate: float
+
+    def planned(self, ready: Prepared) -> list[Span]:
+        """Return the windows of the plan among those of a prepared sequence."""
+        plan = make_plan(self.effort, len(ready.spans), ready.scanned.cell_ns)
+        return [ready.spans[number] for number in plan.chosen]
+
+    def altered(self, fault: Fault) -> Prepared:
+        """Prepare the view of the sequence with a fault planted or undone."""
+        view = FaultySequence(self.sequence, fault)
+        if fault.moves_time:
+            return prepare(view, self.memory_bytes)
+        ready = self.ready
+        facts = replace(ready.facts, declared=view.declared, layout=view.layout)
+        # Altered values are stored in other steps.
+        altered = {DATASETS[key].stream for key in fault.rows}
+        kept = {key: step for key, step in facts.steps.items() if DATASETS[key].stream not in altered}
+        facts = replace(facts, steps=kept | stored_steps(view, facts, altered))
+        # Blocks and images of the plain run hold values without the alteration, so none may be reused.
+        decoder = BlockDecoder(view, ready.scanned, ready.decoder.leases.limit_bytes)
+        return replace(ready, scanned=replace(ready.scanned, facts=facts), decoder=decoder)
+
+    def judged(
+        self, checks: Sequence[Check[Any]], spans: Sequence[Span], altered: Prepared
+    ) -> tuple[tuple[Judged, ...], Mapping[str, str]]:
+        """Measure windows of an altered sequence; return the strict results of some checks, and their crashes.
+
+        Only the first pass counts: follow-ups serve to name causes.
+        """
+        sampling = sampling_of(self.effort, altered.frame_pixels)
+        states = measure(checks, spans, altered.facts, altered.decoder, sampling, quiet)
+        # By the limits of the plain run, whose comparisons share one false-alarm rate.
+        observed = conclude(checks, states, altered.facts)
+        seen = [check for check in checks if check.name in observed]
+        return judge({**self.observations, **observed}, seen, self.false_alarm_rate), states.crashes
+
+
+def growing(chosen: Sequence[Span], place_ns: int) -> Iterator[Sequence[Span]]:
+    """Yield the window of the place, then twice as many around it, and so on until all."""
+    centre = int(np.argmin([abs((span.start_ns + span.stop_ns) / 2 - place_ns) for span in chosen])) if chosen else 0
+    count = 1
+    while count < len(chosen):
+        # Clamped at both ends of the sequence, so that there are always ``count`` windows.
+        first = min(max(centre - count // 2, 0), len(chosen) - count)
+        yield chosen[first : first + count]
+        count *= 2
+    yield chosen
