@@ -24,6 +24,7 @@ from fedora_qa.record.wording import (
     number,
     place,
     reasons,
+    status_sentence,
     tally,
     why_incomplete,
 )
@@ -156,12 +157,11 @@ def _section(title: str, blocks: Sequence[RenderableType]) -> Iterator[Renderabl
 
 def _diagnosis(diagnosis: Diagnosis, file: FileRecord) -> RenderableType:
     head = Text.assemble((f"{diagnosis.id}  ", "bold"), text(cause_sentence(diagnosis), "bold"))
-    if diagnosis.confidence:
-        head.append(f"  (confidence {diagnosis.confidence:.0%})", style="dim")
     details = Table.grid(padding=(0, 2))
     details.add_column(style="dim", no_wrap=True)
     details.add_column(overflow="fold")
     details.add_row("cause", text(f"{diagnosis.stream}:{diagnosis.cause}"))
+    details.add_row("known by", text(status_sentence(diagnosis)))
     if place(diagnosis.where):
         details.add_row("where", text(place(diagnosis.where)))
     details.add_row("remedy", text(diagnosis.remedy))

@@ -1,61 +1,101 @@
-"""Name the causes of a file's findings: the fewest that explain all of them.
+"""Name the causes of a file's findings: the fewest that explain all of them, tested by undoing them.
 
-Each alarm has hypotheses: causes that would explain it, with their support. A cause that explains several alarms is
-preferred over several causes (Occam), so causes are taken greedily by the support they add to that of the causes before
-them: the classical approximation of a smallest weighted cover (Chvatal, "A greedy heuristic for the set-covering
-problem", 1979). Each check counts once, even if it states a disagreement for each rate of flow, as a mean and at its
-worst. Diagnosis runs only after an alarm: on clean files it would always name some cause.
+Each alarm has hypotheses: causes that would explain it, with their support. A candidate whose fault was undone has the
+support that the trial measured: 1 for a finding that it clears, less for one that is left. A cause that explains
+several alarms is preferred over several causes (Occam), so causes are taken greedily by the support they add to that of
+the causes before them: the classical approximation of a smallest weighted cover (Chvatal, "A greedy heuristic for the
+set-covering problem", 1979). Each check counts once, even if it states a disagreement for each rate of flow, as a mean
+and at its worst. Diagnosis runs only after an alarm: on clean files it would always name some cause.
 """
 
 from collections import Counter, defaultdict
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
-from math import exp, log
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import replace
+from types import MappingProxyType
+from typing import Final
 
 from fedora_qa.causes import CAUSES, stream_family
-from fedora_qa.diagnosis.hypothesis import ANY_CAUSE, Hypothesis
+from fedora_qa.diagnosis.candidates import UNKNOWN, CauseCandidate, gather_candidates
+from fedora_qa.diagnosis.coincidence import Place
+from fedora_qa.diagnosis.direct import is_direct
+from fedora_qa.diagnosis.hypothesis import Hypothesis
+from fedora_qa.diagnosis.measured_sizes import Results
+from fedora_qa.diagnosis.proposed_faults import is_testable
+from fedora_qa.diagnosis.trial import Trial
+from fedora_qa.diagnosis.vetoes import contradicts
 from fedora_qa.judgement.judge import Alarm
-from fedora_qa.record.types import Diagnosis
+from fedora_qa.record.types import Diagnosis, DiagnosisStatus, Where
 
-_UNKNOWN = "unknown"
-"""Name of the cause of a finding without a hypothesis."""
+Trials = Mapping[tuple[str, str], Trial]
+"""Trials by cause and stream."""
 
-_ENOUGH = 0.05
+_ENOUGH: Final = 0.05
 """Least support that a further cause must add to be named."""
 
-_UNFORESEEN = 0.02
-"""Support of a cause by a check that has no hypothesis of it: the check does not rule the cause out."""
+_FITS: Final = 0.4
+"""Least support by one check of a cause that is named without a trial and without a direct measurement: what any fault
+of the stream would explain has less."""
 
-_IN_EARNEST = 0.3
-"""Least support of a cause by one check for it to explain findings of other checks about its stream."""
+_INDIRECT: Final = 0.5
+"""Weight of a cause that was neither tested nor measured by a check whose business it is. The value is not derived."""
 
-SHARPNESS = 8.0
-"""Power to which products of support are raised before they are normalised. Support is a score and not a likelihood: a
-cause that leaves a fifth of a deviation has a support of 0.8, though with a deviation of 100 standard errors this fifth
-rules it out. One power for all products turns them into probabilities; it is fitted to the frequency of correct first
-diagnoses of planted faults (temperature scaling: Guo et al., "On calibration of modern neural networks", 2017). The
-log-likelihood of 146 diagnoses is -50.7 without the power, -24.5 with 8, and within half of that from 6 to 12 (``python
--m tests.benchmarks.confidence``)."""
+_CONTENDS: Final = 0.25
+"""Share of the support of a cause, before trials, from which another cause is its rival: without a trial of a rival
+that could be tested the cause is not confirmed. The value is not derived."""
 
-UNTHOUGHT = 0.02
-"""Share of first diagnoses that are wrong although their rivals have little support (2 of 120). It reduces every
-confidence."""
+_MOSTLY: Final = 0.5
+"""Share of the findings of a cause that undoing it must clear for the cause to be supported."""
 
-_FAIR_FIT = 0.5
-"""Least ratio of a hypothesis's support to the best support of its cause for its size to be used. The value is not
-derived: with less support, another cause mostly contributes to the size."""
+_OF_CLOCKS: Final = frozenset({"time_offset", "clock_rate"})
+"""Causes by which a clock leaves the grid of the others."""
 
+_MANY_MECHANISMS: Final = frozenset({"exposure_or_gamma", "frame_convention", "duplicated_samples", "unsorted"})
+"""Causes with more mechanisms than are tried: that those clear nothing rules nothing out."""
 
-@dataclass(frozen=True, slots=True)
-class _CauseCandidate:
-    """A cause in a stream, and its best hypothesis for each finding that it would explain, by the finding's id."""
+_VECTORS: Final = frozenset({"gyro_bias", "accel_bias", "lever_arm"})
+"""Causes whose size is the length of a vector, of which each finding states a component."""
 
-    cause: str
-    stream: str
-    evidence: Mapping[str, Hypothesis]
+MEASURED_CONFIDENCE: Final[Mapping[DiagnosisStatus, float]] = MappingProxyType(
+    {"confirmed": 0.0, "supported": 0.0, "suggested": 0.0, "unidentified": 0.0}
+)
+"""Share of first diagnoses of a status that are right (docs/named-foreign.md); 0 where none was measured."""
 
 
-def choose_causes(alarms: Sequence[Alarm], hypotheses: Mapping[str, Sequence[Hypothesis]]) -> tuple[Diagnosis, ...]:
+def rank_candidates(
+    alarms: Sequence[Alarm],
+    hypotheses: Mapping[str, Sequence[Hypothesis]],
+    results: Results = MappingProxyType({}),
+    places: Mapping[str, Place] = MappingProxyType({}),
+) -> list[CauseCandidate]:
+    """Return the candidates that no measurement contradicts, in the order in which to test them: by their support.
+
+    Parameters
+    ----------
+    alarms
+        Of one file.
+    hypotheses
+        By the id of the finding that they would explain.
+    results
+        Of the file, by check, judged by the limits alone.
+    places
+        Of the clocks.
+    """
+    weights = _weights(alarms)
+    candidates = [
+        candidate
+        for candidate in gather_candidates(hypotheses)
+        if not contradicts(candidate.cause, candidate.stream, candidate.size.magnitude, results, places)
+    ]
+    return sorted(candidates, key=lambda candidate: -_score(candidate, weights.keys(), weights))
+
+
+def choose_causes(
+    alarms: Sequence[Alarm],
+    hypotheses: Mapping[str, Sequence[Hypothesis]],
+    trials: Trials = MappingProxyType({}),
+    results: Results = MappingProxyType({}),
+    places: Mapping[str, Place] = MappingProxyType({}),
+) -> tuple[Diagnosis, ...]:
     """Choose the fewest causes that explain all alarms.
 
     Alarms without a hypothesis become ``unknown``, one diagnosis for each stream (all rates of flow are one).
@@ -66,183 +106,193 @@ def choose_causes(alarms: Sequence[Alarm], hypotheses: Mapping[str, Sequence[Hyp
         Of one file.
     hypotheses
         By the id of the finding that they would explain.
+    trials
+        Of candidates whose fault was undone.
+    results, places
+        As of ``rank_candidates``.
 
     Returns
     -------
     tuple
         In the order in which they were chosen, ``unknown`` last.
     """
-    places = {alarm.finding.id: alarm.finding.where for alarm in alarms}
-    checks = {alarm.finding.id: alarm.finding.code.rpartition(".")[0] for alarm in alarms}
-    findings_of_check = Counter(checks.values())
-    candidates = _candidates(hypotheses)
+    where = {alarm.finding.id: alarm.finding.where for alarm in alarms}
+    weights = _weights(alarms)
+    ranked = rank_candidates(alarms, hypotheses, results, places)
+    prior = {candidate.key: candidate for candidate in ranked}
+    candidates = [_tested(candidate, trials.get(candidate.key)) for candidate in ranked]
+    known = {c.key: _is_known(c, alarms, trials) for c in candidates}
     # Unexplained support of each finding: the demand of the set cover.
     unexplained = {alarm.finding.id: 1.0 for alarm in alarms}
 
-    def gain(candidate: _CauseCandidate) -> float:
+    def gain(candidate: CauseCandidate) -> float:
         return sum(_new_support(candidate, finding, unexplained) for finding in candidate.evidence)
 
-    def gain_per_check(candidate: _CauseCandidate) -> float:
-        """Average over the findings of each check, sum over the checks: each check counts once."""
-        evidence = candidate.evidence
-        return sum(_new_support(candidate, f, unexplained) / findings_of_check[checks[f]] for f in evidence)
+    def merit(candidate: CauseCandidate) -> tuple[float, int, bool]:
+        """Return the gain, where each check counts once; the number of findings; whether the clock is out of place."""
+        by_check = sum(_new_support(candidate, f, unexplained) * weights[f] for f in candidate.evidence)
+        if not known[candidate.key]:
+            by_check *= _INDIRECT
+        is_out = candidate.cause in _OF_CLOCKS and places.get(stream_family(candidate.stream)) == "out"
+        return round(by_check, 6), len(candidate.evidence), is_out
 
     diagnoses: list[Diagnosis] = []
     explained: set[str] = set()
-    # Greedy step of the weighted cover (Chvatal 1979): the cause that adds most support, counted by check; among equal
-    # ones that of more findings.
-    while supported := [candidate for candidate in candidates if gain(candidate) >= _ENOUGH]:
-        best = max(supported, key=lambda candidate: (gain_per_check(candidate), len(candidate.evidence)))
-        # Only causes of common findings compete; others belong to a diagnosis of their own.
-        rivals = [rival for rival in candidates if rival is not best and set(rival.evidence) & set(best.evidence)]
-        confidence = share_of_first(_plausibilities([best, *rivals], unexplained, checks))
-        # The size comes from the best hypothesis: with a magnitude, with an error, with enough support, with a smaller
-        # error, with more support, in this order.
-        fair = _FAIR_FIT * max(hypothesis.support for hypothesis in best.evidence.values())
-        sized_by, of_size = min(
-            best.evidence.items(),
-            key=lambda item: (
-                item[1].magnitude is None,
-                item[1].standard_error is None,
-                item[1].support < fair,
-                item[1].standard_error or 0.0,
-                -item[1].support,
-            ),
-        )
-        diagnoses.append(
-            Diagnosis(
-                id=f"D{len(diagnoses) + 1}",
-                cause=best.cause,
-                stream=best.stream,
-                magnitude=of_size.magnitude,
-                unit=of_size.unit or CAUSES[best.cause].unit,
-                standard_error=of_size.standard_error,
-                confidence=confidence,
-                where=places[sized_by],
-                remedy=CAUSES[best.cause].remedy,
-                explains=tuple(best.evidence),
-            )
-        )
-        for finding, hypothesis in best.evidence.items():
+    # Greedy step of the weighted cover (Chvatal 1979): the cause that adds most support, counted by check. Among equal
+    # ones the first counts, which is ranked higher without trials.
+    while supported := [c for c in candidates if gain(c) >= _ENOUGH and (known[c.key] or c.best_support >= _FITS)]:
+        best = max(supported, key=merit)
+        own = {f: h for f, h in best.evidence.items() if h.support > 0}
+        contenders = [
+            other
+            for other in ranked
+            if _score(other, own, weights) >= _CONTENDS * _score(prior[best.key], own, weights)
+        ]
+        diagnoses.append(_diagnosis(best, own, f"D{len(diagnoses) + 1}", alarms, trials, where, contenders))
+        for finding, hypothesis in own.items():
             # Rest after the best supported cause so far: supports of several causes of one finding do not add.
             unexplained[finding] = min(unexplained[finding], 1.0 - hypothesis.support)
-        explained |= set(best.evidence)
+        explained |= set(own)
         # A cause whose findings are all explained is superfluous.
         candidates = [candidate for candidate in candidates if not set(candidate.evidence) <= explained]
     without_cause: dict[str, list[Alarm]] = defaultdict(list)
     for alarm in alarms:
         if alarm.finding.id not in explained:
-            without_cause[stream_family(alarm.finding.where.stream or _UNKNOWN)].append(alarm)
+            without_cause[stream_family(alarm.finding.where.stream or UNKNOWN)].append(alarm)
     for family, of_family in without_cause.items():
-        where = of_family[0].finding.where
+        first = of_family[0].finding.where
         streams = {alarm.finding.where.stream for alarm in of_family}
         diagnoses.append(
             Diagnosis(
                 id=f"D{len(diagnoses) + 1}",
-                cause=_UNKNOWN,
-                stream=family if len(streams) > 1 else where.stream or _UNKNOWN,
+                cause=UNKNOWN,
+                stream=family if len(streams) > 1 else first.stream or UNKNOWN,
                 magnitude=None,
                 unit="",
                 standard_error=None,
                 confidence=0.0,
-                where=where,
-                remedy=CAUSES[_UNKNOWN].remedy,
+                where=first,
+                remedy=CAUSES[UNKNOWN].remedy,
                 explains=tuple(alarm.finding.id for alarm in of_family),
+                status="unidentified",
             )
         )
     return tuple(diagnoses)
 
 
-def _candidates(hypotheses: Mapping[str, Sequence[Hypothesis]]) -> list[_CauseCandidate]:
-    """Gather hypotheses by cause and stream."""
-    evidence: dict[tuple[str, str], dict[str, Hypothesis]] = defaultdict(dict)
-    for finding, of_finding in hypotheses.items():
-        for hypothesis in of_finding:
-            if hypothesis.cause not in (_UNKNOWN, ANY_CAUSE):
-                best = evidence[hypothesis.cause, hypothesis.stream]
-                if finding not in best or _fit(best[finding]) < _fit(hypothesis):
-                    best[finding] = hypothesis
-    # A fault of all rates of flow also explains the findings of one rate.
-    for cause, stream in list(evidence):
-        if stream == stream_family(stream):
-            for (other_cause, other), of_other in list(evidence.items()):
-                if other_cause == cause and other != stream and stream_family(other) == stream:
-                    for finding, hypothesis in of_other.items():
-                        evidence[cause, stream].setdefault(finding, hypothesis)
-    # A finding that any fault of a stream would explain is explained by each cause of this stream that one check
-    # supports well.
-    for finding, of_finding in hypotheses.items():
-        for any_cause in of_finding:
-            if any_cause.cause != ANY_CAUSE:
-                continue
-            for (cause, stream), of_cause in evidence.items():
-                if stream != any_cause.stream or max(h.support for h in of_cause.values()) < _IN_EARNEST:
-                    continue
-                own = of_cause.get(finding, Hypothesis(cause, stream, 0.0))
-                if own.support < any_cause.support:
-                    of_cause[finding] = replace(own, support=any_cause.support)
-    candidates = []
-    for (cause, stream), of_cause in evidence.items():
-        # One fault shifts or scales in one direction: sizes of the sign with less support are left out.
-        signs = {finding: (h.magnitude or 0.0) > 0 for finding, h in of_cause.items() if h.magnitude}
-        support = {sign: sum(of_cause[f].support for f in signs if signs[f] is sign) for sign in (True, False)}
-        sign = support[True] >= support[False]
-        of_one_sign = {finding: h for finding, h in of_cause.items() if signs.get(finding, sign) is sign}
-        candidates.append(_CauseCandidate(cause, stream, of_one_sign))
-    return candidates
+def _score(candidate: CauseCandidate, findings: Collection[str], weights: Mapping[str, float]) -> float:
+    """Return the support of a candidate for some findings, where each check counts once."""
+    return sum(h.support * weights[f] for f, h in candidate.evidence.items() if f in findings)
 
 
-def _fit(hypothesis: Hypothesis) -> tuple[float, bool]:
-    """Order hypotheses of one finding and cause by support, to a hundredth, then by whether their size has an error."""
-    return round(hypothesis.support, 2), hypothesis.standard_error is not None
+def _weights(alarms: Sequence[Alarm]) -> dict[str, float]:
+    """Return the weight of each finding: each check counts once, by the mean of its findings."""
+    checks = {alarm.finding.id: alarm.finding.code.rpartition(".")[0] for alarm in alarms}
+    findings_of_check = Counter(checks.values())
+    return {finding: 1.0 / findings_of_check[check] for finding, check in checks.items()}
 
 
-def _new_support(candidate: _CauseCandidate, finding: str, unexplained: Mapping[str, float]) -> float:
+def _is_known(candidate: CauseCandidate, alarms: Sequence[Alarm], trials: Trials) -> bool:
+    """Whether undoing a candidate clears findings, or a check measures the cause itself."""
+    trial = trials.get(candidate.key)
+    if trial is not None:
+        return bool(trial.cleared)
+    codes = (alarm.finding.code for alarm in alarms if alarm.finding.id in candidate.evidence)
+    return any(is_direct(candidate.cause, code) for code in codes)
+
+
+def _tested(candidate: CauseCandidate, trial: Trial | None) -> CauseCandidate:
+    """Return a candidate with the support that a trial measured."""
+    if trial is None or (not trial.cleared and candidate.cause in _MANY_MECHANISMS):
+        return candidate
+    evidence = dict(candidate.evidence)
+    for finding in trial.cleared:
+        # Deviations that only the trial has brought about count against it.
+        cleared = len(trial.cleared) / (len(trial.cleared) + len(trial.caused) + len(trial.crashed))
+        known = evidence.get(finding, Hypothesis(candidate.cause, candidate.stream, 0.0))
+        evidence[finding] = replace(known, support=cleared)
+    for finding, ratio in trial.left.items():
+        if finding in evidence:
+            evidence[finding] = replace(
+                evidence[finding], support=evidence[finding].support * max(0.0, 1.0 - abs(ratio))
+            )
+    if trial.left and not trial.cleared:
+        # What leaves the findings that the windows show explains the others as little.
+        explained = sum(max(0.0, 1.0 - abs(ratio)) for ratio in trial.left.values()) / len(trial.left)
+        evidence = {
+            finding: h if finding in trial.left else replace(h, support=h.support * explained)
+            for finding, h in evidence.items()
+        }
+    return replace(candidate, evidence=evidence)
+
+
+def _diagnosis(
+    best: CauseCandidate,
+    own: Mapping[str, Hypothesis],
+    identifier: str,
+    alarms: Sequence[Alarm],
+    trials: Trials,
+    where: Mapping[str, Where],
+    contenders: Sequence[CauseCandidate],
+) -> Diagnosis:
+    size, trial = best.size, trials.get(best.key)
+    magnitude = size.magnitude
+    if trial is not None and trial.cleared and (best.cause in _VECTORS or magnitude is None):
+        magnitude = trial.fault.magnitude
+    status, alike = _status(best, own, alarms, trials, contenders)
+    cleared = () if trial is None else tuple(alarm.finding.id for alarm in alarms if alarm.finding.id in trial.cleared)
+    tried = [] if trial is None else [trial, *alike]
+    return Diagnosis(
+        id=identifier,
+        cause=best.cause,
+        stream=best.stream,
+        magnitude=magnitude,
+        unit=size.unit or CAUSES[best.cause].unit,
+        standard_error=size.standard_error,
+        confidence=MEASURED_CONFIDENCE[status],
+        where=where[best.sized_by],
+        remedy=CAUSES[best.cause].remedy,
+        explains=tuple(own),
+        status=status,
+        tried=tuple(each.description for each in tried),
+        cleared=cleared,
+        windows=0 if trial is None else trial.windows,
+    )
+
+
+def _status(
+    best: CauseCandidate,
+    own: Mapping[str, Hypothesis],
+    alarms: Sequence[Alarm],
+    trials: Trials,
+    contenders: Sequence[CauseCandidate],
+) -> tuple[DiagnosisStatus, list[Trial]]:
+    """Return how a cause is known, and the trials of rivals that clear as much."""
+    trial = trials.get(best.key)
+    direct = any(is_direct(best.cause, alarm.finding.code) for alarm in alarms if alarm.finding.id in own)
+    if trial is None or not trial.cleared:
+        untested = trial is None or best.cause in _MANY_MECHANISMS
+        return ("supported" if direct and untested else "suggested"), []
+    alike = [
+        other
+        for (cause, stream), other in trials.items()
+        if (cause, stream_family(stream)) != (best.cause, stream_family(best.stream))
+        and other.succeeds
+        and other.cleared >= trial.cleared
+    ]
+    left = [finding for finding in own if finding in trial.left]
+    undecided = any(
+        other.key not in trials or not trials[other.key].is_decided
+        for other in contenders
+        if other.key != best.key and is_testable(other.cause, other.stream)
+    )
+    if trial.succeeds and not left and not alike and not undecided:
+        return "confirmed", []
+    mostly = len(trial.cleared) >= _MOSTLY * (len(trial.cleared) + len(left) + len(trial.caused))
+    return ("supported" if direct or mostly else "suggested"), alike
+
+
+def _new_support(candidate: CauseCandidate, finding: str, unexplained: Mapping[str, float]) -> float:
     """Return the support for a finding that no cause chosen before has given."""
     hypothesis = candidate.evidence.get(finding)
     return 0.0 if hypothesis is None else min(hypothesis.support, unexplained[finding])
-
-
-def share_of_first(plausibilities: Sequence[float], sharpness: float = SHARPNESS) -> float:
-    """Return the probability that the first of several rivals is the cause.
-
-    It is at most 1 - ``UNTHOUGHT``, also without a rival.
-
-    Parameters
-    ----------
-    plausibilities
-        Logarithms of the support of the rivals, one or more; the first is the candidate.
-    sharpness
-        Power to which the supports are raised.
-
-    Returns
-    -------
-    float
-        0 to 1.
-    """
-    most = max(plausibilities)
-    # Softmax at the temperature 1 / sharpness (Guo et al. 2017); less the maximum, so that exp cannot overflow.
-    shares = [exp(sharpness * (plausibility - most)) for plausibility in plausibilities]
-    return (1.0 - UNTHOUGHT) * shares[0] / sum(shares)
-
-
-def _plausibilities(
-    rivals: Sequence[_CauseCandidate], unexplained: Mapping[str, float], checks: Mapping[str, str]
-) -> list[float]:
-    """Return the logarithms of the rivals' support for the findings that the first would explain.
-
-    The checks are taken as independent observations of the unexplained deviations: supports of a cause by several
-    checks are multiplied (Bayes, with equal priors). Findings of one check count once, by their mean.
-    """
-    of_check: dict[str, list[str]] = defaultdict(list)
-    for finding in rivals[0].evidence:
-        if unexplained[finding] > 0:
-            of_check[checks[finding]].append(finding)
-
-    def support_of(rival: _CauseCandidate, findings: Sequence[str]) -> float:
-        mean = sum(_new_support(rival, finding, unexplained) for finding in findings) / len(findings)
-        # Without the floor one check that has no hypothesis of a cause would rule it out with log(0).
-        return max(mean, _UNFORESEEN)
-
-    # ln of the product over checks: Bayes with equal priors and independent checks.
-    return [sum(log(support_of(rival, findings)) for findings in of_check.values()) for rival in rivals]

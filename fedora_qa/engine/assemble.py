@@ -1,10 +1,12 @@
 """From the passes over the windows to the record of the file: follow-ups, judgement, evidence, canaries."""
 
 from collections.abc import Iterable, Mapping, Sequence
+from typing import Any
 
 from fedora_qa.catalogue import hypotheses_of
-from fedora_qa.checks.protocol import Observation
-from fedora_qa.diagnosis.diagnose import choose_causes
+from fedora_qa.checks.protocol import Check, Observation
+from fedora_qa.diagnosis.coincidence import places_of_clocks
+from fedora_qa.diagnosis.diagnose import choose_causes, rank_candidates
 from fedora_qa.engine.altered import PlainRun
 from fedora_qa.engine.canaries import held_to_canaries, prove_alive
 from fedora_qa.engine.measure import PassState, attempt, conclude, follow_up, merge_all
@@ -13,17 +15,19 @@ from fedora_qa.engine.outcomes import lost_windows, results_in_order
 from fedora_qa.engine.plan import FOLLOW_UP_SHARE
 from fedora_qa.engine.progress import MEASURING, Progress, Stopwatch
 from fedora_qa.engine.survey import OpenSurvey, Prepared, Survey
+from fedora_qa.engine.trials import TrialBench, run_trials
 from fedora_qa.evidence.collector import EvidenceCollector
 from fedora_qa.evidence.distributions import DistributionsCollector
 from fedora_qa.evidence.options import EvidenceOptions
 from fedora_qa.evidence.titled_arrays import TitledArrays, merged
 from fedora_qa.evidence.trajectory import keep_trajectory
 from fedora_qa.evidence.worst_locations import images_of, keep_worst_locations
-from fedora_qa.judgement.judge import judge
+from fedora_qa.faults.reversible import ReversibleFault
+from fedora_qa.judgement.judge import Alarm, judge
 from fedora_qa.judgement.materiality import materiality_of
 from fedora_qa.judgement.verdict import comparisons_of, crossing_streams, verdict_of
 from fedora_qa.record.evidence import named
-from fedora_qa.record.types import Canary, FileRecord, Finding
+from fedora_qa.record.types import Canary, Diagnosis, FileRecord, Finding
 from fedora_qa.sequence.facts import Facts
 from fedora_qa.sequence.window import Span
 from fedora_qa.storage.place import RemoteFile
@@ -58,7 +62,12 @@ def assemble(
         observations = conclude(asked, states, facts)
         judged = judge(observations, asked, options.false_alarm_rate, materiality_of(options.profile, facts))
         alarms = [alarm for result in judged for alarm in result.alarms]
-        diagnoses = choose_causes(alarms, {alarm.finding.id: hypotheses_of(alarm, facts) for alarm in alarms})
+        strict = {j.result.check: j.result for j in judge(observations, asked, options.false_alarm_rate)}
+    plain = PlainRun(
+        file.sequence, ready, observations, strict, options.effort, options.memory_bytes, options.false_alarm_rate
+    )
+    with watch.stage("diagnosis"):
+        diagnoses, undone = diagnose(alarms, asked, plain, progress)
     with watch.stage("statistics"):
         collector = file.statistics
         tables = attempt(states, collector.name, lambda: collector.conclude(states.states[collector.name], facts))
@@ -73,11 +82,6 @@ def assemble(
     canaries: tuple[Canary, ...] = ()
     if options.canary:
         with watch.stage("canaries"):
-            strict = {j.result.check: j.result for j in judge(observations, asked, options.false_alarm_rate)}
-            plain = PlainRun(
-                file.sequence, ready, observations, strict, options.effort, options.memory_bytes,
-                options.false_alarm_rate,
-            )  # fmt: skip
             proofs = prove_alive(survey.checks, results, plain, progress)
             results = held_to_canaries(results, proofs)
             canaries = tuple(proof.canary for proof in proofs)
@@ -108,7 +112,23 @@ def assemble(
     seconds = watch.seconds | {f"check {name}": spent for name, spent in states.seconds.items()}
     decoded_bytes = states.decoded_bytes + ready.decoder.decoded_bytes - decoded_before
     traffic = survey.traffic + states.traffic + file.sequence.traffic
-    return FileRun(record, kept.arrays, seconds, decoded_bytes, traffic)
+    return FileRun(record, kept.arrays, seconds, decoded_bytes, traffic, undone=undone)
+
+
+def diagnose(
+    alarms: Sequence[Alarm], checks: Sequence[Check[Any]], run: PlainRun, progress: Progress
+) -> tuple[tuple[Diagnosis, ...], Mapping[str, ReversibleFault]]:
+    """Name the causes of alarms by undoing proposed faults; return with them the fault of each that was undone."""
+    facts = run.ready.facts
+    hypotheses = {alarm.finding.id: hypotheses_of(alarm, facts) for alarm in alarms}
+    places = places_of_clocks(facts)
+    trials = {}
+    if alarms:
+        candidates = rank_candidates(alarms, hypotheses, run.strict, places)
+        trials = run_trials(TrialBench(alarms, checks, run), candidates, progress)
+    diagnoses = choose_causes(alarms, hypotheses, trials, run.strict, places)
+    keys = {diagnosis.id: (diagnosis.cause, diagnosis.stream) for diagnosis in diagnoses}
+    return diagnoses, {identifier: trials[key].fault for identifier, key in keys.items() if key in trials}
 
 
 def evidence_of_checks(observations: Mapping[str, Observation]) -> TitledArrays:

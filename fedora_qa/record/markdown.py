@@ -17,6 +17,7 @@ from fedora_qa.record.wording import (
     place,
     printable,
     reasons,
+    status_sentence,
     tally,
     why_incomplete,
 )
@@ -74,12 +75,12 @@ def _file_section(file: FileRecord) -> str:
     parts = [f"## {escape(file.path)}", "  \n".join(line for line in head if line)]
     causes: list[str] = []
     for diagnosis in file.diagnoses:
-        confidence = f" (confidence {diagnosis.confidence:.0%})" if diagnosis.confidence else ""
         explains = ", ".join((*explained_checks(diagnosis, file), *diagnosis.explains))
         where = place(diagnosis.where)
         causes += [
-            f"- **{escape(cause_sentence(diagnosis))}**{confidence}",
+            f"- **{escape(cause_sentence(diagnosis))}**",
             f"  - cause: {escape(f'{diagnosis.stream}:{diagnosis.cause}')}",
+            f"  - known by: {escape(status_sentence(diagnosis))}",
             *([f"  - where: {escape(where)}"] if where else []),
             f"  - remedy: {escape(diagnosis.remedy)}",
             f"  - explains: {escape(explains)}",

@@ -13,7 +13,7 @@ from urllib.parse import quote
 
 from fedora_qa.record.problems import INCOMPLETE, Problem, problems_of
 from fedora_qa.record.types import Record
-from fedora_qa.record.wording import place, printable
+from fedora_qa.record.wording import cause_sentence, place, printable, status_sentence
 
 SCHEMA: Final = "https://docs.oasis-open.org/sarif/sarif/v2.1.0/errata01/os/schemas/sarif-schema-2.1.0.json"
 
@@ -32,7 +32,17 @@ def record_to_sarif(record: Record) -> str:
         artifact: dict[str, Any] = {
             "location": {"uri": artifact_uri(file.path)},
             "length": file.size,
-            "properties": {"verdict": file.verdict},
+            "properties": {
+                "verdict": file.verdict,
+                "diagnoses": [
+                    {
+                        "cause": printable(f"{diagnosis.stream}:{diagnosis.cause}"),
+                        "status": diagnosis.status,
+                        "text": printable(f"{cause_sentence(diagnosis)}; {status_sentence(diagnosis)}"),
+                    }
+                    for diagnosis in file.diagnoses
+                ],
+            },
         }
         # A partial digest is not the SHA-256 of the file, with which readers would compare it.
         if file.digest_kind == "full":

@@ -12,6 +12,7 @@ from fedora_qa.record.types import (
     IMMATERIAL,
     Coverage,
     Diagnosis,
+    DiagnosisStatus,
     FileRecord,
     Finding,
     Measurement,
@@ -208,6 +209,26 @@ def cause_sentence(diagnosis: Diagnosis) -> str:
     if diagnosis.magnitude is None:
         return f"{diagnosis.stream}: {meaning}"
     return f"{diagnosis.stream}: {meaning}, {with_error(diagnosis.magnitude, diagnosis.standard_error, diagnosis.unit)}"
+
+
+def status_sentence(diagnosis: Diagnosis) -> str:
+    """Return how a cause is known: ``confirmed: undoing it clears 5 of 5 findings in 4 windows``."""
+    status, first = diagnosis.status, diagnosis.tried[:1]
+    if not first or not diagnosis.cleared:
+        known: dict[DiagnosisStatus, str] = {
+            "confirmed": "",
+            "supported": "a check measures the cause itself, which cannot be undone",
+            "suggested": "undoing it does not clear what it would explain" if first else "it fits, and was not tested",
+            "unidentified": "no known cause fits",
+        }
+        return f"{status}: {known[status]}"
+    of = len({*diagnosis.explains, *diagnosis.cleared})
+    findings = "finding" if of == 1 else "findings"
+    windows = f"{diagnosis.windows} window{'' if diagnosis.windows == 1 else 's'}"
+    sentence = f"{status}: undoing it clears {len(diagnosis.cleared)} of {of} {findings} in {windows}"
+    if rivals := diagnosis.tried[1:]:
+        sentence += f"; so does this: {'; '.join(rivals)}"
+    return sentence
 
 
 def explained_checks(diagnosis: Diagnosis, file: FileRecord) -> tuple[str, ...]:

@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 
 from fedora_qa.record.types import FileRecord, Severity
-from fedora_qa.record.wording import cause_sentence, findings_of, place
+from fedora_qa.record.wording import cause_sentence, findings_of, place, status_sentence
 from fedora_reports.anchors import Anchors
 from fedora_reports.strip import Pictures, WorstLocation
 
@@ -49,7 +49,7 @@ class Cause:
     name: str
     place: str
     remedy: str
-    confidence: str
+    known_by: str
     explains: tuple[Link, ...]
 
 
@@ -116,7 +116,7 @@ def problems_of(file: FileRecord, pictures: Pictures, anchors: Anchors) -> Probl
             name=f"{diagnosis.stream}:{diagnosis.cause}",
             place=place(diagnosis.where),
             remedy=diagnosis.remedy,
-            confidence=f"{diagnosis.confidence:.0%}" if diagnosis.confidence else "",
+            known_by=status_sentence(diagnosis),
             explains=tuple(Link(view.anchor, view.id) for view in explained),
         )
         causes.append(cause)

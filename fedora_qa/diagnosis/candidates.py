@@ -1,0 +1,108 @@
+"""Candidates: for each cause and stream its best hypothesis for every finding that it would explain."""
+
+from collections import defaultdict
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Final
+
+from fedora_qa.causes import stream_family
+from fedora_qa.diagnosis.hypothesis import ANY_CAUSE, Hypothesis
+from fedora_qa.diagnosis.proposed_faults import is_length_unit
+
+UNKNOWN: Final = "unknown"
+"""Name of the cause of a finding without a hypothesis."""
+
+_IN_EARNEST: Final = 0.3
+"""Least support of a cause by one check for it to explain findings of other checks about its stream."""
+
+
+@dataclass(frozen=True, slots=True)
+class CauseCandidate:
+    """A cause in a stream, and its best hypothesis for each finding that it would explain, by the finding's id."""
+
+    cause: str
+    stream: str
+    evidence: Mapping[str, Hypothesis]
+
+    @property
+    def key(self) -> tuple[str, str]:
+        """Cause and stream."""
+        return self.cause, self.stream
+
+    @property
+    def best_support(self) -> float:
+        """Support by the check that supports it most."""
+        return max((hypothesis.support for hypothesis in self.evidence.values()), default=0.0)
+
+    @property
+    def sized_by(self) -> str:
+        """The finding that gives the size: with a magnitude, with an error, fair, of small error, well supported."""
+        fair = _FAIR_FIT * max(hypothesis.support for hypothesis in self.evidence.values())
+
+        def order(finding: str) -> tuple[bool, bool, bool, float, float]:
+            h = self.evidence[finding]
+            return h.magnitude is None, h.standard_error is None, h.support < fair, h.standard_error or 0.0, -h.support
+
+        return min(self.evidence, key=order)
+
+    @property
+    def size(self) -> Hypothesis:
+        """The hypothesis of that finding."""
+        return self.evidence[self.sized_by]
+
+
+_FAIR_FIT: Final = 0.5
+"""Least ratio of a hypothesis's support to the best support of its cause for its size to be used. The value is not
+derived: with less support, another cause mostly contributes to the size."""
+
+
+def gather_candidates(hypotheses: Mapping[str, Sequence[Hypothesis]]) -> list[CauseCandidate]:
+    """Gather hypotheses by cause and stream."""
+    evidence: dict[tuple[str, str], dict[str, Hypothesis]] = defaultdict(dict)
+    for finding, of_finding in hypotheses.items():
+        for hypothesis in of_finding:
+            # A factor that is the ratio of no two units is an error of scale, which has no name.
+            if hypothesis.cause == "unit_mm_m" and hypothesis.magnitude and not is_length_unit(hypothesis.magnitude):
+                continue
+            if hypothesis.cause not in (UNKNOWN, ANY_CAUSE):
+                best = evidence[hypothesis.cause, hypothesis.stream]
+                if finding not in best or _fit(best[finding]) < _fit(hypothesis):
+                    best[finding] = hypothesis
+    # A fault of all rates of flow also explains the findings of one rate.
+    for cause, stream in list(evidence):
+        if stream == stream_family(stream):
+            for (other_cause, other), of_other in list(evidence.items()):
+                if other_cause == cause and other != stream and stream_family(other) == stream:
+                    for finding, hypothesis in of_other.items():
+                        evidence[cause, stream].setdefault(finding, hypothesis)
+    _add_findings_of_any_cause(evidence, hypotheses)
+    candidates = []
+    for (cause, stream), of_cause in evidence.items():
+        # One fault shifts or scales in one direction: sizes of the sign with less support are left out.
+        signs = {finding: (h.magnitude or 0.0) > 0 for finding, h in of_cause.items() if h.magnitude}
+        support = {sign: sum(of_cause[f].support for f in signs if signs[f] is sign) for sign in (True, False)}
+        sign = support[True] >= support[False]
+        of_one_sign = {finding: h for finding, h in of_cause.items() if signs.get(finding, sign) is sign}
+        candidates.append(CauseCandidate(cause, stream, of_one_sign))
+    return candidates
+
+
+def _add_findings_of_any_cause(
+    evidence: dict[tuple[str, str], dict[str, Hypothesis]], hypotheses: Mapping[str, Sequence[Hypothesis]]
+) -> None:
+    """Let causes that one check supports well explain the findings that any fault of their stream would explain."""
+    for finding, of_finding in hypotheses.items():
+        for any_cause in of_finding:
+            if any_cause.cause != ANY_CAUSE:
+                continue
+            for (cause, stream), of_cause in evidence.items():
+                if stream != any_cause.stream or max(h.support for h in of_cause.values()) < _IN_EARNEST:
+                    continue
+                own = of_cause.get(finding, Hypothesis(cause, stream, 0.0))
+                if own.support < any_cause.support:
+                    of_cause[finding] = replace(own, support=any_cause.support)
+
+
+def _fit(hypothesis: Hypothesis) -> tuple[float, bool]:
+    """Order hypotheses of one finding and cause by support, to a hundredth, then by whether their size has an error."""
+    return round(hypothesis.support, 2), hypothesis.standard_error is not None

@@ -1,0 +1,66 @@
+"""Which clocks are in place: timestamps of simulators and of good recorders lie on one grid.
+
+The timestamps of depth frames, for example, are also timestamps of colour frames, IMU and poses. After a random offset
+a stream lies on the grid of the others with a probability of one microsecond over its period. So a stream that lies on
+it has no offset, and where all others lie on one grid the one that does not has it.
+"""
+
+from itertools import combinations
+from typing import Final, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fedora_qa.sequence.facts import Facts
+
+Place = Literal["in", "out", "unknown"]
+
+_ALL: Final = 0.999
+"""Share of coincident timestamps from which two clocks are one: an offset of one frame in a thousand is less."""
+
+_FEWEST_OTHERS: Final = 2
+"""Streams that must agree with each other, because of two clocks that disagree either may be wrong."""
+
+
+def places_of_clocks(facts: Facts) -> dict[str, Place]:
+    """Return for every stream whether its clock is in place, by the coincidence of timestamps with other streams.
+
+    Parameters
+    ----------
+    facts
+        Of the file. All rates of flow are one stream, as their timestamps are made together; events have no grid.
+
+    Returns
+    -------
+    dict
+        ``in``: its timestamps lie on the grid of at least two other streams; ``out``: they do not, while those of at
+        least two others lie on one grid; ``unknown``: neither.
+    """
+    times_ns: dict[str, NDArray[np.int64]] = {}
+    for stream, clock in facts.clocks.items():
+        name = "flow" if stream.startswith("flow/") else stream
+        # Of several rates of flow the densest.
+        if clock.usable and len(clock.times_ns) >= len(times_ns.get(name, ())):
+            times_ns[name] = clock.times_ns
+    agree = {frozenset(pair): _coincide(times_ns[pair[0]], times_ns[pair[1]]) for pair in combinations(times_ns, 2)}
+    places: dict[str, Place] = {}
+    for stream in times_ns:
+        others = [other for other in times_ns if other != stream]
+        on_grid = [agree[frozenset((stream, other))] for other in others]
+        others_agree = all(agree[frozenset(pair)] for pair in combinations(others, 2))
+        if len(others) < _FEWEST_OTHERS:
+            places[stream] = "unknown"
+        elif sum(on_grid) >= _FEWEST_OTHERS:
+            places[stream] = "in"
+        else:
+            places[stream] = "out" if others_agree else "unknown"
+    return places
+
+
+def _coincide(first_ns: NDArray[np.int64], second_ns: NDArray[np.int64]) -> bool:
+    """Whether the timestamps of the stream with fewer samples, where both overlap, are timestamps of the other."""
+    fewer_ns, more_ns = sorted((first_ns, second_ns), key=len)
+    if not len(fewer_ns):
+        return False
+    within = fewer_ns[(fewer_ns >= more_ns.min()) & (fewer_ns <= more_ns.max())]
+    return 2 * len(within) >= len(fewer_ns) and float(np.mean(np.isin(within, more_ns))) >= _ALL

@@ -1,0 +1,58 @@
+"""Sizes of faults among the measurements of a file: deviations, and vectors whose components are measured singly."""
+
+from collections.abc import Mapping
+
+from fedora_qa.faults.reversible import Vector3
+from fedora_qa.record.types import Measurement, Result
+
+Results = Mapping[str, Result]
+"""Results of a file, by check."""
+
+
+def measured(result: Result | None, name: str) -> Measurement | None:
+    """Return a measurement of a result by its name; None where there is none."""
+    return None if result is None else next((m for m in result.measurements if m.name == name), None)
+
+
+def deviation(result: Result | None, name: str) -> float:
+    """Return the value of a measurement less what is expected, in its unit; 0 where it was not measured."""
+    measurement = measured(result, name)
+    if measurement is None or measurement.value is None:
+        return 0.0
+    return measurement.value - (measurement.expected or 0.0)
+
+
+def vector(group: str, result: Result | None) -> Vector3 | None:
+    """Return the deviations of ``<group>_x``, ``_y`` and ``_z``; None where they were not measured."""
+    if measured(result, f"{group}_x") is None:
+        return None
+    return deviation(result, f"{group}_x"), deviation(result, f"{group}_y"), deviation(result, f"{group}_z")
+
+
+def flow_vector(group: str, components: tuple[str, ...], stream: str, results: Results) -> tuple[float, ...]:
+    """Return a vector that the photometric fit measures of flow, of the rate with the smallest error.
+
+    Parameters
+    ----------
+    group, components
+        Parts of the measurements' names: ``<rate> <group>_<component>``.
+    stream
+        Flow, one of its rates, or ``metadata``: an excess of the flow's camera is a lack of the declared one.
+
+    Returns
+    -------
+    tuple
+        One number a component, 0 where none was measured.
+    """
+    none = (0.0,) * len(components)
+    result = results.get("flow_photometric.residual")
+    if result is None:
+        return none
+    fits: list[tuple[float, tuple[float, ...]]] = []
+    for rate in dict.fromkeys(m.name.partition(" ")[0] for m in result.measurements):
+        fit = [m for c in components if (m := measured(result, f"{rate} {group}_{c}")) is not None]
+        if stream in ("metadata", "flow", rate) and len(fit) == len(components):
+            error = max(m.standard_error or 0.0 for m in fit)
+            fits.append((error, tuple(deviation(result, m.name) for m in fit)))
+    sign = -1.0 if stream == "metadata" else 1.0
+    return tuple(sign * value for value in min(fits)[1]) if fits else none

@@ -1,0 +1,310 @@
+"""The faults that a trial undoes for a cause: mechanisms of ``fedora_qa.faults`` with sizes from the measurements."""
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from math import isfinite
+from types import MappingProxyType
+from typing import Any, Final, get_args
+
+from fedora_qa.causes import stream_family
+from fedora_qa.conventions import NS_PER_MS
+from fedora_qa.diagnosis.measured_sizes import Results, deviation, flow_vector, measured, vector
+from fedora_qa.faults import (
+    axes,
+    cameras,
+    clocks,
+    declarations,
+    flow,
+    images,
+    index_maps,
+    motion,
+    pixels,
+    row_order,
+    units,
+)
+from fedora_qa.faults.reversible import Matrix3, ReversibleFault
+from fedora_qa.faults.table import faults_of
+from fedora_qa.judgement.judge import Alarm
+from fedora_qa.sequence.facts import Facts
+from fedora_qa.views.inertial_agreement import InertialConventionTrial
+
+Faults = Iterator[ReversibleFault]
+
+_ORDERS: Final = ("BGR", "RBG", "GRB", "GBR", "BRG")
+_MOST_ORDERS: Final = 2
+"""Orders of channels that are tried: those towards which the colours lie nearest."""
+
+_LENGTH_UNITS: Final = (10.0, 100.0, 1000.0, 0.3048, 0.9144, 1609.344, 1852.0)
+"""Ratios of units of length that occur."""
+
+_UNIT_TOLERANCE: Final = 0.02
+"""Largest relative difference of a fitted factor from that of a unit: units next to each other differ by more."""
+
+_NED_FROM_ENU: Final[Matrix3] = ((0.0, 1.0, 0.0), (1.0, 0.0, 0.0), (0.0, 0.0, -1.0))
+_FRD_FROM_FLU: Final[Matrix3] = ((1.0, 0.0, 0.0), (0.0, -1.0, 0.0), (0.0, 0.0, -1.0))
+_LEFT: Final[Matrix3] = ((-1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
+_UPWARDS: Final[Matrix3] = ((1.0, 0.0, 0.0), (0.0, -1.0, 0.0), (0.0, 0.0, 1.0))
+_SAME: Final[Matrix3] = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
+
+
+@dataclass(frozen=True, slots=True)
+class FittedCause:
+    """A cause in a stream with its fitted size, and what else was measured of the file.
+
+    Attributes
+    ----------
+    cause, stream
+        As in ``fedora_qa.causes``.
+    size
+        In the unit of the cause; 0 where none was fitted.
+    alarms
+        Of the file, with the features of their statistics.
+    results
+        Of the file, by check: their measurements give components of vectors that exceed no limit.
+    facts
+        Of the file.
+    """
+
+    cause: str
+    stream: str
+    size: float
+    alarms: Sequence[Alarm]
+    results: Results
+    facts: Facts
+
+    @property
+    def family(self) -> str:
+        """The stream; ``flow`` for every rate."""
+        return stream_family(self.stream)
+
+
+def faults_for(
+    cause: str, stream: str, magnitude: float | None, alarms: Sequence[Alarm], results: Results, facts: Facts
+) -> Faults:
+    """Yield the faults to undo for a cause; none where it has no inverse, or where no measurement gives the size.
+
+    Parameters
+    ----------
+    cause, stream
+        As in ``fedora_qa.causes``.
+    magnitude
+        Fitted size in the unit of the cause; None where none was fitted.
+    alarms, results, facts
+        As of ``FittedCause``.
+    """
+    if is_testable(cause, stream, magnitude):
+        size = magnitude if magnitude is not None and isfinite(magnitude) else 0.0
+        yield from _PROPOSALS[cause](FittedCause(cause, stream, size, alarms, results, facts))
+
+
+def is_testable(cause: str, stream: str, magnitude: float | None) -> bool:
+    """Whether a cause can be undone: its fault has an inverse, and its size was fitted where it needs one."""
+    sized = magnitude is not None and isfinite(magnitude) and magnitude != 0
+    return cause in _PROPOSALS and bool(faults_of(cause, stream)) and (sized or cause not in _SIZED)
+
+
+def is_length_unit(factor: float) -> bool:
+    """Whether a factor is the ratio of two units of length."""
+    ratios = (ratio for unit in _LENGTH_UNITS for ratio in (unit, 1 / unit))
+    return any(abs(factor / ratio - 1) <= _UNIT_TOLERANCE for ratio in ratios)
+
+
+def _clock_rate(fit: FittedCause) -> Faults:
+    clock = fit.facts.clocks.get(fit.stream)
+    first_ns = last_ns = 0
+    if fit.stream == "events" and fit.facts.events is not None:
+        first_ns, last_ns = fit.facts.events.first_ns, fit.facts.events.last_ns
+    elif clock is not None and len(clock.times_ns):
+        first_ns, last_ns = int(clock.times_ns[0]), int(clock.times_ns[-1])
+    # A clock is set at its first timestamp, or its mean error is taken out.
+    yield clocks.ClockRate(fit.stream, fit.size, first_ns)
+    yield clocks.ClockRate(fit.stream, fit.size, (first_ns + last_ns) // 2)
+
+
+def _index_shift(fit: FittedCause) -> Faults:
+    if events := round(fit.size):
+        yield index_maps.IndexShift(fit.stream, events)
+
+
+def _exchanged_axes(fit: FittedCause) -> Faults:
+    if fit.family in ("events", "flow"):
+        yield pixels.SwappedPixelAxes(fit.stream)
+    else:
+        yield from _vector_axes(fit)
+
+
+def _other_axes(fit: FittedCause) -> Faults:
+    if fit.family == "flow":
+        yield axes.VectorAxes(fit.stream, _UPWARDS)
+        yield axes.VectorAxes(fit.stream, _LEFT)
+    elif fit.stream == "metadata":
+        yield axes.CameraAxes()
+    else:
+        yield from _vector_axes(fit)
+        if fit.stream == "pose":
+            yield axes.VectorAxes(fit.stream, _NED_FROM_ENU, _FRD_FROM_FLU)
+            yield axes.VectorAxes(fit.stream, _NED_FROM_ENU)
+            yield axes.VectorAxes(fit.stream, _SAME, _FRD_FROM_FLU)
+
+
+def _vector_axes(fit: FittedCause) -> Faults:
+    cause: Any = fit.cause
+    for feature in (feature for alarm in fit.alarms for feature in alarm.statistic.features):
+        if not isinstance(feature, InertialConventionTrial):
+            continue
+        sensor, world = _matrix(feature.convention.sensor_axes), _matrix(feature.convention.world_axes)
+        if fit.stream == "imu":
+            yield axes.VectorAxes(fit.stream, sensor, cause=cause)
+        else:
+            # The IMU measures P v for v in the body of the poses: R' = R P, so that the axes of the body are P^T.
+            yield axes.VectorAxes(fit.stream, world, _matrix(tuple(zip(*sensor, strict=True))), cause=cause)
+            yield axes.VectorAxes(fit.stream, world, turns_orientations=False, cause=cause)
+
+
+def _matrix(rows: Sequence[Sequence[float]]) -> Matrix3:
+    first, second, third = ((float(x), float(y), float(z)) for x, y, z in rows)
+    return first, second, third
+
+
+def _mirroring(fit: FittedCause) -> Faults:
+    yield pixels.Mirroring(fit.stream, "horizontal")
+    yield pixels.Mirroring(fit.stream, "vertical")
+
+
+def _pixel_shift(fit: FittedCause) -> Faults:
+    checks = {"events": "event_response.alignment", "rgb": "event_response.alignment", "depth": "alignment.depth"}
+    result = fit.results.get(checks.get(fit.family, ""))
+    # Alignment measures the shift of events, or of the depth camera, against the colour frames.
+    sign = -1 if fit.stream == "rgb" else 1
+    right, down = (sign * round(deviation(result, f"shift_{way}")) for way in ("right", "down"))
+    # A shift larger than what the check searches saturates: the fitted size is tried too.
+    along = round(fit.size)
+    for columns, rows in dict.fromkeys(((right, down), (along, 0), (0, along))):
+        if columns or rows:
+            yield pixels.PixelShift(fit.stream, columns, rows)
+
+
+def _thresholds(fit: FittedCause) -> Faults:
+    result = fit.results.get("event_response.threshold")
+    # Measured: 100 (fitted / declared - 1). The cause: declared over true, less 1.
+    on, off = (100 * (1 / (1 + deviation(result, f"threshold_{sign}") / 100) - 1) for sign in ("on", "off"))
+    if on or off:
+        yield declarations.ThresholdMisdeclared(on, off)
+
+
+def _length_unit(fit: FittedCause) -> Faults:
+    if fit.stream in ("depth", "pose") and is_length_unit(fit.size):
+        yield units.LengthUnit("depth" if fit.stream == "depth" else "pose", fit.size)
+
+
+def _flow_interval(fit: FittedCause) -> Faults:
+    for intervals in (round(fit.size),) if round(fit.size) else (1, -1):
+        yield flow.FlowIntervalShift(fit.stream, intervals)
+
+
+def _principal_point(fit: FittedCause) -> Faults:
+    u, v = flow_vector("centre", ("u", "v"), fit.stream, fit.results)
+    for columns_px, rows_px in dict.fromkeys(((u, v), (fit.size, 0.0), (0.0, fit.size))):
+        if columns_px or rows_px:
+            yield cameras.PrincipalPointShift(fit.stream, columns_px, rows_px)
+
+
+def _mounting(fit: FittedCause) -> Faults:
+    pitch, yaw, roll = flow_vector("mounting", ("pitch", "yaw", "roll"), fit.stream, fit.results)
+    rotations = ((pitch, yaw, roll), (fit.size, 0.0, 0.0), (0.0, fit.size, 0.0), (0.0, 0.0, fit.size))
+    for rotation_deg in dict.fromkeys(rotations):
+        if any(rotation_deg):
+            yield cameras.MountingRotation(fit.stream, rotation_deg)
+
+
+def _gravity(fit: FittedCause) -> Faults:
+    if fit.stream == "imu":
+        yield motion.GravityError("gravity_magnitude", fit.size)
+    else:
+        yield declarations.GravityMisdeclared(fit.size)
+
+
+def _gyro_bias(fit: FittedCause) -> Faults:
+    if bias := vector("bias", fit.results.get("imu.rotation")):
+        yield motion.GyroBias(bias)
+
+
+def _accel_bias(fit: FittedCause) -> Faults:
+    if bias := vector("bias", fit.results.get("imu.translation")):
+        yield motion.AccelBias(bias)
+
+
+def _lever_arm(fit: FittedCause) -> Faults:
+    arm = vector("lever", fit.results.get("imu.translation"))
+    if fit.stream == "pose" and arm:
+        # The arm of the IMU from the point of the poses is measured: that of the point of the poses is its opposite.
+        yield motion.PoseLeverArm((-arm[0], -arm[1], -arm[2]))
+
+
+def _channel_order(fit: FittedCause) -> Faults:
+    result = fit.results.get("images.channels")
+    nearest = sorted(_ORDERS, key=lambda order: -deviation(result, f"towards_{order}"))
+    for order in nearest[:_MOST_ORDERS]:
+        yield images.ChannelOrder(order)
+
+
+def _curves(fit: FittedCause) -> Faults:
+    for name in ("exponent", "exponent_at_declared_thresholds"):
+        measurement = measured(fit.results.get("images.transfer"), name)
+        if measurement is not None and measurement.value is not None and measurement.value > 0:
+            yield images.PowerCurve(1.0 / measurement.value)
+    declared = fit.facts.declared.transfer
+    for actual in get_args(images.Transfer):
+        if actual != declared:
+            yield images.TransferMisdeclared(actual, declared)
+
+
+_PROPOSALS: Final[Mapping[str, Callable[[FittedCause], Faults]]] = MappingProxyType(
+    {
+        "time_offset": lambda fit: iter([clocks.ClockShift(fit.stream, fit.size * NS_PER_MS)]),
+        "clock_rate": _clock_rate,
+        "time_unit": lambda fit: iter([clocks.TimeUnit(fit.stream, fit.size)]),
+        "duplicated_samples": lambda fit: iter([row_order.DuplicatedSamples(fit.stream)]),
+        "unsorted": lambda fit: iter([row_order.Unsorted(fit.stream, 0, 0)]),
+        "index_off_by_one": _index_shift,
+        "index_side": lambda fit: iter([index_maps.IndexSide(fit.stream)]),
+        "polarity_inverted": lambda _: iter([pixels.PolarityInversion()]),
+        "axes_swapped": _exchanged_axes,
+        "frame_convention": _other_axes,
+        "mirrored": _mirroring,
+        "spatial_offset": _pixel_shift,
+        "threshold_misdeclared": _thresholds,
+        "event_model_misdeclared": lambda _: iter([declarations.EventModelMisdeclared()]),
+        "unit_mm_m": _length_unit,
+        "unit_deg_rad": lambda fit: iter([units.AngleUnit(fit.size)]),
+        "flow_unit": lambda fit: iter([units.FlowUnit(fit.stream, "px/s" if fit.size > 1 else "px s")]),
+        "flow_sign": lambda fit: iter([units.FlowSign(fit.stream)]),
+        "flow_gain": lambda fit: iter([units.FlowGain(fit.stream, fit.size)]),
+        "flow_interval_shifted": _flow_interval,
+        "intrinsics_focal": lambda fit: iter([cameras.FocalLength(fit.stream, fit.size)]),
+        "intrinsics_centre": _principal_point,
+        "extrinsic_rotation": _mounting,
+        "quaternion_inverted": lambda _: iter([motion.QuaternionInversion()]),
+        "quaternion_order": lambda _: iter([motion.QuaternionOrder()]),
+        "quaternion_not_unit": lambda fit: iter([motion.QuaternionLength(fit.size)]),
+        "gravity_missing": lambda _: iter([motion.GravityError("gravity_missing")]),
+        "gravity_sign": lambda _: iter([motion.GravityError("gravity_sign")]),
+        "gravity_magnitude": _gravity,
+        "gyro_bias": _gyro_bias,
+        "accel_bias": _accel_bias,
+        "lever_arm": _lever_arm,
+        "channel_order": _channel_order,
+        "exposure_or_gamma": _curves,
+        "vignetting": lambda fit: iter([images.Vignetting(fit.size)]),
+        "depth_ray_not_z": lambda _: iter([images.RayLength()]),
+        "invalid_encoding": lambda fit: iter([images.InvalidCode(fit.stream)]),
+    }
+)
+"""Faults to undo, by cause; causes that are absent have no inverse, or need rows that no check states."""
+
+_SIZED: Final = frozenset(
+    {"time_offset", "clock_rate", "time_unit", "unit_mm_m", "unit_deg_rad", "flow_unit", "flow_gain",
+     "intrinsics_focal", "intrinsics_centre", "extrinsic_rotation", "quaternion_not_unit", "gravity_magnitude",
+     "vignetting"}
+)  # fmt: skip
+"""Causes that are undone with the fitted size only."""

@@ -1,0 +1,54 @@
+"""What undoing a proposed fault changed in the findings of a file."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+from fedora_qa.faults.reversible import ReversibleFault
+
+
+@dataclass(frozen=True, slots=True)
+class Trial:
+    """A proposed fault that was undone, and the findings of the plain run under it.
+
+    Attributes
+    ----------
+    fault
+        With the fitted size that was undone.
+    description
+        What undoing it does, in words.
+    cleared
+        Ids of findings that are within strict limits with the fault undone.
+    left
+        Ids of findings that still exceed their limits, with the ratio of the deviation to that without the trial,
+        negative where its sign has changed. A finding that is neither cleared nor left was not decided.
+    caused
+        Codes that exceed their limits only with the fault undone.
+    windows
+        Number of windows that were measured.
+    crashed
+        Checks that failed themselves under it.
+    """
+
+    fault: ReversibleFault
+    description: str
+    cleared: frozenset[str]
+    left: Mapping[str, float]
+    caused: tuple[str, ...]
+    windows: int
+    crashed: tuple[str, ...] = ()
+
+    @property
+    def succeeds(self) -> bool:
+        """Whether undoing the fault clears findings, and causes none."""
+        return bool(self.cleared) and not self.caused and not self.crashed
+
+    @property
+    def is_decided(self) -> bool:
+        """Whether the windows show any finding, cleared or left."""
+        return bool(self.cleared or self.left)
+
+    @property
+    def balance(self) -> tuple[int, float]:
+        """Findings cleared less those caused; and the mean ratio of deviations left, with a negative sign."""
+        ratios = [min(abs(ratio), 1.0) for ratio in self.left.values()]
+        return len(self.cleared) - len(self.caused) - len(self.crashed), -sum(ratios) / max(len(ratios), 1)

@@ -1,0 +1,72 @@
+"""Measurements that contradict a cause: what a check measured and found in order is not the fault."""
+
+from collections.abc import Mapping
+from types import MappingProxyType
+from typing import Final
+
+from fedora_qa.causes import stream_family
+from fedora_qa.diagnosis.coincidence import Place
+from fedora_qa.diagnosis.measured_sizes import Results, measured
+from fedora_qa.record.types import Result
+
+_EVENTS, _INERTIAL = "event_response.timing", "imu.timing"
+
+_MEASURED: Final[Mapping[tuple[str, str], tuple[str, str]]] = MappingProxyType(
+    {
+        ("time_offset", "events"): (_EVENTS, "time_offset"),
+        ("time_offset", "rgb"): (_EVENTS, "time_offset"),
+        ("time_offset", "imu"): (_INERTIAL, "time_offset"),
+        ("time_offset", "pose"): (_INERTIAL, "time_offset"),
+        ("clock_rate", "events"): (_EVENTS, "clock_rate"),
+        ("clock_rate", "rgb"): (_EVENTS, "clock_rate"),
+        ("clock_rate", "imu"): (_INERTIAL, "clock_rate"),
+        ("clock_rate", "pose"): (_INERTIAL, "pose_clock_rate"),
+    }
+)
+"""Check and measurement of the size of a cause, in its unit, by cause and stream."""
+
+_CORRELATED: Final[Mapping[str, tuple[str, ...]]] = MappingProxyType(
+    {
+        "events": ("event_response.orientation",),
+        "rgb": ("event_response.orientation", "flow_photometric.residual"),
+        "depth": ("depth.consistency",),
+        "flow": ("flow_photometric.residual", "flow_geometry.endpoint"),
+        "imu": ("imu.timing",),
+        "pose": ("imu.timing", "depth.consistency"),
+    }
+)
+"""Checks that correlate a stream with others: where one of them passes, the stream is of the same sequence."""
+
+
+def contradicts(
+    cause: str, stream: str, magnitude: float | None, results: Results, places: Mapping[str, Place]
+) -> bool:
+    """Whether a measurement that is in order contradicts a cause.
+
+    Parameters
+    ----------
+    cause, stream, magnitude
+        The cause, with its fitted size; None where it has none.
+    results
+        Of the file, by check, judged by the limits alone.
+    places
+        Of the clocks.
+    """
+    family = stream_family(stream)
+    if cause == "other_sequence":
+        return any(_passed(results.get(check)) for check in _CORRELATED.get(family, ()))
+    if cause in ("time_offset", "clock_rate") and places.get(family) == "in":
+        return True
+    if (cause, family) in _MEASURED and magnitude is not None:
+        check, name = _MEASURED[cause, family]
+        result = results.get(check)
+        measurement = measured(result, name)
+        if measurement is None or measurement.limit is None or not _passed(result):
+            return False
+        # A fault larger than the limit would have exceeded it.
+        return abs(magnitude) > measurement.limit
+    return False
+
+
+def _passed(result: Result | None) -> bool:
+    return result is not None and result.outcome == "passed"

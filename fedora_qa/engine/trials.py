@@ -1,0 +1,255 @@
+"""Trials: undo a proposed fault in a view of the sequence, and measure again.
+
+The checks that failed measure again, and those that read the stream of the fault. A fault is tried on the window of the
+worst finding first; one that clears a finding there is tried on four times as many windows around it, and so on up to
+all that the run measured. The same windows are measured without the fault undone: a finding counts as cleared only
+where its deviation is seen on these windows with the fault in place. Work is counted in windows for one check and
+bounded by what the run itself measured, never by the clock, so that a record does not depend on the machine.
+"""
+
+from collections.abc import Mapping, Sequence, Set
+from dataclasses import dataclass, field
+from itertools import islice
+from math import inf, isfinite
+from typing import Any, Final
+
+from fedora_qa.causes import stream_family
+from fedora_qa.checks.protocol import Check
+from fedora_qa.conventions import NS_PER_US
+from fedora_qa.diagnosis.candidates import CauseCandidate
+from fedora_qa.diagnosis.proposed_faults import faults_for
+from fedora_qa.diagnosis.trial import Trial
+from fedora_qa.engine.altered import PlainRun
+from fedora_qa.engine.progress import Progress
+from fedora_qa.engine.survey import Prepared
+from fedora_qa.faults.reversible import InapplicableError, ReversibleFault
+from fedora_qa.judgement.judge import Alarm, Judged
+from fedora_qa.record.types import Measurement, Result
+from fedora_qa.sequence.window import Span
+
+_GROWTH: Final = 4
+"""Ratio of the windows of one trial to those of the trial before: all trials of a fault together cost a third more than
+the last one."""
+
+_MOST_VARIANTS: Final = 4
+"""Mechanisms or directions of one cause that are tried."""
+
+_SIZED: Final = 0.05
+"""Least relative change of a size by a second fit for which the fault is tried again."""
+
+_SHARE_OF_A_FAULT: Final = 0.5
+"""Most of the work that is left which further windows of one fault may take."""
+
+
+@dataclass(slots=True)
+class TrialBench:
+    """The run of a file whose findings are to be explained, and the work that trials may still do on it.
+
+    Attributes
+    ----------
+    alarms
+        Of the plain run.
+    checks
+        Those whose question can be asked of the file.
+    run
+        The plain run.
+    """
+
+    alarms: Sequence[Alarm]
+    checks: Sequence[Check[Any]]
+    run: PlainRun
+    windows: int = 0
+    _left: int = field(init=False)
+    _plain: dict[int, list[tuple[Alarm, Measurement]]] = field(init=False, default_factory=dict)
+
+    def __post_init__(self) -> None:
+        """Grant the windows of the run itself for every check."""
+        self._left = len(self.run.planned(self.run.ready)) * len(self.checks)
+
+    def undo(self, fault: ReversibleFault) -> Trial | None:
+        """Undo a fault alone, and return what that changes; None where it cannot be undone, or no work is left."""
+        try:
+            undoing = fault.undo(self.run.ready.facts, self.run.sequence)
+            undone = self.run.altered(undoing)
+        except InapplicableError:
+            return None
+        failed = {check_of(alarm) for alarm in self.alarms}
+        affected = self._affected(fault, failed)
+        trial: Trial | None = None
+        for count in self._counts():
+            if not self._shown(count):
+                continue
+            # Half of the work stays for rivals, without which nothing is confirmed.
+            if count * len(affected) > self._left * (_SHARE_OF_A_FAULT if trial else 1.0):
+                break
+            trial = self._measured(fault, undoing.description, undone, affected, count)
+            decided = len(trial.cleared) + len(trial.left)
+            # Where the windows show a finding and the fault clears none, more windows change nothing.
+            if (decided and not trial.cleared) or decided == len(self.alarms):
+                break
+        return trial
+
+    def _counts(self) -> list[int]:
+        """Return the numbers of windows of successive trials: 1, 4, 16 ... and all."""
+        whole, counts = len(self.run.planned(self.run.ready)), [1]
+        while counts[-1] * _GROWTH < whole:
+            counts.append(counts[-1] * _GROWTH)
+        return [*counts, whole] if whole > counts[-1] else counts
+
+    def _affected(self, fault: ReversibleFault, failed: Set[str]) -> list[Check[Any]]:
+        family = stream_family(fault.stream)
+        # Declarations are read by every check.
+        return [
+            check
+            for check in self.checks
+            if check.name in failed
+            or family == "metadata"
+            or family in {stream_family(stream) for stream in (*check.needs, *check.looks_at)}
+        ]
+
+    def _measured(
+        self, fault: ReversibleFault, description: str, undone: Prepared, affected: list[Check[Any]], count: int
+    ) -> Trial:
+        whole = count >= len(self.run.planned(self.run.ready))
+        # Timestamps that are altered may fall into other windows: all of them are measured then.
+        spans = self.run.planned(undone) if whole else self._around(self.run.planned(undone), count)
+        judged, crashes = self._judged(affected, spans, undone)
+        cleared: set[str] = set()
+        left: dict[str, float] = {}
+        for alarm, deviating in self._shown(count):
+            after = judged.get(check_of(alarm))
+            if after is None or after.outcome in ("crashed", "not_observable"):
+                continue
+            again = _measurement(after, alarm)
+            if again is None:
+                continue
+            if not is_within(again):
+                left[alarm.finding.id] = _ratio(again, deviating)
+            elif again.limit is not None and again.limit < abs(_deviation(deviating)):
+                # Under a larger limit the deviation would have passed, too.
+                cleared.add(alarm.finding.id)
+        exceeded = {m.code for result in self.run.strict.values() for m in _exceeding(result)}
+        caused = {m.code for result in judged.values() for m in _exceeding(result)} - exceeded
+        return Trial(fault, description, frozenset(cleared), left, tuple(sorted(caused)), count, tuple(sorted(crashes)))
+
+    def _judged(
+        self, checks: Sequence[Check[Any]], spans: Sequence[Span], prepared: Prepared
+    ) -> tuple[dict[str, Result], tuple[str, ...]]:
+        self._left -= len(spans) * len(checks)
+        self.windows += len(spans)
+        judged, crashes = self.run.judged(checks, spans, prepared)
+        return _by_check(judged), tuple(crashes)
+
+    def _shown(self, count: int) -> list[tuple[Alarm, Measurement]]:
+        """Return the findings that the windows of a trial show without the fault undone, with their measurements."""
+        if count not in self._plain:
+            failed = {check_of(alarm) for alarm in self.alarms}
+            planned = self.run.planned(self.run.ready)
+            results: Mapping[str, Result] = self.run.strict
+            if count < len(planned):
+                checks = [check for check in self.checks if check.name in failed]
+                results, _ = self._judged(checks, self._around(planned, count), self.run.ready)
+            pairs = (
+                (alarm, _measurement(results[check_of(alarm)], alarm))
+                for alarm in self.alarms
+                if check_of(alarm) in results
+            )
+            self._plain[count] = [(alarm, m) for alarm, m in pairs if m is not None and not is_within(m)]
+        return self._plain[count]
+
+    def _around(self, spans: Sequence[Span], count: int) -> Sequence[Span]:
+        """Return neighbouring windows around the middle of the first finding that has a time."""
+        place_ns = _place_ns(self.alarms, self.run)
+        middles = [abs((span.start_ns + span.stop_ns) / 2 - place_ns) for span in spans]
+        centre = min(range(len(spans)), key=middles.__getitem__, default=0)
+        # Clamped at both ends of the sequence, so that there are always ``count`` windows.
+        first = min(max(centre - count // 2, 0), max(len(spans) - count, 0))
+        return spans[first : first + count]
+
+
+def is_within(measurement: Measurement) -> bool:
+    """Whether a value is within its limit; values that are not finite are not."""
+    if measurement.value is None or measurement.expected is None or measurement.limit is None:
+        return False
+    deviation = measurement.value - measurement.expected
+    signed = {"both": abs(deviation), "upper": deviation, "lower": -deviation}
+    return signed[measurement.side] <= measurement.limit
+
+
+def check_of(alarm: Alarm) -> str:
+    """Return the name of the check of a finding, whose code is ``<subject>.<property>.<rule>``."""
+    return alarm.finding.code.rpartition(".")[0]
+
+
+def _exceeding(result: Result) -> list[Measurement]:
+    return [measurement for measurement in result.measurements if not is_within(measurement)]
+
+
+def _measurement(result: Result, alarm: Alarm) -> Measurement | None:
+    name = alarm.statistic.name
+    return next((m for m in result.measurements if (m.name, m.code) == (name, alarm.statistic.code)), None)
+
+
+def _by_check(judged: Sequence[Judged]) -> dict[str, Result]:
+    return {each.result.check: each.result for each in judged}
+
+
+def _deviation(measurement: Measurement) -> float:
+    """Return value less expected value; infinite where one is not finite."""
+    if measurement.value is None or measurement.expected is None:
+        return inf
+    return measurement.value - measurement.expected
+
+
+def _ratio(after: Measurement, before: Measurement) -> float:
+    """Return which part of a deviation is left, negative where its sign has changed."""
+    left, was = _deviation(after), _deviation(before)
+    return left / was if isfinite(left) and isfinite(was) and was else inf
+
+
+def _place_ns(alarms: Sequence[Alarm], run: PlainRun) -> int:
+    """Return the middle of the first finding that has a time; the middle of the file where none has."""
+    facts = run.ready.facts
+    for alarm in alarms:
+        where = alarm.finding.where
+        if where.start_us is not None and where.stop_us is not None:
+            origin_us = facts.to_file_us(0)
+            return round(((where.start_us + where.stop_us) / 2 - origin_us) * NS_PER_US)
+    spans = run.planned(run.ready)
+    return (spans[0].start_ns + spans[-1].stop_ns) // 2 if spans else 0
+
+
+def run_trials(
+    bench: TrialBench, candidates: Sequence[CauseCandidate], progress: Progress
+) -> dict[tuple[str, str], Trial]:
+    """Undo the faults of candidates, best supported first; return the best trial of each by cause and stream."""
+    trials: dict[tuple[str, str], Trial] = {}
+    for done, candidate in enumerate(candidates):
+        progress("undoing proposed faults", done, len(candidates))
+        magnitude = candidate.size.magnitude
+        best = _best_trial(bench, candidate, magnitude)
+        sized_by = candidate.sized_by
+        if best is not None and magnitude is not None and sized_by in best.left:
+            # Secant: with d deviations of d0 without and d1 with the size undone, d vanishes at size d0 / (d0 - d1).
+            ratio = best.left[sized_by]
+            again = magnitude / (1.0 - ratio) if isfinite(ratio) and ratio < 1.0 else magnitude
+            if abs(again - magnitude) > _SIZED * abs(magnitude):
+                refitted = _best_trial(bench, candidate, again)
+                best = max((best, refitted), key=lambda t: t.balance) if refitted else best
+        if best is not None:
+            trials[candidate.cause, candidate.stream] = best
+    return trials
+
+
+def _best_trial(bench: TrialBench, candidate: CauseCandidate, magnitude: float | None) -> Trial | None:
+    """Undo the mechanisms of a cause with a size, and return the trial that clears most."""
+    best: Trial | None = None
+    run = bench.run
+    proposals = faults_for(candidate.cause, candidate.stream, magnitude, bench.alarms, run.strict, run.ready.facts)
+    for fault in islice(dict.fromkeys(proposals), _MOST_VARIANTS):
+        trial = bench.undo(fault)
+        if trial is not None and (best is None or trial.balance > best.balance):
+            best = trial
+        if best is not None and best.succeeds and not best.left:
+            break
+    return best
