@@ -1,7 +1,7 @@
 """Candidates: for each cause and stream its best hypothesis for every finding that it would explain."""
 
 from collections import defaultdict
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Final
 
@@ -12,17 +12,34 @@ from fedora_qa.diagnosis.proposed_faults import is_length_unit
 UNKNOWN: Final = "unknown"
 """Name of the cause of a finding without a hypothesis."""
 
+CONTENDS: Final = 0.25
+"""Share of the support of a cause, before trials, from which another cause is its rival: without a trial of a rival
+that could be tested the cause is not confirmed. The value is not derived."""
+
 _IN_EARNEST: Final = 0.3
 """Least support of a cause by one check for it to explain findings of other checks about its stream."""
 
 
 @dataclass(frozen=True, slots=True)
 class CauseCandidate:
-    """A cause in a stream, and its best hypothesis for each finding that it would explain, by the finding's id."""
+    """A cause in a stream, and its best hypothesis for each finding that it would explain, by the finding's id.
+
+    ``weights`` are those of all findings, by which each check counts once.
+    """
 
     cause: str
     stream: str
     evidence: Mapping[str, Hypothesis]
+    weights: Mapping[str, float]
+
+    @property
+    def total_support(self) -> float:
+        """Support for all findings, where each check counts once."""
+        return self.support_for(self.evidence)
+
+    def support_for(self, findings: Collection[str]) -> float:
+        """Return the support for some findings, where each check counts once."""
+        return sum(h.support * self.weights[f] for f, h in self.evidence.items() if f in findings)
 
     @property
     def key(self) -> tuple[str, str]:
@@ -56,8 +73,18 @@ _FAIR_FIT: Final = 0.5
 derived: with less support, another cause mostly contributes to the size."""
 
 
-def gather_candidates(hypotheses: Mapping[str, Sequence[Hypothesis]]) -> list[CauseCandidate]:
-    """Gather hypotheses by cause and stream."""
+def gather_candidates(
+    hypotheses: Mapping[str, Sequence[Hypothesis]], weights: Mapping[str, float]
+) -> list[CauseCandidate]:
+    """Gather hypotheses by cause and stream.
+
+    Parameters
+    ----------
+    hypotheses
+        By the id of the finding that they would explain.
+    weights
+        Of the findings.
+    """
     evidence: dict[tuple[str, str], dict[str, Hypothesis]] = defaultdict(dict)
     for finding, of_finding in hypotheses.items():
         for hypothesis in of_finding:
@@ -83,7 +110,7 @@ def gather_candidates(hypotheses: Mapping[str, Sequence[Hypothesis]]) -> list[Ca
         support = {sign: sum(of_cause[f].support for f in signs if signs[f] is sign) for sign in (True, False)}
         sign = support[True] >= support[False]
         of_one_sign = {finding: h for finding, h in of_cause.items() if signs.get(finding, sign) is sign}
-        candidates.append(CauseCandidate(cause, stream, of_one_sign))
+        candidates.append(CauseCandidate(cause, stream, of_one_sign, weights))
     return candidates
 
 

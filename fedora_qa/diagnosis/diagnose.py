@@ -9,25 +9,21 @@ and at its worst. Diagnosis runs only after an alarm: on clean files it would al
 """
 
 from collections import Counter, defaultdict
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from types import MappingProxyType
 from typing import Final
 
 from fedora_qa.causes import CAUSES, stream_family
-from fedora_qa.diagnosis.candidates import UNKNOWN, CauseCandidate, gather_candidates
+from fedora_qa.diagnosis.candidates import CONTENDS, UNKNOWN, CauseCandidate, gather_candidates
 from fedora_qa.diagnosis.coincidence import Place
-from fedora_qa.diagnosis.direct import is_direct
+from fedora_qa.diagnosis.conclusion import MANY_MECHANISMS, MEASURED_CONFIDENCE, Trials, is_known, status_of
 from fedora_qa.diagnosis.hypothesis import Hypothesis
 from fedora_qa.diagnosis.measured_sizes import Results
-from fedora_qa.diagnosis.proposed_faults import is_testable
 from fedora_qa.diagnosis.trial import Trial
 from fedora_qa.diagnosis.vetoes import contradicts
 from fedora_qa.judgement.judge import Alarm
-from fedora_qa.record.types import Diagnosis, DiagnosisStatus, Where
-
-Trials = Mapping[tuple[str, str], Trial]
-"""Trials by cause and stream."""
+from fedora_qa.record.types import Diagnosis
 
 _ENOUGH: Final = 0.05
 """Least support that a further cause must add to be named."""
@@ -39,26 +35,11 @@ of the stream would explain has less."""
 _INDIRECT: Final = 0.5
 """Weight of a cause that was neither tested nor measured by a check whose business it is. The value is not derived."""
 
-_CONTENDS: Final = 0.25
-"""Share of the support of a cause, before trials, from which another cause is its rival: without a trial of a rival
-that could be tested the cause is not confirmed. The value is not derived."""
-
-_MOSTLY: Final = 0.5
-"""Share of the findings of a cause that undoing it must clear for the cause to be supported."""
-
 _OF_CLOCKS: Final = frozenset({"time_offset", "clock_rate"})
 """Causes by which a clock leaves the grid of the others."""
 
-_MANY_MECHANISMS: Final = frozenset({"exposure_or_gamma", "frame_convention", "duplicated_samples", "unsorted"})
-"""Causes with more mechanisms than are tried: that those clear nothing rules nothing out."""
-
 _VECTORS: Final = frozenset({"gyro_bias", "accel_bias", "lever_arm"})
 """Causes whose size is the length of a vector, of which each finding states a component."""
-
-MEASURED_CONFIDENCE: Final[Mapping[DiagnosisStatus, float]] = MappingProxyType(
-    {"confirmed": 0.0, "supported": 0.0, "suggested": 0.0, "unidentified": 0.0}
-)
-"""Share of first diagnoses of a status that are right (docs/named-foreign.md); 0 where none was measured."""
 
 
 def rank_candidates(
@@ -80,13 +61,12 @@ def rank_candidates(
     places
         Of the clocks.
     """
-    weights = _weights(alarms)
     candidates = [
         candidate
-        for candidate in gather_candidates(hypotheses)
+        for candidate in gather_candidates(hypotheses, _weights(alarms))
         if not contradicts(candidate.cause, candidate.stream, candidate.size.magnitude, results, places)
     ]
-    return sorted(candidates, key=lambda candidate: -_score(candidate, weights.keys(), weights))
+    return sorted(candidates, key=lambda candidate: -candidate.total_support)
 
 
 def choose_causes(
@@ -117,11 +97,12 @@ def choose_causes(
         In the order in which they were chosen, ``unknown`` last.
     """
     where = {alarm.finding.id: alarm.finding.where for alarm in alarms}
+    codes = {alarm.finding.id: alarm.finding.code for alarm in alarms}
     weights = _weights(alarms)
     ranked = rank_candidates(alarms, hypotheses, results, places)
     prior = {candidate.key: candidate for candidate in ranked}
     candidates = [_tested(candidate, trials.get(candidate.key)) for candidate in ranked]
-    known = {c.key: _is_known(c, alarms, trials) for c in candidates}
+    known = {c.key: is_known(c, codes, trials) for c in candidates}
     # Unexplained support of each finding: the demand of the set cover.
     unexplained = {alarm.finding.id: 1.0 for alarm in alarms}
 
@@ -133,8 +114,10 @@ def choose_causes(
         by_check = sum(_new_support(candidate, f, unexplained) * weights[f] for f in candidate.evidence)
         if not known[candidate.key]:
             by_check *= _INDIRECT
-        is_out = candidate.cause in _OF_CLOCKS and places.get(stream_family(candidate.stream)) == "out"
-        return round(by_check, 6), len(candidate.evidence), is_out
+        return round(by_check, 6), len(candidate.evidence), is_out_of_place(candidate)
+
+    def is_out_of_place(candidate: CauseCandidate) -> bool:
+        return candidate.cause in _OF_CLOCKS and places.get(stream_family(candidate.stream)) == "out"
 
     diagnoses: list[Diagnosis] = []
     explained: set[str] = set()
@@ -143,12 +126,32 @@ def choose_causes(
     while supported := [c for c in candidates if gain(c) >= _ENOUGH and (known[c.key] or c.best_support >= _FITS)]:
         best = max(supported, key=merit)
         own = {f: h for f, h in best.evidence.items() if h.support > 0}
-        contenders = [
-            other
-            for other in ranked
-            if _score(other, own, weights) >= _CONTENDS * _score(prior[best.key], own, weights)
-        ]
-        diagnoses.append(_diagnosis(best, own, f"D{len(diagnoses) + 1}", alarms, trials, where, contenders))
+        # Where one clock is out of place, the others, which lie on one grid, are no rivals.
+        is_odd = is_out_of_place(best)
+        rivals = [other for other in ranked if other.key != best.key and not (is_odd and other.cause in _OF_CLOCKS)]
+        least = CONTENDS * prior[best.key].support_for(own)
+        likely = {rival.key for rival in rivals if rival.support_for(own) >= least}
+        status, alike = status_of(best, own, codes, trials, rivals, likely)
+        size, trial = best.size, trials.get(best.key)
+        of_vector = trial is not None and trial.cleared and (best.cause in _VECTORS or size.magnitude is None)
+        diagnoses.append(
+            Diagnosis(
+                id=f"D{len(diagnoses) + 1}",
+                cause=best.cause,
+                stream=best.stream,
+                magnitude=trial.fault.magnitude if trial and of_vector else size.magnitude,
+                unit=size.unit or CAUSES[best.cause].unit,
+                standard_error=size.standard_error,
+                confidence=MEASURED_CONFIDENCE[status],
+                where=where[best.sized_by],
+                remedy=CAUSES[best.cause].remedy,
+                explains=tuple(own),
+                status=status,
+                tried=(trial.description, *(rival.description for rival in alike)) if trial else (),
+                cleared=tuple(finding for finding in where if trial and finding in trial.cleared),
+                windows=trial.windows if trial else 0,
+            )
+        )
         for finding, hypothesis in own.items():
             # Rest after the best supported cause so far: supports of several causes of one finding do not add.
             unexplained[finding] = min(unexplained[finding], 1.0 - hypothesis.support)
@@ -180,11 +183,6 @@ def choose_causes(
     return tuple(diagnoses)
 
 
-def _score(candidate: CauseCandidate, findings: Collection[str], weights: Mapping[str, float]) -> float:
-    """Return the support of a candidate for some findings, where each check counts once."""
-    return sum(h.support * weights[f] for f, h in candidate.evidence.items() if f in findings)
-
-
 def _weights(alarms: Sequence[Alarm]) -> dict[str, float]:
     """Return the weight of each finding: each check counts once, by the mean of its findings."""
     checks = {alarm.finding.id: alarm.finding.code.rpartition(".")[0] for alarm in alarms}
@@ -192,18 +190,9 @@ def _weights(alarms: Sequence[Alarm]) -> dict[str, float]:
     return {finding: 1.0 / findings_of_check[check] for finding, check in checks.items()}
 
 
-def _is_known(candidate: CauseCandidate, alarms: Sequence[Alarm], trials: Trials) -> bool:
-    """Whether undoing a candidate clears findings, or a check measures the cause itself."""
-    trial = trials.get(candidate.key)
-    if trial is not None:
-        return bool(trial.cleared)
-    codes = (alarm.finding.code for alarm in alarms if alarm.finding.id in candidate.evidence)
-    return any(is_direct(candidate.cause, code) for code in codes)
-
-
 def _tested(candidate: CauseCandidate, trial: Trial | None) -> CauseCandidate:
     """Return a candidate with the support that a trial measured."""
-    if trial is None or (not trial.cleared and candidate.cause in _MANY_MECHANISMS):
+    if trial is None or (not trial.cleared and candidate.cause in MANY_MECHANISMS):
         return candidate
     evidence = dict(candidate.evidence)
     for finding in trial.cleared:
@@ -224,72 +213,6 @@ def _tested(candidate: CauseCandidate, trial: Trial | None) -> CauseCandidate:
             for finding, h in evidence.items()
         }
     return replace(candidate, evidence=evidence)
-
-
-def _diagnosis(
-    best: CauseCandidate,
-    own: Mapping[str, Hypothesis],
-    identifier: str,
-    alarms: Sequence[Alarm],
-    trials: Trials,
-    where: Mapping[str, Where],
-    contenders: Sequence[CauseCandidate],
-) -> Diagnosis:
-    size, trial = best.size, trials.get(best.key)
-    magnitude = size.magnitude
-    if trial is not None and trial.cleared and (best.cause in _VECTORS or magnitude is None):
-        magnitude = trial.fault.magnitude
-    status, alike = _status(best, own, alarms, trials, contenders)
-    cleared = () if trial is None else tuple(alarm.finding.id for alarm in alarms if alarm.finding.id in trial.cleared)
-    tried = [] if trial is None else [trial, *alike]
-    return Diagnosis(
-        id=identifier,
-        cause=best.cause,
-        stream=best.stream,
-        magnitude=magnitude,
-        unit=size.unit or CAUSES[best.cause].unit,
-        standard_error=size.standard_error,
-        confidence=MEASURED_CONFIDENCE[status],
-        where=where[best.sized_by],
-        remedy=CAUSES[best.cause].remedy,
-        explains=tuple(own),
-        status=status,
-        tried=tuple(each.description for each in tried),
-        cleared=cleared,
-        windows=0 if trial is None else trial.windows,
-    )
-
-
-def _status(
-    best: CauseCandidate,
-    own: Mapping[str, Hypothesis],
-    alarms: Sequence[Alarm],
-    trials: Trials,
-    contenders: Sequence[CauseCandidate],
-) -> tuple[DiagnosisStatus, list[Trial]]:
-    """Return how a cause is known, and the trials of rivals that clear as much."""
-    trial = trials.get(best.key)
-    direct = any(is_direct(best.cause, alarm.finding.code) for alarm in alarms if alarm.finding.id in own)
-    if trial is None or not trial.cleared:
-        untested = trial is None or best.cause in _MANY_MECHANISMS
-        return ("supported" if direct and untested else "suggested"), []
-    alike = [
-        other
-        for (cause, stream), other in trials.items()
-        if (cause, stream_family(stream)) != (best.cause, stream_family(best.stream))
-        and other.succeeds
-        and other.cleared >= trial.cleared
-    ]
-    left = [finding for finding in own if finding in trial.left]
-    undecided = any(
-        other.key not in trials or not trials[other.key].is_decided
-        for other in contenders
-        if other.key != best.key and is_testable(other.cause, other.stream)
-    )
-    if trial.succeeds and not left and not alike and not undecided:
-        return "confirmed", []
-    mostly = len(trial.cleared) >= _MOSTLY * (len(trial.cleared) + len(left) + len(trial.caused))
-    return ("supported" if direct or mostly else "suggested"), alike
 
 
 def _new_support(candidate: CauseCandidate, finding: str, unexplained: Mapping[str, float]) -> float:

@@ -67,7 +67,8 @@ def assemble(
         file.sequence, ready, observations, strict, options.effort, options.memory_bytes, options.false_alarm_rate
     )
     with watch.stage("diagnosis"):
-        diagnoses, undone = diagnose(alarms, asked, plain, progress)
+        # Within a budget a file is judged several times, and every second belongs to its windows.
+        diagnoses, undone = diagnose(alarms, asked, plain, progress, with_trials=options.budget_s is None)
     with watch.stage("statistics"):
         collector = file.statistics
         tables = attempt(states, collector.name, lambda: collector.conclude(states.states[collector.name], facts))
@@ -116,14 +117,14 @@ def assemble(
 
 
 def diagnose(
-    alarms: Sequence[Alarm], checks: Sequence[Check[Any]], run: PlainRun, progress: Progress
+    alarms: Sequence[Alarm], checks: Sequence[Check[Any]], run: PlainRun, progress: Progress, *, with_trials: bool
 ) -> tuple[tuple[Diagnosis, ...], Mapping[str, ReversibleFault]]:
     """Name the causes of alarms by undoing proposed faults; return with them the fault of each that was undone."""
     facts = run.ready.facts
     hypotheses = {alarm.finding.id: hypotheses_of(alarm, facts) for alarm in alarms}
     places = places_of_clocks(facts)
     trials = {}
-    if alarms:
+    if alarms and with_trials:
         candidates = rank_candidates(alarms, hypotheses, run.strict, places)
         trials = run_trials(TrialBench(alarms, checks, run), candidates, progress)
     diagnoses = choose_causes(alarms, hypotheses, trials, run.strict, places)

@@ -16,12 +16,13 @@ from typing import Any, Final
 from fedora_qa.causes import stream_family
 from fedora_qa.checks.protocol import Check
 from fedora_qa.conventions import NS_PER_US
-from fedora_qa.diagnosis.candidates import CauseCandidate
+from fedora_qa.diagnosis.candidates import CONTENDS, CauseCandidate
 from fedora_qa.diagnosis.proposed_faults import faults_for
 from fedora_qa.diagnosis.trial import Trial
 from fedora_qa.engine.altered import PlainRun
 from fedora_qa.engine.progress import Progress
 from fedora_qa.engine.survey import Prepared
+from fedora_qa.faults.fault import Fault
 from fedora_qa.faults.reversible import InapplicableError, ReversibleFault
 from fedora_qa.judgement.judge import Alarm, Judged
 from fedora_qa.record.types import Measurement, Result
@@ -53,12 +54,14 @@ class TrialBench:
         Those whose question can be asked of the file.
     run
         The plain run.
+    work_done
+        Windows for one check that were measured.
     """
 
     alarms: Sequence[Alarm]
     checks: Sequence[Check[Any]]
     run: PlainRun
-    windows: int = 0
+    work_done: int = 0
     _left: int = field(init=False)
     _plain: dict[int, list[tuple[Alarm, Measurement]]] = field(init=False, default_factory=dict)
 
@@ -82,7 +85,7 @@ class TrialBench:
             # Half of the work stays for rivals, without which nothing is confirmed.
             if count * len(affected) > self._left * (_SHARE_OF_A_FAULT if trial else 1.0):
                 break
-            trial = self._measured(fault, undoing.description, undone, affected, count)
+            trial = self._measured(fault, undoing, undone, affected, count)
             decided = len(trial.cleared) + len(trial.left)
             # Where the windows show a finding and the fault clears none, more windows change nothing.
             if (decided and not trial.cleared) or decided == len(self.alarms):
@@ -108,7 +111,7 @@ class TrialBench:
         ]
 
     def _measured(
-        self, fault: ReversibleFault, description: str, undone: Prepared, affected: list[Check[Any]], count: int
+        self, fault: ReversibleFault, undoing: Fault, undone: Prepared, affected: list[Check[Any]], count: int
     ) -> Trial:
         whole = count >= len(self.run.planned(self.run.ready))
         # Timestamps that are altered may fall into other windows: all of them are measured then.
@@ -122,6 +125,9 @@ class TrialBench:
                 continue
             again = _measurement(after, alarm)
             if again is None:
+                # What is stated only where it deviates no longer deviates, unless the check now asks something else.
+                if undoing.declared is None and after.outcome == "passed":
+                    cleared.add(alarm.finding.id)
                 continue
             if not is_within(again):
                 left[alarm.finding.id] = _ratio(again, deviating)
@@ -130,13 +136,15 @@ class TrialBench:
                 cleared.add(alarm.finding.id)
         exceeded = {m.code for result in self.run.strict.values() for m in _exceeding(result)}
         caused = {m.code for result in judged.values() for m in _exceeding(result)} - exceeded
-        return Trial(fault, description, frozenset(cleared), left, tuple(sorted(caused)), count, tuple(sorted(crashes)))
+        return Trial(
+            fault, undoing.description, frozenset(cleared), left, tuple(sorted(caused)), count, tuple(sorted(crashes))
+        )
 
     def _judged(
         self, checks: Sequence[Check[Any]], spans: Sequence[Span], prepared: Prepared
     ) -> tuple[dict[str, Result], tuple[str, ...]]:
         self._left -= len(spans) * len(checks)
-        self.windows += len(spans)
+        self.work_done += len(spans) * len(checks)
         judged, crashes = self.run.judged(checks, spans, prepared)
         return _by_check(judged), tuple(crashes)
 
@@ -224,7 +232,11 @@ def run_trials(
 ) -> dict[tuple[str, str], Trial]:
     """Undo the faults of candidates, best supported first; return the best trial of each by cause and stream."""
     trials: dict[tuple[str, str], Trial] = {}
+    # Once a fault has cleared all that the windows show, only its rivals are of interest.
+    least = 0.0
     for done, candidate in enumerate(candidates):
+        if candidate.total_support < least:
+            break
         progress("undoing proposed faults", done, len(candidates))
         magnitude = candidate.size.magnitude
         best = _best_trial(bench, candidate, magnitude)
@@ -238,6 +250,8 @@ def run_trials(
                 best = max((best, refitted), key=lambda t: t.balance) if refitted else best
         if best is not None:
             trials[candidate.cause, candidate.stream] = best
+            if best.succeeds and not best.left:
+                least = max(least, CONTENDS * candidate.total_support)
     return trials
 
 

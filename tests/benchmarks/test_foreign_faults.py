@@ -369,8 +369,8 @@ def test_the_study_leaves_out_what_is_held_out(tmp_path: Path, monkeypatch: pyte
     assert planted == [f"{kind.name} {scene}" for scene in SPAN_S for kind in KINDS if scene in kind.scenes]
 
 
-def said(kind: str, *names: str, seed: int = 0, confidence: float = 0.8, failed: tuple[str, ...] = ("a",)) -> Outcome:
-    diagnoses = tuple(Named(*name.split(":"), None, "", confidence) for name in names)
+def said(kind: str, *names: str, seed: int = 0, status: str = "suggested", failed: tuple[str, ...] = ("a",)) -> Outcome:
+    diagnoses = tuple(Named(*name.split(":"), None, "", status) for name in names)
     return Outcome(kind, "park-day", seed, 0.0, 0.0, 1.0, "findings", failed, (), diagnoses)
 
 
@@ -402,12 +402,12 @@ def test_an_outcome_survives_json() -> None:
 
 
 def test_the_page_counts_apart() -> None:
-    """Kinds with a name and without, found and named, and what was named instead; confidence by bins."""
+    """Kinds with a name and without, found and named, and what was named instead; the status of the first."""
     kinds = [BY_NAME["vignetting"], BY_NAME["dead columns"], BY_NAME["lens distortion"]]
     assert not any(kind.held_out for kind in kinds)
     outcomes = [
-        said("vignetting", "rgb:vignetting", confidence=0.98),
-        said("vignetting", "rgb:time_offset", "rgb:vignetting", seed=1, confidence=0.6),
+        said("vignetting", "rgb:vignetting", status="confirmed"),
+        said("vignetting", "rgb:time_offset", "rgb:vignetting", seed=1, status="confirmed"),
         said("dead columns", failed=()),
         said("lens distortion", "rgb:unknown"),
     ]
@@ -416,8 +416,7 @@ def test_the_page_counts_apart() -> None:
     assert "| looked at | all with a name | 2 | 3 | 2 | 67% | 1 | 50% | 1% to 99% | 100% |" in text
     assert "| looked at | no name | 1 | 1 | 1 | 100% | 1 | 100% |" in text
     assert "| rgb:vignetting | 2 | 2 | 1 | 1 | rgb:time_offset 1 |" in text
-    assert "| looked at | 50% to 70% | 1 | 60% | 0% |" in text
-    assert "| looked at | 97% to 100% | 1 | 98% | 100% |" in text
+    assert "| looked at | confirmed | 2 | 1 | 50% | 1% to 99% |" in text
 
 
 def test_geometry_is_computed_where_the_pose_is_exact() -> None:

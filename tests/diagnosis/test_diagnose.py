@@ -1,15 +1,18 @@
 """Findings are explained by the fewest causes."""
 
-import math
-from collections.abc import Sequence
-
-import pytest
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from types import MappingProxyType
+from typing import Any
 
 from fedora_qa.checks.protocol import Statistic
-from fedora_qa.diagnosis.diagnose import SHARPNESS, UNTHOUGHT, choose_causes, share_of_first
+from fedora_qa.diagnosis.candidates import CauseCandidate
+from fedora_qa.diagnosis.coincidence import Place
+from fedora_qa.diagnosis.diagnose import choose_causes, rank_candidates
 from fedora_qa.diagnosis.hypothesis import ANY_CAUSE, Hypothesis
+from fedora_qa.diagnosis.trial import Trial
 from fedora_qa.judgement.judge import Alarm
-from fedora_qa.record.types import Diagnosis, Finding, Where
+from fedora_qa.record.types import Diagnosis, Finding, Measurement, Result, Where
 
 Explained = tuple[Alarm, tuple[Hypothesis, ...]]
 """An alarm with its hypotheses."""
@@ -21,8 +24,18 @@ def alarm(number: int, *hypotheses: Hypothesis, code: str = "toy.rule", stream: 
     return Alarm(Finding(f"F{number}", code, "error", "off", where), statistic), hypotheses
 
 
-def diagnosed(explained: Sequence[Explained]) -> tuple[Diagnosis, ...]:
-    return choose_causes([one for one, _ in explained], {one.finding.id: hypotheses for one, hypotheses in explained})
+def diagnosed(
+    explained: Sequence[Explained],
+    trials: Mapping[tuple[str, str], Trial] = MappingProxyType({}),
+    results: Mapping[str, Result] = MappingProxyType({}),
+    places: Mapping[str, Place] = MappingProxyType({}),
+) -> tuple[Diagnosis, ...]:
+    alarms = [each for each, _ in explained]
+    return choose_causes(alarms, {a.finding.id: hypotheses for a, hypotheses in explained}, trials, results, places)
+
+
+def rank_of(explained: Sequence[Explained], results: Mapping[str, Result]) -> list[CauseCandidate]:
+    return rank_candidates([each for each, _ in explained], {a.finding.id: h for a, h in explained}, results)
 
 
 def test_one_cause_is_preferred_over_several() -> None:
@@ -102,7 +115,6 @@ def test_what_is_hardly_hypothesised_is_not_drawn_in() -> None:
     weak = tuple(Hypothesis(cause, "pose", 0.02) for cause in ("unsorted", "time_unit"))
     found = diagnosed([alarm(1, *another_pose, code="flow.rule"), alarm(2, *another_pose, *weak, code="depth.rule")])
     assert [d.cause for d in found] == ["teleport"]
-    assert found[0].confidence == pytest.approx(1 - UNTHOUGHT)
 
 
 def test_one_finding_of_many_is_still_named() -> None:
@@ -131,49 +143,97 @@ def test_no_alarm_no_diagnosis() -> None:
     assert diagnosed([]) == ()
 
 
-def test_confidence_is_shared_by_rivals() -> None:
-    """Two causes that explain the same finding equally well are equally probable, and together never certain."""
-    found = diagnosed([alarm(1, Hypothesis("time_offset", "imu", 0.5), Hypothesis("time_offset", "pose", 0.5))])
-    assert found[0].confidence == pytest.approx((1 - UNTHOUGHT) / 2)
+@dataclass(frozen=True)
+class Undone:
+    """A fault of a size that a test states, which is never planted."""
+
+    cause: str
+    stream: str
+    magnitude: float | None = None
 
 
-def shared(own: float, *others: float) -> float:
-    """What a cause of weight ``own`` is told with beside others."""
-    return (1 - UNTHOUGHT) / (1 + sum(math.pow(other / own, SHARPNESS) for other in others))
+def tried(
+    *cleared: str, left: Mapping[str, float] | None = None, caused: Sequence[str] = (), size: float = 2.0
+) -> Trial:
+    fault: Any = Undone("a cause", "a stream", size)
+    return Trial(fault, "it is undone", frozenset(cleared), left or {}, tuple(caused), 4)
 
 
-def test_several_witnesses_are_more_certain_than_one() -> None:
-    """A cause that two checks support strongly is nearly certain, however many others each would have too."""
-    others = tuple(Hypothesis(f"other {i}", "events", 0.3) for i in range(10))
-    found = diagnosed(
-        [
-            alarm(1, Hypothesis("time_offset", "events", 0.9), code="timing.offset"),
-            alarm(2, Hypothesis("time_offset", "events", 0.3), *others, code="conservation.pixels"),
-        ]
-    )
-    # Each other: 0.02 where it is not known, times 0.3.
-    assert found[0].confidence == pytest.approx(shared(0.27, *[0.006] * 10))
+LATE = Hypothesis("time_offset", "events", 0.5, 2.0, "ms", 0.1)
+SHIFTED = Hypothesis("spatial_offset", "events", 0.9, 3.0, "px", 0.1)
+BOTH = [alarm(1, LATE, SHIFTED), alarm(2, LATE, SHIFTED, code="other.rule")]
+IS_LATE, IS_SHIFTED = ("time_offset", "events"), ("spatial_offset", "events")
 
 
-def test_findings_of_one_check_are_one_witness() -> None:
-    """Many findings of one check make a cause no more certain than one."""
-    hypotheses = Hypothesis("flow_gain", "flow", 0.8), Hypothesis("flow_unit", "flow", 0.7)
-    found = diagnosed([alarm(i, *hypotheses, code="rule.gain") for i in range(1, 9)])
-    assert found[0].confidence == pytest.approx(shared(0.8, 0.7))
+def test_what_clears_the_findings_is_the_cause() -> None:
+    """However well another cause fits: undone, it leaves them."""
+    found = diagnosed(BOTH, {IS_LATE: tried("F1", "F2"), IS_SHIFTED: tried(left={"F1": 0.9, "F2": 1.3})})
+    assert [(d.cause, d.status, d.cleared) for d in found] == [("time_offset", "confirmed", ("F1", "F2"))]
 
 
-def test_what_leaves_a_part_unexplained_is_no_equal() -> None:
-    """A late IMU whose offset explains all is told with confidence beside causes that would leave a sixth or more."""
-    late = Hypothesis("time_offset", "imu", 1.0, 8.0, "ms", 0.0011)
-    left = (("gyro_bias", 0.84), ("clock_rate", 0.81), ("frame_convention", 0.75), ("axes_swapped", 0.6))
-    found = diagnosed([alarm(1, late, *(Hypothesis(cause, "imu", weight) for cause, weight in left))])
-    assert (found[0].cause, found[0].magnitude) == ("time_offset", 8.0)
-    assert 0.6 < found[0].confidence < 0.9
+def test_nothing_is_confirmed_while_a_rival_is_untested() -> None:
+    """A rival that could be undone and was not may clear as much."""
+    assert [d.status for d in diagnosed(BOTH, {IS_LATE: tried("F1", "F2")})] == ["supported"]
 
 
-def test_shares_of_any_number_of_witnesses() -> None:
-    """Shares are numbers however far plausibilities lie apart, and those of all rivals add up."""
-    far = [-400.0, 0.0, -1.0]
-    shares = [share_of_first([one, *(other for other in far if other is not one)]) for one in far]
-    assert shares[0] < 1e-300
-    assert sum(shares) == pytest.approx(1 - UNTHOUGHT)
+def test_rivals_that_clear_alike_are_all_named() -> None:
+    """The better supported of two is named first, with the other among what was tried; neither is confirmed."""
+    found = diagnosed(BOTH, {IS_LATE: tried("F1", "F2"), IS_SHIFTED: tried("F1", "F2")})
+    assert [(d.cause, d.status, len(d.tried)) for d in found] == [("spatial_offset", "supported", 2)]
+
+
+def test_a_clock_out_of_place_is_the_odd_stream() -> None:
+    """Of two clocks whose offset clears alike, that which leaves the grid of all others is late."""
+    events, rgb = LATE, Hypothesis("time_offset", "rgb", 0.4, -2.0, "ms", 0.1)
+    trials = {IS_LATE: tried("F1"), ("time_offset", "rgb"): tried("F1")}
+    explained = [alarm(1, events, rgb)]
+    assert diagnosed(explained, trials)[0].stream == "events"
+    assert diagnosed(explained, trials, places={"rgb": "out"})[0].stream == "rgb"
+    assert [(d.stream, d.status) for d in diagnosed(explained, trials, places={"rgb": "in"})] == [
+        ("events", "confirmed")
+    ]
+
+
+def test_what_a_trial_causes_counts_against_it() -> None:
+    """A cause that clears two findings and brings two others about is not confirmed."""
+    trials = {IS_LATE: tried("F1", "F2", caused=("a.new.one", "another.new.one")), IS_SHIFTED: tried(left={"F1": 1.0})}
+    assert [(d.cause, d.status) for d in diagnosed(BOTH, trials)] == [("time_offset", "supported")]
+
+
+def test_a_direct_measurement_outranks_what_merely_fits() -> None:
+    """A check whose business a cause is measures it; an equal hypothesis of another cause is not named first."""
+    lost, moved = Hypothesis("dropped_samples", "imu", 0.6), Hypothesis("teleport", "imu", 0.7)
+    found = diagnosed([alarm(1, lost, moved, code="clocks.gaps.missing", stream="imu")])
+    assert (found[0].cause, found[0].status) == ("dropped_samples", "supported")
+
+
+def test_what_any_fault_would_explain_names_none() -> None:
+    """A cause that no check supports well, and that was not tested, is no answer."""
+    weak = tuple(Hypothesis(cause, "events", 0.3) for cause in ("hot_pixels", "dead_region", "time_jitter"))
+    assert [(d.cause, d.status) for d in diagnosed([alarm(1, *weak)])] == [("unknown", "unidentified")]
+
+
+def test_a_vector_has_its_length_for_a_size() -> None:
+    """Three findings state one component each; the fault that was undone states the vector."""
+    components = [alarm(i, Hypothesis("gyro_bias", "imu", 0.9, 0.01 * i, "rad/s", 0.001)) for i in (1, 2, 3)]
+    found = diagnosed(components, {("gyro_bias", "imu"): tried("F1", "F2", "F3", size=0.0374)})
+    assert (found[0].magnitude, found[0].unit) == (0.0374, "rad/s")
+
+
+def test_a_measurement_in_order_contradicts_a_cause() -> None:
+    """A passed check of the size itself, or of the correlation of a stream, rules a cause out."""
+    size = Measurement("time_offset", 0.04, "ms", 0.05, 0.0, 0.3, 0.5)
+    passed = Result("event_response.timing", "passed", "?", measurements=(size,))
+    assert [d.cause for d in diagnosed(BOTH, results={"event_response.timing": passed})] == ["spatial_offset"]
+    failed = replace(passed, outcome="failed")
+    assert "time_offset" in {h.cause for h in rank_of(BOTH, {"event_response.timing": failed})}
+    other = [alarm(1, Hypothesis("other_sequence", "events", 0.9))]
+    related = Result("event_response.orientation", "passed", "?")
+    assert diagnosed(other)[0].cause == "other_sequence"
+    assert diagnosed(other, results={"event_response.orientation": related})[0].cause == "unknown"
+
+
+def test_a_factor_that_is_no_ratio_of_units_is_no_unit() -> None:
+    """Lengths that are 2% too large are not in another unit."""
+    assert diagnosed([alarm(1, Hypothesis("unit_mm_m", "depth", 0.9, 1.021, "1"))])[0].cause == "unknown"
+    assert diagnosed([alarm(1, Hypothesis("unit_mm_m", "depth", 0.9, 1003.0, "1"))])[0].cause == "unit_mm_m"

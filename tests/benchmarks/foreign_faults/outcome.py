@@ -19,13 +19,13 @@ UNKNOWN = "unknown"
 
 @dataclass(frozen=True, slots=True)
 class Named:
-    """A diagnosis: stream, cause, magnitude and stated confidence."""
+    """A diagnosis: stream, cause, magnitude and how it is known."""
 
     stream: str
     cause: str
     magnitude: float | None
     unit: str
-    confidence: float
+    status: str
 
     @property
     def name(self) -> str:
@@ -129,7 +129,7 @@ def diagnose_planted(kind: Kind, source: Source, folder: Path, clean: Path, dono
         verdict=record.verdict,
         failed=tuple(result.check for result in record.results if result.outcome == "failed"),
         crashed=tuple(result.check for result in record.results if result.outcome == "crashed"),
-        diagnoses=tuple(Named(x.stream, x.cause, x.magnitude, x.unit, x.confidence) for x in record.diagnoses),
+        diagnoses=tuple(Named(x.stream, x.cause, x.magnitude, x.unit, x.status) for x in record.diagnoses),
     )
     partial = state.with_suffix(".partial")
     partial.write_text(json.dumps(asdict(outcome)), encoding="utf-8")

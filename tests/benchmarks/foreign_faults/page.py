@@ -3,19 +3,16 @@
 import time
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
-from itertools import pairwise
-from typing import Final
+from typing import Final, get_args
 
 from scipy.stats import binomtest
 
+from fedora_qa.record.types import DiagnosisStatus
 from tests.benchmarks.foreign.scenes import Size
 from tests.benchmarks.foreign_faults.kind import Kind
 from tests.benchmarks.foreign_faults.outcome import Outcome
 
 CONFIDENCE: Final = 0.95
-EDGES: Final = (0.0, 0.3, 0.5, 0.7, 0.9, 0.97, 1.0)
-"""Of the bins of stated confidence."""
-
 HEAD: Final = """\
 # Real faults by other code: found, and named?
 
@@ -40,13 +37,13 @@ TABLE: Final = """
 | --- | --- | --- | --- | --- | --- | --- | --- | --- | --- |
 """
 
-CALIBRATION: Final = """
-## Stated confidence
+BY_STATUS: Final = """
+## How the first cause is known
 
-First diagnoses of all files that name a cause, by the confidence beside them.
+First diagnoses of all files that name a cause, by their status.
 
-| kinds | confidence | diagnoses | mean confidence | right |
-| --- | --- | --- | --- | --- |
+| kinds | status | diagnoses | right | share | true share, {confidence:.0%} |
+| --- | --- | --- | --- | --- | --- |
 """
 
 Files = Mapping[str, Sequence[Outcome]]
@@ -84,9 +81,9 @@ def page(kinds: Sequence[Kind], outcomes: Sequence[Outcome], size: Size) -> Iter
                 second = "both named" if suffix == ", two faults" else "second"
                 yield TABLE.format(title=title.capitalize() + suffix, second=second)
                 yield from (_row(kind, files[kind.name]) for kind in rows)
-    yield CALIBRATION
+    yield BY_STATUS.format(confidence=CONFIDENCE)
     for title, group in groups.items():
-        yield from _calibration(title, group, files)
+        yield from _by_status(title, group, files)
     yield from _debatable(kinds)
     crashes = [f"- {x.kind}, {x.scene}, seed {x.seed}: {', '.join(x.crashed)}\n" for x in outcomes if x.crashed]
     if crashes:
@@ -136,19 +133,21 @@ def _row(kind: Kind, outcomes: Sequence[Outcome]) -> str:
     )
 
 
-def _calibration(title: str, kinds: Sequence[Kind], files: Files) -> Iterator[str]:
+def _by_status(title: str, kinds: Sequence[Kind], files: Files) -> Iterator[str]:
     stated = [
-        (outcome.first.confidence, outcome.is_first_right(kind))
+        (outcome.first.status, outcome.is_first_right(kind))
         for kind in kinds
         for outcome in files[kind.name]
         if outcome.first is not None
     ]
-    for low, high in pairwise(EDGES):
-        within = [(confidence, right) for confidence, right in stated if low < confidence + (low == 0) * 1e-9 <= high]
-        if within:
-            mean = sum(confidence for confidence, _ in within) / len(within)
-            right = sum(right for _, right in within) / len(within)
-            yield f"| {title} | {low:.0%} to {high:.0%} | {len(within)} | {mean:.0%} | {right:.0%} |\n"
+    for status in get_args(DiagnosisStatus):
+        right = [is_right for stated_status, is_right in stated if stated_status == status]
+        if right:
+            bounds = binomtest(sum(right), len(right)).proportion_ci(CONFIDENCE, method="exact")
+            yield (
+                f"| {title} | {status} | {len(right)} | {sum(right)} | {sum(right) / len(right):.0%} "
+                f"| {bounds.low:.0%} to {bounds.high:.0%} |\n"
+            )
 
 
 def _debatable(kinds: Sequence[Kind]) -> Iterator[str]:

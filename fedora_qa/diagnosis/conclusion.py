@@ -1,0 +1,90 @@
+"""Conclude from trials how a cause is known: confirmed, supported or suggested."""
+
+from collections.abc import Collection, Mapping, Sequence
+from types import MappingProxyType
+from typing import Final
+
+from fedora_qa.causes import stream_family
+from fedora_qa.diagnosis.candidates import CauseCandidate
+from fedora_qa.diagnosis.direct import is_direct
+from fedora_qa.diagnosis.proposed_faults import is_testable
+from fedora_qa.diagnosis.trial import Trial
+from fedora_qa.record.types import DiagnosisStatus
+
+Trials = Mapping[tuple[str, str], Trial]
+"""Trials by cause and stream."""
+
+MANY_MECHANISMS: Final = frozenset({"exposure_or_gamma", "frame_convention", "duplicated_samples", "unsorted"})
+"""Causes with more mechanisms than are tried: that those clear nothing rules nothing out."""
+
+_MOSTLY: Final = 0.5
+"""Share of the findings of a cause that undoing it must clear for the cause to be supported."""
+
+MEASURED_CONFIDENCE: Final[Mapping[DiagnosisStatus, float]] = MappingProxyType(
+    {"confirmed": 0.0, "supported": 0.0, "suggested": 0.0, "unidentified": 0.0}
+)
+"""Share of first diagnoses of a status that are right (docs/named-foreign.md); 0 where none was measured."""
+
+
+def is_known(candidate: CauseCandidate, codes: Mapping[str, str], trials: Trials) -> bool:
+    """Whether undoing a candidate clears findings, or a check measures the cause itself.
+
+    Parameters
+    ----------
+    candidate
+        With the findings that it would explain.
+    codes
+        Of all findings, by their id.
+    trials
+        Of candidates whose fault was undone.
+    """
+    trial = trials.get(candidate.key)
+    if trial is not None and trial.cleared:
+        return True
+    untested = trial is None or candidate.cause in MANY_MECHANISMS
+    return untested and any(is_direct(candidate.cause, codes[finding]) for finding in candidate.evidence)
+
+
+def status_of(
+    candidate: CauseCandidate,
+    findings: Collection[str],
+    codes: Mapping[str, str],
+    trials: Trials,
+    rivals: Sequence[CauseCandidate],
+    likely: Collection[tuple[str, str]],
+) -> tuple[DiagnosisStatus, list[Trial]]:
+    """Return how a cause is known, and the trials of rivals that clear as much.
+
+    Parameters
+    ----------
+    candidate
+        The cause that was chosen.
+    findings
+        That it explains.
+    codes, trials
+        As of ``is_known``.
+    rivals
+        Candidates that could be the cause in its place.
+    likely
+        Keys of rivals that fit well enough to be tested before anything is confirmed.
+    """
+    trial = trials.get(candidate.key)
+    known = is_known(candidate, codes, trials)
+    if trial is None or not trial.cleared:
+        return ("supported" if known else "suggested"), []
+    # A fault of all rates of flow and the same fault of one rate are no rivals.
+    others = [
+        r for r in rivals if (r.cause, stream_family(r.stream)) != (candidate.cause, stream_family(candidate.stream))
+    ]
+    tested = [trials[rival.key] for rival in others if rival.key in trials]
+    alike = [other for other in tested if other.succeeds and other.cleared >= trial.cleared]
+    undecided = any(
+        rival.key not in trials or not trials[rival.key].is_decided
+        for rival in others
+        if rival.key in likely and is_testable(rival.cause, rival.stream, rival.size.magnitude)
+    )
+    left = [finding for finding in findings if finding in trial.left]
+    if trial.succeeds and not left and not alike and not undecided:
+        return "confirmed", []
+    mostly = len(trial.cleared) >= _MOSTLY * (len(trial.cleared) + len(left) + len(trial.caused))
+    return ("supported" if mostly else "suggested"), alike

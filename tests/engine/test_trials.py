@@ -1,0 +1,152 @@
+"""Proposed faults are undone, and only what clears the findings is confirmed."""
+
+import shutil
+from collections.abc import Callable
+from pathlib import Path
+
+import h5py
+import numpy as np
+import pytest
+
+import fedora_qa
+from fedora_qa.catalogue import CHECKS, hypotheses_of
+from fedora_qa.diagnosis.coincidence import places_of_clocks
+from fedora_qa.diagnosis.diagnose import rank_candidates
+from fedora_qa.engine.altered import PlainRun
+from fedora_qa.engine.measure import conclude
+from fedora_qa.engine.options import CheckOptions, FileRun
+from fedora_qa.engine.progress import quiet
+from fedora_qa.engine.run import check_file
+from fedora_qa.engine.survey import Survey, opened, survey_file
+from fedora_qa.engine.tasks import measure_open
+from fedora_qa.engine.trials import TrialBench, run_trials
+from fedora_qa.faults.clocks import ClockShift
+from fedora_qa.judgement.judge import judge
+from fedora_qa.record.wording import status_sentence
+
+OPTIONS = CheckOptions(evidence=None, profile="release")
+TIMES = "path/events/t"
+
+
+def delay_events(file: h5py.File) -> None:
+    """Make events 3 ms late; the index maps are those of the events as they are stored."""
+    events_us = file[TIMES][()] + 3000
+    file[TIMES][...] = events_us
+    for stream in ("rgb", "depth"):
+        file[f"metadata/{stream}_to_event"][...] = np.searchsorted(events_us, file[f"path/{stream}_ts"][()], "left")
+
+
+def flip_polarity(file: h5py.File) -> None:
+    file["path/events/p"][...] = 1 - file["path/events/p"][()]
+
+
+def negate_flow(file: h5py.File) -> None:
+    for rate in ("10hz", "25hz", "50hz"):
+        file[f"path/flow/{rate}"][...] *= -1
+
+
+def bias_gyro(file: h5py.File) -> None:
+    file["path/imu/angular_velocity"][...] += np.array([0.02, -0.03, 0.01])
+
+
+def reverse_quaternions(file: h5py.File) -> None:
+    """Write w first."""
+    file["path/pose/orientation"][...] = np.roll(file["path/pose/orientation"][()], 1, axis=1)
+
+
+def lose_events(file: h5py.File) -> None:
+    """Move the events of 30 ms to the microsecond after them: the time is silent."""
+    t_us = file[TIMES][()]
+    middle_us = int(t_us[0] + t_us[-1]) // 2
+    file[TIMES][...] = np.where((t_us >= middle_us) & (t_us < middle_us + 30_000), middle_us + 30_000, t_us)
+
+
+def checked(clean: Path, target: Path, plant: Callable[[h5py.File], None]) -> FileRun:
+    shutil.copyfile(clean, target)
+    with h5py.File(target, "r+") as file:
+        plant(file)
+    return check_file(target, OPTIONS)
+
+
+@pytest.mark.parametrize(
+    ("plant", "name"),
+    [
+        (delay_events, "events:time_offset"),
+        (flip_polarity, "events:polarity_inverted"),
+        (negate_flow, "flow:flow_sign"),
+        (bias_gyro, "imu:gyro_bias"),
+        (reverse_quaternions, "pose:quaternion_order"),
+    ],
+)
+def test_undoing_confirms_a_cause(
+    park_day: Path, tmp_path: Path, plant: Callable[[h5py.File], None], name: str
+) -> None:
+    """The cause is named first and confirmed, all that it explains is cleared, and the fault goes with the run."""
+    run = checked(park_day, tmp_path / "faulty.h5", plant)
+    first = run.record.diagnoses[0]
+    assert (f"{first.stream}:{first.cause}", first.status) == (name, "confirmed"), status_sentence(first)
+    assert set(first.cleared) >= set(first.explains)
+    assert first.windows > 0
+    assert (run.undone[first.id].cause, run.undone[first.id].stream) == (first.cause, first.stream)
+
+
+def test_sizes_are_those_that_were_planted(park_day: Path, tmp_path: Path) -> None:
+    """A delay to its error; a bias as the length of its vector, with the sign of the largest component."""
+    late = checked(park_day, tmp_path / "late.h5", delay_events).record.diagnoses[0]
+    assert late.magnitude is not None
+    assert late.standard_error is not None
+    assert abs(late.magnitude - 3.0) < 4 * late.standard_error
+    biased = checked(park_day, tmp_path / "biased.h5", bias_gyro).record.diagnoses[0]
+    assert biased.magnitude == pytest.approx(-np.linalg.norm([0.02, -0.03, 0.01]), abs=5e-4)
+
+
+def test_a_clean_file_costs_no_trial(park_day: Path) -> None:
+    """Nothing is undone where nothing is found."""
+    run = check_file(park_day, OPTIONS)
+    assert (run.record.verdict, run.record.diagnoses, dict(run.undone)) == ("clean", (), {})
+
+
+def test_a_fault_that_cannot_be_undone_is_not_confirmed(park_day: Path, tmp_path: Path) -> None:
+    """A silence of the events: no trial gives them back."""
+    record = checked(park_day, tmp_path / "silent.h5", lose_events).record
+    assert record.verdict == "findings"
+    assert "confirmed" not in {diagnosis.status for diagnosis in record.diagnoses}
+
+
+def test_a_budget_of_time_leaves_no_work_for_trials(park_day: Path, tmp_path: Path) -> None:
+    """Within a budget a file is judged several times, and every second belongs to the windows."""
+    target = tmp_path / "faulty.h5"
+    checked(park_day, target, flip_polarity)
+    options = CheckOptions(evidence=None, profile="release", budget_s=600.0)
+    (file,) = fedora_qa.check(target, evidence=False, budget_s=600.0).files
+    first = file.diagnoses[0]
+    assert (first.cause, first.tried) == ("polarity_inverted", ())
+
+
+def test_work_is_bounded_by_the_run_itself(park_day: Path, tmp_path: Path) -> None:
+    """Windows times checks of all trials are at most those that the run measured."""
+    target = tmp_path / "faulty.h5"
+    checked(park_day, target, delay_events)
+    survey = survey_file(target, CHECKS, OPTIONS, quiet)
+    assert isinstance(survey, Survey)
+    with opened(survey) as file:
+        states = measure_open(survey, file, survey.windows, quiet)
+        facts = file.ready.facts
+        observations = conclude(file.asked, states, facts)
+        judged = judge(observations, file.asked, OPTIONS.false_alarm_rate)
+        strict = {each.result.check: each.result for each in judged}
+        alarms = [alarm for each in judged for alarm in each.alarms]
+        run = PlainRun(
+            file.sequence, file.ready, observations, strict, OPTIONS.effort, OPTIONS.memory_bytes,
+            OPTIONS.false_alarm_rate,
+        )  # fmt: skip
+        bench = TrialBench(alarms, file.asked, run)
+        hypotheses = {alarm.finding.id: hypotheses_of(alarm, facts) for alarm in alarms}
+        trials = run_trials(bench, rank_candidates(alarms, hypotheses, strict, places_of_clocks(facts)), quiet)
+        assert trials["time_offset", "events"].succeeds
+        assert 0 < bench.work_done <= len(file.chosen) * len(file.asked)
+        # The opposite of the fault clears nothing.
+        worse = TrialBench(alarms, file.asked, run).undo(ClockShift("events", -3_000_000.0))
+        assert worse is not None
+        assert not worse.cleared
+        assert min(worse.left.values()) > 1.5
