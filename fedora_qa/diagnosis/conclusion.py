@@ -6,7 +6,7 @@ from typing import Final
 
 from fedora_qa.causes import stream_family
 from fedora_qa.diagnosis.candidates import CauseCandidate
-from fedora_qa.diagnosis.direct import is_direct
+from fedora_qa.diagnosis.direct import is_direct, is_local
 from fedora_qa.diagnosis.proposed_faults import is_testable
 from fedora_qa.diagnosis.trial import Trial
 from fedora_qa.record.types import DiagnosisStatus
@@ -14,7 +14,7 @@ from fedora_qa.record.types import DiagnosisStatus
 Trials = Mapping[tuple[str, str], Trial]
 """Trials by cause and stream."""
 
-MANY_MECHANISMS: Final = frozenset({"exposure_or_gamma", "frame_convention", "duplicated_samples", "unsorted"})
+_MANY_MECHANISMS: Final = frozenset({"exposure_or_gamma", "frame_convention", "duplicated_samples", "unsorted"})
 """Causes with more mechanisms than are tried: that those clear nothing rules nothing out."""
 
 _MOSTLY: Final = 0.5
@@ -24,6 +24,23 @@ MEASURED_CONFIDENCE: Final[Mapping[DiagnosisStatus, float]] = MappingProxyType(
     {"confirmed": 0.0, "supported": 0.0, "suggested": 0.0, "unidentified": 0.0}
 )
 """Share of first diagnoses of a status that are right (docs/named-foreign.md); 0 where none was measured."""
+
+
+def is_conclusive(candidate: CauseCandidate, codes: Mapping[str, str]) -> bool:
+    """Whether a candidate is ruled out where undoing it in the whole file clears nothing.
+
+    It is not where other mechanisms have the same cause, or where the finding that supports it most is that of a place
+    or of some time, so that the fault may hold in a part of the file.
+
+    Parameters
+    ----------
+    candidate
+        With the support that it had before trials.
+    codes
+        Of all findings, by their id.
+    """
+    best = (f for f, h in candidate.evidence.items() if h.support >= candidate.best_support)
+    return candidate.cause not in _MANY_MECHANISMS and not any(is_local(codes[finding]) for finding in best)
 
 
 def is_known(candidate: CauseCandidate, codes: Mapping[str, str], trials: Trials) -> bool:
@@ -41,7 +58,7 @@ def is_known(candidate: CauseCandidate, codes: Mapping[str, str], trials: Trials
     trial = trials.get(candidate.key)
     if trial is not None and trial.cleared:
         return True
-    untested = trial is None or candidate.cause in MANY_MECHANISMS
+    untested = trial is None or not is_conclusive(candidate, codes)
     return untested and any(is_direct(candidate.cause, codes[finding]) for finding in candidate.evidence)
 
 

@@ -17,7 +17,7 @@ from typing import Final
 from fedora_qa.causes import CAUSES, stream_family
 from fedora_qa.diagnosis.candidates import CONTENDS, UNKNOWN, CauseCandidate, gather_candidates
 from fedora_qa.diagnosis.coincidence import Place
-from fedora_qa.diagnosis.conclusion import MANY_MECHANISMS, MEASURED_CONFIDENCE, Trials, is_known, status_of
+from fedora_qa.diagnosis.conclusion import MEASURED_CONFIDENCE, Trials, is_conclusive, is_known, status_of
 from fedora_qa.diagnosis.hypothesis import Hypothesis
 from fedora_qa.diagnosis.measured_sizes import Results
 from fedora_qa.diagnosis.trial import Trial
@@ -32,8 +32,9 @@ _FITS: Final = 0.4
 """Least support by one check of a cause that is named without a trial and without a direct measurement: what any fault
 of the stream would explain has less."""
 
-_INDIRECT: Final = 0.5
-"""Weight of a cause that was neither tested nor measured by a check whose business it is. The value is not derived."""
+_FAILED: Final = 0.5
+"""Weight of a cause that clears nothing when it is undone, and leaves more than half of each deviation. The value is not
+derived."""
 
 _OF_CLOCKS: Final = frozenset({"time_offset", "clock_rate"})
 """Causes by which a clock leaves the grid of the others."""
@@ -101,7 +102,7 @@ def choose_causes(
     weights = _weights(alarms)
     ranked = rank_candidates(alarms, hypotheses, results, places)
     prior = {candidate.key: candidate for candidate in ranked}
-    candidates = [_tested(candidate, trials.get(candidate.key)) for candidate in ranked]
+    candidates = [_tested(candidate, codes, trials.get(candidate.key)) for candidate in ranked]
     known = {c.key: is_known(c, codes, trials) for c in candidates}
     # Unexplained support of each finding: the demand of the set cover.
     unexplained = {alarm.finding.id: 1.0 for alarm in alarms}
@@ -112,8 +113,9 @@ def choose_causes(
     def merit(candidate: CauseCandidate) -> tuple[float, int, bool]:
         """Return the gain, where each check counts once; the number of findings; whether the clock is out of place."""
         by_check = sum(_new_support(candidate, f, unexplained) * weights[f] for f in candidate.evidence)
-        if not known[candidate.key]:
-            by_check *= _INDIRECT
+        trial = trials.get(candidate.key)
+        if trial is not None and trial.fails and is_conclusive(prior[candidate.key], codes):
+            by_check *= _FAILED
         return round(by_check, 6), len(candidate.evidence), is_out_of_place(candidate)
 
     def is_out_of_place(candidate: CauseCandidate) -> bool:
@@ -190,9 +192,9 @@ def _weights(alarms: Sequence[Alarm]) -> dict[str, float]:
     return {finding: 1.0 / findings_of_check[check] for finding, check in checks.items()}
 
 
-def _tested(candidate: CauseCandidate, trial: Trial | None) -> CauseCandidate:
+def _tested(candidate: CauseCandidate, codes: Mapping[str, str], trial: Trial | None) -> CauseCandidate:
     """Return a candidate with the support that a trial measured."""
-    if trial is None or (not trial.cleared and candidate.cause in MANY_MECHANISMS):
+    if trial is None or not (trial.cleared or is_conclusive(candidate, codes)):
         return candidate
     evidence = dict(candidate.evidence)
     for finding in trial.cleared:
@@ -202,16 +204,9 @@ def _tested(candidate: CauseCandidate, trial: Trial | None) -> CauseCandidate:
         evidence[finding] = replace(known, support=cleared)
     for finding, ratio in trial.left.items():
         if finding in evidence:
-            evidence[finding] = replace(
-                evidence[finding], support=evidence[finding].support * max(0.0, 1.0 - abs(ratio))
-            )
-    if trial.left and not trial.cleared:
-        # What leaves the findings that the windows show explains the others as little.
-        explained = sum(max(0.0, 1.0 - abs(ratio)) for ratio in trial.left.values()) / len(trial.left)
-        evidence = {
-            finding: h if finding in trial.left else replace(h, support=h.support * explained)
-            for finding, h in evidence.items()
-        }
+            # The share of the deviation that is removed.
+            share = max(1.0 - abs(ratio), 0.0)
+            evidence[finding] = replace(evidence[finding], support=evidence[finding].support * share)
     return replace(candidate, evidence=evidence)
 
 

@@ -1,4 +1,4 @@
-"""Which check measures a cause itself, and not only an effect that other causes could have too."""
+"""What findings measure, by their codes: a cause itself or an effect of it, in the whole file or at a place."""
 
 from collections.abc import Mapping
 from types import MappingProxyType
@@ -9,7 +9,7 @@ _CHECKS: Final[Mapping[str, tuple[str, ...]]] = MappingProxyType(
         "dropped_samples": ("clocks.gaps", "event_stream.gaps"),
         "duplicated_samples": ("clocks.order", "event_stream.duplicates"),
         "unsorted": ("clocks.order",),
-        "quantised_time": ("clocks.resolution", "clocks.rate"),
+        "quantised_time": ("clocks.resolution", "clocks.rate", "clocks.order"),
         "time_jitter": ("event_response.jitter",),
         "quantised_values": ("integrity.resolution",),
         "time_unit": ("clocks.unit",),
@@ -35,6 +35,30 @@ _CHECKS: Final[Mapping[str, tuple[str, ...]]] = MappingProxyType(
     }
 )
 """Names of checks by cause."""
+
+
+_LOCAL_CHECKS: Final = frozenset({"pose.continuity", "clocks.gaps", "event_response.conservation", "images.exposure"})
+_LOCAL_RULES: Final = frozenset(
+    {
+        "worst",
+        "local_bias",
+        "local_time_offset",
+        "stretch",
+        "region",
+        "tile",
+        "tile_match",
+        "frame",
+        "field",
+        "worst_pixel",
+        "part",
+    }
+)
+
+
+def is_local(code: str) -> bool:
+    """Whether a finding, by its code, is the deviation of a place or of some time, not of the whole file."""
+    check, _, rule = code.rpartition(".")
+    return check in _LOCAL_CHECKS or rule in _LOCAL_RULES
 
 
 def is_direct(cause: str, code: str) -> bool:

@@ -72,11 +72,10 @@ def propose_conservation(alarm: Alarm, facts: Facts) -> tuple[Hypothesis, ...]:
     (cluster,) = (feature for feature in features if isinstance(feature, ViolationCluster))
     trials = [feature for feature in features if isinstance(feature, InverseTrial)]
     few = violations.fraction < _FEW
-    # Pixels of a dead region, which may be columns, have no events at all; lost events leave others. Violations of a
-    # region that is dead for some time lie closer together than those of lost events: a lost packet affects few pixels
-    # of any neighbourhood.
+    # Violations of a dead region lie together, in pixels without events. Violations of a region that is dead for some
+    # time lie closer together than those of lost events: a lost packet affects few pixels of any neighbourhood.
     no_events = facts.events is None or not facts.events.count
-    if not no_events and cluster.fraction_without_events > _ONE_REGION:
+    if not no_events and min(cluster.fraction_nearby, cluster.fraction_without_events) > _ONE_REGION:
         dead = _support("dead_region")
     elif not no_events and cluster.fraction_of_image < _FEW and cluster.fraction_in_densest_square > _ONE_REGION:
         dead = _support("dead_region_for_some_time")

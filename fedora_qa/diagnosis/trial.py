@@ -2,8 +2,11 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Final
 
 from fedora_qa.faults.reversible import ReversibleFault
+
+_HALF: Final = 0.5
 
 
 @dataclass(frozen=True, slots=True)
@@ -43,12 +46,18 @@ class Trial:
         return bool(self.cleared) and not self.caused and not self.crashed
 
     @property
+    def fails(self) -> bool:
+        """Whether undoing the fault clears nothing, and leaves more than half of each deviation that is shown."""
+        return not self.cleared and bool(self.left) and min(abs(ratio) for ratio in self.left.values()) > _HALF
+
+    @property
     def is_decided(self) -> bool:
         """Whether the windows show any finding, cleared or left."""
         return bool(self.cleared or self.left)
 
     @property
     def balance(self) -> tuple[int, float]:
-        """Findings cleared less those caused; and the mean ratio of deviations left, with a negative sign."""
+        """Findings cleared less those caused, 0 where none is cleared; and the mean ratio of what is left, negative."""
         ratios = [min(abs(ratio), 1.0) for ratio in self.left.values()]
-        return len(self.cleared) - len(self.caused) - len(self.crashed), -sum(ratios) / max(len(ratios), 1)
+        net = len(self.cleared) - len(self.caused) - len(self.crashed) if self.cleared else 0
+        return net, -sum(ratios) / max(len(ratios), 1)

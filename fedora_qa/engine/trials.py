@@ -35,6 +35,9 @@ the last one."""
 _MOST_VARIANTS: Final = 4
 """Mechanisms or directions of one cause that are tried."""
 
+_STRAIGHT: Final = 0.8
+"""Largest part of a deviation that may be left for a second fit of the size: with more, another fault is at work."""
+
 _SIZED: Final = 0.05
 """Least relative change of a size by a second fit for which the fault is tried again."""
 
@@ -244,7 +247,7 @@ def run_trials(
         if best is not None and magnitude is not None and sized_by in best.left:
             # Secant: with d deviations of d0 without and d1 with the size undone, d vanishes at size d0 / (d0 - d1).
             ratio = best.left[sized_by]
-            again = magnitude / (1.0 - ratio) if isfinite(ratio) and ratio < 1.0 else magnitude
+            again = magnitude / (1.0 - ratio) if ratio < _STRAIGHT else magnitude
             if abs(again - magnitude) > _SIZED * abs(magnitude):
                 refitted = _best_trial(bench, candidate, again)
                 best = max((best, refitted), key=lambda t: t.balance) if refitted else best

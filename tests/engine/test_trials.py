@@ -117,7 +117,6 @@ def test_a_budget_of_time_leaves_no_work_for_trials(park_day: Path, tmp_path: Pa
     """Within a budget a file is judged several times, and every second belongs to the windows."""
     target = tmp_path / "faulty.h5"
     checked(park_day, target, flip_polarity)
-    options = CheckOptions(evidence=None, profile="release", budget_s=600.0)
     (file,) = fedora_qa.check(target, evidence=False, budget_s=600.0).files
     first = file.diagnoses[0]
     assert (first.cause, first.tried) == ("polarity_inverted", ())

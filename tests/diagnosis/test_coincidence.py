@@ -1,0 +1,53 @@
+"""A clock that lies on the grid of the others is in place; one that leaves it is out."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from fedora_qa.diagnosis.coincidence import places_of_clocks
+from fedora_qa.sequence.facts import Facts
+from fedora_qa.sequence.scan import clock_of
+from tests.support.memory_sequence import MS, facts_of, memory_sequence
+
+
+def moved(stream: str, offset_ns: int, rows: slice = slice(None)) -> Facts:
+    """Facts of a sequence of which some timestamps of a stream have an offset."""
+    facts = facts_of(memory_sequence())
+    times_ns = facts.clocks[stream].times_ns.copy()
+    times_ns[rows] += offset_ns
+    return replace(facts, clocks={**facts.clocks, stream: clock_of(times_ns, None)})
+
+
+def test_clean_clocks_are_in_place() -> None:
+    """Frames, IMU and poses of one grid; events have none."""
+    places = places_of_clocks(facts_of(memory_sequence()))
+    assert places.keys() == {"rgb", "depth", "flow", "imu", "pose"}
+    assert set(places.values()) == {"in"}
+
+
+@pytest.mark.parametrize("stream", ["rgb", "depth", "imu", "pose"])
+@pytest.mark.parametrize("offset_ns", [1000, 370_000, -2_013_000])
+def test_a_moved_clock_is_out_and_the_others_are_in(stream: str, offset_ns: int) -> None:
+    """From one microsecond on."""
+    places = places_of_clocks(moved(stream, offset_ns))
+    assert places.pop(stream) == "out"
+    assert set(places.values()) == {"in"}
+
+
+def test_a_moved_frame_is_enough() -> None:
+    """A clock of which one frame is late is not in place, so that nothing contradicts its offset."""
+    assert places_of_clocks(moved("rgb", 3 * MS + 1000, slice(3, 4)))["rgb"] == "out"
+
+
+def test_two_clocks_alone_do_not_tell() -> None:
+    """Which of two is wrong is unknown; and so it is where no two others agree."""
+    facts = moved("rgb", 1000)
+    two = replace(facts, clocks={stream: facts.clocks[stream] for stream in ("rgb", "depth")})
+    assert set(places_of_clocks(two).values()) == {"unknown"}
+    random = np.random.default_rng(0)
+    scattered = {
+        stream: clock_of(clock.times_ns + int(random.integers(1, MS // 2)) * (place + 1), None)
+        for place, (stream, clock) in enumerate(facts.clocks.items())
+    }
+    assert "in" not in places_of_clocks(replace(facts, clocks=scattered)).values()
