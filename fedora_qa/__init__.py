@@ -18,14 +18,16 @@ from typing import TYPE_CHECKING, Any, Final
 if TYPE_CHECKING:
     from fedora_qa.api.check import check, read_record
     from fedora_qa.api.checked import CheckedRecord
+    from fedora_qa.api.repair import repair
 
 __version__ = "0.1.0"
 
-__all__ = ["CheckedRecord", "__version__", "check", "read_record"]
+__all__ = ["CheckedRecord", "__version__", "check", "read_record", "repair"]
 
 _HOMES: Final = {
     "check": "fedora_qa.api.check",
     "read_record": "fedora_qa.api.check",
+    "repair": "fedora_qa.api.repair",
     "CheckedRecord": "fedora_qa.api.checked",
 }
 

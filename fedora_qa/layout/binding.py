@@ -1,7 +1,7 @@
 """Where one dataset of a file lies, and how its stored values become canonical ones."""
 
 import os
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from fractions import Fraction
 from itertools import product
@@ -22,6 +22,9 @@ from fedora_qa.layout.direct_chunks import StoredChunks
 from fedora_qa.layout.links import READ_ERRORS
 
 Polarity = Literal["01", "inverted", "plus_minus"]
+
+POLARITY_CODES: Final[Mapping[Polarity, tuple[int, int]]] = {"01": (1, 0), "inverted": (0, 1), "plus_minus": (1, -1)}
+"""Stored codes of brighter and of darker events."""
 
 Opened = dict[str, StoredChunks]
 """Datasets of a file that stay open with it, by canonical key: opening a dataset takes longer than reading a few
@@ -159,6 +162,11 @@ def raw_rows(file: h5py.File, binding: Binding, start: int, stop: int, opened: O
         failing = tuple(_failing_chunks(file, binding, start, stop))
         cause = error.with_traceback(None)  # its frames would hold the rows that were to be read
         raise UnreadableRowsError(binding.key, start, stop, str(error), failing) from cause
+    return selected_columns(stored, binding)
+
+
+def selected_columns(stored: NDArray[Any], binding: Binding) -> NDArray[Any]:
+    """Return stored rows with their columns selected and ordered canonically."""
     if binding.columns is None:
         return stored
     rank = len(DATASETS[binding.key].shape)
@@ -207,7 +215,11 @@ def canonical_rows(
     UnreadableRowsError
         As for ``raw_rows``.
     """
-    raw = raw_rows(file, binding, start, stop, opened)
+    return canonical_values(raw_rows(file, binding, start, stop, opened), binding, origin_ns)
+
+
+def canonical_values(raw: NDArray[Any], binding: Binding, origin_ns: int) -> NDArray[Any]:
+    """Return raw rows in canonical units, as ``canonical_rows``."""
     if binding.ns_per_unit is not None:
         return timestamps_ns(raw, binding, origin_ns)
     if binding.key == "path/events/p":
@@ -281,7 +293,7 @@ def _ns_per_unit(binding: Binding) -> int:
 
 
 def _canonical_polarity(raw: NDArray[Any], code: Polarity) -> NDArray[np.uint8]:
-    brighter, darker = {"01": (1, 0), "inverted": (0, 1), "plus_minus": (1, -1)}[code]
+    brighter, darker = POLARITY_CODES[code]
     # Codes that the dialect does not define stay recognisable; a default of 0 would count them as darker events.
     p = np.full(raw.shape, INVALID_POLARITY, dtype=np.uint8)
     p[raw == brighter] = POLARITY_BRIGHTER

@@ -1,0 +1,124 @@
+"""``fedora-qa repair``: a copy of a file in which confirmed, mechanical faults are undone."""
+
+from collections.abc import Iterator
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any
+
+import click
+
+from fedora_qa.cli.check import PlaceParam, check_options, require_hdf5, settings_from
+from fedora_qa.cli.exit_codes import CLEAN, FINDINGS
+from fedora_qa.cli.isolated import run_isolated
+from fedora_qa.cli.options import PATH, config_option, dialect_option, ignore_option, select_option
+from fedora_qa.cli.outputs import Outputs
+from fedora_qa.cli.progress import progress_bar
+from fedora_qa.engine.executor import Task
+from fedora_qa.engine.options import CheckOptions
+from fedora_qa.engine.tasks import opening_test
+from fedora_qa.engine.worker import Worker
+from fedora_qa.errors import MisuseError
+from fedora_qa.record.wording import cause_sentence, unobeyed
+from fedora_qa.repair.repair import repair as repair_file
+from fedora_qa.repair.result import Repair
+from fedora_qa.storage.place import Place, RemoteFile
+
+_BESIDE_SHOWN = 5
+
+
+@click.command()
+@click.argument("file", type=PlaceParam())
+@click.option("-o", "--output", type=PATH, metavar="OUT", help="The repaired file.")
+@click.option("--dry-run", is_flag=True, help="Print what would be done, and write nothing.")
+@click.option(
+    "--only",
+    multiple=True,
+    metavar="D1,D2",
+    help="Repair these diagnoses, which may be only supported. May be repeated.",
+)
+@click.option("--effort", type=click.Choice(["quick", "standard", "full", "exhaustive"]), help="As `check` has it.")
+@select_option
+@ignore_option
+@config_option
+@dialect_option
+@click.option("--profile", type=click.Choice(["release", "training", "strict"]), help="As `check` has it.")
+@click.option("--memory", metavar="AMOUNT", help="Memory to aim at, such as 1GB.")
+@click.option("--force", is_flag=True, help="Write over OUT where it exists.")
+def repair(
+    file: Place,
+    output: Path | None,
+    dry_run: bool,
+    only: tuple[str, ...],
+    config: Path | None,
+    force: bool,
+    **overrides: Any,
+) -> int:
+    """Check FILE, undo what is confirmed and mechanical in a copy, check the copy, and keep it if it is better.
+
+    Exit codes: 0 written, or with --dry-run there is something to repair; 1 nothing is confirmed, or the copy is not
+    better, and nothing is left behind; 2 misuse.
+    """
+    if isinstance(file, RemoteFile):
+        raise MisuseError(f"Expected a file on this machine, got {file}; copy it first")
+    if output is None and not dry_run:
+        raise MisuseError("Expected -o OUT, the file to write, or --dry-run, got neither")
+    require_writable(file, output, [config] if config else [], force=force)
+    options = check_options(settings_from(config, overrides))
+    require_hdf5([file])
+    named = tuple(name.strip() for names in only for name in names.split(",") if name.strip())
+    opening = opening_test(file, options.dialect, options.allow_external)
+    with progress_bar(file.name) as bar:
+        if output is None or dry_run:
+            result = run_isolated(Task(_repair, (file, None, options, named)), file, opening, bar)
+        else:
+            # By another process, in a folder that is removed even if that process dies; beside the output, because
+            # `replace` is atomic only within one file system.
+            with TemporaryDirectory(prefix=f".{output.name}.", dir=output.parent) as folder:
+                written = Path(folder) / output.name
+                result = run_isolated(Task(_repair, (file, written, options, named)), file, opening, bar)
+                if not result.refusal:
+                    written.replace(output)
+    for line in repair_lines(result, None if dry_run else output):
+        click.echo(unobeyed(line))
+    return FINDINGS if result.refusal else CLEAN
+
+
+def require_writable(file: Path, output: Path | None, others: list[Path], *, force: bool) -> None:
+    """Raise ``MisuseError`` where the output is an input under any name, exists, or cannot be written."""
+    Outputs(own=(output,)).require_writable([file, *others])
+    if output is None or not output.exists():
+        return
+    # Hard links: two names of one file, neither of which leads to the other.
+    if file.exists() and file.samefile(output):
+        raise MisuseError(f"Expected an output of its own, got {output}, which is {file}")
+    if not force:
+        raise MisuseError(f"Expected a new file to write, got {output}, which exists; use --force to write over it")
+
+
+def repair_lines(result: Repair, output: Path | None) -> Iterator[str]:
+    """Yield what was done, or with no output what would be, in sentences."""
+    for step in result.steps:
+        yield f"{step.diagnosis.id}  {cause_sentence(step.diagnosis)}  ({step.diagnosis.status})"
+        yield f"    {step.done}"
+    for each in result.datasets:
+        removed = f", {each.removed} removed" if each.removed else ""
+        yield f"    {each.path}: {each.rows} rows altered{removed}"
+    for attribute in result.attributes:
+        yield f"    {attribute}"
+    for left in result.omissions:
+        yield f"{left.diagnosis.id}  {cause_sentence(left.diagnosis)}  ({left.diagnosis.status}): left as it is"
+        yield f"    {left.reason}"
+    if result.beside and result.steps:
+        more = f" and {len(result.beside) - _BESIDE_SHOWN} more" if len(result.beside) > _BESIDE_SHOWN else ""
+        names = ", ".join(result.beside[:_BESIDE_SHOWN])
+        yield f"Not in the dialect, and left as they are, although they may refer to what is altered: {names}{more}"
+    if result.refusal:
+        yield f"Nothing is written: {result.refusal}"
+    elif output is None:
+        yield "Nothing is written: this is what would be done."
+    else:
+        yield f"{output} is written, and was checked: what is repaired is gone, and nothing is new."
+
+
+def _repair(file: Path, output: Path | None, options: CheckOptions, only: tuple[str, ...], worker: Worker) -> Repair:
+    return repair_file(file, output, options, worker.progress, only=only)

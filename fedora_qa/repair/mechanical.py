@@ -1,0 +1,134 @@
+"""Which faults are repaired: those whose undoing follows from the definitions of the format, up to one fitted time.
+
+Timestamps may be shifted and rescaled by a fitted size: they are coordinates, and the shift is the diagnosis.
+Declarations may be replaced by what was measured. Measured values are only converted: to another unit, sign, order or
+code. An estimate is never subtracted from them, because whoever reads the file would take it for a measurement.
+"""
+
+from collections.abc import Callable, Mapping
+from dataclasses import replace
+from math import log10, pi
+from types import MappingProxyType
+from typing import Any, Final
+
+import numpy as np
+
+from fedora_qa.faults import (
+    axes,
+    cameras,
+    clocks,
+    declarations,
+    flow,
+    images,
+    index_maps,
+    motion,
+    pixels,
+    row_order,
+    units,
+)
+from fedora_qa.faults.reversible import ReversibleFault
+
+_MECHANICAL: Final = ""
+
+_Reason = str | Callable[[Any], str]
+"""Why a fault is not repaired, empty where it is; or a function of the fault that returns this."""
+
+
+def _only_declared(fault: Any) -> str:
+    """Return why a fault is not repaired that concerns either a declaration or the flow made with it."""
+    made = "Flow would be made anew from noisy poses and rounded depth; make it again from their source."
+    return _MECHANICAL if fault.stream == "metadata" else made
+
+
+def _only_permuted(fault: axes.VectorAxes) -> str:
+    """Return why axes are not turned back: only exchanged and negated ones are exact."""
+    matrices = np.array([fault.axes, fault.body_axes])
+    # Every entry of an orthogonal matrix that only exchanges and negates axes is -1, 0 or 1.
+    turned = "The axes are turned by a fitted rotation, whose error would enter every value; make them anew."
+    return _MECHANICAL if np.all(np.isin(matrices, (-1.0, 0.0, 1.0))) else turned
+
+
+def _only_lengths(fault: images.RayLength) -> str:
+    fitted = "The values are no lengths of rays: the exponent is fitted."
+    return _MECHANICAL if fault.exponent == 1 else fitted
+
+
+_CODES: Final = "Eight bits have lost what is needed: rounding merges codes, and white is clipped; render again."
+_BIAS: Final = "A bias is an estimate, and differs from sample to sample: declare it, or remove it where it arises."
+_GRAVITY: Final = "The vertical is known from noisy attitudes alone, whose errors would enter every sample."
+
+MECHANICAL: Final[Mapping[type[Any], _Reason]] = MappingProxyType(
+    {
+        clocks.ClockShift: _MECHANICAL,
+        clocks.ClockRate: _MECHANICAL,
+        clocks.TimeUnit: _MECHANICAL,
+        row_order.DuplicatedSamples: _MECHANICAL,
+        row_order.Unsorted: _MECHANICAL,
+        row_order.SwappedFrames: _MECHANICAL,
+        index_maps.IndexShift: _MECHANICAL,
+        index_maps.IndexSide: _MECHANICAL,
+        pixels.PolarityInversion: _MECHANICAL,
+        pixels.SwappedPixelAxes: _MECHANICAL,
+        pixels.Mirroring: _MECHANICAL,
+        pixels.PixelShift: "What was shifted beyond the border is in no row; crop or render again.",
+        axes.VectorAxes: _only_permuted,
+        axes.CameraAxes: _MECHANICAL,
+        cameras.FocalLength: _only_declared,
+        cameras.PrincipalPointShift: _only_declared,
+        cameras.MountingRotation: _only_declared,
+        cameras.MountingLeverArm: _MECHANICAL,
+        declarations.ThresholdMisdeclared: _MECHANICAL,
+        declarations.EventModelMisdeclared: _MECHANICAL,
+        declarations.NoiseMisdeclared: _MECHANICAL,
+        declarations.GravityMisdeclared: _MECHANICAL,
+        flow.FlowIntervalShift: "The field at one end of the sequence is in no row; make the flow again.",
+        images.ChannelOrder: _MECHANICAL,
+        images.ExposureGain: _CODES,
+        images.PowerCurve: _CODES,
+        images.TransferMisdeclared: _MECHANICAL,
+        images.Vignetting: _CODES,
+        images.RayLength: _only_lengths,
+        images.InvalidCode: _MECHANICAL,
+        motion.GyroBias: _BIAS,
+        motion.AccelBias: _BIAS,
+        motion.Teleport: "The size of a jump is an estimate, and what was measured between the jumps may be lost.",
+        motion.PoseLeverArm: "The arm is an estimate, and noise of the orientations would enter every position.",
+        motion.GravityError: _GRAVITY,
+        motion.QuaternionOrder: _MECHANICAL,
+        motion.QuaternionInversion: _MECHANICAL,
+        motion.QuaternionLength: _MECHANICAL,
+        units.LengthUnit: _MECHANICAL,
+        units.AngleUnit: _MECHANICAL,
+        units.FlowUnit: _MECHANICAL,
+        units.FlowSign: _MECHANICAL,
+        units.FlowGain: "The factor is an estimate, and of no unit; make the flow again.",
+    }
+)
+"""By class of fault: empty where it is repaired, else the reason why not."""
+
+UNIT_FAULTS: Final = (units.LengthUnit, units.AngleUnit, units.FlowUnit, clocks.TimeUnit)
+"""Faults after whose repair a label of a unit is that of the layout."""
+
+ROW_FAULTS: Final = (row_order.DuplicatedSamples, row_order.Unsorted)
+"""Faults whose repair moves whole samples to other rows."""
+
+
+def why_not_mechanical(fault: ReversibleFault) -> str:
+    """Return the reason why a fault is not repaired, as a sentence; empty where it is."""
+    reason = MECHANICAL[type(fault)]
+    return reason if isinstance(reason, str) else reason(fault)
+
+
+def exact(fault: ReversibleFault) -> ReversibleFault:
+    """Return the fault with the exact ratio of the two units nearest to its factor; others are returned as they are.
+
+    Lengths are in powers of ten of each other; rad and deg differ by 180 / pi. A factor between two units is a gain
+    that bears the name of a unit. It is as far from the nearest ratio after the repair as before, so that the check of
+    the result refuses it.
+    """
+    match fault:
+        case units.LengthUnit():
+            return replace(fault, factor=10.0 ** round(log10(fault.factor)))
+        case units.AngleUnit():
+            return replace(fault, factor=180 / pi if fault.factor > 1 else pi / 180)
+    return fault

@@ -1,0 +1,231 @@
+"""Repair a file: choose what is confirmed and mechanical, undo it in a copy, check that, keep it if it is better."""
+
+import json
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
+from dataclasses import asdict, dataclass, replace
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Final
+
+import h5py
+
+from fedora_qa import __version__
+from fedora_qa.engine.options import CheckOptions, FileRun
+from fedora_qa.engine.plan import window_length_ns
+from fedora_qa.engine.progress import Progress
+from fedora_qa.engine.run import check_file
+from fedora_qa.errors import MisuseError, UnreadableFileError
+from fedora_qa.faults.fault import FaultySequence
+from fedora_qa.faults.reversible import InapplicableError, ReversibleFault
+from fedora_qa.layout.canonical import DATASETS
+from fedora_qa.layout.walk import walk
+from fedora_qa.record.atomic import replacing
+from fedora_qa.record.types import Diagnosis
+from fedora_qa.repair.declarations import changed_declarations, write_declaration
+from fedora_qa.repair.mechanical import ROW_FAULTS, UNIT_FAULTS, exact, why_not_mechanical
+from fedora_qa.repair.not_repairable import NotRepairableError
+from fedora_qa.repair.result import Omission, Repair, RepairStep
+from fedora_qa.repair.verify import why_not_better
+from fedora_qa.repair.write import (
+    DatasetChange,
+    copy_bytes,
+    open_copy,
+    require_known_rows,
+    require_whole,
+    rewrite,
+    writing,
+)
+from fedora_qa.sequence.scan import scan
+from fedora_qa.sequence.sequence import SequenceRows, open_sequence
+from fedora_qa.storage.version import local_version
+
+PROVENANCE: Final = "provenance/repairs"
+"""Group of a repaired file with one text for each repair, named by its number: JSON with what was done."""
+
+
+def repair(
+    source: Path,
+    target: Path | None,
+    options: CheckOptions,
+    progress: Progress,
+    *,
+    only: Collection[str] = (),
+    check: Callable[[Path, CheckOptions, Progress], FileRun] = check_file,
+) -> Repair:
+    """Repair a file. ``target`` is written entirely, and only if it is better than the file; the file is only read.
+
+    Parameters
+    ----------
+    source
+        The file.
+    target
+        The repaired file; None: nothing is written, and the result states what would be.
+    options
+        How the file is checked, and by the limits alone the repaired one.
+    only
+        Identifiers of the diagnoses to repair, which may be only supported; empty: all that are confirmed.
+    check
+        Checks a file.
+
+    Raises
+    ------
+    MisuseError
+        There is no such file, it is not HDF5, or ``only`` names a diagnosis that has no tested fault.
+    """
+    options = replace(options, evidence=None, canary=False)
+    version = local_version(source)
+    run = check(source, options, progress)
+    chosen, omissions = choose(run.record.diagnoses, run.undone, only)
+    result = Repair((), omissions, run.record)
+    if not chosen:
+        return replace(result, refusal="Nothing that is confirmed can be repaired.")
+    try:
+        if target is None:
+            return _with(result, _undo(source, None, options, chosen, progress))
+        with replacing(target) as temporary:
+            digest = copy_bytes(source, temporary)
+            with open_copy(temporary) as copy:
+                done = _undo(source, copy, options, chosen, progress)
+                with writing(PROVENANCE):
+                    _write_provenance(copy, source, digest, done)
+            result = _with(result, done)
+            if local_version(source) != version:
+                raise NotRepairableError(
+                    f"Expected {source} to stay as it is, got a change meanwhile; repair it again."
+                )
+            after = check(temporary, replace(options, profile="strict"), progress).record
+            result = replace(result, after=after)
+            if reason := why_not_better(run.record, after, result.steps):
+                raise NotRepairableError(reason)
+            return result
+    except (NotRepairableError, InapplicableError, UnreadableFileError) as refused:
+        return replace(result, refusal=str(refused))
+
+
+@dataclass(frozen=True, slots=True)
+class _Changes:
+    """What undoing altered; attributes as in ``Repair``."""
+
+    steps: tuple[RepairStep, ...]
+    datasets: tuple[DatasetChange, ...]
+    attributes: tuple[str, ...]
+    beside: tuple[str, ...]
+
+
+def _with(result: Repair, done: _Changes) -> Repair:
+    return replace(result, steps=done.steps, datasets=done.datasets, attributes=done.attributes, beside=done.beside)
+
+
+def choose(
+    diagnoses: Sequence[Diagnosis], faults: Mapping[str, ReversibleFault], only: Collection[str] = ()
+) -> tuple[tuple[tuple[Diagnosis, ReversibleFault], ...], tuple[Omission, ...]]:
+    """Return which faults to undo, in the order of the diagnoses, and why others are left alone.
+
+    Parameters
+    ----------
+    diagnoses
+        Of the record.
+    faults
+        The fault that was undone for a diagnosis, by its identifier.
+    only
+        As for ``repair``.
+
+    Raises
+    ------
+    MisuseError
+        ``only`` names no diagnosis, or one for which no fault was undone.
+    """
+    tested = {d.id: d for d in diagnoses if d.id in faults and d.status in {"confirmed", "supported"}}
+    for name in only:
+        if name not in tested:
+            available = ", ".join(f"{d.id} ({d.stream}:{d.cause}, {d.status})" for d in tested.values()) or "none"
+            kind = "a diagnosis without a tested fault" if any(d.id == name for d in diagnoses) else "no diagnosis"
+            raise MisuseError(f"Expected a diagnosis that can be undone ({available}), got {name!r}, {kind}")
+    chosen, omissions = [], []
+    for diagnosis in diagnoses:
+        if diagnosis.id not in tested:
+            omissions.append(Omission(diagnosis, "No fault was undone that clears what it explains."))
+        elif reason := why_not_mechanical(faults[diagnosis.id]):
+            omissions.append(Omission(diagnosis, reason))
+        elif only and diagnosis.id not in only:
+            omissions.append(Omission(diagnosis, "It was not chosen."))
+        elif not only and diagnosis.status != "confirmed":
+            omissions.append(Omission(diagnosis, f"It is supported, not confirmed; --only {diagnosis.id} chooses it."))
+        else:
+            chosen.append((diagnosis, exact(faults[diagnosis.id])))
+    return tuple(chosen), tuple(omissions)
+
+
+def _undo(
+    source: Path,
+    copy: h5py.File | None,
+    options: CheckOptions,
+    chosen: Iterable[tuple[Diagnosis, ReversibleFault]],
+    progress: Progress,
+) -> _Changes:
+    """Undo faults one after the other, and write into the copy of a file what differs then; None: write nothing.
+
+    Each fault is undone in the view without those before it, as it was tried.
+    """
+    with open_sequence(source, options.dialect) as sequence, h5py.File(source, "r", locking="best-effort") as file:
+        require_whole(file)
+        bindings = sequence.layout.bindings
+        view: SequenceRows = sequence
+        steps, keys, converted, moved = [], set[str](), set[str](), set[str]()
+        for diagnosis, fault in chosen:
+            undoing = fault.undo(scan(view, window_length_ns(view)).facts, view)
+            steps.append(RepairStep(diagnosis, undoing.description, repr(fault)))
+            # Index maps follow timestamps and rows, and have no unit.
+            of_stream = {key for key in undoing.rows if key.startswith("path/")}
+            keys |= undoing.rows.keys()
+            converted |= of_stream if isinstance(fault, UNIT_FAULTS) else set()
+            if isinstance(fault, ROW_FAULTS) and not getattr(fault, "timestamps_only", False):
+                moved |= {DATASETS[key].stream for key in of_stream}
+            view = FaultySequence(view, undoing)
+        if moved:
+            require_known_rows(file, sequence.layout, moved)
+        datasets = rewrite(file, sequence, view, keys, copy, progress)
+        declared = changed_declarations(sequence.declared, view.declared)
+        if not datasets and not declared:
+            raise NotRepairableError("Expected undoing to change a stored value, but it changes none.")
+        # A label of another unit was true of the values as they were.
+        labels = {
+            bindings[key].path: DATASETS[key].units
+            for key in sorted(converted)
+            if bindings[key].is_stored_canonically
+            and sequence.declared.units.get(key, DATASETS[key].units) != DATASETS[key].units
+        }
+        if copy is not None:
+            for declaration in declared:
+                with writing(declaration.owner):
+                    write_declaration(copy, sequence.layout, declaration)
+            for path, units in labels.items():
+                with writing(path):
+                    copy[path].attrs["units"] = units
+        used = {binding.path for binding in bindings.values()}
+        beside = tuple(path for path in walk(file).paths if path not in used and not path.startswith(PROVENANCE))
+    attributes = [f"{each.owner or '/'}.{each.name} = {each.value}" for each in declared]
+    attributes += [f"{path}.units = {units}" for path, units in labels.items()]
+    return _Changes(tuple(steps), datasets, tuple(attributes), beside)
+
+
+def _write_provenance(copy: h5py.File, source: Path, digest: str, done: _Changes) -> None:
+    """Add what was done to the file: one text for each repair, in JSON."""
+    document = {
+        "tool": {"name": "fedora-qa", "version": __version__},
+        "repaired": datetime.now(UTC).isoformat(timespec="seconds"),
+        "source": {"name": source.name, "sha256": digest},
+        "steps": [
+            {
+                "done": step.done,
+                "fault": step.fault,
+                "cause": f"{step.diagnosis.stream}:{step.diagnosis.cause}",
+                **{name: getattr(step.diagnosis, name) for name in ("magnitude", "unit", "standard_error", "status")},
+            }
+            for step in done.steps
+        ],
+        "datasets": [asdict(each) for each in done.datasets],
+        "attributes": done.attributes,
+    }
+    repairs = copy.require_group(PROVENANCE)
+    repairs[str(len(repairs) + 1)] = json.dumps(document, indent=1)

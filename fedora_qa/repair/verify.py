@@ -1,0 +1,67 @@
+"""Is a repaired file better? What was to be cleared is gone, nothing is new, and nothing can be measured less well."""
+
+from collections.abc import Iterable, Mapping
+from typing import Final
+
+from fedora_qa.record.types import IMMATERIAL, FileRecord, Finding, Measurement, Outcome
+from fedora_qa.record.wording import findings_of
+from fedora_qa.repair.result import RepairStep
+
+_Broken = tuple[str, str | None]
+"""Code of a rule, and the stream that breaks it."""
+
+_INFORMATIVE: Final[Mapping[Outcome, int]] = {
+    "crashed": 0, "not_applicable": 1, "not_observable": 2, "failed": 3, "warned": 3, "passed": 3,
+}  # fmt: skip
+"""How much the outcome of a check states about a file."""
+
+
+def why_not_better(before: FileRecord, after: FileRecord, steps: Iterable[RepairStep]) -> str:
+    """Return why the repaired file is not better than the file, as a sentence; empty where it is.
+
+    Parameters
+    ----------
+    before
+        Record of the file, of any profile.
+    after
+        Record of the repaired file with the same checks, judged by the limits alone (``strict``).
+    steps
+        What was done. With each, the findings that it cleared in the trial must be gone, or where none was tried, those
+        that it explains.
+    """
+    old_findings = {finding.id: finding for _, finding in findings_of(before)}
+    old, new = _broken(old_findings.values()), _broken(finding for _, finding in findings_of(after))
+    for step in steps:
+        named = step.diagnosis.cleared or step.diagnosis.explains
+        wanted = _broken(old_findings[name] for name in named if name in old_findings)
+        still = sorted(code for code, stream in wanted & new)
+        if still or not wanted:
+            kept = f"it still breaks {', '.join(still)}" if still else "it explains no finding of this file"
+            return f"Expected {step.diagnosis.id} to clear what it explains, but {kept}."
+    # A deviation within the material size is no finding with its own code before, and is one by the limits alone.
+    exceeding = {m.code for result in before.results for m in result.measurements if _exceeds(m)}
+    codes_before = {code for code, _ in old}
+    added = sorted(code for code, stream in new - old if code in codes_before or code not in exceeding)
+    if added:
+        return f"Expected nothing new, but the repaired file breaks {', '.join(dict.fromkeys(added))}."
+    outcomes = {result.check: result.outcome for result in after.results}
+    for result in before.results:
+        outcome = outcomes.get(result.check, "crashed")
+        if _INFORMATIVE[outcome] < _INFORMATIVE[result.outcome]:
+            return f"Expected to measure as much as before, but {result.check} is {outcome.replace('_', ' ')}."
+    return ""
+
+
+def _broken(findings: Iterable[Finding]) -> set[_Broken]:
+    return {(each.code, each.where.stream) for each in findings if not each.code.endswith(f".{IMMATERIAL}")}
+
+
+def _exceeds(measurement: Measurement) -> bool:
+    """Whether a measurement exceeds its limit, whatever size is material."""
+    value, expected, limit = measurement.value, measurement.expected, measurement.limit
+    if value is None:
+        return True  # NaN exceeds every limit
+    if expected is None or limit is None:
+        return False
+    deviation = {"both": abs(value - expected), "upper": value - expected, "lower": expected - value}[measurement.side]
+    return deviation > limit
