@@ -66,9 +66,10 @@ def write_declaration(file: h5py.File, layout: Layout, declaration: Declaration)
     path = (binding.path if binding else owner) or "/"
     holder = file[path] if path in file else file.create_group(path)
     attributes = holder.attrs
-    stored = attributes.get_id(name) if name in attributes else None
-    if stored is not None and stored.dtype.kind == "f" and np.size(value) == np.prod(stored.shape, dtype=np.int64):
-        attributes.modify(name, np.asarray(value, stored.dtype).reshape(stored.shape))
+    # As an array, not as an open attribute: of one that is open HDF5 would keep the old value when it is replaced.
+    old = np.asarray(attributes[name]) if name in attributes else None
+    if old is not None and old.dtype.kind == "f" and old.size == np.size(value):
+        attributes.modify(name, np.asarray(value, old.dtype).reshape(old.shape))
     else:
         attributes[name] = value
     try:

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fedora_qa.conventions import NS_PER_US, POLARITY_BRIGHTER, POLARITY_DARKER
-from fedora_qa.layout.binding import POLARITY_CODES, Binding, canonical_values, selected_columns
+from fedora_qa.layout.binding import POLARITY_CODES, Binding, canonical_values, selected_columns, timestamps_ns
 from fedora_qa.layout.canonical import DATASETS
 from fedora_qa.repair.not_repairable import NotRepairableError
 
@@ -63,8 +63,12 @@ def _converted(values: NDArray[Any], binding: Binding, origin_ns: int) -> NDArra
     if binding.ns_per_unit is not None:
         unit, origin = binding.ns_per_unit, origin_ns - binding.offset_ns
         if dtype.kind == "f":
-            # The same rounding of the origin as ``timestamps_ns`` has, so that it cancels.
-            return np.asarray(origin / unit + values / unit).astype(dtype)
+            # Near zero whole units and their fraction give the nearest number; far from it the rounding of the
+            # origin, which ``timestamps_ns`` subtracts, must cancel.
+            whole, rest_ns = np.divmod(values + origin % unit, unit)
+            nearest = np.asarray(origin // unit + whole + rest_ns / unit).astype(dtype)
+            anchored = np.asarray(origin / unit + values / unit).astype(dtype)
+            return np.where(timestamps_ns(nearest, binding, origin_ns) == values, nearest, anchored)
         # t = units * unit + rest: the fraction of a unit alone is rounded, halves upwards, so that one offset moves all
         # timestamps by one number of units.
         units, rest = divmod(origin, unit)

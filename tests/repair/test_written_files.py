@@ -1,0 +1,153 @@
+"""A repaired file holds what the clean one held, dataset for dataset, and all else as it was, byte for byte."""
+
+from pathlib import Path
+from typing import Any
+
+import h5py
+import numpy as np
+import pytest
+
+from fedora_generator.faults.plant import plant_fault
+from fedora_qa.engine.options import CheckOptions
+from fedora_qa.engine.progress import quiet
+from fedora_qa.faults.declarations import NoiseMisdeclared
+from fedora_qa.faults.images import TransferMisdeclared
+from fedora_qa.faults.index_maps import IndexSide
+from fedora_qa.faults.reversible import ReversibleFault
+from fedora_qa.faults.row_order import SwappedFrames
+from fedora_qa.faults.table import FAULTS, WithoutInverse
+from fedora_qa.layout.canonical import DATASETS
+from fedora_qa.repair.mechanical import MECHANICAL, why_not_mechanical
+from fedora_qa.repair.repair import repair
+from fedora_qa.repair.result import Repair
+from fedora_qa.sequence.sequence import open_sequence
+from tests.faults.test_undo_generated import CASES, Case
+from tests.support.memory_sequence import facts_of
+from tests.support.repairs import given_check
+from tests.support.sequences import make_sequence
+
+
+@pytest.fixture(scope="module")
+def clean(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A small clean file."""
+    return make_sequence(tmp_path_factory.mktemp("repair") / "clean.h5", "park-day", 0.3, 90, 68)
+
+
+def repaired(source: Path, *faults: ReversibleFault, target: Path | None = None) -> Repair:
+    """Repair a file whose faults are given, without measuring."""
+    target = target or source.with_name("repaired.h5")
+    return repair(source, target, CheckOptions(), quiet, check=given_check(source, *faults))
+
+
+def contents(path: Path) -> dict[str, Any]:
+    """Every dataset and attribute of a file but its provenance, by path."""
+    values: dict[str, Any] = {}
+
+    def note(name: str, member: h5py.Group | h5py.Dataset) -> None:
+        if name.startswith("provenance"):
+            return
+        values.update({f"{name}.{attribute}": member.attrs[attribute] for attribute in member.attrs})
+        if isinstance(member, h5py.Dataset):
+            values[name] = member[()]
+
+    with h5py.File(path) as file:
+        values.update({f".{attribute}": file.attrs[attribute] for attribute in file.attrs})
+        file.visititems(note)
+    return values
+
+
+def require_equal(path: Path, clean: Path, tolerance: float = 0.0) -> None:
+    """Fail unless two files hold the same: exactly, or floating-point values and timestamps within a tolerance."""
+    actual, expected = contents(path), contents(clean)
+    assert actual.keys() == expected.keys()
+    for name, true in expected.items():
+        if isinstance(true, str | bytes):
+            assert actual[name] == true, name
+            continue
+        stored, value = np.asarray(actual[name]), np.asarray(true)
+        assert (stored.shape, stored.dtype) == (value.shape, value.dtype), name
+        spec = DATASETS.get(name)
+        if name == "path/pose/orientation":
+            stored = stored * np.sign(np.sum(stored * value, axis=1, keepdims=True))
+        if spec and spec.is_timestamps:
+            # Timestamps are microseconds, the tolerance nanoseconds.
+            np.testing.assert_allclose(stored, value, rtol=0, atol=tolerance / 1000, err_msg=name)
+        elif value.dtype.kind == "f" and "." in name:
+            # An attribute, whose change was multiplied and divided, or turned there and back.
+            np.testing.assert_allclose(stored, value, rtol=1e-12, atol=1e-15, err_msg=name)
+        elif value.dtype.kind == "f" and tolerance:
+            np.testing.assert_allclose(stored, value, rtol=0, atol=tolerance, err_msg=name)
+        else:
+            np.testing.assert_array_equal(stored, value, err_msg=name)
+
+
+MECHANICAL_CASES = [case for case in CASES if not why_not_mechanical(case.undoing)]
+
+
+@pytest.mark.parametrize("case", MECHANICAL_CASES, ids=str)
+def test_repaired_file_is_the_clean_one(case: Case, clean: Path, tmp_path: Path) -> None:
+    """The generator planted the fault, by code of its own."""
+    faulty = tmp_path / "faulty.h5"
+    plant_fault(clean, faulty, case.cause, case.stream, case.magnitude, case.unit)
+    before = faulty.read_bytes()
+    result = repaired(faulty, case.undoing)
+    assert not result.refusal
+    require_equal(tmp_path / "repaired.h5", clean, case.tolerance)
+    assert faulty.read_bytes() == before
+
+
+def test_every_fault_that_can_be_undone_is_mechanical_or_not_for_a_reason() -> None:
+    """The table is complete, and holds nothing else; each mechanical one has a case."""
+    classes = {each for entry in FAULTS.values() if not isinstance(entry, WithoutInverse) for each in entry}
+    assert set(MECHANICAL) == classes
+    beside = {SwappedFrames, TransferMisdeclared, IndexSide, NoiseMisdeclared}  # tests of their own below
+    mechanical = {each for each in MECHANICAL if MECHANICAL[each] == "" or callable(MECHANICAL[each])}
+    assert mechanical == {type(case.undoing) for case in MECHANICAL_CASES} | beside
+
+
+def test_exchanged_frames_return(clean: Path, tmp_path: Path) -> None:
+    """Only both frames are altered."""
+    faulty = tmp_path / "faulty.h5"
+    faulty.write_bytes(clean.read_bytes())
+    with h5py.File(faulty, "r+") as file:
+        file["path/depth"][3], file["path/depth"][5] = file["path/depth"][5], file["path/depth"][3]
+    result = repaired(faulty, SwappedFrames("depth", ((3, 5),)))
+    assert [(each.path, each.rows) for each in result.datasets] == [("path/depth", 2)]
+    require_equal(tmp_path / "repaired.h5", clean)
+
+
+def test_indices_point_to_the_first_of_equal_timestamps(clean: Path, tmp_path: Path) -> None:
+    """Two events have the timestamp of a frame."""
+    tied, faulty = tmp_path / "tied.h5", tmp_path / "faulty.h5"
+    tied.write_bytes(clean.read_bytes())
+    with h5py.File(tied, "r+") as file:
+        index = int(file["metadata/rgb_to_event"][5])
+        file["path/events/t"][index : index + 2] = file["path/rgb_ts"][5]
+    faulty.write_bytes(tied.read_bytes())
+    with h5py.File(faulty, "r+") as file:
+        file["metadata/rgb_to_event"][5] += 2
+    assert not repaired(faulty, IndexSide("rgb_to_event")).refusal
+    require_equal(tmp_path / "repaired.h5", tied)
+
+
+def test_the_transfer_curve_is_declared(clean: Path, tmp_path: Path) -> None:
+    """An attribute of the frames, of which no value changes."""
+    faulty, true = tmp_path / "faulty.h5", tmp_path / "true.h5"
+    for path, curve in ((faulty, "linear"), (true, "srgb")):
+        path.write_bytes(clean.read_bytes())
+        with h5py.File(path, "r+") as file:
+            file["path/rgb"].attrs["transfer"] = curve
+    result = repaired(faulty, TransferMisdeclared("srgb", "linear"))
+    assert (result.datasets, result.attributes) == ((), ("path/rgb.transfer = srgb",))
+    require_equal(tmp_path / "repaired.h5", true)
+
+
+@pytest.mark.parametrize("stream", ["imu", "pose", "events"])
+def test_noise_is_declared(stream: str, tmp_path: Path) -> None:
+    """Each noise by its own attribute."""
+    true, faulty = make_sequence(tmp_path / "true.h5", "park-noisy", 0.1, 90, 68), tmp_path / "faulty.h5"
+    with open_sequence(true) as sequence:
+        fault = NoiseMisdeclared.by_percent(facts_of(sequence), stream, 40.0)
+    plant_fault(true, faulty, "noise_misdeclared", stream, 40.0)
+    assert not repaired(faulty, fault).refusal
+    require_equal(tmp_path / "repaired.h5", true)
