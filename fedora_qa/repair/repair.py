@@ -10,11 +10,13 @@ from typing import Final
 import h5py
 
 from fedora_qa import __version__
+from fedora_qa.conventions import NS_PER_US
 from fedora_qa.engine.options import CheckOptions, FileRun
 from fedora_qa.engine.plan import window_length_ns
 from fedora_qa.engine.progress import Progress
 from fedora_qa.engine.run import check_file
 from fedora_qa.errors import MisuseError, UnreadableFileError
+from fedora_qa.faults.clocks import TimeUnit
 from fedora_qa.faults.fault import FaultySequence
 from fedora_qa.faults.reversible import InapplicableError, ReversibleFault
 from fedora_qa.layout.canonical import DATASETS
@@ -173,8 +175,15 @@ def _undo(
         view: SequenceRows = sequence
         steps, keys, converted, moved = [], set[str](), set[str](), set[str]()
         for diagnosis, fault in chosen:
+            # Timestamps are read to a nanosecond: seconds that are read as microseconds would come to a millisecond.
+            read_to_us = 1 / (NS_PER_US * fault.factor) if isinstance(fault, TimeUnit) else 0.0
             undoing = fault.undo(scan(view, window_length_ns(view)).facts, view)
             steps.append(RepairStep(diagnosis, undoing.description, repr(fault)))
+            if read_to_us > 1 and any(bindings[key].dtype.kind == "f" for key in undoing.rows):
+                raise NotRepairableError(
+                    f"Expected timestamps of {fault.stream} that keep a microsecond, got {read_to_us:g} us of their "
+                    "fractions; read the file by a dialect with their time_unit."
+                )
             # Index maps follow timestamps and rows, and have no unit.
             of_stream = {key for key in undoing.rows if key.startswith("path/")}
             keys |= undoing.rows.keys()

@@ -1,6 +1,10 @@
-"""Is a repaired file better? What was to be cleared is gone, nothing is new, and nothing can be measured less well."""
+"""Is a repaired file better? What was to be cleared is gone and seen to be gone, nothing is new, and every check runs.
 
-from collections.abc import Iterable, Mapping
+A correct file may show less than a faulty one: a measurement that only a fault makes possible is not observable without
+it. So an outcome may become ``not_observable``, but of the checks that a repair is to clear at least one has to measure.
+"""
+
+from collections.abc import Iterable
 from typing import Final
 
 from fedora_qa.record.types import IMMATERIAL, FileRecord, Finding, Measurement, Outcome
@@ -10,10 +14,8 @@ from fedora_qa.repair.result import RepairStep
 _Broken = tuple[str, str | None]
 """Code of a rule, and the stream that breaks it."""
 
-_INFORMATIVE: Final[Mapping[Outcome, int]] = {
-    "crashed": 0, "not_applicable": 1, "not_observable": 2, "failed": 3, "warned": 3, "passed": 3,
-}  # fmt: skip
-"""How much the outcome of a check states about a file."""
+_WITHOUT_ANSWER: Final[frozenset[Outcome]] = frozenset({"crashed", "not_applicable"})
+"""Outcomes of a check that did not measure the file at all."""
 
 
 def why_not_better(before: FileRecord, after: FileRecord, steps: Iterable[RepairStep]) -> str:
@@ -31,6 +33,7 @@ def why_not_better(before: FileRecord, after: FileRecord, steps: Iterable[Repair
     """
     old_findings = {finding.id: finding for _, finding in findings_of(before)}
     old, new = _broken(old_findings.values()), _broken(finding for _, finding in findings_of(after))
+    outcomes = {result.check: result.outcome for result in after.results}
     for step in steps:
         named = step.diagnosis.cleared or step.diagnosis.explains
         wanted = _broken(old_findings[name] for name in named if name in old_findings)
@@ -38,17 +41,20 @@ def why_not_better(before: FileRecord, after: FileRecord, steps: Iterable[Repair
         if still or not wanted:
             kept = f"it still breaks {', '.join(still)}" if still else "it explains no finding of this file"
             return f"Expected {step.diagnosis.id} to clear what it explains, but {kept}."
+        checks = {result.check for result, finding in findings_of(before) if finding.id in named}
+        if not any(outcomes.get(check) in {"passed", "warned", "failed"} for check in checks):
+            unobservable = ", ".join(sorted(checks))
+            return f"Expected {step.diagnosis.id} to be cleared, but {unobservable} can no longer be observed."
     # A deviation within the material size is no finding with its own code before, and is one by the limits alone.
     exceeding = {m.code for result in before.results for m in result.measurements if _exceeds(m)}
     codes_before = {code for code, _ in old}
     added = sorted(code for code, stream in new - old if code in codes_before or code not in exceeding)
     if added:
         return f"Expected nothing new, but the repaired file breaks {', '.join(dict.fromkeys(added))}."
-    outcomes = {result.check: result.outcome for result in after.results}
     for result in before.results:
         outcome = outcomes.get(result.check, "crashed")
-        if _INFORMATIVE[outcome] < _INFORMATIVE[result.outcome]:
-            return f"Expected to measure as much as before, but {result.check} is {outcome.replace('_', ' ')}."
+        if outcome in _WITHOUT_ANSWER and result.outcome not in _WITHOUT_ANSWER:
+            return f"Expected {result.check} of the repaired file to measure, but it is {outcome.replace('_', ' ')}."
     return ""
 
 

@@ -19,7 +19,7 @@ from fedora_qa.faults.pixels import PolarityInversion
 from fedora_qa.faults.reversible import ReversibleFault
 from fedora_qa.faults.row_order import DuplicatedSamples, Unsorted
 from fedora_qa.faults.units import LengthUnit
-from fedora_qa.record.types import Measurement
+from fedora_qa.record.types import Measurement, Outcome
 from fedora_qa.repair.repair import PROVENANCE, choose, repair
 from fedora_qa.repair.result import Repair, RepairStep
 from fedora_qa.repair.verify import why_not_better
@@ -254,9 +254,29 @@ def test_an_immaterial_deviation_of_before_is_nothing_new() -> None:
     assert why_not_better(replace(before, results=results), after, [step]) == ""
 
 
-def test_less_that_can_be_measured_is_not_better() -> None:
-    """A check that passed is not observable in the copy."""
+@pytest.mark.parametrize(
+    ("outcome", "reason"),
+    [
+        ("not_observable", "to be cleared, but clocks.order can no longer be observed"),
+        ("crashed", "no longer be observed"),
+    ],
+)
+def test_what_cannot_be_observed_is_not_cleared(outcome: Outcome, reason: str) -> None:
+    """No check shows that the fault is gone."""
     path, step = Path("seq.h5"), RepairStep(diagnosis_of(LATE), "", "")
     before, after = record_with(path, ORDER), record_with(path)
-    after = replace(after, results=(replace(after.results[0], outcome="not_observable"),))
-    assert "clocks.order is not observable" in why_not_better(before, after, [step])
+    after = replace(after, results=(replace(after.results[0], outcome=outcome),))
+    assert reason in why_not_better(before, after, [step])
+
+
+@pytest.mark.parametrize(
+    ("outcome", "better"), [("crashed", False), ("not_applicable", False), ("not_observable", True)]
+)
+def test_every_check_still_measures(outcome: Outcome, better: bool) -> None:
+    """Of a check that passed before: a correct file may show less, and may not lack a stream."""
+    path, step = Path("seq.h5"), RepairStep(diagnosis_of(LATE), "", "")
+    before, after = record_with(path, ORDER), record_with(path)
+    other = replace(after.results[0], check="imu.timing")
+    before = replace(before, results=(*before.results, other))
+    after = replace(after, results=(*after.results, replace(other, outcome=outcome)))
+    assert (why_not_better(before, after, [step]) == "") == better
