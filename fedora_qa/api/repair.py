@@ -10,8 +10,8 @@ from fedora_qa.cli.repair import require_writable
 from fedora_qa.config import CheckConfig, read_config, with_options
 from fedora_qa.engine.progress import quiet
 from fedora_qa.errors import MisuseError
-from fedora_qa.repair.repair import repair as repair_file
-from fedora_qa.repair.result import Repair
+from fedora_qa.repairs.repair import repair as repair_file
+from fedora_qa.repairs.result import Repair
 
 
 def repair(

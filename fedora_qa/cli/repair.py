@@ -19,8 +19,8 @@ from fedora_qa.engine.tasks import opening_test
 from fedora_qa.engine.worker import Worker
 from fedora_qa.errors import MisuseError
 from fedora_qa.record.wording import cause_sentence, unobeyed
-from fedora_qa.repair.repair import repair as repair_file
-from fedora_qa.repair.result import Repair
+from fedora_qa.repairs.repair import repair as repair_file
+from fedora_qa.repairs.result import Repair
 from fedora_qa.storage.place import Place, RemoteFile
 
 _BESIDE_SHOWN = 5

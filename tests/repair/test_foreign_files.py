@@ -14,8 +14,8 @@ from fedora_qa.faults.pixels import PolarityInversion, SwappedPixelAxes
 from fedora_qa.faults.reversible import ReversibleFault
 from fedora_qa.faults.row_order import DuplicatedSamples, Unsorted
 from fedora_qa.faults.units import LengthUnit
-from fedora_qa.repair.repair import repair
-from fedora_qa.repair.result import Repair
+from fedora_qa.repairs.repair import repair
+from fedora_qa.repairs.result import Repair
 from tests.support.foreign import write_dsec, write_m3ed, write_mvsec, write_purdue_lab
 from tests.support.handmade import write_handmade
 from tests.support.repairs import given_check

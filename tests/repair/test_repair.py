@@ -20,9 +20,9 @@ from fedora_qa.faults.reversible import ReversibleFault
 from fedora_qa.faults.row_order import DuplicatedSamples, Unsorted
 from fedora_qa.faults.units import LengthUnit
 from fedora_qa.record.types import Measurement, Outcome
-from fedora_qa.repair.repair import PROVENANCE, choose, repair
-from fedora_qa.repair.result import Repair, RepairStep
-from fedora_qa.repair.verify import why_not_better
+from fedora_qa.repairs.repair import PROVENANCE, choose, repair
+from fedora_qa.repairs.result import Repair, RepairStep
+from fedora_qa.repairs.verify import why_not_better
 from tests.support.handmade import write_handmade
 from tests.support.repairs import diagnosing_check, diagnosis_of, given_check, record_with
 

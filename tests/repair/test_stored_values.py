@@ -10,8 +10,8 @@ from hypothesis.extra.numpy import arrays
 from numpy.typing import NDArray
 
 from fedora_qa.layout.binding import Binding, canonical_values, selected_columns
-from fedora_qa.repair.not_repairable import NotRepairableError
-from fedora_qa.repair.stored_values import replace_values
+from fedora_qa.repairs.not_repairable import NotRepairableError
+from fedora_qa.repairs.stored_values import replace_values
 
 
 def bound(key: str, stored: NDArray[Any], **conversion: Any) -> Binding:

@@ -17,9 +17,9 @@ from fedora_qa.faults.reversible import ReversibleFault
 from fedora_qa.faults.row_order import SwappedFrames
 from fedora_qa.faults.table import FAULTS, WithoutInverse
 from fedora_qa.layout.canonical import DATASETS
-from fedora_qa.repair.mechanical import MECHANICAL, why_not_mechanical
-from fedora_qa.repair.repair import repair
-from fedora_qa.repair.result import Repair
+from fedora_qa.repairs.mechanical import MECHANICAL, why_not_mechanical
+from fedora_qa.repairs.repair import repair
+from fedora_qa.repairs.result import Repair
 from fedora_qa.sequence.sequence import open_sequence
 from tests.faults.test_undo_generated import CASES, Case
 from tests.support.memory_sequence import facts_of

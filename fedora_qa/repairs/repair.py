@@ -23,12 +23,12 @@ from fedora_qa.layout.canonical import DATASETS
 from fedora_qa.layout.walk import walk
 from fedora_qa.record.atomic import replacing
 from fedora_qa.record.types import Diagnosis
-from fedora_qa.repair.declarations import changed_declarations, write_declaration
-from fedora_qa.repair.mechanical import ROW_FAULTS, UNIT_FAULTS, exact, why_not_mechanical
-from fedora_qa.repair.not_repairable import NotRepairableError
-from fedora_qa.repair.result import Omission, Repair, RepairStep
-from fedora_qa.repair.verify import why_not_better
-from fedora_qa.repair.write import (
+from fedora_qa.repairs.declarations import changed_declarations, write_declaration
+from fedora_qa.repairs.mechanical import ROW_FAULTS, UNIT_FAULTS, exact, why_not_mechanical
+from fedora_qa.repairs.not_repairable import NotRepairableError
+from fedora_qa.repairs.result import Omission, Repair, RepairStep
+from fedora_qa.repairs.verify import why_not_better
+from fedora_qa.repairs.write import (
     DatasetChange,
     copy_bytes,
     open_copy,

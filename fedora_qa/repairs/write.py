@@ -24,8 +24,8 @@ from fedora_qa.layout.canonical import DATASETS
 from fedora_qa.layout.links import READ_ERRORS
 from fedora_qa.layout.resolve import Layout
 from fedora_qa.layout.walk import walk
-from fedora_qa.repair.not_repairable import NotRepairableError
-from fedora_qa.repair.stored_values import replace_values
+from fedora_qa.repairs.not_repairable import NotRepairableError
+from fedora_qa.repairs.stored_values import replace_values
 from fedora_qa.sequence.sequence import SequenceRows
 
 _BLOCK_BYTES: Final = 16 << 20

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from fedora_qa.conventions import NS_PER_US, POLARITY_BRIGHTER, POLARITY_DARKER
 from fedora_qa.layout.binding import POLARITY_CODES, Binding, canonical_values, selected_columns, timestamps_ns
 from fedora_qa.layout.canonical import DATASETS
-from fedora_qa.repair.not_repairable import NotRepairableError
+from fedora_qa.repairs.not_repairable import NotRepairableError
 
 _RESOLUTION_NS: Final = NS_PER_US // 2
 """Rounding error of a timestamp that the format has itself: half of its microsecond."""

@@ -8,7 +8,7 @@ import numpy as np
 
 from fedora_qa.layout.canonical import ATTRIBUTES
 from fedora_qa.layout.resolve import Layout
-from fedora_qa.repair.not_repairable import NotRepairableError
+from fedora_qa.repairs.not_repairable import NotRepairableError
 from fedora_qa.sequence.declared import Declared
 from fedora_qa.sequence.read_declared import MalformedError, read_attribute
 

@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 
 from fedora_qa.record.types import Diagnosis, FileRecord
-from fedora_qa.repair.write import DatasetChange
+from fedora_qa.repairs.write import DatasetChange
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,7 +1,7 @@
 """Is a repaired file better? What was to be cleared is gone and seen to be gone, nothing is new, and every check runs.
 
 A correct file may show less than a faulty one: a measurement that only a fault makes possible is not observable without
-it. So an outcome may become ``not_observable``, but of the checks that a repair is to clear at least one has to measure.
+it. So an outcome may become ``not_observable``, but of the checks that a repair is to clear at least one must measure.
 """
 
 from collections.abc import Iterable
@@ -9,7 +9,7 @@ from typing import Final
 
 from fedora_qa.record.types import IMMATERIAL, FileRecord, Finding, Measurement, Outcome
 from fedora_qa.record.wording import findings_of
-from fedora_qa.repair.result import RepairStep
+from fedora_qa.repairs.result import RepairStep
 
 _Broken = tuple[str, str | None]
 """Code of a rule, and the stream that breaks it."""
