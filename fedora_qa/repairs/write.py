@@ -28,7 +28,7 @@ from fedora_qa.repairs.not_repairable import NotRepairableError
 from fedora_qa.repairs.stored_values import replace_values
 from fedora_qa.sequence.sequence import SequenceRows
 
-_BLOCK_BYTES: Final = 16 << 20
+_BLOCK_BYTES: Final = 4 << 20
 """Decoded bytes of a dataset that are in memory at once, but for the rows from which an alteration takes them."""
 
 _NAMED: Final = 3
@@ -108,10 +108,12 @@ def require_known_rows(file: h5py.File, layout: Layout, streams: Collection[str]
     unknown = []
     columns: dict[str, set[int]] = defaultdict(set)
     for binding in own:
-        columns[binding.path] |= set(range(binding.shape[-1]) if binding.columns is None else binding.columns)
+        if binding.columns is not None:
+            columns[binding.path] |= set(binding.columns)
     for path, places in columns.items():
+        # A grey image, which has no axis of columns, is read three times.
         shape = file[path].shape
-        if any(binding.columns for binding in own if binding.path == path) and len(places) < shape[-1]:
+        if len(places) < shape[-1] and not (len(places) == 1 and len(shape) == 3):
             unknown.append(f"further columns of {path}")
     bound = {binding.path for binding in layout.bindings.values()}
     own_places = {(binding.path.rpartition("/")[0], binding.rows) for binding in own}
