@@ -108,7 +108,7 @@ def repair_lines(result: Repair, output: Path | None) -> Iterator[str]:
     for left in result.omissions:
         yield f"{left.diagnosis.id}  {cause_sentence(left.diagnosis)}  ({left.diagnosis.status}): left as it is"
         yield f"    {left.reason}"
-    if result.beside and result.steps:
+    if result.beside and result.datasets:
         more = f" and {len(result.beside) - _BESIDE_SHOWN} more" if len(result.beside) > _BESIDE_SHOWN else ""
         names = ", ".join(result.beside[:_BESIDE_SHOWN])
         yield f"Not in the dialect, and left as they are, although they may refer to what is altered: {names}{more}"

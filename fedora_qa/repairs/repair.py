@@ -4,6 +4,7 @@ import json
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from datetime import UTC, datetime
+from math import isfinite
 from pathlib import Path
 from typing import Final
 
@@ -229,7 +230,10 @@ def _write_provenance(copy: h5py.File, source: Path, digest: str, done: _Changes
                 "done": step.done,
                 "fault": step.fault,
                 "cause": f"{step.diagnosis.stream}:{step.diagnosis.cause}",
-                **{name: getattr(step.diagnosis, name) for name in ("magnitude", "unit", "standard_error", "status")},
+                "magnitude": _finite(step.diagnosis.magnitude),
+                "standard_error": _finite(step.diagnosis.standard_error),
+                "unit": step.diagnosis.unit,
+                "status": step.diagnosis.status,
             }
             for step in done.steps
         ],
@@ -238,3 +242,8 @@ def _write_provenance(copy: h5py.File, source: Path, digest: str, done: _Changes
     }
     repairs = copy.require_group(PROVENANCE)
     repairs[str(len(repairs) + 1)] = json.dumps(document, indent=1)
+
+
+def _finite(size: float | None) -> float | None:
+    # NaN is no JSON.
+    return size if size is not None and isfinite(size) else None

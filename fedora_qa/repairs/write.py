@@ -89,7 +89,10 @@ def require_whole(file: h5py.File) -> None:
     def name_of_outside(name: bytes, link: h5py.h5l.LinkInfo) -> str | None:
         return name.decode("utf-8", "replace") if link.type == h5py.h5l.TYPE_EXTERNAL else None
 
-    outside: str | None = file.id.links.visit(name_of_outside, info=True)
+    try:
+        outside: str | None = file.id.links.visit(name_of_outside, info=True)
+    except READ_ERRORS as error:
+        raise NotRepairableError(f"Expected links that can be read, got: {error}") from error
     for path in () if outside else walk(file).paths:
         dataset = file[path]
         outside = path if dataset.is_virtual or dataset.external else outside
@@ -167,13 +170,18 @@ def rewrite(
         for start, stop in _blocks(bindings[0], new_rows):
             report(f"repairing {path}", start, new_rows)
             try:
+                # First, because it verifies chunks before HDF5 decodes them.
+                canonical = [repaired.rows(key, start, stop) for key in together]
+            except UnreadableRowsError as error:
+                raise NotRepairableError(str(error)) from error
+            try:
                 require_sound_blocks(source[path], start, stop)
                 stored = np.asarray(source[path][start:stop])
-                block = stored.copy()
-                for key, binding in zip(together, bindings, strict=True):
-                    replace_values(block, binding, repaired.rows(key, start, stop), plain.origin_ns)
-            except (UnreadableRowsError, *READ_ERRORS) as error:
+            except READ_ERRORS as error:
                 raise NotRepairableError(f"Expected {path} to be readable, got: {error}") from error
+            block = stored.copy()
+            for binding, rows in zip(bindings, canonical, strict=True):
+                replace_values(block, binding, rows, plain.origin_ns)
             changed = _changed_rows(stored, block)
             altered += len(changed)
             if target is not None:

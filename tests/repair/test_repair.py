@@ -13,6 +13,7 @@ from fedora_generator.faults.plant import plant_fault
 from fedora_qa.engine.options import CheckOptions, FileRun
 from fedora_qa.engine.progress import Progress, quiet
 from fedora_qa.errors import MisuseError
+from fedora_qa.faults.axes import VectorAxes
 from fedora_qa.faults.clocks import ClockShift
 from fedora_qa.faults.motion import GyroBias, QuaternionOrder
 from fedora_qa.faults.pixels import PolarityInversion
@@ -194,6 +195,22 @@ def test_values_that_the_stored_type_cannot_hold_are_refused(file: Path) -> None
         opened["path/imu/ts"] = times
     assert "Expected path/imu/ts to hold the repaired values, got uint32" in given(file, LATE).refusal
     require_nothing_left(file)
+
+
+def test_rows_that_cannot_be_decoded_are_refused(park_day: Path, tmp_path: Path) -> None:
+    """A chunk is damaged of the stream that is altered; that of another stream stays as it is."""
+    faulty = tmp_path / "seq.h5"
+    faulty.write_bytes(park_day.read_bytes())
+    with h5py.File(faulty) as opened:
+        chunk = opened["path/imu/linear_acceleration"].id.get_chunk_info(0)
+    with faulty.open("r+b") as damaged:
+        damaged.seek(chunk.byte_offset + chunk.size // 2)
+        damaged.write(bytes(16))
+    assert not given(faulty, LATE).refusal
+    faulty.with_name("out.h5").unlink()
+    swapped = VectorAxes("imu", ((0, 1, 0), (1, 0, 0), (0, 0, 1)))
+    assert "of path/imu/linear_acceleration to decode" in given(faulty, swapped).refusal
+    require_nothing_left(faulty)
 
 
 def test_a_file_made_of_several_is_refused(file: Path) -> None:
