@@ -18,13 +18,13 @@ from fedora_qa.repairs.repair import repair
 from tests.support.handmade import write_handmade
 from tests.support.repairs import given_check
 
-EVENTS = 9 << 20
-MOST_BYTES = 64 << 20
+EVENTS = 10 << 20
+MOST_BYTES = 72 << 20
 """Some ten arrays of 4 MiB, and those of the scan of timestamps."""
 
 
 def with_many_events(file: Path) -> Path:
-    """Replace the events by millions, one in a thousand of them exchanged with the next; timestamps are 72 MiB."""
+    """Replace the events by millions, one in a thousand of them exchanged with the next; timestamps are 80 MiB."""
     with h5py.File(file, "r+") as opened:
         for name, dtype in (("x", "u2"), ("y", "u2"), ("t", "i8"), ("p", "u1")):
             del opened[f"path/events/{name}"]
