@@ -14,6 +14,10 @@ _RESOLUTION_NS: Final = NS_PER_US // 2
 """Rounding error of a timestamp that the format has itself: half of its microsecond."""
 
 
+_EXACT_NS: Final = 1 << 53
+"""Whole numbers below it are exact in float64."""
+
+
 def replace_values(stored: NDArray[Any], binding: Binding, canonical: NDArray[Any], origin_ns: int) -> None:
     """Put canonical values into stored rows. Values that are already those keep their bits.
 
@@ -63,10 +67,12 @@ def _converted(values: NDArray[Any], binding: Binding, origin_ns: int) -> NDArra
     if binding.ns_per_unit is not None:
         unit, origin = binding.ns_per_unit, origin_ns - binding.offset_ns
         if dtype.kind == "f":
-            # Near zero whole units and their fraction give the nearest number; far from it the rounding of the
-            # origin, which ``timestamps_ns`` subtracts, must cancel.
-            whole, rest_ns = np.divmod(values + origin % unit, unit)
-            nearest = np.asarray(origin // unit + whole + rest_ns / unit).astype(dtype)
+            # Up to 2^53 ns one division is rounded once. Beyond, the fraction of a unit is rounded, finer than the
+            # sum. Far from zero the rounding of the origin, which ``timestamps_ns`` subtracts, must cancel.
+            total_ns = values + origin
+            whole, rest_ns = np.divmod(total_ns, unit)
+            is_exact = np.abs(total_ns) < _EXACT_NS
+            nearest = np.where(is_exact, total_ns / unit, whole + rest_ns / unit).astype(dtype)
             anchored = np.asarray(origin / unit + values / unit).astype(dtype)
             return np.where(timestamps_ns(nearest, binding, origin_ns) == values, nearest, anchored)
         # t = units * unit + rest: the fraction of a unit alone is rounded, halves upwards, so that one offset moves all
