@@ -15,6 +15,9 @@ from fedora_qa.engine.progress import Progress, quiet
 from fedora_qa.errors import MisuseError
 from fedora_qa.faults.axes import VectorAxes
 from fedora_qa.faults.clocks import ClockShift
+from fedora_qa.faults.declarations import GravityMisdeclared
+from fedora_qa.faults.images import ChannelOrder
+from fedora_qa.faults.index_maps import IndexShift
 from fedora_qa.faults.motion import GyroBias, QuaternionOrder
 from fedora_qa.faults.pixels import PolarityInversion
 from fedora_qa.faults.reversible import ReversibleFault
@@ -77,6 +80,31 @@ def test_events_that_are_late_are_repaired_and_checked(park_day: Path, tmp_path:
     assert {each["path"] for each in done["datasets"]} == {
         "path/events/t", "metadata/rgb_to_event", "metadata/depth_to_event"
     }  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("cause", "magnitude", "fault", "select"),
+    [
+        ("polarity_inverted", None, PolarityInversion(), "event_response.orientation"),
+        ("index_off_by_one", 1, IndexShift("rgb_to_event", 1), "index_maps"),
+        ("duplicated_samples", 2, DuplicatedSamples("imu"), "clocks"),
+        ("unit_mm_m", 0.001, LengthUnit("depth", 0.001), "depth"),
+        ("quaternion_order", None, QuaternionOrder(), "imu"),
+        ("gravity_magnitude", 0.1, GravityMisdeclared(0.1), "imu"),
+        ("channel_order", None, ChannelOrder("BGR"), "event_response"),
+    ],
+)
+def test_a_fault_of_each_sort_is_repaired_and_checked(
+    cause: str, magnitude: float | None, fault: ReversibleFault, select: str, park_day: Path, tmp_path: Path
+) -> None:
+    """Of codes, maps, rows, units, orders, declarations and channels, with the checks of their subject."""
+    faulty = tmp_path / "faulty.h5"
+    plant_fault(park_day, faulty, cause, fault.stream, magnitude)
+    options = CheckOptions(select=(select,), profile="release")
+    result = repair(faulty, tmp_path / "out.h5", options, quiet, check=diagnosing_check(faulty, fault))
+    assert (result.before.verdict, result.refusal) == ("findings", "")
+    assert result.after is not None
+    assert not [each.check for each in result.after.results if each.outcome in {"failed", "crashed"}]
 
 
 @pytest.mark.parametrize("offset_ms", [-3, 1])
