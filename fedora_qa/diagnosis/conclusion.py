@@ -8,10 +8,10 @@ from fedora_qa.causes import stream_family
 from fedora_qa.diagnosis.candidates import CauseCandidate
 from fedora_qa.diagnosis.direct import is_direct, is_local
 from fedora_qa.diagnosis.proposed_faults import is_testable
-from fedora_qa.diagnosis.trial import Trial
+from fedora_qa.diagnosis.trial import UndoTrial
 from fedora_qa.record.types import DiagnosisStatus
 
-Trials = Mapping[tuple[str, str], Trial]
+Trials = Mapping[tuple[str, str], UndoTrial]
 """Trials by cause and stream."""
 
 _MANY_MECHANISMS: Final = frozenset({"exposure_or_gamma", "frame_convention", "duplicated_samples", "unsorted"})
@@ -43,7 +43,7 @@ def is_conclusive(candidate: CauseCandidate, codes: Mapping[str, str]) -> bool:
     return candidate.cause not in _MANY_MECHANISMS and not any(is_local(codes[finding]) for finding in best)
 
 
-def is_known(candidate: CauseCandidate, codes: Mapping[str, str], trials: Trials) -> bool:
+def has_evidence(candidate: CauseCandidate, codes: Mapping[str, str], trials: Trials) -> bool:
     """Whether undoing a candidate clears findings, or a check measures the cause itself.
 
     Parameters
@@ -69,7 +69,7 @@ def status_of(
     trials: Trials,
     rivals: Sequence[CauseCandidate],
     likely: Collection[tuple[str, str]],
-) -> tuple[DiagnosisStatus, list[Trial]]:
+) -> tuple[DiagnosisStatus, list[UndoTrial]]:
     """Return how a cause is known, and the trials of rivals that clear as much.
 
     Parameters
@@ -79,16 +79,16 @@ def status_of(
     findings
         That it explains.
     codes, trials
-        As of ``is_known``.
+        As of ``has_evidence``.
     rivals
         Candidates that could be the cause in its place.
     likely
         Keys of rivals that fit well enough to be tested before anything is confirmed.
     """
     trial = trials.get(candidate.key)
-    known = is_known(candidate, codes, trials)
+    has_own = has_evidence(candidate, codes, trials)
     if trial is None or not trial.cleared:
-        return ("supported" if known else "suggested"), []
+        return ("supported" if has_own else "suggested"), []
     # A fault of all rates of flow and the same fault of one rate are no rivals.
     others = [
         r for r in rivals if (r.cause, stream_family(r.stream)) != (candidate.cause, stream_family(candidate.stream))

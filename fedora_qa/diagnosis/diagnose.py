@@ -17,10 +17,10 @@ from typing import Final
 from fedora_qa.causes import CAUSES, stream_family
 from fedora_qa.diagnosis.candidates import CONTENDS, UNKNOWN, CauseCandidate, gather_candidates
 from fedora_qa.diagnosis.coincidence import Place
-from fedora_qa.diagnosis.conclusion import MEASURED_CONFIDENCE, Trials, is_conclusive, is_known, status_of
+from fedora_qa.diagnosis.conclusion import MEASURED_CONFIDENCE, Trials, has_evidence, is_conclusive, status_of
 from fedora_qa.diagnosis.hypothesis import Hypothesis
 from fedora_qa.diagnosis.measured_sizes import Results
-from fedora_qa.diagnosis.trial import Trial
+from fedora_qa.diagnosis.trial import UndoTrial
 from fedora_qa.diagnosis.vetoes import contradicts
 from fedora_qa.judgement.judge import Alarm
 from fedora_qa.record.types import Diagnosis
@@ -33,8 +33,8 @@ _FITS: Final = 0.4
 of the stream would explain has less."""
 
 _FAILED: Final = 0.5
-"""Weight of a cause that clears nothing when it is undone, and leaves more than half of each deviation. The value is not
-derived."""
+"""Weight of a cause that clears nothing when it is undone, and leaves more than half of each deviation. The value is
+not derived."""
 
 _OF_CLOCKS: Final = frozenset({"time_offset", "clock_rate"})
 """Causes by which a clock leaves the grid of the others."""
@@ -103,7 +103,7 @@ def choose_causes(
     ranked = rank_candidates(alarms, hypotheses, results, places)
     prior = {candidate.key: candidate for candidate in ranked}
     candidates = [_tested(candidate, codes, trials.get(candidate.key)) for candidate in ranked]
-    known = {c.key: is_known(c, codes, trials) for c in candidates}
+    tested = {c.key: has_evidence(c, codes, trials) for c in candidates}
     # Unexplained support of each finding: the demand of the set cover.
     unexplained = {alarm.finding.id: 1.0 for alarm in alarms}
 
@@ -125,7 +125,7 @@ def choose_causes(
     explained: set[str] = set()
     # Greedy step of the weighted cover (Chvatal 1979): the cause that adds most support, counted by check. Among equal
     # ones the first counts, which is ranked higher without trials.
-    while supported := [c for c in candidates if gain(c) >= _ENOUGH and (known[c.key] or c.best_support >= _FITS)]:
+    while supported := [c for c in candidates if gain(c) >= _ENOUGH and (tested[c.key] or c.best_support >= _FITS)]:
         best = max(supported, key=merit)
         own = {f: h for f, h in best.evidence.items() if h.support > 0}
         # Where one clock is out of place, the others, which lie on one grid, are no rivals.
@@ -192,7 +192,7 @@ def _weights(alarms: Sequence[Alarm]) -> dict[str, float]:
     return {finding: 1.0 / findings_of_check[check] for finding, check in checks.items()}
 
 
-def _tested(candidate: CauseCandidate, codes: Mapping[str, str], trial: Trial | None) -> CauseCandidate:
+def _tested(candidate: CauseCandidate, codes: Mapping[str, str], trial: UndoTrial | None) -> CauseCandidate:
     """Return a candidate with the support that a trial measured."""
     if trial is None or not (trial.cleared or is_conclusive(candidate, codes)):
         return candidate
@@ -200,8 +200,8 @@ def _tested(candidate: CauseCandidate, codes: Mapping[str, str], trial: Trial | 
     for finding in trial.cleared:
         # Deviations that only the trial has brought about count against it.
         cleared = len(trial.cleared) / (len(trial.cleared) + len(trial.caused) + len(trial.crashed))
-        known = evidence.get(finding, Hypothesis(candidate.cause, candidate.stream, 0.0))
-        evidence[finding] = replace(known, support=cleared)
+        prior = evidence.get(finding, Hypothesis(candidate.cause, candidate.stream, 0.0))
+        evidence[finding] = replace(prior, support=cleared)
     for finding, ratio in trial.left.items():
         if finding in evidence:
             # The share of the deviation that is removed.

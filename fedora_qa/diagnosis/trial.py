@@ -10,7 +10,7 @@ _HALF: Final = 0.5
 
 
 @dataclass(frozen=True, slots=True)
-class Trial:
+class UndoTrial:
     """A proposed fault that was undone, and the findings of the plain run under it.
 
     Attributes

@@ -68,8 +68,8 @@ class PlainRun:
         states = measure(checks, spans, altered.facts, altered.decoder, sampling, quiet)
         # By the limits of the plain run, whose comparisons share one false-alarm rate.
         observed = conclude(checks, states, altered.facts)
-        seen = [check for check in checks if check.name in observed]
-        return judge({**self.observations, **observed}, seen, self.false_alarm_rate), states.crashes
+        measured = [check for check in checks if check.name in observed]
+        return judge({**self.observations, **observed}, measured, self.false_alarm_rate), states.crashes
 
 
 def growing(chosen: Sequence[Span], place_ns: int) -> Iterator[Sequence[Span]]:

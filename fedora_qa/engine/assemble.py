@@ -68,7 +68,7 @@ def assemble(
     )
     with watch.stage("diagnosis"):
         # Within a budget a file is judged several times, and every second belongs to its windows.
-        diagnoses, undone = diagnose(alarms, asked, plain, progress, with_trials=options.budget_s is None)
+        diagnoses, faults = diagnose(alarms, asked, plain, progress, with_trials=options.budget_s is None)
     with watch.stage("statistics"):
         collector = file.statistics
         tables = attempt(states, collector.name, lambda: collector.conclude(states.states[collector.name], facts))
@@ -113,7 +113,7 @@ def assemble(
     seconds = watch.seconds | {f"check {name}": spent for name, spent in states.seconds.items()}
     decoded_bytes = states.decoded_bytes + ready.decoder.decoded_bytes - decoded_before
     traffic = survey.traffic + states.traffic + file.sequence.traffic
-    return FileRun(record, kept.arrays, seconds, decoded_bytes, traffic, undone=undone)
+    return FileRun(record, kept.arrays, seconds, decoded_bytes, traffic, faults=faults)
 
 
 def diagnose(

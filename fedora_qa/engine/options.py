@@ -64,7 +64,7 @@ class CheckOptions:
 class FileRun:
     """The record of one file, its evidence, the seconds of each stage, and the traffic with servers.
 
-    ``reached`` states how many windows a budget of time sufficed for; empty without one. ``undone`` holds the fault
+    ``reached`` states how many windows a budget of time sufficed for; empty without one. ``faults`` holds the fault
     that was undone for a diagnosis, by the identifier of the diagnosis.
     """
 
@@ -74,4 +74,4 @@ class FileRun:
     decoded_bytes: int = 0
     traffic: Traffic = NO_TRAFFIC
     reached: str = ""
-    undone: "Mapping[str, ReversibleFault]" = field(default_factory=dict)
+    faults: "Mapping[str, ReversibleFault]" = field(default_factory=dict)

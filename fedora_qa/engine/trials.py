@@ -18,7 +18,7 @@ from fedora_qa.checks.protocol import Check
 from fedora_qa.conventions import NS_PER_US
 from fedora_qa.diagnosis.candidates import CONTENDS, CauseCandidate
 from fedora_qa.diagnosis.proposed_faults import faults_for
-from fedora_qa.diagnosis.trial import Trial
+from fedora_qa.diagnosis.trial import UndoTrial
 from fedora_qa.engine.altered import PlainRun
 from fedora_qa.engine.progress import Progress
 from fedora_qa.engine.survey import Prepared
@@ -72,23 +72,23 @@ class TrialBench:
         """Grant the windows of the run itself for every check."""
         self._left = len(self.run.planned(self.run.ready)) * len(self.checks)
 
-    def undo(self, fault: ReversibleFault) -> Trial | None:
+    def undo(self, fault: ReversibleFault) -> UndoTrial | None:
         """Undo a fault alone, and return what that changes; None where it cannot be undone, or no work is left."""
         try:
             undoing = fault.undo(self.run.ready.facts, self.run.sequence)
-            undone = self.run.altered(undoing)
+            prepared = self.run.altered(undoing)
         except InapplicableError:
             return None
         failed = {check_of(alarm) for alarm in self.alarms}
         affected = self._affected(fault, failed)
-        trial: Trial | None = None
+        trial: UndoTrial | None = None
         for count in self._counts():
-            if not self._shown(count):
+            if not self._deviations(count):
                 continue
             # Half of the work stays for rivals, without which nothing is confirmed.
             if count * len(affected) > self._left * (_SHARE_OF_A_FAULT if trial else 1.0):
                 break
-            trial = self._measured(fault, undoing, undone, affected, count)
+            trial = self._measured(fault, undoing, prepared, affected, count)
             decided = len(trial.cleared) + len(trial.left)
             # Where the windows show a finding and the fault clears none, more windows change nothing.
             if (decided and not trial.cleared) or decided == len(self.alarms):
@@ -114,15 +114,15 @@ class TrialBench:
         ]
 
     def _measured(
-        self, fault: ReversibleFault, undoing: Fault, undone: Prepared, affected: list[Check[Any]], count: int
-    ) -> Trial:
+        self, fault: ReversibleFault, undoing: Fault, prepared: Prepared, affected: list[Check[Any]], count: int
+    ) -> UndoTrial:
         whole = count >= len(self.run.planned(self.run.ready))
         # Timestamps that are altered may fall into other windows: all of them are measured then.
-        spans = self.run.planned(undone) if whole else self._around(self.run.planned(undone), count)
-        judged, crashes = self._judged(affected, spans, undone)
+        spans = self.run.planned(prepared) if whole else self._around(self.run.planned(prepared), count)
+        judged, crashes = self._judged(affected, spans, prepared)
         cleared: set[str] = set()
         left: dict[str, float] = {}
-        for alarm, deviating in self._shown(count):
+        for alarm, deviating in self._deviations(count):
             after = judged.get(check_of(alarm))
             if after is None or after.outcome in ("crashed", "not_observable"):
                 continue
@@ -139,7 +139,7 @@ class TrialBench:
                 cleared.add(alarm.finding.id)
         exceeded = {m.code for result in self.run.strict.values() for m in _exceeding(result)}
         caused = {m.code for result in judged.values() for m in _exceeding(result)} - exceeded
-        return Trial(
+        return UndoTrial(
             fault, undoing.description, frozenset(cleared), left, tuple(sorted(caused)), count, tuple(sorted(crashes))
         )
 
@@ -151,7 +151,7 @@ class TrialBench:
         judged, crashes = self.run.judged(checks, spans, prepared)
         return _by_check(judged), tuple(crashes)
 
-    def _shown(self, count: int) -> list[tuple[Alarm, Measurement]]:
+    def _deviations(self, count: int) -> list[tuple[Alarm, Measurement]]:
         """Return the findings that the windows of a trial show without the fault undone, with their measurements."""
         if count not in self._plain:
             failed = {check_of(alarm) for alarm in self.alarms}
@@ -232,9 +232,9 @@ def _place_ns(alarms: Sequence[Alarm], run: PlainRun) -> int:
 
 def run_trials(
     bench: TrialBench, candidates: Sequence[CauseCandidate], progress: Progress
-) -> dict[tuple[str, str], Trial]:
+) -> dict[tuple[str, str], UndoTrial]:
     """Undo the faults of candidates, best supported first; return the best trial of each by cause and stream."""
-    trials: dict[tuple[str, str], Trial] = {}
+    trials: dict[tuple[str, str], UndoTrial] = {}
     # Once a fault has cleared all that the windows show, only its rivals are of interest.
     least = 0.0
     for done, candidate in enumerate(candidates):
@@ -258,9 +258,9 @@ def run_trials(
     return trials
 
 
-def _best_trial(bench: TrialBench, candidate: CauseCandidate, magnitude: float | None) -> Trial | None:
+def _best_trial(bench: TrialBench, candidate: CauseCandidate, magnitude: float | None) -> UndoTrial | None:
     """Undo the mechanisms of a cause with a size, and return the trial that clears most."""
-    best: Trial | None = None
+    best: UndoTrial | None = None
     run = bench.run
     proposals = faults_for(candidate.cause, candidate.stream, magnitude, bench.alarms, run.strict, run.ready.facts)
     for fault in islice(dict.fromkeys(proposals), _MOST_VARIANTS):

@@ -215,13 +215,13 @@ def status_sentence(diagnosis: Diagnosis) -> str:
     """Return how a cause is known: ``confirmed: undoing it clears 5 of 5 findings in 4 windows``."""
     status, first = diagnosis.status, diagnosis.tried[:1]
     if not first or not diagnosis.cleared:
-        known: dict[DiagnosisStatus, str] = {
+        reasons: dict[DiagnosisStatus, str] = {
             "confirmed": "",
             "supported": "a check measures the cause itself, which cannot be undone",
             "suggested": "undoing it does not clear what it would explain" if first else "it fits, and was not tested",
             "unidentified": "no known cause fits",
         }
-        return f"{status}: {known[status]}"
+        return f"{status}: {reasons[status]}"
     of = len({*diagnosis.explains, *diagnosis.cleared})
     findings = "finding" if of == 1 else "findings"
     windows = f"{diagnosis.windows} window{'' if diagnosis.windows == 1 else 's'}"

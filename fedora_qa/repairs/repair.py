@@ -78,7 +78,7 @@ def repair(
     options = replace(options, evidence=None, canary=False)
     version = local_version(source)
     run = check(source, options, progress)
-    chosen, omissions = choose(run.record.diagnoses, run.undone, only)
+    chosen, omissions = choose(run.record.diagnoses, run.faults, only)
     result = Repair((), omissions, run.record)
     if not chosen:
         return replace(result, refusal="Nothing that is confirmed can be repaired.")

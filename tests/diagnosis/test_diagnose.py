@@ -10,7 +10,7 @@ from fedora_qa.diagnosis.candidates import CauseCandidate
 from fedora_qa.diagnosis.coincidence import Place
 from fedora_qa.diagnosis.diagnose import choose_causes, rank_candidates
 from fedora_qa.diagnosis.hypothesis import ANY_CAUSE, Hypothesis
-from fedora_qa.diagnosis.trial import Trial
+from fedora_qa.diagnosis.trial import UndoTrial
 from fedora_qa.judgement.judge import Alarm
 from fedora_qa.record.types import Diagnosis, Finding, Measurement, Result, Where
 
@@ -26,7 +26,7 @@ def alarm(number: int, *hypotheses: Hypothesis, code: str = "toy.rule", stream: 
 
 def diagnosed(
     explained: Sequence[Explained],
-    trials: Mapping[tuple[str, str], Trial] = MappingProxyType({}),
+    trials: Mapping[tuple[str, str], UndoTrial] = MappingProxyType({}),
     results: Mapping[str, Result] = MappingProxyType({}),
     places: Mapping[str, Place] = MappingProxyType({}),
 ) -> tuple[Diagnosis, ...]:
@@ -154,9 +154,9 @@ class Undone:
 
 def tried(
     *cleared: str, left: Mapping[str, float] | None = None, caused: Sequence[str] = (), size: float = 2.0
-) -> Trial:
+) -> UndoTrial:
     fault: Any = Undone("a cause", "a stream", size)
-    return Trial(fault, "it is undone", frozenset(cleared), left or {}, tuple(caused), 4)
+    return UndoTrial(fault, "it is undone", frozenset(cleared), left or {}, tuple(caused), 4)
 
 
 LATE = Hypothesis("time_offset", "events", 0.5, 2.0, "ms", 0.1)

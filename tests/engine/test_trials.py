@@ -87,7 +87,7 @@ def test_undoing_confirms_a_cause(
     assert (f"{first.stream}:{first.cause}", first.status) == (name, "confirmed"), status_sentence(first)
     assert set(first.cleared) >= set(first.explains)
     assert first.windows > 0
-    assert (run.undone[first.id].cause, run.undone[first.id].stream) == (first.cause, first.stream)
+    assert (run.faults[first.id].cause, run.faults[first.id].stream) == (first.cause, first.stream)
 
 
 def test_sizes_are_those_that_were_planted(park_day: Path, tmp_path: Path) -> None:
@@ -103,7 +103,7 @@ def test_sizes_are_those_that_were_planted(park_day: Path, tmp_path: Path) -> No
 def test_a_clean_file_costs_no_trial(park_day: Path) -> None:
     """Nothing is undone where nothing is found."""
     run = check_file(park_day, OPTIONS)
-    assert (run.record.verdict, run.record.diagnoses, dict(run.undone)) == ("clean", (), {})
+    assert (run.record.verdict, run.record.diagnoses, dict(run.faults)) == ("clean", (), {})
 
 
 def test_a_fault_that_cannot_be_undone_is_not_confirmed(park_day: Path, tmp_path: Path) -> None:

@@ -49,7 +49,7 @@ def given_check(
         if path != source:
             return FileRun(record_with(path, *after))
         record = record_with(path, *before, diagnoses=diagnoses)
-        return FileRun(record, undone={d.id: fault for d, fault in zip(diagnoses, faults, strict=True)})
+        return FileRun(record, faults={d.id: fault for d, fault in zip(diagnoses, faults, strict=True)})
 
     return check
 
@@ -64,6 +64,6 @@ def diagnosing_check(source: Path, *faults: ReversibleFault) -> CheckFunction:
         failures = tuple(f.id for result in run.record.results if result.outcome == "failed" for f in result.findings)
         diagnoses = tuple(diagnosis_of(fault, f"D{n}", explains=failures) for n, fault in enumerate(faults, 1))
         record = replace(run.record, diagnoses=diagnoses)
-        return replace(run, record=record, undone={d.id: f for d, f in zip(diagnoses, faults, strict=True)})
+        return replace(run, record=record, faults={d.id: f for d, f in zip(diagnoses, faults, strict=True)})
 
     return check
