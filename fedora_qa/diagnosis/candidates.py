@@ -16,6 +16,10 @@ CONTENDS: Final = 0.25
 """Share of the support of a cause, before trials, from which another cause is its rival: without a trial of a rival
 that could be tested the cause is not confirmed. The value is not derived."""
 
+FITS: Final = 0.4
+"""Least support by one check of a cause that is named without a trial: what any fault of the stream would explain has
+less."""
+
 _IN_EARNEST: Final = 0.3
 """Least support of a cause by one check for it to explain findings of other checks about its stream."""
 

@@ -5,7 +5,7 @@ from types import MappingProxyType
 from typing import Final
 
 from fedora_qa.causes import stream_family
-from fedora_qa.diagnosis.candidates import CauseCandidate
+from fedora_qa.diagnosis.candidates import FITS, CauseCandidate
 from fedora_qa.diagnosis.direct import is_direct, is_local
 from fedora_qa.diagnosis.proposed_faults import is_testable
 from fedora_qa.diagnosis.trial import UndoTrial
@@ -43,6 +43,15 @@ def is_conclusive(candidate: CauseCandidate, codes: Mapping[str, str]) -> bool:
     return candidate.cause not in _MANY_MECHANISMS and not any(is_local(codes[finding]) for finding in best)
 
 
+def is_excluded(candidate: CauseCandidate, codes: Mapping[str, str], trials: Trials) -> bool:
+    """Whether a trial excludes a candidate: undone in the whole file, it leaves what it would explain.
+
+    Parameters are those of ``is_conclusive``.
+    """
+    trial = trials.get(candidate.key)
+    return trial is not None and trial.fails and is_conclusive(candidate, codes)
+
+
 def has_evidence(candidate: CauseCandidate, codes: Mapping[str, str], trials: Trials) -> bool:
     """Whether undoing a candidate clears findings, or a check measures the cause itself.
 
@@ -59,7 +68,8 @@ def has_evidence(candidate: CauseCandidate, codes: Mapping[str, str], trials: Tr
     if trial is not None and trial.cleared:
         return True
     untested = trial is None or not is_conclusive(candidate, codes)
-    return untested and any(is_direct(candidate.cause, codes[finding]) for finding in candidate.evidence)
+    supported = (finding for finding, h in candidate.evidence.items() if h.support >= FITS)
+    return untested and any(is_direct(candidate.cause, codes[finding]) for finding in supported)
 
 
 def status_of(

@@ -15,9 +15,16 @@ from types import MappingProxyType
 from typing import Final
 
 from fedora_qa.causes import CAUSES, stream_family
-from fedora_qa.diagnosis.candidates import CONTENDS, UNKNOWN, CauseCandidate, gather_candidates
+from fedora_qa.diagnosis.candidates import CONTENDS, FITS, UNKNOWN, CauseCandidate, gather_candidates
 from fedora_qa.diagnosis.coincidence import Place
-from fedora_qa.diagnosis.conclusion import MEASURED_CONFIDENCE, Trials, has_evidence, is_conclusive, status_of
+from fedora_qa.diagnosis.conclusion import (
+    MEASURED_CONFIDENCE,
+    Trials,
+    has_evidence,
+    is_conclusive,
+    is_excluded,
+    status_of,
+)
 from fedora_qa.diagnosis.hypothesis import Hypothesis
 from fedora_qa.diagnosis.measured_sizes import Results
 from fedora_qa.diagnosis.trial import UndoTrial
@@ -27,14 +34,6 @@ from fedora_qa.record.types import Diagnosis
 
 _ENOUGH: Final = 0.05
 """Least support that a further cause must add to be named."""
-
-_FITS: Final = 0.4
-"""Least support by one check of a cause that is named without a trial and without a direct measurement: what any fault
-of the stream would explain has less."""
-
-_FAILED: Final = 0.5
-"""Weight of a cause that clears nothing when it is undone, and leaves more than half of each deviation. The value is
-not derived."""
 
 _OF_CLOCKS: Final = frozenset({"time_offset", "clock_rate"})
 """Causes by which a clock leaves the grid of the others."""
@@ -102,7 +101,11 @@ def choose_causes(
     weights = _weights(alarms)
     ranked = rank_candidates(alarms, hypotheses, results, places)
     prior = {candidate.key: candidate for candidate in ranked}
-    candidates = [_tested(candidate, codes, trials.get(candidate.key)) for candidate in ranked]
+    candidates = [
+        _tested(candidate, codes, trials.get(candidate.key))
+        for candidate in ranked
+        if not is_excluded(candidate, codes, trials)
+    ]
     tested = {c.key: has_evidence(c, codes, trials) for c in candidates}
     # Unexplained support of each finding: the demand of the set cover.
     unexplained = {alarm.finding.id: 1.0 for alarm in alarms}
@@ -113,9 +116,6 @@ def choose_causes(
     def merit(candidate: CauseCandidate) -> tuple[float, int, bool]:
         """Return the gain, where each check counts once; the number of findings; whether the clock is out of place."""
         by_check = sum(_new_support(candidate, f, unexplained) * weights[f] for f in candidate.evidence)
-        trial = trials.get(candidate.key)
-        if trial is not None and trial.fails and is_conclusive(prior[candidate.key], codes):
-            by_check *= _FAILED
         return round(by_check, 6), len(candidate.evidence), is_out_of_place(candidate)
 
     def is_out_of_place(candidate: CauseCandidate) -> bool:
@@ -125,7 +125,7 @@ def choose_causes(
     explained: set[str] = set()
     # Greedy step of the weighted cover (Chvatal 1979): the cause that adds most support, counted by check. Among equal
     # ones the first counts, which is ranked higher without trials.
-    while supported := [c for c in candidates if gain(c) >= _ENOUGH and (tested[c.key] or c.best_support >= _FITS)]:
+    while supported := [c for c in candidates if gain(c) >= _ENOUGH and (tested[c.key] or c.best_support >= FITS)]:
         best = max(supported, key=merit)
         own = {f: h for f, h in best.evidence.items() if h.support > 0}
         # Where one clock is out of place, the others, which lie on one grid, are no rivals.
