@@ -135,13 +135,16 @@ def choose_causes(
         likely = {rival.key for rival in rivals if rival.support_for(own) >= least}
         status, alike = status_of(best, own, codes, trials, rivals, likely)
         size, trial = best.size, trials.get(best.key)
-        of_vector = trial is not None and trial.cleared and (best.cause in _VECTORS or size.magnitude is None)
+        magnitude = size.magnitude
+        if trial is not None and trial.cleared:
+            is_vector = best.cause in _VECTORS or magnitude is None
+            magnitude = trial.size or (trial.fault.magnitude if is_vector else magnitude)
         diagnoses.append(
             Diagnosis(
                 id=f"D{len(diagnoses) + 1}",
                 cause=best.cause,
                 stream=best.stream,
-                magnitude=trial.fault.magnitude if trial and of_vector else size.magnitude,
+                magnitude=magnitude,
                 unit=size.unit or CAUSES[best.cause].unit,
                 standard_error=size.standard_error,
                 confidence=MEASURED_CONFIDENCE[status],

@@ -30,6 +30,8 @@ class UndoTrial:
         Number of windows that were measured.
     crashed
         Checks that failed themselves under it.
+    size
+        Size of the cause that the trials fitted, in its unit; None: the one that was proposed.
     """
 
     fault: ReversibleFault
@@ -39,6 +41,7 @@ class UndoTrial:
     caused: tuple[str, ...]
     windows: int
     crashed: tuple[str, ...] = ()
+    size: float | None = None
 
     @property
     def succeeds(self) -> bool:

@@ -8,7 +8,7 @@ bounded by what the run itself measured, never by the clock, so that a record do
 """
 
 from collections.abc import Mapping, Sequence, Set
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from itertools import islice
 from math import inf, isfinite
 from typing import Any, Final
@@ -23,7 +23,7 @@ from fedora_qa.engine.altered import PlainRun
 from fedora_qa.engine.progress import Progress
 from fedora_qa.engine.survey import Prepared
 from fedora_qa.faults.fault import Fault
-from fedora_qa.faults.reversible import InapplicableError, ReversibleFault
+from fedora_qa.faults.reversible import ReversibleFault
 from fedora_qa.judgement.judge import Alarm, Judged
 from fedora_qa.record.types import Measurement, Result
 from fedora_qa.sequence.window import Span
@@ -74,11 +74,18 @@ class TrialBench:
 
     def undo(self, fault: ReversibleFault) -> UndoTrial | None:
         """Undo a fault alone, and return what that changes; None where it cannot be undone, or no work is left."""
+        planned = len(self.run.planned(self.run.ready))
+        if self._left <= planned:
+            return None
         try:
             undoing = fault.undo(self.run.ready.facts, self.run.sequence)
             prepared = self.run.altered(undoing)
-        except InapplicableError:
+        # Rows that are damaged, or a size without meaning: what cannot be undone is not tested, and the record stands.
+        except Exception:  # noqa: BLE001 - any error of a trial costs this trial only
             return None
+        if undoing.moves_time:
+            # All timestamps were read again, as by one check in all windows.
+            self._take(planned)
         failed = {check_of(alarm) for alarm in self.alarms}
         affected = self._affected(fault, failed)
         trial: UndoTrial | None = None
@@ -146,10 +153,13 @@ class TrialBench:
     def _judged(
         self, checks: Sequence[Check[Any]], spans: Sequence[Span], prepared: Prepared
     ) -> tuple[dict[str, Result], tuple[str, ...]]:
-        self._left -= len(spans) * len(checks)
-        self.work_done += len(spans) * len(checks)
+        self._take(len(spans) * len(checks))
         judged, crashes = self.run.judged(checks, spans, prepared)
         return _by_check(judged), tuple(crashes)
+
+    def _take(self, work: int) -> None:
+        self._left -= work
+        self.work_done += work
 
     def _deviations(self, count: int) -> list[tuple[Alarm, Measurement]]:
         """Return the findings that the windows of a trial show without the fault undone, with their measurements."""
@@ -250,7 +260,8 @@ def run_trials(
             again = magnitude / (1.0 - ratio) if ratio < _STRAIGHT else magnitude
             if abs(again - magnitude) > _SIZED * abs(magnitude):
                 refitted = _best_trial(bench, candidate, again)
-                best = max((best, refitted), key=lambda t: t.balance) if refitted else best
+                if refitted is not None and refitted.balance > best.balance:
+                    best = replace(refitted, size=again)
         if best is not None:
             trials[candidate.cause, candidate.stream] = best
             if best.succeeds and not best.left:

@@ -149,3 +149,19 @@ def test_from_python(given: None, sequence: Path) -> None:
     for arguments in ((sequence,), (sequence, sequence), (sequence, out)):
         with pytest.raises(MisuseError):
             package.repair(*arguments)
+
+
+def test_a_fault_is_found_confirmed_and_repaired(park_day: Path, tmp_path: Path, fedora_qa: Command) -> None:
+    """Flow that points backwards: the diagnosis undoes it, the repair writes the clean rows to the bit."""
+    faulty, repaired = tmp_path / "backwards.h5", tmp_path / "repaired.h5"
+    faulty.write_bytes(park_day.read_bytes())
+    with h5py.File(faulty, "r+") as file:
+        for rate in ("10hz", "25hz", "50hz"):
+            file[f"path/flow/{rate}"][...] *= -1
+    done = fedora_qa("repair", faulty, "-o", repaired)
+    assert (done.code, "flow points backwards" in done.out) == (0, True), done.out + done.err
+    with h5py.File(park_day) as clean, h5py.File(repaired) as file:
+        for rate in ("10hz", "25hz", "50hz"):
+            key = f"path/flow/{rate}"
+            assert clean[key][()].tobytes() == file[key][()].tobytes()
+        assert len(file["provenance/repairs"]) == 1
