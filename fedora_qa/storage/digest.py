@@ -1,11 +1,17 @@
-"""Identify a file by the SHA-256 of its content, of a large one by that of evenly spread pieces."""
+"""Identify a file by the SHA-256 of its content, of a large one by that of evenly spread pieces.
+
+A folder is identified by the SHA-256 of a list: of each file (``folder.list_files``), in the order of names, the digest
+in hexadecimal, two spaces, the name and a line break, as ``sha256sum`` prints them.
+"""
 
 import hashlib
+from collections.abc import Iterable
 from contextlib import closing
 from dataclasses import dataclass
 from pathlib import Path
 from typing import BinaryIO, Final, Literal
 
+from fedora_qa.storage.folder import list_files
 from fedora_qa.storage.place import Place, RemoteFile
 from fedora_qa.storage.remote_bytes import RemoteBytes
 from fedora_qa.storage.traffic import NO_TRAFFIC, Traffic
@@ -14,6 +20,7 @@ from fedora_qa.storage.version import Version, local_version
 _WHOLE_UP_TO: Final = 1 << 30
 _PIECE: Final = 1 << 20
 _PIECES: Final = 64
+_PIECE_IN_FOLDER: Final = 1 << 14
 
 
 @dataclass(frozen=True, slots=True)
@@ -30,7 +37,9 @@ class Digest:
 
 
 def whole_digest(path: Path) -> str:
-    """Return the SHA-256 of all of a file, whatever its size."""
+    """Return the SHA-256 of all of a file or folder, whatever its size."""
+    if path.is_dir():
+        return _of_list((file.name, whole_digest(path / file.name)) for file in list_files(path))
     with path.open("rb") as file:
         return hashlib.file_digest(file, "sha256").hexdigest()
 
@@ -41,6 +50,9 @@ def file_digest(path: Place) -> Digest:
     Files over 1 GiB get a partial digest: of their size, and of 64 evenly spread pieces of 1 MiB with the first and the
     last among them. It is the same wherever the file lies. A file behind a URL always gets a partial digest: where it
     is at most 1 GiB long, the pieces are together a 256th of it, so that the digest costs less than the quickest check.
+
+    Of a folder whose files have over 1 GiB together, each file over 1 MiB gets a partial digest, of 64 pieces of
+    16 KiB: images are mostly read whole, and a file of events costs no more than an image.
     """
     if isinstance(path, RemoteFile):
         # Blocks of one byte: no more is fetched than the pieces themselves.
@@ -50,10 +62,29 @@ def file_digest(path: Place) -> Digest:
             sha256 = _of_pieces(remote, size, piece_bytes)
             return Digest(sha256, "partial", remote.version, remote.traffic)
     version = local_version(path)
+    if path.is_dir():
+        if version.size <= _WHOLE_UP_TO:
+            return Digest(whole_digest(path), "full", version)
+        listed = ((file.name, _in_large_folder(path / file.name, file.size)) for file in list_files(path))
+        return Digest(_of_list(listed), "partial", version)
     if version.size <= _WHOLE_UP_TO:
         return Digest(whole_digest(path), "full", version)
     with path.open("rb") as file:
         return Digest(_of_pieces(file, version.size, _PIECE), "partial", version)
+
+
+def _in_large_folder(path: Path, size: int) -> str:
+    if size <= _PIECES * _PIECE_IN_FOLDER:
+        return whole_digest(path)
+    with path.open("rb") as file:
+        return _of_pieces(file, size, _PIECE_IN_FOLDER)
+
+
+def _of_list(digests: Iterable[tuple[str, str]]) -> str:
+    listed = hashlib.sha256()
+    for name, sha256 in digests:
+        listed.update(f"{sha256}  {name}\n".encode())
+    return listed.hexdigest()
 
 
 def _of_pieces(file: BinaryIO | RemoteBytes, size: int, piece: int) -> str:

@@ -10,6 +10,21 @@ from fedora_qa.storage.remote_bytes import RemoteBytes
 _SIGNATURE: Final = b"\x89HDF\r\n\x1a\n"
 _LARGEST_USER_BLOCK: Final = 1 << 20
 
+_OTHERS: Final = (
+    (b"PK\x03\x04", "a ZIP archive; unpack it first"),
+    (b"\x1f\x8b", "a gzip archive; unpack it first"),
+    (b"\xfd7zXZ", "an xz archive; unpack it first"),
+    (b"\x28\xb5\x2f\xfd", "a Zstandard archive; unpack it first"),
+    (b"\x89PNG", "a PNG image; give the folder of the sequence"),
+    (b"\x93NUMPY", "an array of NumPy; give the folder of the sequence"),
+    (b"CDF", "a netCDF 3 file"),
+    (b"#AEDAT", "an AEDAT recording"),
+    (b"#!AER-DAT", "an AEDAT recording"),
+    (b"#ROSBAG", "a ROS bag"),
+    (b"\x89MCAP", "an MCAP recording"),
+)
+"""First bytes of other formats that are given in place of HDF5, and what they are."""
+
 
 def require_signature(path: Place) -> None:
     """Raise ``MisuseError`` where there is no such file, it may not be read, or it does not begin like HDF5."""
@@ -30,14 +45,16 @@ def require_signature(path: Place) -> None:
 
 def require_signature_in(path: Place, file: BinaryIO | RemoteBytes) -> None:
     """Look for the signature where HDF5 allows it: at 0, 512, 1024, 2048 ... bytes (a user block may come first)."""
-    offset = 0
+    offset, start = 0, b""
     while offset <= _LARGEST_USER_BLOCK:
         file.seek(offset)
         first_bytes = file.read(len(_SIGNATURE))
         if first_bytes == _SIGNATURE:
             return
+        start = start or first_bytes or b""
         if first_bytes is None or len(first_bytes) < len(_SIGNATURE):
             break
         # The signature lies at 0, 512 and each doubling (HDF5 File Format Specification, II.A).
         offset = 2 * offset or 512
-    raise NotHdf5Error(f"Expected an HDF5 file, got something else (no HDF5 signature): {path}")
+    other = next((words for beginning, words in _OTHERS if start.startswith(beginning)), "something else")
+    raise NotHdf5Error(f"Expected an HDF5 file, got {other} (no HDF5 signature): {path}")

@@ -1,0 +1,111 @@
+"""Columns of numbers in text: timestamps, intervals, trajectories of TUM, CSV with or without a head."""
+
+import io
+from dataclasses import dataclass
+from functools import lru_cache
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fedora_qa.sources.source import SourceError
+
+LARGEST_BYTES: Final = 256 << 20
+"""Largest file: text is parsed as a whole. Two million poses of TUM fit."""
+
+MOST_COLUMNS: Final = 64
+
+_HEAD_LINES: Final = 8
+"""Lines without numbers at the beginning, which are names of columns or remarks."""
+
+
+@dataclass(frozen=True, slots=True)
+class NumberTable:
+    """Rows of numbers in a text file. Each process parses it once.
+
+    Attributes
+    ----------
+    path
+        The file.
+    changed_ns
+        Time of its last change: other content is parsed anew.
+    shape
+        (rows, columns).
+    kind
+        ``int64`` where every number is whole, else ``float64``.
+    """
+
+    path: Path
+    changed_ns: int
+    shape: tuple[int, ...]
+    kind: str
+
+    @property
+    def dtype(self) -> np.dtype[Any]:
+        """Whole or floating-point numbers."""
+        return np.dtype(self.kind)
+
+    @property
+    def rows_together(self) -> int:
+        """Any number."""
+        return 0
+
+    def rows(self, start: int, stop: int) -> NDArray[Any]:
+        """Return rows, (stop - start, columns)."""
+        return _parsed(self.path, self.changed_ns)[start:stop].copy()
+
+
+def number_table(path: Path) -> NumberTable:
+    """Return the numbers in a text file; raises ``SourceError`` or ``OSError``."""
+    changed_ns = path.stat().st_mtime_ns
+    numbers = _parsed(path, changed_ns)
+    return NumberTable(path, changed_ns, numbers.shape, str(numbers.dtype))
+
+
+@lru_cache(maxsize=8)
+def _parsed(path: Path, changed_ns: int) -> NDArray[Any]:
+    size = path.stat().st_size
+    if size > LARGEST_BYTES:
+        message = f"Expected {path.name} in {LARGEST_BYTES} bytes at most, got {size}; write it as HDF5 or NPY"
+        raise SourceError("too_large", "wrong_shape", message)
+    try:
+        lines = path.read_bytes().decode("utf-8-sig").splitlines()
+    except UnicodeDecodeError:
+        raise SourceError(
+            "unreadable", "wrong_dtype", f"Expected numbers as text in {path.name}, got other bytes"
+        ) from None
+    kept = [
+        line for line in (raw.partition("#")[0].replace(",", " ").replace(";", " ").strip() for raw in lines) if line
+    ]
+    # Names of columns come before the first line of numbers.
+    head = 0
+    while head < min(len(kept), _HEAD_LINES) and not _is_number(kept[head].split()[0]):
+        head += 1
+    body = kept[head:]
+    if not body:
+        return np.empty((0, 1), np.int64)
+    columns = len(body[0].split())
+    if columns > MOST_COLUMNS:
+        raise SourceError(
+            "wrong_shape", "wrong_shape", f"Expected {MOST_COLUMNS} columns at most in {path.name}, got {columns}"
+        )
+    for number, line in enumerate(body):
+        if len(line.split()) != columns:
+            message = f"Expected {columns} numbers in row {number} of {path.name}, got {len(line.split())}"
+            raise SourceError("wrong_shape", "truncated", message)
+    text = "\n".join(body)
+    for dtype in (np.int64, np.float64):
+        try:
+            return np.loadtxt(io.StringIO(text), dtype=dtype, ndmin=2, comments=None)
+        except (ValueError, OverflowError):
+            continue
+    raise SourceError("wrong_dtype", "wrong_dtype", f"Expected numbers in every row of {path.name}, got other text")
+
+
+def _is_number(word: str) -> bool:
+    try:
+        float(word)
+    except ValueError:
+        return False
+    return True

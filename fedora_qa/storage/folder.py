@@ -1,0 +1,61 @@
+"""List the files of a folder that is read as one sequence. No file is opened."""
+
+import os
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Final
+
+from fedora_qa.errors import MisuseError
+
+MOST_FILES: Final = 200_000
+"""Files below one folder: an hour of images at 50 Hz has 180,000."""
+
+DEEPEST: Final = 8
+"""Folders within folders; DSEC has three."""
+
+
+@dataclass(frozen=True, slots=True)
+class FolderFile:
+    """A file below a folder; ``name`` is relative to it, with slashes."""
+
+    name: str
+    size: int
+    changed_ns: int
+
+
+def list_files(folder: Path) -> tuple[FolderFile, ...]:
+    """Return the regular files below a folder, in the order of their names.
+
+    Hidden files and folders are left out: programs keep their own there. A link counts as what it leads to if that lies
+    in the folder as well. Any other link is left out, as a folder must not decide which files outside of it are read.
+
+    Raises
+    ------
+    MisuseError
+        There is no such folder, it may not be read, or it holds more than ``MOST_FILES``.
+    """
+    files: list[FolderFile] = []
+    root = Path(os.path.realpath(folder))
+    waiting = [("", 0)]
+    try:
+        while waiting:
+            inside, depth = waiting.pop()
+            with os.scandir(folder / inside) as entries:
+                for entry in entries:
+                    name = f"{inside}/{entry.name}" if inside else entry.name
+                    # A name that is no UTF-8 is in no dialect, and cannot be written into a record.
+                    if entry.name.startswith(".") or not entry.name.isprintable():
+                        continue
+                    if entry.is_symlink() and not Path(os.path.realpath(entry.path)).is_relative_to(root):
+                        continue
+                    if entry.is_dir(follow_symlinks=False):
+                        if depth < DEEPEST:
+                            waiting.append((name, depth + 1))
+                    elif entry.is_file():
+                        status = entry.stat()
+                        files.append(FolderFile(name, status.st_size, status.st_mtime_ns))
+                        if len(files) > MOST_FILES:
+                            raise MisuseError(f"Expected {MOST_FILES} files at most below {folder}, got more")
+    except OSError as error:
+        raise MisuseError(f"Expected a folder that can be read, got {error.strerror or error}: {folder}") from error
+    return tuple(sorted(files, key=lambda file: file.name))
