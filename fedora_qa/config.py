@@ -79,6 +79,8 @@ class CheckConfig:
     """Subjects or checks to leave out."""
     dialect: str | None = None
     """How the files name and scale their data: a name, or a TOML file beside this one; recognised where absent."""
+    metadata: str | None = None
+    """A TOML file beside this one whose table [metadata] declares what the sequences do not say; none where absent."""
     profile: Literal["release", "training", "strict"] = "release"
     """From which size a deviation matters: to publish the data, to train on them, or any size."""
     fail_on: Literal["failed", "warned"] = "failed"
@@ -108,6 +110,8 @@ class CheckConfig:
         deciding = {name: value for name, value in asdict(self).items() if name not in _DECIDES_NOTHING}
         if not self.allow_external:
             del deciding["allow_external"]  # as when there was no such key
+        if self.metadata is None:
+            del deciding["metadata"]
         # Sorted keys and fixed separators, so that equal configurations give equal bytes.
         canonical = json.dumps(deciding, sort_keys=True, separators=(",", ":"))
         return hashlib.sha256(canonical.encode()).hexdigest()
@@ -164,10 +168,12 @@ def read_toml(path: Path, reader: TypeAdapter[T], noun: str) -> T:
 
 
 def files_beside(config: CheckConfig, path: Path) -> CheckConfig:
-    """Return the configuration with folders, and a dialect's file, relative to the file that names them."""
+    """Return the configuration with folders and other files relative to the file that names them."""
     # Relative to the file, so that a release can be checked from any working directory.
     folders = tuple(str(path.parent / folder) for folder in config.allow_external)
     config = replace(config, allow_external=folders)
+    if config.metadata is not None:
+        config = replace(config, metadata=str(path.parent / config.metadata))
     if config.dialect is not None and config.dialect.endswith(".toml"):
         return replace(config, dialect=str(path.parent / config.dialect))
     return config

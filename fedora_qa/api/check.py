@@ -8,9 +8,10 @@ from typing import Any
 
 from fedora_qa.api.checked import CheckedRecord
 from fedora_qa.cli.arrays import arrays_beside, read_arrays
-from fedora_qa.cli.check import check_options, require_hdf5
+from fedora_qa.cli.check import check_options
 from fedora_qa.cli.check_all import Request, check_all, executor_for
 from fedora_qa.cli.record import evidence_arrays, record_of
+from fedora_qa.cli.sequences import sequences_of
 from fedora_qa.config import CheckConfig, read_config, with_options
 from fedora_qa.errors import MisuseError
 from fedora_qa.evidence.options import EvidenceOptions
@@ -28,7 +29,7 @@ def check(
     Parameters
     ----------
     paths
-        HDF5 files, each once.
+        HDF5 files, folders that are one sequence, and folders of these, each once.
     config
         A ``fedora-qa.toml`` whose options hold where none are given here.
     evidence
@@ -52,12 +53,12 @@ def check(
     settings = with_options(read_config(Path(config)) if config else CheckConfig(), options)
     engine_options = replace(check_options(settings), evidence=EvidenceOptions() if evidence else None)
     # Before workers are started: a wrong path is a misuse of the call, not a finding.
-    require_hdf5(files)
+    sequences = sequences_of(files, engine_options.dialect)
     started = datetime.now(UTC).isoformat(timespec="seconds")
     executor = executor_for(settings, in_process=not apart)
     # Read here, as ``check_all`` closes the executor.
     jobs = executor.capacity
-    runs = check_all(files, Request(settings, engine_options, started), executor)
+    runs = check_all(sequences, Request(settings, engine_options, started), executor)
     return _with_arrays(record_of(runs, settings, started, {"jobs": jobs}), evidence_arrays(runs))
 
 

@@ -1,7 +1,7 @@
 """``fedora-qa check``: check files, write the requested outputs, and print a summary."""
 
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime
 from pathlib import Path
@@ -17,12 +17,14 @@ from fedora_qa.cli.options import (
     config_option,
     dialect_option,
     ignore_option,
+    metadata_option,
     record_options,
     select_option,
 )
 from fedora_qa.cli.outputs import Outputs
 from fedora_qa.cli.record import evidence_arrays, record_of
 from fedora_qa.cli.resume import resume_folder
+from fedora_qa.cli.sequences import sequences_of
 from fedora_qa.cli.startup import START_TIME, loading_modules
 from fedora_qa.cli.summary import print_record
 from fedora_qa.config import CheckConfig, read_config
@@ -31,10 +33,9 @@ from fedora_qa.errors import MisuseError
 from fedora_qa.evidence.options import EvidenceOptions
 from fedora_qa.record.types import Record
 from fedora_qa.storage.place import Place, place_of
-from fedora_qa.storage.signature import require_signature
 
 if TYPE_CHECKING:  # the process that distributes the work loads no measuring code
-    from fedora_qa.layout.dialect import Dialect
+    from fedora_qa.layout.dialect import DialectChoice
 
 _SECONDS_PER_UNIT: Final[Mapping[str, float]] = {"s": 1.0, "m": 60.0, "h": 3600.0}
 
@@ -88,6 +89,7 @@ class BudgetParam(click.ParamType):  # type: ignore[type-arg]  # generic only fr
 @ignore_option
 @config_option
 @dialect_option
+@metadata_option
 @click.option(
     "--profile",
     type=click.Choice(["release", "training", "strict"]),
@@ -128,7 +130,7 @@ def check(
     outputs: Outputs,
     **overrides: Any,
 ) -> int:
-    """Check FILES: recompute what must hold between their streams, and report what does not.
+    """Check FILES, or folders of them: recompute what must hold between their streams, and report what does not.
 
     Exit codes: 0 clean; 1 findings at or above --fail-on; 2 misuse; 3 incomplete. With several, 2 before 3 before 1.
     """
@@ -143,8 +145,8 @@ def check(
     options = replace(check_options(settings), evidence=EvidenceOptions() if outputs.show_evidence else None)
     options = replace(options, budget_s=budget.seconds if budget else None)
     # Misuse is reported before hours of measuring, not after them.
+    files = sequences_of(files, options.dialect)
     outputs.require_writable([file for file in files if isinstance(file, Path)])
-    require_hdf5(files)
     started = datetime.now(UTC).isoformat(timespec="seconds")
     stored = resume_folder(resume, settings, options) if resume else None
     executor = executor_for(settings, dask)
@@ -179,22 +181,26 @@ def check_options(settings: CheckConfig) -> CheckOptions:
             raise MisuseError(
                 "Expected at least one check to run, got a selection that leaves none; see `fedora-qa checks`"
             )
-    dialect: Dialect | None = None
-    if settings.dialect:
-        from fedora_qa.layout.dialect import load_dialect  # noqa: PLC0415 - loads HDF5
-
-        dialect = load_dialect(settings.dialect)
     return CheckOptions(
         effort=settings.effort,
         select=settings.select,
         ignore=settings.ignore,
-        dialect=dialect,
+        dialect=dialect_choice(settings.dialect, settings.metadata),
         memory_bytes=settings.memory_bytes,
         false_alarm_rate=settings.false_alarm_rate,
         profile=settings.profile,
         canary=settings.canary,
         allow_external=external_folders(settings.allow_external),
     )
+
+
+def dialect_choice(dialect: str | None, metadata: str | None) -> "DialectChoice":
+    """Return how sequences are read, by the names of a dialect and of a file of metadata; raises ``MisuseError``."""
+    if not dialect and not metadata:
+        return None
+    from fedora_qa.layout.dialect import load_choice  # noqa: PLC0415 - loads HDF5
+
+    return load_choice(dialect, metadata)
 
 
 def external_folders(names: tuple[str, ...]) -> tuple[Path, ...]:
@@ -205,17 +211,6 @@ def external_folders(names: tuple[str, ...]) -> tuple[Path, ...]:
         if not folder.is_dir():
             raise MisuseError(f"Expected a folder in which other files may be read, got {folder}")
     return folders
-
-
-def require_hdf5(files: Sequence[Place]) -> None:
-    """Raise ``MisuseError`` before any work where a path is missing, given twice, or not an HDF5 file.
-
-    Only the first bytes of a file are read here: HDF5 may crash on the rest, so that other processes read it.
-    """
-    for path in files:
-        if list(files).count(path) > 1:
-            raise MisuseError(f"Expected each file once, got {path} {files.count(path)} times")
-        require_signature(path)
 
 
 def parse_budget(text: str) -> Budget:

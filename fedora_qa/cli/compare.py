@@ -9,12 +9,13 @@ from typing import Final
 import click
 
 from fedora_qa.cli.arrays import arrays_beside, read_arrays
-from fedora_qa.cli.check import external_folders, require_hdf5
+from fedora_qa.cli.check import external_folders
 from fedora_qa.cli.console import print_table, stdout_console, text
 from fedora_qa.cli.isolated import run_isolated
-from fedora_qa.cli.options import PATH, allow_external_option, dialect_option, memory_option
+from fedora_qa.cli.options import PATH, allow_external_option, dialect_option, memory_option, metadata_option
 from fedora_qa.cli.outputs import Outputs
 from fedora_qa.cli.progress import progress_bar
+from fedora_qa.cli.sequences import HDF5_SUFFIXES, require_hdf5
 from fedora_qa.comparison.compare import DEFAULT_FALSE_ALARM_RATE
 from fedora_qa.comparison.compare import compare as compare_subjects
 from fedora_qa.comparison.paper_tables import paper_tables
@@ -27,11 +28,11 @@ from fedora_qa.engine.executor import Task
 from fedora_qa.engine.statistics import collect_statistics
 from fedora_qa.engine.tasks import opening_test
 from fedora_qa.errors import MisuseError
-from fedora_qa.layout.dialect import Dialect, load_dialect
+from fedora_qa.layout.dialect import Dialect, DialectChoice, load_choice, split_choice
+from fedora_qa.layout.folder import is_sequence
 from fedora_qa.record.atomic import write_text
 from fedora_qa.record.json_io import read_record
 
-_SEQUENCES: Final = {".h5", ".hdf5"}
 _RECORD: Final = ".json"
 
 
@@ -51,6 +52,7 @@ _RECORD: Final = ".json"
     help="Probability that the comparison reports any difference where there is none.",
 )
 @dialect_option
+@metadata_option
 @memory_option
 @allow_external_option
 @click.option("--json", "json_path", type=PATH, metavar="OUT", help="Write every number.")
@@ -61,6 +63,7 @@ def compare(
     design: Design | None,
     false_alarm_rate: float,
     dialect: str | None,
+    metadata: str | None,
     memory: str,
     allow_external: tuple[str, ...],
     json_path: Path | None,
@@ -74,9 +77,9 @@ def compare(
     """
     if len(paths) < 2:
         raise MisuseError(f"Expected two or more subjects to compare, got {len(paths)}")
-    dialect_read = load_dialect(dialect) if dialect else None
+    dialect_read = load_choice(dialect, metadata)
     memory_bytes = parse_bytes(memory)
-    sources = sources_of(paths)
+    sources = sources_of(paths, split_choice(dialect_read)[0])
     read = [path for source in sources for path in source.paths]
     # The arrays beside each record are inputs as well: no output may overwrite them.
     Outputs(json_path, markdown_path, html_path).require_writable([*read, *map(arrays_beside, read)])
@@ -116,8 +119,11 @@ class Source:
     records: bool
 
 
-def sources_of(paths: Sequence[Path]) -> tuple[Source, ...]:
+def sources_of(paths: Sequence[Path], dialect: Dialect | None = None) -> tuple[Source, ...]:
     """Return the files that the arguments name, before any of them is read.
+
+    A folder that is one sequence in the dialect, or in one of the package, stands for itself; of another, the sequences
+    directly in it.
 
     Raises
     ------
@@ -129,11 +135,16 @@ def sources_of(paths: Sequence[Path]) -> tuple[Source, ...]:
             raise MisuseError(f"Expected each path once, got {path} {paths.count(path)} times")
     sources = []
     for path in paths:
-        if not path.is_dir():
-            sources.append(Source(path, (path,), path.suffix.lower() == _RECORD))
+        if not path.is_dir() or is_sequence(path, dialect):
+            sources.append(Source(path, (path,), not path.is_dir() and path.suffix.lower() == _RECORD))
             continue
-        inside = sorted(entry for entry in path.iterdir() if entry.is_file())
-        sequences = tuple(entry for entry in inside if entry.suffix.lower() in _SEQUENCES)
+        entries = sorted(path.iterdir())
+        inside = [entry for entry in entries if entry.is_file()]
+        sequences = tuple(
+            entry
+            for entry in entries
+            if (is_sequence(entry, dialect) if entry.is_dir() else entry.suffix.lower() in HDF5_SUFFIXES)
+        )
         # Only a record with its arrays: distributions cannot be compared without them, and other JSON is no record.
         records = tuple(entry for entry in inside if entry.suffix.lower() == _RECORD and arrays_beside(entry).is_file())
         if not sequences and not records:
@@ -141,14 +152,14 @@ def sources_of(paths: Sequence[Path]) -> tuple[Source, ...]:
         sources.append(Source(path, sequences or records, not sequences))
     for source in sources:
         if not source.records:
-            require_hdf5(source.paths)
+            require_hdf5([path for path in source.paths if not path.is_dir()])
         elif not source.paths[0].is_file():
             raise MisuseError(f"Expected a record at {source.path}, got no such file")
     return tuple(sources)
 
 
 def read_sources(
-    sources: Sequence[Source], dialect: Dialect | None, memory_bytes: int, allow_external: Sequence[Path] = ()
+    sources: Sequence[Source], dialect: DialectChoice, memory_bytes: int, allow_external: Sequence[Path] = ()
 ) -> tuple[SubjectInput, ...]:
     """Read the records, and measure the other files, each in a process of its own; raises as ``run_isolated``."""
     names = labels([str(source.path) for source in sources])

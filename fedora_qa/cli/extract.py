@@ -6,12 +6,13 @@ from typing import Any, get_args
 
 import click
 
-from fedora_qa.cli.check import check_options, require_hdf5, settings_from
+from fedora_qa.cli.check import check_options, settings_from
 from fedora_qa.cli.exit_codes import CLEAN, INCOMPLETE
 from fedora_qa.cli.isolated import run_isolated
 from fedora_qa.cli.options import PATH, allow_external_option
 from fedora_qa.cli.outputs import Outputs
 from fedora_qa.cli.progress import progress_bar
+from fedora_qa.cli.sequences import require_hdf5
 from fedora_qa.engine.effort import Effort
 from fedora_qa.engine.executor import Task
 from fedora_qa.engine.options import CheckOptions

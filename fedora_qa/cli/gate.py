@@ -6,12 +6,13 @@ from pathlib import Path
 
 import click
 
-from fedora_qa.cli.check import check_options, require_hdf5
+from fedora_qa.cli.check import check_options
 from fedora_qa.cli.check_all import Request, check_all, executor_for
 from fedora_qa.cli.exit_codes import CLEAN, exit_code
 from fedora_qa.cli.options import PATH, allow_external_option, record_options
 from fedora_qa.cli.outputs import Outputs
 from fedora_qa.cli.record import evidence_arrays, record_of
+from fedora_qa.cli.sequences import sequences_of
 from fedora_qa.cli.summary import print_record
 from fedora_qa.engine.options import FileRun
 from fedora_qa.evidence.options import EvidenceOptions
@@ -22,6 +23,7 @@ from fedora_qa.gate.policy import read_policy
 from fedora_qa.gate.release import find_release
 from fedora_qa.gate.rules import release_results_of
 from fedora_qa.gate.verdict import Judgement, judge_release, release_record
+from fedora_qa.layout.dialect import load_choice, split_choice
 from fedora_qa.record.json_io import read_record
 from fedora_qa.storage.digest import whole_digest
 
@@ -51,7 +53,8 @@ def gate(
     incomplete.
     """
     policy = read_policy(policy_path)
-    release = find_release(folder, policy.files)
+    choice = load_choice(policy.check.dialect, policy.check.metadata)
+    release = find_release(folder, policy.files, split_choice(choice)[0])
     paths = [sequence.path for sequence in release.sequences]
     baseline = baseline_of(read_record(baseline_path)) if baseline_path else None
     outputs = replace(outputs, own=(certificate,))
@@ -62,7 +65,7 @@ def gate(
     policy = replace(policy, check=settings)
     # Evidence needs a follow-up of the worst places; it is gathered only where an output shows it.
     options = replace(check_options(settings), evidence=EvidenceOptions() if outputs.show_evidence else None)
-    require_hdf5(paths)
+    sequences_of(paths, options.dialect)
     now = datetime.now(UTC)
     started = now.isoformat(timespec="seconds")
     executor = executor_for(settings)

@@ -1,6 +1,7 @@
 """``fedora-qa layout``: the streams of a file, their places, and what was inferred."""
 
 from collections.abc import Sequence
+from contextlib import closing
 from pathlib import Path
 from typing import Final
 
@@ -10,19 +11,23 @@ from rich.padding import Padding
 from rich.table import Table
 from rich.text import Text
 
-from fedora_qa.cli.check import external_folders, require_hdf5
+from fedora_qa.cli.check import external_folders
 from fedora_qa.cli.console import stdout_console, text
 from fedora_qa.cli.isolated_light import run_isolated_light
-from fedora_qa.cli.options import PATH, allow_external_option, dialect_option
+from fedora_qa.cli.options import PATH, allow_external_option, dialect_option, metadata_option
 from fedora_qa.cli.outputs import Outputs
+from fedora_qa.cli.sequences import require_hdf5
 from fedora_qa.errors import UnreadableFileError
 from fedora_qa.layout.describe import DatasetRow, Description, describe
-from fedora_qa.layout.dialect import Dialect, load_dialect
+from fedora_qa.layout.dialect import DialectChoice, load_choice, split_choice
 from fedora_qa.layout.draft import draft_dialect
+from fedora_qa.layout.draft_folder import draft_folder
 from fedora_qa.layout.external_files import ExternalFiles
-from fedora_qa.layout.resolve import resolve
+from fedora_qa.layout.folder import OpenFolder, matched_folder
+from fedora_qa.layout.resolve import resolve, unrecognised
 from fedora_qa.record.atomic import write_text
 from fedora_qa.record.wording import number
+from fedora_qa.storage.folder import list_files
 from fedora_qa.storage.opening_limit import opening_limit_s
 
 _LONGEST_S: Final = 20.0
@@ -36,13 +41,21 @@ _WIDE = 110
 @click.command()
 @click.argument("file", type=PATH)
 @dialect_option
+@metadata_option
 @click.option("--draft-dialect", "draft_path", type=PATH, metavar="OUT", help="Write a first dialect for the file.")
 @allow_external_option
-def layout(file: Path, dialect: str | None, draft_path: Path | None, allow_external: tuple[str, ...]) -> int:
-    """Describe where FILE keeps each stream, what is absent and why, and what was inferred."""
-    dialect_read = load_dialect(dialect) if dialect else None
+def layout(
+    file: Path,
+    dialect: str | None,
+    metadata: str | None,
+    draft_path: Path | None,
+    allow_external: tuple[str, ...],
+) -> int:
+    """Describe where FILE, or a folder, keeps each stream, what is absent and why, and what was inferred."""
+    dialect_read = load_choice(dialect, metadata)
     Outputs(own=(draft_path,)).require_writable([file])
-    require_hdf5([file])
+    if not file.is_dir():
+        require_hdf5([file])
     arguments = (file, dialect_read, draft_path.stem if draft_path else "", external_folders(allow_external))
     description, draft = run_isolated_light(_describe_file, arguments, file, opening_limit_s(_LONGEST_S))
     if draft_path:
@@ -93,10 +106,20 @@ def layout(file: Path, dialect: str | None, draft_path: Path | None, allow_exter
 
 
 def _describe_file(
-    file: Path, dialect: Dialect | None, draft_name: str, allow_external: tuple[Path, ...]
+    file: Path, dialect: DialectChoice, draft_name: str, allow_external: tuple[Path, ...]
 ) -> tuple[Description, str]:
     """Return what a file holds, and a draft of its dialect if a name is given for it, else an empty text."""
     external_files = ExternalFiles(allow_external) if allow_external else None
+    if file.is_dir():
+        matched = matched_folder(file, split_choice(dialect)[0])
+        if matched is None:
+            files = tuple(each.name for each in list_files(file))
+            absent = tuple(unrecognised(str(file)).absent.items())
+            draft = draft_folder(file, draft_name) if draft_name else ""
+            return Description("unknown", (), absent, files, (), (), ()), draft
+        with closing(OpenFolder(matched)) as folder:
+            description = describe(folder, resolve(folder, dialect, external_files))
+        return description, draft_folder(file, draft_name) if draft_name else ""
     try:
         # The real path, because HDF5 searches for external files beside the name by which it was given this one.
         # Best-effort locking, because a read-only file system grants no locks.

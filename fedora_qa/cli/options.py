@@ -46,6 +46,12 @@ dialect_option: Final = click.option(
     help="How the files name and scale their data; recognised from each file where absent.",
 )
 
+metadata_option: Final = click.option(
+    "--metadata",
+    metavar="FILE.toml",
+    help="Declarations that the files lack, in a table [metadata]: cameras, thresholds, noise. They take precedence.",
+)
+
 memory_option: Final = click.option(
     "--memory", metavar="AMOUNT", default="1GB", show_default=True, help="Memory to aim at."
 )

@@ -65,9 +65,14 @@ class Outputs:
         # Resolved, because two names may lead to one file by a link or `..`.
         places = [path.resolve() for path in targets]
         read = {path.resolve() for path in inputs}
+        folders = [path for path in read if path.is_dir()]
         for target, place in zip(targets, places, strict=True):
             if place in read or places.count(place) > 1:
                 raise MisuseError(f"Expected an output of its own, got {target}, which is an input or another output")
+            # A folder is identified by all files in it, so that an output would change what was checked.
+            for folder in folders:
+                if place.is_relative_to(folder):
+                    raise MisuseError(f"Expected an output outside of {folder}, which is read, got {target}")
             if place.is_dir():
                 raise MisuseError(f"Expected a file to write, got a folder: {target}")
             if not place.parent.is_dir():

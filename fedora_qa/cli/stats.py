@@ -8,18 +8,19 @@ from typing import Final
 import click
 
 from fedora_qa import __version__
-from fedora_qa.cli.check import external_folders, require_hdf5
+from fedora_qa.cli.check import external_folders
 from fedora_qa.cli.console import print_table, stdout_console, text
 from fedora_qa.cli.isolated import run_isolated
-from fedora_qa.cli.options import PATH, allow_external_option, dialect_option, memory_option
+from fedora_qa.cli.options import PATH, allow_external_option, dialect_option, memory_option, metadata_option
 from fedora_qa.cli.outputs import Outputs
 from fedora_qa.cli.progress import progress_bar
+from fedora_qa.cli.sequences import sequences_of
 from fedora_qa.comparison.text_table import ABSENT, TextTable
 from fedora_qa.config import parse_bytes
 from fedora_qa.engine.executor import Task
 from fedora_qa.engine.statistics import collect_statistics
 from fedora_qa.engine.tasks import opening_test
-from fedora_qa.layout.dialect import load_dialect
+from fedora_qa.layout.dialect import load_choice
 from fedora_qa.record.atomic import write_text
 from fedora_qa.record.markdown import escape, table
 from fedora_qa.record.types import Scalar
@@ -37,6 +38,7 @@ NOTES: Final = (
 @click.command()
 @click.argument("files", nargs=-1, required=True, type=PATH)
 @dialect_option
+@metadata_option
 @memory_option
 @allow_external_option
 @click.option("--json", "json_path", type=PATH, metavar="OUT", help="Write the numbers.")
@@ -44,19 +46,20 @@ NOTES: Final = (
 def stats(
     files: tuple[Path, ...],
     dialect: str | None,
+    metadata: str | None,
     memory: str,
     allow_external: tuple[str, ...],
     json_path: Path | None,
     markdown_path: Path | None,
 ) -> int:
-    """Print statistics of FILES: duration, distance, greatest speeds, event rate, flow, depth, brightness."""
-    dialect_read = load_dialect(dialect) if dialect else None
+    """Print statistics of FILES or folders: duration, distance, greatest speeds, event rate, flow, depth, light."""
+    dialect_read = load_choice(dialect, metadata)
     memory_bytes = parse_bytes(memory)
-    Outputs(json_path, markdown_path).require_writable(files)
-    require_hdf5(files)
+    sequences = [place for place in sequences_of(files, dialect_read, needs_rows=True) if isinstance(place, Path)]
+    Outputs(json_path, markdown_path).require_writable(sequences)
     folders = external_folders(allow_external)
     by_file: dict[str, Statistics] = {}
-    for path in files:
+    for path in sequences:
         with progress_bar(path.name) as report:
             task = Task(collect_statistics, (path, dialect_read, memory_bytes, folders, False))
             opening = opening_test(path, dialect_read, folders)

@@ -1,5 +1,6 @@
 """The summary in the terminal after a check: the verdict, its causes, their remedies, and the findings behind them."""
 
+from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Final
 
@@ -143,7 +144,14 @@ def _file(file: FileRecord, width: int) -> Iterator[RenderableType]:
     if reasons(file.results):
         yield from _section("Reasons", [text(reason) for reason in reasons(file.results)])
     if file.inferred:
-        inferred = (f"{name} {number(v) if isinstance(v, float) else v}" for name, v in file.inferred.items())
+        # Of declarations only how many each makes: `fedora-qa layout` and the record have them one by one.
+        made = [str(v).partition(": ")[0] for name, v in file.inferred.items() if name.startswith("declared.")]
+        inferred = [
+            f"{name} {number(v) if isinstance(v, float) else v}"
+            for name, v in file.inferred.items()
+            if not name.startswith("declared.")
+        ]
+        inferred += [f"{count} declarations by {origin}" for origin, count in Counter(made).items()]
         yield Text.assemble(("Inferred  ", "bold"), text("; ".join(inferred)))
         yield Text()
 

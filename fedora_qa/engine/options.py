@@ -16,7 +16,7 @@ if TYPE_CHECKING:  # commands that measure nothing load neither NumPy nor HDF5
 
     from fedora_qa.faults.reversible import ReversibleFault
     from fedora_qa.judgement.materiality import Profile
-    from fedora_qa.layout.dialect import Dialect
+    from fedora_qa.layout.dialect import DialectChoice
 
 _MEBIBYTE: Final = 1 << 20
 
@@ -31,7 +31,7 @@ class CheckOptions:
         Names of checks (``subject`` or ``subject.property``) to run, all where empty, and to leave out. What is
         selected also bounds the statistics: values of streams that no selected check needs are not decoded.
     dialect
-        Names and units of the datasets; recognised from the file when None.
+        Names and units of the datasets, recognised from the file when None; and what is declared beside the files.
     memory_bytes
         A target: shares of it bound the decoded blocks and the arrays computed from single images. Other arrays of
         checks follow from the size of frames and the number of events.
@@ -50,7 +50,7 @@ class CheckOptions:
     effort: Effort = "full"
     select: tuple[str, ...] = ()
     ignore: tuple[str, ...] = ()
-    dialect: "Dialect | None" = None
+    dialect: "DialectChoice" = None
     memory_bytes: int = 1024 * _MEBIBYTE
     false_alarm_rate: float = DEFAULT_FALSE_ALARM_RATE
     profile: "Profile" = "strict"

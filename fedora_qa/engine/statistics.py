@@ -12,7 +12,7 @@ from fedora_qa.engine.measure import Accumulator, attempt, measure
 from fedora_qa.engine.survey import prepare
 from fedora_qa.engine.worker import Worker
 from fedora_qa.evidence.distributions import DistributionsCollector
-from fedora_qa.layout.dialect import Dialect
+from fedora_qa.layout.dialect import DialectChoice
 from fedora_qa.sequence.sequence import open_sequence
 from fedora_qa.sequence.window import Sampling
 from fedora_qa.statistics.collector import Statistics, StatisticsCollector
@@ -28,7 +28,7 @@ class FileStatistics:
 
 def collect_statistics(
     path: Path,
-    dialect: Dialect | None,
+    dialect: DialectChoice,
     memory_bytes: int,
     allow_external: Iterable[Path],
     with_distributions: bool,

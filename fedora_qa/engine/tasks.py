@@ -15,7 +15,7 @@ from fedora_qa.engine.survey import OpenSurvey, Survey, opened
 from fedora_qa.engine.survey import survey_file as survey_of
 from fedora_qa.engine.worker import Worker
 from fedora_qa.errors import UnreadableFileError
-from fedora_qa.layout.dialect import Dialect
+from fedora_qa.layout.dialect import DialectChoice
 from fedora_qa.sequence.sequence import open_sequence
 from fedora_qa.storage.opening_limit import opening_limit_s
 from fedora_qa.storage.place import Place, RemoteFile
@@ -28,7 +28,7 @@ Audience = Literal["planned", "steady", "sampled"]
 """Who gets a window: all whom the plan gives it to; checks that get every window, whatever the plan; all others."""
 
 
-def opening_test(path: Place, dialect: Dialect | None = None, allow_external: Iterable[Path] = ()) -> Task | None:
+def opening_test(path: Place, dialect: DialectChoice = None, allow_external: Iterable[Path] = ()) -> Task | None:
     """Return the task that tests whether a file opens within a limit of time; None for a file behind a URL.
 
     Raises
@@ -41,7 +41,7 @@ def opening_test(path: Place, dialect: Dialect | None = None, allow_external: It
     return Task(open_and_close, (path, dialect, tuple(allow_external)), limit_s=opening_limit_s(_OPENING_S))
 
 
-def open_and_close(path: Place, dialect: Dialect | None, allow_external: Iterable[Path], _: Worker) -> None:
+def open_and_close(path: Place, dialect: DialectChoice, allow_external: Iterable[Path], _: Worker) -> None:
     """Open a file as later tasks do; one that HDF5 refuses is theirs to report."""
     with suppress(UnreadableFileError):
         open_sequence(path, dialect, allow_external=allow_external).close()

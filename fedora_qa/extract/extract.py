@@ -16,6 +16,7 @@ from fedora_qa.extract.cut import Cutter
 from fedora_qa.extract.place import pieces_around, place_of
 from fedora_qa.extract.rows import CutRows
 from fedora_qa.layout.detect import detect_dialect
+from fedora_qa.layout.dialect import split_choice
 from fedora_qa.layout.external_files import ExternalFiles
 from fedora_qa.record.atomic import replacing
 from fedora_qa.record.types import Finding
@@ -91,7 +92,11 @@ def extract(
         external_files = opened.enter_context(closing(ExternalFiles(folders))) if folders else None
         scanned = scan(sequence, window_length_ns(sequence))
         cutter = Cutter(
-            file, sequence, scanned, options.dialect or detect_dialect(file, external_files), external_files
+            file,
+            sequence,
+            scanned,
+            split_choice(options.dialect)[0] or detect_dialect(file, external_files),
+            external_files,
         )
         place = place_of(wanted.finding.where, wanted.check, scanned)
         with replacing(target) as temporary:

@@ -18,7 +18,7 @@ from fedora_qa.errors import UnreadableFileError, UnreadableRowsError, WorkerLos
 from fedora_qa.gate.policy import Policy, each_stream
 from fedora_qa.gate.release import Release
 from fedora_qa.layout.canonical import datasets_of
-from fedora_qa.layout.dialect import Dialect, load_dialect
+from fedora_qa.layout.dialect import DialectChoice, load_choice
 from fedora_qa.record.types import FileRecord, Result
 from fedora_qa.sequence.declared import Camera
 from fedora_qa.sequence.sequence import Sequence, open_sequence
@@ -61,7 +61,7 @@ class Contents:
 
 def read_contents(
     path: Path,
-    dialect: Dialect | None,
+    dialect: DialectChoice,
     streams: Iterable[str],
     poses: bool,
     allow_external: Iterable[Path],
@@ -151,7 +151,7 @@ def contents_of(
     needs = policy.required_streams, policy.same_intrinsics, policy.distinct_streams, policy.splits
     if policy.same_sequence and not any(needs):
         return {}, list(files)
-    dialect = load_dialect(policy.check.dialect) if policy.check.dialect else None
+    dialect = load_choice(policy.check.dialect, policy.check.metadata)
     names = (
         *policy.distinct_streams,
         *(_SPLIT_STREAMS if policy.splits else ()),

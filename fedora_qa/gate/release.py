@@ -6,6 +6,8 @@ from pathlib import Path, PurePosixPath
 from typing import Final
 
 from fedora_qa.errors import MisuseError
+from fedora_qa.layout.dialect import Dialect
+from fedora_qa.layout.folder import is_sequence
 
 FOLDER: Final = "."
 """The name of the release itself, beside those of its files."""
@@ -13,7 +15,7 @@ FOLDER: Final = "."
 
 @dataclass(frozen=True, slots=True)
 class SequenceFile:
-    """A sequence of the release; ``name`` is relative to the folder, with slashes."""
+    """A sequence of the release, a file or a folder; ``name`` is relative to the folder, with slashes."""
 
     name: str
     path: Path
@@ -27,29 +29,41 @@ class Release:
     sequences: tuple[SequenceFile, ...]
 
 
-def find_release(folder: Path, patterns: Iterable[str]) -> Release:
+def find_release(folder: Path, patterns: Iterable[str], dialect: Dialect | None = None) -> Release:
     """Find the sequences of a folder.
+
+    Parameters
+    ----------
+    patterns
+        Of names of files, and of folders that are one sequence each.
+    dialect
+        The dialect of the sequences; None: recognised.
 
     Raises
     ------
     MisuseError
         There is no such folder, no sequence in it, or a link in it leads out of it.
     """
-    sequences = find_sequences(folder, patterns)
+    sequences = find_sequences(folder, patterns, dialect)
     if not sequences:
         raise MisuseError(f"Expected at least one sequence in {folder}, got none that matches {', '.join(patterns)}")
     return Release(folder, sequences)
 
 
-def find_sequences(folder: Path, patterns: Iterable[str]) -> tuple[SequenceFile, ...]:
-    """Return the files that match any pattern, none hidden; raises ``MisuseError`` as ``find_release`` does."""
+def find_sequences(folder: Path, patterns: Iterable[str], dialect: Dialect | None = None) -> tuple[SequenceFile, ...]:
+    """Return what matches any pattern and is a sequence, none hidden; raises ``MisuseError`` as ``find_release`` does.
+
+    Files in a folder that is a sequence are parts of it.
+    """
     if not folder.is_dir():
         raise MisuseError(f"Expected a folder with a release, got: {folder}")
     patterns = tuple(patterns)
     for pattern in patterns:
         if not is_plain(pattern):
             raise MisuseError(f"Expected patterns beneath the folder with a release, got {pattern!r}")
-    paths = {path for pattern in patterns for path in folder.glob(pattern) if path.is_file()}
+    matching = {path for pattern in patterns for path in folder.glob(pattern)}
+    folders = {path for path in matching if path.is_dir() and path != folder and is_sequence(path, dialect)}
+    paths = folders | {path for path in matching if path.is_file() and folders.isdisjoint(path.parents)}
     names = sorted(path.relative_to(folder).as_posix() for path in paths)
     return tuple(
         SequenceFile(name, inside(folder, name))

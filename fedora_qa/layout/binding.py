@@ -18,8 +18,10 @@ from fedora_qa.conventions import POLARITY_BRIGHTER, POLARITY_DARKER
 from fedora_qa.errors import UnreadableRowsError
 from fedora_qa.layout.bitshuffle import require_sound_blocks, require_sound_chunk, uses_bitshuffle
 from fedora_qa.layout.canonical import DATASETS
+from fedora_qa.layout.conversions import Conversion, converted
 from fedora_qa.layout.direct_chunks import StoredChunks
 from fedora_qa.layout.links import READ_ERRORS
+from fedora_qa.sources.source import OutsideRows
 
 Polarity = Literal["01", "inverted", "plus_minus"]
 
@@ -80,6 +82,12 @@ class Binding:
         Shape of one stored chunk; empty for contiguous storage.
     source
         File and path there, where HDF5 reads other files for it; None: it lies in the file itself.
+    role
+        Role of the HDF5 file that holds it, in a folder.
+    outside
+        Its rows, where they do not lie in HDF5.
+    conversion
+        What is done with stored rows before units are applied; None: nothing.
     """
 
     key: str
@@ -95,6 +103,9 @@ class Binding:
     chunk_rows: int = 0
     stored_chunk: tuple[int, ...] = ()
     source: tuple[str, str] | None = None
+    role: str = ""
+    outside: OutsideRows | None = None
+    conversion: Conversion | None = None
 
     @property
     def chunk_grid(self) -> tuple[int, ...]:
@@ -104,7 +115,8 @@ class Binding:
     @property
     def is_stored_canonically(self) -> bool:
         """Whether stored values are canonical values, but for the type and the origin of time."""
-        return self.columns is None and self.scale == 1.0 and self.polarity == "01" and self.ns_per_unit in {None, 1000}
+        as_it_is = self.columns is None and self.conversion is None and self.scale == 1.0
+        return as_it_is and self.polarity == "01" and self.ns_per_unit in {None, 1000}
 
     @property
     def is_image_as_it_is(self) -> bool:
@@ -133,10 +145,17 @@ def stored_dataset(file: h5py.File, binding: Binding) -> h5py.Dataset:
     return h5py.Dataset(h5d.open(file.id, binding.source[1].encode("utf-8", "surrogateescape"), access), readonly=True)
 
 
-def raw_rows(file: h5py.File, binding: Binding, start: int, stop: int, opened: Opened | None = None) -> NDArray[Any]:
+def raw_rows(
+    file: h5py.File | None, binding: Binding, start: int, stop: int, opened: Opened | None = None
+) -> NDArray[Any]:
     """Return rows in stored units and type, columns selected and ordered canonically.
 
-    The dataset is added to ``opened``, unless that is None.
+    Parameters
+    ----------
+    file
+        The HDF5 file that holds the dataset; None where its rows lie outside of HDF5.
+    opened
+        Datasets that stay open, to which this one is added; None: it is closed.
 
     Raises
     ------
@@ -144,20 +163,7 @@ def raw_rows(file: h5py.File, binding: Binding, start: int, stop: int, opened: O
         The rows cannot be decoded: damaged bytes, a wrong checksum, or an unknown codec.
     """
     try:
-        opened = {} if opened is None else opened
-        if binding.key not in opened:
-            opened[binding.key] = StoredChunks(stored_dataset(file, binding))
-        chunks = opened[binding.key]
-        dataset = chunks.dataset
-        if chunks.uses_bitshuffle:
-            require_sound_blocks(dataset, start, stop)
-        if binding.is_image_as_it_is:
-            stored = np.empty((stop - start, *dataset.shape[1:]), dataset.dtype)
-            # Direct decoding covers one whole Blosc chunk. HDF5 reads all else, and names the fault of a damaged chunk.
-            if not chunks.decode(start, stored):
-                dataset.read_direct(stored, np.s_[start:stop])
-        else:
-            stored = np.asarray(dataset[start:stop])
+        stored = _stored_rows(file, binding, start, stop, {} if opened is None else opened)
     except READ_ERRORS as error:
         failing = tuple(_failing_chunks(file, binding, start, stop))
         cause = error.with_traceback(None)  # its frames would hold the rows that were to be read
@@ -179,10 +185,41 @@ def selected_columns(stored: NDArray[Any], binding: Binding) -> NDArray[Any]:
     return stored[..., list(binding.columns)]
 
 
-def _failing_chunks(file: h5py.File, binding: Binding, start: int, stop: int) -> Iterator[int]:
+def _stored_rows(file: h5py.File | None, binding: Binding, start: int, stop: int, opened: Opened) -> NDArray[Any]:
+    """Return rows as they are stored; raises ``READ_ERRORS``."""
+    if binding.outside is not None:
+        return binding.outside.rows(start, stop)
+    if file is None:
+        raise ValueError(f"no file is open that holds {binding.path}")
+    if binding.key not in opened:
+        opened[binding.key] = StoredChunks(stored_dataset(file, binding))
+    chunks = opened[binding.key]
+    dataset = chunks.dataset
+    if chunks.uses_bitshuffle:
+        require_sound_blocks(dataset, start, stop)
+    if not binding.is_image_as_it_is:
+        return np.asarray(dataset[start:stop])
+    stored = np.empty((stop - start, *dataset.shape[1:]), dataset.dtype)
+    # Direct decoding covers one whole Blosc chunk. HDF5 reads all else, and names the fault of a damaged chunk.
+    if not chunks.decode(start, stored):
+        dataset.read_direct(stored, np.s_[start:stop])
+    return stored
+
+
+def _failing_chunks(file: h5py.File | None, binding: Binding, start: int, stop: int) -> Iterator[int]:
     """Read the chunks of some rows one by one, and yield the numbers of those that fail, in the order of the file."""
     grid, chunk = binding.chunk_grid, binding.stored_chunk
     if not grid or start >= stop:
+        return
+    if binding.outside is not None:
+        # Images lie in a file each.
+        for row in range(start, stop):
+            try:
+                binding.outside.rows(row, row + 1)
+            except READ_ERRORS:
+                yield row
+        return
+    if file is None:
         return
     for position in product(range(start // chunk[0], -(-stop // chunk[0])), *map(range, grid[1:])):
         try:
@@ -197,7 +234,7 @@ def _failing_chunks(file: h5py.File, binding: Binding, start: int, stop: int) ->
 
 
 def canonical_rows(
-    file: h5py.File,
+    file: h5py.File | None,
     binding: Binding,
     start: int,
     stop: int,
@@ -220,6 +257,8 @@ def canonical_rows(
 
 def canonical_values(raw: NDArray[Any], binding: Binding, origin_ns: int) -> NDArray[Any]:
     """Return raw rows in canonical units, as ``canonical_rows``."""
+    if binding.conversion is not None:
+        raw = converted(raw, binding.key, binding.conversion)
     if binding.ns_per_unit is not None:
         return timestamps_ns(raw, binding, origin_ns)
     if binding.key == "path/events/p":

@@ -1,15 +1,26 @@
-"""Describe the datasets of a file and their paths: the rows of `fedora-qa layout`."""
+"""Describe the datasets of a sequence and their paths: the rows of `fedora-qa layout`."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Final
 
 import h5py
 
 from fedora_qa.layout.canonical import DATASETS, STREAMS
-from fedora_qa.layout.dialect import NS_PER_TIME_UNIT
+from fedora_qa.layout.dialect import NS_PER_TIME_UNIT, form_of
 from fedora_qa.layout.filters import filters_of
+from fedora_qa.layout.folder import OpenFolder
 from fedora_qa.layout.resolve import Layout
 from fedora_qa.layout.stored_attribute import text_attribute
 from fedora_qa.layout.walk import walk
+
+_CONVERSIONS: Final[Mapping[str, str]] = {
+    "": "",
+    "flow16": "flow of 16 bits to px",
+    "disparity": "disparity to depth",
+    "disparity16": "disparity of 16 bits to depth",
+    "matrix4": "part of 4 x 4 transformations",
+}
 
 
 @dataclass(frozen=True, slots=True)
@@ -52,7 +63,7 @@ class Description:
     absent
         Each stream that is not there or not whole, and why.
     unused
-        Datasets of the file for which the dialect has no place.
+        Datasets of the file, or files of the folder, for which the dialect has no place.
     unseen
         What the search for them left out, and why; empty where it left out nothing.
     problems
@@ -70,14 +81,25 @@ class Description:
     inferred: tuple[tuple[str, str | float], ...]
 
 
-def describe(file: h5py.File, layout: Layout) -> Description:
-    """Describe the layout that ``resolve`` returned for a file."""
-    used, walked = {binding.path for binding in layout.bindings.values()}, walk(file)
+def describe(file: h5py.File | OpenFolder, layout: Layout) -> Description:
+    """Describe the layout that ``resolve`` returned for a file or folder."""
+    unused: tuple[str, ...]
+    unseen: tuple[str, ...]
+    if isinstance(file, OpenFolder):
+        unused, unseen = file.matched.unused, ()
+    else:
+        used, walked = {binding.path for binding in layout.bindings.values()}, walk(file)
+        unused, unseen = tuple(path for path in walked.paths if path not in used), walked.unseen
     rows: list[DatasetRow] = []
     for binding in (layout.bindings[key] for key in DATASETS if key in layout.bindings):
-        dataset = file[binding.path]
+        dataset: h5py.Dataset | None = None
+        if binding.outside is None:
+            dataset = (file.hdf5[binding.role] if isinstance(file, OpenFolder) else file)[binding.path]
         # A registered name may carry a remark behind a semicolon ("bitshuffle; see https://...").
-        filters = [name.split(";")[0].strip() for _, name in filters_of(dataset)]
+        filters = [] if dataset is None else [name.split(";")[0].strip() for _, name in filters_of(dataset)]
+        codec = " + ".join(filters) or "none"
+        if binding.outside is not None:
+            codec = form_of(binding.path)
         steps: list[str] = []
         if binding.columns is not None:
             steps.append(f"columns {', '.join(map(str, binding.columns))} of the last axis")
@@ -86,6 +108,11 @@ def describe(file: h5py.File, layout: Layout) -> Description:
             steps.append(f"stamps in {unit}")
         if binding.offset_ns:
             steps.append(f"stamps {binding.offset_ns / NS_PER_TIME_UNIT['us']:+.16g} us")
+        if binding.conversion is not None:
+            steps.append(_CONVERSIONS[binding.conversion.name])
+            steps[-1] += ", inverted" if binding.conversion.invert else ""
+            if binding.conversion.invalid is not None:
+                steps.append(f"{binding.conversion.invalid:g} is invalid")
         if binding.scale != 1.0:
             steps.append(f"values times {binding.scale:.6g} to {DATASETS[binding.key].units}")
         if binding.polarity != "01":
@@ -94,21 +121,21 @@ def describe(file: h5py.File, layout: Layout) -> Description:
             DatasetRow(
                 key=binding.key,
                 stream=DATASETS[binding.key].stream,
-                path=binding.path,
+                path=f"{binding.role}: {binding.path}" if binding.role else binding.path,
                 shape=binding.shape,
                 dtype=str(binding.dtype),
-                chunks=dataset.chunks,
-                codec=" + ".join(filters) or "none",
-                units=text_attribute(dataset, "units") or "",
-                conversion=", ".join(steps),
+                chunks=binding.stored_chunk or None,
+                codec=codec,
+                units="" if dataset is None else text_attribute(dataset, "units") or "",
+                conversion=", ".join(filter(None, steps)),
             )
         )
     return Description(
         dialect=layout.dialect_name,
         datasets=tuple(rows),
         absent=tuple((stream, layout.absent[stream]) for stream in STREAMS if stream in layout.absent),
-        unused=tuple(path for path in walked.paths if path not in used),
-        unseen=walked.unseen,
+        unused=unused,
+        unseen=unseen,
         problems=tuple(problem.message for problem in layout.problems),
         inferred=tuple(layout.inferred.items()),
     )

@@ -31,6 +31,8 @@ def detect_dialect(file: h5py.File, external_files: ExternalFiles | None = None)
         count, hinted = 0, False
         for spec in DATASETS.values():
             place = dialect.place_of(spec.key)
+            # What lies in other files of a folder does not tell whose file this is.
+            place = place if place is None or place.file == dialect.first_role else None
             dataset = None if place is None else _dataset(file, place.path or spec.key, external_files)
             # Rank only: a dataset of a wrong size still identifies its dialect, and the size is reported later.
             if place is not None and dataset is not None and len(dataset.shape) in place.ranks_of(spec):

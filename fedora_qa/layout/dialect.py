@@ -1,17 +1,22 @@
-"""Dialects: layouts of others as data. Each is a TOML file that gives the place of every canonical dataset."""
+"""Dialects: layouts of others as data. Each is a TOML file that gives the place of every canonical dataset.
+
+A dialect may describe a folder: ``files`` names its parts (roles), and places then name the role that holds them. A
+dialect may also state ``metadata`` that no file of the layout holds, or holds elsewhere. A side file has the same table
+``[metadata]`` for one sequence, and takes precedence.
+"""
 
 import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from importlib import resources
 from math import pi
-from pathlib import Path
-from typing import ClassVar, Final, Literal
+from pathlib import Path, PurePosixPath
+from typing import Any, ClassVar, Final, Literal
 
 from fedora_qa.conventions import MM_PER_M, NS_PER_S, NS_PER_US, STANDARD_GRAVITY_M_S2
 from fedora_qa.errors import MisuseError
 from fedora_qa.layout.binding import Polarity
-from fedora_qa.layout.canonical import DATASETS, DatasetSpec
+from fedora_qa.layout.canonical import ATTRIBUTES, DATASETS, DatasetSpec, Size
 
 DIALECT_NAMES: Final = ("fedora", "purdue-lab", "dsec", "mvsec", "m3ed")
 
@@ -34,6 +39,62 @@ QUATERNION_COLUMNS: Final[Mapping[str, tuple[int, ...]]] = {"xyzw": (0, 1, 2, 3)
 _STRICT: Final = {"extra": "forbid"}
 """Configuration of pydantic: an unknown key is an error."""
 
+KIND: Final = "kind"
+"""Key of the metadata that states whether a sequence is recorded or synthetic."""
+
+UNKNOWN: Final = "unknown"
+"""Value of ``metadata/events/model`` where nobody states how the sensor responds."""
+
+EVENT_MODEL: Final = "metadata/events/model"
+DEPTH_RANGE: Final = "metadata/depth_range"
+DISPARITY_TO_DEPTH: Final = "metadata/disparity_to_depth"
+"""Not part of the layout: the matrix Q (4, 4) of OpenCV, by which disparity is read as depth."""
+
+METADATA_KEYS: Final = frozenset(
+    {f"{owner}/{name}".lstrip("/") for owner, name in ATTRIBUTES} | {DEPTH_RANGE, DISPARITY_TO_DEPTH, KIND}
+)
+"""What a dialect or a side file may declare."""
+
+
+Constant = str | int | float | tuple[float, ...] | tuple[tuple[float, ...], ...]
+
+
+@dataclass(frozen=True, slots=True)
+class MetadataPlace:
+    """Where a declaration lies, or a factor of one.
+
+    Attributes
+    ----------
+    file
+        Role of the file that holds it; empty in dialects of one file.
+    path
+        A dataset or object of HDF5, or the keys of a YAML, TOML or JSON document, joined by slashes.
+    attribute
+        Attribute of the object at the path; empty: the values of the dataset itself.
+    value
+        In place of a path: the value, as a factor of a product.
+    entry
+        Number of the entry of a list that is meant; None: all of it.
+    convert
+        ``fx_fy_cx_cy``: four numbers make the matrix of a pinhole camera.
+    invert
+        Whether the matrix is that of the inverse transformation.
+    """
+
+    __pydantic_config__: ClassVar[Mapping[str, str]] = _STRICT
+
+    file: str = ""
+    path: str = ""
+    attribute: str = ""
+    value: Constant | None = None
+    entry: int | None = None
+    convert: Literal["", "fx_fy_cx_cy"] = ""
+    invert: bool = False
+
+
+Declaration = MetadataPlace | tuple[MetadataPlace, ...] | Constant
+"""A place, a product of matrices at several places, or the value itself."""
+
 
 @dataclass(frozen=True, slots=True)
 class DatasetPlace:
@@ -41,8 +102,11 @@ class DatasetPlace:
 
     Attributes
     ----------
+    file
+        Role of the file, or of the images, that hold it; empty in dialects of one file.
     path
-        From the root of the file; empty: where the canonical layout puts it.
+        From the root of the file; empty: where the canonical layout puts it. In NPZ the name of the array; images,
+        NPY and text have none.
     columns
         Entries of the last axis that make the canonical columns, in canonical order; empty: all.
     time_unit
@@ -55,10 +119,21 @@ class DatasetPlace:
         ``01``: 1 brighter, 0 darker; ``inverted``: the other way round; ``plus_minus``: 1 brighter, -1 darker.
     quaternion
         Order of the stored quaternions.
+    scale
+        Factor from stored values to values in ``value_unit``.
+    invalid
+        Stored value that marks an invalid pixel, read as NaN.
+    convert
+        ``flow16``: 16-bit flow, (v - 2^15) / 128 px and a channel of validity. ``disparity``: px, read as depth by
+        ``metadata/disparity_to_depth``, 0 invalid; ``disparity16``: the same from 16 bits, v / 256 px. ``matrix4``:
+        (4, 4) transformations, of which the dataset is a part.
+    invert
+        Whether transformations are those of the world in the body, and are inverted.
     """
 
     __pydantic_config__: ClassVar[Mapping[str, str]] = _STRICT
 
+    file: str = ""
     path: str = ""
     columns: tuple[int, ...] = ()
     time_unit: Literal["s", "ms", "us", "ns"] = "us"
@@ -66,10 +141,19 @@ class DatasetPlace:
     value_unit: str = ""
     polarity: Polarity = "01"
     quaternion: Literal["xyzw", "wxyz"] = "xyzw"
+    scale: float = 1.0
+    invalid: float | None = None
+    convert: Literal["", "flow16", "disparity", "disparity16", "matrix4"] = ""
+    invert: bool = False
+
+    def stored_shape(self, spec: DatasetSpec) -> tuple[Size, ...]:
+        """Return the symbolic shape before conversion, columns left aside."""
+        # A transformation is a matrix a row; 16-bit flow has a third channel.
+        return {"matrix4": (spec.shape[0], 4, 4), "flow16": (*spec.shape[:-1], 3)}.get(self.convert, spec.shape)
 
     def ranks_of(self, spec: DatasetSpec) -> tuple[int, ...]:
         """Return the ranks that the stored dataset may have."""
-        rank = len(spec.shape)
+        rank = len(self.stored_shape(spec))
         if not self.columns:
             return (rank,)
         # Columns are picked from a last axis that a canonical dataset of rank 1 does not have. A grey image lacks it.
@@ -97,8 +181,13 @@ class Dialect:
         For people.
     canonical_elsewhere
         Whether datasets that are not named lie where the canonical layout puts them, in canonical units.
+    files
+        Patterns of the names of the files in a folder, by role, the first that matches any counts. The first role is
+        that of a file which is given without its folder; a folder without it does not fit. Empty: one HDF5 file.
     datasets
         The place of each dataset by canonical key.
+    metadata
+        Declarations by canonical key (``METADATA_KEYS``).
     hints
         Where two dialects fit a file equally well, the one with any of its hints in the file is chosen.
     """
@@ -108,16 +197,48 @@ class Dialect:
     name: str
     description: str = ""
     canonical_elsewhere: bool = False
+    files: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
     datasets: Mapping[str, DatasetPlace] = field(default_factory=dict)
+    metadata: Mapping[str, Declaration] = field(default_factory=dict)
     hints: tuple[Hint, ...] = ()
+
+    @property
+    def first_role(self) -> str:
+        """The role of a file that is given without its folder; empty in dialects of one file."""
+        return next(iter(self.files), "")
 
     def place_of(self, key: str) -> DatasetPlace | None:
         """Return where a canonical dataset lies; None where this dialect has no place for it."""
-        return self.datasets.get(key, DatasetPlace() if self.canonical_elsewhere else None)
+        return self.datasets.get(key, DatasetPlace(file=self.first_role) if self.canonical_elsewhere else None)
 
     def is_canonical(self, key: str) -> bool:
         """Whether the dialect holds the dataset to the canonical type and path."""
         return self.canonical_elsewhere and key not in self.datasets
+
+
+@dataclass(frozen=True, slots=True)
+class SideMetadata:
+    """What a user declares beside a sequence: the name of the file that says so, and declarations by canonical key."""
+
+    name: str
+    metadata: Mapping[str, Declaration]
+
+
+@dataclass(frozen=True, slots=True)
+class Supplemented:
+    """A dialect (None: recognised from each sequence), and what is declared beside the sequences."""
+
+    dialect: Dialect | None
+    side: SideMetadata
+
+
+DialectChoice = Dialect | Supplemented | None
+"""How sequences are read; None: as their dialect is recognised."""
+
+
+def split_choice(choice: DialectChoice) -> tuple[Dialect | None, SideMetadata | None]:
+    """Return the dialect of a choice, and what is declared beside the sequences."""
+    return (choice.dialect, choice.side) if isinstance(choice, Supplemented) else (choice, None)
 
 
 def load_dialect(name_or_path: str | Path) -> Dialect:
@@ -131,42 +252,155 @@ def load_dialect(name_or_path: str | Path) -> Dialect:
     is_packaged = str(name_or_path) in DIALECT_NAMES
     if is_packaged:
         text = (resources.files("fedora_qa.layout") / "dialects" / f"{name_or_path}.toml").read_text("utf-8")
-    else:
-        try:
-            text = Path(name_or_path).read_text("utf-8")
-        except (OSError, UnicodeDecodeError) as error:
-            names = ", ".join(DIALECT_NAMES)
-            message = f"Expected a dialect ({names}) or a TOML file, got {str(name_or_path)!r}: {error}"
-            raise MisuseError(message) from error
+        return _packaged(tomllib.loads(text))
+    names = ", ".join(DIALECT_NAMES)
+    document = _read_document(name_or_path, f"a dialect ({names}) or a TOML file", "the dialect")
+    document["files"] = _patterns(document.get("files"))
     try:
-        document = tomllib.loads(text)
-    except (tomllib.TOMLDecodeError, RecursionError) as error:
-        raise MisuseError(f"Expected the dialect {name_or_path} to be TOML, got: {error}") from error
-    if is_packaged:
-        # Tests validate the packaged dialects.
-        datasets = {
-            key: DatasetPlace(**{**place, "columns": tuple(place.get("columns", ()))})
-            for key, place in document.get("datasets", {}).items()
-        }
-        hints = tuple(Hint(**hint) for hint in document.get("hints", ()))
-        return Dialect(**{**document, "datasets": datasets, "hints": hints})
-    from pydantic import TypeAdapter, ValidationError  # noqa: PLC0415 - slow to load, and dialects of the package need none
+        from pydantic import TypeAdapter, ValidationError  # noqa: PLC0415 - slow to load, and dialects of the package need none
 
-    try:
-        dialect = TypeAdapter(Dialect).validate_python(document)
+        dialect: Dialect = TypeAdapter(Dialect).validate_python(document)
     except ValidationError as error:
-        problem = error.errors()[0]
-        where = ".".join(str(part) for part in problem["loc"]) or "the document"
-        raise MisuseError(f"Expected a dialect in {name_or_path}, got: {where}: {problem['msg']}") from error
-    # All keys before any unit: an unknown key has no canonical unit.
-    for key in dialect.datasets:
-        if key not in DATASETS:
-            message = f"datasets.{key}: Expected a canonical key such as path/events/t, got {key!r}"
-            raise MisuseError(f"Expected a dialect in {name_or_path}, got: {message}")
+        raise _illegal("a dialect", name_or_path, error) from error
+    try:
+        _require_consistent(dialect)
+    except MisuseError as error:
+        raise MisuseError(f"Expected a dialect in {name_or_path}, got: {error}") from None
     for key, place in dialect.datasets.items():
         # The factor is dropped: the call refuses an unknown unit now and not at the first read.
         scale_of(key, place)
     return dialect
+
+
+def load_choice(dialect: str | None, metadata: str | None) -> DialectChoice:
+    """Return how sequences are read, by the names of a dialect and of a file of metadata; raises ``MisuseError``."""
+    loaded = load_dialect(dialect) if dialect else None
+    return Supplemented(loaded, load_side_metadata(metadata)) if metadata else loaded
+
+
+def load_side_metadata(path: str | Path) -> SideMetadata:
+    """Read what a TOML file declares in its table ``[metadata]``.
+
+    Raises
+    ------
+    MisuseError
+        There is no such file, it is not TOML, or it declares what the layout does not have. The message names the key.
+    """
+    from pydantic import TypeAdapter, ValidationError  # noqa: PLC0415 - slow to load
+
+    document = _read_document(path, "metadata in a TOML file", "the metadata")
+    if set(document) != {"metadata"}:
+        others = ", ".join(sorted(set(document) - {"metadata"})) or "no such table"
+        raise MisuseError(f"Expected one table [metadata] in {path}, got {others}")
+    try:
+        metadata: dict[str, Declaration] = TypeAdapter(dict[str, Declaration]).validate_python(document["metadata"])
+    except ValidationError as error:
+        raise _illegal("metadata", path, error) from error
+    try:
+        _require_known(metadata)
+    except MisuseError as error:
+        raise MisuseError(f"Expected metadata in {path}, got: {error}") from None
+    return SideMetadata(Path(path).name, metadata)
+
+
+def _read_document(path: str | Path, expected: str, noun: str) -> dict[str, Any]:
+    try:
+        text = Path(path).read_text("utf-8")
+    except (OSError, UnicodeDecodeError) as error:
+        raise MisuseError(f"Expected {expected}, got {str(path)!r}: {error}") from error
+    try:
+        return tomllib.loads(text)
+    except (tomllib.TOMLDecodeError, RecursionError) as error:
+        raise MisuseError(f"Expected {noun} {path} to be TOML, got: {error}") from error
+
+
+def _illegal(noun: str, path: str | Path, error: Any) -> MisuseError:
+    problem = error.errors()[0]
+    where = ".".join(str(part) for part in problem["loc"]) or "the document"
+    return MisuseError(f"Expected {noun} in {path}, got: {where}: {problem['msg']}")
+
+
+def _packaged(document: dict[str, Any]) -> Dialect:
+    """Return a dialect of the package, which tests validate."""
+    datasets = {
+        key: DatasetPlace(**{**place, "columns": tuple(place.get("columns", ()))})
+        for key, place in document.get("datasets", {}).items()
+    }
+    metadata = {key: _packaged_declaration(value) for key, value in document.get("metadata", {}).items()}
+    hints = tuple(Hint(**hint) for hint in document.get("hints", ()))
+    files = _patterns(document.get("files"))
+    return Dialect(**{**document, "files": files, "datasets": datasets, "metadata": metadata, "hints": hints})
+
+
+def _packaged_declaration(value: Any) -> Any:
+    if isinstance(value, dict):
+        return MetadataPlace(**{name: _packaged_declaration(field) for name, field in value.items()})
+    return tuple(map(_packaged_declaration, value)) if isinstance(value, list) else value
+
+
+def _patterns(files: Any) -> Any:
+    """Return patterns by role as lists: one pattern may stand by itself."""
+    if not isinstance(files, dict):
+        return {} if files is None else files
+    return {
+        role: (patterns,) if isinstance(patterns, str) else tuple(patterns) if isinstance(patterns, list) else patterns
+        for role, patterns in files.items()
+    }
+
+
+def _require_consistent(dialect: Dialect) -> None:
+    """Raise ``MisuseError`` for an unknown key, an odd pattern, or a role that no pattern has."""
+    for role, patterns in dialect.files.items():
+        for pattern in patterns:
+            parts = PurePosixPath(pattern).parts
+            if not parts or pattern.startswith("/") or ".." in parts or "**" in parts or "\\" in pattern:
+                raise MisuseError(f"files.{role}: Expected a pattern of names below the folder, got {pattern!r}")
+        if not patterns or len({form_of(pattern) for pattern in patterns}) != 1:
+            raise MisuseError(f"files.{role}: Expected one or more patterns of one format, got {list(patterns)}")
+    # All keys before any unit: an unknown key has no canonical unit.
+    for key in dialect.datasets:
+        if key not in DATASETS:
+            raise MisuseError(f"datasets.{key}: Expected a canonical key such as path/events/t, got {key!r}")
+    _require_known(dialect.metadata)
+    named = [(f"datasets.{key}", place.file) for key, place in dialect.datasets.items()]
+    named += [
+        (f"metadata.{key}", place.file)
+        for key, declaration in dialect.metadata.items()
+        for place in (declaration if isinstance(declaration, tuple) else (declaration,))
+        if isinstance(place, MetadataPlace) and place.value is None
+    ]
+    for where, role in named:
+        if role not in dialect.files and (role or dialect.files):
+            roles = ", ".join(dialect.files) or "no role, as the dialect has no [files]"
+            raise MisuseError(f"{where}: Expected file to be a role of [files] ({roles}), got {role!r}")
+
+
+def _require_known(metadata: Mapping[str, Declaration]) -> None:
+    for key, value in metadata.items():
+        if key not in METADATA_KEYS:
+            raise MisuseError(f"metadata.{key}: Expected a key such as metadata/cameras/events/K, got {key!r}")
+        if key == KIND and value not in {"recorded", "synthetic"}:
+            raise MisuseError(f"metadata.kind: Expected recorded or synthetic, got {value!r}")
+
+
+Form = Literal["hdf5", "images", "text", "array", "document"]
+
+FORMS: Final[Mapping[str, Form]] = {
+    ".h5": "hdf5", ".hdf5": "hdf5",
+    ".png": "images", ".jpg": "images", ".jpeg": "images",
+    ".txt": "text", ".csv": "text", ".tum": "text",
+    ".npy": "array", ".npz": "array",
+    ".yaml": "document", ".yml": "document", ".toml": "document", ".json": "document",
+}  # fmt: skip
+"""Format of a file by the ending of its name."""
+
+
+def form_of(name: str) -> Form:
+    """Return the format by the ending of a name or pattern; raises ``MisuseError`` for one that is not read."""
+    form = FORMS.get(PurePosixPath(name).suffix.lower())
+    if form is None:
+        raise MisuseError(f"Expected a name that ends in one of {', '.join(FORMS)}, got {name!r}")
+    return form
 
 
 def scale_of(key: str, place: DatasetPlace) -> float:
@@ -179,11 +413,11 @@ def scale_of(key: str, place: DatasetPlace) -> float:
     """
     canonical = DATASETS[key].units
     if place.value_unit in {"", canonical}:
-        return 1.0
+        return place.scale
     scale = SCALES.get((place.value_unit, canonical))
     if scale is None:
         units = sorted(stored for stored, target in SCALES if target == canonical)
         raise MisuseError(
             f"Expected value_unit of {key} to be one of {', '.join([canonical, *units])}, got {place.value_unit!r}"
         )
-    return scale
+    return place.scale * scale

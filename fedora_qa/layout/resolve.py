@@ -2,6 +2,7 @@
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
+from math import prod
 from typing import Any, Final
 
 import h5py
@@ -10,7 +11,7 @@ import numpy as np
 from fedora_qa.causes import INDEX_MAPS, allowed
 from fedora_qa.layout.binding import Binding, instant_ns, rows_together
 from fedora_qa.layout.bitshuffle import require_sound_blocks
-from fedora_qa.layout.bounds import require_bounded, require_small_chunks, unwritten_chunks
+from fedora_qa.layout.bounds import LARGEST_IMAGE_PIXELS, MOST_SAMPLES, require_bounded, unwritten_chunks
 from fedora_qa.layout.canonical import (
     FLOW_STREAMS,
     FRAMES_OF_MAP,
@@ -22,10 +23,23 @@ from fedora_qa.layout.canonical import (
     companions_of,
     datasets_of,
 )
+from fedora_qa.layout.conversions import Conversion, depth_from_disparity
 from fedora_qa.layout.detect import declares_fedora, detect_dialect
-from fedora_qa.layout.dialect import NS_PER_TIME_UNIT, QUATERNION_COLUMNS, DatasetPlace, Dialect, scale_of
+from fedora_qa.layout.dialect import (
+    DISPARITY_TO_DEPTH,
+    KIND,
+    NS_PER_TIME_UNIT,
+    QUATERNION_COLUMNS,
+    DatasetPlace,
+    Dialect,
+    DialectChoice,
+    form_of,
+    scale_of,
+    split_choice,
+)
 from fedora_qa.layout.external_files import ExternalFiles
 from fedora_qa.layout.filters import require_filters, require_whole_chunks
+from fedora_qa.layout.folder import OpenFolder
 from fedora_qa.layout.links import (
     READ_ERRORS,
     RefusedError,
@@ -35,6 +49,9 @@ from fedora_qa.layout.links import (
     has_group,
     reading,
 )
+from fedora_qa.layout.metadata import Supplied, small_values, supplied_declarations
+from fedora_qa.sources.images import Images, left_out, numbers_of
+from fedora_qa.sources.source import OutsideRows, SourceError
 
 _EXTRA_STREAMS: Final = ("depth_range",)
 """Datasets of the layout that are declarations, not streams."""
@@ -84,6 +101,8 @@ class Layout:
         Values that were inferred and not declared, for the record.
     is_recognised
         Whether a dialect is named by the file or the user, or the file holds anything of one.
+    supplied
+        What the dialect, or a file beside the sequence, declares, by canonical key.
     """
 
     dialect_name: str
@@ -93,27 +112,43 @@ class Layout:
     problems: tuple[LayoutProblem, ...] = ()
     inferred: Mapping[str, str | float] = field(default_factory=dict)
     is_recognised: bool = True
+    supplied: Mapping[str, Supplied] = field(default_factory=dict, compare=False)  # arrays have no single truth
 
 
-def resolve(file: h5py.File, dialect: Dialect | None = None, external_files: ExternalFiles | None = None) -> Layout:
+def resolve(
+    file: h5py.File | OpenFolder, choice: DialectChoice = None, external_files: ExternalFiles | None = None
+) -> Layout:
     """Find every canonical dataset.
 
     Parameters
     ----------
     file
-        Open for reading.
-    dialect
-        The dialect of the file; None: as ``detect_dialect`` returns it.
+        Open for reading; of a folder all its HDF5 files.
+    choice
+        The dialect of the file, and what is declared beside it; None: as ``detect_dialect`` returns it. A folder has
+        been matched with its dialect already.
     external_files
         Which other files it may read from; None: no other.
     """
     inferred: dict[str, str | float] = {}
-    is_named = dialect is not None or declares_fedora(file)
-    if dialect is None:
-        dialect = detect_dialect(file, external_files)
-        if not declares_fedora(file):
-            inferred["layout.dialect"] = dialect.name
-    finder = _Finder(file, dialect, external_files)
+    dialect, side = split_choice(choice)
+    if isinstance(file, OpenFolder):
+        dialect = file.matched.dialect
+        is_named = file.matched.is_named
+        inferred |= {} if is_named else {"layout.dialect": dialect.name}
+        inferred |= {f"files.{role}": words for role, words in file.matched.in_words().items()}
+    else:
+        is_named = dialect is not None or declares_fedora(file)
+        if dialect is None:
+            dialect = detect_dialect(file, external_files)
+            if not declares_fedora(file):
+                inferred["layout.dialect"] = dialect.name
+    supplied = supplied_declarations(dialect, side, file, external_files)
+    # The values may be large; who declares them is what a reader of the record needs.
+    inferred |= {f"declared.{key}": made.origin for key, made in supplied.items() if key != KIND}
+    if KIND in supplied:
+        inferred[KIND] = str(supplied[KIND].value)
+    finder = _Finder(file, dialect, external_files, supplied)
     # In the order of the layout: the first stream with a symbolic size is the reference for all later ones.
     for stream in (*STREAMS, *_EXTRA_STREAMS):
         finder.find(stream)
@@ -130,14 +165,28 @@ def resolve(file: h5py.File, dialect: Dialect | None = None, external_files: Ext
         problems=tuple(finder.problems),
         inferred=inferred | finder.inferred,
         is_recognised=is_named or bool(finder.bindings or finder.problems),
+        supplied=supplied,
     )
+
+
+def unrecognised(path: str) -> Layout:
+    """Return the layout of a folder that fits no dialect."""
+    absent = dict.fromkeys(STREAMS, f"no dialect fits the folder {path}")
+    return Layout("unknown", {}, frozenset(), absent, is_recognised=False)
 
 
 class _Finder:
     """Finds the datasets stream by stream. All streams must agree on symbolic sizes; the first with a size sets it."""
 
-    def __init__(self, file: h5py.File, dialect: Dialect, external_files: ExternalFiles | None) -> None:
+    def __init__(
+        self,
+        file: h5py.File | OpenFolder,
+        dialect: Dialect,
+        external_files: ExternalFiles | None,
+        supplied: Mapping[str, Supplied],
+    ) -> None:
         self.file = file
+        self.supplied = supplied
         self.external_files = external_files
         self.dialect = dialect
         self.bindings: dict[str, Binding] = {}
@@ -150,7 +199,7 @@ class _Finder:
     def find(self, stream: str) -> None:
         """Bind all datasets of a stream, or none, with the reason in ``absent``."""
         specs = datasets_of(stream)
-        unplaced = [spec.key for spec in specs if self.dialect.place_of(spec.key) is None]
+        unplaced = [spec.key for spec in specs if not self._has_place(spec.key)]
         if unplaced:
             self.absent[stream] = f"the dialect {self.dialect.name} has no place for {', '.join(unplaced)}"
             return
@@ -158,20 +207,21 @@ class _Finder:
             datasets = {spec.key: self._dataset(spec) for spec in specs}
             missing = [key for key, dataset in datasets.items() if dataset is None]
             if len(missing) == len(specs):
-                path = self._path(specs[0].key)
-                self.absent[stream] = f"there is no {path} in the file"
+                path, holder = self._path(specs[0].key), self._holder(specs[0].key)
+                where = "file" if isinstance(self.file, h5py.File) else "folder"
+                self.absent[stream] = f"there is no {self._shown(specs[0].key)} in the {where}"
                 # A damaged name in the group, reported once a group, may be that of the missing stream.
                 group = path.rpartition("/")[0]
-                if group not in self._searched_groups:
+                if group not in self._searched_groups and holder is not None:
                     self._searched_groups.add(group)
-                    damaged = damaged_name(self.file, group, self.external_files)
+                    damaged = damaged_name(holder, group, self.external_files)
                     if damaged is not None:
                         message = f"Expected {path}, or names of text in {group or '/'}, got a damaged one: {damaged}"
                         self._report(stream, "", RefusedError("unreadable", "corrupt_chunk", message))
                 return
             if missing:
                 present = next(key for key, dataset in datasets.items() if dataset is not None)
-                message = f"Expected {self._path(missing[0])} beside {self._path(present)}, got nothing there"
+                message = f"Expected {self._shown(missing[0])} beside {self._shown(present)}, got nothing there"
                 raise _BrokenError(missing[0], RefusedError("missing_stream", "missing_stream", message))
             bound = {spec.key: self._bind(spec, datasets[spec.key]) for spec in specs}
             self._agree_on_sizes(specs, bound)
@@ -184,9 +234,10 @@ class _Finder:
             self._report(stream, broken.key, broken.reason)
             return
         self.bindings.update(bound)
+        self._report_gaps(stream, bound)
         # A companion is bound by itself: the stream is complete without it.
         for spec in companions_of(stream):
-            if self.dialect.place_of(spec.key) is None:
+            if not self._has_place(spec.key):
                 continue
             try:
                 dataset = self._dataset(spec)
@@ -217,6 +268,8 @@ class _Finder:
 
     def report_metadata_links(self) -> None:
         """Report groups of metadata behind links that are not followed: their declarations are not read."""
+        if not isinstance(self.file, h5py.File):
+            return
         for owner in METADATA_GROUPS:
             try:
                 find_object(self.file, owner, self.external_files)
@@ -224,7 +277,7 @@ class _Finder:
                 self._report("metadata", "", refused)
 
     def _has_group(self, path: str) -> bool:
-        return has_group(self.file, path, self.external_files)
+        return isinstance(self.file, h5py.File) and has_group(self.file, path, self.external_files)
 
     def _report_declared(self, stream: str, place: str) -> None:
         message = f"Expected {stream}, which /{place} declares, got no such stream; write it or drop the declaration"
@@ -242,15 +295,52 @@ class _Finder:
     def _place(self, key: str) -> DatasetPlace:
         return self.dialect.place_of(key) or DatasetPlace()
 
-    def _dataset(self, spec: DatasetSpec) -> h5py.Dataset | None:
+    def _has_place(self, key: str) -> bool:
+        """Whether the dialect has a place for a dataset; of a single file, whether it is in the role of that file."""
+        place = self.dialect.place_of(key)
+        return place is not None and (isinstance(self.file, OpenFolder) or place.file == self.dialect.first_role)
+
+    def _holder(self, key: str) -> h5py.File | None:
+        """Return the HDF5 file of a dataset; None where its role has none."""
+        return self.file if isinstance(self.file, h5py.File) else self.file.hdf5.get(self._place(key).file)
+
+    def _shown(self, key: str) -> str:
+        """Return where a dataset is looked for, for people."""
+        role = self._place(key).file
+        if isinstance(self.file, h5py.File) or self._holder(key) is not None:
+            return self._path(key)
+        paths = self.file.matched.files.get(role, ())
+        return (
+            paths[0].relative_to(self.file.matched.folder).as_posix()
+            if len(paths) == 1
+            else (self.file.matched.pattern(role))
+        )
+
+    def _dataset(self, spec: DatasetSpec) -> h5py.Dataset | OutsideRows | None:
+        place, holder = self._place(spec.key), self._holder(spec.key)
         try:
-            return find_dataset(self.file, self._path(spec.key), self.external_files)
+            if holder is not None:
+                return find_dataset(holder, self._path(spec.key), self.external_files)
+            if isinstance(self.file, h5py.File) or place.file not in self.file.matched.files:
+                return None
+            if form_of(self.file.matched.files[place.file][0].name) == "document":
+                raise RefusedError("not_a_dataset", "wrong_shape", f"Expected rows at {place.file}, got a document")
+            with reading(self._shown(spec.key)):
+                try:
+                    of_names = spec.is_timestamps and len(spec.shape) == 1
+                    return self.file.source(place.file, place.path, of_names=of_names)
+                except SourceError as error:
+                    raise RefusedError(error.rule, error.cause, str(error)) from error
         except RefusedError as refused:
             raise _BrokenError(spec.key, refused) from refused
 
-    def _bind(self, spec: DatasetSpec, dataset: h5py.Dataset) -> Binding:
+    def _bind(self, spec: DatasetSpec, dataset: h5py.Dataset | OutsideRows | None) -> Binding:
         place, path = self._place(spec.key), self._path(spec.key)
         try:
+            if not isinstance(dataset, h5py.Dataset):
+                if dataset is None:
+                    raise ValueError(f"Expected a dataset for {spec.key}, got none")
+                return self._bind_source(spec, dataset)
             with reading(path):
                 # Header tests come first: no chunk is decoded before its size and filters are known to be safe.
                 require_readable_type(spec, dataset, path)
@@ -258,19 +348,18 @@ class _Finder:
                 require_filters(dataset, path)
                 require_bounded(spec, dataset, path)
                 require_whole_chunks(dataset, path)
-                columns: tuple[int, ...] | None = place.columns or None
-                if columns is None and spec.key == "path/pose/orientation" and place.quaternion != "xyzw":
-                    columns = QUATERNION_COLUMNS[place.quaternion]
                 binding = Binding(
                     key=spec.key,
                     path=path,
                     rows=dataset.shape[0],
                     shape=dataset.shape,
                     dtype=dataset.dtype,
-                    columns=columns,
+                    columns=_columns(spec, place),
                     ns_per_unit=NS_PER_TIME_UNIT[place.time_unit] if spec.is_timestamps else None,
                     scale=scale_of(spec.key, place),
                     polarity=place.polarity,
+                    role=place.file if isinstance(self.file, OpenFolder) else "",
+                    conversion=self._conversion(place),
                     # 0 for contiguous storage: ``Sequence.chunk_rows`` then chooses blocks of about a megabyte.
                     chunk_rows=rows_together(spec.key, dataset.chunks[0]) if dataset.chunks else 0,
                     stored_chunk=dataset.chunks or (),
@@ -293,34 +382,103 @@ class _Finder:
                     message = f"Expected all {chunks} chunks of {path} to be written, got {unwritten} that never were"
                     share = 100 * unwritten / chunks
                     self._report(spec.stream, spec.key, RefusedError("unwritten", "truncated", message, share))
-                offset_ns = self._offset_ns(place, binding)
+                offset_ns = self._offset_ns(spec.key, place, binding)
                 source: tuple[str, str] | None = None
                 if self.external_files is not None:
                     there = dataset.file.filename
-                    outside = there != self.file.filename or dataset.is_virtual or dataset.external
+                    holder = self._holder(spec.key)
+                    own = holder.filename if holder is not None else ""
+                    outside = there != own or dataset.is_virtual or dataset.external
                     source = (there, dataset.name) if outside else None
                 return replace(binding, offset_ns=offset_ns, source=source)
         except RefusedError as refused:
             raise _BrokenError(spec.key, refused) from refused
 
-    def _offset_ns(self, place: DatasetPlace, binding: Binding) -> int:
+    def _bind_source(self, spec: DatasetSpec, source: OutsideRows) -> Binding:
+        """Bind rows that lie outside of HDF5; raises ``RefusedError``."""
+        place, path = self._place(spec.key), self._shown(spec.key)
+        columns = _columns(spec, place)
+        # Text always has an axis of columns; a single one needs no choice.
+        if columns is None and len(spec.shape) == 1 and len(source.shape) == 2 and source.shape[1] == 1:
+            columns, place = (0,), replace(place, columns=(0,))
+        require_readable_type(spec, source, path)
+        require_shape(spec, place, source, path)
+        # The bounds of HDF5, but for those of its storage: a source itself compares what a file states with its bytes.
+        if spec.is_image and prod(source.shape[1:3]) > LARGEST_IMAGE_PIXELS:
+            message = f"Expected {path} in images of {LARGEST_IMAGE_PIXELS} pixels at most, got {source.shape[1:3]}"
+            raise RefusedError("too_large", "wrong_shape", message)
+        if not spec.is_image and spec.stream != "events" and source.shape[0] > MOST_SAMPLES:
+            message = f"Expected {path} in {MOST_SAMPLES} rows at most, got {source.shape[0]}"
+            raise RefusedError("too_large", "wrong_shape", message)
+        binding = Binding(
+            key=spec.key,
+            path=path,
+            rows=source.shape[0],
+            shape=source.shape,
+            dtype=source.dtype,
+            columns=columns,
+            ns_per_unit=NS_PER_TIME_UNIT[place.time_unit] if spec.is_timestamps else None,
+            scale=scale_of(spec.key, place),
+            polarity=place.polarity,
+            chunk_rows=source.rows_together,
+            stored_chunk=(source.rows_together, *source.shape[1:]) if source.rows_together else (),
+            role=place.file,
+            outside=source,
+            conversion=self._conversion(place),
+        )
+        return replace(binding, offset_ns=self._offset_ns(spec.key, place, binding))
+
+    def _conversion(self, place: DatasetPlace) -> Conversion | None:
+        """Return what is done with the rows of a dataset; raises ``RefusedError`` where it lacks a declaration."""
+        if not place.convert and place.invalid is None:
+            return None
+        conversion = Conversion(place.convert, place.invert, place.invalid)
+        if place.convert not in {"disparity", "disparity16"}:
+            return conversion
+        made = self.supplied.get(DISPARITY_TO_DEPTH)
+        if made is None or made.problem:
+            message = made.problem if made else f"Expected {DISPARITY_TO_DEPTH} to read disparity by, got none"
+            raise RefusedError("undeclared", "missing_stream", f"{message}; supply it (--metadata)")
+        coefficients = depth_from_disparity(np.asarray(made.value, np.float64))
+        if coefficients is None:
+            message = f"Expected {DISPARITY_TO_DEPTH} as the matrix Q of OpenCV (4 x 4), got another"
+            raise RefusedError("undeclared", "unknown", message)
+        return replace(conversion, depth_from_disparity=coefficients)
+
+    def _offset_ns(self, key: str, place: DatasetPlace, binding: Binding) -> int:
         """Return what is added to timestamps, ns; 0 where the dialect names no such scalar or the file has none."""
-        if not place.offset_path:
+        holder = self._holder(key)
+        if not place.offset_path or holder is None:
             return 0
-        dataset = find_dataset(self.file, place.offset_path)
+        dataset = find_dataset(holder, place.offset_path)
         if dataset is None:
             return 0
-        # Nothing bounds a scalar by itself: its chunk passes the same tests as that of a stream before it is read.
-        numeric = dataset.size == 1 and dataset.dtype.kind in "iuf"
-        require_filters(dataset, place.offset_path)
-        require_small_chunks(dataset, place.offset_path)
-        require_whole_chunks(dataset, place.offset_path)
+        values = np.asarray(small_values(dataset, place.offset_path))
+        numeric = values.size == 1 and values.dtype.kind in "iuf"
         with reading(place.offset_path):
-            require_sound_blocks(dataset, 0, dataset.size)
-            offset = instant_ns(np.asarray(dataset[()]).reshape(-1)[0], binding) if numeric else None
+            offset = instant_ns(values.reshape(-1)[0], binding) if numeric else None
         if offset is None:
             raise RefusedError("wrong_shape", "wrong_shape", f"Expected one finite number at {place.offset_path}")
         return offset
+
+    def _gap(self, bound: Mapping[str, Binding]) -> str:
+        """Return the first number that the names of images leave out, in words; empty where they leave out none."""
+        for binding in bound.values():
+            if isinstance(binding.outside, Images):
+                numbers = numbers_of(binding.outside.path / name for name in binding.outside.names)
+                missing = left_out(numbers.rows(0, len(numbers.numbers))) if numbers else None
+                if missing is not None:
+                    return f"the numbers in the names of {binding.path} leave out {missing}"
+        return ""
+
+    def _report_gaps(self, stream: str, bound: Mapping[str, Binding]) -> None:
+        # Where the names are the timestamps, a gap is one of time, which other checks measure.
+        if any(spec.is_timestamps and self._place(spec.key).file == self._place(datasets_of(stream)[0].key).file
+               for spec in datasets_of(stream)):  # fmt: skip
+            return
+        if gap := self._gap(bound):
+            message = f"Expected numbers in equal steps, got a gap: {gap}; every image has a timestamp"
+            self._report(stream, "", RefusedError("gap", "unknown", message), is_lossless=True)
 
     def _agree_on_sizes(self, specs: Iterable[DatasetSpec], bound: Mapping[str, Binding]) -> None:
         """Compare symbolic sizes with those of earlier datasets; keep the new ones only if the whole stream agrees."""
@@ -333,13 +491,21 @@ class _Finder:
                 path = bound[spec.key].path
                 agreed, agreed_path = sizes.setdefault(symbol, (size, path))
                 if size != agreed:
+                    gap = self._gap(bound)
                     message = f"Expected {path} with {symbol} = {agreed} as {agreed_path}, got {size}"
+                    message = f"{message}; {gap}" if gap else message
                     reason = RefusedError("wrong_shape", "wrong_shape", message)
                     # An index map that is too short was cut off.
                     if spec.stream in INDEX_MAPS and size < agreed:
                         reason = RefusedError("wrong_shape", "truncated", message, 100 * (agreed - size) / agreed)
                     raise _BrokenError(spec.key, reason)
         self._sizes = sizes
+
+
+def _columns(spec: DatasetSpec, place: DatasetPlace) -> tuple[int, ...] | None:
+    """Return which stored entries are read, in canonical order; None: all as they are."""
+    is_reordered = spec.key == "path/pose/orientation" and place.quaternion != "xyzw" and not place.convert
+    return place.columns or (QUATERNION_COLUMNS[place.quaternion] if is_reordered else None)
 
 
 def holds_without_loss(spec: DatasetSpec, dtype: np.dtype[Any]) -> bool:
@@ -400,7 +566,7 @@ def _is_signed_polarity(dataset: h5py.Dataset) -> bool:
     return bool(np.any(polarity == -1) and not np.any(polarity == 0))
 
 
-def require_readable_type(spec: DatasetSpec, dataset: h5py.Dataset, path: str) -> None:
+def require_readable_type(spec: DatasetSpec, dataset: h5py.Dataset | OutsideRows, path: str) -> None:
     """Refuse types without a safe conversion: all that are not numbers, and colours that are not 8-bit codes."""
     # At most 8 bytes: an extended float does not fit float64 without loss.
     numeric = dataset.dtype.kind in "iufb" and dataset.dtype.subdtype is None and dataset.dtype.itemsize <= 8
@@ -409,21 +575,22 @@ def require_readable_type(spec: DatasetSpec, dataset: h5py.Dataset, path: str) -
         raise RefusedError("wrong_dtype", "wrong_dtype", message)
 
 
-def require_shape(spec: DatasetSpec, place: DatasetPlace, dataset: h5py.Dataset, path: str) -> None:
+def require_shape(spec: DatasetSpec, place: DatasetPlace, dataset: h5py.Dataset | OutsideRows, path: str) -> None:
     """Refuse a rank, a fixed size or an empty image that the layout does not have."""
     shape: tuple[int, ...] | None = dataset.shape
+    stored = place.stored_shape(spec)
     # Length 0 along time is a legal empty stream; rows or images without entries are not.
     if shape is None or len(shape) not in place.ranks_of(spec) or 0 in shape[1:]:
         fits = False
     elif place.columns:
         # A table (rank 2) or an image with channels has the axis of columns; a grey image counts as one entry.
-        has_columns = len(shape) == 2 or len(shape) == len(spec.shape)
+        has_columns = len(shape) == 2 or len(shape) == len(stored)
         entries = shape[-1] if has_columns else 1
         fits = all(0 <= column < entries for column in place.columns)
     else:
-        fits = all(isinstance(size, str) or size == stored for size, stored in zip(spec.shape, shape, strict=True))
+        fits = all(isinstance(size, str) or size == length for size, length in zip(stored, shape, strict=True))
     if not fits:
-        expected = " x ".join(str(size) for size in spec.shape)
+        expected = " x ".join(str(size) for size in stored)
         raise RefusedError("wrong_shape", "wrong_shape", f"Expected {path} of shape {expected}, got {shape}")
 
 

@@ -171,6 +171,8 @@ class Declared:
         The profile that the file keeps.
     sequence, world, illumination
         Names of the sequence, of its world, and of the light.
+    kind
+        Whether the sequence is recorded by sensors or synthetic; None: not stated.
     units
         The ``units`` label of each dataset that has one, by canonical key.
     problems
@@ -188,5 +190,6 @@ class Declared:
     sequence: str = ""
     world: str = ""
     illumination: str = ""
+    kind: Literal["recorded", "synthetic"] | None = None
     units: Mapping[str, str] = field(default_factory=dict)
     problems: tuple[DeclarationProblem, ...] = ()

@@ -14,7 +14,9 @@ from fedora_qa.errors import UnreadableRowsError
 from fedora_qa.layout.binding import Binding, canonical_rows, stored_dataset
 from fedora_qa.layout.bounds import LARGEST_IMAGE_PIXELS
 from fedora_qa.layout.canonical import ATTRIBUTES, DATASETS, AttributeSpec, attributes_of
+from fedora_qa.layout.dialect import DEPTH_RANGE, EVENT_MODEL, KIND, UNKNOWN
 from fedora_qa.layout.external_files import ExternalFiles
+from fedora_qa.layout.folder import OpenFolder
 from fedora_qa.layout.links import READ_ERRORS, RefusedError, find_object
 from fedora_qa.layout.resolve import Layout
 from fedora_qa.layout.stored_attribute import stored_attribute, text_attribute
@@ -60,17 +62,20 @@ class ImpossibleError(MalformedError):
     """An attribute is a number that nothing can have."""
 
 
-def read_declared(file: h5py.File, layout: Layout, external_files: ExternalFiles | None = None) -> Declared:
+def read_declared(
+    file: h5py.File | OpenFolder, layout: Layout, external_files: ExternalFiles | None = None
+) -> Declared:
     """Read every attribute of the layout; attributes that cannot be used become problems.
 
     A group that is absent as a whole gives one problem with an empty ``name``. A required attribute that is absent, or
     any that is malformed, gives one problem each. Only the root of a file in the canonical dialect must carry
-    ``format``.
+    ``format``. What the dialect or a file beside the sequence declares takes the place of an attribute; of a group that
+    exists by such declarations alone, nothing more is required, except of a camera, which is of no use in part.
 
     Parameters
     ----------
     file
-        The open file.
+        The open file; of a folder all its HDF5 files, which carry no attributes of the layout.
     layout
         Paths of its objects.
     external_files
@@ -86,6 +91,7 @@ def read_declared(file: h5py.File, layout: Layout, external_files: ExternalFiles
     root = values[""] or {}
     flow, events = values["metadata/flow"], values["metadata/events"]
     imu, pose = values["metadata/imu"], values["metadata/pose"]
+    kind = layout.supplied.get(KIND)
     event_model: EventModel | None = None
     # No default of a threshold: a guessed one would produce findings on correct data.
     if events is not None and {"model", "threshold_on", "threshold_off"} <= events.keys():
@@ -112,6 +118,7 @@ def read_declared(file: h5py.File, layout: Layout, external_files: ExternalFiles
         sequence=root.get("sequence", ""),
         world=root.get("world", ""),
         illumination=root.get("illumination", ""),
+        kind=None if kind is None else kind.value,
         units=reader.units(),
         problems=tuple(reader.problems),
     )
@@ -120,7 +127,7 @@ def read_declared(file: h5py.File, layout: Layout, external_files: ExternalFiles
 class _Reader:
     """Reads owner by owner and keeps the problems in order."""
 
-    def __init__(self, file: h5py.File, layout: Layout, external_files: ExternalFiles | None) -> None:
+    def __init__(self, file: h5py.File | OpenFolder, layout: Layout, external_files: ExternalFiles | None) -> None:
         self.external_files = external_files
         self.file = file
         self.layout = layout
@@ -130,30 +137,47 @@ class _Reader:
         """Return the attributes of an object by name, or None where the object is absent."""
         binding = self.layout.bindings.get(owner)
         path = binding.path if binding else owner
-        holder = None
+        target = None
         try:
-            holder = find_object(self.file, path, self.external_files)
+            if isinstance(self.file, h5py.File):
+                target = find_object(self.file, path, self.external_files)
         except RefusedError as refused:
             self._problem(path, "", refused.cause, str(refused))
-        if not isinstance(holder, h5py.Group | h5py.Dataset):
-            if owner not in DATASETS:
+        holder = target if isinstance(target, h5py.Group | h5py.Dataset) else None
+        specs = attributes_of(owner)
+        supplied = {spec.name: made for spec in specs if (made := self.layout.supplied.get(_key_of(spec)))}
+        if holder is None and not supplied:
+            if owner not in DATASETS and (owner or isinstance(self.file, h5py.File)):
                 self._problem(owner, "", "missing_stream", f"Expected the group /{owner}, got nothing there")
             return None
         values: dict[str, Any] = {}
-        for spec in attributes_of(owner):
+        for spec in specs:
+            made = supplied.get(spec.name)
+            if made is not None and made.problem:
+                self._problem(owner, spec.name, "unknown", made.problem)
+                continue
+            if made is not None and _key_of(spec) == EVENT_MODEL and made.value == UNKNOWN:
+                continue
             try:
-                value = read_attribute(holder, spec)
+                if made is not None:
+                    value = _READERS[spec.kind](made.value, spec)
+                else:
+                    value = read_attribute(holder, spec) if holder is not None else None
             except MalformedError as malformed:
                 impossible = isinstance(malformed, ImpossibleError)
                 self._problem(owner, spec.name, malformed.cause, str(malformed), impossible=impossible)
                 continue
             if value is not None:
                 values[spec.name] = value
-                form = unusual_form(holder, spec, value)
+                form = unusual_form(holder, spec, value) if holder is not None and made is None else ""
                 if form:
                     self._problem(owner, spec.name, "wrong_dtype", form, usable=True)
             # Files of other dialects carry no ``format`` at their root.
-            elif spec.required and (owner or self.layout.dialect_name == FORMAT_NAME):
+            elif (
+                spec.required
+                and (holder is not None or owner.startswith("metadata/cameras/"))
+                and (owner or self.layout.dialect_name == FORMAT_NAME)
+            ):
                 self._problem(owner, spec.name, "missing_stream", f"Expected {spec.meaning}, got no such attribute")
         return values
 
@@ -181,12 +205,20 @@ class _Reader:
 
     def depth_range_m(self) -> tuple[float, float] | None:
         """Return nearest and farthest valid depth, m, if declared."""
-        binding = self.layout.bindings.get("metadata/depth_range")
-        if binding is None:
+        binding, made = self.layout.bindings.get(DEPTH_RANGE), self.layout.supplied.get(DEPTH_RANGE)
+        if binding is None and made is None:
             return None
         try:
-            nearest, farthest = (float(bound) for bound in canonical_rows(self._holding(binding), binding, 0, 2, 0))
-        except UnreadableRowsError as error:
+            if made is not None:
+                bounds_m = np.asarray(made.value, np.float64).reshape(-1) if not made.problem else np.empty(0)
+                if len(bounds_m) != 2:
+                    message = made.problem or f"Expected two depths, got {_shown(made.value)}"
+                    self._problem("metadata", "depth_range", "unknown", message)
+                    return None
+            elif binding is not None:
+                bounds_m = canonical_rows(self._holding(binding), binding, 0, 2, 0)
+            nearest, farthest = (float(bound) for bound in bounds_m)
+        except (UnreadableRowsError, ValueError, TypeError) as error:
             self._problem("metadata", "depth_range", "unknown", str(error))
             return None
         # The comparison is False for NaN too.
@@ -205,19 +237,27 @@ class _Reader:
         for key, binding in self.layout.bindings.items():
             # A label that cannot be read counts as absent.
             with suppress(*READ_ERRORS):
-                label = text_attribute(stored_dataset(self._holding(binding), binding), "units")
+                file = self._holding(binding)
+                label = text_attribute(stored_dataset(file, binding), "units") if file is not None else None
                 if label is not None:
                     labels[key] = label
         return labels
 
-    def _holding(self, binding: Binding) -> h5py.File:
-        return self.external_files.holding(self.file, binding) if self.external_files else self.file
+    def _holding(self, binding: Binding) -> h5py.File | None:
+        file = self.file if isinstance(self.file, h5py.File) else self.file.hdf5.get(binding.role)
+        if file is None or binding.outside is not None:
+            return None
+        return self.external_files.holding(file, binding) if self.external_files else file
 
     def _problem(
         self, owner: str, name: str, cause: str, message: str, *, impossible: bool = False, usable: bool = False
     ) -> None:
         cause_named = cause if allowed(cause, "metadata") else "unknown"
         self.problems.append(DeclarationProblem(owner, name, message, cause_named, impossible, usable))
+
+
+def _key_of(spec: AttributeSpec) -> str:
+    return f"{spec.owner}/{spec.name}".lstrip("/")
 
 
 def read_attribute(holder: h5py.Group | h5py.Dataset, spec: AttributeSpec) -> Any:

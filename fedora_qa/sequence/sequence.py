@@ -16,10 +16,11 @@ from fedora_qa.conventions import NS_PER_S
 from fedora_qa.errors import UnreadableFileError, UnreadableRowsError
 from fedora_qa.layout.binding import Binding, Opened, canonical_rows, instant_ns, raw_rows
 from fedora_qa.layout.canonical import TIMESTAMPS_OF
-from fedora_qa.layout.dialect import Dialect
+from fedora_qa.layout.dialect import DialectChoice, split_choice
 from fedora_qa.layout.external_files import ExternalFiles
+from fedora_qa.layout.folder import OpenFolder, matched_folder
 from fedora_qa.layout.links import RefusedError
-from fedora_qa.layout.resolve import Layout, resolve
+from fedora_qa.layout.resolve import Layout, resolve, unrecognised
 from fedora_qa.sequence.declared import Declared
 from fedora_qa.sequence.read_declared import read_declared
 from fedora_qa.storage.place import Place, RemoteFile
@@ -109,7 +110,7 @@ class Sequence:
     Attributes
     ----------
     path
-        The file.
+        The file, or the folder of several.
     version
         Version of the file that was opened.
     layout
@@ -123,8 +124,8 @@ class Sequence:
     def __init__(
         self,
         path: Place,
-        file: h5py.File,
-        dialect: Dialect | None,
+        file: h5py.File | OpenFolder | None,
+        dialect: DialectChoice,
         remote: RemoteBytes | None = None,
         opening_facts: OpeningFacts | None = None,
         external_files: ExternalFiles | None = None,
@@ -135,10 +136,15 @@ class Sequence:
         self._external_files = external_files
         self._opened: Opened | None = {} if external_files is None else None  # other files are closed and opened again
         self.version: Version = remote.version if remote else version_of(path)
-        self.layout: Layout = opening_facts.layout if opening_facts else resolve(file, dialect, external_files)
-        self.declared: Declared = (
-            opening_facts.declared if opening_facts else read_declared(file, self.layout, external_files)
-        )
+        if opening_facts:
+            self.layout: Layout = opening_facts.layout
+            self.declared: Declared = opening_facts.declared
+        elif file is None:
+            # A folder that fits no dialect holds nothing that could be read.
+            self.layout, self.declared = unrecognised(str(path)), Declared()
+        else:
+            self.layout = resolve(file, dialect, external_files)
+            self.declared = read_declared(file, self.layout, external_files)
         self.origin_ns: int = opening_facts.origin_ns if opening_facts else 0
         if not opening_facts:
             # The earliest first timestamp, so that times of correct streams are not negative. A stream on another clock
@@ -160,7 +166,8 @@ class Sequence:
 
     def close(self) -> None:
         """Close the file."""
-        self._file.close()
+        if self._file is not None:
+            self._file.close()
         if self._external_files:
             self._external_files.close()
         if self._remote:
@@ -234,11 +241,12 @@ class Sequence:
         usual_ns = sorted(finite)[len(finite) // 2] if finite else 0
         return next((instant for instant in finite if abs(instant - usual_ns) < _LONGEST_PAUSE_NS), None)
 
-    def _holding(self, binding: Binding) -> h5py.File:
-        if self._external_files is None:
-            return self._file
+    def _holding(self, binding: Binding) -> h5py.File | None:
+        file = self._file.hdf5.get(binding.role) if isinstance(self._file, OpenFolder) else self._file
+        if self._external_files is None or file is None or binding.outside is not None:
+            return file
         try:
-            return self._external_files.holding(self._file, binding)
+            return self._external_files.holding(file, binding)
         except (RefusedError, OSError) as error:
             raise UnreadableRowsError(binding.key, 0, binding.rows, str(error)) from error
 
@@ -250,18 +258,18 @@ class Sequence:
 
 def open_sequence(
     path: Place,
-    dialect: Dialect | None = None,
+    dialect: DialectChoice = None,
     opening_facts: OpeningFacts | None = None,
     allow_external: Iterable[Path] = (),
 ) -> Sequence:
-    """Open a file for reading.
+    """Open a file, or a folder of files that are one sequence, for reading.
 
     Parameters
     ----------
     path
-        An HDF5 file, on this machine or behind a URL.
+        An HDF5 file, on this machine or behind a URL; or a folder on this machine.
     dialect
-        The dialect of the file; None: as ``detect_dialect`` returns it.
+        The dialect of the sequence, and what is declared beside it; None: as it is recognised.
     opening_facts
         Results of opening this version of the file before. The caller ensures that the version is the same.
     allow_external
@@ -275,7 +283,7 @@ def open_sequence(
     Raises
     ------
     MisuseError
-        There is no such file, or it may not be read.
+        There is no such file, or it may not be read; or a folder does not fit the dialect that was named.
     NotHdf5Error
         The file is not HDF5.
     UnreadableFileError
@@ -296,6 +304,8 @@ def open_sequence(
             # From here on ``Sequence.close`` closes both.
             opened.pop_all()
             return sequence
+    if path.is_dir():
+        return _open_folder(path, dialect, opening_facts, tuple(allow_external))
     require_signature(path)
     external_files = ExternalFiles(folders) if (folders := tuple(allow_external)) else None
     try:  # HDF5 searches linked files beside the name under which this one is opened
@@ -308,6 +318,23 @@ def open_sequence(
     # Also on an interrupt: an open file keeps its lock.
     except BaseException:
         file.close()
+        if external_files:
+            external_files.close()
+        raise
+
+
+def _open_folder(
+    folder: Path, choice: DialectChoice, opening_facts: OpeningFacts | None, allow_external: tuple[Path, ...]
+) -> Sequence:
+    matched = matched_folder(folder, split_choice(choice)[0])
+    if matched is None:
+        return Sequence(folder, None, choice, opening_facts=opening_facts)
+    external_files = ExternalFiles(allow_external) if allow_external else None
+    opened = OpenFolder(matched, rdcc_nbytes=_NO_CHUNKS)
+    try:
+        return Sequence(folder, opened, choice, opening_facts=opening_facts, external_files=external_files)
+    except BaseException:
+        opened.close()
         if external_files:
             external_files.close()
         raise

@@ -47,10 +47,10 @@ def test_canonical_dialect_places_everything_canonically() -> None:
 
 
 def test_other_dialects_have_no_place_for_what_they_do_not_name() -> None:
-    """DSEC's events.h5 has events and nothing else."""
+    """DSEC has no pose."""
     dialect = load_dialect("dsec")
     assert dialect.place_of("path/events/t") is not None
-    assert dialect.place_of("path/depth") is None
+    assert dialect.place_of("path/pose/ts") is None
 
 
 def test_own_dialect_can_build_on_the_canonical_one(tmp_path: Path) -> None:

@@ -37,7 +37,8 @@ def test_dialect_is_recognised(name: str, tmp_path: Path) -> None:
     assert layout.dialect_name == name
     assert layout.streams == streams
     assert layout.problems == ()
-    assert layout.inferred == {"layout.dialect": name}
+    assert layout.inferred["layout.dialect"] == name
+    assert all(key.startswith("declared.") or key in {"layout.dialect", "kind"} for key in layout.inferred)
 
 
 @pytest.mark.parametrize("name", FILES)

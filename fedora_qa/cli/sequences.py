@@ -1,0 +1,115 @@
+"""Find the sequences that arguments name: files, folders that are one sequence, and sequences in folders."""
+
+import os
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Final
+
+from fedora_qa.errors import MisuseError
+from fedora_qa.storage.place import Place
+from fedora_qa.storage.signature import require_signature
+
+if TYPE_CHECKING:  # commands that are given no folder load no HDF5 here
+    from fedora_qa.layout.dialect import Dialect, DialectChoice
+
+HDF5_SUFFIXES: Final = frozenset({".h5", ".hdf5"})
+
+_DEEPEST: Final = 8
+"""Folders within folders in which sequences are looked for."""
+
+
+def sequences_of(places: Sequence[Place], choice: "DialectChoice", *, needs_rows: bool = False) -> tuple[Place, ...]:
+    """Return the sequences that arguments name.
+
+    A folder that fits a dialect with files is one sequence. Of another folder, every sequence below it is meant: files
+    of HDF5, and folders that fit. A folder without any is returned as it is, so that its record states that no dialect
+    fits.
+
+    Parameters
+    ----------
+    choice
+        How the sequences are read.
+    needs_rows
+        Whether a folder that fits no dialect is of no use.
+
+    Raises
+    ------
+    MisuseError
+        A path is missing, given twice, or not HDF5; or a folder can be read in two ways, or fits no dialect.
+    """
+    sequences: list[Place] = []
+    for place in places:
+        if isinstance(place, Path) and place.is_dir():
+            sequences += _in_folder(place, choice, needs_rows=needs_rows)
+        else:
+            sequences.append(place)
+    require_hdf5([place for place in sequences if not (isinstance(place, Path) and place.is_dir())])
+    for place in sequences:
+        if sequences.count(place) > 1:
+            raise MisuseError(f"Expected each sequence once, got {place} {sequences.count(place)} times")
+    return tuple(sequences)
+
+
+def require_hdf5(files: Sequence[Place]) -> None:
+    """Raise ``MisuseError`` before any work where a path is missing, given twice, or not an HDF5 file.
+
+    Only the first bytes of a file are read here: HDF5 may crash on the rest, so that other processes read it.
+    """
+    for path in files:
+        if list(files).count(path) > 1:
+            raise MisuseError(f"Expected each file once, got {path} {files.count(path)} times")
+        require_signature(path)
+
+
+def _in_folder(folder: Path, choice: "DialectChoice", *, needs_rows: bool) -> list[Path]:
+    from fedora_qa.layout.dialect import form_of, split_choice  # noqa: PLC0415 - loads HDF5
+    from fedora_qa.layout.folder import matched_folder  # noqa: PLC0415 - loads HDF5
+
+    dialect, _ = split_choice(choice)
+    below = list(_below(folder, dialect, _DEEPEST))
+    try:
+        matched = matched_folder(folder, dialect)
+    except MisuseError:
+        # It may be a folder of sequences; a role with two files is an error where nothing below fits.
+        if not below:
+            raise
+        return below
+    if matched is None:
+        if needs_rows and not below:
+            raise MisuseError(
+                f"Expected a folder that a dialect describes, or with sequences in it, got {folder}; draft a dialect "
+                f"with `fedora-qa layout {folder} --draft-dialect mine.toml`"
+            )
+        return below or [folder]
+    within = [path for path in below if path.is_dir()]
+    if within:
+        raise MisuseError(
+            f"Expected one sequence or a folder of sequences, got {folder}, which is one in the dialect "
+            f"{matched.dialect.name} and holds another, {within[0]}; name the one that is meant"
+        )
+    for paths in matched.files.values():
+        if form_of(paths[0].name) == "hdf5":
+            require_signature(paths[0])
+    return [folder]
+
+
+def _below(folder: Path, dialect: "Dialect | None", levels: int) -> Iterator[Path]:
+    """Yield the sequences in a folder, none hidden, in the order of their names."""
+    from fedora_qa.layout.folder import is_sequence  # noqa: PLC0415 - loads HDF5
+
+    try:
+        entries = sorted(os.scandir(folder), key=lambda entry: entry.name)
+    except OSError as error:
+        raise MisuseError(f"Expected a folder that can be read, got {error.strerror or error}: {folder}") from error
+    for entry in entries:
+        path = folder / entry.name
+        if entry.name.startswith("."):
+            continue
+        # Links to folders may lead in circles, or out.
+        if entry.is_dir(follow_symlinks=False) and levels:
+            if is_sequence(path, dialect):
+                yield path
+            else:
+                yield from _below(path, dialect, levels - 1)
+        elif path.suffix.lower() in HDF5_SUFFIXES and entry.is_file() and not (dialect and dialect.files):
+            yield path

@@ -1,0 +1,99 @@
+"""Conversions of stored rows that are more than a unit: 16-bit flow, disparity, transformations, marks of invalid."""
+
+from dataclasses import dataclass
+from typing import Any, Final, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
+
+_FLOW_ZERO: Final = 1 << 15
+_FLOW_PER_PX: Final = 128
+"""Of 16-bit flow: ``flow = (v - 2^15) / 128`` px (DSEC, optical flow submission format)."""
+
+_DISPARITY_PER_PX: Final = 256
+"""Of 16-bit disparity: ``d = v / 256`` px, 0 invalid (DSEC, and KITTI stereo 2012)."""
+
+
+@dataclass(frozen=True, slots=True)
+class Conversion:
+    """What is done with rows of one dataset.
+
+    Attributes
+    ----------
+    name
+        As ``dialect.DatasetPlace.convert``; empty: only what is invalid is marked.
+    invert
+        Whether transformations are inverted.
+    invalid
+        Stored value that stands for an invalid pixel.
+    depth_from_disparity
+        (a, b, c, e): ``Z = (a d + b) / (c d + e)``, m, for a disparity d in px.
+    """
+
+    name: Literal["", "flow16", "disparity", "disparity16", "matrix4"] = ""
+    invert: bool = False
+    invalid: float | None = None
+    depth_from_disparity: tuple[float, float, float, float] = (0.0, 1.0, 1.0, 0.0)
+
+
+def converted(raw: NDArray[Any], key: str, conversion: Conversion) -> NDArray[Any]:
+    """Return rows of a dataset after its conversion, in the unit that the dialect states.
+
+    Parameters
+    ----------
+    raw
+        (n, ...) rows as stored.
+    key
+        Canonical key: of transformations, whether position or orientation is meant.
+    """
+    if conversion.invalid is not None:
+        values = raw.astype(np.float64 if raw.dtype == np.float64 else np.float32)
+        raw = np.where(raw == conversion.invalid, values.dtype.type(np.nan), values)
+    if conversion.name == "flow16":
+        flow = (raw[..., :2].astype(np.float32) - np.float32(_FLOW_ZERO)) / np.float32(_FLOW_PER_PX)
+        flow[raw[..., 2] == 0] = np.nan
+        return flow
+    if conversion.name in {"disparity", "disparity16"}:
+        per_px = _DISPARITY_PER_PX if conversion.name == "disparity16" else 1
+        disparity_px = raw.astype(np.float32) / np.float32(per_px)
+        a, b, c, e = map(np.float32, conversion.depth_from_disparity)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            depth_m = (a * disparity_px + b) / (c * disparity_px + e)
+        return np.where(disparity_px > 0, depth_m, np.float32(np.nan))
+    if conversion.name == "matrix4":
+        return _part_of_pose(raw.astype(np.float64), key, invert=conversion.invert)
+    return raw
+
+
+def depth_from_disparity(Q: NDArray[np.float64]) -> tuple[float, float, float, float] | None:
+    """Return (a, b, c, e) of the matrix Q (4, 4) by which OpenCV reprojects disparity; None where it has no such form.
+
+    ``(X, Y, Z, W) = Q (x, y, d, 1)``, of which Z and W must not depend on the pixel (``cv2.stereoRectify``).
+    """
+    if Q.shape != (4, 4) or not np.all(np.isfinite(Q)) or np.any(Q[2:, :2] != 0) or not np.any(Q[3, 2:]):
+        return None
+    (a, b), (c, e) = Q[2:, 2:].tolist()
+    return float(a), float(b), float(c), float(e)
+
+
+def _part_of_pose(matrices: NDArray[np.float64], key: str, *, invert: bool) -> NDArray[np.float64]:
+    """Return positions (n, 3) or orientations (n, 4) x, y, z, w of transformations (n, 4, 4).
+
+    A matrix that scales gives a quaternion of that length, so that it is not taken for a rotation; one without a
+    rotation gives NaN.
+    """
+    rotations, positions = matrices[:, :3, :3], matrices[:, :3, 3]
+    if invert:
+        # (R, p)^-1 = (R^T, -R^T p)
+        rotations = np.swapaxes(rotations, 1, 2)
+        positions = -np.einsum("nij,nj->ni", rotations, positions)
+    if key.endswith("position"):
+        return positions
+    determinants = np.linalg.det(np.nan_to_num(rotations))
+    proper = (determinants > 0) & np.all(np.isfinite(rotations), axis=(1, 2))
+    quaternions = np.full((len(rotations), 4), np.nan)
+    if np.any(proper):
+        lengths = np.cbrt(determinants[proper])
+        quaternions[proper] = Rotation.from_matrix(rotations[proper]).as_quat() * lengths[:, np.newaxis]
+    return quaternions
