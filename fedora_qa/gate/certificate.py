@@ -178,9 +178,14 @@ def differences(certificate: Certificate, folder: Path, today: date) -> tuple[st
     certified = {file.name: file.sha256 for file in certificate.files} | dict(certificate.documents)
     # Before any file is read: a name that leads out of the folder raises.
     paths = {name: inside(folder, name) for name in certified}
-    sequences = {sequence.name for sequence in find_sequences(folder, certificate.patterns)}
+    # Files in a folder that is certified as one sequence are parts of it, whatever its dialect.
+    sequences = {
+        sequence.name
+        for sequence in find_sequences(folder, certificate.patterns)
+        if not any(sequence.name.startswith(f"{name}/") for name in certified)
+    }
     for name, sha256 in certified.items():
-        if not paths[name].is_file():
+        if not paths[name].exists():
             deviations.append(f"{name} is missing")
         elif whole_digest(paths[name]) != sha256:
             deviations.append(f"{name} was changed")

@@ -18,6 +18,7 @@ from fedora_qa.record.types import FileRecord
 from fedora_qa.record.wording import number
 from fedora_qa.sequence.declared import Camera
 from fedora_qa.storage.digest import whole_digest
+from fedora_qa.storage.folder import list_files
 
 ContentsByName = Mapping[str, Contents]
 """The contents of each sequence that can be opened, by its name, in order."""
@@ -210,7 +211,7 @@ def rule_on_documents(folder: Path, documents: Documents) -> ReleaseResult:
 
 
 def rule_on_checksums(folder: Path, listing: str, digests: Mapping[str, str]) -> ReleaseResult:
-    """Every sequence is listed, and every digest is correct.
+    """Every sequence is listed, of a folder every file, and every digest is correct.
 
     Parameters
     ----------
@@ -231,7 +232,14 @@ def rule_on_checksums(folder: Path, listing: str, digests: Mapping[str, str]) ->
         elif line.strip():
             message = f"Expected a digest and a name in line {line_number} of {path.name}, got something else"
             violations.append(Violation(FOLDER, "unreadable", message))
-    for name in sorted(digests.keys() - listed.keys()):
+    folders = {name for name in digests if (folder / name).is_dir()}
+    for name in sorted(folders):
+        parts = [f"{name}/{file.name}" for file in list_files(folder / name)]
+        unlisted = [part for part in parts if part not in listed]
+        if unlisted:
+            message = f"Expected all {len(parts)} files of the sequence in {path.name}, got no line for {unlisted[0]}"
+            violations.append(Violation(name, "unlisted", f"{message}, nor for {len(unlisted) - 1} others"))
+    for name in sorted(digests.keys() - listed.keys() - folders):
         violations.append(Violation(name, "unlisted", f"Expected the sequence in {path.name}, got no line for it"))
     for name, digest in listed.items():
         actual = digests.get(name)

@@ -1,0 +1,286 @@
+"""Folders as arguments: one sequence, many, or what is wrong, in one sentence and with the right exit code."""
+
+import json
+import shutil
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from fedora_qa.record.json_io import read_record
+from tests.cli.conftest import Command
+from tests.support.dsec_folder import write_dsec_folder, write_png
+from tests.support.handmade import write_handmade
+from tests.support.releases import write_checksums
+
+LAYOUT = ("--select", "integrity")
+
+
+@pytest.fixture
+def dsec(tmp_path: Path) -> Path:
+    write_handmade(tmp_path / "source.h5")
+    folder = write_dsec_folder(tmp_path / "source.h5", tmp_path / "dsec")
+    (tmp_path / "source.h5").unlink()
+    return folder
+
+
+def test_a_folder_is_one_sequence(fedora_qa: Command, dsec: Path, tmp_path: Path) -> None:
+    """The record has the folder's path, the sum of sizes, one digest and its files."""
+    done = fedora_qa("check", *LAYOUT, dsec, "--json", tmp_path / "record.json")
+    assert (done.code, done.err) == (0, "")
+    (file,) = read_record(tmp_path / "record.json").files
+    assert (file.path, file.dialect, file.verdict) == (str(dsec), "dsec", "clean")
+    assert file.size == sum(path.stat().st_size for path in dsec.rglob("*") if path.is_file())
+    assert file.inferred["files.events"] == "events/left/events.h5"
+    assert file.inferred["declared.metadata/events/model"] == "dialect dsec"
+
+
+def test_two_jobs_give_the_same_record(fedora_qa: Command, dsec: Path, tmp_path: Path) -> None:
+    """Folders open in other processes, and nothing depends on which."""
+    for jobs in (1, 2):
+        done = fedora_qa("check", dsec, "--jobs", str(jobs), "--memory", "2GB", "--json", tmp_path / f"{jobs}.json")
+        assert done.code == 0, done.err
+    documents = [json.loads((tmp_path / f"{jobs}.json").read_text())["files"] for jobs in (1, 2)]
+    assert documents[0] == documents[1]
+
+
+def test_layout_stats_and_compare(fedora_qa: Command, dsec: Path, tmp_path: Path) -> None:
+    """Each takes the folder; ``layout`` says what no role has."""
+    shown = fedora_qa("layout", dsec)
+    assert shown.code == 0
+    for words in ("images/left/rectified/*.png", "disparity of 16 bits to depth", "events/left/rectify_map.h5"):
+        assert words in shown.out
+    assert fedora_qa("stats", dsec, "--json", tmp_path / "stats.json").code == 0
+    assert json.loads((tmp_path / "stats.json").read_text())["files"][0]["path"] == str(dsec)
+    shutil.copytree(dsec, tmp_path / "other")
+    compared = fedora_qa("compare", dsec, tmp_path / "other")
+    assert compared.code == 0, compared.err
+
+
+def test_a_folder_of_sequences(fedora_qa: Command, dsec: Path, tmp_path: Path) -> None:
+    """Files and folders below it are all checked; parts of a sequence are no sequences."""
+    release = tmp_path / "release"
+    (release / "train").mkdir(parents=True)
+    dsec.rename(release / "train/a")
+    write_handmade(release / "train/b.h5")
+    (release / ".hidden.h5").write_bytes(b"no HDF5")
+    done = fedora_qa("check", *LAYOUT, release, "--json", tmp_path / "record.json")
+    assert done.code == 0, done.err
+    paths = [Path(file.path) for file in read_record(tmp_path / "record.json").files]
+    assert paths == [release / "train/a", release / "train/b.h5"]
+    only = fedora_qa("check", *LAYOUT, release, "--dialect", "dsec", "--json", tmp_path / "record.json")
+    assert only.code == 0, only.err
+    assert len(read_record(tmp_path / "record.json").files) == 1
+
+
+def test_gate_takes_folders(fedora_qa: Command, dsec: Path, tmp_path: Path) -> None:
+    """A pattern of the policy that matches folders names sequences; their parts are none. A certificate names them."""
+    release = tmp_path / "release"
+    (release / "train").mkdir(parents=True)
+    dsec.rename(release / "train/a")
+    policy = tmp_path / "policy.toml"
+    policy.write_text(
+        'ruleset_version = "2"\nfiles = ["train/*", "**/*.h5"]\nrequired_streams = ["rgb", "events"]\n'
+        '[check]\nselect = ["integrity"]\n'
+    )
+    done = fedora_qa(
+        "gate", release, "--policy", policy, "--json", tmp_path / "r.json", "--certificate", tmp_path / "c.json"
+    )
+    assert done.code == 0, done.out + done.err
+    assert [Path(file.path).name for file in read_record(tmp_path / "r.json").files][:-1] == ["a"]
+    verified = fedora_qa("verify", tmp_path / "c.json", release)
+    assert verified.code == 0, verified.out
+    write_png(next((release / "train/a/images/left/rectified").iterdir()), np.zeros((27, 36, 3), np.uint8))
+    assert fedora_qa("verify", tmp_path / "c.json", release).code != 0
+
+
+def test_checksums_of_a_folder_are_those_of_its_files(fedora_qa: Command, dsec: Path, tmp_path: Path) -> None:
+    """`sha256sum` lists files: every one of them must be listed, and listed rightly."""
+    release = tmp_path / "release"
+    release.mkdir()
+    dsec.rename(release / "a")
+    names = sorted(path.relative_to(release).as_posix() for path in release.rglob("*") if path.is_file())
+    policy = tmp_path / "policy.toml"
+    policy.write_text(
+        'ruleset_version = "2"\nfiles = ["a"]\n[check]\nselect = ["integrity"]\n[documents]\nchecksums = "SHA256SUMS"\n'
+    )
+    for listed, code in ((names, 0), (names[1:], 1)):
+        write_checksums(release, *listed)
+        done = fedora_qa("gate", release, "--policy", policy)
+        assert done.code == code, done.out + done.err
+    assert f"got no line for {names[0]}" in " ".join(done.out.split())
+
+
+def test_resume_knows_folders(fedora_qa: Command, dsec: Path, tmp_path: Path) -> None:
+    """A stored result is used again for the same content, and only for that."""
+    stored = tmp_path / "stored"
+    first = fedora_qa("check", *LAYOUT, dsec, "--resume", stored)
+    (result,) = stored.glob("*.json")
+    changed = result.stat().st_mtime_ns
+    again = fedora_qa("check", *LAYOUT, dsec, "--resume", stored)
+    assert (first.code, again.code) == (0, 0)
+    assert result.stat().st_mtime_ns == changed
+    (dsec / "note.txt").write_text("changed")
+    assert fedora_qa("check", *LAYOUT, dsec, "--resume", stored).code == 0
+    assert result.stat().st_mtime_ns != changed
+
+
+def remove_events(folder: Path) -> None:
+    (folder / "events/left/events.h5").unlink()
+
+
+def zip_events(folder: Path) -> None:
+    events = folder / "events/left/events.h5"
+    shutil.make_archive(str(folder.parent / "packed"), "zip", events.parent)
+    shutil.copy(folder.parent / "packed.zip", events)
+
+
+def cut_events(folder: Path) -> None:
+    events = folder / "events/left/events.h5"
+    events.write_bytes(events.read_bytes()[:-100])
+
+
+def drop_a_timestamp(folder: Path) -> None:
+    path = folder / "images/timestamps.txt"
+    path.write_text("".join(f"{line}\n" for line in path.read_text().splitlines()[:-1]))
+
+
+def drop_an_image(folder: Path) -> None:
+    (folder / "images/left/rectified/000002.png").unlink()
+
+
+def drop_an_image_and_its_timestamp(folder: Path) -> None:
+    drop_an_image(folder)
+    path = folder / "images/timestamps.txt"
+    lines = path.read_text().splitlines()
+    path.write_text("".join(f"{line}\n" for line in (*lines[:2], *lines[3:])))
+
+
+def remove_timestamps(folder: Path) -> None:
+    (folder / "images/timestamps.txt").unlink()
+
+
+def write_another_size(folder: Path) -> None:
+    write_png(folder / "images/left/rectified/000003.png", np.zeros((27, 35, 3), np.uint8))
+
+
+def write_another_depth(folder: Path) -> None:
+    write_png(folder / "images/left/rectified/000003.png", np.zeros((27, 36, 3), np.uint16))
+
+
+def write_flow_of_8_bits(folder: Path) -> None:
+    for path in (folder / "optical_flow/forward").iterdir():
+        write_png(path, np.zeros((27, 36), np.uint8))
+
+
+def write_letters(folder: Path) -> None:
+    (folder / "images/timestamps.txt").write_text("12\ntwelve\n")
+
+
+def remove_Q(folder: Path) -> None:
+    path = folder / "calibration/cam_to_cam.yaml"
+    path.write_text(path.read_text().replace("cams_03", "cams_12"))
+
+
+@pytest.mark.parametrize(
+    ("damage", "code", "words"),
+    [
+        (remove_events, 2, "Expected events/left/events.h5 or events_left/events.h5 (events of the dialect dsec) in"),
+        (zip_events, 2, "Expected an HDF5 file, got a ZIP archive; unpack it first"),
+        (cut_events, 1, "Expected a complete HDF5 file, got events.h5"),
+        (drop_a_timestamp, 1, "Expected images/timestamps.txt with N = 6 as images/left/rectified/*.png, got 5"),
+        (drop_an_image, 1, "with N = 5 as images/left/rectified/*.png, got 6; the numbers in the names of"),
+        (drop_an_image, 1, "leave out 2"),
+        (drop_an_image_and_its_timestamp, 0, "leave out 2; every image has a timestamp"),
+        (remove_timestamps, 1, "beside images/left/rectified/*.png, got nothing there"),
+        (write_another_size, 1, "Expected 000003.png of 36 x 27 pixels, 8-bit colour, got 35 x 27 pixels"),
+        (write_another_depth, 1, "8-bit colour, got 36 x 27 pixels, 16-bit colour"),
+        (write_flow_of_8_bits, 1, "Expected optical_flow/forward/"),
+        (write_letters, 1, "Expected numbers in every row of timestamps.txt, got other text"),
+        (remove_Q, 1, "nothing at disparity_to_depth/cams_03 of cam_to_cam.yaml; supply it (--metadata)"),
+    ],
+)
+def test_what_is_wrong_is_one_sentence(
+    damage: Callable[[Path], None], code: int, words: str, fedora_qa: Command, dsec: Path, tmp_path: Path
+) -> None:
+    """Misuse writes nothing and exits with 2; a defect of the data is a finding. Nobody reads a traceback."""
+    damage(dsec)
+    record = tmp_path / "record.json"
+    done = fedora_qa("check", *LAYOUT, dsec, "--dialect", "dsec", "--json", record)
+    assert done.code == code, done.out + done.err
+    said = done.err if code == 2 else record.read_text()
+    assert words in said
+    assert "Traceback" not in said
+    assert record.exists() is (code != 2)
+    if code == 2:
+        assert len(done.err.strip().splitlines()) == 1
+
+
+def test_two_files_for_one_role(fedora_qa: Command, dsec: Path, tmp_path: Path) -> None:
+    """The sentence names the role and both files."""
+    dialect = tmp_path / "mine.toml"
+    dialect.write_text(
+        'name = "mine"\n[files]\ndata = "events/left/*.h5"\n[datasets]\n'
+        '"path/events/x" = { file = "data", path = "events/x" }\n'
+    )
+    done = fedora_qa("check", dsec, "--dialect", dialect)
+    assert done.code == 2
+    assert "Expected one file for data of the dialect mine in" in done.err
+    assert "got events/left/events.h5 and events/left/rectify_map.h5" in done.err
+
+
+def test_a_folder_that_fits_no_dialect(fedora_qa: Command, tmp_path: Path) -> None:
+    """Incomplete, with the command that drafts a dialect; what needs rows refuses it."""
+    folder = tmp_path / "unknown"
+    folder.mkdir()
+    (folder / "notes.txt").write_text("1 2\n")
+    done = fedora_qa("check", folder)
+    assert done.code == 3
+    assert "no dialect describes anything" in done.out.replace("\n", " ")
+    assert f"fedora-qa layout {folder} --draft-dialect" in " ".join(done.out.split())
+    refused = fedora_qa("stats", folder)
+    assert refused.code == 2
+    assert "Expected a folder that a dialect describes" in refused.err
+    shown = fedora_qa("layout", folder)
+    assert shown.code == 0
+    assert "notes.txt" in shown.out
+
+
+def test_a_folder_that_can_be_read_in_two_ways(fedora_qa: Command, dsec: Path) -> None:
+    """Both readings are named."""
+    shutil.copytree(dsec, dsec / "again")
+    done = fedora_qa("check", dsec)
+    assert done.code == 2
+    assert "which is one in the dialect dsec and holds another" in done.err
+    assert str(dsec / "again") in done.err
+
+
+def test_outputs_do_not_change_what_is_read(fedora_qa: Command, dsec: Path) -> None:
+    """A record in the folder would change its digest."""
+    done = fedora_qa("check", dsec, "--json", dsec / "record.json")
+    assert done.code == 2
+    assert "Expected an output outside of" in done.err
+    assert not (dsec / "record.json").exists()
+
+
+def test_metadata_on_the_command_line(fedora_qa: Command, dsec: Path, tmp_path: Path) -> None:
+    """What is supplied is named in the record, and a wrong key is misuse."""
+    side = tmp_path / "side.toml"
+    side.write_text('[metadata]\n"metadata/cameras/events/camera_model" = "pinhole"\n')
+    record = tmp_path / "record.json"
+    assert fedora_qa("check", *LAYOUT, dsec, "--metadata", side, "--json", record).code == 0
+    (file,) = read_record(record).files
+    assert file.inferred["declared.metadata/cameras/events/camera_model"] == "side.toml"
+    side.write_text("[metadata]\nthreshold = 1\n")
+    done = fedora_qa("check", dsec, "--metadata", side)
+    assert done.code == 2
+    assert "metadata.threshold" in done.err
+
+
+def test_extract_takes_files_only(fedora_qa: Command, dsec: Path, tmp_path: Path) -> None:
+    """A folder is one sentence, and nothing is written."""
+    done = fedora_qa("extract", dsec, "F1", "-o", tmp_path / "out.h5")
+    assert done.code == 2
+    assert "Expected one HDF5 file, got a folder" in done.err
+    assert not (tmp_path / "out.h5").exists()

@@ -1,0 +1,150 @@
+"""A folder as DSEC has them is one sequence: clean where it is correct, and its faults are found and named."""
+
+import shutil
+from collections.abc import Callable
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+
+from fedora_qa.engine.run import CheckOptions, check_file
+from fedora_qa.layout.dialect import load_choice
+from fedora_qa.record.types import FileRecord
+from fedora_qa.sequence.sequence import open_sequence
+from tests.support.dsec_folder import T_OFFSET_US, encode_flow, write_dsec_folder, write_png, write_side_metadata
+from tests.support.sequences import make_sequence
+
+
+@pytest.fixture(scope="module")
+def source(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return make_sequence(tmp_path_factory.mktemp("generated") / "park.h5", "park-day", duration_s=1.0)
+
+
+@pytest.fixture(scope="module")
+def clean(source: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("dsec") / "zurich"
+    return write_dsec_folder(source, folder)
+
+
+@pytest.fixture(scope="module")
+def side(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return write_side_metadata(tmp_path_factory.mktemp("side") / "side.toml")
+
+
+@pytest.fixture
+def folder(clean: Path, tmp_path: Path) -> Path:
+    return Path(shutil.copytree(clean, tmp_path / "zurich"))
+
+
+def check(folder: Path, side: Path | None = None) -> FileRecord:
+    choice = load_choice(None, str(side) if side else None)
+    return check_file(folder, CheckOptions(dialect=choice, profile="release", evidence=None)).record
+
+
+def failed(record: FileRecord) -> set[str]:
+    return {result.check for result in record.results if result.outcome == "failed"}
+
+
+def test_rows_are_those_of_the_source(source: Path, clean: Path) -> None:
+    """Every stream comes out in canonical units, within half a step of its 16 bits."""
+    with open_sequence(source) as before, open_sequence(clean) as after:
+        assert after.layout.streams == {"rgb", "depth", "events", "flow/10hz"}
+        assert not after.layout.problems
+        assert after.origin_ns - before.origin_ns >= T_OFFSET_US * 1000
+        shift_ns = after.origin_ns - before.origin_ns - T_OFFSET_US * 1000
+        count = after.layout.bindings["path/events/t"].rows
+        for key in ("path/events/x", "path/events/y", "path/events/p"):
+            np.testing.assert_array_equal(after.rows(key, 0, count), before.rows(key, 0, count))
+        np.testing.assert_array_equal(
+            after.rows("path/events/t", 0, count) + shift_ns, before.rows("path/events/t", 0, count)
+        )
+        np.testing.assert_array_equal(after.rows("path/rgb", 3, 5), before.rows("path/rgb", 3, 5))
+        np.testing.assert_allclose(
+            after.rows("path/flow/10hz", 2, 3), before.rows("path/flow/10hz", 2, 3), atol=0.5 / 128 + 2e-5
+        )
+        depth_mm, stored_mm = before.rows("path/depth", 5, 6), after.rows("path/depth", 1, 2)
+        # d = f B / Z in steps of 1/256 px: dZ = Z^2 / (f B) / 512.
+        focal_px = before.declared.cameras["depth"].K[0, 0]
+        step_mm = depth_mm**2 / (focal_px * 600) / 512
+        assert np.nanmax(np.abs(stored_mm - depth_mm) / step_mm) < 1.05
+        np.testing.assert_array_equal(np.isnan(stored_mm), np.isnan(depth_mm))
+        for name in ("rgb", "depth", "events"):
+            np.testing.assert_allclose(after.declared.cameras[name].K, before.declared.cameras[name].K)
+            np.testing.assert_allclose(
+                after.declared.cameras[name].T_body_camera @ np.linalg.inv(after.declared.cameras["depth"].T_body_camera),
+                before.declared.cameras[name].T_body_camera
+                @ np.linalg.inv(before.declared.cameras["depth"].T_body_camera),
+                atol=1e-12,
+            )  # fmt: skip
+
+
+def test_a_correct_folder_is_clean(clean: Path, side: Path) -> None:
+    """As it comes, and with the side file, by which more can be checked."""
+    record = check(clean)
+    assert record.verdict == "clean"
+    assert {result.check for result in record.results if result.outcome == "warned"} == set()
+    more = check(clean, side)
+    assert more.verdict == "clean"
+    asked = [
+        {result.check for result in each.results if result.outcome not in {"not_applicable", "not_observable"}}
+        for each in (record, more)
+    ]
+    assert asked[0] < asked[1]
+    assert {"alignment.depth", "flow_photometric.residual", "flow_geometry.validity"} <= asked[0]
+    assert "alignment.events" in asked[1]
+    assert record.size == sum(path.stat().st_size for path in clean.rglob("*") if path.is_file())
+    assert record.inferred["kind"] == "recorded"
+    assert record.inferred["files.images"] == "images/left/rectified/*.png (51 files)"
+
+
+def swap_components_of_flow(folder: Path) -> None:
+    for path in (folder / "optical_flow/forward").iterdir():
+        stored = cv2.imread(str(path), cv2.IMREAD_UNCHANGED)[..., ::-1]
+        write_png(path, stored[..., [1, 0, 2]])
+
+
+def halve_flow(folder: Path) -> None:
+    for path in (folder / "optical_flow/forward").iterdir():
+        stored = cv2.imread(str(path), cv2.IMREAD_UNCHANGED)[..., ::-1]
+        flow_px = (stored[..., :2].astype(np.float64) - 2**15) / 128
+        flow_px[stored[..., 2] == 0] = np.nan
+        write_png(path, encode_flow(flow_px / 2))
+
+
+def write_nanoseconds(folder: Path) -> None:
+    path = folder / "images/timestamps.txt"
+    path.write_text("".join(f"{1000 * int(line)}\n" for line in path.read_text().splitlines()))
+
+
+def shift_disparity(folder: Path) -> None:
+    for path in (folder / "disparity/event").iterdir():
+        write_png(path, np.roll(cv2.imread(str(path), cv2.IMREAD_UNCHANGED), 6, axis=1))
+
+
+def damage_an_image(folder: Path) -> None:
+    path = folder / "images/left/rectified/000007.png"
+    content = bytearray(path.read_bytes())
+    content[len(content) // 2] ^= 1
+    path.write_bytes(bytes(content))
+
+
+@pytest.mark.parametrize(
+    ("plant", "check_name", "cause"),
+    [
+        (swap_components_of_flow, "flow_photometric.residual", "axes_swapped"),
+        (halve_flow, "flow_photometric.residual", "flow_gain"),
+        (write_nanoseconds, "clocks.unit", "time_unit"),
+        (shift_disparity, "alignment.depth", "spatial_offset"),
+        (damage_an_image, "integrity.readable", "corrupt_chunk"),
+    ],
+)
+def test_a_planted_fault_is_found(
+    plant: Callable[[Path], None], check_name: str, cause: str, folder: Path, side: Path
+) -> None:
+    """The check that measures it fails, and a cause is named for it."""
+    plant(folder)
+    record = check(folder, side)
+    assert record.verdict == "findings"
+    assert check_name in failed(record)
+    assert cause in {diagnosis.cause for diagnosis in record.diagnoses}
