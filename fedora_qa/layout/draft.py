@@ -1,9 +1,10 @@
 """Draft a dialect for an unknown file: a TOML text to be read, corrected and then used.
 
-What each dataset is, is guessed from its name, shape, type and first values. Each guess has a reason.
+What each dataset is, is guessed from its name, shape, type and first values. Each guess has a reason. The guesses about
+folders (``draft_folder``) are made here as well.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from math import prod
@@ -17,9 +18,10 @@ from numpy.typing import NDArray
 from fedora_qa.conventions import FLOW_RATES_HZ, NS_PER_S
 from fedora_qa.layout.bitshuffle import require_sound_blocks
 from fedora_qa.layout.canonical import DATASETS, STREAMS, datasets_of
-from fedora_qa.layout.dialect import NS_PER_TIME_UNIT
+from fedora_qa.layout.dialect import NS_PER_TIME_UNIT, Form
 from fedora_qa.layout.filters import require_filters
 from fedora_qa.layout.links import READ_ERRORS, RefusedError
+from fedora_qa.layout.metadata import small_values
 from fedora_qa.layout.walk import walk
 
 HEAD_ROWS: Final = 256
@@ -39,6 +41,9 @@ _STEP_NS: Final = {"frames": (1e6, 1e9), "samples": (1e5, 1e8), "events": (0.0, 
 _METRES_BELOW: Final = 200.0
 """A median depth below this is metres, above it millimetres: 200 m is beyond, 20 cm within the depths of a flight."""
 
+_GRAVITY: Final = (8.0, 12.0)
+"""Median length of specific force, m/s^2, by which an accelerometer is known."""
+
 _SAME_RATE: Final = 0.05
 """Relative difference up to which an interval counts as that of a rate of the layout."""
 
@@ -49,18 +54,47 @@ _NAMES: Final = {
 }
 """Beginnings of the names of datasets with three columns."""
 
+_INTRINSICS: Final = ("intrinsic", "camera_matrix", "fx_fy")
+_CAMERAS: Final = {
+    "events": ("event", "dvs", "davis", "prophesee"),
+    "depth": ("depth", "disparity"),
+    "rgb": ("rgb", "color", "colour", "ovc", "frame"),
+}
+"""Words in the path of a camera by which it is known, and in that of its matrix."""
+
 # One hint suffices to prefer a dialect; the second covers a file that lacks the first dataset.
 _MOST_HINTS = 2
 
 
 @dataclass(frozen=True, slots=True)
 class StoredObject:
-    """A dataset of numbers, with its first rows (of images: its first)."""
+    """A dataset of numbers, with its first rows (of images: its first).
+
+    ``path`` is that of a dataset, or the name or pattern of files in a folder. ``role`` is that of the file, and
+    ``form`` its format.
+    """
 
     path: str
     shape: tuple[int, ...]
     dtype: np.dtype[Any]
     head: NDArray[Any]
+    role: str = ""
+    form: Form = "hdf5"
+    member: str = ""
+
+    @property
+    def place(self) -> dict[str, str | float | list[int]]:
+        """Where it lies, as fields of ``dialect.DatasetPlace``."""
+        of_role: dict[str, str | float | list[int]] = {"file": self.role} if self.role else {}
+        path = self.path if self.form == "hdf5" else self.member
+        return {**of_role, "path": path} if path else of_role
+
+    @property
+    def first_column(self) -> NDArray[np.float64] | None:
+        """The first rows as one number each, of text those of the first column; None for other datasets."""
+        if len(self.shape) != 1 and self.form != "text":
+            return None
+        return np.asarray(self.head, np.float64).reshape(len(self.head), -1)[:, 0]
 
     @property
     def name(self) -> str:
@@ -78,7 +112,7 @@ class Guess:
     """A place for a canonical dataset, as the fields of ``dialect.DatasetPlace`` that differ from their defaults."""
 
     key: str
-    fields: dict[str, str | list[int]]
+    fields: dict[str, str | float | list[int]]
     reason: str
 
 
@@ -103,41 +137,86 @@ def draft_dialect(file: h5py.File, name: str) -> str:
     lines = [
         "# A draft, guessed from names, shapes, types and first values. Verify every line before you use it:",
         "# a wrong unit here is a finding about the draft, not about the file.",
-        f"name = {_quoted(name)}",
+        f"name = {quoted(name)}",
         'description = "drafted"',
         "",
     ]
     # A path equal to the canonical key does not distinguish this dialect from the canonical one.
     paths = list(dict.fromkeys(str(guess.fields["path"]) for guess in ordered if guess.fields["path"] != guess.key))
     for path in paths[:_MOST_HINTS]:
-        lines += ["[[hints]]", f"path = {_quoted(path)}", ""]
-    lines.append("[datasets]")
-    for guess in ordered:
-        fields = (f"{field} = {_quoted(v) if isinstance(v, str) else v}" for field, v in guess.fields.items())
-        lines += [_comment(guess.reason), f"{_quoted(guess.key)} = {{ {', '.join(fields)} }}"]
-    lines.append("")
-    # Streams that cannot be read yet: a stream without any guess counts as absent, and needs no correction by hand.
-    for stream in STREAMS:
-        keys = [spec.key for spec in datasets_of(stream)]
-        missing = [key for key in keys if key not in guesses]
-        if missing and len(missing) < len(keys):
-            lines.append(f"# {stream} cannot be read before there is a place for {', '.join(missing)}.")
-    used = {guess.fields["path"] for guess in ordered}
-    unused = [item for item in items if item.path not in used]
-    if unused:
-        lines.append("# Nothing was guessed for:")
-    lines += [_comment(f"  {item.path}  {' x '.join(map(str, item.shape))}  {item.dtype}") for item in unused]
+        lines += ["[[hints]]", f"path = {quoted(path)}", ""]
+    lines += draft_lines(ordered, items)
+    cameras = camera_lines(item for item in items if item.form == "hdf5")
+    lines += ["", "[metadata]", *cameras] if cameras else []
     return "\n".join(lines).rstrip() + "\n"
 
 
+def draft_lines(guesses: Sequence[Guess], items: Sequence[StoredObject]) -> list[str]:
+    """Return the table of datasets, with every guess and its reason, and what nothing was guessed for."""
+    lines = ["[datasets]"]
+    for guess in guesses:
+        fields = (f"{field} = {quoted(v) if isinstance(v, str) else v}" for field, v in guess.fields.items())
+        lines += [comment(guess.reason), f"{quoted(guess.key)} = {{ {', '.join(fields)} }}"]
+    lines.append("")
+    keys_guessed = {guess.key for guess in guesses}
+    # Streams that cannot be read yet: a stream without any guess counts as absent, and needs no correction by hand.
+    for stream in STREAMS:
+        keys = [spec.key for spec in datasets_of(stream)]
+        missing = [key for key in keys if key not in keys_guessed]
+        if missing and len(missing) < len(keys):
+            lines.append(f"# {stream} cannot be read before there is a place for {', '.join(missing)}.")
+    used = {(guess.fields.get("file"), guess.fields.get(name)) for guess in guesses for name in ("path", "offset_path")}
+    unused = [item for item in items if (item.place.get("file"), item.place.get("path")) not in used]
+    if unused:
+        lines.append("# Nothing was guessed for:")
+    return lines + [
+        comment(f"  {_path_in_folder(item)}  {' x '.join(map(str, item.shape))}  {item.dtype}") for item in unused
+    ]
+
+
+def _path_in_folder(item: StoredObject) -> str:
+    return f"{item.role}: {item.path}" if item.role and item.form == "hdf5" else item.path
+
+
+def camera_lines(items: Iterable[StoredObject]) -> list[str]:
+    """Return what may be the matrices of cameras, as remarks where no name tells whose they are."""
+    lines: list[str] = []
+    for item in items:
+        is_matrix = item.shape == (3, 3) and item.head[2].tolist() == [0, 0, 1] and item.head[0, 0] > 1
+        is_list = item.shape == (4,) and names_intrinsics(item.path)
+        if not is_matrix and not is_list:
+            continue
+        fields = {**item.place, **({} if is_matrix else {"convert": "fx_fy_cx_cy"})}
+        lines += camera_line(item.path, ", ".join(f"{name} = {quoted(str(v))}" for name, v in fields.items()))
+    return lines
+
+
+def names_intrinsics(path: str) -> bool:
+    """Whether a path is that of four intrinsics, by its name."""
+    words = path.lower()
+    return any(word in words for word in _INTRINSICS) and "dist" not in words.rpartition("/")[2]
+
+
+def camera_line(path: str, fields: str) -> list[str]:
+    """Return the line of a camera's matrix at a path, commented out where the path does not tell whose it is."""
+    words = path.lower()
+    camera = next((name for name, hints in _CAMERAS.items() if any(hint in words for hint in hints)), "")
+    if camera:
+        return [comment("its name and values"), f'"metadata/cameras/{camera}/K" = {{ {fields} }}']
+    return [comment(f'The matrix of a camera, but of which? "metadata/cameras/.../K" = {{ {fields} }}')]
+
+
 def take_inventory(file: h5py.File) -> tuple[StoredObject, ...]:
-    """Return every dataset of numbers of rank 1 or more whose first rows can be read."""
+    """Return every dataset of numbers of rank 1 or more whose first rows can be read, and scalars that are offsets."""
     items: list[StoredObject] = []
     for path in walk(file).paths:
         with suppress(RefusedError, *READ_ERRORS):
             dataset = file[path]
             outside = dataset.is_virtual or dataset.external
             require_filters(dataset, path)
+            if dataset.shape == () and "offset" in path.lower() and dataset.dtype.kind in "iuf" and not outside:
+                items.append(StoredObject(path, (), dataset.dtype, np.asarray(small_values(dataset, path))))
+                continue
             numbers = dataset.shape and prod(dataset.shape) and dataset.dtype.kind in "iufb"
             # Values of virtual and external datasets lie in other files, which a draft may not read.
             if not numbers or outside:
@@ -154,7 +233,15 @@ def take_inventory(file: h5py.File) -> tuple[StoredObject, ...]:
 def guess_places(items: Sequence[StoredObject]) -> tuple[Guess, ...]:
     """Return one guess for each canonical dataset for which there is a candidate, the first found."""
     guesses: dict[str, Guess] = {}
-    for guess in (*_events_in_columns(items), *_events_apart(items), *_images(items), *_flow(items), *_samples(items)):
+    for guess in (
+        *_events_in_columns(items),
+        *_events_apart(items),
+        *_images(items),
+        *_flow(items),
+        *_tables(items),
+        *_samples(items),
+        *_transformations(items),
+    ):
         guesses.setdefault(guess.key, guess)
     return tuple(guesses.values())
 
@@ -190,39 +277,48 @@ def _events_in_columns(items: Sequence[StoredObject]) -> Iterator[Guess]:
         t, p = advancing[0], polarity[0]
         x, y = (i for i in range(4) if i not in {t, p})
         unit, why = unit_of_timestamps(columns[:, t], "events")
-        yield Guess("path/events/x", {"path": item.path, "columns": [x]}, "the first column that is neither t nor p")
-        yield Guess("path/events/y", {"path": item.path, "columns": [y]}, "the second such column")
-        yield Guess("path/events/t", {"path": item.path, "columns": [t], "time_unit": unit}, f"it never falls; {why}")
-        yield Guess("path/events/p", {"path": item.path, "columns": [p], **_polarity(codes[p])}, _code_reason(codes[p]))
+        yield Guess("path/events/x", {**item.place, "columns": [x]}, "the first column that is neither t nor p")
+        yield Guess("path/events/y", {**item.place, "columns": [y]}, "the second such column")
+        yield Guess("path/events/t", {**item.place, "columns": [t], "time_unit": unit}, f"it never falls; {why}")
+        yield Guess("path/events/p", {**item.place, "columns": [p], **_polarity(codes[p])}, _code_reason(codes[p]))
 
 
 def _events_apart(items: Sequence[StoredObject]) -> Iterator[Guess]:
-    flat = {item.path: item for item in items if len(item.shape) == 1}
+    flat = {(item.role, item.path): item for item in items if len(item.shape) == 1 and item.form == "hdf5"}
     for x in flat.values():
         if x.name != "x":
             continue
-        siblings = {name: flat.get("/".join(filter(None, (x.group, name)))) for name in "ytp"}
+        siblings = {name: flat.get((x.role, "/".join(filter(None, (x.group, name))))) for name in "ytp"}
         y, t, p = siblings["y"], siblings["t"], siblings["p"]
         if y is None or t is None or p is None or len({item.shape for item in (x, y, t, p)}) > 1:
             continue
         unit, why = unit_of_timestamps(t.head.astype(np.float64), "events")
         codes = set(np.unique(p.head.astype(np.float64)))
-        yield Guess("path/events/x", {"path": x.path}, "its name, beside y, t and p of equal length")
-        yield Guess("path/events/y", {"path": y.path}, "its name")
-        yield Guess("path/events/t", {"path": t.path, "time_unit": unit}, why)
-        yield Guess("path/events/p", {"path": p.path, **_polarity(codes)}, _code_reason(codes))
+        yield Guess("path/events/x", x.place, "its name, beside y, t and p of equal length")
+        yield Guess("path/events/y", y.place, "its name")
+        fields: dict[str, str | float | list[int]] = {**t.place, "time_unit": unit}
+        if offset := next((item for item in items if not item.shape and item.role == x.role), None):
+            fields["offset_path"], why = offset.path, f"{why}; {offset.path} is taken for what is added"
+        yield Guess("path/events/t", fields, why)
+        yield Guess("path/events/p", {**p.place, **_polarity(codes)}, _code_reason(codes))
 
 
 def _images(items: Sequence[StoredObject]) -> Iterator[Guess]:
     for item in items:
         rank, kind = len(item.shape), item.dtype
         if kind == np.uint8 and rank == 4 and item.shape[3] == 3:
-            yield from _with_timestamps(
-                items, item, Guess("path/rgb", {"path": item.path}, "8-bit images, three channels")
-            )
+            yield from _with_timestamps(items, item, Guess("path/rgb", item.place, "8-bit images, three channels"))
         elif kind == np.uint8 and rank == 3:
-            grey = Guess("path/rgb", {"path": item.path, "columns": [0, 0, 0]}, "8-bit grey images, read as R = G = B")
+            grey = Guess("path/rgb", {**item.place, "columns": [0, 0, 0]}, "8-bit grey images, read as R = G = B")
             yield from _with_timestamps(items, item, grey)
+        elif kind == np.uint16 and rank == 3 and item.form == "images":
+            named = any(word in item.path.lower() for word in ("disp", "stereo"))
+            fields: dict[str, str | float | list[int]] = {"value_unit": "mm", "invalid": 0.0}
+            reason = "16-bit grey images, taken for millimetres; 0 is taken for invalid"
+            if named:
+                fields = {"convert": "disparity16", "value_unit": "m"}
+                reason = "16-bit grey images, and their name; needs metadata/disparity_to_depth, the matrix Q"
+            yield from _with_timestamps(items, item, Guess("path/depth", {**item.place, **fields}, reason))
         # Sides above 4 exclude stacks of 3 x 3 and 4 x 4 matrices, in which poses are stored (MVSEC).
         elif kind.kind == "f" and rank == 3 and min(item.shape[1:]) > 4:
             # Writers mark invalid depth by NaN, infinity or 0.
@@ -230,7 +326,7 @@ def _images(items: Sequence[StoredObject]) -> Iterator[Guess]:
             median = float(np.median(values)) if values.size else 0.0
             unit = "m" if 0 < median < _METRES_BELOW else "mm"
             depth = Guess(
-                "path/depth", {"path": item.path, "value_unit": unit}, f"float images; median {median:.4g} is {unit}"
+                "path/depth", {**item.place, "value_unit": unit}, f"float images; median {median:.4g} is {unit}"
             )
             yield from _with_timestamps(items, item, depth)
 
@@ -238,8 +334,11 @@ def _images(items: Sequence[StoredObject]) -> Iterator[Guess]:
 def _flow(items: Sequence[StoredObject]) -> Iterator[Guess]:
     """Guess that fields of two components beside equally many intervals are flow, whose rate is 1 / interval."""
     for item in items:
-        if len(item.shape) != 4 or item.shape[3] != 2 or item.dtype.kind != "f":
+        is_coded = item.form == "images" and item.dtype == np.uint16 and item.shape[3:] == (3,)
+        if not is_coded and (len(item.shape) != 4 or item.shape[3] != 2 or item.dtype.kind != "f"):
             continue
+        coded = {"convert": "flow16"} if is_coded else {}
+        words = "16-bit images of three channels" if is_coded else "two float components"
         candidates = [other for other in items if other.shape == (item.shape[0], 2) and other.dtype.kind in "iuf"]
         if not candidates:
             continue
@@ -248,9 +347,9 @@ def _flow(items: Sequence[StoredObject]) -> Iterator[Guess]:
         for unit, rate_hz in ((unit, rate_hz) for unit in ("us", "ns", "s", "ms") for rate_hz in FLOW_RATES_HZ):
             length_s = float(np.median(lengths)) * NS_PER_TIME_UNIT[unit] / NS_PER_S
             if np.isclose(length_s * rate_hz, 1.0, rtol=_SAME_RATE):
-                reason = f"two float components; intervals of {timestamps.path} are 1/{rate_hz} s in {unit}"
-                yield Guess(f"path/flow/{rate_hz}hz", {"path": item.path}, reason)
-                fields: dict[str, str | list[int]] = {"path": timestamps.path, "time_unit": unit}
+                reason = f"{words}; intervals of {timestamps.path} are 1/{rate_hz} s in {unit}"
+                yield Guess(f"path/flow/{rate_hz}hz", {**item.place, **coded}, reason)
+                fields: dict[str, str | float | list[int]] = {**timestamps.place, "time_unit": unit}
                 yield Guess(f"path/flow/{rate_hz}hz_ts", fields, f"two columns, as long as {item.path}")
 
 
@@ -262,13 +361,52 @@ def _samples(items: Sequence[StoredObject]) -> Iterator[Guess]:
             for key, names in _NAMES.items():
                 # Names of one letter must match whole: as beginnings they would match most names.
                 if any(item.name == name or (len(name) > 1 and item.name.startswith(name)) for name in names):
-                    guess = Guess(key, {"path": item.path}, "three columns, and its name")
+                    guess = Guess(key, item.place, "three columns, and its name")
                     yield from _with_timestamps(items, item, guess)
         # Unit norm distinguishes quaternions from other tables of four columns.
         elif item.shape[1] == 4 and np.allclose(np.linalg.norm(item.head, axis=1), 1.0, atol=1e-3):
             reason = "four columns of unit length; that the order is x, y, z, w does not follow from the values"
-            guess = Guess("path/pose/orientation", {"path": item.path, "quaternion": "xyzw"}, reason)
+            guess = Guess("path/pose/orientation", {**item.place, "quaternion": "xyzw"}, reason)
             yield from _with_timestamps(items, item, guess)
+
+
+def _transformations(items: Sequence[StoredObject]) -> Iterator[Guess]:
+    """Guess that 4 x 4 matrices with a last row 0, 0, 0, 1 are poses."""
+    for item in items:
+        if item.shape[1:] == (4, 4) and item.dtype.kind == "f" and np.allclose(item.head[:, 3], [0, 0, 0, 1]):
+            reason = "4 x 4 transformations; that they take the body to the world does not follow from the values"
+            fields: dict[str, str | float | list[int]] = {**item.place, "convert": "matrix4"}
+            yield Guess("path/pose/position", fields, reason)
+            orientation = Guess("path/pose/orientation", fields, "the same; where it is the inverse, add invert = true")
+            yield from _with_timestamps(items, item, orientation)
+
+
+def _tables(items: Sequence[StoredObject]) -> Iterator[Guess]:
+    """Guess trajectories and IMU samples in tables whose first column is time (TUM, EuRoC)."""
+    for item in items:
+        head = item.head.astype(np.float64) if item.head.ndim == 2 else np.empty((0, 0))
+        if item.form == "hdf5" or len(head) < 2 or head.shape[1] < 7 or not np.all(np.diff(head[:, 0]) > 0):
+            continue
+        unit, why = unit_of_timestamps(head[:, 0], "samples")
+        time: dict[str, str | float | list[int]] = {**item.place, "columns": [0], "time_unit": unit}
+        norms = [np.linalg.norm(head[:, at : at + 4], axis=1) for at in range(head.shape[1] - 3)]
+        at = next((at for at in range(4, len(norms)) if np.allclose(norms[at], 1.0, atol=1e-3)), 0)
+        if at:
+            yield Guess("path/pose/ts", time, f"the first column, which rises; {why}")
+            place: dict[str, str | float | list[int]] = {**item.place, "columns": [at - 3, at - 2, at - 1]}
+            yield Guess("path/pose/position", place, "the three columns before four of unit length")
+            reason = "four columns of unit length; that the order is x, y, z, w does not follow from the values"
+            yield Guess("path/pose/orientation", {**item.place, "columns": [at, at + 1, at + 2, at + 3]}, reason)
+            continue
+        lengths = [float(np.median(np.linalg.norm(head[:, at : at + 3], axis=1))) for at in (1, 4)]
+        # At rest and in most flights the specific force is near 9.8 m/s^2.
+        near = [_GRAVITY[0] < length < _GRAVITY[1] for length in lengths]
+        if near in ([True, False], [False, True]):
+            force, turn = ([1, 2, 3], [4, 5, 6]) if near[0] else ([4, 5, 6], [1, 2, 3])
+            yield Guess("path/imu/ts", time, f"the first column, which rises; {why}")
+            place = {**item.place, "columns": force}
+            yield Guess("path/imu/linear_acceleration", place, f"columns of about {max(lengths):.3g} m/s^2")
+            yield Guess("path/imu/angular_velocity", {**item.place, "columns": turn}, "the other three columns")
 
 
 def _with_timestamps(items: Sequence[StoredObject], item: StoredObject, guess: Guess) -> Iterator[Guess]:
@@ -276,17 +414,18 @@ def _with_timestamps(items: Sequence[StoredObject], item: StoredObject, guess: G
     yield guess
     candidates: list[StoredObject] = []
     for other in items:
-        if other.shape != (item.shape[0],) or other.dtype.kind not in "iuf":
+        head = other.first_column
+        if head is None or other.shape[0] != item.shape[0] or other.dtype.kind not in "iuf":
             continue
-        head = other.head.astype(np.float64)
         if np.all(np.isfinite(head)) and np.all(np.diff(head) >= 0):
             candidates.append(other)
     if candidates:
         best = max(candidates, key=lambda other: _nearness(other, item))
         frames = guess.key in {"path/rgb", "path/depth"}
-        unit, why = unit_of_timestamps(best.head.astype(np.float64), "frames" if frames else "samples")
+        unit, why = unit_of_timestamps(np.asarray(best.first_column), "frames" if frames else "samples")
+        column: dict[str, str | float | list[int]] = {"columns": [0]} if best.shape[1:] not in {(), (1,)} else {}
         key = f"{guess.key}_ts" if frames else f"{guess.key.rpartition('/')[0]}/ts"
-        yield Guess(key, {"path": best.path, "time_unit": unit}, f"as long as {item.path}, never falls; {why}")
+        yield Guess(key, {**best.place, **column, "time_unit": unit}, f"as long as {item.path}, never falls; {why}")
 
 
 def _nearness(timestamps: StoredObject, item: StoredObject) -> tuple[int, int, int]:
@@ -298,7 +437,7 @@ def _nearness(timestamps: StoredObject, item: StoredObject) -> tuple[int, int, i
     return int(named_as_time), common, -len(timestamps.path)
 
 
-def _polarity(codes: set[float]) -> dict[str, str | list[int]]:
+def _polarity(codes: set[float]) -> dict[str, str | float | list[int]]:
     return {"polarity": "plus_minus"} if -1.0 in codes else {}
 
 
@@ -306,14 +445,15 @@ def _code_reason(codes: set[float]) -> str:
     return f"its values are {', '.join(f'{code:g}' for code in sorted(codes)[:4])}; that 1 is brighter is assumed"
 
 
-def _quoted(text: str) -> str:
+def quoted(text: str) -> str:
     """Return text as a TOML basic string; names in HDF5 may hold any character."""
     escaped = text.replace("\\", "\\\\").replace('"', '\\"')
     # TOML 1.0 basic strings must escape U+0000 to U+001F, but for the tab, and U+007F.
     return '"' + "".join(f"\\u{ord(c):04x}" if _is_control(c) else c for c in escaped) + '"'
 
 
-def _comment(text: str) -> str:
+def comment(text: str) -> str:
+    """Return text as a comment of TOML, on one line."""
     # A line break in a stored name would end the comment and add TOML of its own.
     return "# " + "".join(" " if _is_control(c) else c for c in text)
 

@@ -109,18 +109,22 @@ def npy_array(path: Path) -> NpyArray:
     return NpyArray(path, "", changed_ns, tuple(map(int, shape)), dtype.str)
 
 
-def npz_array(path: Path, member: str) -> NpyArray | None:
-    """Return an array of NPZ by its name, None where there is no such; raises ``SourceError`` or ``OSError``."""
-    changed_ns = path.stat().st_mtime_ns
+def npz_names(path: Path) -> tuple[str, ...]:
+    """Return the names of the arrays in NPZ; raises ``SourceError`` or ``OSError``."""
     try:
         with zipfile.ZipFile(path) as archive:
-            names = archive.namelist()
+            return tuple(name.removesuffix(".npy") for name in archive.namelist() if name.endswith(".npy"))
     except zipfile.BadZipFile:
         raise SourceError(
             "unreadable", "corrupt_chunk", f"Expected arrays of NumPy in {path.name}, got no NPZ"
         ) from None
-    if f"{member}.npy" not in names:
+
+
+def npz_array(path: Path, member: str) -> NpyArray | None:
+    """Return an array of NPZ by its name, None where there is no such; raises ``SourceError`` or ``OSError``."""
+    if member not in npz_names(path):
         return None
+    changed_ns = path.stat().st_mtime_ns
     array = _member(path, member, changed_ns)
     return NpyArray(path, member, changed_ns, array.shape, array.dtype.str)
 

@@ -94,10 +94,19 @@ def _parsed(path: Path, changed_ns: int) -> NDArray[Any]:
         if len(line.split()) != columns:
             message = f"Expected {columns} numbers in row {number} of {path.name}, got {len(line.split())}"
             raise SourceError("wrong_shape", "truncated", message)
+    # A column of names, as of images beside their timestamps, is no column of numbers: it reads as 0.
+    named = [column for column, word in enumerate(body[0].split()) if not _is_number(word)]
     text = "\n".join(body)
     for dtype in (np.int64, np.float64):
         try:
-            return np.loadtxt(io.StringIO(text), dtype=dtype, ndmin=2, comments=None)
+            read = np.loadtxt(
+                io.StringIO(text),
+                dtype=dtype,
+                ndmin=2,
+                comments=None,
+                usecols=[column for column in range(columns) if column not in named],
+            )
+            return np.insert(read, [column - i for i, column in enumerate(named)], 0, axis=1) if named else read
         except (ValueError, OverflowError):
             continue
     raise SourceError("wrong_dtype", "wrong_dtype", f"Expected numbers in every row of {path.name}, got other text")

@@ -178,7 +178,7 @@ def write_letters(folder: Path) -> None:
     (folder / "images/timestamps.txt").write_text("12\ntwelve\n")
 
 
-def remove_Q(folder: Path) -> None:
+def remove_disparity_matrix(folder: Path) -> None:
     path = folder / "calibration/cam_to_cam.yaml"
     path.write_text(path.read_text().replace("cams_03", "cams_12"))
 
@@ -198,7 +198,11 @@ def remove_Q(folder: Path) -> None:
         (write_another_depth, 1, "8-bit colour, got 36 x 27 pixels, 16-bit colour"),
         (write_flow_of_8_bits, 1, "Expected optical_flow/forward/"),
         (write_letters, 1, "Expected numbers in every row of timestamps.txt, got other text"),
-        (remove_Q, 1, "nothing at disparity_to_depth/cams_03 of cam_to_cam.yaml; supply it (--metadata)"),
+        (
+            remove_disparity_matrix,
+            1,
+            "nothing at disparity_to_depth/cams_03 of cam_to_cam.yaml; supply it (--metadata)",
+        ),
     ],
 )
 def test_what_is_wrong_is_one_sentence(

@@ -69,14 +69,12 @@ def test_rows_are_those_of_the_source(source: Path, clean: Path) -> None:
         step_mm = depth_mm**2 / (focal_px * 600) / 512
         assert np.nanmax(np.abs(stored_mm - depth_mm) / step_mm) < 1.05
         np.testing.assert_array_equal(np.isnan(stored_mm), np.isnan(depth_mm))
+        # The body is another one: that of the depth camera.
+        own, other = (np.linalg.inv(each.declared.cameras["depth"].T_body_camera) for each in (before, after))
         for name in ("rgb", "depth", "events"):
-            np.testing.assert_allclose(after.declared.cameras[name].K, before.declared.cameras[name].K)
-            np.testing.assert_allclose(
-                after.declared.cameras[name].T_body_camera @ np.linalg.inv(after.declared.cameras["depth"].T_body_camera),
-                before.declared.cameras[name].T_body_camera
-                @ np.linalg.inv(before.declared.cameras["depth"].T_body_camera),
-                atol=1e-12,
-            )  # fmt: skip
+            camera, expected = after.declared.cameras[name], before.declared.cameras[name]
+            np.testing.assert_allclose(camera.K, expected.K)
+            np.testing.assert_allclose(other @ camera.T_body_camera, own @ expected.T_body_camera, atol=1e-12)
 
 
 def test_a_correct_folder_is_clean(clean: Path, side: Path) -> None:

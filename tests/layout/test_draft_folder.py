@@ -1,0 +1,124 @@
+"""A drafted dialect opens the folder that it was drafted from, and says what it could not place."""
+
+from contextlib import closing
+from pathlib import Path
+
+import h5py
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from fedora_qa.layout.dialect import load_dialect
+from fedora_qa.layout.draft import draft_dialect
+from fedora_qa.layout.draft_folder import draft_folder
+from fedora_qa.layout.folder import OpenFolder, match_folder
+from fedora_qa.layout.resolve import Layout, resolve
+from fedora_qa.sequence.sequence import open_sequence
+from tests.support.dsec_folder import T_OFFSET_US, write_dsec_folder, write_png
+from tests.support.handmade import write_handmade
+
+EPOCH_NS = 1_504_645_177_000_000_000
+
+
+def drafted(folder: Path, tmp_path: Path) -> tuple[str, Path]:
+    text = draft_folder(folder, "drafted")
+    path = tmp_path / "drafted.toml"
+    path.write_text(text, "utf-8")
+    return text, path
+
+
+def layout_of(folder: Path, dialect: Path) -> Layout:
+    with closing(OpenFolder(match_folder(folder, load_dialect(dialect)))) as opened:
+        return resolve(opened)
+
+
+def test_a_folder_like_dsec(tmp_path: Path) -> None:
+    """All streams are placed; the matrix of disparity is asked for, and cameras of unknown names are remarks."""
+    write_handmade(tmp_path / "source.h5")
+    folder = write_dsec_folder(tmp_path / "source.h5", tmp_path / "dsec")
+    text, dialect = drafted(folder, tmp_path)
+    layout = layout_of(folder, dialect)
+    assert layout.streams == {"rgb", "events", "flow/10hz"}
+    assert [problem.stream for problem in layout.problems] == ["depth"]
+    assert "supply it (--metadata)" in layout.problems[0].message
+    assert layout.bindings["path/events/t"].offset_ns == T_OFFSET_US * 1000
+    assert "#   events_left_rectify_map: rectify_map" in text
+    assert 'but of which? "metadata/cameras/.../K"' in text
+    assert "distortion_coeffs" not in text
+
+
+@pytest.fixture
+def robot(tmp_path: Path) -> Path:
+    """Images whose names are times, depth of 16 bits, a trajectory, an IMU table, events in NPZ, poses as matrices."""
+    folder, random = tmp_path / "robot", np.random.default_rng(5)
+    for name in ("cam0/data", "depth"):
+        (folder / name).mkdir(parents=True)
+    times_ns = EPOCH_NS + np.arange(6) * 50_000_000
+    for time_ns in times_ns:
+        write_png(folder / f"cam0/data/{time_ns}.png", random.integers(0, 255, (8, 10), np.uint8))
+        write_png(folder / f"depth/{len(list((folder / 'depth').iterdir()))}.png", np.full((8, 10), 2000, np.uint16))
+    lines = [f"{time_ns / 1e9:.6f} depth/{number}.png" for number, time_ns in enumerate(times_ns)]
+    (folder / "depth.txt").write_text("\n".join(lines) + "\n")
+    poses = [
+        [time_ns / 1e9, *random.normal(size=3), *Rotation.random(random_state=1).as_quat()] for time_ns in times_ns
+    ]
+    (folder / "groundtruth.txt").write_text("# t x y z qx qy qz qw\n" + "\n".join(" ".join(map(str, p)) for p in poses))
+    imu_ns = EPOCH_NS + np.arange(300) * 1_000_000
+    rows = [
+        f"{t},{w[0]},{w[1]},{w[2]},0.1,-0.2,9.8"
+        for t, w in zip(imu_ns, random.normal(size=(300, 3)) * 0.1, strict=True)
+    ]
+    (folder / "imu.csv").write_text("#timestamp [ns],w_x,w_y,w_z,a_x,a_y,a_z\n" + "\n".join(rows))
+    events = np.column_stack(
+        [EPOCH_NS // 1000 + np.arange(400) * 700.0, random.integers(0, 10, (400, 2)), np.arange(400) % 2]
+    )
+    np.savez(folder / "events.npz", events=events)
+    (folder / "calib.yaml").write_text("events:\n  intrinsics: [9.0, 9.0, 4.5, 3.5]\n")
+    (folder / "broken.npy").write_bytes(b"no array")
+    (folder / "readme.md").write_text("hello")
+    return folder
+
+
+def test_a_folder_of_a_robot(robot: Path, tmp_path: Path) -> None:
+    """Every stream has a place, in its unit, and reads as it was written."""
+    text, path = drafted(robot, tmp_path)
+    dialect = load_dialect(path)
+    layout = layout_of(robot, path)
+    assert layout.streams == {"rgb", "depth", "events", "imu", "pose"}, text
+    assert not layout.problems
+    assert dialect.datasets["path/rgb_ts"].time_unit == "ns"
+    assert dialect.datasets["path/imu/linear_acceleration"].columns == (4, 5, 6)
+    with open_sequence(robot, dialect) as sequence:
+        assert sequence.rows("path/depth", 0, 1).tolist() == [[[2000.0] * 10] * 8]
+        steps = np.diff(sequence.rows("path/rgb_ts", 0, 6))
+        np.testing.assert_allclose(steps, 50_000_000)
+        assert abs(sequence.rows("path/imu/ts", 0, 1)[0]) < 1_000_000
+        np.testing.assert_allclose(np.linalg.norm(sequence.rows("path/pose/orientation", 0, 6), axis=1), 1.0)
+        np.testing.assert_array_equal(sequence.rows("path/events/p", 0, 4), [0, 1, 0, 1])
+    assert dialect.metadata["metadata/cameras/events/K"] is not None
+    assert "Expected an array of NumPy in broken.npy" in text
+
+
+def test_poses_as_matrices(tmp_path: Path) -> None:
+    """4 x 4 transformations with timestamps are a trajectory, also in a file by itself."""
+    path = tmp_path / "pose.h5"
+    matrices = np.tile(np.eye(4), (9, 1, 1))
+    matrices[:, :3, :3] = Rotation.random(9, random_state=2).as_matrix()
+    with h5py.File(path, "w") as file:
+        file["Cn_T_C0"], file["ts"] = matrices, np.arange(9) * 10_000
+        text = draft_dialect(file, "drafted")
+    (tmp_path / "mine.toml").write_text(text, "utf-8")
+    with open_sequence(path, load_dialect(tmp_path / "mine.toml")) as sequence:
+        assert sequence.layout.streams == {"pose"}
+        read = Rotation.from_quat(sequence.rows("path/pose/orientation", 0, 9))
+        np.testing.assert_allclose(read.as_matrix(), matrices[:, :3, :3], atol=1e-9)
+
+
+def test_names_cannot_break_the_draft(tmp_path: Path) -> None:
+    """Quotes and odd letters in names are text in the draft."""
+    folder = tmp_path / 'a "b" # c'
+    (folder / 'x = 1 "y').mkdir(parents=True)
+    for number in range(2):
+        write_png(folder / f'x = 1 "y/{number}.png', np.zeros((2, 3, 3), np.uint8))
+    _, dialect = drafted(folder, tmp_path)
+    assert load_dialect(dialect).files == {"x_1_y": ('x = 1 "y/*.png',)}
