@@ -62,7 +62,7 @@ def require_hdf5(files: Sequence[Place]) -> None:
 
 
 def _in_folder(folder: Path, choice: "DialectChoice", *, needs_rows: bool) -> list[Path]:
-    from fedora_qa.layout.dialect import form_of, split_choice  # noqa: PLC0415 - loads HDF5
+    from fedora_qa.layout.dialect import split_choice  # noqa: PLC0415 - loads HDF5
     from fedora_qa.layout.folder import matched_folder  # noqa: PLC0415 - loads HDF5
 
     dialect, _ = split_choice(choice)
@@ -87,9 +87,9 @@ def _in_folder(folder: Path, choice: "DialectChoice", *, needs_rows: bool) -> li
             f"Expected one sequence or a folder of sequences, got {folder}, which is one in the dialect "
             f"{matched.dialect.name} and holds another, {within[0]}; name the one that is meant"
         )
-    for paths in matched.files.values():
-        if form_of(paths[0].name) == "hdf5":
-            require_signature(paths[0])
+    for files in matched.files.values():
+        if files.form == "hdf5":
+            require_signature(files.first)
     return [folder]
 
 

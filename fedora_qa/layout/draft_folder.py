@@ -137,15 +137,16 @@ def _inventory(folder: Path, role: str, paths: list[Path]) -> Iterator[StoredObj
             for item in take_inventory(file):
                 yield StoredObject(item.path, item.shape, item.dtype, item.head, role)
         return
+    names = [path.name for path in paths]
     sources: list[tuple[str, OutsideRows | None]] = []
     if form == "images":
-        sources = [("", images_of(paths))]
+        sources = [("", images_of(paths[0].parent, names))]
     elif form == "text":
         sources = [("", number_table(paths[0]))]
     elif paths[0].suffix.lower() == ".npz":
         sources = [(member, npz_array(paths[0], member)) for member in npz_names(paths[0])]
     elif form == "array":
-        sources = [("", npy_array(paths[0]) if len(paths) == 1 else npy_frames(paths))]
+        sources = [("", npy_array(paths[0]) if len(paths) == 1 else npy_frames(paths[0].parent, names))]
     for member, source in sources:
         if source is not None and source.shape and 0 not in source.shape:
             rows = 1 if len(source.shape) > 2 else min(HEAD_ROWS, source.shape[0])
@@ -158,7 +159,7 @@ def _times_of_names(groups: Mapping[str, list[Path]], guesses: Mapping[str, Gues
     for key in ("path/rgb", "path/depth"):
         guess = guesses.get(key)
         paths = groups.get(str(guess.fields.get("file", ""))) if guess else None
-        numbers = numbers_of(paths) if paths and len(paths) > 1 else None
+        numbers = numbers_of(paths[0].parent, [path.name for path in paths]) if paths and len(paths) > 1 else None
         if guess is None or numbers is None:
             continue
         head = numbers.rows(0, min(HEAD_ROWS, len(numbers.numbers))).astype(np.float64)

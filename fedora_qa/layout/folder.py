@@ -10,7 +10,7 @@ from typing import Any, Final
 import h5py
 
 from fedora_qa.errors import MisuseError, UnreadableFileError
-from fedora_qa.layout.dialect import DIALECT_NAMES, Dialect, form_of, load_dialect
+from fedora_qa.layout.dialect import DIALECT_NAMES, Dialect, Form, form_of, load_dialect
 from fedora_qa.sources.arrays import npy_array, npy_frames, npz_array
 from fedora_qa.sources.images import images_of, numbers_of
 from fedora_qa.sources.source import OutsideRows
@@ -20,6 +20,25 @@ from fedora_qa.storage.signature import require_signature
 
 _SHOWN: Final = 2
 """Names of files that a message lists."""
+
+
+@dataclass(frozen=True, slots=True)
+class RoleFiles:
+    """The files of one role: the pattern that they match, and their names, all in one folder."""
+
+    pattern: str
+    folder: Path
+    names: tuple[str, ...]
+
+    @property
+    def first(self) -> Path:
+        """The first file; of most roles the only one."""
+        return self.folder / self.names[0]
+
+    @property
+    def form(self) -> Form:
+        """Format of the files."""
+        return form_of(self.names[0])
 
 
 @dataclass(frozen=True, slots=True)
@@ -33,39 +52,32 @@ class MatchedFolder:
     dialect
         The dialect whose roles its files have.
     files
-        The files of each role, in the order of their names; a role without files is missing.
+        The files of each role; a role without files is missing.
     unused
-        Names of the files without a role.
+        Names of the files without a role, relative to the folder.
     is_named
         Whether the user named the dialect; else it was recognised.
     """
 
     folder: Path
     dialect: Dialect
-    files: Mapping[str, tuple[Path, ...]]
+    files: Mapping[str, RoleFiles]
     unused: tuple[str, ...] = ()
     is_named: bool = True
 
-    def pattern(self, role: str) -> str:
-        """Return the pattern of a role that matched, or its first."""
-        patterns = self.dialect.files[role]
-        names = [path.relative_to(self.folder).as_posix() for path in self.files.get(role, ())]
-        return next((pattern for pattern in patterns if names and matches(names[0], pattern)), patterns[0])
+    def place(self, role: str) -> str:
+        """Return where the files of a role lie, or would: the name of one, the pattern of several or of none."""
+        files = self.files.get(role)
+        if files is None:
+            return self.dialect.files[role][0]
+        return files.first.relative_to(self.folder).as_posix() if len(files.names) == 1 else files.pattern
 
     def in_words(self) -> dict[str, str]:
         """Return what each role is, in words, for the record."""
         return {
-            role: paths[0].relative_to(self.folder).as_posix()
-            if len(paths) == 1
-            else f"{self.pattern(role)} ({len(paths)} files)"
-            for role, paths in self.files.items()
+            role: f"{self.place(role)} ({len(files.names)} files)" if len(files.names) > 1 else self.place(role)
+            for role, files in self.files.items()
         }
-
-
-def matches(name: str, pattern: str) -> bool:
-    """Whether a relative name fits a pattern, part by part: ``*`` does not stand for a slash."""
-    parts, wanted = name.split("/"), pattern.split("/")
-    return len(parts) == len(wanted) and all(map(fnmatchcase, parts, wanted))
 
 
 def match_folder(folder: Path, dialect: Dialect, *, is_named: bool = True) -> MatchedFolder:
@@ -76,30 +88,48 @@ def match_folder(folder: Path, dialect: Dialect, *, is_named: bool = True) -> Ma
     MisuseError
         The first role has no file, or a role of one file has two; the message names the role and the files.
     """
-    names = [file.name for file in list_files(folder)]
-    files: dict[str, tuple[Path, ...]] = {}
+    by_folder: dict[str, list[str]] = {}
+    for file in list_files(folder):
+        inside, _, name = file.name.rpartition("/")
+        by_folder.setdefault(inside, []).append(name)
+    files: dict[str, RoleFiles] = {}
     used: set[str] = set()
     for role, patterns in dialect.files.items():
-        fitting = next((fit for pattern in patterns if (fit := [name for name in names if matches(name, pattern)])), [])
+        pattern, fitting = next(
+            ((pattern, fits) for pattern in patterns if (fits := _fitting(by_folder, pattern))), ("", {})
+        )
         several = form_of(patterns[0]) == "images" or patterns[0].lower().endswith(".npy")
-        if len(fitting) > 1 and not several:
-            named = " and ".join(fitting[:_SHOWN]) + (" and others" if len(fitting) > _SHOWN else "")
+        relative = [f"{inside}/{name}" if inside else name for inside, names in fitting.items() for name in names]
+        if len(relative) > 1 and not several:
+            named = " and ".join(relative[:_SHOWN]) + (" and others" if len(relative) > _SHOWN else "")
             raise MisuseError(f"Expected one file for {role} of the dialect {dialect.name} in {folder}, got {named}")
-        if not fitting:
-            continue
-        folders = {name.rpartition("/")[0] for name in fitting}
-        if len(folders) > 1:
-            named = " and ".join(sorted(folders)[:_SHOWN])
+        if len(fitting) > 1:
+            named = " and ".join(sorted(fitting)[:_SHOWN])
             raise MisuseError(f"Expected {role} of the dialect {dialect.name} in one folder, got {named} in {folder}")
-        used.update(fitting)
-        files[role] = tuple(folder / name for name in fitting)
+        for inside, names in fitting.items():
+            used.update(relative)
+            files[role] = RoleFiles(pattern, folder / inside, tuple(names))
     if dialect.first_role not in files:
         wanted = " or ".join(dialect.files[dialect.first_role])
         raise MisuseError(
             f"Expected {wanted} ({dialect.first_role} of the dialect {dialect.name}) in {folder}, got no such file"
         )
-    unused = tuple(name for name in names if name not in used)
+    every = (f"{inside}/{name}" if inside else name for inside, names in by_folder.items() for name in names)
+    unused = tuple(sorted(name for name in every if name not in used))
     return MatchedFolder(folder, dialect, files, unused, is_named)
+
+
+def _fitting(by_folder: Mapping[str, list[str]], pattern: str) -> dict[str, list[str]]:
+    """Return the names that fit a pattern, by folder: part by part, so that ``*`` does not stand for a slash."""
+    *parts, last = pattern.split("/")
+    fitting: dict[str, list[str]] = {}
+    for inside, names in by_folder.items():
+        folders = inside.split("/") if inside else []
+        if len(folders) == len(parts) and all(map(fnmatchcase, folders, parts)):
+            fits = [name for name in names if fnmatchcase(name, last)]
+            if fits:
+                fitting[inside] = fits
+    return fitting
 
 
 def recognise_folder(folder: Path) -> MatchedFolder | None:
@@ -150,15 +180,19 @@ class OpenFolder:
         self.matched = matched
         self.hdf5: dict[str, h5py.File] = {}
         with ExitStack() as opened:
-            for role, paths in matched.files.items():
-                if form_of(paths[0].name) != "hdf5":
+            for role, files in matched.files.items():
+                if files.form != "hdf5":
                     continue
-                require_signature(paths[0])
+                require_signature(files.first)
                 try:
-                    self.hdf5[role] = opened.enter_context(h5py.File(paths[0], "r", locking="best-effort", **options))
+                    self.hdf5[role] = opened.enter_context(
+                        h5py.File(files.first, "r", locking="best-effort", **options)
+                    )
                 except OSError as error:
                     first = (str(error).splitlines() or [type(error).__name__])[0]
-                    raise UnreadableFileError(f"Expected a complete HDF5 file, got {paths[0].name}: {first}") from error
+                    raise UnreadableFileError(
+                        f"Expected a complete HDF5 file, got {files.first.name}: {first}"
+                    ) from error
             self._opened = opened.pop_all()
 
     def close(self) -> None:
@@ -180,14 +214,13 @@ class OpenFolder:
         SourceError, OSError
             The file cannot be read.
         """
-        paths = self.matched.files.get(role)
-        if not paths:
+        files = self.matched.files.get(role)
+        if files is None:
             return None
-        form = form_of(paths[0].name)
-        if form == "images":
-            return numbers_of(paths) if of_names else images_of(paths)
-        if form == "text":
-            return number_table(paths[0])
-        if paths[0].suffix.lower() == ".npz":
-            return npz_array(paths[0], path)
-        return npy_array(paths[0]) if len(paths) == 1 else npy_frames(paths)
+        if files.form == "images":
+            return numbers_of(files.folder, files.names) if of_names else images_of(files.folder, files.names)
+        if files.form == "text":
+            return number_table(files.first)
+        if files.first.suffix.lower() == ".npz":
+            return npz_array(files.first, path)
+        return npy_array(files.first) if len(files.names) == 1 else npy_frames(files.folder, files.names)

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from fedora_qa.layout.bitshuffle import require_sound_blocks
 from fedora_qa.layout.bounds import require_small_chunks
-from fedora_qa.layout.dialect import Declaration, Dialect, MetadataPlace, SideMetadata, form_of
+from fedora_qa.layout.dialect import Declaration, Dialect, MetadataPlace, SideMetadata
 from fedora_qa.layout.external_files import ExternalFiles
 from fedora_qa.layout.filters import require_filters, require_whole_chunks
 from fedora_qa.layout.folder import OpenFolder
@@ -104,19 +104,19 @@ def _stored(
     if place.value is not None:
         return place.value
     if isinstance(holder, OpenFolder):
-        paths = holder.matched.files.get(place.file)
+        files = holder.matched.files.get(place.file)
         if place.file not in dialect.files:
             raise ValueError(f"the role {place.file!r}, which the dialect {dialect.name} does not have")
-        if not paths:
+        if files is None:
             raise _MissingFileError
-        if form_of(paths[0].name) == "document":
-            value = document_value(paths[0], place.path)
+        if files.form == "document":
+            value = document_value(files.first, place.path)
             if value is None:
-                raise ValueError(f"nothing at {place.path} of {paths[0].name}")
+                raise ValueError(f"nothing at {place.path} of {files.first.name}")
             return value
         file = holder.hdf5.get(place.file)
         if file is None:
-            raise ValueError(f"{paths[0].name}, which holds no metadata")
+            raise ValueError(f"{files.first.name}, which holds no metadata")
     elif place.file == dialect.first_role:
         file = holder
     else:

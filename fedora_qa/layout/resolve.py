@@ -33,7 +33,6 @@ from fedora_qa.layout.dialect import (
     DatasetPlace,
     Dialect,
     DialectChoice,
-    form_of,
     scale_of,
     split_choice,
 )
@@ -137,6 +136,8 @@ def resolve(
         is_named = file.matched.is_named
         inferred |= {} if is_named else {"layout.dialect": dialect.name}
         inferred |= {f"files.{role}": words for role, words in file.matched.in_words().items()}
+        if unused := file.matched.unused:
+            inferred["layout.unused"] = f"{len(unused)} of the folder's files, such as {unused[0]}"
     else:
         is_named = dialect is not None or declares_fedora(file)
         if dialect is None:
@@ -306,15 +307,9 @@ class _Finder:
 
     def _shown(self, key: str) -> str:
         """Return where a dataset is looked for, for people."""
-        role = self._place(key).file
         if isinstance(self.file, h5py.File) or self._holder(key) is not None:
             return self._path(key)
-        paths = self.file.matched.files.get(role, ())
-        return (
-            paths[0].relative_to(self.file.matched.folder).as_posix()
-            if len(paths) == 1
-            else (self.file.matched.pattern(role))
-        )
+        return self.file.matched.place(self._place(key).file)
 
     def _dataset(self, spec: DatasetSpec) -> h5py.Dataset | OutsideRows | None:
         place, holder = self._place(spec.key), self._holder(spec.key)
@@ -323,7 +318,7 @@ class _Finder:
                 return find_dataset(holder, self._path(spec.key), self.external_files)
             if isinstance(self.file, h5py.File) or place.file not in self.file.matched.files:
                 return None
-            if form_of(self.file.matched.files[place.file][0].name) == "document":
+            if self.file.matched.files[place.file].form == "document":
                 raise RefusedError("not_a_dataset", "wrong_shape", f"Expected rows at {place.file}, got a document")
             with reading(self._shown(spec.key)):
                 try:
@@ -465,7 +460,7 @@ class _Finder:
         """Return the first number that the names of images leave out, in words; empty where they leave out none."""
         for binding in bound.values():
             if isinstance(binding.outside, Images):
-                numbers = numbers_of(binding.outside.path / name for name in binding.outside.names)
+                numbers = numbers_of(binding.outside.path, binding.outside.names)
                 missing = left_out(numbers.rows(0, len(numbers.numbers))) if numbers else None
                 if missing is not None:
                     return f"the numbers in the names of {binding.path} leave out {missing}"

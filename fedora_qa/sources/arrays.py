@@ -129,11 +129,11 @@ def npz_array(path: Path, member: str) -> NpyArray | None:
     return NpyArray(path, member, changed_ns, array.shape, array.dtype.str)
 
 
-def npy_frames(paths: Iterable[Path]) -> NpyFrames:
+def npy_frames(folder: Path, names: Iterable[str]) -> NpyFrames:
     """Return a row of each NPY file; only the header of the first is read. Raises ``SourceError`` or ``OSError``."""
-    ordered = in_order(paths)
-    first = npy_array(ordered[0])
-    return NpyFrames(ordered[0].parent, tuple(path.name for path in ordered), first.shape, first.kind)
+    ordered = in_order(names)
+    first = npy_array(folder / ordered[0])
+    return NpyFrames(folder, tuple(ordered), first.shape, first.kind)
 
 
 @lru_cache(maxsize=4)

@@ -15,6 +15,9 @@ from fedora_qa.sources.png import ImageForm, image_form, read_image
 _NUMBER: Final = re.compile(r"\d+(?:\.\d+)?$")
 """The number that ends the name of an image: a count (``000123``), or a time (``1504645177.25``)."""
 
+_LONGEST_NUMBER: Final = 32
+"""Digits of such a number; nanoseconds since 1970 have 19."""
+
 
 @dataclass(frozen=True, slots=True)
 class Images:
@@ -84,38 +87,44 @@ class NumbersOfNames:
         return np.array(self.numbers[start:stop], self.dtype)
 
 
-def images_of(paths: Iterable[Path]) -> Images:
-    """Return the images of one folder; only the header of the first is read. Raises ``SourceError`` or ``OSError``."""
-    ordered = in_order(paths)
-    return Images(ordered[0].parent, tuple(path.name for path in ordered), image_form(ordered[0]))
+def images_of(folder: Path, names: Iterable[str]) -> Images:
+    """Return the images of a folder by their names; only the header of the first is read.
+
+    Raises
+    ------
+    SourceError, OSError
+        The header cannot be read.
+    """
+    ordered = in_order(names)
+    return Images(folder, tuple(ordered), image_form(folder / ordered[0]))
 
 
-def numbers_of(paths: Iterable[Path]) -> NumbersOfNames | None:
-    """Return the numbers in the names of files, ascending; None where a name has none or two have the same."""
-    ordered = in_order(paths)
-    numbers = [number_in(path.name) for path in ordered]
-    if None in numbers or len(set(numbers)) < len(numbers):
+def numbers_of(folder: Path, names: Iterable[str]) -> NumbersOfNames | None:
+    """Return the numbers in names of files, ascending; None where a name has none or two have the same."""
+    numbers = [number_in(name) for name in names]
+    exact = sorted(number for number in numbers if number is not None)
+    if len(set(exact)) < len(numbers):
         return None
-    exact = [number for number in numbers if number is not None]
-    values = tuple(int(number) if number.denominator == 1 else float(number) for number in exact)
-    return NumbersOfNames(ordered[0].parent, values)
+    return NumbersOfNames(folder, tuple(int(number) if number == int(number) else float(number) for number in exact))
 
 
-def in_order(paths: Iterable[Path]) -> list[Path]:
-    """Return files in the order of the numbers in their names, of the names where some have none."""
-    by_name = sorted(paths, key=lambda path: path.name)
-    numbers = [number_in(path.name) for path in by_name]
-    # Names without leading zeros: as text, 10 would come before 9.
-    if None not in numbers:
-        by_number = sorted(zip(numbers, by_name, strict=True), key=lambda pair: (pair[0] or 0, pair[1].name))
-        return [path for _, path in by_number]
-    return by_name
+def in_order(names: Iterable[str]) -> list[str]:
+    """Return names in the order of the numbers in them, of the names themselves where some have none."""
+    by_name = sorted(names)
+    numbers = [number_in(name) for name in by_name]
+    if None in numbers:
+        return by_name
+    # Names without leading zeros: as text, 10 would come before 9. The sort is stable.
+    order = sorted(range(len(by_name)), key=lambda place: numbers[place] or 0)
+    return [by_name[place] for place in order]
 
 
-def number_in(name: str) -> Fraction | None:
+def number_in(name: str) -> int | Fraction | None:
     """Return the number at the end of a name without its suffix; None where there is none."""
     match = _NUMBER.search(name.rpartition(".")[0] or name)
-    return Fraction(match[0]) if match and len(match[0]) <= 32 else None
+    if not match or len(match[0]) > _LONGEST_NUMBER:
+        return None
+    return int(match[0]) if match[0].isdecimal() else Fraction(match[0])
 
 
 def left_out(numbers: NDArray[Any]) -> int | None:

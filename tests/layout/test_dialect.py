@@ -53,6 +53,14 @@ def test_other_dialects_have_no_place_for_what_they_do_not_name() -> None:
     assert dialect.place_of("path/pose/ts") is None
 
 
+def test_the_example_of_the_docs_is_legal(tmp_path: Path) -> None:
+    """What docs/dialects.md shows can be used."""
+    page = (Path(__file__).parents[2] / "docs/dialects.md").read_text("utf-8")
+    dialect = load_dialect(written(tmp_path, page.partition("```toml\n")[2].partition("```")[0]))
+    assert set(dialect.files) == {"data", "pose", "images", "times", "calibration"}
+    assert dialect.metadata["kind"] == "recorded"
+
+
 def test_own_dialect_can_build_on_the_canonical_one(tmp_path: Path) -> None:
     """A file that differs in one unit needs one line."""
     text = 'name = "metres"\ncanonical_elsewhere = true\n[datasets]\n"path/depth" = { value_unit = "m" }\n'

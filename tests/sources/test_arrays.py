@@ -33,7 +33,7 @@ def test_frames(tmp_path: Path) -> None:
     """A file a row; one of another type fails alone."""
     for number in range(3):
         np.save(tmp_path / f"{number}.npy", VALUES[number])
-    frames = npy_frames(tmp_path.iterdir())
+    frames = npy_frames(tmp_path, [path.name for path in tmp_path.iterdir()])
     np.testing.assert_array_equal(frames.rows(0, 3), VALUES[:3])
     np.save(tmp_path / "1.npy", VALUES[1].astype(np.float64))
     with pytest.raises(SourceError, match=r"Expected 1.npy as <f4"):

@@ -1,0 +1,186 @@
+"""Files of a folder are matched with roles, opened lazily, and none outside of it is read."""
+
+import os
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+import h5py
+import numpy as np
+import pytest
+
+from fedora_qa.errors import MisuseError, NotHdf5Error, UnreadableRowsError
+from fedora_qa.layout.dialect import load_dialect
+from fedora_qa.layout.folder import match_folder, matched_folder, recognise_folder
+from fedora_qa.sequence.sequence import open_sequence
+from fedora_qa.sources import images
+from fedora_qa.sources.png import ImageForm, read_image
+from tests.support.dsec_folder import write_dsec_folder, write_png
+from tests.support.handmade import write_handmade
+
+MINE = """
+name = "mine"
+[files]
+data = ["*_data.h5", "data.h5"]
+frames = "cam*/*.png"
+depth = "depth/*.npy"
+poses = "poses.npz"
+[datasets]
+"path/events/x" = { file = "data", path = "x" }
+"path/events/y" = { file = "data", path = "y" }
+"path/events/t" = { file = "data", path = "t" }
+"path/events/p" = { file = "data", path = "p" }
+"path/rgb" = { file = "frames" }
+"path/rgb_ts" = { file = "frames", time_unit = "us" }
+"path/depth" = { file = "depth", value_unit = "m", invalid = 0.0 }
+"path/depth_ts" = { file = "data", path = "depth_ts" }
+"path/pose/position" = { file = "poses", path = "T", convert = "matrix4" }
+"path/pose/orientation" = { file = "poses", path = "T", convert = "matrix4" }
+"path/pose/ts" = { file = "poses", path = "t", time_unit = "ms" }
+"""
+
+
+def write_events(path: Path) -> Path:
+    with h5py.File(path, "w") as file:
+        for name, values in (("x", [1, 2]), ("y", [3, 4]), ("t", [10, 20]), ("p", [1, 0])):
+            file[name] = np.array(values)
+        file["depth_ts"] = np.array([0, 40_000])
+    return path
+
+
+@pytest.fixture
+def dialect(tmp_path: Path) -> Path:
+    path = tmp_path / "mine.toml"
+    path.write_text(MINE)
+    return path
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    root = tmp_path / "run"
+    for name in ("cam0", "depth"):
+        (root / name).mkdir(parents=True)
+    write_events(root / "run7_data.h5")
+    for number in range(2):
+        write_png(root / f"cam0/{40_000 * number}.png", np.full((4, 5, 3), number, np.uint8))
+        np.save(root / f"depth/{number}.npy", np.array([[0.0, 1.5 + number]], np.float32))
+    np.savez(root / "poses.npz", T=np.tile(np.eye(4), (3, 1, 1)), t=np.array([0, 20, 40]))
+    return root
+
+
+def test_every_format_is_a_source(folder: Path, dialect: Path) -> None:
+    """HDF5, images by their names, a NPY file a row and NPZ give rows in canonical units."""
+    with open_sequence(folder, load_dialect(dialect)) as sequence:
+        assert sequence.layout.streams == {"events", "rgb", "depth", "pose"}
+        assert not sequence.layout.problems
+        assert sequence.rows("path/rgb_ts", 0, 2).tolist() == [0, 40_000_000]
+        assert sequence.rows("path/rgb", 1, 2).max() == 1
+        np.testing.assert_array_equal(sequence.rows("path/depth", 0, 2), [[[np.nan, 1500]], [[np.nan, 2500]]])
+        assert sequence.rows("path/pose/ts", 0, 3).tolist() == [0, 20_000_000, 40_000_000]
+        np.testing.assert_array_equal(sequence.rows("path/pose/orientation", 0, 3), [[0, 0, 0, 1]] * 3)
+        assert sequence.rows("path/events/t", 0, 2).tolist() == [10_000, 20_000]
+
+
+def test_roles(folder: Path, dialect: Path) -> None:
+    """A star stands for no slash; the first pattern that matches counts; what has no role is unused."""
+    (folder / "data.h5").write_bytes(b"unused")
+    (folder / "cam0/deeper").mkdir()
+    (folder / "cam0/deeper/9.png").touch()
+    matched = match_folder(folder, load_dialect(dialect))
+    assert matched.place("data") == "run7_data.h5"
+    assert matched.place("frames") == "cam*/*.png"
+    assert matched.unused == ("cam0/deeper/9.png", "data.h5")
+    assert matched.in_words()["frames"] == "cam*/*.png (2 files)"
+    (folder / "run7_data.h5").unlink()
+    with pytest.raises(NotHdf5Error):
+        open_sequence(folder, load_dialect(dialect))
+    (folder / "data.h5").unlink()
+    with pytest.raises(MisuseError, match=r"Expected \*_data.h5 or data.h5 \(data of the dialect mine\)"):
+        open_sequence(folder, load_dialect(dialect))
+
+
+def test_images_of_two_folders(folder: Path, dialect: Path) -> None:
+    """Rows must have one order."""
+    (folder / "cam1").mkdir()
+    (folder / "cam1/0.png").touch()
+    with pytest.raises(MisuseError, match="Expected frames of the dialect mine in one folder, got cam0 and cam1"):
+        match_folder(folder, load_dialect(dialect))
+
+
+def test_a_file_by_itself_plays_the_first_role(tmp_path: Path, dialect: Path) -> None:
+    """What lies in other files of the folder is absent, and no fault."""
+    with open_sequence(write_events(tmp_path / "x.h5"), load_dialect(dialect)) as sequence:
+        assert sequence.layout.streams == {"events"}
+        assert not sequence.layout.problems
+        assert "has no place for" in sequence.layout.absent["rgb"]
+
+
+def test_recognition(tmp_path: Path, folder: Path) -> None:
+    """Of a folder that fits none nothing is read; a dialect of single files fits no folder."""
+    assert recognise_folder(folder) is None
+    assert matched_folder(folder, load_dialect("m3ed")) is None
+    with open_sequence(folder) as sequence:
+        assert not sequence.layout.is_recognised
+        assert not sequence.layout.streams
+    write_handmade(tmp_path / "source.h5")
+    matched = recognise_folder(write_dsec_folder(tmp_path / "source.h5", tmp_path / "dsec"))
+    assert matched is not None
+    assert matched.dialect.name == "dsec"
+
+
+def test_links_out_of_the_folder_are_not_followed(folder: Path, tmp_path: Path, dialect: Path) -> None:
+    """Neither links of the file system, nor those in HDF5, unless the user allows where they lead."""
+    write_events(tmp_path / "secret.h5")
+    inside = folder / "run7_data.h5"
+    with h5py.File(inside, "a") as file:
+        del file["x"]
+        file["x"] = h5py.ExternalLink(str(tmp_path / "secret.h5"), "/x")
+    with open_sequence(folder, load_dialect(dialect)) as sequence:
+        assert "events" not in sequence.layout.streams
+        assert any("outside_link" in problem.code for problem in sequence.layout.problems)
+    with open_sequence(folder, load_dialect(dialect), allow_external=[tmp_path]) as sequence:
+        assert sequence.rows("path/events/x", 0, 2).tolist() == [1, 2]
+    inside.unlink()
+    inside.symlink_to(tmp_path / "secret.h5")
+    with pytest.raises(MisuseError, match="got no such file"):
+        open_sequence(folder, load_dialect(dialect))
+
+
+def test_a_row_reads_one_image(folder: Path, dialect: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Opening decodes nothing; a row decodes its own image."""
+    decoded: list[str] = []
+
+    def counting(path: Path, expected: ImageForm) -> np.ndarray:
+        decoded.append(path.name)
+        return read_image(path, expected)
+
+    monkeypatch.setattr(images, "read_image", counting)
+    with open_sequence(folder, load_dialect(dialect)) as sequence:
+        assert decoded == []
+        sequence.rows("path/rgb", 1, 2)
+    assert decoded == ["40000.png"]
+
+
+def test_a_row_that_is_gone(folder: Path, dialect: Path) -> None:
+    """A file that cannot be read costs its row, which is named."""
+    with open_sequence(folder, load_dialect(dialect)) as sequence:
+        (folder / "cam0/40000.png").unlink()
+        sequence.rows("path/rgb", 0, 1)
+        with pytest.raises(UnreadableRowsError) as raised:
+            sequence.rows("path/rgb", 0, 2)
+    assert raised.value.chunks == (1,)
+
+
+@pytest.mark.parametrize("name_of", [lambda n: f"{n:06d}.png", lambda n: f"{1_504_645_177_000_000 + 20_000 * n}.png"])
+def test_twenty_thousand_images_open_in_two_seconds(name_of: Callable[[int], str], folder: Path, dialect: Path) -> None:
+    """Names are listed; one header is read. Seconds of this process, as others use the machine as well."""
+    for path in (folder / "cam0").iterdir():
+        path.unlink()
+    write_png(folder / "cam0" / name_of(0), np.zeros((4, 5, 3), np.uint8))
+    for number in range(1, 20_000):
+        os.link(folder / "cam0" / name_of(0), folder / "cam0" / name_of(number))
+    began_s = time.process_time()
+    with open_sequence(folder, load_dialect(dialect)) as sequence:
+        spent_s = time.process_time() - began_s
+        assert sequence.layout.bindings["path/rgb"].rows == 20_000
+    assert spent_s < 2.0
