@@ -50,6 +50,9 @@ DEPTH_RANGE: Final = "metadata/depth_range"
 DISPARITY_TO_DEPTH: Final = "metadata/disparity_to_depth"
 """Not part of the layout: the matrix Q (4, 4) of OpenCV, by which disparity is read as depth."""
 
+_POSE: Final = "path/pose"
+"""Stands for position, orientation and timestamps, the latter at the path ``timestamps`` of the same file."""
+
 METADATA_KEYS: Final = frozenset(
     {f"{owner}/{name}".lstrip("/") for owner, name in ATTRIBUTES} | {DEPTH_RANGE, DISPARITY_TO_DEPTH, KIND}
 )
@@ -255,7 +258,7 @@ def load_dialect(name_or_path: str | Path) -> Dialect:
         return _packaged(tomllib.loads(text))
     names = ", ".join(DIALECT_NAMES)
     document = _read_document(name_or_path, f"a dialect ({names}) or a TOML file", "the dialect")
-    document["files"] = _patterns(document.get("files"))
+    document = _spelt_out(document)
     try:
         from pydantic import TypeAdapter, ValidationError  # noqa: PLC0415 - slow to load, and dialects of the package need none
 
@@ -322,14 +325,14 @@ def _illegal(noun: str, path: str | Path, error: Any) -> MisuseError:
 
 def _packaged(document: dict[str, Any]) -> Dialect:
     """Return a dialect of the package, which tests validate."""
+    document = _spelt_out(document)
     datasets = {
         key: DatasetPlace(**{**place, "columns": tuple(place.get("columns", ()))})
         for key, place in document.get("datasets", {}).items()
     }
     metadata = {key: _packaged_declaration(value) for key, value in document.get("metadata", {}).items()}
     hints = tuple(Hint(**hint) for hint in document.get("hints", ()))
-    files = _patterns(document.get("files"))
-    return Dialect(**{**document, "files": files, "datasets": datasets, "metadata": metadata, "hints": hints})
+    return Dialect(**{**document, "datasets": datasets, "metadata": metadata, "hints": hints})
 
 
 def _packaged_declaration(value: Any) -> Any:
@@ -338,14 +341,26 @@ def _packaged_declaration(value: Any) -> Any:
     return tuple(map(_packaged_declaration, value)) if isinstance(value, list) else value
 
 
-def _patterns(files: Any) -> Any:
-    """Return patterns by role as lists: one pattern may stand by itself."""
-    if not isinstance(files, dict):
-        return {} if files is None else files
-    return {
-        role: (patterns,) if isinstance(patterns, str) else tuple(patterns) if isinstance(patterns, list) else patterns
-        for role, patterns in files.items()
-    }
+def _spelt_out(document: dict[str, Any]) -> dict[str, Any]:
+    """Return a dialect without abbreviations: patterns as lists, and a pose as its three datasets."""
+    files, datasets = document.get("files", {}), document.get("datasets", {})
+    if isinstance(files, dict):
+        files = {
+            role: (patterns,)
+            if isinstance(patterns, str)
+            else tuple(patterns)
+            if isinstance(patterns, list)
+            else patterns
+            for role, patterns in files.items()
+        }
+    if isinstance(datasets, dict) and isinstance(datasets.get(_POSE), dict):
+        datasets = dict(datasets)
+        place = datasets.pop(_POSE)
+        timestamps = {name: place[name] for name in ("file", "time_unit") if name in place}
+        stored = {name: value for name, value in place.items() if name not in {"timestamps", "time_unit"}}
+        datasets |= {f"{_POSE}/position": stored, f"{_POSE}/orientation": stored}
+        datasets[f"{_POSE}/ts"] = {**timestamps, "path": place.get("timestamps", "")}
+    return {**document, "files": files, "datasets": datasets}
 
 
 def _require_consistent(dialect: Dialect) -> None:

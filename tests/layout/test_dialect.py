@@ -59,6 +59,9 @@ def test_the_example_of_the_docs_is_legal(tmp_path: Path) -> None:
     dialect = load_dialect(written(tmp_path, page.partition("```toml\n")[2].partition("```")[0]))
     assert set(dialect.files) == {"data", "pose", "images", "times", "calibration"}
     assert dialect.metadata["kind"] == "recorded"
+    pose = DatasetPlace(file="pose", path="Cn_T_C0", convert="matrix4", invert=True)
+    assert [dialect.datasets[f"path/pose/{name}"] for name in ("position", "orientation")] == [pose, pose]
+    assert dialect.datasets["path/pose/ts"] == DatasetPlace(file="pose", path="ts", time_unit="us")
 
 
 def test_own_dialect_can_build_on_the_canonical_one(tmp_path: Path) -> None:
