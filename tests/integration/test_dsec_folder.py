@@ -5,6 +5,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 import cv2
+import h5py
 import numpy as np
 import pytest
 
@@ -115,6 +116,11 @@ def write_nanoseconds(folder: Path) -> None:
     path.write_text("".join(f"{1000 * int(line)}\n" for line in path.read_text().splitlines()))
 
 
+def forget_the_offset(folder: Path) -> None:
+    with h5py.File(folder / "events/left/events.h5", "a") as file:
+        file["t_offset"][()] = 0
+
+
 def shift_disparity(folder: Path) -> None:
     for path in (folder / "disparity/event").iterdir():
         write_png(path, np.roll(cv2.imread(str(path), cv2.IMREAD_UNCHANGED), 6, axis=1))
@@ -133,6 +139,7 @@ def damage_an_image(folder: Path) -> None:
         (swap_components_of_flow, "flow_photometric.residual", "axes_swapped"),
         (halve_flow, "flow_photometric.residual", "flow_gain"),
         (write_nanoseconds, "clocks.unit", "time_unit"),
+        (forget_the_offset, "clocks.span", "time_offset"),
         (shift_disparity, "alignment.depth", "spatial_offset"),
         (damage_an_image, "integrity.readable", "corrupt_chunk"),
     ],

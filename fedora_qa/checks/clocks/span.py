@@ -105,8 +105,8 @@ class ClocksSpan(FactsCheck):
 
     Cannot see
     ----------
-    Streams that all begin late or end early together. Events are not held to it, since a still scene gives none: a
-    stream without any event is noted.
+    Streams that all begin late or end early together. Events may begin late and end early, since a still scene gives
+    none; only that any lie within the span of the other streams is required. A stream without any event is noted.
 
     Sources
     -------
@@ -134,6 +134,7 @@ class ClocksSpan(FactsCheck):
             # its period.
             statistics += _of_ends(facts, stream, begin, finish, fits[stream].period_ns + usual_ns)
         statistics = _over_several_rates(statistics, facts.flow_streams)
+        statistics += _of_events(facts, begin, finish) if ends else ()
         failed = {m.where.stream for m in statistics if abs(m.value) > m.model_error_bound}
         notices: list[Notice] = []
         if facts.events is not None and not facts.events.count:
@@ -195,6 +196,23 @@ def _of_few_samples(facts: Facts, begin: float, finish: float) -> Iterator[Stati
         if samples and not lacking:
             period_ns = float(clock.times_ns[-1] - clock.times_ns[0]) if samples > 1 else period_ns
             yield from _of_ends(facts, stream, begin, finish, max(2 * period_ns, _LONGEST_PERIOD_NS))
+
+
+def _of_events(facts: Facts, begin: float, finish: float) -> Iterator[Statistic]:
+    """Yield whether all events lie before, or all behind, the other streams: then their clock has another origin."""
+    if facts.events is None or facts.events.count == facts.events.unplaced:
+        return
+    first_ns, last_ns = facts.events.first_ns, facts.events.last_ns
+    apart_ns = max(begin - last_ns, first_ns - finish)
+    yield count_of_faults(
+        name="events.apart",
+        value=int(apart_ns > 0),
+        unit="streams",
+        statement=f"no event lies within the span of the other streams: it is {abs(apart_ns) / NS_PER_S:.6g} s away.",
+        code="clocks.span.apart",
+        where=Where(stream="events", start_us=facts.to_file_us(first_ns), stop_us=facts.to_file_us(last_ns)),
+        features=(StreamEnds(first_ns - begin, finish - last_ns, finish - begin),),
+    )
 
 
 def _of_ends(

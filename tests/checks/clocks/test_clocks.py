@@ -144,6 +144,20 @@ FAULTS: dict[str, tuple[str, Callable[[], Facts], str, str, float | None]] = {
     ),
     "one IMU sample lost": ("clocks.gaps", lambda: without("imu", slice(70, 71)), "dropped_samples", "imu", 1.0),
     "seven frames lost": ("clocks.gaps", lambda: without("rgb", slice(20, 27)), "dropped_samples", "rgb", 7.0),
+    "events a minute before all else": (
+        "clocks.span",
+        lambda: events_shifted(-60_000 * MS),
+        "time_offset",
+        "events",
+        -6e4,
+    ),
+    "events an hour behind all else": (
+        "clocks.span",
+        lambda: events_shifted(3_600_000 * MS),
+        "time_offset",
+        "events",
+        3.6e6,
+    ),
     "poses 30 ms late": ("clocks.span", lambda: shifted("pose", 30 * MS), "time_offset", "pose", 30.0),
     "the last 10% of depth lost": (
         "clocks.span",
@@ -433,6 +447,23 @@ def test_few_samples_beside_events_alone(span_ms: int) -> None:
     facts = replace(facts, clocks={"rgb": facts.clocks["rgb"]}, events=events)
     codes = {alarm.finding.code for alarm in judged("clocks.span", facts).alarms}
     assert codes == ({"clocks.span.few_samples"} if span_ms == 2000 else {"clocks.span.ends_early"})
+
+
+def events_shifted(shift_ns: int) -> Facts:
+    facts = exact_facts()
+    assert facts.events is not None
+    events = replace(facts.events, first_ns=facts.events.first_ns + shift_ns, last_ns=facts.events.last_ns + shift_ns)
+    return replace(facts, events=events)
+
+
+@given(st.integers(-1999, 1999), st.integers(0, 2000))
+def test_events_may_begin_late_and_end_early(shift_ms: int, length_ms: int) -> None:
+    """While any instant is common, a still scene explains what is missing."""
+    facts = exact_facts()
+    assert facts.events is not None
+    first_ms = max(shift_ms, -length_ms)
+    events = replace(facts.events, first_ns=first_ms * MS, last_ns=(first_ms + length_ms) * MS)
+    assert not judged("clocks.span", replace(facts, events=events)).alarms
 
 
 def test_no_event_at_all_is_noted() -> None:
