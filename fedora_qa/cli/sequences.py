@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
 from fedora_qa.errors import MisuseError
+from fedora_qa.storage.folder import list_files
 from fedora_qa.storage.place import Place
 from fedora_qa.storage.signature import require_signature
 
@@ -80,6 +81,8 @@ def _in_folder(folder: Path, choice: "DialectChoice", *, needs_rows: bool) -> li
                 f"Expected a folder that a dialect describes, or with sequences in it, got {folder}; draft a dialect "
                 f"with `fedora-qa layout {folder} --draft-dialect mine.toml`"
             )
+        if not below and not list_files(folder):
+            raise MisuseError(f"Expected a sequence, or a folder of sequences, got a folder without files: {folder}")
         return below or [folder]
     within = [path for path in below if path.is_dir()]
     if within:

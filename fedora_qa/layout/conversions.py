@@ -5,7 +5,6 @@ from typing import Any, Final, Literal
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial.transform import Rotation
 
 _FLOW_ZERO: Final = 1 << 15
 _FLOW_PER_PX: Final = 128
@@ -94,6 +93,8 @@ def _part_of_pose(matrices: NDArray[np.float64], key: str, *, invert: bool) -> N
     proper = (determinants > 0) & np.all(np.isfinite(rotations), axis=(1, 2))
     quaternions = np.full((len(rotations), 4), np.nan)
     if np.any(proper):
+        from scipy.spatial.transform import Rotation  # noqa: PLC0415 - slow to load, and few layouts need it
+
         lengths = np.cbrt(determinants[proper])
         quaternions[proper] = Rotation.from_matrix(rotations[proper]).as_quat() * lengths[:, np.newaxis]
     return quaternions

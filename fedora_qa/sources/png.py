@@ -10,7 +10,6 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, BinaryIO, Final
 
-import cv2
 import numpy as np
 from numpy.typing import NDArray
 
@@ -62,6 +61,8 @@ def read_image(path: Path, expected: ImageForm) -> NDArray[Any]:
     OSError
         The file cannot be read.
     """
+    import cv2  # noqa: PLC0415 - slow to load, and few sequences need it here
+
     size = path.stat().st_size
     if size > LARGEST_BYTES:
         raise SourceError(
