@@ -78,6 +78,26 @@ def test_rows_are_those_of_the_source(source: Path, clean: Path) -> None:
             np.testing.assert_allclose(other @ camera.T_body_camera, own @ expected.T_body_camera, atol=1e-12)
 
 
+def test_properties_of_a_sensor_are_no_faults(folder: Path, tmp_path: Path) -> None:
+    """A hot pixel and a grid of 1 ms are stated of what is recorded, and judged of what is synthetic."""
+    with h5py.File(folder / "events/left/events.h5", "a") as file:
+        events = {name: file[f"events/{name}"][:] for name in "xytp"}
+        hot = np.arange(0, int(events["t"][-1]), 5000)
+        added = {"x": np.full(len(hot), 40), "y": np.full(len(hot), 30), "t": hot, "p": np.arange(len(hot)) % 2}
+        order = np.argsort(np.concatenate([events["t"], hot]), kind="stable")
+        for name, values in events.items():
+            joined = np.concatenate([values, added[name].astype(values.dtype)])[order]
+            del file[f"events/{name}"]
+            file[f"events/{name}"] = joined // 1000 * 1000 if name == "t" else joined
+    recorded = check(folder)
+    assert recorded.verdict == "clean"
+    assert recorded.inferred["events.grid_us"] == 1000
+    assert str(recorded.inferred["events.hot_pixels"]).startswith("1, the loudest (40, 30) with 1")
+    side = tmp_path / "side.toml"
+    side.write_text('[metadata]\nkind = "synthetic"\n')
+    assert failed(check(folder, side)) == {"clocks.resolution", "event_stream.rates"}
+
+
 def test_a_correct_folder_is_clean(clean: Path, side: Path) -> None:
     """As it comes, and with the side file, by which more can be checked."""
     record = check(clean)

@@ -101,7 +101,8 @@ class ClocksResolution(WindowCheck[Comb]):
     same stamps are held against single-precision seconds, whose spacing doubles at each power of two. Where all events
     together lie on no coarse grid, each window of 0.2 s is held against every comb of 2 to 2000 ticks through the
     clock's zero and against the steps of single-precision seconds, 7.6 to 122 us: they find the rounding of a part of
-    the image or of the time.
+    the image or of the time. Where the sequence is declared as recorded, the grid of its events is that in which the
+    sensor is read out: the record states it, and it is not judged.
 
     Noise model
     -----------
@@ -167,6 +168,8 @@ class ClocksResolution(WindowCheck[Comb]):
         # Where the grid of all events is not the declared one, combs only repeat that finding.
         if not state or not any(grid.where.stream == "events" and grid.value == grid.expected for grid in grids):
             return observation
+        if facts.declared.kind == "recorded":
+            return observation
         # Of the combs that are no chance, the one that most events lie on; else the one that is least by chance.
         worst = max(state, key=lambda comb: (min(comb.deviate, _SIGNIFICANT), comb.share - comb.share_by_chance))
         start_us, stop_us = facts.to_file_us(worst.start_ns), facts.to_file_us(worst.stop_ns)
@@ -196,6 +199,7 @@ class ClocksResolution(WindowCheck[Comb]):
     def examine(self, facts: Facts) -> Observation:
         """Measure the grid of each stream whose timestamps determine one."""
         grids: list[Statistic] = []
+        inferred: dict[str, str | float] = {}
         for stream, fit in fits_of(facts):
             # Equal steps are multiples of every divisor of the period; only unequal steps determine a grid.
             if fit.irregular_steps:
@@ -223,8 +227,14 @@ class ClocksResolution(WindowCheck[Comb]):
             if not unobservable:
                 expected_us, grid_us = _declared_tick_us(facts), event_scan(facts).grid_ns / NS_PER_US
                 text = f"All event stamps lie on a grid of {grid_us:g} us; {expected_us} us is declared."
-                grids.append(_grid("events", grid_us, float(expected_us), text))
-        return Observation(Coverage(count, count, "stamps"), tuple(grids), unobservable=unobservable)
+                if facts.declared.kind == "recorded" and grid_us > expected_us:
+                    inferred["events.grid_us"] = grid_us
+                    unobservable = (
+                        "" if grids else "the grid of events is a property of the sensor, which none declares"
+                    )
+                else:
+                    grids.append(_grid("events", grid_us, float(expected_us), text))
+        return Observation(Coverage(count, count, "stamps"), tuple(grids), unobservable=unobservable, inferred=inferred)
 
 
 def _combs(tick_us: int) -> int:

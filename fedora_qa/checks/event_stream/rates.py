@@ -79,7 +79,8 @@ class EventStreamRates(Check[PixelCounts]):
     what moves over a sensor moves over them as well. The excess is over the third largest neighbour, so that two hot
     pixels side by side do not hide each other. Declared hot pixels are excused, and held to their declared rate. Hot
     pixels that lie where mirroring, an exchange of axes or one shift would take the declared ones are no new ones:
-    all events were moved.
+    all events were moved. Where the sequence is declared as recorded, hot pixels are a property of its sensor: the
+    record states them, and only declared ones are judged.
 
     A scene that swings to and fro (hovering) makes neighbours differ alike in every swing: one just passes its
     threshold each time, the others never do. One event a swing is therefore allowed for. Swings are counted as runs of
@@ -148,6 +149,8 @@ class EventStreamRates(Check[PixelCounts]):
         features = (move,) if move is not None else ()
         row, column = (int(i) for i in np.unravel_index(int(np.argmax(z)), z.shape))
         rate_hz, excess_hz = (float(of_all[row, column]) / seconds for of_all in (counts, excess.events))
+        evidence = {"event_counts": np.minimum(counts, np.iinfo(np.uint16).max).astype(np.uint16)}
+        titles = {"event_counts": "Events of each pixel [events]"}
         threshold_spread = 0.0
         if declared is not None and declared.threshold_sigma > 0:
             # Relative to the lower threshold, where a spread changes the number of events most.
@@ -175,12 +178,19 @@ class EventStreamRates(Check[PixelCounts]):
             # Less the neighbours' median: the scene adds events to a hot pixel as it does to them.
             over = (counts - excess.median)[declared_hot]
             statistics.append(self._declared_rate(over, excess.error[declared_hot], declared, seconds, features))
-        return Observation(
-            coverage,
-            tuple(statistics),
-            evidence={"event_counts": np.minimum(counts, np.iinfo(np.uint16).max).astype(np.uint16)},
-            titles={"event_counts": "Events of each pixel [events]"},
-        )
+        if facts.declared.kind == "recorded":
+            loudest = (
+                f"{len(hot_pixels)}, the loudest ({column}, {row}) with {excess_hz:.4g} Hz more than its neighbours"
+            )
+            return Observation(
+                coverage,
+                tuple(statistics[1:]),
+                unobservable="" if statistics[1:] else "hot pixels are a property of the sensor, which none declares",
+                evidence=evidence,
+                titles=titles,
+                inferred={"events.hot_pixels": loudest} if hot_pixels else {},
+            )
+        return Observation(coverage, tuple(statistics), evidence=evidence, titles=titles)
 
     def _declared_rate(
         self,
