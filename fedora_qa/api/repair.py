@@ -5,8 +5,9 @@ from pathlib import Path
 from typing import Any
 
 from fedora_qa.api.check import AnyPath
-from fedora_qa.cli.check import check_options, require_hdf5
+from fedora_qa.cli.check import check_options
 from fedora_qa.cli.repair import require_writable
+from fedora_qa.cli.sequences import require_hdf5
 from fedora_qa.config import CheckConfig, read_config, with_options
 from fedora_qa.engine.progress import quiet
 from fedora_qa.errors import MisuseError

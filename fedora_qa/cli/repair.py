@@ -7,12 +7,13 @@ from typing import Any
 
 import click
 
-from fedora_qa.cli.check import PlaceParam, check_options, require_hdf5, settings_from
+from fedora_qa.cli.check import PlaceParam, check_options, settings_from
 from fedora_qa.cli.exit_codes import CLEAN, FINDINGS
 from fedora_qa.cli.isolated import run_isolated
 from fedora_qa.cli.options import PATH, config_option, dialect_option, ignore_option, select_option
 from fedora_qa.cli.outputs import Outputs
 from fedora_qa.cli.progress import progress_bar
+from fedora_qa.cli.sequences import require_hdf5
 from fedora_qa.engine.executor import Task
 from fedora_qa.engine.options import CheckOptions
 from fedora_qa.engine.tasks import opening_test

@@ -64,6 +64,8 @@ def replace_values(stored: NDArray[Any], binding: Binding, canonical: NDArray[An
 def _converted(values: NDArray[Any], binding: Binding, origin_ns: int) -> NDArray[Any]:
     """Return canonical values (m,) in the stored unit and type."""
     dtype = binding.dtype
+    if binding.conversion is not None:
+        raise _refused(binding, "values that its dialect does not convert")
     if binding.ns_per_unit is not None:
         unit, origin = binding.ns_per_unit, origin_ns - binding.offset_ns
         if dtype.kind == "f":
