@@ -13,6 +13,7 @@ from typing import Any, Final
 
 import numpy as np
 
+from fedora_qa.conventions import NS_PER_US
 from fedora_qa.faults import (
     axes,
     cameras,
@@ -120,13 +121,16 @@ def why_not_mechanical(fault: ReversibleFault) -> str:
 
 
 def exact(fault: ReversibleFault) -> ReversibleFault:
-    """Return the fault with the exact ratio of the two units nearest to its factor; others are returned as they are.
+    """Return the fault with the exact ratio of the two units nearest to its factor, or a shift in whole microseconds.
 
     Lengths are in powers of ten of each other; rad and deg differ by 180 / pi. A factor between two units is a gain
     that bears the name of a unit. It is as far from the nearest ratio after the repair as before, so that the check of
-    the result refuses it.
+    the result refuses it. Of timestamps in whole microseconds, which the format has, all move alike by a whole number:
+    each event stays on its side of each frame, and the index maps are those of the timestamps as they are stored.
     """
     match fault:
+        case clocks.ClockShift():
+            return replace(fault, offset_ns=float(NS_PER_US * round(fault.offset_ns / NS_PER_US)))
         case units.LengthUnit():
             return replace(fault, factor=10.0 ** round(log10(fault.factor)))
         case units.AngleUnit():

@@ -6,6 +6,7 @@ from functools import partial
 from pathlib import Path
 
 import h5py
+import numpy as np
 import pytest
 
 import fedora_qa as package
@@ -165,3 +166,22 @@ def test_a_fault_is_found_confirmed_and_repaired(park_day: Path, tmp_path: Path,
             key = f"path/flow/{rate}"
             assert clean[key][()].tobytes() == file[key][()].tobytes()
         assert len(file["provenance/repairs"]) == 1
+
+
+def test_index_maps_are_those_of_the_repaired_timestamps(park_day: Path, tmp_path: Path, fedora_qa: Command) -> None:
+    """A delay is fitted to a fraction of a microsecond, and timestamps are whole ones: the maps fit them."""
+    faulty, repaired = tmp_path / "late.h5", tmp_path / "repaired.h5"
+    faulty.write_bytes(park_day.read_bytes())
+    with h5py.File(faulty, "r+") as file:
+        events_us = file["path/events/t"][()] + 3000
+        file["path/events/t"][...] = events_us
+        for stream in ("rgb", "depth"):
+            times_us = file[f"path/{stream}_ts"][()]
+            file[f"metadata/{stream}_to_event"][...] = np.searchsorted(events_us, times_us, "left")
+    done = fedora_qa("repair", faulty, "-o", repaired)
+    assert done.code == 0, done.out + done.err
+    with h5py.File(repaired) as file:
+        events_us = file["path/events/t"][()]
+        for stream in ("rgb", "depth"):
+            entries = np.searchsorted(events_us, file[f"path/{stream}_ts"][()], "left")
+            np.testing.assert_array_equal(file[f"metadata/{stream}_to_event"][()], entries)
