@@ -5,15 +5,20 @@ a stream lies on the grid of the others with a probability of one microsecond ov
 it has no offset, and where all others lie on one grid the one that does not has it.
 """
 
+from dataclasses import dataclass
 from itertools import combinations
 from typing import Final, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
+from fedora_qa.conventions import NS_PER_MS
 from fedora_qa.sequence.facts import Facts
 
 Place = Literal["in", "out", "unknown"]
+
+_WHOLE: Final = 0.02
+"""Largest part of a period by which an offset may differ from whole periods to count as whole: its fit has an error."""
 
 _ALL: Final = 0.999
 """Share of coincident timestamps from which two clocks are one: an offset of one frame in a thousand is less."""
@@ -22,7 +27,33 @@ _FEWEST_OTHERS: Final = 2
 """Streams that must agree with each other, because of two clocks that disagree either may be wrong."""
 
 
-def places_of_clocks(facts: Facts) -> dict[str, Place]:
+@dataclass(frozen=True, slots=True)
+class ClockPlace:
+    """Whether a clock lies on the grid of the others.
+
+    Attributes
+    ----------
+    place
+        ``in``: its timestamps lie on the grid of at least two other streams; ``out``: they do not, while those of at
+        least two others lie on one grid; ``unknown``: neither.
+    period_ms
+        Of the stream.
+    """
+
+    place: Place
+    period_ms: float
+
+    def excludes(self, offset_ms: float | None) -> bool:
+        """Whether the clock has not this offset: an offset of whole periods leaves it on the grid."""
+        if self.place != "in":
+            return False
+        if offset_ms is None or not self.period_ms:
+            return True
+        periods = offset_ms / self.period_ms
+        return round(periods) == 0 or abs(periods - round(periods)) > _WHOLE
+
+
+def places_of_clocks(facts: Facts) -> dict[str, ClockPlace]:
     """Return for every stream whether its clock is in place, by the coincidence of timestamps with other streams.
 
     Parameters
@@ -33,8 +64,7 @@ def places_of_clocks(facts: Facts) -> dict[str, Place]:
     Returns
     -------
     dict
-        ``in``: its timestamps lie on the grid of at least two other streams; ``out``: they do not, while those of at
-        least two others lie on one grid; ``unknown``: neither.
+        By stream.
     """
     times_ns: dict[str, NDArray[np.int64]] = {}
     for stream, clock in facts.clocks.items():
@@ -43,17 +73,19 @@ def places_of_clocks(facts: Facts) -> dict[str, Place]:
         if clock.usable and len(clock.times_ns) >= len(times_ns.get(name, ())):
             times_ns[name] = clock.times_ns
     agree = {frozenset(pair): _coincide(times_ns[pair[0]], times_ns[pair[1]]) for pair in combinations(times_ns, 2)}
-    places: dict[str, Place] = {}
-    for stream in times_ns:
+    places: dict[str, ClockPlace] = {}
+    for stream, of_stream_ns in times_ns.items():
         others = [other for other in times_ns if other != stream]
         on_grid = [agree[frozenset((stream, other))] for other in others]
         others_agree = all(agree[frozenset(pair)] for pair in combinations(others, 2))
-        if len(others) < _FEWEST_OTHERS:
-            places[stream] = "unknown"
-        elif sum(on_grid) >= _FEWEST_OTHERS:
-            places[stream] = "in"
-        else:
-            places[stream] = "out" if others_agree else "unknown"
+        place: Place = "unknown"
+        if sum(on_grid) >= _FEWEST_OTHERS:
+            place = "in"
+        elif len(others) >= _FEWEST_OTHERS and others_agree:
+            place = "out"
+        # The median ignores gaps.
+        period_ms = float(np.median(np.diff(of_stream_ns))) / NS_PER_MS if len(of_stream_ns) > 1 else 0.0
+        places[stream] = ClockPlace(place, period_ms)
     return places
 
 

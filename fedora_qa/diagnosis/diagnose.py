@@ -16,7 +16,7 @@ from typing import Final
 
 from fedora_qa.causes import CAUSES, stream_family
 from fedora_qa.diagnosis.candidates import CONTENDS, FITS, UNKNOWN, CauseCandidate, gather_candidates
-from fedora_qa.diagnosis.coincidence import Place
+from fedora_qa.diagnosis.coincidence import ClockPlace
 from fedora_qa.diagnosis.conclusion import (
     MEASURED_CONFIDENCE,
     Trials,
@@ -46,7 +46,7 @@ def rank_candidates(
     alarms: Sequence[Alarm],
     hypotheses: Mapping[str, Sequence[Hypothesis]],
     results: Results = MappingProxyType({}),
-    places: Mapping[str, Place] = MappingProxyType({}),
+    places: Mapping[str, ClockPlace] = MappingProxyType({}),
 ) -> list[CauseCandidate]:
     """Return the candidates that no measurement contradicts, in the order in which to test them: by their support.
 
@@ -74,7 +74,7 @@ def choose_causes(
     hypotheses: Mapping[str, Sequence[Hypothesis]],
     trials: Trials = MappingProxyType({}),
     results: Results = MappingProxyType({}),
-    places: Mapping[str, Place] = MappingProxyType({}),
+    places: Mapping[str, ClockPlace] = MappingProxyType({}),
 ) -> tuple[Diagnosis, ...]:
     """Choose the fewest causes that explain all alarms.
 
@@ -119,7 +119,8 @@ def choose_causes(
         return round(by_check, 6), len(candidate.evidence), is_out_of_place(candidate)
 
     def is_out_of_place(candidate: CauseCandidate) -> bool:
-        return candidate.cause in _OF_CLOCKS and places.get(stream_family(candidate.stream)) == "out"
+        clock = places.get(stream_family(candidate.stream))
+        return candidate.cause in _OF_CLOCKS and clock is not None and clock.place == "out"
 
     diagnoses: list[Diagnosis] = []
     explained: set[str] = set()

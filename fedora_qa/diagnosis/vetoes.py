@@ -5,7 +5,7 @@ from types import MappingProxyType
 from typing import Final
 
 from fedora_qa.causes import stream_family
-from fedora_qa.diagnosis.coincidence import Place
+from fedora_qa.diagnosis.coincidence import ClockPlace
 from fedora_qa.diagnosis.measured_sizes import Results, measured
 from fedora_qa.record.types import Result
 
@@ -39,7 +39,7 @@ _CORRELATED: Final[Mapping[str, tuple[str, ...]]] = MappingProxyType(
 
 
 def contradicts(
-    cause: str, stream: str, magnitude: float | None, results: Results, places: Mapping[str, Place]
+    cause: str, stream: str, magnitude: float | None, results: Results, places: Mapping[str, ClockPlace]
 ) -> bool:
     """Whether a measurement that is in order contradicts a cause.
 
@@ -55,8 +55,10 @@ def contradicts(
     family = stream_family(stream)
     if cause == "other_sequence":
         return any(_passed(results.get(check)) for check in _CORRELATED.get(family, ()))
-    if cause in ("time_offset", "clock_rate") and places.get(family) == "in":
-        return True
+    if cause in ("time_offset", "clock_rate") and family in places:
+        offset_ms = magnitude if cause == "time_offset" else None
+        if places[family].excludes(offset_ms):
+            return True
     if (cause, family) in _MEASURED and magnitude is not None:
         check, name = _MEASURED[cause, family]
         result = results.get(check)

@@ -5,10 +5,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from fedora_qa.diagnosis.coincidence import places_of_clocks
+from fedora_qa.diagnosis.coincidence import ClockPlace, Place, places_of_clocks
 from fedora_qa.sequence.facts import Facts
 from fedora_qa.sequence.scan import clock_of
 from tests.support.memory_sequence import MS, facts_of, memory_sequence
+
+
+def places_of(facts: Facts) -> dict[str, Place]:
+    return {stream: clock.place for stream, clock in places_of_clocks(facts).items()}
 
 
 def moved(stream: str, offset_ns: int, rows: slice = slice(None)) -> Facts:
@@ -21,7 +25,7 @@ def moved(stream: str, offset_ns: int, rows: slice = slice(None)) -> Facts:
 
 def test_clean_clocks_are_in_place() -> None:
     """Frames, IMU and poses of one grid; events have none."""
-    places = places_of_clocks(facts_of(memory_sequence()))
+    places = places_of(facts_of(memory_sequence()))
     assert places.keys() == {"rgb", "depth", "flow", "imu", "pose"}
     assert set(places.values()) == {"in"}
 
@@ -30,24 +34,34 @@ def test_clean_clocks_are_in_place() -> None:
 @pytest.mark.parametrize("offset_ns", [1000, 370_000, -2_013_000])
 def test_a_moved_clock_is_out_and_the_others_are_in(stream: str, offset_ns: int) -> None:
     """From one microsecond on."""
-    places = places_of_clocks(moved(stream, offset_ns))
+    places = places_of(moved(stream, offset_ns))
     assert places.pop(stream) == "out"
     assert set(places.values()) == {"in"}
 
 
 def test_a_moved_frame_is_enough() -> None:
     """A clock of which one frame is late is not in place, so that nothing contradicts its offset."""
-    assert places_of_clocks(moved("rgb", 3 * MS + 1000, slice(3, 4)))["rgb"] == "out"
+    assert places_of(moved("rgb", 3 * MS + 1000, slice(3, 4)))["rgb"] == "out"
 
 
 def test_two_clocks_alone_do_not_tell() -> None:
     """Which of two is wrong is unknown; and so it is where no two others agree."""
     facts = moved("rgb", 1000)
     two = replace(facts, clocks={stream: facts.clocks[stream] for stream in ("rgb", "depth")})
-    assert set(places_of_clocks(two).values()) == {"unknown"}
+    assert set(places_of(two).values()) == {"unknown"}
     random = np.random.default_rng(0)
     scattered = {
         stream: clock_of(clock.times_ns + int(random.integers(1, MS // 2)) * (place + 1), None)
         for place, (stream, clock) in enumerate(facts.clocks.items())
     }
-    assert "in" not in places_of_clocks(replace(facts, clocks=scattered)).values()
+    assert "in" not in places_of(replace(facts, clocks=scattered)).values()
+
+
+def test_whole_periods_leave_a_clock_on_its_grid() -> None:
+    """Depth one frame late lies on the grid of the frames: only other offsets are excluded."""
+    depth = places_of_clocks(moved("depth", 20 * MS))["depth"]
+    assert (depth.place, depth.period_ms) == ("in", 20.0)
+    assert not depth.excludes(20.0)
+    assert not depth.excludes(-39.9)
+    assert all(depth.excludes(offset_ms) for offset_ms in (2.0, 13.0, -21.0, 0.1, None))
+    assert not ClockPlace("unknown", 20.0).excludes(2.0)

@@ -7,7 +7,7 @@ from typing import Any
 
 from fedora_qa.checks.protocol import Statistic
 from fedora_qa.diagnosis.candidates import CauseCandidate
-from fedora_qa.diagnosis.coincidence import Place
+from fedora_qa.diagnosis.coincidence import ClockPlace
 from fedora_qa.diagnosis.diagnose import choose_causes, rank_candidates
 from fedora_qa.diagnosis.hypothesis import ANY_CAUSE, Hypothesis
 from fedora_qa.diagnosis.trial import UndoTrial
@@ -28,7 +28,7 @@ def diagnosed(
     explained: Sequence[Explained],
     trials: Mapping[tuple[str, str], UndoTrial] = MappingProxyType({}),
     results: Mapping[str, Result] = MappingProxyType({}),
-    places: Mapping[str, Place] = MappingProxyType({}),
+    places: Mapping[str, ClockPlace] = MappingProxyType({}),
 ) -> tuple[Diagnosis, ...]:
     alarms = [each for each, _ in explained]
     return choose_causes(alarms, {a.finding.id: hypotheses for a, hypotheses in explained}, trials, results, places)
@@ -188,8 +188,8 @@ def test_a_clock_out_of_place_is_the_odd_stream() -> None:
     trials = {IS_LATE: tried("F1"), ("time_offset", "rgb"): tried("F1")}
     explained = [alarm(1, events, rgb)]
     assert diagnosed(explained, trials)[0].stream == "events"
-    assert diagnosed(explained, trials, places={"rgb": "out"})[0].stream == "rgb"
-    assert [(d.stream, d.status) for d in diagnosed(explained, trials, places={"rgb": "in"})] == [
+    assert diagnosed(explained, trials, places={"rgb": ClockPlace("out", 20.0)})[0].stream == "rgb"
+    assert [(d.stream, d.status) for d in diagnosed(explained, trials, places={"rgb": ClockPlace("in", 20.0)})] == [
         ("events", "confirmed")
     ]
 
