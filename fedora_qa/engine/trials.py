@@ -245,8 +245,8 @@ def run_trials(
 ) -> dict[tuple[str, str], UndoTrial]:
     """Undo the faults of candidates, best supported first; return the best trial of each by cause and stream."""
     trials: dict[tuple[str, str], UndoTrial] = {}
-    # Once a fault has cleared all that the windows show, only its rivals are of interest.
-    least = 0.0
+    # Only rivals of the best supported candidate are of interest, and then of a fault that clears all that is shown.
+    least = CONTENDS * candidates[0].total_support if candidates else 0.0
     for done, candidate in enumerate(candidates):
         if candidate.total_support < least:
             break
