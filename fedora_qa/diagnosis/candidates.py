@@ -114,7 +114,8 @@ def gather_candidates(
         support = {sign: sum(of_cause[f].support for f in signs if signs[f] is sign) for sign in (True, False)}
         sign = support[True] >= support[False]
         of_one_sign = {finding: h for finding, h in of_cause.items() if signs.get(finding, sign) is sign}
-        candidates.append(CauseCandidate(cause, stream, of_one_sign, weights))
+        if of_one_sign:
+            candidates.append(CauseCandidate(cause, stream, of_one_sign, weights))
     return candidates
 
 

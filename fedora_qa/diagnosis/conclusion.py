@@ -14,7 +14,9 @@ from fedora_qa.record.types import DiagnosisStatus
 Trials = Mapping[tuple[str, str], UndoTrial]
 """Trials by cause and stream."""
 
-_MANY_MECHANISMS: Final = frozenset({"exposure_or_gamma", "frame_convention", "duplicated_samples", "unsorted"})
+_MANY_MECHANISMS: Final = frozenset(
+    {"exposure_or_gamma", "frame_convention", "duplicated_samples", "unsorted", "invalid_encoding"}
+)
 """Causes with more mechanisms than are tried: that those clear nothing rules nothing out."""
 
 _MOSTLY: Final = 0.5

@@ -25,6 +25,7 @@ from fedora_qa.diagnosis.conclusion import (
     is_excluded,
     status_of,
 )
+from fedora_qa.diagnosis.direct import is_direct
 from fedora_qa.diagnosis.hypothesis import Hypothesis
 from fedora_qa.diagnosis.measured_sizes import Results
 from fedora_qa.diagnosis.trial import UndoTrial
@@ -34,6 +35,9 @@ from fedora_qa.record.types import Diagnosis
 
 _ENOUGH: Final = 0.05
 """Least support that a further cause must add to be named."""
+
+_CERTAIN: Final = 0.85
+"""Least support of a cause by the check whose business it is for the finding to count as a measurement of the cause."""
 
 _OF_CLOCKS: Final = frozenset({"time_offset", "clock_rate"})
 """Causes by which a clock leaves the grid of the others."""
@@ -113,10 +117,10 @@ def choose_causes(
     def gain(candidate: CauseCandidate) -> float:
         return sum(_new_support(candidate, finding, unexplained) for finding in candidate.evidence)
 
-    def merit(candidate: CauseCandidate) -> tuple[float, int, bool]:
-        """Return the gain, where each check counts once; the number of findings; whether the clock is out of place."""
+    def merit(candidate: CauseCandidate) -> tuple[float, bool]:
+        """Return the gain, where each check counts once, and whether a clock is out of place."""
         by_check = sum(_new_support(candidate, f, unexplained) * weights[f] for f in candidate.evidence)
-        return round(by_check, 6), len(candidate.evidence), is_out_of_place(candidate)
+        return round(by_check, 6), is_out_of_place(candidate)
 
     def is_out_of_place(candidate: CauseCandidate) -> bool:
         clock = places.get(stream_family(candidate.stream))
@@ -199,7 +203,13 @@ def _weights(alarms: Sequence[Alarm]) -> dict[str, float]:
 def _tested(candidate: CauseCandidate, codes: Mapping[str, str], trial: UndoTrial | None) -> CauseCandidate:
     """Return a candidate with the support that a trial measured."""
     if trial is None or not (trial.cleared or is_conclusive(candidate, codes)):
-        return candidate
+        # A measurement of the cause itself is worth as much as a trial.
+        certain = {
+            finding: replace(h, support=1.0)
+            for finding, h in candidate.evidence.items()
+            if h.support >= _CERTAIN and is_direct(candidate.cause, codes[finding])
+        }
+        return replace(candidate, evidence={**candidate.evidence, **certain})
     evidence = dict(candidate.evidence)
     for finding in trial.cleared:
         # Deviations that only the trial has brought about count against it.

@@ -37,7 +37,9 @@ _CHECKS: Final[Mapping[str, tuple[str, ...]]] = MappingProxyType(
 """Names of checks by cause."""
 
 
-_LOCAL_CHECKS: Final = frozenset({"pose.continuity", "clocks.gaps", "event_response.conservation", "images.exposure"})
+_LOCAL_CHECKS: Final = frozenset(
+    {"integrity.finite", "pose.continuity", "clocks.gaps", "event_response.conservation", "images.exposure"}
+)
 _LOCAL_RULES: Final = frozenset(
     {
         "worst",
