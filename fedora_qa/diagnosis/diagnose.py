@@ -217,7 +217,8 @@ def _tested(candidate: CauseCandidate, codes: Mapping[str, str], trial: UndoTria
         prior = evidence.get(finding, Hypothesis(candidate.cause, candidate.stream, 0.0))
         evidence[finding] = replace(prior, support=cleared)
     for finding, ratio in trial.left.items():
-        if finding in evidence:
+        # Another mechanism, or the same in a part of the file, may still explain what is left.
+        if finding in evidence and is_conclusive(candidate, codes):
             # The share of the deviation that is removed.
             share = max(1.0 - abs(ratio), 0.0)
             evidence[finding] = replace(evidence[finding], support=evidence[finding].support * share)

@@ -65,3 +65,10 @@ def test_whole_periods_leave_a_clock_on_its_grid() -> None:
     assert not depth.excludes(-39.9)
     assert all(depth.excludes(offset_ms) for offset_ms in (2.0, 13.0, -21.0, 0.1, None))
     assert not ClockPlace("unknown", 20.0).excludes(2.0)
+
+
+def test_a_frame_on_the_grid_of_the_poses_alone_is_out() -> None:
+    """Colour 5 ms late: still at poses (200 Hz) and samples of the IMU (1000 Hz), not at depth and flow."""
+    places = places_of(moved("rgb", 5 * MS))
+    assert places.pop("rgb") == "out"
+    assert set(places.values()) == {"in"}
