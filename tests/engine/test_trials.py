@@ -2,17 +2,19 @@
 
 import shutil
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import h5py
 import numpy as np
 import pytest
 
-import fedora_qa
 from fedora_qa.catalogue import CHECKS, hypotheses_of
 from fedora_qa.diagnosis.coincidence import places_of_clocks
 from fedora_qa.diagnosis.diagnose import rank_candidates
 from fedora_qa.engine.altered import PlainRun
+from fedora_qa.engine.executor import InProcess
+from fedora_qa.engine.files import check_files
 from fedora_qa.engine.measure import conclude
 from fedora_qa.engine.options import CheckOptions, FileRun
 from fedora_qa.engine.progress import quiet
@@ -116,16 +118,21 @@ def test_a_fault_that_cannot_be_undone_is_not_confirmed(park_day: Path, tmp_path
 def test_a_budget_of_time_leaves_no_work_for_trials(park_day: Path, tmp_path: Path) -> None:
     """Within a budget a file is judged several times, and every second belongs to the windows."""
     target = tmp_path / "faulty.h5"
-    checked(park_day, target, flip_polarity)
-    (file,) = fedora_qa.check(target, evidence=False, budget_s=600.0).files
-    first = file.diagnoses[0]
+    shutil.copyfile(park_day, target)
+    with h5py.File(target, "r+") as file:
+        flip_polarity(file)
+    options = replace(OPTIONS, select=("event_response.orientation",), budget_s=20.0)
+    ((_, run),) = check_files([target], options, InProcess(), lambda tally: None)
+    first = run.record.diagnoses[0]
     assert (first.cause, first.tried) == ("polarity_inverted", ())
 
 
 def test_work_is_bounded_by_the_run_itself(park_day: Path, tmp_path: Path) -> None:
     """Windows times checks of all trials are at most those that the run measured."""
     target = tmp_path / "faulty.h5"
-    checked(park_day, target, delay_events)
+    shutil.copyfile(park_day, target)
+    with h5py.File(target, "r+") as file:
+        delay_events(file)
     survey = survey_file(target, CHECKS, OPTIONS, quiet)
     assert isinstance(survey, Survey)
     with opened(survey) as file:
