@@ -166,8 +166,8 @@ def choose_causes(
             # Rest after the best supported cause so far: supports of several causes of one finding do not add.
             unexplained[finding] = min(unexplained[finding], 1.0 - hypothesis.support)
         explained |= set(own)
-        # A cause whose findings are all explained is superfluous.
-        candidates = [candidate for candidate in candidates if not set(candidate.evidence) <= explained]
+        # A cause is named once, and one whose findings are all explained is superfluous.
+        candidates = [c for c in candidates if c.key != best.key and not set(c.evidence) <= explained]
     without_cause: dict[str, list[Alarm]] = defaultdict(list)
     for alarm in alarms:
         if alarm.finding.id not in explained:

@@ -237,3 +237,10 @@ def test_a_factor_that_is_no_ratio_of_units_is_no_unit() -> None:
     """Lengths that are 2% too large are not in another unit."""
     assert diagnosed([alarm(1, Hypothesis("unit_mm_m", "depth", 0.9, 1.021, "1"))])[0].cause == "unknown"
     assert diagnosed([alarm(1, Hypothesis("unit_mm_m", "depth", 0.9, 1003.0, "1"))])[0].cause == "unit_mm_m"
+
+
+def test_a_cause_is_named_once() -> None:
+    """Undone, it clears one finding and leaves another entirely, which stays without a cause."""
+    partly = tried("F1", left={"F2": 1.4}, caused=("a.new.one",))
+    named = diagnosed(BOTH, {IS_LATE: partly, IS_SHIFTED: tried(left={"F1": 1.0, "F2": 1.0})})
+    assert [(d.cause, d.explains) for d in named] == [("time_offset", ("F1",)), ("unknown", ("F2",))]
