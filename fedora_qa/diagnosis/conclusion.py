@@ -1,7 +1,6 @@
 """Conclude from trials how a cause is known: confirmed, supported or suggested."""
 
 from collections.abc import Collection, Mapping, Sequence
-from types import MappingProxyType
 from typing import Final
 
 from fedora_qa.causes import stream_family
@@ -21,11 +20,6 @@ _MANY_MECHANISMS: Final = frozenset(
 
 _MOSTLY: Final = 0.5
 """Share of the findings of a cause that undoing it must clear for the cause to be supported."""
-
-MEASURED_CONFIDENCE: Final[Mapping[DiagnosisStatus, float]] = MappingProxyType(
-    {"confirmed": 0.0, "supported": 0.0, "suggested": 0.0, "unidentified": 0.0}
-)
-"""Share of first diagnoses of a status that are right (docs/named-foreign.md); 0 where none was measured."""
 
 
 def is_conclusive(candidate: CauseCandidate, codes: Mapping[str, str]) -> bool:

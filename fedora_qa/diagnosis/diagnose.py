@@ -18,7 +18,6 @@ from fedora_qa.causes import CAUSES, stream_family
 from fedora_qa.diagnosis.candidates import CONTENDS, FITS, UNKNOWN, CauseCandidate, gather_candidates
 from fedora_qa.diagnosis.coincidence import ClockPlace
 from fedora_qa.diagnosis.conclusion import (
-    MEASURED_CONFIDENCE,
     Trials,
     has_evidence,
     is_conclusive,
@@ -152,7 +151,8 @@ def choose_causes(
                 magnitude=magnitude,
                 unit=size.unit or CAUSES[best.cause].unit,
                 standard_error=size.standard_error,
-                confidence=MEASURED_CONFIDENCE[status],
+                # No whole study has measured how often a status is right.
+                confidence=0.0,
                 where=where[best.sized_by],
                 remedy=CAUSES[best.cause].remedy,
                 explains=tuple(own),

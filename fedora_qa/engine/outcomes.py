@@ -113,10 +113,12 @@ def unreadable_record(path: Place, digest: Digest, checks: Iterable[Check[Any]],
         magnitude=None,
         unit="",
         standard_error=None,
-        confidence=1.0 if cause == "truncated" else 0.5,
+        confidence=0.0,
         where=Where(),
         remedy=CAUSES[cause].remedy,
         explains=("F1",),
+        # HDF5 compares lengths itself; of damage it states only that something does not fit.
+        status="supported" if cause == "truncated" else "suggested",
     )
     results = []
     for check in checks:

@@ -139,7 +139,7 @@ class TrialBench:
                 if undoing.declared is None and after.outcome == "passed":
                     cleared.add(alarm.finding.id)
                 continue
-            if not is_within(again):
+            if again.exceeds_limit:
                 left[alarm.finding.id] = _ratio(again, deviating)
             elif again.limit is not None and again.limit < abs(_deviation(deviating)):
                 # Under a larger limit the deviation would have passed, too.
@@ -175,7 +175,7 @@ class TrialBench:
                 for alarm in self.alarms
                 if check_of(alarm) in results
             )
-            self._plain[count] = [(alarm, m) for alarm, m in pairs if m is not None and not is_within(m)]
+            self._plain[count] = [(alarm, m) for alarm, m in pairs if m is not None and m.exceeds_limit]
         return self._plain[count]
 
     def _around(self, spans: Sequence[Span], count: int) -> Sequence[Span]:
@@ -188,22 +188,13 @@ class TrialBench:
         return spans[first : first + count]
 
 
-def is_within(measurement: Measurement) -> bool:
-    """Whether a value is within its limit; values that are not finite are not."""
-    if measurement.value is None or measurement.expected is None or measurement.limit is None:
-        return False
-    deviation = measurement.value - measurement.expected
-    signed = {"both": abs(deviation), "upper": deviation, "lower": -deviation}
-    return signed[measurement.side] <= measurement.limit
-
-
 def check_of(alarm: Alarm) -> str:
     """Return the name of the check of a finding, whose code is ``<subject>.<property>.<rule>``."""
     return alarm.finding.code.rpartition(".")[0]
 
 
 def _exceeding(result: Result) -> list[Measurement]:
-    return [measurement for measurement in result.measurements if not is_within(measurement)]
+    return [measurement for measurement in result.measurements if measurement.exceeds_limit]
 
 
 def _measurement(result: Result, alarm: Alarm) -> Measurement | None:

@@ -71,6 +71,17 @@ class Measurement:
         """The largest deviation that does not fail, in ``unit``; None where there is no limit."""
         return None if self.limit is None else self.limit + self.material
 
+    @property
+    def exceeds_limit(self) -> bool:
+        """Whether the value exceeds its limit, whatever is material; one that is not finite exceeds every limit."""
+        if self.value is None:
+            return True
+        if self.expected is None or self.limit is None:
+            return False
+        deviation = self.value - self.expected
+        signed = {"both": abs(deviation), "upper": deviation, "lower": -deviation}
+        return signed[self.side] > self.limit
+
 
 @dataclass(frozen=True, slots=True)
 class Coverage:

@@ -7,7 +7,7 @@ it. So an outcome may become ``not_observable``, but of the checks that a repair
 from collections.abc import Iterable
 from typing import Final
 
-from fedora_qa.record.types import IMMATERIAL, FileRecord, Finding, Measurement, Outcome
+from fedora_qa.record.types import IMMATERIAL, FileRecord, Finding, Outcome
 from fedora_qa.record.wording import findings_of
 from fedora_qa.repairs.result import RepairStep
 
@@ -46,7 +46,7 @@ def why_not_better(before: FileRecord, after: FileRecord, steps: Iterable[Repair
             unobservable = ", ".join(sorted(checks))
             return f"Expected {step.diagnosis.id} to be cleared, but {unobservable} can no longer be observed."
     # A deviation within the material size is no finding with its own code before, and is one by the limits alone.
-    exceeding = {m.code for result in before.results for m in result.measurements if _exceeds(m)}
+    exceeding = {m.code for result in before.results for m in result.measurements if m.exceeds_limit}
     codes_before = {code for code, _ in old}
     added = sorted(code for code, stream in new - old if code in codes_before or code not in exceeding)
     if added:
@@ -60,14 +60,3 @@ def why_not_better(before: FileRecord, after: FileRecord, steps: Iterable[Repair
 
 def _broken(findings: Iterable[Finding]) -> set[_Broken]:
     return {(each.code, each.where.stream) for each in findings if not each.code.endswith(f".{IMMATERIAL}")}
-
-
-def _exceeds(measurement: Measurement) -> bool:
-    """Whether a measurement exceeds its limit, whatever size is material."""
-    value, expected, limit = measurement.value, measurement.expected, measurement.limit
-    if value is None:
-        return True  # NaN exceeds every limit
-    if expected is None or limit is None:
-        return False
-    deviation = {"both": abs(value - expected), "upper": value - expected, "lower": expected - value}[measurement.side]
-    return deviation > limit
