@@ -22,6 +22,7 @@ _CHECKS: Final[Mapping[str, tuple[str, ...]]] = MappingProxyType(
         "noise_misdeclared": ("imu.noise", "pose.noise"),
         # A ratio of noise that is just the factor of a unit.
         "unit_mm_m": ("pose.noise",),
+        "unit_deg_rad": ("imu.noise",),
         "frozen_frames": ("images.repeats", "pose.continuity", "imu.noise"),
         "swapped_frames": ("images.order",),
         "exposure_or_gamma": ("images.exposure", "images.transfer"),
