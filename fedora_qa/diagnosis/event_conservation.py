@@ -7,7 +7,7 @@ from math import exp
 from types import MappingProxyType
 from typing import Final
 
-from fedora_qa.checks.event_response.conservation import ViolationCluster, Violations
+from fedora_qa.checks.event_response.conservation import TILE_PX, ViolationCluster, Violations
 from fedora_qa.diagnosis.event_response import whose_offset
 from fedora_qa.diagnosis.hypothesis import Hypothesis
 from fedora_qa.diagnosis.support import support
@@ -20,6 +20,14 @@ _FEW: Final = 0.05
 
 _ONE_REGION: Final = 0.6
 """Least fraction of the violating pixels that lie together, and of those without an event, for a dead region."""
+
+_NEARLY_ALL: Final = 0.9
+"""Least fraction of the violating pixels in one neighbourhood for a region that is dead for some time: the rest is left
+for flaws of antialiasing."""
+
+_SMALL: Final = 0.25
+"""Largest fraction of the image for such a neighbourhood: eight violations (the fewest that are judged) that lie
+independently all fall into one given neighbourhood by chance in 0.25^8 = 0.002% of cases."""
 
 _RESOLVED: Final = 0.8
 """Fraction of the violations that an inverse transform must resolve, net. In 36 damaged files, correct transforms of a
@@ -72,12 +80,18 @@ def propose_conservation(alarm: Alarm, facts: Facts) -> tuple[Hypothesis, ...]:
     (cluster,) = (feature for feature in features if isinstance(feature, ViolationCluster))
     trials = [feature for feature in features if isinstance(feature, InverseTrial)]
     few = violations.fraction < _FEW
-    # Violations of a dead region lie together, in pixels without events. Violations of a region that is dead for some
-    # time lie closer together than those of lost events: a lost packet affects few pixels of any neighbourhood.
+    # Violations of a dead region lie together, in pixels without events; rows or columns that are dead form a band.
+    # Violations of a region that is dead for some time lie closer together than those of lost events: a lost packet
+    # affects few pixels of any neighbourhood.
     no_events = facts.events is None or not facts.events.count
-    if not no_events and min(cluster.fraction_nearby, cluster.fraction_without_events) > _ONE_REGION:
+    together = max(cluster.fraction_nearby, cluster.fraction_in_densest_band)
+    if not no_events and min(together, cluster.fraction_without_events) > _ONE_REGION:
         dead = _support("dead_region")
-    elif not no_events and cluster.fraction_of_image < _FEW and cluster.fraction_in_densest_square > _ONE_REGION:
+    elif (
+        not no_events
+        and cluster.fraction_of_image < _FEW
+        and (cluster.fraction_in_densest_square > _ONE_REGION or _lies_in_one_place(cluster))
+    ):
         dead = _support("dead_region_for_some_time")
     else:
         dead = _support("dead_region_unlikely")
@@ -115,6 +129,19 @@ def propose_conservation(alarm: Alarm, facts: Facts) -> tuple[Hypothesis, ...]:
         if silent_ns * (len(times_ns) - 1) > 2 * duration_ns:
             cut_off = (Hypothesis("truncated", "events", _support("truncated")),)
     return (*by_trial, *cut_off, *(replace(each, support=remaining * each.support) for each in beside))
+
+
+def _lies_in_one_place(cluster: ViolationCluster) -> bool:
+    """Whether a small neighbourhood holds nearly all violations, of which the region itself has as few as it has edges.
+
+    Outside of a dead region nothing is lost; lost events lie wherever the image has edges.
+    """
+    if not cluster.fraction_in_densest_square:
+        return False
+    # The neighbourhood of the worst tile, as in the check: its reach is the side of the square and a tile.
+    side_px = 2 * (cluster.side_px + TILE_PX) + TILE_PX
+    share_of_image = side_px**2 * cluster.fraction_of_image / cluster.side_px**2
+    return cluster.fraction_nearby > _NEARLY_ALL and share_of_image < _SMALL
 
 
 def hypotheses_of_trials(trials: Sequence[InverseTrial], facts: Facts) -> tuple[Hypothesis, ...]:

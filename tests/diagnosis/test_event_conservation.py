@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 
 from fedora_qa.engine.run import CheckOptions, check_file
 from fedora_qa.record.types import Diagnosis
@@ -23,6 +24,11 @@ def diagnosed(file: EventFile, path: Path) -> tuple[Diagnosis, ...]:
     return check_file(file.write(path), options).record.diagnoses
 
 
+def kept(events: Stream, rows: NDArray[np.bool_]) -> Stream:
+    """The events of these rows."""
+    return Stream(*(getattr(events, name)[rows] for name in ("x", "y", "times_ns", "p")))
+
+
 def inverted_for_a_while(events: Stream) -> Stream:
     inside = (events.times_ns >= 250 * MS) & (events.times_ns < 550 * MS)
     return replace(events, p=np.where(inside, 1 - events.p, events.p).astype(np.uint8))
@@ -38,8 +44,8 @@ def mirrored(events: Stream) -> Stream:
 
 
 def moved_right(events: Stream) -> Stream:
-    kept = events.x < SHAPE[1] - 5
-    return Stream((events.x[kept] + 5).astype(np.uint16), events.y[kept], events.times_ns[kept], events.p[kept])
+    inside = kept(events, events.x < SHAPE[1] - 5)
+    return replace(inside, x=(inside.x + 5).astype(np.uint16))
 
 
 def late(events: Stream) -> Stream:
@@ -63,6 +69,23 @@ def test_what_mends_is_named(fault: Fault, cause: str, magnitude: float | None, 
     assert (first.stream, first.cause, first.magnitude) == ("events", cause, magnitude)
 
 
+def without_columns(events: Stream) -> Stream:
+    return kept(events, (events.x < 40) | (events.x >= 42))
+
+
+def without_a_block_for_a_while(events: Stream) -> Stream:
+    in_block = (abs(events.x - 30) < 8) & (abs(events.y - 20) < 8)
+    return kept(events, ~(in_block & (events.times_ns >= 300 * MS) & (events.times_ns < 450 * MS)))
+
+
+@pytest.mark.parametrize("fault", [without_columns, without_a_block_for_a_while])
+def test_a_region_that_is_silent_is_dead(fault: Fault, tmp_path: Path) -> None:
+    """Two dead columns, and a block that is dead for some time, are regions and no lost packets."""
+    clean = log_file(SMOOTH_WORLD)
+    first = diagnosed(clean.altered(events=fault(clean.events)), tmp_path / "dead.h5")[0]
+    assert (first.stream, first.cause) == ("events", "dead_region")
+
+
 def test_what_nothing_mends_is_of_another_sequence(tmp_path: Path) -> None:
     """Events of another world are not taken for events of this one that were moved, turned or delayed."""
     file = log_file(SMOOTH_WORLD).altered(events=log_file(OTHER_WORLD).events)
@@ -74,5 +97,5 @@ def test_lost_events_are_not_mended(tmp_path: Path) -> None:
     clean = log_file(SMOOTH_WORLD)
     packet = (clean.events.times_ns > 300 * MS) & (clean.events.times_ns < 302 * MS)
     lost = packet & (np.arange(len(packet)) % 40 == 0)
-    kept = Stream(*(getattr(clean.events, name)[~lost] for name in ("x", "y", "times_ns", "p")))
-    assert diagnosed(clean.altered(events=kept), tmp_path / "lost.h5")[0].cause == "dropped_samples"
+    faulty = clean.altered(events=kept(clean.events, ~lost))
+    assert diagnosed(faulty, tmp_path / "lost.h5")[0].cause == "dropped_samples"

@@ -55,6 +55,8 @@ class ViolationCluster(Feature):
         Fraction of the violating pixels without any event.
     fraction_in_densest_square
         Fraction of the violating pixels in one square of twice their number; 0 for fewer than 8 pixels.
+    fraction_in_densest_band
+        The same of one band of whole rows, or of whole columns.
     """
 
     side_px: float
@@ -62,6 +64,7 @@ class ViolationCluster(Feature):
     fraction_nearby: float
     fraction_without_events: float
     fraction_in_densest_square: float
+    fraction_in_densest_band: float = 0.0
 
 
 @dataclass(slots=True)
@@ -183,9 +186,13 @@ class EventResponseConservation(Check[ConservationState]):
         side_px = sqrt(float(count))
         reach = int(side_px) + TILE_PX
         near = pixels[max(row - reach, 0) : row + TILE_PX + reach, max(column - reach, 0) : column + TILE_PX + reach]
-        densest = 0.0
+        densest = densest_band = 0.0
         if count >= TILE_PX:
             densest = float(_square_counts(pixels, min(ceil(sqrt(2 * count)), *pixels.shape)).max()) / count
+            of_rows, of_columns = (
+                _most_in_a_band(pixels.sum(axis=1 - axis), ceil(2 * count / pixels.shape[1 - axis])) for axis in (0, 1)
+            )
+            densest_band = max(of_rows, of_columns) / count
         cluster = ViolationCluster(
             side_px,
             fraction_of_image=everywhere,
@@ -193,6 +200,7 @@ class EventResponseConservation(Check[ConservationState]):
             fraction_without_events=sum(group.without_events for group in groups)
             / max(sum(group.violations for group in groups), 1),
             fraction_in_densest_square=densest,
+            fraction_in_densest_band=densest_band,
         )
         tile = Statistic(
             name="worst_tile",
@@ -288,3 +296,10 @@ def _square_counts(pixels: Bool, side: int) -> NDArray[np.int64]:
     sums = np.pad(pixels.cumsum(axis=0).cumsum(axis=1), ((1, 0), (1, 0)))
     counts: NDArray[np.int64] = sums[side:, side:] - sums[:-side, side:] - sums[side:, :-side] + sums[:-side, :-side]
     return counts
+
+
+def _most_in_a_band(counts: NDArray[np.int64], width: int) -> int:
+    """Return the largest sum of so many neighbouring counts."""
+    sums = np.pad(counts.cumsum(), (1, 0))
+    width = min(width, len(counts))
+    return int((sums[width:] - sums[:-width]).max())
