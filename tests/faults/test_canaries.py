@@ -74,6 +74,16 @@ def test_faults_of_one_place_lie_where_a_sampled_run_looks(park_day: Path) -> No
     assert [canary.outcome for canary in record.canaries] == ["seen"] * 4
 
 
+def test_validity_without_poses_detects_infinite_values(handmade: Path, tmp_path: Path) -> None:
+    """Where no pose states where a value must be, the canary plants what is wrong everywhere."""
+    path = tmp_path / "still.h5"
+    path.write_bytes(handmade.read_bytes())
+    with h5py.File(path, "r+") as file:
+        without(file, ("pose",), declared=False)
+    canary = by_check(proven(path, "flow_geometry.validity"))["flow_geometry.validity"]
+    assert (canary.outcome, canary.reason) == ("seen", "")
+
+
 def test_no_canary_where_a_check_could_not_tell(park_proven: FileRecord) -> None:
     """What was not observable or not applicable gets none, and says so; the verdict stays."""
     canary = by_check(park_proven)["metadata.profile"]

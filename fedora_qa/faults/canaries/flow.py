@@ -36,16 +36,21 @@ def backwards(conditions: CanaryConditions) -> Fault:
 
 
 def other_validity(conditions: CanaryConditions) -> Fault:
-    """In one corner of 8 x 8 px NaN is replaced by 0, and values are replaced by NaN."""
+    """In one corner of 8 x 8 px NaN is replaced by 0, and values are replaced by NaN.
+
+    Without poses they are replaced by infinity: only a pose states where a value must be.
+    """
+    no_value = np.float32(np.nan if "pose" in conditions.facts.streams else np.inf)
 
     def alter(flow: NDArray[Any]) -> NDArray[Any]:
         # Other readers may share the field that was read.
         altered = flow.copy()
         corner = altered[:, :_BLOCK_PX, :_BLOCK_PX]
-        corner[:] = np.where(np.isnan(corner), np.float32(0), np.float32(np.nan))
+        corner[:] = np.where(np.isnan(corner), np.float32(0), no_value)
         return altered
 
-    return _altered(conditions, "NaN and values of flow are exchanged in a corner", alter)
+    written = "infinity" if np.isinf(no_value) else "NaN"
+    return _altered(conditions, f"in a corner NaN of flow becomes 0, and values become {written}", alter)
 
 
 def _right(size_px: float) -> NDArray[np.float32]:
