@@ -109,6 +109,10 @@ def _template_hypotheses(rate: RateResidual, templates: dict[str, TemplateExplan
             simplicity = support("flow_photometric.further_number") ** len(sizes)
             share = simplicity * templates[name].explained_share / rate.explained_share
             hypotheses.append(Hypothesis(cause, flow, share, size, unit))
+            if name == "focal":
+                # Frames of a camera that is declared with too short a focal length show larger displacements.
+                of_frames = support("flow_photometric.focal_length_of_frames") * share
+                hypotheses.append(Hypothesis(cause, "metadata", of_frames, size, unit))
     return hypotheses
 
 

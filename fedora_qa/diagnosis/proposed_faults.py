@@ -97,6 +97,11 @@ def faults_for(
         yield from _PROPOSALS[cause](FittedCause(cause, stream, size, alarms, results, facts))
 
 
+_SATURATES: Final = 1.5
+"""Least ratio of a fitted shift to the measured one for the measured one to be at the end of its range: both round to
+whole pixels, so that a shift of 1 px may be fitted as 1.5 px. The value is not derived."""
+
+
 def is_testable(cause: str, stream: str, magnitude: float | None) -> bool:
     """Whether a cause can be undone: its fault has an inverse, and its size was fitted where it needs one."""
     sized = magnitude is not None and isfinite(magnitude) and magnitude != 0
@@ -175,13 +180,22 @@ def _pixel_shift(fit: FittedCause) -> Faults:
     checks = {"events": "event_response.alignment", "rgb": "event_response.alignment", "depth": "alignment.depth"}
     result = fit.results.get(checks.get(fit.family, ""))
     # Alignment measures the shift of events, or of the depth camera, against the colour frames.
-    sign = -1 if fit.stream == "rgb" else 1
-    right, down = (sign * round(deviation(result, f"shift_{way}")) for way in ("right", "down"))
-    # A shift larger than what the check searches saturates: the fitted size is tried too.
+    gain = -_rgb_px_per_event_px(fit.facts) if fit.stream == "rgb" else 1.0
+    right, down = (round(gain * deviation(result, f"shift_{way}")) for way in ("right", "down"))
+    if right or down:
+        yield pixels.PixelShift(fit.stream, right, down)
+    # A shift larger than what the check searches saturates: the fitted size is tried too, along either axis.
     along = round(fit.size)
-    for columns, rows in dict.fromkeys(((right, down), (along, 0), (0, along))):
-        if columns or rows:
-            yield pixels.PixelShift(fit.stream, columns, rows)
+    if abs(along) > _SATURATES * max(abs(right), abs(down)):
+        yield pixels.PixelShift(fit.stream, along, 0)
+        yield pixels.PixelShift(fit.stream, 0, along)
+
+
+def _rgb_px_per_event_px(facts: Facts) -> float:
+    """Return how many pixels of the colour camera the angle of a pixel of the event camera spans."""
+    cameras = facts.declared.cameras
+    # A direction moves by f times its tangent in either image.
+    return float(cameras["rgb"].K[0, 0] / cameras["events"].K[0, 0]) if {"rgb", "events"} <= cameras.keys() else 1.0
 
 
 def _thresholds(fit: FittedCause) -> Faults:
@@ -202,19 +216,30 @@ def _flow_interval(fit: FittedCause) -> Faults:
         yield flow.FlowIntervalShift(fit.stream, intervals)
 
 
+def _focal_length(fit: FittedCause) -> Faults:
+    declared = tuple(fit.facts.declared.cameras)
+    # Where depth, poses and flow agree, the depth camera is declared correctly: one of the others is suspected alone.
+    depth_agrees = not any(alarm.finding.code.startswith("flow_geometry.") for alarm in fit.alarms)
+    if fit.stream != "metadata" or not depth_agrees:
+        yield cameras.FocalLength(fit.stream, fit.size)
+    if fit.stream == "metadata":
+        for camera in (name for name in declared if name != "depth" or not depth_agrees):
+            yield cameras.FocalLength(fit.stream, fit.size, camera)
+
+
 def _principal_point(fit: FittedCause) -> Faults:
     u, v = flow_vector("centre", ("u", "v"), fit.stream, fit.results)
-    for columns_px, rows_px in dict.fromkeys(((u, v), (fit.size, 0.0), (0.0, fit.size))):
-        if columns_px or rows_px:
-            yield cameras.PrincipalPointShift(fit.stream, columns_px, rows_px)
+    # Without a measured direction the size is tried along either axis.
+    for columns_px, rows_px in ((u, v),) if u or v else ((fit.size, 0.0), (0.0, fit.size)):
+        yield cameras.PrincipalPointShift(fit.stream, columns_px, rows_px)
 
 
 def _mounting(fit: FittedCause) -> Faults:
     pitch, yaw, roll = flow_vector("mounting", ("pitch", "yaw", "roll"), fit.stream, fit.results)
-    rotations = ((pitch, yaw, roll), (fit.size, 0.0, 0.0), (0.0, fit.size, 0.0), (0.0, 0.0, fit.size))
-    for rotation_deg in dict.fromkeys(rotations):
-        if any(rotation_deg):
-            yield cameras.MountingRotation(fit.stream, rotation_deg)
+    about_axes = ((fit.size, 0.0, 0.0), (0.0, fit.size, 0.0), (0.0, 0.0, fit.size))
+    # Without a measured direction the size is tried about each axis.
+    for rotation_deg in ((pitch, yaw, roll),) if pitch or yaw or roll else about_axes:
+        yield cameras.MountingRotation(fit.stream, rotation_deg)
 
 
 def _gravity(fit: FittedCause) -> Faults:
@@ -281,7 +306,7 @@ _PROPOSALS: Final[Mapping[str, Callable[[FittedCause], Faults]]] = MappingProxyT
         "flow_sign": lambda fit: iter([units.FlowSign(fit.stream)]),
         "flow_gain": lambda fit: iter([units.FlowGain(fit.stream, fit.size)]),
         "flow_interval_shifted": _flow_interval,
-        "intrinsics_focal": lambda fit: iter([cameras.FocalLength(fit.stream, fit.size)]),
+        "intrinsics_focal": _focal_length,
         "intrinsics_centre": _principal_point,
         "extrinsic_rotation": _mounting,
         "quaternion_inverted": lambda _: iter([motion.QuaternionInversion()]),

@@ -97,8 +97,9 @@ class TrialBench:
                 break
             trial = self._measured(fault, undoing, prepared, affected, count)
             decided = len(trial.cleared) + len(trial.left)
-            # Where the windows show a finding and the fault clears none, more windows change nothing.
-            if (decided and not trial.cleared) or decided == len(self.alarms):
+            # Where the windows show a finding and the fault clears none, or brings others about, more windows change
+            # nothing: the work is left for rivals.
+            if (decided and not trial.cleared) or trial.caused or decided == len(self.alarms):
                 break
         return trial
 

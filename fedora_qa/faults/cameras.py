@@ -36,10 +36,13 @@ class FocalLength:
         ``metadata``: of the declared cameras; flow, or a rate: of the camera that the flow was made with.
     percent
         Excess of the factor over 1.
+    camera
+        The declared camera; None: all of them. Without meaning for flow.
     """
 
     stream: str
     percent: float
+    camera: str | None = None
     cause: ClassVar[str] = "intrinsics_focal"
 
     @property
@@ -49,14 +52,15 @@ class FocalLength:
 
     def plant(self, facts: Facts, sequence: SequenceRows) -> Fault:
         """Multiply the focal lengths."""
-        description = f"the focal length of {self.stream} is {self.percent:.3g}% too large"
-        return _planted(facts, sequence, self.stream, description, self._by(1 + self.percent / 100))
+        description = f"the focal length of {self.camera or self.stream} is {self.percent:.3g}% too large"
+        change = self._by(1 + self.percent / 100)
+        return _planted(facts, sequence, self.stream, description, change, self.camera)
 
     def undo(self, facts: Facts, sequence: SequenceRows) -> Fault:
         """Divide the focal lengths."""
         gain = 1 + self.percent / 100
-        description = f"the focal length of {self.stream} divided by {gain:.6g}"
-        return _removed(facts, sequence, self.stream, description, self._by(gain), self._by(1 / gain))
+        description = f"the focal length of {self.camera or self.stream} divided by {gain:.6g}"
+        return _removed(facts, sequence, self.stream, description, self._by(gain), self._by(1 / gain), self.camera)
 
     def _by(self, gain: float) -> Change:
         # fx, fy and the skew between them.
@@ -174,25 +178,35 @@ class MountingLeverArm:
         return lambda camera: replace(camera, T_body_camera=camera.T_body_camera + shift)
 
 
-def _planted(facts: Facts, sequence: SequenceRows, stream: str, description: str, wrong: Change) -> Fault:
+def _planted(
+    facts: Facts, sequence: SequenceRows, stream: str, description: str, wrong: Change, camera: str | None = None
+) -> Fault:
     if stream == "metadata":
-        return _declared(facts, description, wrong)
+        return _declared(facts, description, wrong, camera)
     return _remade(facts, sequence, stream, description, wrong, sign=1)
 
 
 def _removed(
-    facts: Facts, sequence: SequenceRows, stream: str, description: str, wrong: Change, correct: Change
+    facts: Facts,
+    sequence: SequenceRows,
+    stream: str,
+    description: str,
+    wrong: Change,
+    correct: Change,
+    camera: str | None = None,
 ) -> Fault:
     """Return what undoes a fault: declared cameras are corrected, and flow loses the share of the wrong camera."""
     if stream == "metadata":
-        return _declared(facts, description, correct)
+        return _declared(facts, description, correct, camera)
     return _remade(facts, sequence, stream, description, wrong, sign=-1)
 
 
-def _declared(facts: Facts, description: str, change: Change) -> Fault:
-    if not facts.declared.cameras:
-        raise InapplicableError("Expected declared cameras, got none")
-    cameras = {name: change(camera) for name, camera in facts.declared.cameras.items()}
+def _declared(facts: Facts, description: str, change: Change, only: str | None) -> Fault:
+    """Return the fault that changes a declared camera, or all of them."""
+    declared = facts.declared.cameras
+    if not declared or (only is not None and only not in declared):
+        raise InapplicableError(f"Expected a declared camera{f' {only}' if only else ''}, got none")
+    cameras = {name: change(camera) if only in (None, name) else camera for name, camera in declared.items()}
     return Fault(description, declared=replace(facts.declared, cameras=cameras))
 
 
