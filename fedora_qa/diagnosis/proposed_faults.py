@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from math import isfinite
+from math import hypot, isfinite
 from types import MappingProxyType
 from typing import Any, Final, get_args
 
@@ -98,8 +98,8 @@ def faults_for(
 
 
 _SATURATES: Final = 1.5
-"""Least ratio of a fitted shift to the measured one for the measured one to be at the end of its range: both round to
-whole pixels, so that a shift of 1 px may be fitted as 1.5 px. The value is not derived."""
+"""Least ratio of a fitted size to the length of a measured vector for the vector not to be a measurement of it: a shift
+of 1 px may be fitted as 1.5 px. The value is not derived."""
 
 
 def is_testable(cause: str, stream: str, magnitude: float | None) -> bool:
@@ -216,30 +216,46 @@ def _flow_interval(fit: FittedCause) -> Faults:
         yield flow.FlowIntervalShift(fit.stream, intervals)
 
 
+def _suspected_cameras(fit: FittedCause) -> Sequence[str | None]:
+    """Return the declared cameras that may be wrong, most suspected first; None stands for all of them.
+
+    Depth, its flow and the poses agree where the depth camera is declared correctly, and colour and events agree where
+    the other two are: which of the two holds states which camera is odd.
+    """
+    if fit.stream != "metadata":
+        return (None,)
+    subjects = {alarm.finding.code.split(".")[0] for alarm in fit.alarms}
+    depth_agrees = not subjects & {"flow_geometry", "depth"}
+    others_agree = "event_response" not in subjects
+    if depth_agrees:
+        return tuple(camera for camera in fit.facts.declared.cameras if camera != "depth")
+    return ("depth", None) if others_agree else (None, *fit.facts.declared.cameras)
+
+
 def _focal_length(fit: FittedCause) -> Faults:
-    declared = tuple(fit.facts.declared.cameras)
-    # Where depth, poses and flow agree, the depth camera is declared correctly: one of the others is suspected alone.
-    depth_agrees = not any(alarm.finding.code.startswith("flow_geometry.") for alarm in fit.alarms)
-    if fit.stream != "metadata" or not depth_agrees:
-        yield cameras.FocalLength(fit.stream, fit.size)
-    if fit.stream == "metadata":
-        for camera in (name for name in declared if name != "depth" or not depth_agrees):
-            yield cameras.FocalLength(fit.stream, fit.size, camera)
+    for camera in _suspected_cameras(fit):
+        yield cameras.FocalLength(fit.stream, fit.size, camera)
 
 
 def _principal_point(fit: FittedCause) -> Faults:
     u, v = flow_vector("centre", ("u", "v"), fit.stream, fit.results)
-    # Without a measured direction the size is tried along either axis.
-    for columns_px, rows_px in ((u, v),) if u or v else ((fit.size, 0.0), (0.0, fit.size)):
-        yield cameras.PrincipalPointShift(fit.stream, columns_px, rows_px)
+    along_axes = ((fit.size, 0.0), (0.0, fit.size))
+    for camera in _suspected_cameras(fit):
+        for columns_px, rows_px in ((u, v),) if _has_that_size((u, v), fit.size) else along_axes:
+            yield cameras.PrincipalPointShift(fit.stream, columns_px, rows_px, camera)
 
 
 def _mounting(fit: FittedCause) -> Faults:
     pitch, yaw, roll = flow_vector("mounting", ("pitch", "yaw", "roll"), fit.stream, fit.results)
     about_axes = ((fit.size, 0.0, 0.0), (0.0, fit.size, 0.0), (0.0, 0.0, fit.size))
-    # Without a measured direction the size is tried about each axis.
-    for rotation_deg in ((pitch, yaw, roll),) if pitch or yaw or roll else about_axes:
-        yield cameras.MountingRotation(fit.stream, rotation_deg)
+    for camera in _suspected_cameras(fit):
+        for rotation_deg in ((pitch, yaw, roll),) if _has_that_size((pitch, yaw, roll), fit.size) else about_axes:
+            yield cameras.MountingRotation(fit.stream, rotation_deg, camera)
+
+
+def _has_that_size(vector: Sequence[float], size: float) -> bool:
+    """Whether a measured vector is long enough for a fitted size; else another check fitted it, along one axis."""
+    return _SATURATES * hypot(*vector) >= abs(size)
 
 
 def _gravity(fit: FittedCause) -> Faults:

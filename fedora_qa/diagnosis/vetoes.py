@@ -29,7 +29,7 @@ _CORRELATED: Final[Mapping[str, tuple[str, ...]]] = MappingProxyType(
     {
         "events": ("event_response.orientation",),
         "rgb": ("event_response.orientation", "flow_photometric.residual"),
-        "depth": ("depth.consistency",),
+        "depth": ("depth.consistency", "alignment.depth"),
         "flow": ("flow_photometric.residual", "flow_geometry.endpoint"),
         "imu": ("imu.timing",),
         "pose": ("imu.timing", "depth.consistency"),

@@ -78,11 +78,14 @@ class PrincipalPointShift:
         ``metadata``: of the declared cameras; flow, or a rate: of the camera that the flow was made with.
     columns_px, rows_px
         In the pixels of each camera.
+    camera
+        The declared camera; None: all of them. Without meaning for flow.
     """
 
     stream: str
     columns_px: float
     rows_px: float = 0.0
+    camera: str | None = None
     cause: ClassVar[str] = "intrinsics_centre"
 
     @property
@@ -92,13 +95,13 @@ class PrincipalPointShift:
 
     def plant(self, facts: Facts, sequence: SequenceRows) -> Fault:
         """Displace the principal points."""
-        description = f"the principal point of {self.stream} is displaced by {self.magnitude:.3g} px"
-        return _planted(facts, sequence, self.stream, description, self._by(1))
+        description = f"the principal point of {self.camera or self.stream} is displaced by {self.magnitude:.3g} px"
+        return _planted(facts, sequence, self.stream, description, self._by(1), self.camera)
 
     def undo(self, facts: Facts, sequence: SequenceRows) -> Fault:
         """Displace them back."""
-        description = f"the principal point of {self.stream} back by {self.magnitude:.3g} px"
-        return _removed(facts, sequence, self.stream, description, self._by(1), self._by(-1))
+        description = f"the principal point of {self.camera or self.stream} back by {self.magnitude:.3g} px"
+        return _removed(facts, sequence, self.stream, description, self._by(1), self._by(-1), self.camera)
 
     def _by(self, sign: int) -> Change:
         shift = np.zeros((3, 3))
@@ -116,10 +119,13 @@ class MountingRotation:
         ``metadata``: the declared cameras; flow, or a rate: the camera that the flow was made with.
     rotation_deg
         Rotation vector in optical axes: about Z, a roll clockwise as seen from behind the camera.
+    camera
+        The declared camera; None: all of them. Without meaning for flow.
     """
 
     stream: str
     rotation_deg: Vector3
+    camera: str | None = None
     cause: ClassVar[str] = "extrinsic_rotation"
 
     @property
@@ -129,13 +135,13 @@ class MountingRotation:
 
     def plant(self, facts: Facts, sequence: SequenceRows) -> Fault:
         """Rotate the cameras."""
-        description = f"the camera of {self.stream} is rotated by {self.magnitude:.3g} deg"
-        return _planted(facts, sequence, self.stream, description, self._by(1))
+        description = f"the camera of {self.camera or self.stream} is rotated by {self.magnitude:.3g} deg"
+        return _planted(facts, sequence, self.stream, description, self._by(1), self.camera)
 
     def undo(self, facts: Facts, sequence: SequenceRows) -> Fault:
         """Rotate them back."""
-        description = f"the camera of {self.stream} back by {self.magnitude:.3g} deg"
-        return _removed(facts, sequence, self.stream, description, self._by(1), self._by(-1))
+        description = f"the camera of {self.camera or self.stream} back by {self.magnitude:.3g} deg"
+        return _removed(facts, sequence, self.stream, description, self._by(1), self._by(-1), self.camera)
 
     def _by(self, sign: int) -> Change:
         T_camera_rotated = np.eye(4)

@@ -146,14 +146,18 @@ def _of_one_rate(rate: str, features: Sequence[Feature], declared: Declared) -> 
     correction = next((feature for feature in features if isinstance(feature, FreeMotionCorrection)), None)
     poses: list[Hypothesis] = []
     if correction is not None and not is_noisy(declared.pose) and not extent.in_part:
-        poses = _of_the_poses(correction, extent.count, flow, local=local)
+        # Flow of the same sequence follows the recomputed flow: only the share of its variance that does not is left.
+        correlation = max((fit.correlation for fit in features if isinstance(fit, FlowGainFit)), default=0.0)
+        poses = _of_the_poses(correction, extent.count, flow, local=local, unrelated_share=1.0 - correlation**2)
     any_pose = tuple(hypothesis for hypothesis in poses if hypothesis.cause == ANY_CAUSE)
     named_poses = (hypothesis for hypothesis in poses if hypothesis.cause != ANY_CAUSE)
     named = most_probable([*conventions, *parameters, *named_poses])
     return (named or (Hypothesis("unknown", flow, support("flow_geometry.unknown")),)) + any_pose
 
 
-def _of_the_poses(correction: FreeMotionCorrection, fields_off: int, flow: str, *, local: bool) -> list[Hypothesis]:
+def _of_the_poses(
+    correction: FreeMotionCorrection, fields_off: int, flow: str, *, local: bool, unrelated_share: float
+) -> list[Hypothesis]:
     """Return the causes for which a rigid correction makes the fields agree, with ``ANY_CAUSE`` of the pose last.
 
     Where few fields deviate, single poses are wrong. Where most deviate, the cause is undeclared noise, or poses or
@@ -168,7 +172,7 @@ def _of_the_poses(correction: FreeMotionCorrection, fields_off: int, flow: str, 
                       Hypothesis("frozen_frames", "pose", support("flow_geometry.frozen_poses") * share)]  # fmt: skip
         any_pose = support("flow_geometry.any_pose")
     else:
-        other = support("flow_geometry.another_sequence") * (1.0 - noise) * share
+        other = support("flow_geometry.another_sequence") * (1.0 - noise) * share * min(unrelated_share, 1.0)
         misdeclared = support("flow_geometry.undeclared_noise") * noise * share
         hypotheses = [Hypothesis("noise_misdeclared", "pose", misdeclared),
                       *(Hypothesis("other_sequence", stream, other) for stream in ("pose", flow))]  # fmt: skip
