@@ -19,7 +19,7 @@ _MANY_MECHANISMS: Final = frozenset(
 """Causes with more mechanisms than are tried: that those clear nothing rules nothing out."""
 
 _MOSTLY: Final = 0.5
-"""Share of the findings of a cause that undoing it must clear for the cause to be supported."""
+"""Share of the deviations of a cause that undoing it must remove for the cause to be supported."""
 
 
 def is_conclusive(candidate: CauseCandidate, codes: Mapping[str, str]) -> bool:
@@ -109,5 +109,7 @@ def status_of(
     left = [finding for finding in findings if finding in trial.left]
     if trial.succeeds and not left and not alike and not undecided:
         return "confirmed", []
-    mostly = len(trial.cleared) >= _MOSTLY * (len(trial.cleared) + len(left) + len(trial.caused))
+    # A finding that is left counts by the share of its deviation that is removed.
+    removed = len(trial.cleared) + sum(max(1.0 - abs(trial.left[finding]), 0.0) for finding in left)
+    mostly = removed >= _MOSTLY * (len(trial.cleared) + len(left) + len(trial.caused))
     return ("supported" if mostly else "suggested"), alike

@@ -2,11 +2,12 @@
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from math import hypot, isfinite
+from math import copysign, hypot, isclose, isfinite
 from types import MappingProxyType
 from typing import Any, Final, get_args
 
 from fedora_qa.causes import stream_family
+from fedora_qa.checks.flow_geometry.endpoint import FlowParameterFit
 from fedora_qa.conventions import NS_PER_MS
 from fedora_qa.diagnosis.measured_sizes import Results, deviation, flow_vector, measured, vector
 from fedora_qa.faults import (
@@ -238,7 +239,7 @@ def _focal_length(fit: FittedCause) -> Faults:
 
 
 def _principal_point(fit: FittedCause) -> Faults:
-    u, v = flow_vector("centre", ("u", "v"), fit.stream, fit.results)
+    u, v = _fitted_vector(fit) or flow_vector("centre", ("u", "v"), fit.stream, fit.results)
     along_axes = ((fit.size, 0.0), (0.0, fit.size))
     for camera in _suspected_cameras(fit):
         for columns_px, rows_px in ((u, v),) if _has_that_size((u, v), fit.size) else along_axes:
@@ -246,11 +247,26 @@ def _principal_point(fit: FittedCause) -> Faults:
 
 
 def _mounting(fit: FittedCause) -> Faults:
-    pitch, yaw, roll = flow_vector("mounting", ("pitch", "yaw", "roll"), fit.stream, fit.results)
+    axes = ("pitch", "yaw", "roll")
+    pitch, yaw, roll = _fitted_vector(fit) or flow_vector("mounting", axes, fit.stream, fit.results)
     about_axes = ((fit.size, 0.0, 0.0), (0.0, fit.size, 0.0), (0.0, 0.0, fit.size))
     for camera in _suspected_cameras(fit):
         for rotation_deg in ((pitch, yaw, roll),) if _has_that_size((pitch, yaw, roll), fit.size) else about_axes:
             yield cameras.MountingRotation(fit.stream, rotation_deg, camera)
+
+
+def _fitted_vector(fit: FittedCause) -> tuple[float, ...]:
+    """Return the error of flow against depth and poses of which the fitted size is the norm; () if it is of none."""
+    for feature in (feature for alarm in fit.alarms for feature in alarm.statistic.features):
+        if (
+            isinstance(feature, FlowParameterFit)
+            and feature.parameter == fit.cause
+            and isclose(abs(feature.value), abs(fit.size))
+        ):
+            # The declared camera lacks what the camera of the flow has in excess.
+            sign = copysign(1.0, feature.value * fit.size)
+            return tuple(sign * component for component in feature.components)
+    return ()
 
 
 def _has_that_size(vector: Sequence[float], size: float) -> bool:

@@ -139,6 +139,8 @@ class FlowParameterFit(Feature):
         The error of the parameter, and its standard error, in that unit.
     removed_share
         Share of the rms deviation that the error explains, 0 to 1.
+    components
+        Of the error, of which ``value`` is the norm with the sign of the largest.
     """
 
     parameter: str
@@ -146,6 +148,7 @@ class FlowParameterFit(Feature):
     unit: str
     standard_error: float
     removed_share: float
+    components: tuple[float, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)
@@ -439,7 +442,8 @@ def _parameter_fits(fields: Sequence[FieldError], facts: Facts) -> list[Feature]
                 fits.append(FlowGainFit(gain, 0.01 * error, removed_share, correlation, interval_s))
         else:
             size = template.size(sizes)
-            fits.append(FlowParameterFit(template.parameter, size, template.unit, error, removed_share))
+            components = tuple(float(component) for component in sizes)
+            fits.append(FlowParameterFit(template.parameter, size, template.unit, error, removed_share, components))
     # A drift offsets an interval by its rate times the middle, and makes it too long or too short, which is a gain.
     drifting = []
     for field, evidence in measured:
