@@ -12,7 +12,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fedora_qa.extract.hdf5_copy import (
-    DeferredErrorFile,
     copy_attributes,
     copy_rows,
     copy_whole,
@@ -23,6 +22,7 @@ from fedora_qa.extract.hdf5_copy import (
 from fedora_qa.extract.place import Piece
 from fedora_qa.extract.rows import CutRows, rows_kept
 from fedora_qa.layout.canonical import DATASETS, FRAMES_OF_MAP
+from fedora_qa.layout.deferred_errors import DeferredErrorFile
 from fedora_qa.layout.dialect import Dialect
 from fedora_qa.layout.external_files import ExternalFiles
 from fedora_qa.layout.links import READ_ERRORS, RefusedError, find_dataset, find_object
@@ -137,7 +137,7 @@ class Cutter:
                         entries = shift_entries(stored, events)
             # By address, not by path: a dataset may have several names, and the walk meets any of them first.
             cuts[_linked_address(dataset.file, dataset.name)] = _Cut(dataset, kept[stream], entries)
-        with DeferredErrorFile(target) as file:
+        with DeferredErrorFile(target, "the piece") as file:
             with h5py.File(file, "w") as copy:
                 writer = _Writer(cuts, file, self._file.filename, self._external_files)
                 writer.group(self._file, copy)

@@ -4,72 +4,22 @@ Whole chunks are copied as bytes, so that a damaged chunk stays damaged, and one
 Rows that start within a chunk are decoded and encoded again.
 """
 
-import io
 import os
 from collections.abc import Iterator
-from contextlib import contextmanager, suppress
+from contextlib import suppress
 from math import ceil, prod
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Final
+from typing import Any, Final
 
 import h5py
 import numpy as np
 from numpy.typing import NDArray
 
-from fedora_qa.errors import MisuseError
 from fedora_qa.layout.bitshuffle import require_sound_blocks
 from fedora_qa.layout.links import READ_ERRORS
 
-if TYPE_CHECKING:
-    from _typeshed import ReadableBuffer
-
 _COPIED_AT_ONCE: Final = 16 << 20
 """Bytes of decoded rows in memory at once."""
-
-
-class DeferredErrorFile(io.FileIO):
-    """An empty file, open to read and write, that stores the error of a failed write.
-
-    HDF5 cannot close a file that it could not write, and crashes when the interpreter ends. Therefore a failed write
-    reports success to HDF5, all later writes are dropped, and ``raise_failure`` raises the error.
-    """
-
-    def __init__(self, path: Path) -> None:
-        self.failure: OSError | None = None
-        super().__init__(path, "w+")
-
-    def write(self, data: "ReadableBuffer", /) -> int:
-        """Write all of ``data``."""
-        view = memoryview(data).cast("B")
-        with self._deferred():
-            written = 0
-            while self.failure is None and written < len(view):
-                # A raw write may take fewer bytes than given, for example on a disk that is nearly full.
-                written += super().write(view[written:]) or 0
-        return len(view)
-
-    def truncate(self, size: int | None = None, /) -> int:
-        """Cut or lengthen the file."""
-        size = self.tell() if size is None else size
-        with self._deferred():
-            if self.failure is None:
-                super().truncate(size)
-        return size
-
-    def raise_failure(self) -> None:
-        """Raise ``MisuseError`` where a write has failed."""
-        if self.failure is not None:
-            raise MisuseError(
-                f"Expected to be able to write the piece, got: {self.failure.strerror}; nothing is written"
-            )
-
-    @contextmanager
-    def _deferred(self) -> Iterator[None]:
-        try:
-            yield
-        except OSError as error:
-            # The first failure is the cause; those after it are its consequences.
-            self.failure = self.failure or error
 
 
 def copy_attributes(source: h5py.Group | h5py.Dataset, target: h5py.Group | h5py.Dataset) -> None:

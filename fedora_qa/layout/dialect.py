@@ -54,7 +54,7 @@ _POSE: Final = "path/pose"
 """Stands for position, orientation and timestamps, the latter at the path ``timestamps`` of the same file."""
 
 METADATA_KEYS: Final = frozenset(
-    {f"{owner}/{name}".lstrip("/") for owner, name in ATTRIBUTES} | {DEPTH_RANGE, DISPARITY_TO_DEPTH, KIND}
+    {f"{owner}/{name}".lstrip("/") for owner, name in ATTRIBUTES} | {DEPTH_RANGE, DISPARITY_TO_DEPTH}
 )
 """What a dialect or a side file may declare."""
 

@@ -14,7 +14,7 @@ from fedora_qa.errors import UnreadableRowsError
 from fedora_qa.layout.binding import Binding, canonical_rows, stored_dataset
 from fedora_qa.layout.bounds import LARGEST_IMAGE_PIXELS
 from fedora_qa.layout.canonical import ATTRIBUTES, DATASETS, AttributeSpec, attributes_of
-from fedora_qa.layout.dialect import DEPTH_RANGE, EVENT_MODEL, KIND, UNKNOWN
+from fedora_qa.layout.dialect import DEPTH_RANGE, EVENT_MODEL, UNKNOWN
 from fedora_qa.layout.external_files import ExternalFiles
 from fedora_qa.layout.folder import OpenFolder
 from fedora_qa.layout.links import READ_ERRORS, RefusedError, find_object
@@ -91,7 +91,6 @@ def read_declared(
     root = values[""] or {}
     flow, events = values["metadata/flow"], values["metadata/events"]
     imu, pose = values["metadata/imu"], values["metadata/pose"]
-    kind = layout.supplied.get(KIND)
     event_model: EventModel | None = None
     # No default of a threshold: a guessed one would produce findings on correct data.
     if events is not None and {"model", "threshold_on", "threshold_off"} <= events.keys():
@@ -118,7 +117,7 @@ def read_declared(
         sequence=root.get("sequence", ""),
         world=root.get("world", ""),
         illumination=root.get("illumination", ""),
-        kind=None if kind is None else kind.value,
+        kind=root.get("kind"),
         units=reader.units(),
         problems=tuple(reader.problems),
     )
@@ -151,12 +150,11 @@ class _Reader:
                 self._problem(owner, "", "missing_stream", f"Expected the group /{owner}, got nothing there")
             return None
         values: dict[str, Any] = {}
+        is_unknown = False
         for spec in specs:
             made = supplied.get(spec.name)
             if made is not None and made.problem:
                 self._problem(owner, spec.name, "unknown", made.problem)
-                continue
-            if made is not None and _key_of(spec) == EVENT_MODEL and made.value == UNKNOWN:
                 continue
             try:
                 if made is not None:
@@ -167,7 +165,10 @@ class _Reader:
                 impossible = isinstance(malformed, ImpossibleError)
                 self._problem(owner, spec.name, malformed.cause, str(malformed), impossible=impossible)
                 continue
-            if value is not None:
+            if _key_of(spec) == EVENT_MODEL and value == UNKNOWN:
+                # Nobody states how the sensor responds, so that no threshold is required either.
+                is_unknown = True
+            elif value is not None:
                 values[spec.name] = value
                 form = unusual_form(holder, spec, value) if holder is not None and made is None else ""
                 if form:
@@ -175,6 +176,7 @@ class _Reader:
             # Files of other dialects carry no ``format`` at their root.
             elif (
                 spec.required
+                and not is_unknown
                 and (holder is not None or owner.startswith("metadata/cameras/"))
                 and (owner or self.layout.dialect_name == FORMAT_NAME)
             ):

@@ -10,7 +10,7 @@ from fedora_qa.storage.remote_bytes import RemoteBytes
 _SIGNATURE: Final = b"\x89HDF\r\n\x1a\n"
 _LARGEST_USER_BLOCK: Final = 1 << 20
 
-_OTHERS: Final = (
+OTHER_FORMATS: Final = (
     (b"PK\x03\x04", "a ZIP archive; unpack it first"),
     (b"\x1f\x8b", "a gzip archive; unpack it first"),
     (b"\xfd7zXZ", "an xz archive; unpack it first"),
@@ -56,5 +56,5 @@ def require_signature_in(path: Place, file: BinaryIO | RemoteBytes) -> None:
             break
         # The signature lies at 0, 512 and each doubling (HDF5 File Format Specification, II.A).
         offset = 2 * offset or 512
-    other = next((words for beginning, words in _OTHERS if start.startswith(beginning)), "something else")
+    other = next((words for beginning, words in OTHER_FORMATS if start.startswith(beginning)), "something else")
     raise NotHdf5Error(f"Expected an HDF5 file, got {other} (no HDF5 signature): {path}")

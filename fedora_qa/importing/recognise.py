@@ -1,0 +1,47 @@
+"""Recognise the format of a recording by its first bytes."""
+
+from pathlib import Path
+from typing import Final, Literal
+
+from fedora_qa.errors import MisuseError
+from fedora_qa.storage.signature import OTHER_FORMATS
+
+RecordingForm = Literal["prophesee"]
+
+READABLE: Final = "a Prophesee recording (EVT2, EVT3 or DAT)"
+"""What can be brought in, in words."""
+
+_BEGINNINGS: Final[tuple[tuple[bytes, RecordingForm], ...]] = ((b"% ", "prophesee"),)
+
+_LONGEST: Final = 16
+
+
+def recognise(path: Path) -> RecordingForm:
+    """Return the form of a recording.
+
+    Raises
+    ------
+    MisuseError
+        There is no such file, it cannot be read, or it begins like no recording that can be brought in.
+    """
+    if not path.exists():
+        raise MisuseError(f"Expected {READABLE}, got a path that does not exist: {path}")
+    if not path.is_file():
+        raise MisuseError(f"Expected {READABLE}, got a folder or device: {path}; give the file")
+    try:
+        with path.open("rb") as file:
+            start = file.read(_LONGEST)
+    except OSError as error:
+        raise MisuseError(f"Expected a readable file, got {error.strerror or error}: {path}") from error
+    for beginning, form in _BEGINNINGS:
+        if start.startswith(beginning):
+            return form
+    if not start:
+        raise MisuseError(f"Expected {READABLE}, got an empty file: {path}; record or copy it again")
+    if start.startswith(b"\x89HDF"):
+        raise MisuseError(
+            f"Expected {READABLE}, got an HDF5 file: {path}; check it as it is, or draft a dialect with "
+            f"fedora-qa layout {path} --draft-dialect mine.toml"
+        )
+    other = next((words for beginning, words in OTHER_FORMATS if start.startswith(beginning)), "something else")
+    raise MisuseError(f"Expected {READABLE}, got {other} (by its first bytes): {path}; give the recording itself")

@@ -1,0 +1,131 @@
+"""Bring a recording in: recognise, decode and write it."""
+
+import json
+from collections.abc import Callable
+from contextlib import AbstractContextManager
+from dataclasses import dataclass
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Any, Final
+
+import h5py
+
+from fedora_qa import __version__
+from fedora_qa.errors import MisuseError
+from fedora_qa.importing.prophesee import open_prophesee
+from fedora_qa.importing.recognise import recognise
+from fedora_qa.importing.recording import Kind, Recording, Resolution
+from fedora_qa.importing.sequence_writer import SequenceWriter, present_streams
+from fedora_qa.layout.deferred_errors import DeferredErrorFile
+from fedora_qa.storage.digest import file_digest
+from fedora_qa.storage.version import local_version
+
+PROVENANCE: Final = "provenance/import"
+"""Text of an imported file: JSON with the source, its format, the tool and what was counted."""
+
+Report = Callable[[str, int, int], None]
+"""Called with the present activity, the amount done, and the total amount."""
+
+
+@dataclass(frozen=True, slots=True)
+class ImportOptions:
+    """How a recording is read.
+
+    Attributes
+    ----------
+    resolution
+        Size of the event camera, where the recording does not state it, or states a wrong one.
+    kind
+        Whether sensors made the recording; None: as the format tells.
+    allow_backwards
+        Whether timestamps that decrease are written as they are.
+    """
+
+    resolution: Resolution | None = None
+    kind: Kind | None = None
+    allow_backwards: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class Imported:
+    """What was written.
+
+    Attributes
+    ----------
+    format
+        Format of the recording, in words.
+    rows
+        Number of rows of each stream, in the order of the layout.
+    facts
+        Values of the header, and counts of what was left out.
+    """
+
+    format: str
+    rows: dict[str, int]
+    facts: dict[str, str | int]
+
+
+def import_recording(source: Path, target: Path, options: ImportOptions, report: Report) -> Imported:
+    """Write a canonical file from a recording.
+
+    Parameters
+    ----------
+    source
+        The recording; only read.
+    target
+        A new file. Where an error is raised it is of no use, and the caller removes it.
+
+    Raises
+    ------
+    MisuseError
+        The recording cannot be read, or holds nothing that can be written.
+    """
+    version = local_version(source)
+    with DeferredErrorFile(target, "the sequence") as file:
+        with h5py.File(file, "w") as sequence, open_recording(source, options) as recording:
+            writer = SequenceWriter(sequence, allow_backwards=options.allow_backwards)
+            for block in recording.blocks:
+                writer.append(block)
+                report("reading", recording.done, recording.size)
+                if file.failure is not None:
+                    break
+            rows = {stream: writer.rows[stream] for stream in present_streams(writer.rows)}
+            if not rows and file.failure is None:
+                raise MisuseError(f"Expected events or other samples in {source}, got none; record or copy it again")
+            kind = options.kind or recording.kind
+            writer.finish(
+                cameras=recording.cameras,
+                root={
+                    "sequence": source.stem,
+                    "created_by": f"fedora-qa import {__version__}",
+                    **({"kind": kind} if kind else {}),
+                },
+            )
+            sequence[PROVENANCE] = json.dumps(_provenance(source, recording, rows), indent=1)
+        file.raise_failure()
+    if local_version(source) != version:
+        raise MisuseError(f"Expected {source} to stay as it is, got a change meanwhile; import it again")
+    return Imported(recording.format, rows, recording.facts)
+
+
+def open_recording(source: Path, options: ImportOptions) -> AbstractContextManager[Recording]:
+    """Open a recording of any format; raises ``MisuseError`` where it cannot be read."""
+    recognise(source)
+    return open_prophesee(source, options.resolution)
+
+
+def _provenance(source: Path, recording: Recording, rows: dict[str, int]) -> dict[str, Any]:
+    digest = file_digest(source)
+    return {
+        "tool": {"name": "fedora-qa", "version": __version__},
+        "imported": datetime.now(UTC).isoformat(timespec="seconds"),
+        "source": {
+            "name": source.name,
+            "format": recording.format,
+            "size": digest.version.size,
+            "sha256": digest.sha256,
+            "digest": digest.kind,
+        },
+        "rows": rows,
+        "facts": recording.facts,
+    }
