@@ -53,8 +53,8 @@ def import_(
 ) -> int:
     """Write a canonical file from SOURCE, a recording in a format of event cameras.
 
-    SOURCE is a Prophesee recording (EVT2, EVT3 or DAT). It is read in blocks and never changed. OUT.h5 gets its
-    name when it is complete.
+    SOURCE is a Prophesee recording (EVT2, EVT3 or DAT) or AEDAT 4.0. It is read in blocks, and only read. OUT.h5 gets
+    its name when it is complete.
 
     Exit codes: 0 written; 2 SOURCE cannot be read, or OUT.h5 not be written, and nothing is left behind.
     """
@@ -81,8 +81,8 @@ def import_(
 
 def import_lines(imported: Imported, output: Path) -> Iterator[str]:
     """Yield what was written, in sentences."""
-    rows = ", ".join(f"{count} {stream} rows" for stream, count in imported.rows.items())
-    yield f"{output} is written from {imported.format}: {rows}."
+    rows = ", ".join(f"{stream} {count}" for stream, count in imported.rows.items())
+    yield f"{output} is written from {imported.format}; rows: {rows}."
     for name, value in imported.facts.items():
         if isinstance(value, int) and value:
             yield f"    {name}: {value}"

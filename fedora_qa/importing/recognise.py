@@ -1,17 +1,21 @@
 """Recognise the format of a recording by its first bytes."""
 
+import re
 from pathlib import Path
 from typing import Final, Literal
 
 from fedora_qa.errors import MisuseError
 from fedora_qa.storage.signature import OTHER_FORMATS
 
-RecordingForm = Literal["prophesee"]
+RecordingForm = Literal["prophesee", "aedat4"]
 
-READABLE: Final = "a Prophesee recording (EVT2, EVT3 or DAT)"
+READABLE: Final = "a recording (Prophesee EVT2, EVT3 or DAT, or AEDAT 4.0)"
 """What can be brought in, in words."""
 
-_BEGINNINGS: Final[tuple[tuple[bytes, RecordingForm], ...]] = ((b"% ", "prophesee"),)
+_BEGINNINGS: Final[tuple[tuple[bytes, RecordingForm], ...]] = (
+    (b"% ", "prophesee"),
+    (b"#!AER-DAT4.0\r\n", "aedat4"),
+)
 
 _LONGEST: Final = 16
 
@@ -42,6 +46,11 @@ def recognise(path: Path) -> RecordingForm:
         raise MisuseError(
             f"Expected {READABLE}, got an HDF5 file: {path}; check it as it is, or draft a dialect with "
             f"fedora-qa layout {path} --draft-dialect mine.toml"
+        )
+    version = re.match(rb"#!AER-DAT([0-9.]+)", start)
+    if version:
+        raise MisuseError(
+            f"Expected AEDAT 4.0, got AEDAT {version[1].decode()}: {path}; convert it to 4.0 with iniVation's software"
         )
     other = next((words for beginning, words in OTHER_FORMATS if start.startswith(beginning)), "something else")
     raise MisuseError(f"Expected {READABLE}, got {other} (by its first bytes): {path}; give the recording itself")

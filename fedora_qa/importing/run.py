@@ -1,7 +1,7 @@
 """Bring a recording in: recognise, decode and write it."""
 
 import json
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from contextlib import AbstractContextManager
 from dataclasses import dataclass
 from datetime import UTC, datetime
@@ -12,8 +12,9 @@ import h5py
 
 from fedora_qa import __version__
 from fedora_qa.errors import MisuseError
+from fedora_qa.importing.aedat4 import open_aedat4
 from fedora_qa.importing.prophesee import open_prophesee
-from fedora_qa.importing.recognise import recognise
+from fedora_qa.importing.recognise import RecordingForm, recognise
 from fedora_qa.importing.recording import Kind, Recording, Resolution
 from fedora_qa.importing.sequence_writer import SequenceWriter, present_streams
 from fedora_qa.layout.deferred_errors import DeferredErrorFile
@@ -110,8 +111,11 @@ def import_recording(source: Path, target: Path, options: ImportOptions, report:
 
 def open_recording(source: Path, options: ImportOptions) -> AbstractContextManager[Recording]:
     """Open a recording of any format; raises ``MisuseError`` where it cannot be read."""
-    recognise(source)
-    return open_prophesee(source, options.resolution)
+    openers: Mapping[RecordingForm, Callable[[Path, Resolution | None], AbstractContextManager[Recording]]] = {
+        "prophesee": open_prophesee,
+        "aedat4": open_aedat4,
+    }
+    return openers[recognise(source)](source, options.resolution)
 
 
 def _provenance(source: Path, recording: Recording, rows: dict[str, int]) -> dict[str, Any]:
