@@ -13,7 +13,7 @@ from fedora_qa.diagnosis.flow_family import over_all_rates
 from fedora_qa.diagnosis.hypothesis import Hypothesis
 from fedora_qa.diagnosis.support import support
 from fedora_qa.judgement.judge import Alarm
-from fedora_qa.layout.canonical import FLOW_STREAMS
+from fedora_qa.layout.canonical import is_flow_stream
 from fedora_qa.sequence.facts import Facts
 
 _CAUSE_OF_UNIT: Final[Mapping[str, str]] = MappingProxyType(
@@ -46,7 +46,7 @@ def _of_label(statistic: Statistic) -> tuple[Hypothesis, ...]:
         if label.scale and cause:
             # ``scale`` leads from the labelled to the expected unit: values are too large by its reciprocal.
             hypotheses.append(Hypothesis(cause, stream, supported, 1 / label.scale, "1"))
-        if stream in FLOW_STREAMS and label.label == "px/s":
+        if is_flow_stream(stream) and label.label == "px/s":
             hypotheses.append(Hypothesis("flow_unit", stream, supported))
     return tuple(hypotheses)
 

@@ -15,7 +15,7 @@ from fedora_qa.engine.progress import quiet
 from fedora_qa.engine.survey import Prepared, prepare
 from fedora_qa.faults.fault import Fault, FaultySequence
 from fedora_qa.judgement.judge import Judged, judge
-from fedora_qa.layout.canonical import DATASETS
+from fedora_qa.layout.canonical import spec_of
 from fedora_qa.record.types import Result
 from fedora_qa.sequence.sequence import SequenceRows
 from fedora_qa.sequence.window import Span
@@ -50,8 +50,8 @@ class PlainRun:
         ready = self.ready
         facts = replace(ready.facts, declared=view.declared, layout=view.layout)
         # Altered values are stored in other steps.
-        altered = {DATASETS[key].stream for key in fault.rows}
-        kept = {key: step for key, step in facts.steps.items() if DATASETS[key].stream not in altered}
+        altered = {spec_of(key).stream for key in fault.rows}
+        kept = {key: step for key, step in facts.steps.items() if spec_of(key).stream not in altered}
         facts = replace(facts, steps=kept | stored_steps(view, facts, altered))
         # Blocks and images of the plain run hold values without the alteration, so none may be reused.
         decoder = BlockDecoder(view, ready.scanned, ready.decoder.leases.limit_bytes)

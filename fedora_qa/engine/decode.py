@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fedora_qa.errors import UnreadableRowsError
-from fedora_qa.layout.canonical import DATASETS, TIMESTAMPS_OF
+from fedora_qa.layout.canonical import is_dataset_key, spec_of, timestamps_of
 from fedora_qa.sequence.facts import Facts
 from fedora_qa.sequence.leases import Leases
 from fedora_qa.sequence.scan import BLOCK_ROWS, Scan
@@ -73,7 +73,7 @@ class BlockDecoder:
         if block < 0:
             return 0
         start, stop = block * BLOCK_ROWS, min((block + 1) * BLOCK_ROWS, self._event_count)
-        timestamps = TIMESTAMPS_OF["events"]
+        timestamps = timestamps_of("events")
         # Bisection reads about twenty of up to a million timestamps; to concatenate them all would take longer.
         rows = range(start, stop)
         return start + bisect_left(rows, time_ns, key=lambda row: int(self.rows(timestamps, row, row + 1)[0]))
@@ -81,7 +81,7 @@ class BlockDecoder:
     def _is_ahead(self, key: Hashable) -> bool:
         """Whether a block holds rows of the latest window or of later ones; False for a result of an image."""
         name, number = cast("tuple[str, int]", key)
-        first = self._first_rows.get(DATASETS[name].stream) if name in DATASETS else None
+        first = self._first_rows.get(spec_of(name).stream) if is_dataset_key(name) else None
         return first is not None and (number + 1) * self._sequence.chunk_rows(name) > first
 
     def _decode(self, key: str, number: int, rows: int) -> Block:

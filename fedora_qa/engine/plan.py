@@ -17,7 +17,7 @@ import numpy as np
 from fedora_qa.conventions import NS_PER_S
 from fedora_qa.engine.effort import Effort
 from fedora_qa.errors import UnreadableRowsError
-from fedora_qa.layout.canonical import DATASETS, TIMESTAMPS_OF
+from fedora_qa.layout.canonical import datasets_of, is_timed, timestamps_of
 from fedora_qa.sequence.scan import Scan
 from fedora_qa.sequence.sequence import SequenceRows
 from fedora_qa.sequence.window import USUAL_PIXELS, Sampling, Span
@@ -137,13 +137,13 @@ def window_length_ns(sequence: SequenceRows) -> int:
     It follows from the file alone and not from the workers, so that results do not depend on them.
     """
     bytes_per_s = 0.0
-    for stream in sorted(sequence.layout.streams & set(TIMESTAMPS_OF)):
-        images = [spec for spec in DATASETS.values() if spec.stream == stream and spec.is_image]
-        rows = sequence.layout.bindings[TIMESTAMPS_OF[stream]].rows
+    for stream in sorted(filter(is_timed, sequence.layout.streams)):
+        images = [spec for spec in datasets_of(stream) if spec.is_image]
+        rows = sequence.layout.bindings[timestamps_of(stream)].rows
         if not images or rows < 2:
             continue
         try:
-            timestamps = sequence.rows(TIMESTAMPS_OF[stream], 0, min(rows, 1000))
+            timestamps = sequence.rows(timestamps_of(stream), 0, min(rows, 1000))
         except UnreadableRowsError:
             continue
         # The rate from the median step of the first timestamps, which ignores single wrong ones. Rows of flow are

@@ -16,7 +16,7 @@ from fedora_qa.engine.progress import Progress, Stopwatch
 from fedora_qa.errors import FedoraError, StorageError, UnreadableFileError
 from fedora_qa.evidence.collector import EvidenceCollector
 from fedora_qa.evidence.distributions import DistributionsCollector
-from fedora_qa.layout.canonical import DATASETS
+from fedora_qa.layout.canonical import spec_of
 from fedora_qa.layout.resolve import Layout
 from fedora_qa.sequence.facts import Facts
 from fedora_qa.sequence.scan import Scan, scan
@@ -83,7 +83,7 @@ def ready_to_measure(sequence: SequenceRows, scanned: Scan, memory_bytes: int) -
 
 def frame_pixels(layout: Layout) -> int | None:
     """Return the pixels of the largest images of a file; None without any."""
-    shapes = [binding.shape for key, binding in layout.bindings.items() if DATASETS[key].is_image]
+    shapes = [binding.shape for key, binding in layout.bindings.items() if spec_of(key).is_image]
     # Axes of images: row of the dataset, height, width and, of colour images, channels.
     return max((height * width for _, height, width, *_ in shapes), default=None)
 

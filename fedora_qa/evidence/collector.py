@@ -22,7 +22,7 @@ from fedora_qa.evidence.snapshot import Snapshot, take_snapshot
 from fedora_qa.evidence.snapshot_arrays import keep_snapshots
 from fedora_qa.evidence.snapshot_times import fitting_width_px, snapshot_times_ns
 from fedora_qa.evidence.titled_arrays import TitledArrays, merged
-from fedora_qa.layout.canonical import TIMESTAMPS_OF
+from fedora_qa.layout.canonical import timestamps_of
 from fedora_qa.record.evidence import MOMENTS, TIMELINE, named
 from fedora_qa.sequence.facts import Facts
 from fedora_qa.sequence.window import Span, Window
@@ -181,7 +181,7 @@ class EvidenceCollector:
         counted = "events" in window.facts.streams and in_families("events", self._families)
         if counted and (rows := window.owned("events")):
             try:
-                events_ns = window.rows(TIMESTAMPS_OF["events"], rows.start, rows.stop)
+                events_ns = window.rows(timestamps_of("events"), rows.start, rows.stop)
                 state.pixels = with_events(state.pixels, window)
             except UnreadableRowsError:
                 # Windows whose events were not read count no time, or the rates of pixels would come out too low.

@@ -8,15 +8,11 @@ import numpy as np
 
 from fedora_qa.evidence.options import EvidenceOptions
 from fedora_qa.evidence.pictures import block_px, picture_shape
-from fedora_qa.layout.canonical import FLOW_STREAMS
 from fedora_qa.sequence.facts import Facts
 from fedora_qa.sequence.window import Span
 
-_BYTES_PER_PX: Final[Mapping[str, int]] = {
-    "path/rgb": 3,
-    "path/depth": 4,
-    **{f"path/{name}": 8 for name in FLOW_STREAMS},
-}
+_BYTES_PER_PX: Final = {"path/rgb": 3, "path/depth": 4}
+_FLOW_BYTES_PER_PX: Final = 8
 # Counts of two polarities as uint16; the residual is float16.
 _EVENT_BYTES_PER_PX: Final = 4
 _RESIDUAL_BYTES_PER_PX: Final = 2
@@ -106,7 +102,8 @@ def snapshot_bytes(facts: Facts, width_px: int) -> int:
         Uncompressed size.
     """
     sizes: dict[str, int] = {}
-    for key, bytes_per_px in _BYTES_PER_PX.items():
+    flow = {f"path/{stream}": _FLOW_BYTES_PER_PX for stream in facts.flow_streams}
+    for key, bytes_per_px in (_BYTES_PER_PX | flow).items():
         binding = facts.layout.bindings.get(key)
         if binding is not None and len(binding.shape) >= 3:
             family = "flow" if "flow" in key else key

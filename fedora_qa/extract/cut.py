@@ -21,7 +21,7 @@ from fedora_qa.extract.hdf5_copy import (
 )
 from fedora_qa.extract.place import Piece
 from fedora_qa.extract.rows import CutRows, rows_kept
-from fedora_qa.layout.canonical import DATASETS, FRAMES_OF_MAP
+from fedora_qa.layout.canonical import FRAMES_OF_MAP, datasets_of_all, spec_of
 from fedora_qa.layout.deferred_errors import DeferredErrorFile
 from fedora_qa.layout.dialect import Dialect
 from fedora_qa.layout.external_files import ExternalFiles
@@ -83,7 +83,8 @@ class Cutter:
         self._scanned = scanned
         # Every dataset of a stream that can be opened, by canonical key, also of streams that lack another dataset.
         datasets: dict[str, h5py.Dataset] = {}
-        for key, spec in DATASETS.items():
+        for spec in datasets_of_all({*sequence.layout.streams, *sequence.layout.absent}):
+            key = spec.key
             place = dialect.place_of(key)
             # Contiguous in the canonical layout: values of the whole file and not rows of a stream; copied whole.
             if place is None or not spec.chunk_rows:
@@ -110,19 +111,19 @@ class Cutter:
         # The datasets of a stream may differ in length: the shortest gives the number of rows.
         counts: dict[str, int] = {}
         for key, dataset in self._datasets.items():
-            stream = DATASETS[key].stream
+            stream = spec_of(key).stream
             counts[stream] = min(counts.get(stream, dataset.shape[0]), dataset.shape[0])
         kept = rows_kept(piece, self._sequence, self._scanned, counts)
         # A stream with rows that cannot be decoded starts at a whole chunk, so that damage is copied.
         for stream, rows in tuple(kept.items()):
-            ours = [dataset for key, dataset in self._datasets.items() if DATASETS[key].stream == stream]
+            ours = [dataset for key, dataset in self._datasets.items() if spec_of(key).stream == stream]
             if any(needs_whole_chunks(dataset, rows.start, _stop(rows, dataset)) for dataset in ours):
                 # All datasets of a stream start at one row, each at a whole chunk: at a multiple of all chunk lengths.
                 together = lcm(*(dataset.chunks[0] for dataset in ours if dataset.chunks))
                 kept[stream] = CutRows(rows.start // together * together, rows.stop, rows.of)
         cuts: dict[_Address, _Cut] = {}
         for key, dataset in self._datasets.items():
-            stream = DATASETS[key].stream
+            stream = spec_of(key).stream
             # Entries of an index map; None of everything else, and where they cannot be read.
             entries: NDArray[np.int64] | None = None
             if stream in FRAMES_OF_MAP and "events" in kept:

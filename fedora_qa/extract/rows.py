@@ -8,7 +8,7 @@ import numpy as np
 
 from fedora_qa.errors import UnreadableRowsError
 from fedora_qa.extract.place import Piece, shared_time_ns
-from fedora_qa.layout.canonical import FRAMES_OF_MAP, TIMESTAMPS_OF
+from fedora_qa.layout.canonical import FRAMES_OF_MAP, timestamps_of
 from fedora_qa.sequence.scan import Runs, Scan
 from fedora_qa.sequence.sequence import SequenceRows
 
@@ -98,7 +98,7 @@ def _event_row(runs: Runs, time_ns: int, sequence: SequenceRows, scanned: Scan) 
     if first == len(runs.cells) or int(runs.cells[first]) * scanned.cell_ns > cell_start_ns:
         return start
     try:
-        times_ns = sequence.rows(TIMESTAMPS_OF["events"], start, int(bounds[first + 1]))
+        times_ns = sequence.rows(timestamps_of("events"), start, int(bounds[first + 1]))
     except UnreadableRowsError:
         return start
     envelope = np.maximum.accumulate(times_ns)

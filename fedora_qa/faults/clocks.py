@@ -17,7 +17,7 @@ from fedora_qa.faults.fault import Fault
 from fedora_qa.faults.index_maps import with_following_maps
 from fedora_qa.faults.reversible import RowRange, in_rows, streams_in
 from fedora_qa.layout.binding import FARTHEST_TIMESTAMP_NS
-from fedora_qa.layout.canonical import TIMESTAMPS_OF
+from fedora_qa.layout.canonical import timestamps_of
 from fedora_qa.sequence.facts import Facts, has_place
 from fedora_qa.sequence.sequence import SequenceRows
 
@@ -177,5 +177,5 @@ def _retimed(
         retimed = np.clip(retime(np.where(placed, times_ns, 0)), -farthest, farthest)
         return np.where(placed, retimed, times_ns)
 
-    keys = [TIMESTAMPS_OF[name] for name in streams_in(facts, fault.stream)]
+    keys = [timestamps_of(name) for name in streams_in(facts, fault.stream)]
     return Fault(description, dict.fromkeys(keys, in_rows(alter, fault.rows)))

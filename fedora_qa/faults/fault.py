@@ -7,7 +7,7 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from fedora_qa.layout.canonical import DATASETS
+from fedora_qa.layout.canonical import spec_of
 from fedora_qa.layout.resolve import Layout
 from fedora_qa.sequence.declared import Declared
 from fedora_qa.sequence.sequence import SequenceRows
@@ -45,7 +45,7 @@ class Fault:
     def moves_time(self) -> bool:
         """Whether timestamps or index maps are altered, so that they must be scanned again."""
         # Keys outside of path/ are those of index maps, which the scan compares with event timestamps.
-        return any(DATASETS[key].is_timestamps or not key.startswith("path/") for key in self.rows)
+        return any(spec_of(key).is_timestamps or not key.startswith("path/") for key in self.rows)
 
 
 def values(alter: Callable[[NDArray[Any]], NDArray[Any]]) -> Alteration:

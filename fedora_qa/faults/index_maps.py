@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from fedora_qa.conventions import NS_PER_S
 from fedora_qa.faults.fault import Alteration, Fault, FaultySequence, Read
 from fedora_qa.faults.reversible import InapplicableError, RowRange, in_rows
-from fedora_qa.layout.canonical import FRAMES_OF_MAP, TIMESTAMPS_OF
+from fedora_qa.layout.canonical import FRAMES_OF_MAP, timestamps_of
 from fedora_qa.sequence.facts import Facts, IndexMap
 from fedora_qa.sequence.scan import scan
 from fedora_qa.sequence.sequence import SequenceRows
@@ -116,7 +116,7 @@ def with_following_maps(facts: Facts, sequence: SequenceRows, fault: Fault) -> F
     rows = dict(fault.rows)
     for name, index_map in facts.index_maps.items():
         key = f"metadata/{name}"
-        if {TIMESTAMPS_OF[FRAMES_OF_MAP[name]], TIMESTAMPS_OF["events"]} & fault.rows.keys():
+        if {timestamps_of(FRAMES_OF_MAP[name]), timestamps_of("events")} & fault.rows.keys():
             rows[key] = _following(name, index_map, index_maps, fault.rows.get(key))
     return replace(fault, rows=rows)
 

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fedora_qa.faults.fault import Alteration, Fault, values_by_row
-from fedora_qa.layout.canonical import DATASETS, datasets_of
+from fedora_qa.layout.canonical import datasets_of, spec_of
 from fedora_qa.sequence.facts import Facts
 from fedora_qa.sequence.sequence import SequenceRows
 
@@ -93,7 +93,7 @@ def value_keys(facts: Facts, stream: str) -> tuple[str, ...]:
 
 def row_keys(facts: Facts, stream: str) -> tuple[str, ...]:
     """Return all datasets of one stream that share its rows: timestamps, values, and companions of the values."""
-    return tuple(key for key in facts.layout.bindings if DATASETS[key].stream == stream)
+    return tuple(key for key in facts.layout.bindings if spec_of(key).stream == stream)
 
 
 def within(numbers: NDArray[np.int64], rows: RowRange | None) -> NDArray[np.bool_]:

@@ -13,7 +13,7 @@ from fedora_qa.faults.fault import Alteration, Fault, rows_from
 from fedora_qa.faults.index_maps import with_following_maps
 from fedora_qa.faults.reversible import InapplicableError, row_keys, streams_in, value_keys
 from fedora_qa.layout.binding import FARTHEST_TIMESTAMP_NS
-from fedora_qa.layout.canonical import FRAMES_OF_MAP, TIMESTAMPS_OF
+from fedora_qa.layout.canonical import FRAMES_OF_MAP, timestamps_of
 from fedora_qa.layout.resolve import Layout
 from fedora_qa.sequence.facts import Facts, has_place
 from fedora_qa.sequence.scan import BLOCK_ROWS
@@ -87,8 +87,8 @@ class Unsorted:
     def _moved(self, facts: Facts, description: str, sources: dict[str, Source]) -> Fault:
         rows: dict[str, Alteration] = {}
         for name, source in sources.items():
-            keys = [TIMESTAMPS_OF[name]] if self.timestamps_only else row_keys(facts, name)
-            rows |= dict.fromkeys(keys, rows_from(source, facts.sizes[TIMESTAMPS_OF[name]]))
+            keys = [timestamps_of(name)] if self.timestamps_only else row_keys(facts, name)
+            rows |= dict.fromkeys(keys, rows_from(source, facts.sizes[timestamps_of(name)]))
         return Fault(description, rows)
 
 
@@ -125,7 +125,7 @@ class DuplicatedSamples:
         rows: dict[str, Alteration] = {}
         layout = sequence.layout
         for name in streams_in(facts, self.stream):
-            size, first = facts.sizes[TIMESTAMPS_OF[name]], self.first_row
+            size, first = facts.sizes[timestamps_of(name)], self.first_row
             count = size - first if self.count is None else self.count
 
             def source(numbers: Int64, first: int = first, count: int = count) -> Int64:
@@ -143,7 +143,7 @@ class DuplicatedSamples:
         rows: dict[str, Alteration] = {}
         layout = sequence.layout
         for name in streams_in(facts, self.stream):
-            size = facts.sizes[TIMESTAMPS_OF[name]]
+            size = facts.sizes[timestamps_of(name)]
             if name == "events":
                 stop = size if self.count is None else min(self.first_row + 2 * self.count, size)
                 dropped = _repeated_events(sequence, self.first_row, stop)
@@ -207,7 +207,7 @@ def _order_of_time(times_ns: Int64) -> Int64:
 
 def _sorted_events(facts: Facts, sequence: SequenceRows) -> Source:
     """Return the order of time of events; only runs of rows that sorting moves are ever sorted."""
-    key, count = TIMESTAMPS_OF["events"], facts.sizes[TIMESTAMPS_OF["events"]]
+    key, count = timestamps_of("events"), facts.sizes[timestamps_of("events")]
     runs = _disordered_runs(sequence, key, count)
     longest = max((stop - start for start, stop in runs), default=0)
     if longest > _LONGEST_RUN:

@@ -72,7 +72,7 @@ def read_contents(
     Parameters
     ----------
     streams
-        The streams whose content is to be digested.
+        The streams whose content is to be digested; ``flow`` is every rate of the sequence.
     poses
         Whether to read the poses.
     """
@@ -81,7 +81,8 @@ def read_contents(
     except UnreadableFileError:
         return None
     with sequence:
-        digests = {stream: _stream_digest(sequence, stream) for stream in streams}
+        looked_for = {*sequence.layout.streams, *sequence.layout.absent}
+        digests = {stream: _stream_digest(sequence, stream) for stream in each_stream(streams, looked_for)}
         pose_digests: frozenset[bytes] = frozenset()
         if poses and "pose" in sequence.layout.streams:
             rows = sequence.layout.bindings["path/pose/position"].rows
@@ -157,7 +158,7 @@ def contents_of(
         *(_SPLIT_STREAMS if policy.splits else ()),
         *(() if policy.same_sequence else _SAME_SEQUENCE_STREAMS),
     )
-    streams = tuple(dict.fromkeys(each_stream(names)))
+    streams = tuple(dict.fromkeys(names))
     folders = tuple(map(Path, policy.check.allow_external))
     contents_by_name, records_read = dict[str, Contents](), list[FileRecord]()
     for sequence, file in zip(release.sequences, files, strict=True):

@@ -3,7 +3,7 @@
 import hashlib
 import json
 import re
-from collections.abc import Iterable, Mapping
+from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path, PurePosixPath
 from typing import ClassVar, Final, Literal
@@ -15,7 +15,7 @@ from fedora_qa.engine.run import select_checks
 from fedora_qa.errors import MisuseError
 from fedora_qa.gate.release import is_plain
 from fedora_qa.gate.waivers import Waiver
-from fedora_qa.layout.canonical import FLOW_STREAMS, STREAMS
+from fedora_qa.layout.canonical import FLOW_STREAMS, STREAMS, in_file_order, is_flow_stream
 from fedora_qa.record.types import Severity
 
 Total = Literal["sequences", "bytes", "duration_s", "distance_m", "events"]
@@ -121,7 +121,7 @@ def read_policy(path: Path) -> Policy:
         ("distinct_streams", policy.distinct_streams),
     ):
         for name in names:
-            if name not in {*STREAMS, "flow"}:
+            if name not in {*STREAMS, "flow"} and not is_flow_stream(name):
                 raise MisuseError(f"Expected a stream in {key!r}, got {name!r}; there are {', '.join(STREAMS)}")
     # Raises ``MisuseError`` for a name that is no check, no subject and no rule.
     select_checks(tuple(name for name in policy.severity if name not in RULES), ())
@@ -148,6 +148,7 @@ def read_policy(path: Path) -> Policy:
     return replace(policy, check=files_beside(policy.check, path))
 
 
-def each_stream(names: Iterable[str]) -> tuple[str, ...]:
-    """Return the streams that names stand for; ``flow`` is every rate."""
-    return tuple(stream for name in names for stream in (FLOW_STREAMS if name == "flow" else (name,)))
+def each_stream(names: Iterable[str], streams: Collection[str]) -> tuple[str, ...]:
+    """Return the streams that names stand for; ``flow`` is every rate among ``streams``, or the usual ones."""
+    rates = tuple(filter(is_flow_stream, in_file_order(streams))) or FLOW_STREAMS
+    return tuple(stream for name in names for stream in (rates if name == "flow" else (name,)))

@@ -60,11 +60,11 @@ def release_results_of(
     if policy.naming is not None:
         yield rule_on_names(names, policy.naming)
     if policy.required_streams:
-        yield rule_on_streams(contents_by_name, each_stream(policy.required_streams))
+        yield rule_on_streams(contents_by_name, policy.required_streams)
     if policy.same_intrinsics:
         yield rule_on_intrinsics(contents_by_name, policy.same_intrinsics)
     if policy.distinct_streams:
-        yield rule_on_distinct(contents_by_name, each_stream(policy.distinct_streams))
+        yield rule_on_distinct(contents_by_name, policy.distinct_streams)
     if not policy.same_sequence:
         yield rule_on_identity(contents_by_name)
     if policy.splits:
@@ -91,7 +91,7 @@ def rule_on_streams(contents_by_name: ContentsByName, required: Iterable[str]) -
     """Every sequence holds the required streams."""
     violations = []
     for name, contents in contents_by_name.items():
-        for stream in required:
+        for stream in each_stream(required, {*contents.streams, *contents.absent}):
             if stream not in contents.streams:
                 why = contents.absent.get(stream, "the file has no such rate")
                 violations.append(Violation(name, "missing", f"Expected the stream {stream}, got none: {why}", stream))
@@ -127,7 +127,8 @@ def rule_on_intrinsics(contents_by_name: ContentsByName, cameras: Iterable[str])
 def rule_on_distinct(contents_by_name: ContentsByName, streams: Iterable[str]) -> ReleaseResult:
     """No content of a stream occurs in two sequences."""
     violations = []
-    for stream in streams:
+    digested = {stream for contents in contents_by_name.values() for stream in contents.digests}
+    for stream in each_stream(streams, digested):
         first: dict[str, str] = {}
         for name, contents in contents_by_name.items():
             digest = contents.digests.get(stream)

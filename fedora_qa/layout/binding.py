@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from fedora_qa.conventions import POLARITY_BRIGHTER, POLARITY_DARKER
 from fedora_qa.errors import UnreadableRowsError
 from fedora_qa.layout.bitshuffle import require_sound_blocks, require_sound_chunk, uses_bitshuffle
-from fedora_qa.layout.canonical import DATASETS
+from fedora_qa.layout.canonical import spec_of
 from fedora_qa.layout.conversions import Conversion, converted
 from fedora_qa.layout.direct_chunks import StoredChunks
 from fedora_qa.layout.links import READ_ERRORS
@@ -121,7 +121,7 @@ class Binding:
     @property
     def is_image_as_it_is(self) -> bool:
         """Whether stored values are those of canonical images in every respect, so that nothing is left to convert."""
-        spec = DATASETS[self.key]
+        spec = spec_of(self.key)
         return spec.is_image and self.is_stored_canonically and self.dtype == np.dtype(spec.dtype)
 
 
@@ -130,7 +130,7 @@ def rows_together(key: str, stored_rows: int) -> int:
 
     They are ``FEWEST_ROWS`` at least, or as many as a chunk of the layout, where these are fewer.
     """
-    fewest = min(DATASETS[key].chunk_rows, FEWEST_ROWS)
+    fewest = min(spec_of(key).chunk_rows, FEWEST_ROWS)
     return stored_rows * -(-fewest // stored_rows) if 0 < stored_rows < fewest else stored_rows
 
 
@@ -175,7 +175,7 @@ def selected_columns(stored: NDArray[Any], binding: Binding) -> NDArray[Any]:
     """Return stored rows with their columns selected and ordered canonically."""
     if binding.columns is None:
         return stored
-    rank = len(DATASETS[binding.key].shape)
+    rank = len(spec_of(binding.key).shape)
     if rank == 1:
         # A canonical dataset of rank 1 is one column of a table (MVSEC: x, y, t, p), so that the axis of columns goes.
         return stored[:, binding.columns[0]]
@@ -266,7 +266,7 @@ def canonical_values(raw: NDArray[Any], binding: Binding, origin_ns: int) -> NDA
             codes = np.arange(256, dtype=np.uint8).view(raw.dtype)
             return _canonical_polarity(codes, binding.polarity)[raw.view(np.uint8)]
         return _canonical_polarity(raw, binding.polarity)
-    canonical = np.dtype(DATASETS[binding.key].dtype)
+    canonical = np.dtype(spec_of(binding.key).dtype)
     if canonical.kind in "iu":
         if raw.dtype == canonical:
             return raw
@@ -283,7 +283,7 @@ def canonical_values(raw: NDArray[Any], binding: Binding, origin_ns: int) -> NDA
         values = raw.astype(canonical, copy=False)
         # The factor takes the canonical type: a float64 factor would widen float32 images.
         values = values if binding.scale == 1.0 else values * canonical.type(binding.scale)
-    if not DATASETS[binding.key].is_image:
+    if not spec_of(binding.key).is_image:
         far = np.abs(values) > LARGEST_SAMPLE  # False for NaN
         values = np.where(far, np.copysign(np.inf, values), values) if np.any(far) else values
     return values

@@ -4,8 +4,10 @@ One description, used to write, to read and to validate. Shapes are symbolic: a 
 dataset of the file shares (``N`` colour frames, ``E`` events), a number for itself.
 """
 
-from collections.abc import Mapping
+import re
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass
+from functools import lru_cache
 from types import MappingProxyType
 from typing import Final
 
@@ -76,6 +78,17 @@ class AttributeSpec:
     choices: tuple[str, ...] = ()
 
 
+def _flow_datasets(rate: str) -> tuple[DatasetSpec, ...]:
+    key, stream, count = f"path/flow/{rate}hz", f"flow/{rate}hz", f"K{rate}"
+    return (
+        DatasetSpec(key, stream, "float32", (count, "H", "W", 2), "px", 1,
+                    "displacement over the interval (u right, v down), NaN where depth is invalid"),
+        DatasetSpec(f"{key}_ts", stream, "int64", (count, 2), "us", SAMPLE_CHUNK_ROWS, "start and end of the interval"),
+        DatasetSpec(f"{key}_moving", stream, "uint8", (count, "H", "W"), "1", 1,
+                    "1 where the pixel shows an object that moves by itself", optional=True),
+    )  # fmt: skip
+
+
 _DATASETS: Final = (
     DatasetSpec("path/rgb", "rgb", "uint8", ("N", "H_rgb", "W_rgb", 3), "DN", 1, "colour frames, R, G, B"),
     DatasetSpec("path/rgb_ts", "rgb", "int64", ("N",), "us", SAMPLE_CHUNK_ROWS, "middle of the exposure"),
@@ -95,14 +108,7 @@ _DATASETS: Final = (
     DatasetSpec("path/pose/orientation", "pose", "float64", ("P", 4), "1", SAMPLE_CHUNK_ROWS,
                 "unit quaternion x, y, z, w, body to world"),
     DatasetSpec("path/pose/ts", "pose", "int64", ("P",), "us", SAMPLE_CHUNK_ROWS, "instant of the pose"),
-    *(spec for rate in FLOW_RATES_HZ for spec in (
-        DatasetSpec(f"path/flow/{rate}hz", f"flow/{rate}hz", "float32", (f"K{rate}", "H", "W", 2), "px", 1,
-                    "displacement over the interval (u right, v down), NaN where depth is invalid"),
-        DatasetSpec(f"path/flow/{rate}hz_ts", f"flow/{rate}hz", "int64", (f"K{rate}", 2), "us", SAMPLE_CHUNK_ROWS,
-                    "start and end of the interval"),
-        DatasetSpec(f"path/flow/{rate}hz_moving", f"flow/{rate}hz", "uint8", (f"K{rate}", "H", "W"), "1", 1,
-                    "1 where the pixel shows an object that moves by itself", optional=True),
-    )),
+    *(spec for rate_hz in FLOW_RATES_HZ for spec in _flow_datasets(f"{rate_hz}")),
     # Entry i counts the events with t < t_frame[i] (``np.searchsorted``, side left).
     DatasetSpec("metadata/rgb_to_event", "rgb_to_event", "int64", ("N",), "1", SAMPLE_CHUNK_ROWS,
                 "index of the earliest event not before the colour frame; E where none is left"),
@@ -113,7 +119,7 @@ _DATASETS: Final = (
 )  # fmt: skip
 
 DATASETS: Final[Mapping[str, DatasetSpec]] = MappingProxyType({spec.key: spec for spec in _DATASETS})
-"""Every dataset of the layout by its key, in the order of the file."""
+"""Every dataset of the layout by its key, in the order of the file; of flow the usual rates. See ``spec_of``."""
 
 
 def _camera(name: str) -> tuple[AttributeSpec, ...]:
@@ -186,7 +192,7 @@ METADATA_GROUPS: Final = tuple(dict.fromkeys(owner for owner, _ in ATTRIBUTES if
 
 FLOW_STREAMS: Final = tuple(f"flow/{rate_hz}hz" for rate_hz in FLOW_RATES_HZ)
 STREAMS: Final = ("rgb", "depth", "events", "imu", "pose", *FLOW_STREAMS, "rgb_to_event", "depth_to_event")
-"""Every stream that a file can hold, a flow rate each on its own."""
+"""Every stream of a usual file, a flow rate each on its own. A file may hold flow of other rates instead."""
 
 TIMESTAMPS_OF: Final[Mapping[str, str]] = MappingProxyType(
     {spec.stream: spec.key for spec in _DATASETS if spec.is_timestamps}
@@ -213,14 +219,86 @@ STREAM_GROUPS: Final[Mapping[str, str]] = MappingProxyType(
 """The group that holds the datasets of a stream and of no other."""
 
 
+_FLOW_STREAM: Final = re.compile(r"flow/([0-9]{1,7}(?:\.[0-9]{1,6})?)hz")
+_FLOW_KEY: Final = re.compile(r"path/(flow/[0-9.]+hz)(?:_ts|_moving)?")
+
+FASTEST_FLOW_HZ: Final = 1e6
+"""Timestamps are whole microseconds: no interval is shorter."""
+
+
+def is_flow_stream(stream: str) -> bool:
+    """Whether a name is that of flow at a rate: ``flow/<R>hz``, R a decimal number above 0 and up to 1e6."""
+    match = _FLOW_STREAM.fullmatch(stream)
+    return match is not None and 0 < float(match[1]) <= FASTEST_FLOW_HZ
+
+
+def flow_rate_hz(stream: str) -> float:
+    """Return the rate in the name of a flow stream, Hz: 12.5 of ``flow/12.5hz``."""
+    return float(stream.removeprefix("flow/").removesuffix("hz"))
+
+
+def flow_stream_of(key: str) -> str:
+    """Return the flow stream of a dataset; empty where the key is of no flow at a legal rate."""
+    match = _FLOW_KEY.fullmatch(key)
+    return match[1] if match is not None and is_flow_stream(match[1]) else ""
+
+
+def is_dataset_key(key: str) -> bool:
+    """Whether a key is that of a dataset of the layout, flow at any rate included."""
+    return key in DATASETS or bool(flow_stream_of(key))
+
+
+@lru_cache(maxsize=4096)
+def spec_of(key: str) -> DatasetSpec:
+    """Return what the layout states of a dataset, of flow at any rate.
+
+    Raises
+    ------
+    KeyError
+        The layout has no such dataset.
+    """
+    if key in DATASETS:
+        return DATASETS[key]
+    return {spec.key: spec for spec in _specs_of(flow_stream_of(key))}[key]
+
+
+def is_timed(stream: str) -> bool:
+    """Whether the stream has timestamps of its own."""
+    return stream in TIMESTAMPS_OF or is_flow_stream(stream)
+
+
+def timestamps_of(stream: str) -> str:
+    """Return the key of the timestamps of a stream; raises ``KeyError`` for a stream without."""
+    return f"path/{stream}_ts" if is_flow_stream(stream) else TIMESTAMPS_OF[stream]
+
+
 def datasets_of(stream: str) -> tuple[DatasetSpec, ...]:
     """Return the datasets that make up a stream."""
-    return tuple(spec for spec in _DATASETS if spec.stream == stream and not spec.optional)
+    return tuple(spec for spec in _specs_of(stream) if not spec.optional)
 
 
 def companions_of(stream: str) -> tuple[DatasetSpec, ...]:
     """Return the datasets that may lie beside those of a stream, row by row."""
-    return tuple(spec for spec in _DATASETS if spec.stream == stream and spec.optional)
+    return tuple(spec for spec in _specs_of(stream) if spec.optional)
+
+
+def in_file_order(streams: Collection[str]) -> tuple[str, ...]:
+    """Return streams in the order of the layout, flow with the lowest rate first."""
+    # Names of equal rates (25hz, 25.0hz) have an order, too.
+    rates = sorted(filter(is_flow_stream, streams), key=lambda stream: (flow_rate_hz(stream), stream))
+    others = [stream for stream in STREAMS if not is_flow_stream(stream)]
+    before = others.index("rgb_to_event")
+    return tuple(stream for stream in (*others[:before], *rates, *others[before:]) if stream in streams)
+
+
+def datasets_of_all(streams: Collection[str]) -> tuple[DatasetSpec, ...]:
+    """Return every dataset that streams can have, companions included, in the order of the layout."""
+    return tuple(spec for stream in in_file_order(streams) for spec in _specs_of(stream))
+
+
+def _specs_of(stream: str) -> tuple[DatasetSpec, ...]:
+    usual = tuple(spec for spec in _DATASETS if spec.stream == stream)
+    return usual or (_flow_datasets(stream.removeprefix("flow/").removesuffix("hz")) if is_flow_stream(stream) else ())
 
 
 def attributes_of(owner: str) -> tuple[AttributeSpec, ...]:

@@ -6,7 +6,7 @@ from typing import Any
 import h5py
 import hdf5plugin
 
-from fedora_qa.layout.canonical import DATASETS
+from fedora_qa.layout.canonical import spec_of
 
 
 def create_dataset(file: h5py.File, key: str, sizes: Mapping[str, int]) -> h5py.Dataset:
@@ -26,7 +26,7 @@ def create_dataset(file: h5py.File, key: str, sizes: Mapping[str, int]) -> h5py.
     KeyError
         The key is not of the layout, or a size is missing.
     """
-    spec = DATASETS[key]
+    spec = spec_of(key)
     shape = tuple(size if isinstance(size, int) else sizes[size] for size in spec.shape)
     storage: dict[str, Any] = {}
     if spec.chunk_rows:

@@ -6,7 +6,7 @@ from typing import Final
 
 import h5py
 
-from fedora_qa.layout.canonical import DATASETS, STREAMS
+from fedora_qa.layout.canonical import spec_of
 from fedora_qa.layout.dialect import NS_PER_TIME_UNIT, form_of
 from fedora_qa.layout.filters import filters_of
 from fedora_qa.layout.folder import OpenFolder
@@ -91,7 +91,7 @@ def describe(file: h5py.File | OpenFolder, layout: Layout) -> Description:
         used, walked = {binding.path for binding in layout.bindings.values()}, walk(file)
         unused, unseen = tuple(path for path in walked.paths if path not in used), walked.unseen
     rows: list[DatasetRow] = []
-    for binding in (layout.bindings[key] for key in DATASETS if key in layout.bindings):
+    for binding in layout.bindings.values():
         dataset: h5py.Dataset | None = None
         if binding.outside is None:
             dataset = (file.hdf5[binding.role] if isinstance(file, OpenFolder) else file)[binding.path]
@@ -114,13 +114,13 @@ def describe(file: h5py.File | OpenFolder, layout: Layout) -> Description:
             if binding.conversion.invalid is not None:
                 steps.append(f"{binding.conversion.invalid:g} is invalid")
         if binding.scale != 1.0:
-            steps.append(f"values times {binding.scale:.6g} to {DATASETS[binding.key].units}")
+            steps.append(f"values times {binding.scale:.6g} to {spec_of(binding.key).units}")
         if binding.polarity != "01":
             steps.append("polarity 1, -1 to 1, 0" if binding.polarity == "plus_minus" else "polarity inverted")
         rows.append(
             DatasetRow(
                 key=binding.key,
-                stream=DATASETS[binding.key].stream,
+                stream=spec_of(binding.key).stream,
                 path=f"{binding.role}: {binding.path}" if binding.role else binding.path,
                 shape=binding.shape,
                 dtype=str(binding.dtype),
@@ -133,7 +133,7 @@ def describe(file: h5py.File | OpenFolder, layout: Layout) -> Description:
     return Description(
         dialect=layout.dialect_name,
         datasets=tuple(rows),
-        absent=tuple((stream, layout.absent[stream]) for stream in STREAMS if stream in layout.absent),
+        absent=tuple(layout.absent.items()),
         unused=unused,
         unseen=unseen,
         problems=tuple(problem.message for problem in layout.problems),

@@ -3,7 +3,7 @@
 import h5py
 
 from fedora_qa.conventions import FORMAT_NAME
-from fedora_qa.layout.canonical import DATASETS
+from fedora_qa.layout.canonical import DATASETS, spec_of
 from fedora_qa.layout.dialect import DIALECT_NAMES, Dialect, load_dialect
 from fedora_qa.layout.external_files import ExternalFiles
 from fedora_qa.layout.links import READ_ERRORS, RefusedError, find_dataset
@@ -29,7 +29,7 @@ def detect_dialect(file: h5py.File, external_files: ExternalFiles | None = None)
     scores: list[tuple[int, bool]] = []
     for dialect in dialects:
         count, hinted = 0, False
-        for spec in DATASETS.values():
+        for spec in map(spec_of, dict.fromkeys((*DATASETS, *dialect.datasets))):
             place = dialect.place_of(spec.key)
             # What lies in other files of a folder does not tell whose file this is.
             place = place if place is None or place.file == dialect.first_role else None

@@ -16,7 +16,15 @@ from typing import Any, ClassVar, Final, Literal
 from fedora_qa.conventions import MM_PER_M, NS_PER_S, NS_PER_US, STANDARD_GRAVITY_M_S2
 from fedora_qa.errors import MisuseError
 from fedora_qa.layout.binding import Polarity
-from fedora_qa.layout.canonical import ATTRIBUTES, DATASETS, DatasetSpec, Size
+from fedora_qa.layout.canonical import (
+    ATTRIBUTES,
+    DatasetSpec,
+    Size,
+    flow_rate_hz,
+    flow_stream_of,
+    is_dataset_key,
+    spec_of,
+)
 
 DIALECT_NAMES: Final = ("fedora", "purdue-lab", "dsec", "mvsec", "m3ed")
 
@@ -374,8 +382,13 @@ def _require_consistent(dialect: Dialect) -> None:
             raise MisuseError(f"files.{role}: Expected one or more patterns of one format, got {list(patterns)}")
     # All keys before any unit: an unknown key has no canonical unit.
     for key in dialect.datasets:
-        if key not in DATASETS:
+        if not is_dataset_key(key):
             raise MisuseError(f"datasets.{key}: Expected a canonical key such as path/events/t, got {key!r}")
+    rates: dict[float, str] = {}
+    for stream in {stream: None for key in dialect.datasets if (stream := flow_stream_of(key))}:
+        other = rates.setdefault(flow_rate_hz(stream), stream)
+        if other != stream:
+            raise MisuseError(f"datasets.path/{stream}: Expected each rate of flow once, got path/{other} as well")
     _require_known(dialect.metadata)
     named = [(f"datasets.{key}", place.file) for key, place in dialect.datasets.items()]
     named += [
@@ -426,7 +439,7 @@ def scale_of(key: str, place: DatasetPlace) -> float:
     MisuseError
         There is no conversion to the canonical unit.
     """
-    canonical = DATASETS[key].units
+    canonical = spec_of(key).units
     if place.value_unit in {"", canonical}:
         return place.scale
     scale = SCALES.get((place.value_unit, canonical))

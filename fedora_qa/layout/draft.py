@@ -4,9 +4,10 @@ What each dataset is, is guessed from its name, shape, type and first values. Ea
 folders (``draft_folder``) are made here as well.
 """
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
+from itertools import chain
 from math import prod
 from typing import Any, Final
 
@@ -17,7 +18,7 @@ from numpy.typing import NDArray
 
 from fedora_qa.conventions import FLOW_RATES_HZ, NS_PER_S
 from fedora_qa.layout.bitshuffle import require_sound_blocks
-from fedora_qa.layout.canonical import DATASETS, STREAMS, datasets_of
+from fedora_qa.layout.canonical import STREAMS, datasets_of, datasets_of_all, in_file_order, spec_of
 from fedora_qa.layout.dialect import NS_PER_TIME_UNIT, Form
 from fedora_qa.layout.filters import require_filters
 from fedora_qa.layout.links import READ_ERRORS, RefusedError
@@ -46,6 +47,12 @@ _GRAVITY: Final = (8.0, 12.0)
 
 _SAME_RATE: Final = 0.05
 """Relative difference up to which an interval counts as that of a rate of the layout."""
+
+_ROUNDED_RATE: Final = 1e-3
+"""Intervals of other rates end on whole microseconds: 0.1% of those of 1000 Hz."""
+
+_SLOWEST_HZ: Final = 0.999
+"""Of flow, a little below 1 Hz, for the rounding of its timestamps."""
 
 _NAMES: Final = {
     "path/imu/angular_velocity": ("angular", "gyr", "omega", "w"),
@@ -133,7 +140,7 @@ def draft_dialect(file: h5py.File, name: str) -> str:
     """
     items = take_inventory(file)
     guesses = {guess.key: guess for guess in guess_places(items)}
-    ordered = [guesses[key] for key in DATASETS if key in guesses]
+    ordered = in_order(guesses)
     lines = [
         "# A draft, guessed from names, shapes, types and first values. Verify every line before you use it:",
         "# a wrong unit here is a finding about the draft, not about the file.",
@@ -151,6 +158,12 @@ def draft_dialect(file: h5py.File, name: str) -> str:
     return "\n".join(lines).rstrip() + "\n"
 
 
+def in_order(guesses: Mapping[str, Guess]) -> list[Guess]:
+    """Return guesses, by key, in the order of the layout."""
+    streams = {spec_of(key).stream for key in guesses}
+    return [guesses[spec.key] for spec in datasets_of_all(streams) if spec.key in guesses]
+
+
 def draft_lines(guesses: Sequence[Guess], items: Sequence[StoredObject]) -> list[str]:
     """Return the table of datasets, with every guess and its reason, and what nothing was guessed for."""
     lines = ["[datasets]"]
@@ -160,7 +173,7 @@ def draft_lines(guesses: Sequence[Guess], items: Sequence[StoredObject]) -> list
     lines.append("")
     keys_guessed = {guess.key for guess in guesses}
     # Streams that cannot be read yet: a stream without any guess counts as absent, and needs no correction by hand.
-    for stream in STREAMS:
+    for stream in in_file_order({*STREAMS, *(spec_of(key).stream for key in keys_guessed)}):
         keys = [spec.key for spec in datasets_of(stream)]
         missing = [key for key in keys if key not in keys_guessed]
         if missing and len(missing) < len(keys):
@@ -344,13 +357,27 @@ def _flow(items: Sequence[StoredObject]) -> Iterator[Guess]:
             continue
         timestamps = max(candidates, key=lambda other: _nearness(other, item))
         lengths = np.diff(timestamps.head.astype(np.float64), axis=1)
-        for unit, rate_hz in ((unit, rate_hz) for unit in ("us", "ns", "s", "ms") for rate_hz in FLOW_RATES_HZ):
+        for unit in ("us", "ns", "s", "ms"):
             length_s = float(np.median(lengths)) * NS_PER_TIME_UNIT[unit] / NS_PER_S
-            if np.isclose(length_s * rate_hz, 1.0, rtol=_SAME_RATE):
-                reason = f"{words}; intervals of {timestamps.path} are 1/{rate_hz} s in {unit}"
-                yield Guess(f"path/flow/{rate_hz}hz", {**item.place, **coded}, reason)
+            if rate := _rate_of(length_s):
+                reason = f"{words}; intervals of {timestamps.path} are 1/{rate} s in {unit}"
+                yield Guess(f"path/flow/{rate}hz", {**item.place, **coded}, reason)
                 fields: dict[str, str | float | list[int]] = {**timestamps.place, "time_unit": unit}
-                yield Guess(f"path/flow/{rate_hz}hz_ts", fields, f"two columns, as long as {item.path}")
+                yield Guess(f"path/flow/{rate}hz_ts", fields, f"two columns, as long as {item.path}")
+
+
+def _rate_of(length_s: float) -> str:
+    """Return the rate of intervals, Hz: a usual one, or with as few decimals as state it; empty for no plausible one.
+
+    Units of time differ by 1000, so that a length is plausible in one of them at most: from 1 to 1000 Hz.
+    """
+    usual = (str(rate_hz) for rate_hz in FLOW_RATES_HZ if np.isclose(length_s * rate_hz, 1.0, rtol=_SAME_RATE))
+    if not _SLOWEST_HZ * length_s <= 1.0 < 1000 * _SLOWEST_HZ * length_s:
+        return next(usual, "")
+    rates = (f"{1 / length_s:.{decimals}f}" for decimals in range(7))
+    return next(
+        chain(usual, (rate for rate in rates if np.isclose(length_s * float(rate), 1.0, rtol=_ROUNDED_RATE))), ""
+    )
 
 
 def _samples(items: Sequence[StoredObject]) -> Iterator[Guess]:

@@ -10,7 +10,6 @@ import h5py
 import numpy as np
 
 from fedora_qa.errors import FedoraError
-from fedora_qa.layout.canonical import DATASETS
 from fedora_qa.layout.dialect import FORMS
 from fedora_qa.layout.draft import (
     HEAD_ROWS,
@@ -21,6 +20,7 @@ from fedora_qa.layout.draft import (
     comment,
     draft_lines,
     guess_places,
+    in_order,
     names_intrinsics,
     quoted,
     take_inventory,
@@ -74,7 +74,7 @@ def draft_folder(folder: Path, name: str) -> str:
     guesses = {guess.key: guess for guess in guess_places(items)}
     # Before what a file says: a table of as many rows may be of anything.
     guesses |= {guess.key: guess for guess in tuple(_times_of_names(groups, guesses))}
-    ordered = [guesses[key] for key in DATASETS if key in guesses]
+    ordered = in_order(guesses)
     cameras = [*camera_lines(item for item in items if item.form == "hdf5"), *_document_cameras(groups)]
     used = list(dict.fromkeys(str(guess.fields["file"]) for guess in ordered))
     used += [role for role in groups if any(f'file = "{role}"' in line for line in cameras) and role not in used]

@@ -138,6 +138,22 @@ def damaged_name(file: h5py.File, path: str, external_files: "ExternalFiles | No
     return damaged[0] if damaged else None
 
 
+def names_in(file: h5py.File, path: str, external_files: "ExternalFiles | None" = None) -> tuple[str, ...]:
+    """Return the first ``MOST_NAMES`` names in a group; none where it is not there, or cannot be read."""
+    names: list[str] = []
+
+    def keep(name: bytes) -> bool | None:
+        names.append(name.decode("utf-8", "surrogateescape"))
+        # A value other than None ends the iteration of h5py.
+        return True if len(names) == MOST_NAMES else None
+
+    with suppress(RefusedError, *READ_ERRORS):
+        group = find_object(file, path, external_files)
+        if isinstance(group, h5py.Group):
+            group.id.links.iterate(keep)
+    return tuple(names)
+
+
 def _follow(
     file: h5py.File, path: str, links_left: int, external_files: "ExternalFiles | None"
 ) -> h5py.Group | h5py.Dataset | h5py.Datatype | None:

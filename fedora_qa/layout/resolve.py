@@ -1,5 +1,6 @@
 """Find the canonical datasets in a file: its dialect, complete streams, absent streams, and problems."""
 
+import re
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from math import prod
@@ -13,6 +14,7 @@ from fedora_qa.layout.binding import Binding, instant_ns, rows_together
 from fedora_qa.layout.bitshuffle import require_sound_blocks
 from fedora_qa.layout.bounds import LARGEST_IMAGE_PIXELS, MOST_SAMPLES, require_bounded, unwritten_chunks
 from fedora_qa.layout.canonical import (
+    FASTEST_FLOW_HZ,
     FLOW_STREAMS,
     FRAMES_OF_MAP,
     METADATA_GROUPS,
@@ -22,6 +24,11 @@ from fedora_qa.layout.canonical import (
     DatasetSpec,
     companions_of,
     datasets_of,
+    flow_rate_hz,
+    flow_stream_of,
+    in_file_order,
+    is_flow_stream,
+    spec_of,
 )
 from fedora_qa.layout.conversions import Conversion, depth_from_disparity
 from fedora_qa.layout.detect import declares_fedora, detect_dialect
@@ -46,6 +53,7 @@ from fedora_qa.layout.links import (
     find_dataset,
     find_object,
     has_group,
+    names_in,
     reading,
 )
 from fedora_qa.layout.metadata import Supplied, small_values, supplied_declarations
@@ -54,6 +62,9 @@ from fedora_qa.sources.source import OutsideRows, SourceError
 
 _EXTRA_STREAMS: Final = ("depth_range",)
 """Datasets of the layout that are declarations, not streams."""
+
+_LIKE_A_RATE: Final = re.compile(r".*hz|[+-]?[0-9.]+", re.IGNORECASE)
+"""Names in ``path/flow`` that are meant as rates, whether they are or not."""
 
 _FIRST_ROWS: Final = 1 << 16
 """Rows that tell whether floats are whole numbers, and which code polarity has: so many events are of either kind."""
@@ -151,7 +162,8 @@ def resolve(
         inferred[KIND] = str(supplied[KIND].value)
     finder = _Finder(file, dialect, external_files, supplied)
     # In the order of the layout: the first stream with a symbolic size is the reference for all later ones.
-    for stream in (*STREAMS, *_EXTRA_STREAMS):
+    streams = finder.streams()
+    for stream in (*streams, *_EXTRA_STREAMS):
         finder.find(stream)
     # Only metadata of the canonical layout declare streams; files of other dialects carry none.
     if dialect.canonical_elsewhere:
@@ -161,8 +173,8 @@ def resolve(
         dialect_name=dialect.name,
         bindings=finder.bindings,
         # A stream is bound whole or not at all, so that its first dataset stands for all.
-        streams=frozenset(stream for stream in STREAMS if datasets_of(stream)[0].key in finder.bindings),
-        absent={stream: why for stream, why in finder.absent.items() if stream in STREAMS},
+        streams=frozenset(stream for stream in streams if datasets_of(stream)[0].key in finder.bindings),
+        absent={stream: why for stream, why in finder.absent.items() if stream in streams},
         problems=tuple(finder.problems),
         inferred=inferred | finder.inferred,
         is_recognised=is_named or bool(finder.bindings or finder.problems),
@@ -196,6 +208,46 @@ class _Finder:
         self.inferred: dict[str, str | float] = {}
         self._sizes: dict[str, tuple[int, str]] = {}
         self._searched_groups: set[str] = set()
+
+    def streams(self) -> tuple[str, ...]:
+        """Return the streams to look for: of flow the usual rates, or those of the file where it has any other.
+
+        Names of datasets that are no rates, and a second name of a rate, are reported.
+        """
+        held = {flow_stream_of(key) for key in self.dialect.datasets} - {""}
+        if self.dialect.canonical_elsewhere:
+            holder = self._holder("path/flow")
+            held |= self._stored_rates(names_in(holder, "path/flow", self.external_files)) if holder else set()
+        if held <= set(FLOW_STREAMS):
+            return STREAMS
+        return in_file_order({*STREAMS, *held} - {*FLOW_STREAMS} | held)
+
+    def _stored_rates(self, names: Iterable[str]) -> set[str]:
+        """Return the flow streams that names of datasets in ``path/flow`` are of."""
+        by_rate_hz: dict[float, set[str]] = {}
+        for name in names:
+            rate = name.removesuffix("_ts").removesuffix("_moving")
+            stream = f"flow/{rate}"
+            if is_flow_stream(stream):
+                by_rate_hz.setdefault(flow_rate_hz(stream), set()).add(stream)
+            elif _LIKE_A_RATE.fullmatch(rate):
+                message = (
+                    f"Expected path/flow/<R>hz with a rate R above 0 and up to {FASTEST_FLOW_HZ:g}, in digits such as "
+                    f"12.5, got path/flow/{name}; rename it"
+                )
+                self._report("flow", f"path/flow/{name}", RefusedError("rate_name", "unknown", message))
+        held: set[str] = set()
+        for streams in by_rate_hz.values():
+            # The shortest name has no needless zeros. Which of two fields of one rate is meant cannot be known.
+            first, *others = sorted(streams, key=lambda stream: (len(stream), stream))
+            held.add(first)
+            for other in others:
+                message = (
+                    f"Expected one flow of {flow_rate_hz(first):g} Hz, got path/{first} and path/{other}; "
+                    f"the first is read, remove or rename the other"
+                )
+                self._report(first, f"path/{other}", RefusedError("two_names", "unknown", message))
+        return held
 
     def find(self, stream: str) -> None:
         """Bind all datasets of a stream, or none, with the reason in ``absent``."""
@@ -262,7 +314,7 @@ class _Finder:
                 self._report_declared(stream, place)
                 reported.add(stream)
         # One group declares flow of all rates, and any one rate fulfils it.
-        no_flow = all(stream in self.absent and stream not in reported for stream in FLOW_STREAMS)
+        no_flow = not any(is_flow_stream(stream) for stream in (*map(_stream_of, self.bindings), *reported))
         flow_groups = [group for group in ("metadata/flow", "path/flow") if self._has_group(group)]
         if no_flow and flow_groups:
             self._report_declared("flow", flow_groups[0])
@@ -587,6 +639,10 @@ def require_shape(spec: DatasetSpec, place: DatasetPlace, dataset: h5py.Dataset 
     if not fits:
         expected = " x ".join(str(size) for size in stored)
         raise RefusedError("wrong_shape", "wrong_shape", f"Expected {path} of shape {expected}, got {shape}")
+
+
+def _stream_of(key: str) -> str:
+    return spec_of(key).stream
 
 
 class _BrokenError(Exception):

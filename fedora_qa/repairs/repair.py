@@ -20,7 +20,7 @@ from fedora_qa.errors import MisuseError, UnreadableFileError
 from fedora_qa.faults.clocks import TimeUnit
 from fedora_qa.faults.fault import FaultySequence
 from fedora_qa.faults.reversible import InapplicableError, ReversibleFault
-from fedora_qa.layout.canonical import DATASETS
+from fedora_qa.layout.canonical import spec_of
 from fedora_qa.layout.walk import walk
 from fedora_qa.record.atomic import replacing
 from fedora_qa.record.types import Diagnosis
@@ -190,7 +190,7 @@ def _undo(
             keys |= undoing.rows.keys()
             converted |= of_stream if isinstance(fault, UNIT_FAULTS) else set()
             if isinstance(fault, ROW_FAULTS) and not getattr(fault, "timestamps_only", False):
-                moved |= {DATASETS[key].stream for key in of_stream}
+                moved |= {spec_of(key).stream for key in of_stream}
             view = FaultySequence(view, undoing)
         if moved:
             require_known_rows(file, sequence.layout, moved)
@@ -200,10 +200,10 @@ def _undo(
             raise NotRepairableError("Expected undoing to change a stored value, but it changes none.")
         # A label of another unit was true of the values as they were.
         labels = {
-            bindings[key].path: DATASETS[key].units
+            bindings[key].path: spec_of(key).units
             for key in sorted(converted)
             if bindings[key].is_stored_canonically
-            and sequence.declared.units.get(key, DATASETS[key].units) != DATASETS[key].units
+            and sequence.declared.units.get(key, spec_of(key).units) != spec_of(key).units
         }
         if copy is not None:
             for declaration in declared:

@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from fedora_qa.conventions import NS_PER_US, POLARITY_BRIGHTER, POLARITY_DARKER
 from fedora_qa.layout.binding import POLARITY_CODES, Binding, canonical_values, selected_columns, timestamps_ns
-from fedora_qa.layout.canonical import DATASETS
+from fedora_qa.layout.canonical import spec_of
 from fedora_qa.repairs.not_repairable import NotRepairableError
 
 _RESOLUTION_NS: Final = NS_PER_US // 2
@@ -49,9 +49,9 @@ def replace_values(stored: NDArray[Any], binding: Binding, canonical: NDArray[An
     converted[~same] = _converted(changed, binding, origin_ns)
     if binding.columns is None:
         stored[...] = converted
-    elif len(DATASETS[binding.key].shape) == 1:
+    elif len(spec_of(binding.key).shape) == 1:
         stored[:, binding.columns[0]] = converted
-    elif stored.ndim < len(DATASETS[binding.key].shape):
+    elif stored.ndim < len(spec_of(binding.key).shape):
         stored[...] = converted[..., 0]  # a grey image: one channel, read three times
     else:
         stored[..., list(binding.columns)] = converted
@@ -86,7 +86,7 @@ def _converted(values: NDArray[Any], binding: Binding, origin_ns: int) -> NDArra
         if not np.all((values == POLARITY_BRIGHTER) | (values == POLARITY_DARKER)):
             raise _refused(binding, "polarities that the dialect does not define")
         return _whole(np.where(values == POLARITY_BRIGHTER, brighter, darker), binding)
-    if np.dtype(DATASETS[binding.key].dtype).kind in "iu":
+    if np.dtype(spec_of(binding.key).dtype).kind in "iu":
         return _whole(values, binding)
     numbers = values.astype(np.float64) / binding.scale
     if dtype.kind == "f":
@@ -111,7 +111,7 @@ def _whole(values: NDArray[Any], binding: Binding) -> NDArray[Any]:
 def _near(read: NDArray[Any], wanted: NDArray[Any], binding: Binding) -> NDArray[np.bool_]:
     """Return which values (m,) are read as wanted, but for the rounding that is allowed."""
     equal = _equal(read, wanted)
-    canonical = np.dtype(DATASETS[binding.key].dtype)
+    canonical = np.dtype(spec_of(binding.key).dtype)
     if binding.ns_per_unit is not None:
         return np.asarray(equal | (np.abs(read - wanted) <= _RESOLUTION_NS))
     if canonical.kind != "f":

@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from fedora_qa.errors import UnreadableRowsError
 from fedora_qa.layout.binding import Binding
 from fedora_qa.layout.bitshuffle import require_sound_blocks
-from fedora_qa.layout.canonical import DATASETS
+from fedora_qa.layout.canonical import spec_of
 from fedora_qa.layout.links import READ_ERRORS
 from fedora_qa.layout.resolve import Layout
 from fedora_qa.layout.walk import walk
@@ -107,7 +107,7 @@ def require_known_rows(file: h5py.File, layout: Layout, streams: Collection[str]
 
     These are further columns of its tables, and datasets beside its own that have as many rows; they would stay.
     """
-    own = [binding for key, binding in layout.bindings.items() if DATASETS[key].stream in streams]
+    own = [binding for key, binding in layout.bindings.items() if spec_of(key).stream in streams]
     unknown = []
     columns: dict[str, set[int]] = defaultdict(set)
     for binding in own:
@@ -159,7 +159,7 @@ def rewrite(
         A stored type cannot hold the values, some rows cannot be decoded, or a dataset cannot be shortened.
     """
     by_path: dict[str, list[str]] = defaultdict(list)  # columns of one table are several canonical datasets
-    for key in DATASETS:
+    for key in plain.layout.bindings:
         if key in keys:
             by_path[plain.layout.bindings[key].path].append(key)
     rewritten = []

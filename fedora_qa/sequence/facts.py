@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from fedora_qa.conventions import NS_PER_S, NS_PER_US
 from fedora_qa.layout.binding import FARTHEST_TIMESTAMP_NS, INVALID_TIMESTAMP_NS
+from fedora_qa.layout.canonical import in_file_order
 from fedora_qa.layout.resolve import Layout
 from fedora_qa.sequence.declared import Declared
 from fedora_qa.sequence.stored_step import StoredStep
@@ -212,6 +213,4 @@ class Facts:
     @property
     def flow_streams(self) -> tuple[str, ...]:
         """The flow streams of the file, the lowest rate first."""
-        names = [name for name in self.streams if name.startswith("flow/")]
-        # By number: as text, 10hz would come before 5hz.
-        return tuple(sorted(names, key=lambda name: int(name.removeprefix("flow/").removesuffix("hz"))))
+        return tuple(stream for stream in in_file_order(self.streams) if stream.startswith("flow/"))

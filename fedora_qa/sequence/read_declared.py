@@ -13,7 +13,7 @@ from fedora_qa.conventions import FORMAT_NAME, STANDARD_GRAVITY_M_S2
 from fedora_qa.errors import UnreadableRowsError
 from fedora_qa.layout.binding import Binding, canonical_rows, stored_dataset
 from fedora_qa.layout.bounds import LARGEST_IMAGE_PIXELS
-from fedora_qa.layout.canonical import ATTRIBUTES, DATASETS, AttributeSpec, attributes_of
+from fedora_qa.layout.canonical import ATTRIBUTES, AttributeSpec, attributes_of, is_dataset_key
 from fedora_qa.layout.dialect import DEPTH_RANGE, EVENT_MODEL, UNKNOWN
 from fedora_qa.layout.external_files import ExternalFiles
 from fedora_qa.layout.folder import OpenFolder
@@ -146,7 +146,7 @@ class _Reader:
         specs = attributes_of(owner)
         supplied = {spec.name: made for spec in specs if (made := self.layout.supplied.get(_key_of(spec)))}
         if holder is None and not supplied:
-            if owner not in DATASETS and (owner or isinstance(self.file, h5py.File)):
+            if not is_dataset_key(owner) and (owner or isinstance(self.file, h5py.File)):
                 self._problem(owner, "", "missing_stream", f"Expected the group /{owner}, got nothing there")
             return None
         values: dict[str, Any] = {}

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fedora_qa.errors import UnreadableRowsError
-from fedora_qa.layout.canonical import FRAMES_OF_MAP, TIMESTAMPS_OF
+from fedora_qa.layout.canonical import FRAMES_OF_MAP, is_timed, timestamps_of
 from fedora_qa.sequence.facts import Clock, EventScan, EventStep, Facts, IndexMap, clock_of, has_place
 from fedora_qa.sequence.sequence import SequenceRows
 
@@ -181,8 +181,8 @@ def scan(sequence: SequenceRows, cell_ns: int) -> Scan:
     streams = set(sequence.layout.streams)
     absent = dict(sequence.layout.absent)
     clocks: dict[str, Clock] = {}
-    for stream in sorted(streams & set(TIMESTAMPS_OF) - {"events"}):
-        key = TIMESTAMPS_OF[stream]
+    for stream in sorted(stream for stream in streams - {"events"} if is_timed(stream)):
+        key = timestamps_of(stream)
         try:
             timestamps = sequence.rows(key, 0, sequence.layout.bindings[key].rows)
         except UnreadableRowsError as error:
@@ -200,7 +200,7 @@ def scan(sequence: SequenceRows, cell_ns: int) -> Scan:
     tally = _EventTally(cell_ns, frame_timestamps)
     events: EventScan | None = None
     if "events" in streams:
-        key = TIMESTAMPS_OF["events"]
+        key = timestamps_of("events")
         count = sequence.layout.bindings[key].rows
         for start in range(0, count, BLOCK_ROWS):
             stop = min(start + BLOCK_ROWS, count)
@@ -253,7 +253,7 @@ def _runs(facts: Facts, tally: _EventTally, cell_ns: int) -> tuple[dict[str, Run
     """Return the cells of each stream's rows, and their length: cells are joined until there are few enough."""
     runs = {stream: _runs_of(clock.envelope_ns // cell_ns) for stream, clock in facts.clocks.items() if clock.usable}
     if tally.cells:
-        count = facts.sizes[TIMESTAMPS_OF["events"]]
+        count = facts.sizes[timestamps_of("events")]
         runs["events"] = Runs(np.concatenate(tally.cells), np.concatenate(tally.starts), count)
     cells = [run.cells for run in runs.values()]
     everywhere = np.unique(np.concatenate(cells)) if cells else np.zeros(1, np.int64)

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from fedora_qa.conventions import NS_PER_S
 from fedora_qa.errors import UnreadableFileError, UnreadableRowsError
 from fedora_qa.layout.binding import Binding, Opened, canonical_rows, instant_ns, raw_rows
-from fedora_qa.layout.canonical import TIMESTAMPS_OF
+from fedora_qa.layout.canonical import is_timed, timestamps_of
 from fedora_qa.layout.dialect import DialectChoice, split_choice
 from fedora_qa.layout.external_files import ExternalFiles
 from fedora_qa.layout.folder import OpenFolder, matched_folder
@@ -149,7 +149,7 @@ class Sequence:
         if not opening_facts:
             # The earliest first timestamp, so that times of correct streams are not negative. A stream on another clock
             # would take the others years from the origin.
-            streams = (stream for stream in self.layout.streams if stream in TIMESTAMPS_OF)
+            streams = filter(is_timed, self.layout.streams)
             firsts_ns = sorted(first for first in map(self._first_ns, streams) if first is not None)
             usual_ns = firsts_ns[len(firsts_ns) // 2] if firsts_ns else 0
             near = (first for first in firsts_ns if abs(first - usual_ns) < _LONGEST_PAUSE_NS)
@@ -228,7 +228,7 @@ class Sequence:
 
         A first timestamp more than ``_LONGEST_PAUSE_NS`` from those behind it is passed over.
         """
-        key = TIMESTAMPS_OF[stream]
+        key = timestamps_of(stream)
         binding = self.layout.bindings[key]
         try:
             rows = self.raw_rows(key, 0, min(_FIRST_ROWS, binding.rows))

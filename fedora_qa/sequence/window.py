@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fedora_qa.conventions import MM_PER_M
-from fedora_qa.layout.canonical import TIMESTAMPS_OF
+from fedora_qa.layout.canonical import timestamps_of
 from fedora_qa.sequence.facts import Facts, has_place
 from fedora_qa.sequence.leases import Leases
 
@@ -307,7 +307,7 @@ class Window:
         if after_ns:
             stop = max(stop, self._source.event_index(self.span.stop_ns + after_ns))
         x, y = (self.rows(f"path/events/{name}", start, stop) for name in "xy")
-        times_ns = self.rows(TIMESTAMPS_OF["events"], start, stop)
+        times_ns = self.rows(timestamps_of("events"), start, stop)
         p = self.rows("path/events/p", start, stop)
         if self.facts.events is not None and self.facts.events.unplaced:
             placed = has_place(times_ns)

@@ -29,6 +29,7 @@ from fedora_qa.estimators.flow.tiles import (
 from fedora_qa.estimators.images.luma import LUMA_ROUNDING_VARIANCE_DN2
 from fedora_qa.geometry.camera import RigidMotion
 from fedora_qa.geometry.so3 import cross_matrices
+from fedora_qa.layout.canonical import flow_rate_hz
 from fedora_qa.sequence.window import Window
 from fedora_qa.views.camera_motion import DELAY_NS, motion_over
 from fedora_qa.views.flow_comparison import is_noisy
@@ -225,8 +226,7 @@ def _sampled(stored: Float32, interval: Interval, share: float) -> Int64:
     grid = TileGrid.of(*stored.shape[:2])
     if not len(grid.origins):
         return grid.origins
-    rate_hz = int(interval.stream.removeprefix("flow/").removesuffix("hz"))
-    return grid.sample(share, rate_hz, interval.row)
+    return grid.sample(share, int(flow_rate_hz(interval.stream)), interval.row)
 
 
 def _tiles_at(

@@ -11,7 +11,7 @@ from fedora_qa.errors import UnreadableRowsError
 from fedora_qa.estimators.depth.stored_step import depth_step
 from fedora_qa.estimators.imu.local_motion import OrientationSamples, SampledCurve, VectorSamples
 from fedora_qa.estimators.storage.steps import level_step, stored_step
-from fedora_qa.layout.canonical import DATASETS
+from fedora_qa.layout.canonical import datasets_of_all, spec_of
 from fedora_qa.sequence.facts import Facts
 from fedora_qa.sequence.sequence import SequenceRows
 from fedora_qa.sequence.stored_step import DOUBLE_ROUNDOFF, StoredStep, of_components
@@ -50,7 +50,7 @@ def stored_steps(sequence: SequenceRows, facts: Facts, streams: Collection[str])
     dict
         By key of the dataset, in its canonical unit; datasets that cannot be read have none.
     """
-    images = [key for key, spec in DATASETS.items() if spec.dtype == "float32" and spec.stream in streams]
+    images = [spec.key for spec in datasets_of_all(streams) if spec.dtype == "float32"]
     steps: dict[str, StoredStep] = {}
     for key in images:
         in_places: list[StoredStep] = []
@@ -125,7 +125,7 @@ def _motion_step(sequence: SequenceRows, facts: Facts, stream: str, key: str) ->
 def inferred_steps(facts: Facts) -> dict[str, str | float]:
     """Return the steps in words, as the record states them: ``storage.depth`` is ``1 mm``."""
     return {
-        f"storage.{key.removeprefix('path/').replace('/', '.')}": step.text(DATASETS[key].units)
+        f"storage.{key.removeprefix('path/').replace('/', '.')}": step.text(spec_of(key).units)
         for key, step in facts.steps.items()
         if step.size or step.inverse or step.roundoff > DOUBLE_ROUNDOFF
     }

@@ -91,4 +91,5 @@ def test_the_digest_is_of_what_the_policy_says(tmp_path: Path) -> None:
 
 def test_flow_is_every_rate() -> None:
     """``flow`` stands for its rates, every other stream for itself."""
-    assert each_stream(("rgb", "flow")) == ("rgb", "flow/10hz", "flow/25hz", "flow/50hz")
+    assert each_stream(("rgb", "flow"), ()) == ("rgb", "flow/10hz", "flow/25hz", "flow/50hz")
+    assert each_stream(("rgb", "flow"), {"rgb", "flow/20hz", "flow/12.5hz"}) == ("rgb", "flow/12.5hz", "flow/20hz")

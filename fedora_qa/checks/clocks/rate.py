@@ -11,6 +11,7 @@ from fedora_qa.checks.protocol import FactsCheck, Notice, Observation, Statistic
 from fedora_qa.conventions import NS_PER_MS, NS_PER_S, NS_PER_US
 from fedora_qa.estimators.clocks.regular_clock import RegularClock, has_odd_grid_above_period
 from fedora_qa.features import Feature
+from fedora_qa.layout.canonical import flow_rate_hz
 from fedora_qa.record.types import Where
 from fedora_qa.sequence.facts import Clock, Facts
 
@@ -191,7 +192,7 @@ class ClocksRate(FactsCheck):
 
 
 def _interval_ns(flow_stream: str) -> float:
-    return NS_PER_S / int(flow_stream.removeprefix("flow/").removesuffix("hz"))
+    return NS_PER_S / flow_rate_hz(flow_stream)
 
 
 def _nominal_period_ns(stream: str, period_ns: float, clock: Clock) -> float:

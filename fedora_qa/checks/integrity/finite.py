@@ -15,14 +15,11 @@ from fedora_qa.conventions import MM_PER_M
 from fedora_qa.errors import UnreadableRowsError
 from fedora_qa.estimators.images.values import DatasetCounts, add_up, tally_depth, tally_flow, tally_samples
 from fedora_qa.features import Feature
-from fedora_qa.layout.canonical import DATASETS, STREAMS
+from fedora_qa.layout.canonical import DatasetSpec, datasets_of_all, spec_of
 from fedora_qa.record.types import Coverage, Where
 from fedora_qa.sequence.facts import Facts, has_place
 from fedora_qa.sequence.window import Window
 
-_FLOAT_KEYS: Final = tuple(
-    key for key, spec in DATASETS.items() if spec.dtype.startswith("float") and spec.stream in STREAMS
-)
 _FULL: Final = 0.5
 """Ratio of valid pixels above which a neighbouring frame cannot be empty: half of a 60 degree view would have to leave
 it, and return, within an interval of frames."""
@@ -99,10 +96,8 @@ class IntegrityFinite(WindowCheck[tuple[DatasetCounts, ...]]):
         """Count the values of every float dataset of the window."""
         facts = window.facts
         tallies: list[DatasetCounts] = []
-        for key in _FLOAT_KEYS:
-            spec = DATASETS[key]
-            if spec.stream not in facts.streams:
-                continue
+        for spec in _float_datasets(facts):
+            key = spec.key
             owned = window.owned(spec.stream)
             # Image by image, so that a damaged chunk costs one image.
             blocks = [(row, row + 1) for row in owned] if spec.is_image else [(owned.start, owned.stop)]
@@ -133,11 +128,10 @@ class IntegrityFinite(WindowCheck[tuple[DatasetCounts, ...]]):
         looked_at = sum(total.values for total in totals)
         # The values of all streams that are there, decoded or not.
         stored = 0
-        for key in _FLOAT_KEYS:
-            if DATASETS[key].stream in facts.streams:
-                binding = facts.layout.bindings[key]
-                stored += binding.rows * (binding.shape[1] * binding.shape[2] if DATASETS[key].is_image else 1)
-        void = [DATASETS[total.key].stream for total in totals if total.filled and total.nan == total.values]
+        for spec in _float_datasets(facts):
+            binding = facts.layout.bindings[spec.key]
+            stored += binding.rows * (binding.shape[1] * binding.shape[2] if spec.is_image else 1)
+        void = [spec_of(total.key).stream for total in totals if total.filled and total.nan == total.values]
         return Observation(
             Coverage(looked_at, max(looked_at, stored), "values"),
             with_flow_rate_deviations(statistics, set(facts.flow_streams)),
@@ -147,6 +141,11 @@ class IntegrityFinite(WindowCheck[tuple[DatasetCounts, ...]]):
             ),
             unobservable="" if statistics else "there is no stream whose values could be other than finite",
         )
+
+
+def _float_datasets(facts: Facts) -> list[DatasetSpec]:
+    """Return the datasets of the file's streams whose values may be other than finite."""
+    return [spec for spec in datasets_of_all(facts.streams) if spec.dtype.startswith("float")]
 
 
 def longest_displacement_px(intervals: int, height: int, width: int) -> float:
@@ -233,7 +232,7 @@ def _longest_px(facts: Facts, key: str) -> float:
 
 
 def _statistics(total: DatasetCounts, facts: Facts) -> Iterator[Statistic]:
-    spec = DATASETS[total.key]
+    spec = spec_of(total.key)
     stream, where = spec.stream, Where(stream=spec.stream)
     # The first value that is counted; row -1 where there is none.
     row, flat = total.first

@@ -6,7 +6,7 @@ from fedora_qa.checks.exact import count_of_faults, no_faults
 from fedora_qa.checks.flow_rate_deviations import with_flow_rate_deviations
 from fedora_qa.checks.protocol import FactsCheck, Notice, Observation
 from fedora_qa.features import Feature
-from fedora_qa.layout.canonical import FLOW_STREAMS
+from fedora_qa.layout.canonical import is_flow_stream
 from fedora_qa.layout.resolve import LayoutProblem
 from fedora_qa.record.types import Coverage, Where
 from fedora_qa.sequence.facts import Facts
@@ -87,5 +87,5 @@ class IntegrityLayout(FactsCheck):
             for problem in problems
         ]
         # Absent rates count as well: a fault of all rates is one fault of the flow.
-        rates = {problem.stream for problem in problems if problem.stream in FLOW_STREAMS} | set(facts.flow_streams)
+        rates = {problem.stream for problem in problems if is_flow_stream(problem.stream)} | set(facts.flow_streams)
         return Observation(coverage, with_flow_rate_deviations(defects, rates), notices)

@@ -10,7 +10,7 @@ from fedora_qa.checks.flow_rate_deviations import with_flow_rate_deviations
 from fedora_qa.checks.protocol import Observation, Statistic, WindowCheck
 from fedora_qa.errors import UnreadableRowsError
 from fedora_qa.layout.binding import Binding
-from fedora_qa.layout.canonical import DATASETS, FLOW_STREAMS, TIMESTAMPS_OF
+from fedora_qa.layout.canonical import is_flow_stream, spec_of, timestamps_of
 from fedora_qa.record.types import Coverage, Where
 from fedora_qa.sequence.facts import Facts
 from fedora_qa.sequence.window import Window
@@ -95,7 +95,7 @@ class IntegrityReadable(WindowCheck[ReadSummary]):
         touched: list[tuple[str, int, int]] = []
         damaged: list[DamagedChunk] = []
         for key, binding in window.facts.layout.bindings.items():
-            spec = DATASETS[key]
+            spec = spec_of(key)
             if spec.is_image or spec.stream == "events":
                 owned = window.owned(spec.stream)
                 start, stop = owned.start, min(owned.stop, binding.rows)
@@ -120,15 +120,15 @@ class IntegrityReadable(WindowCheck[ReadSummary]):
         # Windows share chunks; reversed, so that the first window that reached a chunk describes it.
         damaged = {(chunk.key, chunk.chunk): chunk for summary in reversed(state) for chunk in summary.damaged}
         # Blocks of event timestamps that the scan could not decode, and that therefore no window owns.
-        key = TIMESTAMPS_OF["events"]
+        key = timestamps_of("events")
         reported = [chunk for chunk in damaged.values() if chunk.key == key]
         for start, stop in facts.events.unreadable if facts.events else ():
             if not any(chunk.start < stop and start < chunk.stop for chunk in reported):
                 number = start // _rows_in_chunk(bindings[key])
                 damaged[key, number] = DamagedChunk(key, number, start, stop, "their stamps do not decode")
         stored = sum(ceil(b.rows / _rows_in_chunk(b)) * _chunks_beside(b) for b in bindings.values())
-        streams = sorted({DATASETS[key].stream for key in bindings})
-        unusable = facts.layout.streams - facts.streams - {DATASETS[key].stream for key, _ in damaged}
+        streams = sorted({spec_of(key).stream for key in bindings})
+        unusable = facts.layout.streams - facts.streams - {spec_of(key).stream for key, _ in damaged}
         statistics: list[Statistic] = []
         for stream in streams:
             name = f"{stream}.unreadable_chunks"
@@ -146,7 +146,7 @@ class IntegrityReadable(WindowCheck[ReadSummary]):
                 )
                 continue
             chunks = sorted(
-                (chunk for chunk in damaged.values() if DATASETS[chunk.key].stream == stream),
+                (chunk for chunk in damaged.values() if spec_of(chunk.key).stream == stream),
                 key=lambda chunk: (chunk.start, chunk.key, chunk.chunk),
             )
             if not chunks:
@@ -171,14 +171,14 @@ class IntegrityReadable(WindowCheck[ReadSummary]):
             )
         return Observation(
             Coverage(read, max(stored, read), "chunks"),
-            with_flow_rate_deviations(statistics, set(streams) & set(FLOW_STREAMS)),
+            with_flow_rate_deviations(statistics, set(filter(is_flow_stream, streams))),
         )
 
 
 def _rows_in_chunk(binding: Binding) -> int:
     """Return the number of rows that are stored together; without chunks, that of the canonical layout."""
     stored = binding.stored_chunk[0] if binding.stored_chunk else binding.chunk_rows
-    return max(1, stored or DATASETS[binding.key].chunk_rows or binding.rows)
+    return max(1, stored or spec_of(binding.key).chunk_rows or binding.rows)
 
 
 def _chunks_beside(binding: Binding) -> int:

@@ -12,7 +12,7 @@ from fedora_qa.checks.protocol import FactsCheck, Observation, Statistic
 from fedora_qa.conventions import MM_PER_M, NS_PER_S
 from fedora_qa.estimators.imu.rounding import mean_rounding_bound
 from fedora_qa.features import Feature
-from fedora_qa.layout.canonical import DATASETS
+from fedora_qa.layout.canonical import datasets_of_all, spec_of
 from fedora_qa.record.types import Coverage, Where
 from fedora_qa.sequence.declared import ImuModel
 from fedora_qa.sequence.facts import Facts
@@ -91,20 +91,20 @@ class IntegrityResolution(FactsCheck):
 
     def not_applicable(self, facts: Facts) -> str:
         """Require a stream of values that are no whole numbers."""
-        present = any(DATASETS[key].stream in facts.streams for key in DATASETS if _material_key(key))
+        present = any(_material_key(spec.key) for spec in datasets_of_all(facts.streams))
         return "" if present else "the file has neither depth nor flow nor poses nor an IMU"
 
     def examine(self, facts: Facts) -> Observation:
         """Compare each step with what matters."""
         statistics = []
-        keys = [key for key in DATASETS if _material_key(key) and DATASETS[key].stream in facts.streams]
+        keys = [spec.key for spec in datasets_of_all(facts.streams) if _material_key(spec.key)]
         for key in keys:
             step = facts.steps.get(key)
             if step is None or not step.is_identifiable:
                 continue
             size, unit, _ = MATERIAL[_material_key(key)]
             error = _derived_error(key, step, facts) if step.is_coarse else 0.0
-            text = step.text(DATASETS[key].units)
+            text = step.text(spec_of(key).units)
             statistics.append(
                 Statistic(
                     name=f"{key}.step",
@@ -116,7 +116,7 @@ class IntegrityResolution(FactsCheck):
                     statement=f"{key} is stored in steps of {text}: rounding alone errs by {error:.2g} {unit}, "
                     f"and {size:g} {unit} matters.",
                     code="integrity.resolution.step",
-                    where=Where(stream=DATASETS[key].stream),
+                    where=Where(stream=spec_of(key).stream),
                     features=(CoarseStep(text),),
                 )
             )
@@ -131,7 +131,7 @@ class IntegrityResolution(FactsCheck):
 
 def _material_key(key: str) -> str:
     """Return the key of ``MATERIAL`` for a dataset; empty where it has none."""
-    spec = DATASETS[key]
+    spec = spec_of(key)
     if spec.stream.startswith("flow/") and spec.units == "px":
         return "flow"
     return key if key in MATERIAL else ""
@@ -139,7 +139,7 @@ def _material_key(key: str) -> str:
 
 def _derived_error(key: str, step: StoredStep, facts: Facts) -> float:
     """Return the error that rounding makes in what is derived from a dataset, in the unit of ``MATERIAL``."""
-    spec = DATASETS[key]
+    spec = spec_of(key)
     count = spec.shape[-1]
     # The last axis of depth is that of its columns.
     components = [step.component(i) for i in range(count if isinstance(count, int) else 1)]

@@ -8,7 +8,7 @@ from fedora_qa.checks.exact import count_of_faults, no_faults
 from fedora_qa.checks.protocol import FactsCheck, Notice, Observation, Statistic
 from fedora_qa.conventions import FORMAT_NAME
 from fedora_qa.features import Feature
-from fedora_qa.layout.canonical import ATTRIBUTES, FLOW_STREAMS, PROMISED_BY
+from fedora_qa.layout.canonical import ATTRIBUTES, PROMISED_BY
 from fedora_qa.record.types import Coverage, Where
 from fedora_qa.sequence.declared import DeclarationProblem
 from fedora_qa.sequence.facts import Facts
@@ -16,9 +16,8 @@ from fedora_qa.sequence.facts import Facts
 _STREAMS_OF_OWNER: Final[dict[str, tuple[str, ...]]] = {
     **{owner: (stream,) for stream, owner in PROMISED_BY.items()},
     "metadata/cameras/events": ("events",),
-    "metadata/flow": FLOW_STREAMS,
 }
-"""The streams that an object of the metadata describes."""
+"""The streams that an object of the metadata describes. ``metadata/flow`` describes every rate of the file."""
 
 _SPELLINGS: Final = {"day": {"day", "daylight"}, "night": {"night", "ngt"}}
 """Words of names by the light that they state; ``ngt`` is that of the paper."""
@@ -91,12 +90,11 @@ class MetadataComplete(FactsCheck):
             )
             return Observation(Coverage(0, count, "declarations"), (missing,))
         # An absent stream needs no declaration.
+        described = _STREAMS_OF_OWNER | {"metadata/flow": facts.flow_streams}
         problems = [
             problem
             for problem in facts.declared.problems
-            if problem.name
-            or problem.owner not in _STREAMS_OF_OWNER
-            or facts.streams.intersection(_STREAMS_OF_OWNER[problem.owner])
+            if problem.name or problem.owner not in described or facts.streams.intersection(described[problem.owner])
         ]
         statistics: list[Statistic] = []
         notices: list[Notice] = []

@@ -9,7 +9,7 @@ from fedora_qa.checks.protocol import FactsCheck, Notice, Observation, Statistic
 from fedora_qa.conventions import FORMAT_NAME
 from fedora_qa.features import Feature
 from fedora_qa.layout.binding import Binding
-from fedora_qa.layout.canonical import DATASETS
+from fedora_qa.layout.canonical import DATASETS, spec_of
 from fedora_qa.layout.dialect import NS_PER_TIME_UNIT, SCALES
 from fedora_qa.record.types import Coverage, Where
 from fedora_qa.sequence.facts import Facts
@@ -91,7 +91,7 @@ class MetadataUnits(FactsCheck):
         for key, label in labels.items():
             if label_agrees(bindings[key], label):
                 continue
-            spec, unit = DATASETS[key], _normalised(label)
+            spec, unit = spec_of(key), _normalised(label)
             time_factor = None
             if spec.is_timestamps and unit in NS_PER_TIME_UNIT:
                 time_factor = NS_PER_TIME_UNIT["us"] / NS_PER_TIME_UNIT[unit]
@@ -112,7 +112,7 @@ class MetadataUnits(FactsCheck):
         notices: list[Notice] = []
         if missing:
             message = f"{len(missing)} datasets carry no attribute 'units', first {missing[0]}"
-            notices.append(Notice("metadata.units.missing", message, Where(stream=DATASETS[missing[0]].stream)))
+            notices.append(Notice("metadata.units.missing", message, Where(stream=spec_of(missing[0]).stream)))
         in_other_case = [key for key, label in labels.items() if _is_in_other_case(label.strip())]
         if in_other_case:
             key = in_other_case[0]
@@ -120,7 +120,7 @@ class MetadataUnits(FactsCheck):
                 f"{len(in_other_case)} labels are in another case, first {labels[key]!r} of {key}; write them as the "
                 "layout does"
             )
-            notices.append(Notice("metadata.units.case", message, Where(stream=DATASETS[key].stream)))
+            notices.append(Notice("metadata.units.case", message, Where(stream=spec_of(key).stream)))
         return Observation(Coverage(len(bindings) - len(missing), len(bindings), "labels"), statistics, tuple(notices))
 
 
@@ -138,7 +138,7 @@ def label_agrees(binding: Binding, label: str) -> bool:
     # The layout states the unit of timestamps in ns a unit, that of other values as a scale.
     if binding.ns_per_unit is not None:
         return NS_PER_TIME_UNIT.get(label) == binding.ns_per_unit
-    canonical = DATASETS[binding.key].units
+    canonical = spec_of(binding.key).units
     return SCALES.get((label, canonical), 1.0 if label == canonical else 0.0) == binding.scale
 
 

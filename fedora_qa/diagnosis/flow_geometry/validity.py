@@ -20,6 +20,7 @@ from fedora_qa.diagnosis.hypothesis import ANY_CAUSE, Hypothesis
 from fedora_qa.diagnosis.support import support
 from fedora_qa.features import Feature
 from fedora_qa.judgement.judge import Alarm
+from fedora_qa.layout.canonical import flow_rate_hz
 from fedora_qa.sequence.facts import Facts
 
 _CAUSE_OF_PATTERN: Final = MappingProxyType(
@@ -113,7 +114,7 @@ def _of_the_intervals(stream: str, features: Sequence[Feature], facts: Facts) ->
         if isinstance(feature, IntervalLengths):
             length_ns = feature.median_ns
             # ``flow/<n>hz`` has intervals of 1 / n s: the name of a stream states the length of its intervals.
-            rates_hz = [int(rate.removeprefix("flow/").removesuffix("hz")) for rate in facts.flow_streams]
+            rates_hz = map(flow_rate_hz, facts.flow_streams)
             if any(abs(length_ns - NS_PER_S / rate) < _SAME_LENGTH * length_ns for rate in rates_hz):
                 mixed = Hypothesis("flow_rate_mixed", stream, support("flow_geometry.length_of_another_rate"))
                 return (mixed, *of_frames)

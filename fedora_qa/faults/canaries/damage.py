@@ -9,13 +9,13 @@ from fedora_qa.errors import UnreadableRowsError
 from fedora_qa.faults.canary_conditions import CanaryConditions, UnplantableError
 from fedora_qa.faults.fault import Fault, Read, values
 from fedora_qa.layout.binding import INVALID_TIMESTAMP_NS
-from fedora_qa.layout.canonical import DATASETS, TIMESTAMPS_OF
+from fedora_qa.layout.canonical import spec_of, timestamps_of
 
 
 def undecodable(conditions: CanaryConditions) -> Fault:
     """No row of a dataset decodes. The timestamps of its stream decode, so that windows of the stream exist."""
-    keys = [key for key in conditions.facts.layout.bindings if not DATASETS[key].is_timestamps]
-    images = [key for key in keys if DATASETS[key].is_image]
+    keys = [key for key in conditions.facts.layout.bindings if not spec_of(key).is_timestamps]
+    images = [key for key in keys if spec_of(key).is_image]
     if not keys:
         raise UnplantableError("the file holds timestamps only")
     key = (images or keys)[0]
@@ -32,12 +32,12 @@ def not_finite(conditions: CanaryConditions) -> Fault:
     In a file without float datasets all timestamps of a stream are invalid.
     """
     for key in conditions.facts.layout.bindings:
-        if DATASETS[key].dtype.startswith("float") and DATASETS[key].stream in conditions.facts.streams:
+        if spec_of(key).dtype.startswith("float") and spec_of(key).stream in conditions.facts.streams:
             return Fault(f"a value of each row of {key} is infinite", {key: values(_first_infinite)})
     for stream, clock in conditions.facts.clocks.items():
         if len(clock.times_ns):
             invalid = values(lambda timestamps: np.full_like(timestamps, INVALID_TIMESTAMP_NS))
-            return Fault(f"the timestamps of {stream} are NaN", {TIMESTAMPS_OF[stream]: invalid})
+            return Fault(f"the timestamps of {stream} are NaN", {timestamps_of(stream): invalid})
     raise UnplantableError("the file holds no stream whose values could be other than finite")
 
 

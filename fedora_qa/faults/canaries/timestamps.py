@@ -12,7 +12,7 @@ from fedora_qa.faults.clocks import ClockRate, ClockShift, TimeUnit
 from fedora_qa.faults.fault import Fault, rows_from, values
 from fedora_qa.faults.index_maps import IndexShift
 from fedora_qa.faults.row_order import Unsorted
-from fedora_qa.layout.canonical import TIMESTAMPS_OF
+from fedora_qa.layout.canonical import timestamps_of
 
 _SEED = 1
 _THOUSAND = 1_000
@@ -30,7 +30,7 @@ def exchanged_timestamps(conditions: CanaryConditions) -> Fault:
         if events is None or events.first_ns == events.last_ns:
             raise UnplantableError("no stream has three timestamps")
         last_ns = events.last_ns
-        return Fault("the timestamps of events run backwards", {TIMESTAMPS_OF["events"]: values(lambda t: last_ns - t)})
+        return Fault("the timestamps of events run backwards", {timestamps_of("events"): values(lambda t: last_ns - t)})
     row = conditions.row_at_place(stream)
     return conditions.planted(Unsorted(stream, row - row % 2, 2, timestamps_only=True))
 
@@ -81,7 +81,7 @@ def coarse_grid(conditions: CanaryConditions) -> Fault:
         raise UnplantableError("timestamps of sampled streams show a coarse grid only where their clock is irregular")
     grid_ns = round(grid_us * NS_PER_US) * _COARSE_TICKS
     description = f"event timestamps lie on a grid of {grid_ns / NS_PER_MS:g} ms"
-    return Fault(description, {TIMESTAMPS_OF["events"]: values(lambda t: t - t % grid_ns)})
+    return Fault(description, {timestamps_of("events"): values(lambda t: t - t % grid_ns)})
 
 
 def next_event(conditions: CanaryConditions, index_map: str) -> Fault:
@@ -136,4 +136,4 @@ def gap_in_events(conditions: CanaryConditions) -> Fault:
         # By time instead of by row: an event out of order stays on its side of the gap.
         return times_ns + np.where(times_ns >= conditions.place_ns, round(gap_ms * NS_PER_MS), 0)
 
-    return Fault(f"there is no event for {gap_ms:.3g} ms", {TIMESTAMPS_OF["events"]: values(alter)})
+    return Fault(f"there is no event for {gap_ms:.3g} ms", {timestamps_of("events"): values(alter)})

@@ -11,7 +11,7 @@ from fedora_generator.faults.fault import Fault, FaultError, Region
 from fedora_generator.faults.metadata import declare_noise, group_in
 from fedora_generator.faults.rows import blocks, datasets_in, edit, insert_rows, keep_rows, window_of
 from fedora_qa.conventions import US_PER_S
-from fedora_qa.layout.canonical import DATASETS
+from fedora_qa.layout.canonical import spec_of
 
 Keys = NDArray[np.int64]
 KeepPixel = Callable[[Keys, Keys], NDArray[np.bool_]]
@@ -95,7 +95,7 @@ def hot_pixels(file: h5py.File, fault: Fault) -> None:
     columns = {X: x[order], Y: y[order], T: t[order], P: p[order]}
     before = _rows_before(file, columns, first_us)
     for key, values in columns.items():
-        insert_rows(file[key], before, values.astype(DATASETS[key].dtype))
+        insert_rows(file[key], before, values.astype(spec_of(key).dtype))
 
 
 def time_jitter(file: h5py.File, fault: Fault) -> None:

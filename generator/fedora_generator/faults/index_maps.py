@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from fedora_generator.faults.fault import Fault, FaultError
 from fedora_generator.faults.rows import edit, rows_before, window_of
 from fedora_qa.causes import INDEX_MAPS, stream_family
-from fedora_qa.layout.canonical import TIMESTAMPS_OF, datasets_of
+from fedora_qa.layout.canonical import TIMESTAMPS_OF, datasets_of, timestamps_of
 
 _MAPPED_STREAMS: Final = frozenset({"events", "rgb", "depth"})
 _CAUSES_BEFORE_MAPS: Final = frozenset(
@@ -59,7 +59,7 @@ def update_index_maps(file: h5py.File) -> None:
     """Compute the maps of the file again from its present timestamps, one index a frame."""
     for stream in INDEX_MAPS:
         key = _map_key(stream)
-        if key not in file or not {TIMESTAMPS_OF[_frames_of(stream)], TIMESTAMPS_OF["events"]} <= _keys(file):
+        if key not in file or not {timestamps_of(_frames_of(stream)), timestamps_of("events")} <= _keys(file):
             continue
         indices = _indices(file, stream, "left")
         if len(indices) != len(file[key]):
@@ -73,9 +73,9 @@ def _window_of_map(file: h5py.File, fault: Fault) -> slice:
 
 
 def _indices(file: h5py.File, stream: str, side: Literal["left", "right"]) -> NDArray[np.int64]:
-    frame_timestamps_us = file[TIMESTAMPS_OF[_frames_of(stream)]][...]
+    frame_timestamps_us = file[timestamps_of(_frames_of(stream))][...]
     # The events not after t are those before t + 1: timestamps are whole.
-    return rows_before(file[TIMESTAMPS_OF["events"]], frame_timestamps_us + (side == "right"))
+    return rows_before(file[timestamps_of("events")], frame_timestamps_us + (side == "right"))
 
 
 def _keys(file: h5py.File) -> set[str]:
@@ -88,7 +88,7 @@ def _map_key(stream: str) -> str:
 
 def _map_in(file: h5py.File, stream: str) -> h5py.Dataset:
     key = _map_key(stream)
-    if key not in file or not {TIMESTAMPS_OF[_frames_of(stream)], TIMESTAMPS_OF["events"]} <= _keys(file):
+    if key not in file or not {timestamps_of(_frames_of(stream)), timestamps_of("events")} <= _keys(file):
         raise FaultError(f"Expected a file with {key}, its frames and events, got none; name another stream")
     return file[key]
 

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from fedora_generator.faults.fault import Fault, FaultError
 from fedora_generator.faults.metadata import group_in
 from fedora_generator.faults.rows import timestamps_in, window_of
-from fedora_qa.layout.canonical import DATASETS
+from fedora_qa.layout.canonical import spec_of
 
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
@@ -79,7 +79,7 @@ def interpolated_frames(file: h5py.File, fault: Fault) -> None:
     for name, values in events.items():
         key = f"path/events/{name}"
         file[key].resize(len(values), axis=0)
-        file[key][...] = values[order].astype(DATASETS[key].dtype)
+        file[key][...] = values[order].astype(spec_of(key).dtype)
 
 
 def _linear(codes: Floats, transfer: str) -> Floats:
