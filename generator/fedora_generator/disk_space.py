@@ -6,9 +6,8 @@ from typing import Final
 
 from fedora_generator.camera import event_camera
 from fedora_generator.errors import OutputError
-from fedora_generator.instants import FRAME_RATE_HZ
 from fedora_generator.scene import Scene
-from fedora_qa.conventions import FLOW_RATES_HZ, US_PER_S
+from fedora_qa.conventions import US_PER_S
 
 _COLOUR_BYTES, _DEPTH_BYTES, _FLOW_BYTES = 3, 4, 8
 _EVENTS_PER_PIXEL_S: Final = 10
@@ -93,9 +92,10 @@ def shortage_warning(folder: Path, expected: int) -> str:
 
 
 def _image_bytes_a_second(scene: Scene, streams: frozenset[str]) -> int:
-    pixels = scene.camera.width * scene.camera.height
-    frame_bytes = _COLOUR_BYTES * ("rgb" in streams) + _DEPTH_BYTES * ("depth" in streams)
-    return pixels * (frame_bytes * FRAME_RATE_HZ + _FLOW_BYTES * sum(FLOW_RATES_HZ) * ("flow" in streams))
+    pixels, rates = scene.camera.width * scene.camera.height, scene.rates
+    colour = _COLOUR_BYTES * rates.frames_hz * ("rgb" in streams)
+    depth = _DEPTH_BYTES * rates.of_depth_hz * ("depth" in streams)
+    return round(pixels * (colour + depth + _FLOW_BYTES * sum(rates.flow_hz) * ("flow" in streams)))
 
 
 def _free_bytes(folder: Path) -> tuple[Path, int]:

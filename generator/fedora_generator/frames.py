@@ -10,12 +10,13 @@ from numpy.typing import NDArray
 from fedora_generator.camera import colour_camera
 from fedora_generator.flight import Flight
 from fedora_generator.flow import scene_flow_px
-from fedora_generator.instants import FRAME_RATE_HZ, intervals_us, timestamps_us
+from fedora_generator.instants import intervals_us, timestamps_us
 from fedora_generator.metadata import write_camera, write_depth_range, write_flow
+from fedora_generator.rates import rate_text
 from fedora_generator.rendered_world import RenderedWorld
 from fedora_generator.scene import Scene
 from fedora_generator.write import write_dataset
-from fedora_qa.conventions import FLOW_RATES_HZ, MM_PER_M
+from fedora_qa.conventions import MM_PER_M
 from fedora_qa.layout.create import create_dataset
 
 Floats = NDArray[np.float64]
@@ -42,29 +43,36 @@ class FrameRenderer:
     flight: Flight
     rgb: h5py.Dataset | None
     depth: h5py.Dataset | None
-    flow: dict[int, FlowRows]
-    """By rate in hertz."""
+    flow: tuple[FlowRows, ...]
+    """One a rate."""
+    rgb_us: NDArray[np.int64]
+    depth_us: NDArray[np.int64]
+    """(n,) timestamps of colour and depth."""
 
-    def render(self, index: int, timestamp_us: int) -> None:
-        """Write colour and depth of frame ``index`` at ``timestamp_us``, and the flow of intervals that start there."""
+    @property
+    def instants_us(self) -> NDArray[np.int64]:
+        """Timestamps (n,) at which there is a frame of colour or depth, or might be, whatever streams are written."""
+        return np.union1d(self.rgb_us, self.depth_us)
+
+    def render(self, timestamp_us: int) -> None:
+        """Write colour and depth at ``timestamp_us``, where they have a frame, and the flow that starts there."""
+        rgb_row = _row_at(self.rgb_us, timestamp_us) if self.rgb is not None else None
+        depth_row = _row_at(self.depth_us, timestamp_us) if self.depth is not None else None
         # Flow intervals that start at this frame: where they are stored, and their row there.
-        starting = []
-        for rate_hz, rows in self.flow.items():
-            k, rest = divmod(index * rate_hz, FRAME_RATE_HZ)
-            if rest == 0 and k < len(rows.intervals_us):
-                starting.append((rows, k))
-        needs_depth = self.depth is not None or bool(starting)
-        if self.rgb is None and not needs_depth:
+        starts = ((rows, _row_at(rows.intervals_us[:, 0], timestamp_us)) for rows in self.flow)
+        starting = [(rows, k) for rows, k in starts if k is not None]
+        needs_depth = depth_row is not None or bool(starting)
+        if rgb_row is None and not needs_depth:
             return
         camera, world = colour_camera(self.scene.camera), self.world.at(timestamp_us)
         T_world_camera = camera.pose_at(self.flight, timestamp_us)
-        if self.rgb is not None:
-            self.rgb[index] = as_8_bit(world.rgb_dn(camera, T_world_camera))
+        if self.rgb is not None and rgb_row is not None:
+            self.rgb[rgb_row] = as_8_bit(world.rgb_dn(camera, T_world_camera))
         if not needs_depth:
             return
         inverse_depth = in_range(world.inverse_depth_per_m(camera, T_world_camera), self.scene.depth_range_m)
-        if self.depth is not None:
-            self.depth[index] = depth_mm(inverse_depth)
+        if self.depth is not None and depth_row is not None:
+            self.depth[depth_row] = depth_mm(inverse_depth)
         if starting:
             bodies = world.visible_bodies(camera, T_world_camera)
             for rows, k in starting:
@@ -73,6 +81,12 @@ class FrameRenderer:
                 rows.flow[k] = scene_flow_px(world, camera, inverse_depth, bodies, poses, times_us)
                 if rows.moving is not None:
                     rows.moving[k] = bodies > 0
+
+
+def _row_at(times_us: NDArray[np.int64], time_us: int) -> int | None:
+    """Return the row of a time in ascending times (n,); None where it is not among them."""
+    row = int(np.searchsorted(times_us, time_us))
+    return row if row < len(times_us) and times_us[row] == time_us else None
 
 
 def as_8_bit(radiance_dn: Floats) -> NDArray[np.uint8]:
@@ -119,27 +133,28 @@ def create_frames(
     FrameRenderer
         Renders a frame into the datasets.
     """
-    camera, timestamps = colour_camera(scene.camera), timestamps_us(duration_us, FRAME_RATE_HZ)
+    camera, rates = colour_camera(scene.camera), scene.rates
+    rgb_us, depth_us = (timestamps_us(duration_us, rate_hz) for rate_hz in (rates.frames_hz, rates.of_depth_hz))
     size = {"H": camera.height, "W": camera.width, "H_rgb": camera.height, "W_rgb": camera.width}
     rgb = depth = None
     if "rgb" in streams:
-        rgb = create_dataset(file, "path/rgb", {"N": len(timestamps), **size})
+        rgb = create_dataset(file, "path/rgb", {"N": len(rgb_us), **size})
         rgb.attrs["transfer"] = "linear"
-        write_dataset(file, "path/rgb_ts", timestamps, N=len(timestamps))
+        write_dataset(file, "path/rgb_ts", rgb_us, N=len(rgb_us))
         write_camera(file, "rgb", camera)
     if "depth" in streams:
-        depth = create_dataset(file, "path/depth", {"D": len(timestamps), **size})
-        write_dataset(file, "path/depth_ts", timestamps, D=len(timestamps))
+        depth = create_dataset(file, "path/depth", {"D": len(depth_us), **size})
+        write_dataset(file, "path/depth_ts", depth_us, D=len(depth_us))
         write_camera(file, "depth", camera)
         write_depth_range(file, scene)
-    flow = {}
+    flow: list[FlowRows] = []
     if "flow" in streams:
         write_flow(file, moves=world.moves)
-        for rate_hz in FLOW_RATES_HZ:
-            intervals = intervals_us(duration_us, rate_hz)
-            key, count = f"path/flow/{rate_hz}hz", {f"K{rate_hz}": len(intervals)}
+        for rate_hz in rates.flow_hz:
+            intervals, rate = intervals_us(duration_us, rate_hz), rate_text(rate_hz)
+            key, count = f"path/flow/{rate}hz", {f"K{rate}": len(intervals)}
             field = create_dataset(file, key, {**count, **size})
             moving = create_dataset(file, f"{key}_moving", {**count, **size}) if world.moves else None
-            flow[rate_hz] = FlowRows(intervals, field, moving)
+            flow.append(FlowRows(intervals, field, moving))
             write_dataset(file, f"{key}_ts", intervals, **count)
-    return FrameRenderer(scene, world, scene.fly(), rgb, depth, flow)
+    return FrameRenderer(scene, world, scene.fly(), rgb, depth, tuple(flow), rgb_us, depth_us)

@@ -14,7 +14,7 @@ from fedora_generator.errors import SceneError
 from fedora_generator.events.stream import EventRecorder
 from fedora_generator.frames import create_frames
 from fedora_generator.inertial_streams import write_imu_stream, write_pose_stream
-from fedora_generator.instants import FRAME_RATE_HZ, IMU_RATE_HZ, pieces, timestamps_us, whole_us
+from fedora_generator.instants import pieces, timestamps_us, whole_us
 from fedora_generator.memory import require_memory
 from fedora_generator.mesh.context import open_context
 from fedora_generator.metadata import write_root
@@ -37,6 +37,9 @@ _MOST_COLUMNS: Final = 1 << 16
 
 # Keys of the random streams: each sensor draws from its own, whatever else is generated.
 _EVENTS_KEY, _IMU_KEY, _POSE_KEY = range(3)
+
+_COLLISION_HZ: Final = 1000
+"""How often the flight is tested for collisions."""
 
 Progress = Callable[[int], None]
 
@@ -130,7 +133,7 @@ def generate_sequence(
         if drawn:
             # Positions (frames, 3) of the camera, near which textures must be fine.
             camera, flight = colour_camera(scene.camera), scene.fly()
-            frames_us = pieces(timestamps_us(duration_us, FRAME_RATE_HZ))
+            frames_us = pieces(timestamps_us(duration_us, max(scene.rates.frames_hz, scene.rates.of_depth_hz)))
             path_world_m = np.concatenate([camera.poses_at(flight, times_us)[:, :3, 3] for times_us in frames_us])
             world = render_surroundings(scene, surroundings, request.quality, path_world_m)
             frames, events, rendered_pixels = _walk(file, scene, world, duration_us, request, report)
@@ -193,7 +196,7 @@ def require_free_flight(scene: Scene, duration_us: int) -> None:
 def _require_free_flight(scene: Scene, surroundings: Surroundings, duration_us: int) -> None:
     event_camera(scene.camera)  # raises where it would have no pixel
     camera, flight = colour_camera(scene.camera), scene.fly()
-    for times_us in pieces(timestamps_us(duration_us, IMU_RATE_HZ)):
+    for times_us in pieces(timestamps_us(duration_us, _COLLISION_HZ)):
         positions_world_m = camera.poses_at(flight, times_us)[:, :3, 3]
         if not np.isfinite(positions_world_m).all():
             raise SceneError(f"Expected a flight through places that are finite, got one of {scene.name} that is not")
@@ -210,23 +213,23 @@ def _walk(
     file: h5py.File, scene: Scene, world: RenderedWorld, duration_us: int, request: Request, progress: Progress
 ) -> tuple[int, int, int]:
     """Render frames and events in the order of time; return the numbers of frames, events and rendered event pixels."""
-    timestamps = timestamps_us(duration_us, FRAME_RATE_HZ)
     frames = create_frames(file, scene, world, duration_us, request.streams)
     recorder: EventRecorder | None = None
     if "events" in request.streams:
-        sizes = {name: size for name, size in (("rgb", "N"), ("depth", "D")) if name in request.streams}
-        maps = {f"metadata/{name}_to_event": (size, timestamps) for name, size in sizes.items()}
+        of_frames = (("rgb", "N", frames.rgb_us), ("depth", "D", frames.depth_us))
+        maps = {f"metadata/{name}_to_event": (size, us) for name, size, us in of_frames if name in request.streams}
         recorder = EventRecorder(file, scene, world, request.quality, maps, _seed(scene, _EVENTS_KEY))
-    for index, timestamp_us in enumerate(timestamps.tolist()):
+    instants_us = frames.instants_us.tolist()
+    for timestamp_us in instants_us:
         if recorder is not None:
             recorder.run_to(timestamp_us)
-        frames.render(index, timestamp_us)
+        frames.render(timestamp_us)
         progress(timestamp_us)
     if recorder is None:
-        return len(timestamps), 0, 0
+        return len(instants_us), 0, 0
     recorder.run_to(duration_us)
     recorder.finish()
-    return len(timestamps), recorder.events, recorder.rendered_pixels
+    return len(instants_us), recorder.events, recorder.rendered_pixels
 
 
 def _seed(scene: Scene, key: int) -> np.random.SeedSequence:

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from pydantic import ConfigDict
 
 from fedora_generator.flight import Flight
+from fedora_generator.rates import require_rate
 from fedora_qa.conventions import STANDARD_GRAVITY_M_S2, US_PER_S
 
 Floats = NDArray[np.float64]
@@ -36,8 +37,7 @@ class ImuOptions:
             value = getattr(self, field.name)
             if not (math.isfinite(value) and value >= 0):
                 raise ValueError(f"Expected {field.name} >= 0, got {value}")
-        if self.rate_hz == 0:
-            raise ValueError("Expected rate_hz > 0, got 0")
+        require_rate("rate_hz", self.rate_hz)
 
 
 @dataclass(frozen=True, slots=True)

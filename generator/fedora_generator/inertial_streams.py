@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fedora_generator.imu import Imu
-from fedora_generator.instants import IMU_RATE_HZ, POSE_RATE_HZ, pieces, timestamps_us
+from fedora_generator.instants import pieces, timestamps_us
 from fedora_generator.metadata import write_imu, write_pose
 from fedora_generator.pose import PoseSensor
 from fedora_generator.scene import Scene
@@ -31,7 +31,7 @@ def write_imu_stream(file: h5py.File, scene: Scene, duration_us: int, seed: np.r
     imu, flight, timestamps = (
         Imu(scene.imu, np.random.default_rng(seed)),
         scene.fly(),
-        timestamps_us(duration_us, IMU_RATE_HZ),
+        timestamps_us(duration_us, scene.imu.rate_hz),
     )
     names = ("angular_velocity", "linear_acceleration", "ts")
     rates, forces, times = (create_dataset(file, f"path/imu/{name}", {"M": len(timestamps)}) for name in names)
@@ -56,7 +56,8 @@ def write_pose_stream(file: h5py.File, scene: Scene, duration_us: int, seed: np.
     seed
         Of the noise.
     """
-    sensor, timestamps = PoseSensor(scene.pose, np.random.default_rng(seed)), timestamps_us(duration_us, POSE_RATE_HZ)
+    sensor = PoseSensor(scene.pose, np.random.default_rng(seed))
+    timestamps = timestamps_us(duration_us, scene.rates.pose_hz)
     flight, names = scene.fly(), ("position", "orientation", "ts")
     positions, orientations, times = (
         create_dataset(file, f"path/pose/{name}", {"P": len(timestamps)}) for name in names

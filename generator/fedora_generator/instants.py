@@ -7,12 +7,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fedora_generator.errors import SceneError
+from fedora_generator.rates import exact_hz
 from fedora_qa.conventions import US_PER_S
-
-FRAME_RATE_HZ: Final = 50
-FRAME_INTERVAL_US: Final = US_PER_S // FRAME_RATE_HZ
-IMU_RATE_HZ: Final = 1000
-POSE_RATE_HZ: Final = 200
 
 LONGEST_S: Final = 3600.0
 """All streams are written piece by piece; only timestamps are in memory for the whole length, 29 MB an hour."""
@@ -30,9 +26,12 @@ def whole_us(duration_s: float) -> int:
     return duration_us
 
 
-def timestamps_us(duration_us: int, rate_hz: int) -> NDArray[np.int64]:
+def timestamps_us(duration_us: int, rate_hz: float) -> NDArray[np.int64]:
     """Timestamps (n,) of a stream, from 0 to the last that fits; both ends are written: n = floor(rate T) + 1."""
-    return np.arange(duration_us * rate_hz // US_PER_S + 1, dtype=np.int64) * US_PER_S // rate_hz
+    period_us = US_PER_S / exact_hz(rate_hz)
+    count = int(duration_us / period_us) + 1
+    # In whole numbers: the timestamps of a rate are among those of its multiples, to the microsecond.
+    return np.arange(count, dtype=np.int64) * period_us.numerator // period_us.denominator
 
 
 def pieces(times_us: NDArray[np.int64]) -> list[NDArray[np.int64]]:
@@ -40,7 +39,7 @@ def pieces(times_us: NDArray[np.int64]) -> list[NDArray[np.int64]]:
     return np.split(times_us, range(PIECE, len(times_us), PIECE))
 
 
-def intervals_us(duration_us: int, rate_hz: int) -> NDArray[np.int64]:
+def intervals_us(duration_us: int, rate_hz: float) -> NDArray[np.int64]:
     """Start and end (k, 2) of the abutting intervals of a flow rate."""
     timestamps = timestamps_us(duration_us, rate_hz)
     return np.stack([timestamps[:-1], timestamps[1:]], axis=-1)

@@ -22,6 +22,13 @@ Boxes that move are ``movers`` of an exact world; a scene may add them to the wo
 ``[flight]`` is a sum of steady rates and sines (``flight.py``), or, with a ``kind``, flown by a quadrotor
 (``flights/``).
 
+``[rates]`` sets how often streams are written (``rates.py``); a rate of the inertial unit is ``imu.rate_hz``::
+
+    [rates]
+    frames_hz = 100                  # colour, and depth without a depth_hz
+    flow_hz = [20, 12.5]
+    pose_hz = 250
+
 ``[mesh]`` sets its precision and antialiasing (``mesh/detail.py``); without it the quality of the request does.
 """
 
@@ -41,9 +48,9 @@ from fedora_generator.flight import Flight
 from fedora_generator.flights.choice import TAG_PREFIX, FlightChoice
 from fedora_generator.flights.kinds import QuadrotorOptions
 from fedora_generator.imu import ImuOptions
-from fedora_generator.instants import FRAME_INTERVAL_US, IMU_RATE_HZ
 from fedora_generator.mesh.detail import MeshDetail
 from fedora_generator.pose import PoseOptions
+from fedora_generator.rates import RateOptions
 from fedora_generator.scene_tables import SCENE_NAMES, impossible_value, read_scene, scene_path
 from fedora_generator.surfaces.light import Light
 from fedora_generator.surfaces.world import World
@@ -90,6 +97,7 @@ class Scene:
     camera: CameraOptions = field(default_factory=CameraOptions)
     imu: ImuOptions = field(default_factory=ImuOptions)
     pose: PoseOptions = field(default_factory=PoseOptions)
+    rates: RateOptions = field(default_factory=RateOptions)
     depth_range_m: tuple[float, float] = (0.1, 30.0)
     seed: int = 0
 
@@ -113,10 +121,10 @@ class Scene:
         near_m, far_m = self.depth_range_m
         if not 0 < near_m < far_m:
             raise ValueError(f"Expected depth_range_m to ascend from above 0, got {near_m} to {far_m}")
-        if not 0 <= self.event_step_us <= FRAME_INTERVAL_US:
+        if not 0 <= self.event_step_us <= self.rates.frame_interval_us:
             raise ValueError(
-                f"Expected event_step_us from 0 to {FRAME_INTERVAL_US}, the interval of the frames, at which events "
-                f"are rendered anyway, got {self.event_step_us}"
+                f"Expected event_step_us from 0 to {self.rates.frame_interval_us:g}, the interval of the frames, at "
+                f"which events are rendered anyway, got {self.event_step_us}"
             )
         if self.events.model == "linear" and self.event_step_us == 0:
             raise ValueError(
@@ -128,13 +136,15 @@ class Scene:
             raise ValueError(f"Expected seed >= 0, got {self.seed}")
         if not self.name or "/" in self.name:
             raise ValueError(f"Expected a name, without a slash as files are called after it, got {self.name!r}")
-        if self.imu.rate_hz != IMU_RATE_HZ:
-            raise ValueError(f"Expected an imu.rate_hz of {IMU_RATE_HZ}, as it is sampled, got {self.imu.rate_hz:g}")
 
     @property
     def digest(self) -> str:
         """SHA-256 of the scene's canonical JSON."""
-        document = json.dumps(_ADAPTER.dump_python(self, mode="json"), sort_keys=True, separators=(",", ":"))
+        values = _ADAPTER.dump_python(self, mode="json")
+        # A scene of the usual rates has the digest that it had before there were others.
+        if self.rates == RateOptions():
+            del values["rates"]
+        document = json.dumps(values, sort_keys=True, separators=(",", ":"))
         return hashlib.sha256(document.encode()).hexdigest()
 
     def fly(self) -> Flight:

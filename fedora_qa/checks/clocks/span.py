@@ -19,6 +19,7 @@ from fedora_qa.checks.protocol import FactsCheck, Notice, Observation, Statistic
 from fedora_qa.conventions import NS_PER_MS, NS_PER_S
 from fedora_qa.estimators.clocks.regular_clock import FEWEST_TIMESTAMPS
 from fedora_qa.features import Feature
+from fedora_qa.layout.canonical import flow_rate_hz
 from fedora_qa.record.types import Where
 from fedora_qa.sequence.facts import Facts
 
@@ -179,7 +180,7 @@ def _of_few_samples(facts: Facts, begin: float, finish: float) -> Iterator[Stati
         else:
             # Of a whole number of intervals a span of any phase holds one less. Fields state which part they cover, so
             # that a few may be enough.
-            rate_hz = int(stream.removeprefix("flow/").removesuffix("hz"))
+            rate_hz = flow_rate_hz(stream)
             due, period_ns = int((finish - begin) * rate_hz / NS_PER_S) - 1, NS_PER_S / rate_hz
             due = 0 if samples else due
         lacking = max(min(FEWEST_TIMESTAMPS, due) - samples, 0)

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from fedora_qa.conventions import NS_PER_MS, NS_PER_S
 from fedora_qa.estimators.clocks.regular_clock import FEWEST_TIMESTAMPS, RegularClock, fit_regular_clock
 from fedora_qa.features import Feature
+from fedora_qa.layout.canonical import flow_rate_hz
 from fedora_qa.record.types import Coverage
 from fedora_qa.sequence.facts import Clock, EventScan, Facts
 from fedora_qa.views.timestamp_unit import UNIT_FACTORS, UNIT_WITHIN
@@ -180,7 +181,7 @@ def reference_duration_ns(facts: Facts, durations: dict[str, float]) -> float | 
     """
     # Intervals of flow abut, so n fields of a rate f last n / f.
     promised_ns = [
-        len(facts.clocks[stream].times_ns) * NS_PER_S / int(stream.removeprefix("flow/").removesuffix("hz"))
+        len(facts.clocks[stream].times_ns) * NS_PER_S / flow_rate_hz(stream)
         for stream in facts.flow_streams
         if stream in durations
     ]

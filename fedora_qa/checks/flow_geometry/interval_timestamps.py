@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from fedora_qa.checks.protocol import Statistic
 from fedora_qa.conventions import NS_PER_MS, NS_PER_S
 from fedora_qa.features import Feature
+from fedora_qa.layout.canonical import flow_rate_hz
 from fedora_qa.record.types import Where
 from fedora_qa.sequence.facts import Clock, Facts
 
@@ -144,7 +145,7 @@ def timestamp_statistics(facts: Facts) -> list[Statistic]:
         if _is_sparse(pauses_ns, lengths_ns):
             # Pauses end on frames: one that is not the usual one differs by a whole frame step.
             gaps = np.flatnonzero(np.abs(pauses_ns - np.median(pauses_ns)) > _frame_step_ns(frames) / 2) + 1
-        nominal_ns = NS_PER_S / int(stream.removeprefix("flow/").removesuffix("hz"))
+        nominal_ns = NS_PER_S / flow_rate_hz(stream)
         # Intervals end on frames: a wrong length is wrong by a whole frame step.
         wrong_length = np.flatnonzero(np.abs(lengths_ns - nominal_ns) > _frame_step_ns(frames) / 2)
 

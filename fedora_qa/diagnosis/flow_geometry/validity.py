@@ -119,7 +119,7 @@ def _of_the_intervals(stream: str, features: Sequence[Feature], facts: Facts) ->
                 mixed = Hypothesis("flow_rate_mixed", stream, support("flow_geometry.length_of_another_rate"))
                 return (mixed, *of_frames)
             # Measured length of an interval over the length that the stream's name states.
-            lengths = length_ns * int(stream.removeprefix("flow/").removesuffix("hz")) / NS_PER_S
+            lengths = length_ns * flow_rate_hz(stream) / NS_PER_S
             is_unit = lengths > 0 and any(abs(lengths / factor - 1) < _SAME_LENGTH for factor in _THOUSANDS)
             row = "length_in_another_unit" if is_unit else "length_of_no_unit"
             return (

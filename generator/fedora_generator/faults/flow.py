@@ -6,7 +6,6 @@ noise-free one by the fault and nothing else.
 """
 
 from collections.abc import Callable, Iterator
-from typing import Final
 
 import h5py
 import numpy as np
@@ -14,19 +13,16 @@ from numpy.typing import NDArray
 
 from fedora_generator.faults.fault import Fault, FaultError
 from fedora_generator.faults.metadata import MatrixChange, group_in, longer_focal, rolled, shifted_centre
-from fedora_generator.faults.rows import edit_values, streams_in, timestamps_in, window_of
+from fedora_generator.faults.rows import edit_values, flow_streams_in, streams_in, timestamps_in, window_of
 from fedora_generator.faults.trajectory import body_poses_at
 from fedora_generator.flow import flow_px
 from fedora_qa.conventions import MM_PER_M, US_PER_S
-from fedora_qa.layout.canonical import FLOW_STREAMS
 
 Floats = NDArray[np.float64]
 MakeFlow = Callable[[Floats, Floats], Floats]
 """(K, T_body_camera) -> flow (H, W, 2) of one interval"""
 
 _CAMERA, _DEPTH = "metadata/cameras/depth", "path/depth"
-
-_FASTEST_FIRST: Final = tuple(reversed(FLOW_STREAMS))
 
 
 def flow_sign(file: h5py.File, fault: Fault) -> None:
@@ -65,7 +61,7 @@ def flow_rate_mixed(file: h5py.File, fault: Fault) -> None:
 
     With the stream ``flow`` the fastest rate keeps its own.
     """
-    present = [stream for stream in _FASTEST_FIRST if f"path/{stream}" in file]
+    present = [stream for stream in reversed(flow_streams_in(file)) if f"path/{stream}" in file]
     streams = streams_in(file, fault.stream)
     receivers = [stream for stream in streams if fault.stream != "flow" or stream != present[0]]
     if len(present) < 2:

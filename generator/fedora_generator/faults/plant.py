@@ -24,6 +24,7 @@ from fedora_generator.faults.table import (
 )
 from fedora_generator.partial_file import partial_file
 from fedora_qa.causes import stream_family
+from fedora_qa.layout.canonical import is_flow_stream
 
 _COPY_BLOCK_BYTES: Final = 1 << 20
 
@@ -86,7 +87,7 @@ def plant_fault(
         raise FaultError(
             f"Expected a cause that can be planted, got {cause!r}; choose from {', '.join(legal_causes())}"
         )
-    if stream not in legal_streams(cause):
+    if ("flow" if is_flow_stream(stream) else stream) not in legal_streams(cause):
         streams = ", ".join(legal_streams(cause))
         raise FaultError(f"Expected a stream that {cause} can befall, got {stream!r}; choose from {streams}")
     if (start_s, stop_s) != (None, None) and not allows_interval(cause, stream):

@@ -10,16 +10,30 @@ from numpy.typing import NDArray
 
 from fedora_generator.faults.fault import Fault, FaultError
 from fedora_qa.conventions import US_PER_S
-from fedora_qa.layout.canonical import FLOW_STREAMS, TIMESTAMPS_OF, companions_of, datasets_of
+from fedora_qa.layout.canonical import (
+    TIMESTAMPS_OF,
+    companions_of,
+    datasets_of,
+    flow_stream_of,
+    in_file_order,
+    is_timed,
+    timestamps_of,
+)
 
 Array = NDArray[Any]
 
 _BLOCK_BYTES: Final = 16 * 1024 * 1024
 
 
+def flow_streams_in(file: h5py.File) -> tuple[str, ...]:
+    """Return the flow streams of which the file holds anything, the lowest rate first."""
+    keys = (f"path/flow/{name}" for name in file.get("path/flow", ()))
+    return in_file_order({stream for key in keys if (stream := flow_stream_of(key))})
+
+
 def streams_in(file: h5py.File, stream: str) -> tuple[str, ...]:
     """Return the stream itself, or for ``flow`` every rate that the file holds."""
-    names = FLOW_STREAMS if stream == "flow" else (stream,)
+    names = flow_streams_in(file) if stream == "flow" else (stream,)
     streams = tuple(name for name in names if any(spec.key in file for spec in datasets_of(name)))
     if not streams:
         raise FaultError(f"Expected a file with the stream {stream}, got none in {file.filename}; name another stream")
@@ -39,10 +53,9 @@ def values_in(file: h5py.File, stream: str) -> list[h5py.Dataset]:
 
 def timestamps_in(file: h5py.File, stream: str) -> h5py.Dataset:
     """Return the timestamps of one stream, (n,) or for flow (n, 2), us."""
-    key = TIMESTAMPS_OF.get(stream)
-    if key is None or key not in file:
+    if not is_timed(stream) or timestamps_of(stream) not in file:
         raise FaultError(f"Expected a stream with stamps, got {stream}; name a stream that the file holds")
-    return file[key]
+    return file[timestamps_of(stream)]
 
 
 def blocks(dataset: h5py.Dataset, rows: slice | None = None) -> Iterator[slice]:
@@ -92,7 +105,8 @@ def edit_values(file: h5py.File, fault: Fault, change: Callable[[Array], Array])
 
 def origin_us(file: h5py.File) -> int:
     """Return the earliest first timestamp of the file, us."""
-    firsts = [int(np.min(file[key][:1])) for key in TIMESTAMPS_OF.values() if key in file and len(file[key])]
+    keys = {*TIMESTAMPS_OF.values(), *map(timestamps_of, flow_streams_in(file))}
+    firsts = [int(np.min(file[key][:1])) for key in keys if key in file and len(file[key])]
     return min(firsts, default=0)
 
 
