@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial, reduce
 from typing import Any
 
 import numpy as np
@@ -9,7 +10,7 @@ import numpy as np
 from fedora_qa.checks.protocol import Check, Observation
 from fedora_qa.engine.decode import BlockDecoder
 from fedora_qa.engine.effort import Effort
-from fedora_qa.engine.measure import conclude, measure
+from fedora_qa.engine.measure import PassState, conclude, measure, merge, start
 from fedora_qa.engine.plan import make_plan, sampling_of
 from fedora_qa.engine.progress import quiet
 from fedora_qa.engine.survey import Prepared, prepare
@@ -20,6 +21,30 @@ from fedora_qa.record.types import Result
 from fedora_qa.sequence.sequence import SequenceRows
 from fedora_qa.sequence.window import Span
 from fedora_qa.views.storage_steps import stored_steps
+
+
+@dataclass(frozen=True, slots=True)
+class WindowPass:
+    """A pass of checks over neighbouring windows of the plan, which a pass over more windows around them continues.
+
+    Attributes
+    ----------
+    judged
+        The strict results of the checks.
+    spans
+        The windows, in the order of time.
+    states
+        Of the checks after these windows.
+    """
+
+    judged: tuple[Judged, ...]
+    spans: Sequence[Span]
+    states: PassState
+
+    @property
+    def crashes(self) -> Mapping[str, str]:
+        """The traceback of each check that crashed."""
+        return self.states.crashes
 
 
 @dataclass(frozen=True, slots=True)
@@ -58,18 +83,45 @@ class PlainRun:
         return replace(ready, scanned=replace(ready.scanned, facts=facts), decoder=decoder)
 
     def judged(
-        self, checks: Sequence[Check[Any]], spans: Sequence[Span], altered: Prepared
-    ) -> tuple[tuple[Judged, ...], Mapping[str, str]]:
-        """Measure windows of an altered sequence; return the strict results of some checks, and their crashes.
+        self, checks: Sequence[Check[Any]], spans: Sequence[Span], altered: Prepared, inner: WindowPass | None = None
+    ) -> WindowPass:
+        """Measure windows of an altered sequence, and judge what some checks observe in them.
 
         Only the first pass counts: follow-ups serve to name causes.
+
+        Parameters
+        ----------
+        checks
+            What measures.
+        spans
+            The windows, in the order of time.
+        altered
+            The altered sequence.
+        inner
+            A pass of the same checks over some neighbours among these windows of the same sequence, which are not
+            measured again: states merge to the same bits. It must not be continued twice.
         """
         sampling = sampling_of(self.effort, altered.frame_pixels)
-        states = measure(checks, spans, altered.facts, altered.decoder, sampling, quiet)
+        before, after = _outside(spans, inner)
+        parts = [
+            measure(checks, part, altered.facts, altered.decoder, sampling, quiet) for part in (before, after) if part
+        ]
+        if inner is not None:
+            parts.insert(1 if before else 0, inner.states)
+        states = reduce(partial(merge, checks), parts) if parts else start(checks, altered.facts)
         # By the limits of the plain run, whose comparisons share one false-alarm rate.
         observed = conclude(checks, states, altered.facts)
         measured = [check for check in checks if check.name in observed]
-        return judge({**self.observations, **observed}, measured, self.false_alarm_rate), states.crashes
+        judged = judge({**self.observations, **observed}, measured, self.false_alarm_rate)
+        return WindowPass(judged, spans, states)
+
+
+def _outside(spans: Sequence[Span], inner: WindowPass | None) -> tuple[Sequence[Span], Sequence[Span]]:
+    """Return the windows before and after those of a pass; all of them as ``after`` without a pass."""
+    if inner is None or not inner.spans:
+        return (), spans
+    first = [span.index for span in spans].index(inner.spans[0].index)
+    return spans[:first], spans[first + len(inner.spans) :]
 
 
 def growing(chosen: Sequence[Span], place_ns: int) -> Iterator[Sequence[Span]]:

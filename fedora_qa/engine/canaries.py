@@ -15,7 +15,7 @@ import numpy as np
 
 from fedora_qa.catalogue import CANARIES
 from fedora_qa.checks.protocol import Check
-from fedora_qa.engine.altered import PlainRun, growing
+from fedora_qa.engine.altered import PlainRun, WindowPass, growing
 from fedora_qa.engine.measure import PassState, attempt
 from fedora_qa.engine.outcomes import crashed_result
 from fedora_qa.engine.plan import sees_every_window
@@ -114,15 +114,16 @@ def _plant(check: Check[Any], fault: Fault, run: PlainRun, place_ns: int, *, kno
     """Plant a fault on ever more windows; a finding of a rule that is not in ``known_rules`` is a detection."""
     faulty = run.altered(fault)
     canary, reason = Canary(check.name, "silent", fault.description), ""
+    inner: WindowPass | None = None
     # Windows of the faulty sequence: a fault that moves time is cut into other windows than the file.
     for spans in growing((faulty.spans if sees_every_window(check.needs) else run.planned(faulty)), place_ns):
-        judged, crashes = run.judged([check], spans, faulty)
-        results = [check_result.result for check_result in judged]
+        inner = run.judged([check], spans, faulty, inner)
+        results = [check_result.result for check_result in inner.judged]
         canary = replace(canary, windows=len(spans))
         if _rules(results) - known_rules:
             return Proof(replace(canary, outcome="seen"))
-        if check.name in crashes:
-            return Proof(canary, crashes[check.name])
+        if check.name in inner.crashes:
+            return Proof(canary, inner.crashes[check.name])
         reason = "".join(result.reason for result in results if result.outcome == "not_observable")
     return Proof(replace(canary, outcome="withheld", reason=reason) if reason else canary)
 

@@ -19,7 +19,7 @@ from fedora_qa.conventions import NS_PER_US
 from fedora_qa.diagnosis.candidates import CONTENDS, CauseCandidate
 from fedora_qa.diagnosis.proposed_faults import faults_for
 from fedora_qa.diagnosis.trial import UndoTrial
-from fedora_qa.engine.altered import PlainRun
+from fedora_qa.engine.altered import PlainRun, WindowPass
 from fedora_qa.engine.progress import Progress
 from fedora_qa.engine.survey import Prepared
 from fedora_qa.faults.fault import Fault
@@ -67,6 +67,7 @@ class TrialBench:
     work_done: int = 0
     _left: int = field(init=False)
     _plain: dict[int, list[tuple[Alarm, Measurement]]] = field(init=False, default_factory=dict)
+    _plain_pass: WindowPass | None = field(init=False, default=None)
 
     def __post_init__(self) -> None:
         """Grant the windows of the run itself for every check."""
@@ -89,13 +90,15 @@ class TrialBench:
         failed = {check_of(alarm) for alarm in self.alarms}
         affected = self._affected(fault, failed)
         trial: UndoTrial | None = None
+        inner: WindowPass | None = None
         for count in self._counts():
             if not self._deviations(count):
                 continue
             # Half of the work stays for rivals, without which nothing is confirmed.
             if count * len(affected) > self._left * (_SHARE_OF_A_FAULT if trial else 1.0):
                 break
-            trial = self._measured(fault, undoing, prepared, affected, count)
+            inner = self._judged(affected, self._spans_of(prepared, count), prepared, inner)
+            trial = self._compared(fault, undoing, inner, count)
             decided = len(trial.cleared) + len(trial.left)
             # Where the windows show a finding and the fault clears none, or brings others about, more windows change
             # nothing: the work is left for rivals.
@@ -121,13 +124,15 @@ class TrialBench:
             or family in {stream_family(stream) for stream in (*check.needs, *check.looks_at)}
         ]
 
-    def _measured(
-        self, fault: ReversibleFault, undoing: Fault, prepared: Prepared, affected: list[Check[Any]], count: int
-    ) -> UndoTrial:
+    def _spans_of(self, prepared: Prepared, count: int) -> Sequence[Span]:
+        """Return windows of an altered sequence, whose timestamps may fall into others: all where all are measured."""
+        planned = self.run.planned(prepared)
         whole = count >= len(self.run.planned(self.run.ready))
-        # Timestamps that are altered may fall into other windows: all of them are measured then.
-        spans = self.run.planned(prepared) if whole else self._around(self.run.planned(prepared), count)
-        judged, crashes = self._judged(affected, spans, prepared)
+        return planned if whole else self._around(planned, count)
+
+    def _compared(self, fault: ReversibleFault, undoing: Fault, altered: WindowPass, count: int) -> UndoTrial:
+        """Hold what was measured with a fault undone against the same windows without it undone."""
+        judged = _by_check(altered.judged)
         cleared: set[str] = set()
         left: dict[str, float] = {}
         for alarm, deviating in self._deviations(count):
@@ -148,15 +153,21 @@ class TrialBench:
         exceeded = {m.code for result in self.run.strict.values() for m in _exceeding(result)}
         caused = {m.code for result in judged.values() for m in _exceeding(result)} - exceeded
         return UndoTrial(
-            fault, undoing.description, frozenset(cleared), left, tuple(sorted(caused)), count, tuple(sorted(crashes))
+            fault,
+            undoing.description,
+            frozenset(cleared),
+            left,
+            tuple(sorted(caused)),
+            count,
+            tuple(sorted(altered.crashes)),
         )
 
     def _judged(
-        self, checks: Sequence[Check[Any]], spans: Sequence[Span], prepared: Prepared
-    ) -> tuple[dict[str, Result], tuple[str, ...]]:
+        self, checks: Sequence[Check[Any]], spans: Sequence[Span], prepared: Prepared, inner: WindowPass | None
+    ) -> WindowPass:
+        # Windows of the trial before count again: the bound on work, and so the record, is that of trials on their own.
         self._take(len(spans) * len(checks))
-        judged, crashes = self.run.judged(checks, spans, prepared)
-        return _by_check(judged), tuple(crashes)
+        return self.run.judged(checks, spans, prepared, inner)
 
     def _take(self, work: int) -> None:
         self._left -= work
@@ -170,7 +181,9 @@ class TrialBench:
             results: Mapping[str, Result] = self.run.strict
             if count < len(planned):
                 checks = [check for check in self.checks if check.name in failed]
-                results, _ = self._judged(checks, self._around(planned, count), self.run.ready)
+                spans = self._around(planned, count)
+                self._plain_pass = self._judged(checks, spans, self.run.ready, self._plain_pass)
+                results = _by_check(self._plain_pass.judged)
             pairs = (
                 (alarm, _measurement(results[check_of(alarm)], alarm))
                 for alarm in self.alarms
