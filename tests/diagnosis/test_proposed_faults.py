@@ -3,9 +3,15 @@
 import pytest
 
 from fedora_qa.causes import CAUSES, stream_family
+from fedora_qa.checks.flow_geometry.endpoint import FlowParameterFit
+from fedora_qa.checks.protocol import Statistic
 from fedora_qa.diagnosis.proposed_faults import faults_for, is_length_unit, is_testable
+from fedora_qa.faults.cameras import FocalLength, MountingRotation
+from fedora_qa.faults.pixels import PixelShift
 from fedora_qa.faults.table import faults_of
-from fedora_qa.record.types import Measurement, Result
+from fedora_qa.features import Feature
+from fedora_qa.judgement.judge import Alarm
+from fedora_qa.record.types import Finding, Measurement, Result, Where
 from tests.support.memory_sequence import facts_of, memory_sequence
 
 NEED_ROWS = {"teleport", "swapped_frames", "noise_misdeclared"}
@@ -15,6 +21,11 @@ NEED_ROWS = {"teleport", "swapped_frames", "noise_misdeclared"}
 def result(check: str, **values: float) -> tuple[str, Result]:
     measurements = tuple(Measurement(name, value, "1", 0.1, 0.0, 0.2, 0.3) for name, value in values.items())
     return check, Result(check, "failed", "?", measurements=measurements)
+
+
+def alarm(code: str, *features: Feature) -> Alarm:
+    statistic = Statistic("toy", 1.0, "1", 0.0, "off", code, Where(), features=features)
+    return Alarm(Finding("F1", code, "error", "off", Where()), statistic)
 
 
 RESULTS = dict(
@@ -64,6 +75,47 @@ def test_thresholds_are_those_that_were_fitted() -> None:
     (fault,) = faults_for("threshold_misdeclared", "events", 2.0, (), RESULTS, facts_of(memory_sequence()))
     assert fault.on_percent == pytest.approx(-20.0)  # type: ignore[attr-defined]  # of this class of faults
     assert fault.off_percent == pytest.approx(25.0)  # type: ignore[attr-defined]
+
+
+def test_a_shift_of_colour_is_in_its_own_pixels() -> None:
+    """Events lie 5 px right and 10 px up of frames whose pixels are finer by 10.39 to 8.66: 6 px, and 12 px."""
+    shifted = dict([result("event_response.alignment", shift_right=5.0, shift_down=-10.0)])
+    facts = facts_of(memory_sequence())
+    assert list(faults_for("spatial_offset", "rgb", 12.0, (), shifted, facts)) == [PixelShift("rgb", -6, 12)]
+    assert list(faults_for("spatial_offset", "events", 10.0, (), shifted, facts)) == [PixelShift("events", 5, -10)]
+
+
+def test_a_shift_beyond_the_search_is_tried_along_the_axes() -> None:
+    """The measured shift is at the end of its range where another check fits a larger one."""
+    shifted = dict([result("event_response.alignment", shift_right=5.0, shift_down=0.0)])
+    faults = list(faults_for("spatial_offset", "events", 20.0, (), shifted, facts_of(memory_sequence())))
+    assert faults == [PixelShift("events", 5, 0), PixelShift("events", 20, 0), PixelShift("events", 0, 20)]
+
+
+@pytest.mark.parametrize(
+    ("codes", "cameras"),
+    [
+        (("flow_photometric.residual.template",), ["rgb", "events"]),
+        (("flow_geometry.endpoint.error",), ["depth", None]),
+        (("flow_geometry.endpoint.error", "event_response.alignment.shift"), [None, "rgb", "depth", "events"]),
+    ],
+)
+def test_the_camera_that_others_contradict_is_suspected(codes: tuple[str, ...], cameras: list[str | None]) -> None:
+    """Depth that agrees with flow and poses clears its camera; frames and events that agree clear theirs."""
+    alarms = [alarm(code) for code in codes]
+    faults = list(faults_for("intrinsics_focal", "metadata", 2.0, alarms, {}, facts_of(memory_sequence())))
+    assert faults == [FocalLength("metadata", 2.0, camera) for camera in cameras]
+
+
+def test_the_vector_of_which_the_size_is_the_norm_is_undone() -> None:
+    """Flow of a camera that is turned by (3, 0, -4) deg: the declared camera is turned by the opposite."""
+    fit = FlowParameterFit("extrinsic_rotation", -5.0, "deg", 0.1, 0.9, (3.0, 0.0, -4.0))
+    alarms = [alarm("flow_geometry.endpoint.error", fit)]
+    facts = facts_of(memory_sequence())
+    (of_flow,) = faults_for("extrinsic_rotation", "flow", -5.0, alarms, {}, facts)
+    assert of_flow == MountingRotation("flow", (3.0, 0.0, -4.0))
+    of_camera = next(iter(faults_for("extrinsic_rotation", "metadata", 5.0, alarms, {}, facts)))
+    assert of_camera == MountingRotation("metadata", (-3.0, 0.0, 4.0), "depth")
 
 
 def test_units_of_length() -> None:
