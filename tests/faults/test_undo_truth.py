@@ -421,6 +421,16 @@ def test_declared_cameras_are_put_back(name: str) -> None:
         np.testing.assert_allclose(undone.cameras[key].T_body_camera, camera.T_body_camera, atol=1e-13)
 
 
+def test_one_declared_camera_is_put_back() -> None:
+    """A fault of the depth camera alone leaves the others as they are."""
+    clean = memory_sequence()
+    wrong = declared_changes(clean.declared.cameras["depth"])["focal"][1]
+    faulty = clean.altered(declared=replace(clean.declared, cameras={**clean.declared.cameras, "depth": wrong}))
+    undone = FaultySequence(faulty, FocalLength("metadata", 10, "depth").undo(facts_of(faulty), faulty)).declared
+    for key, camera in clean.declared.cameras.items():
+        np.testing.assert_allclose(undone.cameras[key].K, camera.K, atol=1e-13)
+
+
 def test_other_declarations_are_put_back() -> None:
     """Thresholds, model, noise, gravity and transfer are declared as in the clean sequence."""
     clean = memory_sequence()
