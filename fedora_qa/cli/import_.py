@@ -17,6 +17,7 @@ from fedora_qa.engine.worker import Worker
 from fedora_qa.errors import MisuseError
 from fedora_qa.importing.recognise import recognise
 from fedora_qa.importing.recording import Kind, Resolution
+from fedora_qa.importing.ros_topics import load_topics
 from fedora_qa.importing.run import Imported, ImportOptions, import_recording
 from fedora_qa.record.wording import unobeyed
 
@@ -45,20 +46,29 @@ class ResolutionParam(click.ParamType):  # type: ignore[type-arg]  # generic onl
 @click.option(
     "--resolution", type=ResolutionParam(), metavar="WxH", help="Size of the event camera, where SOURCE lacks it."
 )
+@click.option(
+    "--topics", type=PATH, metavar="FILE.toml", help="Which topic of a bag holds which stream, in a table [topics]."
+)
 @click.option("--kind", type=click.Choice(["recorded", "synthetic"]), help="Whether sensors made SOURCE.")
 @click.option("--allow-backwards", is_flag=True, help="Write timestamps that decrease as they are.")
 @click.option("--force", is_flag=True, help="Write over OUT.h5 where it exists.")
 def import_(
-    source: Path, output: Path, resolution: Resolution | None, kind: Kind | None, allow_backwards: bool, force: bool
+    source: Path,
+    output: Path,
+    resolution: Resolution | None,
+    topics: Path | None,
+    kind: Kind | None,
+    allow_backwards: bool,
+    force: bool,
 ) -> int:
     """Write a canonical file from SOURCE, a recording in a format of event cameras.
 
-    SOURCE is a Prophesee recording (EVT2, EVT3 or DAT) or AEDAT 4.0. It is read in blocks, and only read. OUT.h5 gets
-    its name when it is complete.
+    SOURCE is a Prophesee recording (EVT2, EVT3 or DAT), AEDAT 4.0, or a bag of ROS 1 or ROS 2. It is only read, in
+    blocks. OUT.h5 gets its name when it is complete.
 
     Exit codes: 0 written; 2 SOURCE cannot be read, or OUT.h5 not be written, and nothing is left behind.
     """
-    Outputs(own=(output,)).require_writable([source])
+    Outputs(own=(output,)).require_writable([source, *([topics] if topics else [])])
     if output.exists():
         # Hard links: two names of one file, neither of which leads to the other.
         if source.exists() and source.samefile(output):
@@ -67,7 +77,7 @@ def import_(
             raise MisuseError(f"Expected a new file to write, got {output}, which exists; use --force to write over it")
     # Before another process is started.
     recognise(source)
-    options = ImportOptions(resolution, kind, allow_backwards)
+    options = ImportOptions(resolution, kind, load_topics(topics) if topics else None, allow_backwards)
     # By another process, in a folder that is removed even if that process dies; beside the output, because `replace` is
     # atomic only within one file system.
     with progress_bar(source.name) as bar, TemporaryDirectory(prefix=f".{output.name}.", dir=output.parent) as folder:

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from fedora_qa.conventions import STANDARD_GRAVITY_M_S2
 from fedora_qa.errors import MisuseError
 from fedora_qa.importing.compressed import LARGEST_PACKET_BYTES, DamagedPacketError, lz4_frame, zstd_frame
-from fedora_qa.importing.flatbuffer import MalformedBufferError, Table, identifier
+from fedora_qa.importing.flatbuffer import FlatTable, MalformedBufferError, identifier
 from fedora_qa.importing.recording import Block, Recording, Resolution, event_block
 
 MAGIC: Final = b"#!AER-DAT4.0\r\n"
@@ -84,7 +84,7 @@ def open_aedat4(path: Path, resolution: Resolution | None) -> Iterator[Recording
     with path.open("rb") as file:
         file.seek(len(MAGIC))
         try:
-            header = Table.root(_sized(file, _LARGEST_HEADER_BYTES))
+            header = FlatTable.root(_sized(file, _LARGEST_HEADER_BYTES))
             compression = header.integer(_COMPRESSION, "<i")
             table_place = header.integer(_TABLE_PLACE, "<q", -1)
             streams = _streams(header.text(_INFO))
@@ -202,10 +202,10 @@ def _plain(content: bytes, compression: int) -> bytes:
 def _rows(buffer: bytes, kind: str, recording: Recording) -> Iterator[Block]:
     if identifier(buffer) != kind.encode():
         raise MalformedBufferError(f"the type {identifier(buffer)!r} in a stream of {kind}")
-    yield from _ROWS_OF_TYPE[kind](Table.root(buffer), recording)
+    yield from _ROWS_OF_TYPE[kind](FlatTable.root(buffer), recording)
 
 
-def _events(packet: Table, _recording: Recording) -> Iterator[Block]:
+def _events(packet: FlatTable, _recording: Recording) -> Iterator[Block]:
     start, count = packet.vector(0, _EVENT.itemsize)
     events = np.frombuffer(packet.buffer, _EVENT, count, start)
     if count:
@@ -218,7 +218,7 @@ def _events(packet: Table, _recording: Recording) -> Iterator[Block]:
         )
 
 
-def _frame(frame: Table, recording: Recording) -> Iterator[Block]:
+def _frame(frame: FlatTable, recording: Recording) -> Iterator[Block]:
     width, height = frame.integer(_WIDTH, "<h"), frame.integer(_HEIGHT, "<h")
     code = frame.integer(_FORMAT, "<b")
     start, count = frame.vector(_PIXELS, 1)
@@ -236,7 +236,7 @@ def _frame(frame: Table, recording: Recording) -> Iterator[Block]:
     yield Block({"path/rgb": np.ascontiguousarray(pixels[..., rgb]), "path/rgb_ts": np.array([middle_us], np.int64)})
 
 
-def _imu(packet: Table, _recording: Recording) -> Iterator[Block]:
+def _imu(packet: FlatTable, _recording: Recording) -> Iterator[Block]:
     samples = packet.tables(0)
 
     def column(fields: tuple[int, int, int]) -> NDArray[np.float64]:
@@ -253,7 +253,7 @@ def _imu(packet: Table, _recording: Recording) -> Iterator[Block]:
         )
 
 
-_ROWS_OF_TYPE: Final[Mapping[str, Callable[[Table, Recording], Iterator[Block]]]] = {
+_ROWS_OF_TYPE: Final[Mapping[str, Callable[[FlatTable, Recording], Iterator[Block]]]] = {
     "EVTS": _events,
     "FRME": _frame,
     "IMUS": _imu,

@@ -23,7 +23,7 @@ def identifier(buffer: bytes) -> bytes:
 
 
 @dataclass(frozen=True, slots=True)
-class Table:
+class FlatTable:
     """A table within a buffer.
 
     Attributes
@@ -38,7 +38,7 @@ class Table:
     start: int
 
     @classmethod
-    def root(cls, buffer: bytes) -> "Table":
+    def root(cls, buffer: bytes) -> "FlatTable":
         """Return the root table of a buffer."""
         return cls(buffer, _unpack("<I", buffer, 0))
 
@@ -76,11 +76,11 @@ class Table:
         start, count = self.vector(field, 1)
         return self.buffer[start : start + count].decode("utf-8", "replace")
 
-    def tables(self, field: int) -> list["Table"]:
+    def tables(self, field: int) -> list["FlatTable"]:
         """Return the tables of a vector of tables."""
         start, count = self.vector(field, 4)
         places = range(start, start + 4 * count, 4)
-        return [Table(self.buffer, place + _unpack("<I", self.buffer, place)) for place in places]
+        return [FlatTable(self.buffer, place + _unpack("<I", self.buffer, place)) for place in places]
 
 
 def _unpack(form: str, buffer: bytes, place: int) -> int:

@@ -7,15 +7,24 @@ from typing import Final, Literal
 from fedora_qa.errors import MisuseError
 from fedora_qa.storage.signature import OTHER_FORMATS
 
-RecordingForm = Literal["prophesee", "aedat4"]
+RecordingForm = Literal["prophesee", "aedat4", "bag"]
 
-READABLE: Final = "a recording (Prophesee EVT2, EVT3 or DAT, or AEDAT 4.0)"
+READABLE: Final = "a recording (Prophesee EVT2, EVT3 or DAT, AEDAT 4.0, or a ROS bag)"
 """What can be brought in, in words."""
 
 _BEGINNINGS: Final[tuple[tuple[bytes, RecordingForm], ...]] = (
     (b"% ", "prophesee"),
     (b"#!AER-DAT4.0\r\n", "aedat4"),
+    (b"#ROSBAG V2.0\n", "bag"),
+    (b"\x89MCAP0\r\n", "bag"),
+    (b"SQLite format 3\0", "bag"),
 )
+
+_BAG_METADATA: Final = "metadata.yaml"
+"""File that makes a folder a bag of ROS 2."""
+
+_BAG_ENDINGS: Final = {b"#ROSBAG V2.0\n": ".bag", b"\x89MCAP0\r\n": ".mcap", b"SQLite format 3\0": ".db3"}
+"""The package ``rosbags`` chooses the format by the name."""
 
 _LONGEST: Final = 16
 
@@ -30,8 +39,12 @@ def recognise(path: Path) -> RecordingForm:
     """
     if not path.exists():
         raise MisuseError(f"Expected {READABLE}, got a path that does not exist: {path}")
+    if (path / _BAG_METADATA).is_file():
+        return "bag"
     if not path.is_file():
-        raise MisuseError(f"Expected {READABLE}, got a folder or device: {path}; give the file")
+        raise MisuseError(
+            f"Expected {READABLE}, got a folder without {_BAG_METADATA}, or a device: {path}; give the file"
+        )
     try:
         with path.open("rb") as file:
             start = file.read(_LONGEST)
@@ -39,6 +52,9 @@ def recognise(path: Path) -> RecordingForm:
         raise MisuseError(f"Expected a readable file, got {error.strerror or error}: {path}") from error
     for beginning, form in _BEGINNINGS:
         if start.startswith(beginning):
+            ending = _BAG_ENDINGS.get(beginning)
+            if ending and path.suffix != ending:
+                raise MisuseError(f"Expected a bag of this format to be named *{ending}, got {path}; rename it")
             return form
     if not start:
         raise MisuseError(f"Expected {READABLE}, got an empty file: {path}; record or copy it again")

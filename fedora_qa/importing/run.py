@@ -5,6 +5,7 @@ from collections.abc import Callable, Mapping
 from contextlib import AbstractContextManager
 from dataclasses import dataclass
 from datetime import UTC, datetime
+from functools import partial
 from pathlib import Path
 from typing import Any, Final
 
@@ -16,6 +17,8 @@ from fedora_qa.importing.aedat4 import open_aedat4
 from fedora_qa.importing.prophesee import open_prophesee
 from fedora_qa.importing.recognise import RecordingForm, recognise
 from fedora_qa.importing.recording import Kind, Recording, Resolution
+from fedora_qa.importing.ros_bag import open_bag
+from fedora_qa.importing.ros_topics import TopicMap
 from fedora_qa.importing.sequence_writer import SequenceWriter, present_streams
 from fedora_qa.layout.deferred_errors import DeferredErrorFile
 from fedora_qa.storage.digest import file_digest
@@ -23,6 +26,9 @@ from fedora_qa.storage.version import local_version
 
 PROVENANCE: Final = "provenance/import"
 """Text of an imported file: JSON with the source, its format, the tool and what was counted."""
+
+_REPORTS: Final = 200
+"""Reports of progress over a recording."""
 
 Report = Callable[[str, int, int], None]
 """Called with the present activity, the amount done, and the total amount."""
@@ -38,12 +44,15 @@ class ImportOptions:
         Size of the event camera, where the recording does not state it, or states a wrong one.
     kind
         Whether sensors made the recording; None: as the format tells.
+    topics
+        Which topic of a bag holds which stream; None: the usual ones.
     allow_backwards
         Whether timestamps that decrease are written as they are.
     """
 
     resolution: Resolution | None = None
     kind: Kind | None = None
+    topics: TopicMap | None = None
     allow_backwards: bool = False
 
 
@@ -85,9 +94,13 @@ def import_recording(source: Path, target: Path, options: ImportOptions, report:
     with DeferredErrorFile(target, "the sequence") as file:
         with h5py.File(file, "w") as sequence, open_recording(source, options) as recording:
             writer = SequenceWriter(sequence, allow_backwards=options.allow_backwards)
+            reported = 0
             for block in recording.blocks:
                 writer.append(block)
-                report("reading", recording.done, recording.size)
+                # A message of a bag may be one sample: each report of its own would cost more than the sample.
+                if _REPORTS * (recording.done - reported) >= recording.size:
+                    reported = recording.done
+                    report("reading", recording.done, recording.size)
                 if file.failure is not None:
                     break
             rows = {stream: writer.rows[stream] for stream in present_streams(writer.rows)}
@@ -114,6 +127,7 @@ def open_recording(source: Path, options: ImportOptions) -> AbstractContextManag
     openers: Mapping[RecordingForm, Callable[[Path, Resolution | None], AbstractContextManager[Recording]]] = {
         "prophesee": open_prophesee,
         "aedat4": open_aedat4,
+        "bag": partial(open_bag, topics=options.topics),
     }
     return openers[recognise(source)](source, options.resolution)
 

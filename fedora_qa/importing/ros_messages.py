@@ -1,0 +1,172 @@
+"""Turn messages of ROS into rows in canonical units.
+
+Sources: the definitions of ``dvs_msgs``, ``sensor_msgs``, ``geometry_msgs`` and ``nav_msgs``; REP 118 (depth images are
+metres in 32FC1 and millimetres in 16UC1); REP 103 (bodies have X forward, Y left, Z up, as the layout has).
+"""
+
+import struct
+from collections.abc import Callable, Mapping
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fedora_qa.conventions import MM_PER_M, NS_PER_S, NS_PER_US
+from fedora_qa.importing.recording import Block, Resolution, event_block
+
+EVENT_ARRAYS: Final = frozenset({"dvs_msgs/msg/EventArray", "prophesee_event_msgs/msg/EventArray"})
+"""Types with the same content: a header, height, width, and events of x, y, time and polarity."""
+
+_COLOURS: Final[Mapping[str, tuple[int, tuple[int, int, int]]]] = {
+    "rgb8": (3, (0, 1, 2)), "bgr8": (3, (2, 1, 0)), "rgba8": (4, (0, 1, 2)), "bgra8": (4, (2, 1, 0)),
+    "8UC3": (3, (2, 1, 0)), "mono8": (1, (0, 0, 0)), "8UC1": (1, (0, 0, 0)),
+}  # fmt: skip
+"""By encoding: how many channels there are, and which of them are R, G, B."""
+
+_DEPTHS: Final[Mapping[str, tuple[str, float]]] = {
+    "32FC1": ("f4", MM_PER_M),
+    "16UC1": ("u2", 1.0),
+    "mono16": ("u2", 1.0),
+}
+"""By encoding: stored type, and millimetres in its unit."""
+
+# An event in ROS 1 is packed; in CDR of ROS 2 each member lies at a multiple of its own size.
+_PACKED: Final = np.dtype([("x", "<u2"), ("y", "<u2"), ("s", "<u4"), ("ns", "<u4"), ("p", "u1")])
+_CDR_BYTES: Final = 16
+
+
+class UnreadableMessageError(Exception):
+    """A message is not as its type has it, or of a form that is not read; the text completes "got"."""
+
+
+def stamp_us(stamp: Any) -> int:
+    """Return the time of a header in whole us, rounded down, as all times are: their order stays."""
+    return int(stamp.sec) * (NS_PER_S // NS_PER_US) + int(stamp.nanosec) // NS_PER_US
+
+
+def event_array(raw: bytes, *, is_cdr: bool) -> tuple[Block | None, Resolution]:
+    """Return the events of a serialised ``EventArray``, None where it has none, and the size of the sensor.
+
+    The bytes are read directly: made into an object of each event they would take a hundred times as long.
+    """
+    try:
+        if is_cdr:
+            if raw[:2] != b"\0\1":
+                raise UnreadableMessageError("a message that is not CDR in little-endian order")
+            raw = raw[4:]
+            name_bytes = struct.unpack_from("<I", raw, 8)[0]
+            place = 12 + name_bytes + -name_bytes % 4
+        else:
+            place = 16 + struct.unpack_from("<I", raw, 12)[0]
+        height, width, count = struct.unpack_from("<III", raw, place)
+        first = place + 12
+        if not count:
+            return None, (int(width), int(height))
+        if not is_cdr:
+            events = np.frombuffer(raw, _PACKED, count, first)
+            x, y, seconds, nanoseconds, p = (events[name] for name in ("x", "y", "s", "ns", "p"))
+        else:
+            # The first event begins at a multiple of four; each ends with one byte, so that the next x lies two bytes
+            # behind the last one's end, and its time at the next multiple of four.
+            times = np.ndarray((count, 2), "<u4", raw, first + 4, (_CDR_BYTES, 4))
+            seconds, nanoseconds = times[:, 0], times[:, 1]
+            p = np.ndarray((count,), "u1", raw, first + 12, (_CDR_BYTES,))
+            x, y = np.empty(count, np.uint16), np.empty(count, np.uint16)
+            x[0], y[0] = struct.unpack_from("<HH", raw, first)
+            if count > 1:
+                later = np.ndarray((count - 1, 2), "<u2", raw, first + 14, (_CDR_BYTES, 2))
+                x[1:], y[1:] = later[:, 0], later[:, 1]
+    except (struct.error, ValueError, TypeError) as error:
+        raise UnreadableMessageError(f"an array of events that ends too early ({error})") from error
+    t_us = seconds.astype(np.int64) * (NS_PER_S // NS_PER_US) + nanoseconds // NS_PER_US
+    return event_block(x, y, t_us, p != 0), (int(width), int(height))
+
+
+def colour_block(message: Any) -> Block:
+    """Return a frame of ``sensor_msgs/Image`` as R, G, B."""
+    encoding = str(message.encoding)
+    if encoding not in _COLOURS:
+        raise UnreadableMessageError(f"colour in the encoding {encoding!r}, where {', '.join(_COLOURS)} are read")
+    channels, rgb = _COLOURS[encoding]
+    pixels = _pixels(message, np.dtype("u1"), channels)
+    return Block(
+        {
+            "path/rgb": np.ascontiguousarray(pixels[np.newaxis][..., list(rgb)]),
+            "path/rgb_ts": np.array([stamp_us(message.header.stamp)], np.int64),
+        }
+    )
+
+
+def depth_block(message: Any) -> Block:
+    """Return a frame of ``sensor_msgs/Image`` in mm; what is not finite, or not above 0, is invalid."""
+    encoding = str(message.encoding)
+    if encoding not in _DEPTHS:
+        raise UnreadableMessageError(f"depth in the encoding {encoding!r}, where {', '.join(_DEPTHS)} are read")
+    form, mm_per_unit = _DEPTHS[encoding]
+    stored = _pixels(message, np.dtype((">" if message.is_bigendian else "<") + form), 1)[..., 0].astype(np.float32)
+    is_valid = np.isfinite(stored) & (stored > 0)
+    depth_mm = np.where(is_valid, stored * np.float32(mm_per_unit), np.float32(np.nan))
+    return Block(
+        {"path/depth": depth_mm[np.newaxis], "path/depth_ts": np.array([stamp_us(message.header.stamp)], np.int64)}
+    )
+
+
+def imu_block(message: Any) -> Block:
+    """Return a sample of ``sensor_msgs/Imu``."""
+    return Block(
+        {
+            "path/imu/angular_velocity": _vector(message.angular_velocity, "xyz"),
+            "path/imu/linear_acceleration": _vector(message.linear_acceleration, "xyz"),
+            "path/imu/ts": np.array([stamp_us(message.header.stamp)], np.int64),
+        }
+    )
+
+
+def pose_block(message: Any) -> Block:
+    """Return a pose of ``PoseStamped``, ``PoseWithCovarianceStamped``, ``Odometry`` or ``TransformStamped``."""
+    pose = message.transform if hasattr(message, "transform") else message.pose
+    pose = getattr(pose, "pose", pose)  # beside its covariance
+    position, orientation = (
+        (pose.translation, pose.rotation) if hasattr(pose, "translation") else (pose.position, pose.orientation)
+    )
+    return Block(
+        {
+            "path/pose/position": _vector(position, "xyz"),
+            "path/pose/orientation": _vector(orientation, "xyzw"),
+            "path/pose/ts": np.array([stamp_us(message.header.stamp)], np.int64),
+        }
+    )
+
+
+_IMAGE: Final = frozenset({"sensor_msgs/msg/Image"})
+
+READERS: Final[Mapping[str, tuple[frozenset[str], Callable[[Any], Block]]]] = {
+    "rgb": (_IMAGE, colour_block),
+    "depth": (_IMAGE, depth_block),
+    "imu": (frozenset({"sensor_msgs/msg/Imu"}), imu_block),
+    "pose": (
+        frozenset(
+            {
+                "geometry_msgs/msg/PoseStamped", "geometry_msgs/msg/PoseWithCovarianceStamped",
+                "geometry_msgs/msg/TransformStamped", "nav_msgs/msg/Odometry",
+            }
+        ),
+        pose_block,
+    ),
+}  # fmt: skip
+"""By stream: the types of messages that are read, and what reads them. Events are read from their bytes."""
+
+
+def _pixels(message: Any, item: np.dtype[Any], channels: int) -> NDArray[Any]:
+    """Return the pixels (height, width, channels) of an image whose lines may be padded."""
+    height, width, step = int(message.height), int(message.width), int(message.step)
+    data = np.frombuffer(np.asarray(message.data, np.uint8), np.uint8)
+    line_bytes = width * channels * item.itemsize
+    if height <= 0 or width <= 0 or step < line_bytes or len(data) < height * step:
+        raise UnreadableMessageError(f"an image of {width} x {height} with {len(data)} bytes in lines of {step}")
+    lines = data[: height * step].reshape(height, step)[:, :line_bytes]
+    return np.ascontiguousarray(lines).view(item).reshape(height, width, channels)
+
+
+def _vector(members: Any, names: str) -> NDArray[np.float64]:
+    return np.array([[getattr(members, name) for name in names]], np.float64)

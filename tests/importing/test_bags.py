@@ -1,0 +1,225 @@
+"""Bags that the package ``rosbags`` serialises are read: events from their bytes, all else by the package."""
+
+import sys
+import tempfile
+from pathlib import Path
+
+import h5py
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from fedora_qa.errors import MisuseError
+from fedora_qa.importing.ros_topics import load_topics
+from fedora_qa.importing.run import ImportOptions
+from tests.importing.reading import events_of, imported
+from tests.support.bags import FORMS, Bag
+from tests.support.prophesee import random_events
+
+EVENTS = random_events(300, 7)
+COLOURS = np.arange(24, dtype=np.uint8).reshape(2, 4, 3)
+POSES = (
+    "geometry_msgs/msg/PoseStamped",
+    "geometry_msgs/msg/PoseWithCovarianceStamped",
+    "geometry_msgs/msg/TransformStamped",
+    "nav_msgs/msg/Odometry",
+)
+
+
+def flight(form: str) -> Bag:
+    """Events in three arrays, one of them empty, and two rows of every other stream."""
+    bag = Bag(form)
+    bag.add_events(EVENTS[:100])
+    bag.add_events([])
+    bag.add_events(EVENTS[100:], frame="a longer name")
+    for us in (0, 20_000):
+        bag.add_image("/camera/rgb/image_raw", us, "bgr8", COLOURS, padding=5)
+        depth_m = np.array([[1.5, np.nan, 0.0], [np.inf, 2.0, -1.0]], np.float32)
+        bag.add_image("/camera/depth/image_raw", us, "32FC1", depth_m)
+        bag.add_imu(us, (0.1, 0.2, 0.3), (1.0, 2.0, 9.8))
+        bag.add_pose(us, POSES[0], (1.0, 2.0, 3.0), (0.0, 0.6, 0.0, 0.8))
+    return bag
+
+
+@pytest.mark.parametrize("form", FORMS)
+def test_streams_return(form: str, tmp_path: Path) -> None:
+    """All streams of all three containers, at the times of their headers."""
+    done = imported(flight(form).write(tmp_path), tmp_path / "out.h5")
+    assert done.rows == {"rgb": 2, "depth": 2, "events": len(EVENTS), "imu": 2, "pose": 2}
+    assert events_of(tmp_path / "out.h5") == EVENTS
+    with h5py.File(tmp_path / "out.h5") as file:
+        for key in ("rgb_ts", "depth_ts", "imu/ts", "pose/ts"):
+            assert file[f"path/{key}"][:].tolist() == [0, 20_000]
+        np.testing.assert_array_equal(file["path/rgb"][1], COLOURS[..., ::-1])
+        nan = np.nan
+        np.testing.assert_array_equal(file["path/depth"][0], np.array([[1500, nan, nan], [nan, 2000, nan]], np.float32))
+        np.testing.assert_array_equal(file["path/imu/angular_velocity"][0], [0.1, 0.2, 0.3])
+        np.testing.assert_array_equal(file["path/imu/linear_acceleration"][0], [1.0, 2.0, 9.8])
+        np.testing.assert_array_equal(file["path/pose/position"][0], [1.0, 2.0, 3.0])
+        np.testing.assert_array_equal(file["path/pose/orientation"][0], [0.0, 0.6, 0.0, 0.8])
+        times = [event[2] for event in EVENTS]
+        np.testing.assert_array_equal(file["metadata/depth_to_event"], np.searchsorted(times, [0, 20_000]))
+        assert file["metadata/cameras/events"].attrs["width"] == 640
+        assert "kind" not in file.attrs
+
+
+@pytest.mark.parametrize("form", FORMS[:2])
+@settings(max_examples=30, deadline=None)
+@given(
+    events=st.lists(
+        st.tuples(st.integers(0, 65535), st.integers(0, 65535), st.integers(0, 4_000_000_000_000), st.integers(0, 1)),
+        max_size=20,
+    ),
+    frame=st.text("abc", max_size=9),
+)
+def test_event_arrays(form: str, events: list[tuple[int, int, int, int]], frame: str) -> None:
+    """Any number of events, behind a name of any length, which moves them in memory."""
+    with tempfile.TemporaryDirectory() as folder:
+        bag = Bag(form)
+        bag.add_events(sorted(events, key=lambda event: event[2]), frame=frame)
+        bag.add_events([(1, 2, 4_000_000_000_000, 1)])
+        options = ImportOptions(resolution=(3, 4))
+        imported(bag.write(Path(folder)), Path(folder) / "out.h5", options)
+        expected = [*sorted(events, key=lambda event: event[2]), (1, 2, 4_000_000_000_000, 1)]
+        assert events_of(Path(folder) / "out.h5") == expected
+
+
+@pytest.mark.parametrize("form", FORMS[:2])
+@pytest.mark.parametrize("kind", POSES)
+def test_poses(form: str, kind: str, tmp_path: Path) -> None:
+    """Four types of messages hold a pose."""
+    bag = Bag(form)
+    bag.add_pose(10, kind, (1.0, 2.0, 3.0), (0.0, 0.6, 0.0, 0.8))
+    imported(bag.write(tmp_path), tmp_path / "out.h5")
+    with h5py.File(tmp_path / "out.h5") as file:
+        np.testing.assert_array_equal(file["path/pose/position"], [[1.0, 2.0, 3.0]])
+        np.testing.assert_array_equal(file["path/pose/orientation"], [[0.0, 0.6, 0.0, 0.8]])
+
+
+@pytest.mark.parametrize(
+    ("encoding", "channels", "order"), [("rgb8", 3, [0, 1, 2]), ("bgra8", 4, [2, 1, 0]), ("mono8", 1, [0, 0, 0])]
+)
+def test_encodings_of_colour(encoding: str, channels: int, order: list[int], tmp_path: Path) -> None:
+    """Frames are R, G, B."""
+    pixels = np.arange(6 * channels, dtype=np.uint8).reshape(2, 3, channels)
+    bag = Bag("ros1")
+    bag.add_image("/camera/rgb/image_raw", 5, encoding, pixels)
+    imported(bag.write(tmp_path), tmp_path / "out.h5")
+    with h5py.File(tmp_path / "out.h5") as file:
+        np.testing.assert_array_equal(file["path/rgb"][0], pixels[..., order])
+
+
+def test_depth_in_millimetres(tmp_path: Path) -> None:
+    """16UC1 has millimetres, and 0 where there is none."""
+    bag = Bag("sqlite")
+    bag.add_image("/camera/depth/image_raw", 5, "16UC1", np.array([[0, 1500], [65535, 1]], np.uint16))
+    imported(bag.write(tmp_path), tmp_path / "out.h5")
+    with h5py.File(tmp_path / "out.h5") as file:
+        np.testing.assert_array_equal(file["path/depth"][0], [[np.nan, 1500], [65535, 1]])
+
+
+def test_topics_of_ones_own(tmp_path: Path) -> None:
+    """A file maps topics; streams that it leaves out are not read."""
+    bag = flight("ros1")
+    bag.add_events([(9, 9, 9, 1)], topic="/right/events")
+    (tmp_path / "topics.toml").write_text('[topics]\nevents = ["/none", "/right/events"]\nimu = "/imu"\n')
+    options = ImportOptions(topics=load_topics(tmp_path / "topics.toml"))
+    done = imported(bag.write(tmp_path), tmp_path / "out.h5", options)
+    assert done.rows == {"events": 1, "imu": 2}
+    assert done.facts == {"topic.events": "/right/events", "topic.imu": "/imu"}
+
+
+@pytest.mark.parametrize(
+    "text", ["", "[topics]\n", "[other]\nx = 1\n", '[topics]\nlidar = "/a"\n', "[topics]\nimu = 3\n", "= ="]
+)
+def test_topics_that_cannot_be_used(text: str, tmp_path: Path) -> None:
+    """One sentence says which file, and what is wrong in it."""
+    (tmp_path / "topics.toml").write_text(text)
+    with pytest.raises(MisuseError, match=r"^Expected .*topics\.toml.*, got.*;"):
+        load_topics(tmp_path / "topics.toml")
+
+
+def no_topic(bag: Bag) -> None:
+    bag.add_imu(5, (0, 0, 0), (0, 0, 0), topic="/elsewhere")
+
+
+def another_type(bag: Bag) -> None:
+    bag.add_pose(5, POSES[0], (0, 0, 0), (0, 0, 0, 1), topic="/dvs/events")
+
+
+def no_stamps(bag: Bag) -> None:
+    for _ in range(3):
+        bag.add_imu(0, (0, 0, 0), (0, 0, 0))
+
+
+def backwards(bag: Bag) -> None:
+    bag.add_events([EVENTS[100], EVENTS[0]])
+
+
+def bayer(bag: Bag) -> None:
+    bag.add_image("/camera/rgb/image_raw", 5, "bayer_rggb8", COLOURS[..., :1])
+
+
+def depth_as_colour(bag: Bag) -> None:
+    bag.add_image("/camera/depth/image_raw", 5, "rgb8", COLOURS)
+
+
+@pytest.mark.parametrize("form", FORMS)
+@pytest.mark.parametrize(
+    ("fill", "part"),
+    [
+        (no_topic, "got /elsewhere; map topics to streams with --topics"),
+        (another_type, "got geometry_msgs/msg/PoseStamped"),
+        (no_stamps, "got 0 in several messages"),
+        (backwards, "do not decrease"),
+        (bayer, "'bayer_rggb8'"),
+        (depth_as_colour, "depth in the encoding 'rgb8'"),
+    ],
+)
+def test_refused(fill, part: str, form: str, tmp_path: Path) -> None:  # type: ignore[no-untyped-def]
+    """One sentence says what was expected, what there is, and what to do."""
+    bag = Bag(form)
+    fill(bag)
+    with pytest.raises(MisuseError, match=r"^Expected .*, got .*;") as caught:
+        imported(bag.write(tmp_path), tmp_path / "out.h5")
+    assert part in str(caught.value)
+
+
+def test_without_the_package(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The sentence names the extra."""
+    source = flight("ros1").write(tmp_path)
+    monkeypatch.setitem(sys.modules, "rosbags.highlevel", None)
+    with pytest.raises(MisuseError, match=r"pip install 'fedora-qa\[bags\]'"):
+        imported(source, tmp_path / "out.h5")
+
+
+def test_names_of_bags(tmp_path: Path) -> None:
+    """The package goes by the ending; another one is refused before any work. A folder needs its metadata."""
+    source = flight("ros1").write(tmp_path)
+    renamed = source.rename(tmp_path / "flight.raw")
+    with pytest.raises(MisuseError, match=r"named \*\.bag"):
+        imported(renamed, tmp_path / "out.h5")
+    with pytest.raises(MisuseError, match=r"a folder without metadata\.yaml"):
+        imported(tmp_path, tmp_path / "out.h5")
+
+
+@pytest.mark.parametrize("form", FORMS)
+@settings(max_examples=40, deadline=None)
+@given(data=st.data())
+def test_mutated_bags(form: str, data: st.DataObject) -> None:
+    """Bytes that change or vanish give rows or one sentence."""
+    with tempfile.TemporaryDirectory() as folder:
+        source = flight(form).write(Path(folder))
+        file = source if source.is_file() else next(path for path in source.iterdir() if path.suffix != ".yaml")
+        content = bytearray(file.read_bytes())
+        for _ in range(data.draw(st.integers(0, 4))):
+            content[data.draw(st.integers(16, len(content) - 1))] = data.draw(st.integers(0, 255))
+        cut = data.draw(st.booleans())
+        file.write_bytes(content[: data.draw(st.integers(16, len(content)))] if cut else content)
+        refusal = ""
+        try:
+            done = imported(source, Path(folder) / "out.h5", ImportOptions(allow_backwards=True))
+        except MisuseError as error:
+            refusal = str(error)
+        assert refusal.startswith("Expected ") or any(done.rows.values())
