@@ -111,8 +111,8 @@ def _blocks(
 
 def _require_stamp(message: object, topic: str, unstamped: set[str]) -> None:
     """Raise ``MisuseError`` at the second message of a topic without a time; a simulation may begin at 0."""
-    stamp = message.header.stamp  # type: ignore[attr-defined]
-    if stamp.sec or stamp.nanosec:
+    time = message.header.stamp  # type: ignore[attr-defined]
+    if time.sec or time.nanosec:
         return
     if topic in unstamped:
         raise MisuseError(

@@ -39,9 +39,9 @@ class UnreadableMessageError(Exception):
     """A message is not as its type has it, or of a form that is not read; the text completes "got"."""
 
 
-def stamp_us(stamp: Any) -> int:
+def header_time_us(header: Any) -> int:
     """Return the time of a header in whole us, rounded down, as all times are: their order stays."""
-    return int(stamp.sec) * (NS_PER_S // NS_PER_US) + int(stamp.nanosec) // NS_PER_US
+    return int(header.stamp.sec) * (NS_PER_S // NS_PER_US) + int(header.stamp.nanosec) // NS_PER_US
 
 
 def event_array(raw: bytes, *, is_cdr: bool) -> tuple[Block | None, Resolution]:
@@ -92,7 +92,7 @@ def colour_block(message: Any) -> Block:
     return Block(
         {
             "path/rgb": np.ascontiguousarray(pixels[np.newaxis][..., list(rgb)]),
-            "path/rgb_ts": np.array([stamp_us(message.header.stamp)], np.int64),
+            "path/rgb_ts": np.array([header_time_us(message.header)], np.int64),
         }
     )
 
@@ -107,7 +107,7 @@ def depth_block(message: Any) -> Block:
     is_valid = np.isfinite(stored) & (stored > 0)
     depth_mm = np.where(is_valid, stored * np.float32(mm_per_unit), np.float32(np.nan))
     return Block(
-        {"path/depth": depth_mm[np.newaxis], "path/depth_ts": np.array([stamp_us(message.header.stamp)], np.int64)}
+        {"path/depth": depth_mm[np.newaxis], "path/depth_ts": np.array([header_time_us(message.header)], np.int64)}
     )
 
 
@@ -117,7 +117,7 @@ def imu_block(message: Any) -> Block:
         {
             "path/imu/angular_velocity": _vector(message.angular_velocity, "xyz"),
             "path/imu/linear_acceleration": _vector(message.linear_acceleration, "xyz"),
-            "path/imu/ts": np.array([stamp_us(message.header.stamp)], np.int64),
+            "path/imu/ts": np.array([header_time_us(message.header)], np.int64),
         }
     )
 
@@ -133,7 +133,7 @@ def pose_block(message: Any) -> Block:
         {
             "path/pose/position": _vector(position, "xyz"),
             "path/pose/orientation": _vector(orientation, "xyzw"),
-            "path/pose/ts": np.array([stamp_us(message.header.stamp)], np.int64),
+            "path/pose/ts": np.array([header_time_us(message.header)], np.int64),
         }
     )
 

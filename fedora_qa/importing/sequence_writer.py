@@ -23,13 +23,10 @@ class GrowingDataset:
     def __init__(self, dataset: h5py.Dataset) -> None:
         self._dataset = dataset
         self._chunk_rows = int(dataset.chunks[0])
+        self.row_shape: tuple[int, ...] = tuple(dataset.shape[1:])
+        """Shape of a row; kept, as HDF5 would be asked for it with every row."""
         self._waiting: list[NDArray[Any]] = []
         self._waiting_rows = 0
-
-    @property
-    def row_shape(self) -> tuple[int, ...]:
-        """Shape of a row."""
-        return tuple(self._dataset.shape[1:])
 
     def append(self, rows: NDArray[Any]) -> None:
         """Add rows; whole chunks are written."""

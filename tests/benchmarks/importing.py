@@ -5,6 +5,7 @@ words in memory, by seconds of the thread. Importing is all of it, from a file t
 does nothing else: its seconds at work and its peak of memory.
 """
 
+import struct
 import subprocess
 import sys
 import tempfile
@@ -15,9 +16,11 @@ from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
+from rosbags.rosbag1 import Writer
 
 from fedora_qa.importing.prophesee import DECODERS
 from fedora_qa.importing.recording import BLOCK_BYTES
+from tests.support.bags import Bag
 
 HEADER: Final = "% evt {version}\n% format {name};height=720;width=1280\n% end\n"
 DAT_HEADER: Final = "% Data file containing CD events\n% Version 2\n% Width 1280\n% Height 720\n"
@@ -31,7 +34,7 @@ done = import_recording(Path(sys.argv[1]), Path(sys.argv[2]), ImportOptions(allo
 seconds = time.process_time() - started
 # Not `ru_maxrss`, which a process inherits from the one that starts it.
 peak_kb = re.search(r"VmHWM:\\s*(\\d+)", Path("/proc/self/status").read_text())[1]
-print(done.rows["events"], seconds, int(peak_kb) / 1024)
+print(sum(done.rows.values()), seconds, int(peak_kb) / 1024)
 """
 
 
@@ -85,10 +88,44 @@ def imported(name: str, words: NDArray[np.unsignedinteger], folder: Path) -> tup
     with source.open("wb") as file:
         file.write(header.encode())
         words.tofile(file)
+    return in_a_process(source, target)
+
+
+def in_a_process(source: Path, target: Path) -> tuple[int, float, float, int]:
+    """Return rows, seconds at work, MB of memory at the peak, and bytes of the output, of a process of its own."""
     done = subprocess.run(
         [sys.executable, "-c", CHILD, source, target], capture_output=True, text=True, check=True
     ).stdout.split()
     return int(done[0]), float(done[1]), float(done[2]), target.stat().st_size
+
+
+def event_bag(folder: Path, arrays: int, rng: np.random.Generator) -> Path:
+    """A bag of ROS 1 with arrays of 10,000 events, 10 ms each."""
+    bag, count = Bag("ros1"), 10_000
+    packed = np.dtype([("x", "<u2"), ("y", "<u2"), ("s", "<u4"), ("ns", "<u4"), ("p", "u1")])
+    with Writer(folder / "events.bag") as writer:
+        connection = writer.add_connection("/dvs/events", "dvs_msgs/msg/EventArray", typestore=bag.store)
+        for k in range(arrays):
+            times_us = np.sort(rng.integers(0, 10_000, count)) + 10_000 * k
+            events = np.zeros(count, packed)
+            events["x"], events["y"], events["p"] = (rng.integers(0, most, count) for most in (640, 480, 2))
+            events["s"], events["ns"] = times_us // 1_000_000, times_us % 1_000_000 * 1000
+            head = struct.pack("<7I", k, 0, 0, 0, 480, 640, count)
+            writer.write(connection, 10_000_000 * k, head + events.tobytes())
+    return folder / "events.bag"
+
+
+def imu_bag(folder: Path, samples: int) -> Path:
+    """A bag of ROS 1 with a sample every millisecond."""
+    bag = Bag("ros1")
+    bag.add_imu(5, (0, 0, 0), (0, 0, 0))
+    serialised = bytes(bag.store.serialize_ros1(bag.messages[0][3], "sensor_msgs/msg/Imu"))
+    with Writer(folder / "imu.bag") as writer:
+        connection = writer.add_connection("/imu", "sensor_msgs/msg/Imu", typestore=bag.store)
+        for k in range(samples):
+            head = struct.pack("<III", k, 1 + k // 1000, k % 1000 * 1_000_000)
+            writer.write(connection, 1_000_000 * k, head + serialised[12:])
+    return folder / "imu.bag"
 
 
 def main() -> None:
@@ -111,6 +148,15 @@ def main() -> None:
         rates = f"{events / decoding_s / 1e6:.0f} M/s | {written / import_s / 1e6:.1f} M/s"
         sizes = f"{memory_mb:.0f} MB | {size / events:.1f}"
         print(f"| {title} | {events / 1e6:.1f} M | {rates} | {sizes} |", flush=True)
+    with tempfile.TemporaryDirectory() as folder:
+        bags = {
+            "ROS 1 bag, events": event_bag(Path(folder), 100 * scale, rng),
+            "ROS 1 bag, IMU": imu_bag(Path(folder), 20_000 * scale),
+        }
+        for title, bag in bags.items():
+            rows, import_s, memory_mb, size = in_a_process(bag, Path(folder) / "out.h5")
+            rates = f"| {rows / import_s / 1e6:.3f} M/s | {memory_mb:.0f} MB | {size / rows:.1f} |"
+            print(f"| {title} | {rows / 1e6:.2f} M | {rates}", flush=True)
 
 
 if __name__ == "__main__":

@@ -6,6 +6,7 @@ import h5py
 import pytest
 
 from tests.cli.conftest import Command
+from tests.support.bags import Bag
 from tests.support.prophesee import random_events, write_dat, write_evt3
 
 
@@ -105,3 +106,22 @@ def test_resolutions(resolution: str, fedora_qa: Command, source: Path, tmp_path
     done = fedora_qa("import", source, "-o", tmp_path / "out.h5", "--resolution", resolution)
     assert done.code == 2
     assert "--resolution WxH" in done.err
+
+
+def test_a_bag_can_be_checked(fedora_qa: Command, tmp_path: Path) -> None:
+    """Streams of a bag are checked against each other; the map of topics is read, and never written over."""
+    bag = Bag("mcap")
+    bag.add_events(random_events(5_000, 8))
+    for k in range(400):
+        bag.add_imu(5_000 * k, (0.0, 0.0, 0.0), (0.0, 0.0, 9.81), topic="/imu/other")
+    source = bag.write(tmp_path)
+    topics = tmp_path / "topics.toml"
+    topics.write_text('[topics]\nevents = "/dvs/events"\nimu = "/imu/other"\n')
+    assert fedora_qa("import", source, "-o", topics, "--topics", topics, "--force").code == 2
+    assert fedora_qa("import", source, "-o", source / "out.h5", "--topics", topics).code == 2
+    done = fedora_qa("import", source, "-o", tmp_path / "out.h5", "--topics", topics, "--kind", "synthetic")
+    assert done.code == 0, done.err
+    assert "is written from ROS 2 bag; rows: events 4" in done.out
+    checked = fedora_qa("check", tmp_path / "out.h5")
+    assert "clocks.span" in checked.out
+    assert checked.code == 0, checked.out
