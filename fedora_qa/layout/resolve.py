@@ -66,6 +66,9 @@ _EXTRA_STREAMS: Final = ("depth_range",)
 _LIKE_A_RATE: Final = re.compile(r".*hz|[+-]?[0-9.]+", re.IGNORECASE)
 """Names in ``path/flow`` that are meant as rates, whether they are or not."""
 
+_MOST_FLOW_RATES: Final = 32
+"""Each pair of rates is compared: a file of unknown origin must not decide how long that takes."""
+
 _FIRST_ROWS: Final = 1 << 16
 """Rows that tell whether floats are whole numbers, and which code polarity has: so many events are of either kind."""
 
@@ -225,17 +228,16 @@ class _Finder:
     def _stored_rates(self, names: Iterable[str]) -> set[str]:
         """Return the flow streams that names of datasets in ``path/flow`` are of."""
         by_rate_hz: dict[float, set[str]] = {}
-        for name in names:
-            rate = name.removesuffix("_ts").removesuffix("_moving")
+        for rate in dict.fromkeys(name.removesuffix("_ts").removesuffix("_moving") for name in names):
             stream = f"flow/{rate}"
             if is_flow_stream(stream):
                 by_rate_hz.setdefault(flow_rate_hz(stream), set()).add(stream)
             elif _LIKE_A_RATE.fullmatch(rate):
                 message = (
                     f"Expected path/flow/<R>hz with a rate R above 0 and up to {FASTEST_FLOW_HZ:g}, in digits such as "
-                    f"12.5, got path/flow/{name}; rename it"
+                    f"12.5, got path/flow/{rate}; rename it"
                 )
-                self._report("flow", f"path/flow/{name}", RefusedError("rate_name", "unknown", message))
+                self._report("flow", f"path/flow/{rate}", RefusedError("rate_name", "unknown", message))
         held: set[str] = set()
         for streams in by_rate_hz.values():
             # The shortest name has no needless zeros. Which of two fields of one rate is meant cannot be known.
@@ -247,7 +249,10 @@ class _Finder:
                     f"the first is read, remove or rename the other"
                 )
                 self._report(first, f"path/{other}", RefusedError("two_names", "unknown", message))
-        return held
+        if len(held) > _MOST_FLOW_RATES:
+            message = f"Expected flow of {_MOST_FLOW_RATES} rates at most, got {len(held)}; the lowest are read, leave others out"
+            self._report("flow", "", RefusedError("too_many", "unknown", message))
+        return set(in_file_order(held)[:_MOST_FLOW_RATES])
 
     def find(self, stream: str) -> None:
         """Bind all datasets of a stream, or none, with the reason in ``absent``."""

@@ -1,0 +1,103 @@
+"""Sequences of other rates than the paper's: clean where they are correct, and a fault is named with its own rate."""
+
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+import h5py
+import pytest
+
+from fedora_generator.faults import plant
+from fedora_generator.generate import Request, generate_sequence
+from fedora_generator.rates import RateOptions
+from fedora_qa.engine.run import CheckOptions, check_file
+from fedora_qa.record.types import FileRecord
+from tests.support.sequences import small_scene
+
+DECIMAL = RateOptions(frames_hz=100.0, flow_hz=(20.0, 12.5), pose_hz=250.0)
+FAST = RateOptions(frames_hz=60.0, depth_hz=300.0, flow_hz=(5.0, 30.0, 100.0))
+VIDEO = RateOptions(frames_hz=30.0, flow_hz=(10.0, 15.0, 30.0))
+RATES = {"decimal": DECIMAL, "fast": FAST, "video": VIDEO}
+
+Sequences = Callable[[str], Path]
+
+
+@pytest.fixture(scope="module")
+def sequences(tmp_path_factory: pytest.TempPathFactory) -> Sequences:
+    """A clean second of the park at each set of rates, written once."""
+    folder = tmp_path_factory.mktemp("rates")
+
+    def sequence(name: str) -> Path:
+        path = folder / f"{name}.h5"
+        if not path.exists():
+            scene = replace(small_scene("park-day", 180, 136), rates=RATES[name])
+            if name == "video":
+                scene = replace(scene, imu=replace(scene.imu, rate_hz=400.0))
+            generate_sequence(scene, path, Request(duration_s=1.0, quality="draft"))
+        return path
+
+    return sequence
+
+
+def check(path: Path) -> FileRecord:
+    return check_file(path, CheckOptions(profile="release", evidence=None)).record
+
+
+def named(record: FileRecord) -> list[str]:
+    return [f"{diagnosis.stream}:{diagnosis.cause}" for diagnosis in record.diagnoses]
+
+
+@pytest.mark.parametrize("name", list(RATES))
+def test_any_rates_are_checked_and_clean(sequences: Sequences, name: str) -> None:
+    """Every rate is measured by the checks of geometry, clocks and values, and has statistics under its own name."""
+    record = check(sequences(name))
+    assert record.verdict == "clean"
+    assert not [result.check for result in record.results if result.outcome in ("failed", "crashed")]
+    rates = [f"flow/{rate_hz:g}hz" for rate_hz in sorted(RATES[name].flow_hz)]
+    assert [group for group in record.statistics if group.startswith("flow/")] == rates
+    measured = {result.check: {m.name for m in result.measurements} for result in record.results}
+    for rate in rates:
+        assert f"{rate} endpoint_error" in measured["flow_geometry.endpoint"]
+        assert f"{rate} intervals_wrong_length" in measured["flow_geometry.validity"]
+        assert f"{rate}.rate_error" in measured["clocks.rate"]
+        assert f"{rate}.infinite" in measured["integrity.finite"]
+        assert f"path/{rate}.step" in measured["integrity.resolution"]
+
+
+@pytest.mark.parametrize(
+    ("name", "stream", "cause", "magnitude"),
+    [
+        ("decimal", "flow/12.5hz", "flow_gain", 5.0),
+        ("decimal", "flow/12.5hz", "flow_interval_shifted", 1.0),
+        ("decimal", "flow/20hz", "dropped_samples", 2.0),
+        ("decimal", "flow/20hz", "nan_in_stream", 2.0),
+        ("fast", "flow/5hz", "flow_rate_mixed", None),
+        ("fast", "flow/30hz", "flow_gain", 10.0),
+        ("video", "flow/15hz", "flow_gain", 5.0),
+        ("video", "flow", "flow_sign", None),
+    ],
+)
+def test_a_fault_is_named_with_its_rate(
+    sequences: Sequences, tmp_path: Path, name: str, stream: str, cause: str, magnitude: float | None
+) -> None:
+    """One fault of one rate has one cause, in the stream of that rate."""
+    faulty = tmp_path / "faulty.h5"
+    plant(sequences(name), faulty, cause, stream=stream, magnitude=magnitude)
+    record = check(faulty)
+    assert record.verdict == "findings"
+    assert named(record) == [f"{stream}:{cause}"]
+
+
+def test_a_name_that_contradicts_its_intervals(sequences: Sequences, tmp_path: Path) -> None:
+    """Flow of 20 Hz in the name of 40 Hz: its clock and its intervals are held against the name."""
+    path = tmp_path / "renamed.h5"
+    path.write_bytes(sequences("decimal").read_bytes())
+    with h5py.File(path, "r+") as file:
+        for ending in ("", "_ts"):
+            file.move(f"path/flow/20hz{ending}", f"path/flow/40hz{ending}")
+    record = check(path)
+    codes = {finding.code for finding in record.findings if finding.where.stream == "flow/40hz"}
+    assert {"clocks.rate.error", "flow_geometry.validity.wrong_length"} <= codes
+    (wrong,) = (f for f in record.findings if f.code == "flow_geometry.validity.wrong_length")
+    assert "20 of 20 intervals of flow/40hz do not last 25 ms" in wrong.message
+    assert {diagnosis.stream for diagnosis in record.diagnoses} == {"flow/40hz"}
