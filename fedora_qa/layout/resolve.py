@@ -250,7 +250,7 @@ class _Finder:
                 )
                 self._report(first, f"path/{other}", RefusedError("two_names", "unknown", message))
         if len(held) > _MOST_FLOW_RATES:
-            message = f"Expected flow of {_MOST_FLOW_RATES} rates at most, got {len(held)}; the lowest are read, leave others out"
+            message = f"Expected flow of {_MOST_FLOW_RATES} rates at most, got {len(held)}; the lowest are read"
             self._report("flow", "", RefusedError("too_many", "unknown", message))
         return set(in_file_order(held)[:_MOST_FLOW_RATES])
 

@@ -7,7 +7,7 @@ from pathlib import Path
 import h5py
 import pytest
 
-from fedora_generator.faults import plant
+from fedora_generator.faults import plant_fault
 from fedora_generator.generate import Request, generate_sequence
 from fedora_generator.rates import RateOptions
 from fedora_qa.engine.run import CheckOptions, check_file
@@ -82,7 +82,7 @@ def test_a_fault_is_named_with_its_rate(
 ) -> None:
     """One fault of one rate has one cause, in the stream of that rate."""
     faulty = tmp_path / "faulty.h5"
-    plant(sequences(name), faulty, cause, stream=stream, magnitude=magnitude)
+    plant_fault(sequences(name), faulty, cause, stream, magnitude)
     record = check(faulty)
     assert record.verdict == "findings"
     assert named(record) == [f"{stream}:{cause}"]
@@ -96,8 +96,9 @@ def test_a_name_that_contradicts_its_intervals(sequences: Sequences, tmp_path: P
         for ending in ("", "_ts"):
             file.move(f"path/flow/20hz{ending}", f"path/flow/40hz{ending}")
     record = check(path)
-    codes = {finding.code for finding in record.findings if finding.where.stream == "flow/40hz"}
+    findings = [finding for result in record.results for finding in result.findings]
+    codes = {finding.code for finding in findings if finding.where.stream == "flow/40hz"}
     assert {"clocks.rate.error", "flow_geometry.validity.wrong_length"} <= codes
-    (wrong,) = (f for f in record.findings if f.code == "flow_geometry.validity.wrong_length")
+    (wrong,) = (f for f in findings if f.code == "flow_geometry.validity.wrong_length")
     assert "20 of 20 intervals of flow/40hz do not last 25 ms" in wrong.message
     assert {diagnosis.stream for diagnosis in record.diagnoses} == {"flow/40hz"}
