@@ -10,7 +10,6 @@ import numpy as np
 import pytest
 
 from fedora_qa.checks.event_response import alignment
-from fedora_qa.engine.run import CheckOptions, check_file
 from fedora_qa.record.types import Diagnosis, Measurement, Result
 from tests.checks.event_file import (
     DURATION_MS,
@@ -29,7 +28,7 @@ from tests.checks.event_file import (
     log_file,
 )
 from tests.estimators.event_world import MS, Stream, Waves, linear_events, log_events
-from tests.support.checked import diagnoses_of, run_check
+from tests.support.checked import diagnoses_of, measured_record, run_check
 
 Change = Callable[[EventFile], EventFile]
 
@@ -41,7 +40,7 @@ def path(tmp_path: Path) -> Path:
 
 
 def outcomes(path: Path) -> dict[str, str]:
-    results = check_file(path, CheckOptions(select=("event_response",), evidence=None)).record.results
+    results = measured_record(path, "event_response").results
     crashes = [result.traceback for result in results if result.outcome == "crashed"]
     if crashes:
         raise RuntimeError(crashes[0])

@@ -5,8 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from fedora_qa.engine.run import CheckOptions, check_file
-from tests.support.checked import rules, run_check
+from tests.support.checked import measured_record, rules, run_check
 from tests.support.motion_world import MotionFile, sample_motion
 
 ROUNDED = {
@@ -22,7 +21,7 @@ def test_decimals_are_rounding_not_noise(tmp_path: Path, name: str, decimals: in
     """Every check of pose and IMU passes: what rounding leaves is allowed for, in a file that declares no noise."""
     values = np.round(getattr(sample_motion(), name), decimals)
     path = MotionFile().altered(**{name: values}).write(tmp_path / "motion.h5")
-    results = check_file(path, CheckOptions(select=("pose", "imu"), evidence=None)).record.results
+    results = measured_record(path, "pose", "imu").results
     assert {result.outcome for result in results} <= {"passed", "not_observable"}
 
 

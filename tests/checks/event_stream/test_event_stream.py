@@ -10,7 +10,7 @@ import pytest
 from fedora_qa.engine.run import CheckOptions, check_file
 from tests.checks.event_file import EventFile, inserted, linear_file, log_file
 from tests.estimators.event_world import MS, Checkers, Stream
-from tests.support.checked import diagnoses_of, rules, run_check
+from tests.support.checked import diagnoses_of, measured_record, rules, run_check
 
 Change = Callable[[Stream], Stream]
 CHECKS = ("event_stream.bounds", "event_stream.duplicates", "event_stream.gaps", "event_stream.rates")
@@ -252,7 +252,7 @@ def test_events_outside_the_sensor_leave_the_rest_alone(path: Path) -> None:
     """Columns that no sensor has are counted, and nobody else stumbles over them."""
     wild = lambda e: replace(e, x=np.where(np.arange(len(e)) % 100 == 0, 60_000, e.x).astype(np.uint16))  # noqa: E731
     altered(wild).write(path)
-    results = check_file(path, CheckOptions(select=("event_stream",))).record.results
+    results = measured_record(path, "event_stream").results
     assert {r.check: r.outcome for r in results} == {
         **dict.fromkeys(CHECKS, "passed"), "event_stream.bounds": "failed"
     }  # fmt: skip

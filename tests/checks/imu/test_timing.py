@@ -10,7 +10,7 @@ from scipy.interpolate import CubicSpline
 
 from fedora_qa.engine.run import CheckOptions, check_file
 from fedora_qa.record.types import Measurement, Result
-from tests.support.checked import run_check
+from tests.support.checked import measured_record, run_check
 from tests.support.motion_world import (
     NOISY,
     MotionFile,
@@ -35,7 +35,7 @@ def measured(result: Result, name: str) -> Measurement:
 
 def outcomes(path: Path) -> dict[str, str]:
     """Run all four checks; one that crashed shows as that."""
-    results = check_file(path, CheckOptions(select=CHECKS)).record.results
+    results = measured_record(path, *CHECKS).results
     return {result.check: result.outcome for result in results}
 
 

@@ -6,9 +6,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from fedora_qa.engine.run import CheckOptions, check_file
 from fedora_qa.record.types import Measurement, Result
-from tests.support.checked import diagnoses_of, rules, run_check
+from tests.support.checked import diagnoses_of, measured_record, rules, run_check
 from tests.support.motion_world import EXACT, HOVER, NOISY, RESTLESS, MotionFile, sample_motion
 
 CHECKS = ("pose.orientation", "pose.continuity", "pose.noise")
@@ -38,7 +37,7 @@ CLEAN = {
 
 def outcomes(path: Path) -> dict[str, str]:
     """Run all three checks; one that crashed shows as that."""
-    results = check_file(path, CheckOptions(select=CHECKS)).record.results
+    results = measured_record(path, *CHECKS).results
     return {result.check: result.outcome for result in results}
 
 

@@ -5,8 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from fedora_qa.engine.run import CheckOptions, check_file
-from tests.support.checked import diagnoses_of, rules, run_check
+from tests.support.checked import diagnoses_of, measured_record, rules, run_check
 from tests.support.motion_world import MotionFile, sample_motion
 
 CHECKS = ("pose.orientation", "pose.continuity", "pose.noise")
@@ -20,7 +19,7 @@ def path(tmp_path: Path) -> Path:
 
 def outcomes(path: Path) -> dict[str, str]:
     """Run all three checks; one that crashed shows as that."""
-    results = check_file(path, CheckOptions(select=CHECKS)).record.results
+    results = measured_record(path, *CHECKS).results
     return {result.check: result.outcome for result in results}
 
 
