@@ -16,10 +16,7 @@ LIGHT = frozenset({"rgb", "events"})
 
 
 def yaw_to_and_fro() -> Scene:
-    """Turns by tens of pixels a frame: what passes between two frames is not in their difference.
-
-    Half a second is a whole period.
-    """
+    """Turns by tens of pixels a frame: what passes between two frames is not in their difference."""
     yaw = HarmonicTerm(axis="yaw", amplitude=48.0, frequency_hz=2.0)
     return replace(load_scene("park-day"), flight=FlightOptions(position_m=(0.0, 0.0, 1.7), terms=(yaw,)))
 
@@ -37,7 +34,7 @@ def wide_linear_thresholds() -> Scene:
 def test_events_in_place_are_said_to_be(scene: Scene, check: str, tmp_path: Path) -> None:
     """Whatever turned, or passed unseen, the check neither fails nor gives up."""
     target = tmp_path / "clean.h5"
-    generate_sequence(scene.with_size(270, 200), target, Request(duration_s=0.5, quality="draft", streams=LIGHT))
+    generate_sequence(scene.with_size(270, 200), target, Request(duration_s=1.0, quality="draft", streams=LIGHT))
     (result,) = check_file(target, CheckOptions(evidence=None, select=(check,))).record.results
     assert result.outcome == "passed", result
 
