@@ -102,3 +102,16 @@ def test_a_name_that_contradicts_its_intervals(sequences: Sequences, tmp_path: P
     (wrong,) = (f for f in findings if f.code == "flow_geometry.validity.wrong_length")
     assert "20 of 20 intervals of flow/40hz do not last 25 ms" in wrong.message
     assert {diagnosis.stream for diagnosis in record.diagnoses} == {"flow/40hz"}
+
+
+def test_a_name_that_is_a_little_off(sequences: Sequences, tmp_path: Path) -> None:
+    """Half a percent is no frame of an interval, and 5000 ppm of the clock."""
+    path = tmp_path / "renamed.h5"
+    path.write_bytes(sequences("decimal").read_bytes())
+    with h5py.File(path, "r+") as file:
+        for ending in ("", "_ts"):
+            file.move(f"path/flow/20hz{ending}", f"path/flow/20.1hz{ending}")
+    record = check_file(path, CheckOptions(select=("clocks",), evidence=None)).record
+    (finding,) = (finding for result in record.results for finding in result.findings)
+    assert (finding.code, finding.where.stream) == ("clocks.rate.error", "flow/20.1hz")
+    assert "+5000 ppm off the nominal 49751.2 us" in finding.message

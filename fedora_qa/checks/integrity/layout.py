@@ -40,8 +40,10 @@ class IntegrityLayout(FactsCheck):
     Every dataset of the layout is looked for where the file's dialect puts it. Counted as broken: a stream that the
     metadata declare and that is absent or only partly there, shapes that contradict the layout or each other, types
     that lose what it holds, links that leave the file or dangle, chunks that were never written. A stream is declared
-    by its metadata, by its group, and by an index map. Other types that hold the same values (depth in float64, IMU in
-    float32, polarity as bool or as -1 and 1, columns in uint32) are read, and noted.
+    by its metadata, by its group, and by an index map. Flow is looked for at every rate that a name in its
+    group states; a name that states no rate, and a second name of one rate, are counted as broken. Other types that
+    hold the same values (depth in float64, IMU in float32, polarity as bool or as -1 and 1, columns in uint32) are
+    read, and noted.
 
     Noise model
     -----------
