@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from fedora_qa.estimators.images.samples import along_the_flow
 from fedora_qa.layout.canonical import datasets_of
+from fedora_qa.sequence.facts import Facts
 from fedora_qa.sequence.window import Window
 from fedora_qa.views.flow_intervals import frame_at, owned_intervals
 from fedora_qa.views.large_frames import is_large
@@ -34,6 +35,9 @@ _SAME_SCALE: Final = 0.01
 
 _LEAST_VARIANCE_PX2: Final = 1e-2
 """Least s^2 - 1 along the axis of the smaller scale: OpenCV takes the other axis for one of no width."""
+
+_FIRST_ROWS: Final = 1000
+"""Frames and intervals that decide which flow leads from frame to frame: each window asks."""
 
 SAMPLED_COLUMNS: Final = 160
 """Approximate number of columns of points that are compared: exposure is the same in all of the image."""
@@ -65,14 +69,14 @@ class FrameTransition:
 
 
 def flow_rate_of(window: Window) -> str | None:
-    """Return the fastest flow stream on whose grid frames can be compared; None where there is none.
+    """Return the fastest flow stream between colour frames on whose grid these can be compared; None without one.
 
     Mapped onto the grid of the flow, a colour frame must have the rows and columns of the stored flow.
     """
     facts, optics = window.facts, _optics(window)
     if not facts.flow_streams or isinstance(optics, str):
         return None
-    stream, bindings = facts.flow_streams[-1], facts.layout.bindings
+    stream, bindings = _fastest_between_frames(facts), facts.layout.bindings
     image, *_ = (spec.key for spec in datasets_of(stream) if spec.is_image)
     if image not in bindings or "path/rgb" not in bindings:  # without sizes there is nothing to compare
         return stream
@@ -85,6 +89,18 @@ def flow_rate_of(window: Window) -> str | None:
         if min(right - left, bottom - top) < 1:
             return None
     return stream if bindings[image].shape[1:3] == size else None
+
+
+def _fastest_between_frames(facts: Facts) -> str:
+    """Return the fastest flow stream with an interval between colour frames among the first; else the fastest."""
+    frames_ns = facts.clocks["rgb"].times_ns[:_FIRST_ROWS] if "rgb" in facts.clocks else np.empty(0, np.int64)
+    for stream in reversed(facts.flow_streams):
+        clock = facts.clocks[stream]
+        stops_ns = clock.times_ns if clock.ends_ns is None else clock.ends_ns
+        starts_on, stops_on = (np.isin(ns[:_FIRST_ROWS], frames_ns) for ns in (clock.times_ns, stops_ns))
+        if np.any(starts_on & stops_on):
+            return stream
+    return facts.flow_streams[-1]
 
 
 def _optics(window: Window) -> Optics | str:

@@ -53,6 +53,18 @@ def test_required_streams() -> None:
     assert "there is no path/imu" in violation.message
 
 
+def test_flow_of_any_rate_is_flow() -> None:
+    """Required flow is that of the rates of the sequence; equal fields of one rate are found, whatever the rate."""
+    assert not rule_on_streams({"a": holding("rgb", "flow/20hz", "flow/12.5hz")}, ["flow"]).violations
+    violations = rule_on_streams({"a": holding("rgb")}, ["flow"]).violations
+    assert [violation.stream for violation in violations] == ["flow/10hz", "flow/25hz", "flow/50hz"]
+    (violation,) = rule_on_streams({"a": holding("flow/20hz")}, ["flow/12.5hz"]).violations
+    assert violation.stream == "flow/12.5hz"
+    copies = {name: replace(holding("flow/20hz"), digests={"flow/20hz": "same"}) for name in "ab"}
+    (violation,) = rule_on_distinct(copies, ["flow"]).violations
+    assert (violation.name, violation.stream) == ("b", "flow/20hz")
+
+
 def test_same_intrinsics() -> None:
     """A camera that differs, by a millionth of its focal length or in size, or is undeclared, is named."""
     longer = replace(CAMERA, K=CAMERA.K * [[1 + 1e-6], [1], [1]])

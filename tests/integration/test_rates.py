@@ -64,6 +64,14 @@ def test_any_rates_are_checked_and_clean(sequences: Sequences, name: str) -> Non
         assert f"path/{rate}.step" in measured["integrity.resolution"]
 
 
+def test_colour_is_compared_along_the_flow_between_its_frames(sequences: Sequences) -> None:
+    """Colour of 60 Hz has no frames at the ends of flow of 100 Hz: that of 30 Hz leads from frame to frame."""
+    checks = ("images.order", "images.exposure", "images.vignetting")
+    record = check_file(sequences("fast"), CheckOptions(select=checks, evidence=None)).record
+    outcomes = {result.check: result.outcome for result in record.results}
+    assert [outcomes[check] for check in checks] == ["passed"] * 3
+
+
 @pytest.mark.parametrize(
     ("name", "stream", "cause", "magnitude"),
     [
