@@ -214,8 +214,13 @@ def _tested(candidate: CauseCandidate, codes: Mapping[str, str], trial: UndoTria
     for finding in trial.cleared:
         # Deviations that only the trial has brought about count against it.
         cleared = len(trial.cleared) / (len(trial.cleared) + len(trial.caused) + len(trial.crashed))
-        prior = evidence.get(finding, Hypothesis(candidate.cause, candidate.stream, 0.0))
-        evidence[finding] = replace(prior, support=cleared)
+        prior = evidence.get(finding)
+        if prior is None:
+            # A finding that no check would explain by the cause may clear by chance: a shift undoes a delay where the
+            # image moves evenly.
+            evidence[finding] = Hypothesis(candidate.cause, candidate.stream, FITS * cleared)
+        else:
+            evidence[finding] = replace(prior, support=cleared)
     for finding, ratio in trial.left.items():
         # Another mechanism, or the same in a part of the file, may still explain what is left.
         if finding in evidence and is_conclusive(candidate, codes):

@@ -32,6 +32,11 @@ from fedora_qa.views.flow_conventions import ConventionTrial
 _EXACT: Final = 0.98
 """Removed share above which an inverse transform is preferred over a fitted error of a parameter."""
 
+_UNRELATED: Final = 0.01
+"""Share of the variance of flow that the recomputed flow leaves, from which flow and poses may be of two sequences.
+Noise of depth, a tilted camera and a raised scene leave 1e-4 and less, poses of another flight a tenth and more. The
+value is not derived."""
+
 _SAME_GAIN: Final = 0.02
 
 _NEARLY_ALL: Final = 0.9
@@ -146,9 +151,11 @@ def _of_one_rate(rate: str, features: Sequence[Feature], declared: Declared) -> 
     correction = next((feature for feature in features if isinstance(feature, FreeMotionCorrection)), None)
     poses: list[Hypothesis] = []
     if correction is not None and not is_noisy(declared.pose) and not extent.in_part:
-        # Flow of the same sequence follows the recomputed flow: only the share of its variance that does not is left.
+        # Flow of the same sequence follows the recomputed flow.
         correlation = max((fit.correlation for fit in features if isinstance(fit, FlowGainFit)), default=0.0)
-        poses = _of_the_poses(correction, extent.count, flow, local=local, unrelated_share=1.0 - correlation**2)
+        poses = _of_the_poses(
+            correction, extent.count, flow, local=local, unrelated=min((1.0 - correlation**2) / _UNRELATED, 1.0)
+        )
     any_pose = tuple(hypothesis for hypothesis in poses if hypothesis.cause == ANY_CAUSE)
     named_poses = (hypothesis for hypothesis in poses if hypothesis.cause != ANY_CAUSE)
     named = most_probable([*conventions, *parameters, *named_poses])
@@ -156,7 +163,7 @@ def _of_one_rate(rate: str, features: Sequence[Feature], declared: Declared) -> 
 
 
 def _of_the_poses(
-    correction: FreeMotionCorrection, fields_off: int, flow: str, *, local: bool, unrelated_share: float
+    correction: FreeMotionCorrection, fields_off: int, flow: str, *, local: bool, unrelated: float
 ) -> list[Hypothesis]:
     """Return the causes for which a rigid correction makes the fields agree, with ``ANY_CAUSE`` of the pose last.
 
@@ -172,7 +179,7 @@ def _of_the_poses(
                       Hypothesis("frozen_frames", "pose", support("flow_geometry.frozen_poses") * share)]  # fmt: skip
         any_pose = support("flow_geometry.any_pose")
     else:
-        other = support("flow_geometry.another_sequence") * (1.0 - noise) * share * min(unrelated_share, 1.0)
+        other = support("flow_geometry.another_sequence") * (1.0 - noise) * share * unrelated
         misdeclared = support("flow_geometry.undeclared_noise") * noise * share
         hypotheses = [Hypothesis("noise_misdeclared", "pose", misdeclared),
                       *(Hypothesis("other_sequence", stream, other) for stream in ("pose", flow))]  # fmt: skip
