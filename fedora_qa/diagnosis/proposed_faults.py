@@ -183,13 +183,11 @@ def _pixel_shift(fit: FittedCause) -> Faults:
     # Alignment measures the shift of events, or of the depth camera, against the colour frames.
     gain = -_rgb_px_per_event_px(fit.facts) if fit.stream == "rgb" else 1.0
     right, down = (round(gain * deviation(result, f"shift_{way}")) for way in ("right", "down"))
-    if right or down:
-        yield pixels.PixelShift(fit.stream, right, down)
-    # A shift larger than what the check searches saturates: the fitted size is tried too, along either axis.
     along = round(fit.size)
-    if abs(along) > _SATURATES * max(abs(right), abs(down)):
-        yield pixels.PixelShift(fit.stream, along, 0)
-        yield pixels.PixelShift(fit.stream, 0, along)
+    # A shift larger than what the check searches saturates: the fitted size is tried too, along either axis.
+    for columns, rows in dict.fromkeys(((right, down), (along, 0), (0, along))):
+        if columns or rows:
+            yield pixels.PixelShift(fit.stream, columns, rows)
 
 
 def _rgb_px_per_event_px(facts: Facts) -> float:
