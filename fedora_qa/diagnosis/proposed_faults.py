@@ -245,8 +245,8 @@ def _principal_point(fit: FittedCause) -> Faults:
 
 
 def _mounting(fit: FittedCause) -> Faults:
-    axes = ("pitch", "yaw", "roll")
-    pitch, yaw, roll = _fitted_vector(fit) or flow_vector("mounting", axes, fit.stream, fit.results)
+    names = ("pitch", "yaw", "roll")
+    pitch, yaw, roll = _fitted_vector(fit) or flow_vector("mounting", names, fit.stream, fit.results)
     about_axes = ((fit.size, 0.0, 0.0), (0.0, fit.size, 0.0), (0.0, 0.0, fit.size))
     for camera in _suspected_cameras(fit):
         for rotation_deg in ((pitch, yaw, roll),) if _has_that_size((pitch, yaw, roll), fit.size) else about_axes:
