@@ -1,43 +1,50 @@
 """The pages of the documentation on the checks, made from the docstrings of the checks.
 
-``python -m fedora_qa.cli.check_pages docs/checks`` writes one page a subject, and an index.
+``python -m fedora_qa.cli.check_pages docs/checks`` writes one page a subject, an index, and the explanations that the
+package holds.
 """
 
 import re
 import sys
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 from fedora_qa.catalogue import CHECKS
-from fedora_qa.checks.explanation import explanation
-from fedora_qa.checks.protocol import Check
+from fedora_qa.checks.explanation import PUBLISHED, Explanation, explanation, explanations_text
 from fedora_qa.cli.material_sizes import TITLE as MATERIAL_SIZES
 from fedora_qa.cli.material_sizes import material_sizes_text
 from fedora_qa.record.atomic import write_text
 
 
+def explanations() -> tuple[Explanation, ...]:
+    """Return the explanation of every check, with its material sizes as the last section."""
+    explained = [explanation(check) for check in CHECKS]
+    return tuple(
+        replace(each, sections={**each.sections, MATERIAL_SIZES: material_sizes_text(each.check)}) for each in explained
+    )
+
+
 def check_pages() -> Mapping[str, str]:
     """Return the text of every page, Markdown, by its file's name."""
-    checks_of: dict[str, list[Check[Any]]] = {}
-    for check in CHECKS:
-        checks_of.setdefault(check.name.split(".")[0], []).append(check)
+    explanations_of: dict[str, list[Explanation]] = {}
+    for each in explanations():
+        explanations_of.setdefault(each.check.split(".")[0], []).append(each)
     index = (
         "# Checks\n\nEach page holds what `fedora-qa explain` says of a subject's checks; `make docs` writes them.\n"
     )
     pages: dict[str, str] = {}
-    for subject, checks in checks_of.items():
+    for subject, explained in explanations_of.items():
         index += f"\n## [{subject}]({subject}.md)\n\n"
         page = f"# {subject}\n"
-        for check in checks:
+        for each in explained:
             # GitHub leaves dots out of the anchor of a heading.
-            anchor = check.name.replace(".", "")
-            index += f"- [`{check.name}`]({subject}.md#{anchor}): {check.question}\n"
-            answer = explanation(check)
-            page += f"\n## {check.name}\n\n**{answer.question}**\n\nNeeds: {', '.join(check.needs) or 'no stream'}.\n"
-            page += f"\n{_markdown(answer.measured)}\n"
-            sizes = "\n".join(f"- {line}" for line in material_sizes_text(check.name).splitlines())
-            for title, text in {**answer.sections, MATERIAL_SIZES: sizes}.items():
+            anchor = each.check.replace(".", "")
+            index += f"- [`{each.check}`]({subject}.md#{anchor}): {each.question}\n"
+            page += f"\n## {each.check}\n\n**{each.question}**\n\nNeeds: {', '.join(each.needs) or 'no stream'}.\n"
+            page += f"\n{_markdown(each.measured)}\n"
+            sizes = "\n".join(f"- {line}" for line in each.sections[MATERIAL_SIZES].splitlines())
+            for title, text in {**each.sections, MATERIAL_SIZES: sizes}.items():
                 page += f"\n### {title}\n\n{_markdown(text)}\n"
         pages[f"{subject}.md"] = page
     return {"README.md": index, **pages}
@@ -54,3 +61,4 @@ if __name__ == "__main__":
     folder.mkdir(parents=True, exist_ok=True)
     for name, text in check_pages().items():
         write_text(folder / name, text)
+    write_text(PUBLISHED, explanations_text(explanations()))

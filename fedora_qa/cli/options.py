@@ -7,17 +7,10 @@ from typing import Any, Final
 
 import click
 
+from fedora_qa.cli.completion import complete_check
 from fedora_qa.cli.outputs import Outputs
 
 PATH: Final = click.Path(path_type=Path)
-
-
-def complete_check(_context: click.Context, _parameter: click.Parameter, incomplete: str) -> list[str]:
-    """Return the subjects and checks that begin with what was typed, for the completion of shells."""
-    from fedora_qa.catalogue import CHECKS  # noqa: PLC0415 - loads every check
-
-    names = dict.fromkeys(name for check in CHECKS for name in (check.name.split(".")[0], check.name))
-    return [name for name in names if name.startswith(incomplete)]
 
 
 select_option: Final = click.option(

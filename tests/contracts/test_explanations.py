@@ -6,9 +6,9 @@ from typing import Any
 import pytest
 
 from fedora_qa.catalogue import CHECKS
-from fedora_qa.checks.explanation import SECTIONS, explanation
+from fedora_qa.checks.explanation import PUBLISHED, SECTIONS, explanation, explanations_text, published_explanations
 from fedora_qa.checks.protocol import Check
-from fedora_qa.cli.check_pages import check_pages
+from fedora_qa.cli.check_pages import check_pages, explanations
 
 PAGES = Path(__file__).parents[2] / "docs" / "checks"
 
@@ -53,3 +53,9 @@ def test_the_documentation_is_the_same_text(name: str) -> None:
 def test_no_page_is_left_over() -> None:
     """A subject that is gone takes its page with it."""
     assert {path.name for path in PAGES.iterdir()} == set(check_pages())
+
+
+def test_the_package_holds_the_same_text() -> None:
+    """``explain`` reads what the checks state of themselves."""
+    assert PUBLISHED.read_text(encoding="utf-8") == explanations_text(explanations()), "run `make docs`"
+    assert published_explanations() == explanations()
