@@ -30,11 +30,12 @@ PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
 READY := $(VENV)/.ready
+READY_TO_USE := $(VENV)/.ready-to-use
 OUT ?= out
 
 .PHONY: demo test lint compiled-generator compiled-checks docs fuzz lock same-results test-lowest test-newest audit sbom wheel study-causes study-false-alarms study-foreign study-named-foreign study-blind-spots study-mesh study-presets study-trade mutation bench bench-costs bench-files bench-flow bench-imu bench-readings clean
 
-demo: $(READY)
+demo: $(READY_TO_USE)
 	@mkdir -p $(OUT)
 	$(BIN)/fedora-generate sequence park-day -o $(OUT)/park-day.h5 --duration 2 --size 720x540 --force
 	$(BIN)/fedora-qa check $(OUT)/park-day.h5 --json $(OUT)/park-day.json --markdown $(OUT)/park-day.md \
@@ -189,13 +190,17 @@ lint: $(READY)
 	$(BIN)/mypy
 	$(BIN)/lint-imports
 
+# $(READY_TO_USE) holds what users install, $(READY) what tests need besides.
+$(READY_TO_USE): EXTRAS := reports,generator
+$(READY): EXTRAS := dev
+
 # uv takes a third of the time of pip, which knows indices that are set for pip alone.
-$(READY): pyproject.toml
+$(READY_TO_USE) $(READY): pyproject.toml
 	$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11) and "Expected Python 3.11 or newer, got " + sys.version)'
 	test -x $(BIN)/python || $(PYTHON) -m venv $(VENV)
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check uv
-	$(BIN)/uv pip install --quiet --python $(BIN)/python --editable '.[dev]' || \
-	  $(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[dev]'
+	$(BIN)/uv pip install --quiet --python $(BIN)/python --editable '.[$(EXTRAS)]' || \
+	  $(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[$(EXTRAS)]'
 	touch $@
 
 clean:
