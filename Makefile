@@ -93,7 +93,7 @@ power: $(READY)
 	$(BIN)/fedora-generate corpus -o $(OUT)/power-full-size $(POWER_FULL_SIZE)
 	$(BIN)/fedora-qa power $(OUT)/power-corpus $(OUT)/power-late $(OUT)/power-full-size --jobs $(JOBS) \
 	  --json $(OUT)/power.json --html $(OUT)/power.html --markdown docs/power-tables.md --svg docs/power-tables.svg \
-	  --publish fedora_qa/power/published.json
+	  --publish fedora_qa/power/published.json --publish-confidence fedora_qa/diagnosis/confidence.json
 
 study-false-alarms: $(READY)
 	OMP_NUM_THREADS=1 NUMBA_NUM_THREADS=1 $(BIN)/python -m tests.benchmarks.false_alarms.study --fresh

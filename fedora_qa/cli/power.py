@@ -18,6 +18,7 @@ from fedora_qa.cli.progress import progress_bar
 from fedora_qa.errors import MisuseError
 from fedora_qa.power.detection_power import detection_power_of, write_detection_power
 from fedora_qa.power.manifest import MANIFEST, read_manifest, require_files, require_other_names
+from fedora_qa.power.published_confidence import write_confidence
 from fedora_qa.power.study import State, Trial, measured_with, run_study, state_folder
 from fedora_qa.power.tables import Origin, power_of
 from fedora_qa.record.atomic import write_text
@@ -40,6 +41,9 @@ from fedora_qa.record.power_types import POWER
 @click.option("--markdown", "markdown_path", type=PATH, metavar="OUT", help="Write the tables.")
 @click.option("--svg", "svg_path", type=PATH, metavar="OUT", help="Draw the curves, for documents.")
 @click.option("--publish", type=PATH, metavar="OUT", help="Write the detection power of each check, for the package.")
+@click.option(
+    "--publish-confidence", type=PATH, metavar="OUT", help="Write how often diagnoses are right, for the package."
+)
 def power(
     corpora: tuple[Path, ...],
     config: Path | None,
@@ -50,6 +54,7 @@ def power(
     markdown_path: Path | None,
     svg_path: Path | None,
     publish: Path | None,
+    publish_confidence: Path | None,
     **overrides: Any,
 ) -> int:
     """Check every file of each CORPUS, whose manifest.json lists the planted faults, and tabulate what was found.
@@ -62,7 +67,9 @@ def power(
     options = replace(check_options(settings), evidence=None)
     manifests = {corpus: read_manifest(corpus) for corpus in corpora}
     require_other_names(manifests)
-    outputs = Outputs(json=json_path, html=html_path, markdown=markdown_path, own=(svg_path, publish))
+    outputs = Outputs(
+        json=json_path, html=html_path, markdown=markdown_path, own=(svg_path, publish, publish_confidence)
+    )
     outputs.require_writable([corpus / MANIFEST for corpus in corpora])
     if svg_path:
         require_renderer()
@@ -90,6 +97,8 @@ def power(
         write_text(json_path, POWER.to_json(measured_power))
     if publish:
         write_detection_power(detection_power_of(measured_power), publish)
+    if publish_confidence:
+        write_confidence(measured_power, publish_confidence)
     if markdown_path:
         # A relative link works only where the drawing lies beside the page.
         drawing = svg_path.name if svg_path and svg_path.parent.resolve() == markdown_path.parent.resolve() else ""

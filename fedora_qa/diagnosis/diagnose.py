@@ -24,6 +24,7 @@ from fedora_qa.diagnosis.conclusion import (
     is_excluded,
     status_of,
 )
+from fedora_qa.diagnosis.confidence import confidence_of
 from fedora_qa.diagnosis.direct import is_direct
 from fedora_qa.diagnosis.hypothesis import Hypothesis
 from fedora_qa.diagnosis.measured_sizes import Results
@@ -151,8 +152,7 @@ def choose_causes(
                 magnitude=magnitude,
                 unit=size.unit or CAUSES[best.cause].unit,
                 standard_error=size.standard_error,
-                # No whole study has measured how often a status is right.
-                confidence=0.0,
+                confidence=confidence_of(status, best.cause),
                 where=where[best.sized_by],
                 remedy=CAUSES[best.cause].remedy,
                 explains=tuple(own),

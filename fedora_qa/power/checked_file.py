@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from math import inf
 
 from fedora_qa.judgement.materiality import Materiality
-from fedora_qa.record.types import FileRecord, Measurement, Result, Side
+from fedora_qa.record.types import DiagnosisStatus, FileRecord, Measurement, Result, Side
 
 
 @dataclass(frozen=True, slots=True)
@@ -39,6 +39,7 @@ class NamedCause:
     magnitude: float | None
     unit: str
     standard_error: float | None
+    status: DiagnosisStatus = "suggested"
 
 
 @dataclass(frozen=True, slots=True)
@@ -102,7 +103,11 @@ def checked_from(file: FileRecord) -> CheckedFile:
         measurements=measurements,
         diagnoses=tuple(
             NamedCause(
-                f"{diagnosis.stream}:{diagnosis.cause}", diagnosis.magnitude, diagnosis.unit, diagnosis.standard_error
+                f"{diagnosis.stream}:{diagnosis.cause}",
+                diagnosis.magnitude,
+                diagnosis.unit,
+                diagnosis.standard_error,
+                diagnosis.status,
             )
             for diagnosis in file.diagnoses
         ),

@@ -6,7 +6,8 @@ from typing import get_args
 
 from fedora_qa.power.binomial import share_of
 from fedora_qa.power.study import Trial
-from fedora_qa.record.power_types import NO_CAUSE, NOT_FOUND, Confusion, Kind, Naming
+from fedora_qa.record.power_types import NO_CAUSE, NOT_FOUND, Confusion, Kind, Naming, StatusAccuracy
+from fedora_qa.record.types import DiagnosisStatus
 
 
 def naming(trials: Sequence[Trial]) -> tuple[Naming, ...]:
@@ -41,6 +42,27 @@ def confusions(trials: Sequence[Trial]) -> tuple[Confusion, ...]:
         counts = Counter((planted_name(trial), first_named(trial)) for trial in _planted(trials, kind))
         confused += [Confusion(kind, planted, named, count) for (planted, named), count in counts.items()]
     return tuple(confused)
+
+
+def accuracy_by_status(trials: Sequence[Trial]) -> tuple[StatusAccuracy, ...]:
+    """Return how many diagnoses of each status are right, over all causes and by cause; what names none is left out.
+
+    Every diagnosis counts, not the first alone, and those of clean files, which are wrong.
+    """
+    right, of = Counter[tuple[DiagnosisStatus, str]](), Counter[tuple[DiagnosisStatus, str]]()
+    for trial in trials:
+        planted = {fault.name for fault in trial.item.planted}
+        for named in trial.checked.diagnoses:
+            for cause in ("", named.name.rpartition(":")[2]):
+                of[named.status, cause] += 1
+                right[named.status, cause] += named.name in planted
+    return tuple(
+        StatusAccuracy(status, cause, share_of(right[status, cause], count))
+        for status in get_args(DiagnosisStatus)
+        if status != "unidentified"
+        for (counted, cause), count in sorted(of.items())
+        if counted == status
+    )
 
 
 def planted_name(trial: Trial) -> str:

@@ -11,7 +11,7 @@ from fedora_qa.estimators.fitting.robust import MAD_TO_SIGMA
 from fedora_qa.power.binomial import share_of
 from fedora_qa.power.detection import by_cause, detections, false_alarms
 from fedora_qa.power.detection_power import estimators_digest
-from fedora_qa.power.naming import confusions, is_named_first, naming
+from fedora_qa.power.naming import accuracy_by_status, confusions, is_named_first, naming
 from fedora_qa.power.stated_limits import stated_limits
 from fedora_qa.power.study import Trial
 from fedora_qa.power.units import factor_between
@@ -68,6 +68,7 @@ def power_of(trials: Sequence[Trial], origin: Origin) -> Power:
         magnitudes=magnitude_errors(informative),
         stated=tuple(row for true, _ in stated for row in true),
         not_comparable=tuple(row for _, other in stated for row in other),
+        statuses=accuracy_by_status(informative),
     )
 
 

@@ -71,6 +71,13 @@ def tables_of(power: Power) -> tuple[PowerTable, ...]:
     ]  # fmt: skip
     kinds = PowerTable("Faults found and named", head, tuple(rows))
 
+    rows = [
+        (row.status, share_words(row.right), interval_words(row.right))
+        for row in power.statuses
+        if not row.cause  # each cause is in the JSON
+    ]
+    statuses = PowerTable("Diagnoses that name a planted cause", ("status", "right", "95% interval"), tuple(rows))
+
     # Of several planted causes any is right in the first place; what was not found is a miss, not a wrong name.
     wrong = [
         confusion for confusion in power.confusions if confusion.named not in {NOT_FOUND, *confusion.planted.split("+")}
@@ -96,7 +103,7 @@ def tables_of(power: Power) -> tuple[PowerTable, ...]:
     title = "Fitted sizes against planted ones, where the cause is named first"
     sizes = PowerTable(title, head_of_sizes, tuple(rows))
 
-    tables = (alarms, kinds, _detections(power), confusions, sizes, _limits(power))
+    tables = (alarms, kinds, statuses, _detections(power), confusions, sizes, _limits(power))
     return tuple(candidate for candidate in tables if candidate.rows)
 
 

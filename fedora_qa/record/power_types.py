@@ -11,7 +11,7 @@ from typing import Final, Literal
 from pydantic import TypeAdapter
 
 from fedora_qa.record.documents import DocumentKind
-from fedora_qa.record.types import Tool
+from fedora_qa.record.types import DiagnosisStatus, Tool
 
 POWER_VERSION: Final = "1.0"
 
@@ -137,6 +137,18 @@ class Naming:
 
 
 @dataclass(frozen=True, slots=True)
+class StatusAccuracy:
+    """Of the diagnoses of one status, in faulty and clean files, how many name a cause that was planted.
+
+    ``cause`` is its identifier, empty where all causes of the status count together.
+    """
+
+    status: DiagnosisStatus
+    cause: str
+    right: Share
+
+
+@dataclass(frozen=True, slots=True)
 class Confusion:
     """How often ``planted`` was called ``named``, several planted causes with a plus between."""
 
@@ -208,7 +220,7 @@ class Power:
 
     ``estimators_digest`` identifies the code that was measured. ``crashed`` lists files in which a check did.
     ``set_aside`` counts faulty copies of clean files that failed themselves: what fails there may be the false alarm,
-    so that they count in no table.
+    so that they count in no table. ``statuses`` is empty in records made before it was counted.
     """
 
     power_version: str
@@ -230,6 +242,7 @@ class Power:
     magnitudes: tuple[MagnitudeError, ...]
     stated: tuple[StatedLimit, ...]
     not_comparable: tuple[NotComparable, ...]
+    statuses: tuple[StatusAccuracy, ...] = ()
 
 
 POWER: Final = DocumentKind(

@@ -147,7 +147,8 @@ class Diagnosis:
     cause fits and was not tested. ``unidentified``: no known cause fits.
 
     ``tried`` describes the faults that were undone, the first that of the cause; ``cleared`` names the findings that
-    are within their limits with it undone, measured again in ``windows`` windows.
+    are within their limits with it undone, measured again in ``windows`` windows. ``confidence`` is the measured
+    frequency, 0 to 1, with which diagnoses of that status and cause are right; 0 where none was measured.
     """
 
     id: str

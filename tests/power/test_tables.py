@@ -6,10 +6,10 @@ from dataclasses import replace
 
 import pytest
 
-from fedora_qa.power.checked_file import checked_from
+from fedora_qa.power.checked_file import NamedCause, checked_from
 from fedora_qa.power.detection import by_cause, curve_of, detections, false_alarms
 from fedora_qa.power.manifest import PlantedFault
-from fedora_qa.power.naming import confusions, naming
+from fedora_qa.power.naming import accuracy_by_status, confusions, naming
 from fedora_qa.power.stated_limits import stated_limits
 from fedora_qa.power.study import Trial
 from fedora_qa.power.tables import magnitude_errors, power_of
@@ -116,6 +116,23 @@ def test_faults_of_a_part_have_no_part_in_the_curve() -> None:
     two = (replace(half, start_s=None), PlantedFault("gyro_bias", "imu", 1.0, "rad/s"))
     assert by_cause([faulty(1, half), faulty(2, *two)]) == ()
     assert [one.kind for one in naming([faulty(1, half), faulty(2, *two)])] == ["local", "composite"]
+
+
+def test_diagnoses_are_counted_by_status() -> None:
+    """Of three confirmed diagnoses two name what was planted, in one stream of it; a clean file has no right one."""
+    offset = PlantedFault("time_offset", "events", 2.0, "ms")
+    right, of_rgb = (NamedCause(f"{stream}:time_offset", 2.0, "ms", 0.1, "confirmed") for stream in ("events", "rgb"))
+    guess = NamedCause("metadata:missing_attribute", None, "", None, "suggested")
+    trials = [faulty(1, offset, diagnoses=[right, guess]), faulty(2, offset, diagnoses=[right])]
+    wrong = clean("3.h5")
+    trials.append(replace(wrong, checked=replace(wrong.checked, diagnoses=(of_rgb,))))
+    counts = {(row.status, row.cause): (row.right.count, row.right.of) for row in accuracy_by_status(trials)}
+    assert counts == {
+        ("confirmed", ""): (2, 3),
+        ("confirmed", "time_offset"): (2, 3),
+        ("suggested", ""): (0, 1),
+        ("suggested", "missing_attribute"): (0, 1),
+    }
 
 
 def test_false_alarms_by_check() -> None:
