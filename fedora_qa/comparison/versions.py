@@ -1,7 +1,7 @@
 """Two versions of a file: new, gone and changed findings, and measured values and statistics that moved."""
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import erfc, hypot, isfinite, sqrt
 from typing import Final
 
@@ -84,9 +84,10 @@ def _findings(record: FileRecord) -> dict[Key, Finding]:
     numbered: dict[Key, Finding] = {}
     for result in record.results:
         for finding in result.findings:
-            # Paired by order within a rule and stream: messages hold measured values and identify nothing.
-            same = sum(key[:3] == (result.check, finding.code, finding.where.stream or "") for key in numbered)
-            numbered[result.check, finding.code, finding.where.stream or "", same] = finding
+            for where in finding.all_places:
+                # Paired by order within a rule and stream: messages hold measured values and identify nothing.
+                kind = result.check, finding.code, where.stream or ""
+                numbered[*kind, sum(key[:3] == kind for key in numbered)] = replace(finding, where=where, places=())
     return numbered
 
 

@@ -25,6 +25,7 @@ from fedora_qa.evidence.worst_locations import images_of, keep_worst_locations
 from fedora_qa.faults.reversible import ReversibleFault
 from fedora_qa.judgement.judge import Alarm, judge
 from fedora_qa.judgement.materiality import materiality_of
+from fedora_qa.judgement.places import join_places
 from fedora_qa.judgement.verdict import comparisons_of, crossing_streams, verdict_of
 from fedora_qa.record.evidence import named
 from fedora_qa.record.types import Canary, Diagnosis, FileRecord, Finding
@@ -69,6 +70,8 @@ def assemble(
     with watch.stage("diagnosis"):
         # Within a budget a file is judged several times, and every second belongs to its windows.
         diagnoses, faults = diagnose(alarms, asked, plain, progress, with_trials=options.budget_s is None)
+        judged, diagnoses = join_places(judged, diagnoses)
+        alarms = [alarm for result in judged for alarm in result.alarms]
     with watch.stage("statistics"):
         collector = file.statistics
         tables = attempt(states, collector.name, lambda: collector.conclude(states.states[collector.name], facts))

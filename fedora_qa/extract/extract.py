@@ -112,7 +112,7 @@ def extract(
                     for finding in result.findings
                     if result.check == wanted.check
                     and finding.code == wanted.finding.code
-                    and finding.where.stream == wanted.finding.where.stream
+                    and wanted.finding.where.stream in {where.stream for where in finding.all_places}
                 )
                 extracted = Extraction(kept, left_out, next(same, None))
                 # A piece that holds all rows cannot grow.

@@ -37,11 +37,12 @@ def baseline_of(record: Record) -> Baseline:
     """
     named = tuple(named_files(record))
     keys = [
-        _key(name, result, finding)
+        key
         for name, file in named
         for result in file.results
         for finding in result.findings
         if finding.severity in _KNOWN_SEVERITIES
+        for key in _keys(name, result, finding)
     ]
     results = {(name, result.check): result for name, file in named for result in file.results}
     return Baseline(Counter(keys), results)
@@ -72,8 +73,9 @@ def accept_known(name: str, file: FileRecord, baseline: Baseline, false_alarm_ra
     left = Counter(baseline.counts)
 
     def mark(result: Result, finding: Finding) -> Finding:
-        key = _key(name, result, finding)
-        if finding.severity not in GRAVE or not left[key]:
+        keys = Counter(_keys(name, result, finding))
+        # A finding is known where it is known at all its places.
+        if finding.severity not in GRAVE or not keys <= left:
             return finding
         # Whether any value lies farther out than before, beyond the errors of both. The difference of two correct
         # deviations is normal with the variances of both. The check's measurements share the rate (Bonferroni).
@@ -88,15 +90,16 @@ def accept_known(name: str, file: FileRecord, baseline: Baseline, false_alarm_ra
         if grown_worse:
             return replace(finding, message=f"{finding.message} Worse than in the baseline.")
         # One known finding accepts one: a second of its kind is new.
-        left[key] -= 1
+        left.subtract(keys)
         return replace(finding, severity="warning", message=f"{finding.message} Known from the baseline.")
 
     return mark_findings(file, mark)
 
 
-def _key(name: str, result: Result, finding: Finding) -> Key:
+def _keys(name: str, result: Result, finding: Finding) -> tuple[Key, ...]:
+    """Return a key for each place of a finding."""
     message = finding.message.removesuffix(" Known from the baseline.") if result.check.startswith("release.") else ""
-    return name, result.check, finding.code, finding.where.stream, message
+    return tuple((name, result.check, finding.code, where.stream, message) for where in finding.all_places)
 
 
 def _farther_out(now: Measurement, before: Measurement, sigmas: float) -> bool:

@@ -109,7 +109,11 @@ class Waived:
 
 @dataclass(frozen=True, slots=True)
 class Finding:
-    """A rule that was broken: which, how badly, and where; ``waived`` where a gate's policy accepts it."""
+    """A rule that was broken: which, how badly, and where; ``waived`` where a gate's policy accepts it.
+
+    ``where`` is the place of the largest deviation. The same rule may be broken at further ``places``, in other rates
+    or parts of the stream, for the same cause.
+    """
 
     id: str
     code: str
@@ -117,6 +121,12 @@ class Finding:
     message: str
     where: Where
     waived: Waived | None = None
+    places: tuple[Where, ...] = ()
+
+    @property
+    def all_places(self) -> tuple[Where, ...]:
+        """Every place, that of the largest deviation first."""
+        return (self.where, *self.places)
 
 
 @dataclass(frozen=True, slots=True)

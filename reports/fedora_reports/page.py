@@ -1,7 +1,7 @@
 """The page of a report as values: the template shows them and computes nothing."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 from numpy.typing import NDArray
@@ -118,7 +118,12 @@ def _section(
     record: Record, place: int, arrays: Mapping[str, NDArray[Any]], detection_power: PassDetectionPower
 ) -> FileSection:
     file, anchors, evidence = record.files[place], Anchors(place), evidence_of(record, place, arrays)
-    findings = [AnchoredFinding(finding, anchors.finding(k)) for k, (_, finding) in enumerate(findings_of(file))]
+    # A finding has a mark at each of its places.
+    findings = [
+        AnchoredFinding(replace(finding, where=where), anchors.finding(k))
+        for k, (_, finding) in enumerate(findings_of(file))
+        for where in finding.all_places
+    ]
     links = [Link(located.anchor, located.finding.id) for located in findings]
     pictures = pictures_of(evidence, (located.finding.id for located in findings), anchors)
     snapshots = pictures.strip.rows if pictures.strip else ()

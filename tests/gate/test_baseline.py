@@ -6,7 +6,7 @@ import pytest
 
 from fedora_qa.errors import MisuseError
 from fedora_qa.gate.baseline import accept_known, baseline_of
-from fedora_qa.record.types import FileRecord, Measurement, Record, Result
+from fedora_qa.record.types import FileRecord, Measurement, Record, Result, Where
 from tests.support.records import failed, file_record, passed, record
 
 RATE = 1e-4
@@ -50,6 +50,16 @@ def test_what_has_grown_worse_is_not_known(value: float | None, outcome: str) ->
     result = accepted(offset_of(value), offset_of(2.0))
     assert result.outcome == outcome
     assert result.findings[0].message.endswith("Known from the baseline." if outcome == "warned" else "the baseline.")
+
+
+@pytest.mark.parametrize(("known", "outcome"), [(("flow/10hz", "flow/25hz"), "warned"), (("flow/10hz",), "failed")])
+def test_a_finding_is_known_at_all_its_places_or_not_at_all(known: tuple[str, ...], outcome: str) -> None:
+    """A baseline of an earlier version has a finding for each rate; one with several places needs all of them."""
+    first = failed().findings[0]
+    apart = [replace(first, id=f"F{i}", where=Where(stream=stream)) for i, stream in enumerate(known)]
+    joined = replace(first, where=Where(stream="flow/25hz"), places=(Where(stream="flow/10hz"),))
+    result = accepted(replace(failed(), findings=(joined,)), replace(failed(), findings=tuple(apart)))
+    assert result.outcome == outcome
 
 
 def test_one_more_of_a_kind_is_new() -> None:
