@@ -274,6 +274,7 @@ def _camera_error_px(
             columns,
             lines,
             depth_m,
+            each.lens,
         )
         for each in (wrong, camera)
     )

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from fedora_qa.estimators.images.transfer import WHITE_DN, to_code, to_linear
 from fedora_qa.faults.fault import Fault, values
 from fedora_qa.faults.reversible import InapplicableError, RowRange, in_rows, streams_in, value_keys
+from fedora_qa.geometry.lens import rays_of_pixels, undistorted
 from fedora_qa.sequence.declared import Camera
 from fedora_qa.sequence.facts import Facts
 from fedora_qa.sequence.sequence import SequenceRows
@@ -169,15 +170,16 @@ class Vignetting:
         return self._shaded(facts, f"rgb divided by a fall-off of {self.corner_loss_percent:.3g}%", power=-1)
 
     def _shaded(self, facts: Facts, description: str, power: int) -> Fault:
-        K, transfer = _camera(facts, "rgb").K, facts.declared.transfer
+        camera, transfer = _camera(facts, "rgb"), facts.declared.transfer
         corner_gain = 1 - self.corner_loss_percent / 100
         if corner_gain <= 0:
             raise InapplicableError(f"Expected a loss below 100%, got {self.corner_loss_percent:g}%")
         linear_dn = to_linear(_CODES, transfer)
 
         def alter(frames: NDArray[Any]) -> NDArray[Any]:
-            y, x = np.indices(frames.shape[1:3], dtype=np.float64)
-            squares = ((x - K[0, 2]) / K[0, 0]) ** 2 + ((y - K[1, 2]) / K[1, 1]) ** 2
+            rows, columns = (np.asarray(places) for places in np.indices(frames.shape[1:3], dtype=np.float64))
+            x, y = rays_of_pixels(camera.K, camera.lens, columns, rows)
+            squares = x**2 + y**2
             gains = corner_gain ** (power * squares / squares.max())
             shaded_dn = linear_dn[np.clip(frames, 0, int(WHITE_DN))] * gains[..., np.newaxis]
             return np.rint(to_code(shaded_dn, transfer))
@@ -212,10 +214,11 @@ class RayLength:
     def _scaled(self, facts: Facts, description: str, exponent: float) -> Fault:
         streams_in(facts, self.stream)
         camera = _camera(facts, "depth")
-        x, y = np.meshgrid(np.arange(camera.width), np.arange(camera.height))
-        pixels = np.stack([x, y, np.ones_like(x)], axis=-1)
-        # Ray length / z-depth = |m| = |K^-1 (x, y, 1)|, with integer coordinates at pixel centres.
-        factors = np.linalg.norm(pixels @ np.linalg.inv(camera.K).T, axis=-1) ** exponent
+        columns, rows = np.meshgrid(np.arange(camera.width), np.arange(camera.height))
+        rays = np.stack([columns, rows, np.ones_like(columns)], axis=-1) @ np.linalg.inv(camera.K).T
+        rays[..., 0], rays[..., 1] = undistorted(camera.lens, rays[..., 0], rays[..., 1])
+        # Ray length / z-depth = |m| with the ray m, of z = 1, and integer coordinates at pixel centres.
+        factors = np.linalg.norm(rays, axis=-1) ** exponent
         return Fault(description, {_DEPTH: in_rows(lambda depth: depth * factors, None)})
 
 

@@ -16,7 +16,7 @@ from fedora_qa.gate.release import FOLDER, Release, inside
 from fedora_qa.gate.release_result import ReleaseResult, Violation
 from fedora_qa.record.types import FileRecord
 from fedora_qa.record.wording import number
-from fedora_qa.sequence.declared import Camera
+from fedora_qa.sequence.declared import Camera, Lens
 from fedora_qa.storage.digest import whole_digest
 from fedora_qa.storage.folder import list_files
 
@@ -114,6 +114,7 @@ def rule_on_intrinsics(contents_by_name: ContentsByName, cameras: Iterable[str])
             first = reference[1]
             same_sensor = (camera.width, camera.height, camera.model) == (first.width, first.height, first.model)
             # To nine digits: what is declared may have passed through text.
+            same_sensor = same_sensor and _same_lens(camera.lens, first.lens)
             if not same_sensor or not np.allclose(camera.K, first.K, rtol=1e-9, atol=0.0):
                 message = (
                     f"Expected the intrinsics of the camera {name} in {reference[0]} ({_intrinsics_text(first)}), "
@@ -295,4 +296,20 @@ def _intrinsics_text(camera: Camera) -> str:
     return (
         f"{camera.model} {camera.width}x{camera.height}, f {focal[0]:.9g}, {focal[1]:.9g}, "
         f"c {centre[0]:.9g}, {centre[1]:.9g} px"
+        + (
+            f", {camera.lens.model} {', '.join(f'{each:.9g}' for each in camera.lens.coefficients)}"
+            if camera.lens
+            else ""
+        )
+    )
+
+
+def _same_lens(lens: Lens | None, other: Lens | None) -> bool:
+    """Whether two lenses distort alike, to nine digits."""
+    if lens is None or other is None:
+        return lens is other
+    return (
+        lens.model == other.model
+        and len(lens.coefficients) == len(other.coefficients)
+        and np.allclose(lens.coefficients, other.coefficients, rtol=1e-9, atol=0.0)
     )

@@ -1,7 +1,8 @@
 """Optical flow of a rigid scene from depth and the camera's motion, its derivative, and its rounding.
 
 The definition is that of format.md: the flow is given on the pixels of the depth image at the start of the interval.
-With ``X1 = R X0 + t`` it is finite wherever X1 lies in front of the camera.
+With ``X1 = R X0 + t`` it is finite wherever X1 lies in front of the camera, and with a distorted lens wherever that
+images both ends. Functions take the lens of the camera; None is a pinhole.
 """
 
 from typing import Final
@@ -10,7 +11,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fedora_qa.geometry.camera import RigidMotion
+from fedora_qa.geometry.lens import distortion_slopes, pixels_of_rays, rays_of_pixels
 from fedora_qa.geometry.so3 import cross_matrices
+from fedora_qa.sequence.declared import Lens
 from fedora_qa.sequence.stored_step import SINGLE_ROUNDOFF, StoredStep
 
 Float64 = NDArray[np.float64]
@@ -26,7 +29,7 @@ _FLOAT32: Final = StoredStep(0.0, SINGLE_ROUNDOFF)
 
 
 def moved_points(
-    K: Float64, motion: RigidMotion, columns: Float64, rows: Float64, depths_m: Float64
+    K: Float64, motion: RigidMotion, columns: Float64, rows: Float64, depths_m: Float64, lens: Lens | None = None
 ) -> tuple[Float64, Float64, Float64]:
     """Return the points of pixels in the second camera frame.
 
@@ -38,15 +41,17 @@ def moved_points(
         Of points, from the first to the second camera frame.
     columns, rows, depths_m
         Pixels, px, and their z-depths in the first frame, m; these arrays broadcast against each other.
+    lens
+        Of the camera.
 
     Returns
     -------
     X1, Y1, Z1
-        Coordinates in the second camera frame (X right, Y down, Z forward), m; NaN where depth is NaN.
+        Coordinates in the second camera frame (X right, Y down, Z forward), m; NaN where depth is NaN, or where the
+        lens images no ray.
     """
-    # The ray K^-1 (column, row, 1), K with skew K01; then X1 = Z0 R ray + t.
-    y = (rows - K[1, 2]) / K[1, 1]
-    x = (columns - K[0, 2] - K[0, 1] * y) / K[0, 0]
+    # X1 = Z0 R ray + t.
+    x, y = rays_of_pixels(K, lens, columns, rows)
     R, t = motion.R, motion.t_m
     return (
         depths_m * (R[0, 0] * x + (R[0, 1] * y + R[0, 2])) + t[0],
@@ -55,7 +60,9 @@ def moved_points(
     )
 
 
-def rigid_flow(K: Float64, motion: RigidMotion, columns: Float64, rows: Float64, depths_m: Float64) -> Float64:
+def rigid_flow(
+    K: Float64, motion: RigidMotion, columns: Float64, rows: Float64, depths_m: Float64, lens: Lens | None = None
+) -> Float64:
     """Return the flow (..., 2) of static points, px, u right and v down.
 
     Parameters
@@ -66,24 +73,28 @@ def rigid_flow(K: Float64, motion: RigidMotion, columns: Float64, rows: Float64,
         Of points, from the first to the second camera frame.
     columns, rows, depths_m
         Pixels, px, and their z-depths in the first frame, m; these arrays broadcast against each other.
+    lens
+        Of the camera.
 
     Returns
     -------
     ndarray of float64
-        (..., 2) px. NaN where depth is NaN or the point lies behind the camera. Not finite where the point lies so
-        close to the plane Z = 0 of the camera that float64 overflows.
+        (..., 2) px. NaN where depth is NaN, the point lies behind the camera, or the lens does not image an end. Not
+        finite where the point lies so close to the plane Z = 0 of the camera that float64 overflows.
     """
-    X1, Y1, Z1 = moved_points(K, motion, columns, rows, depths_m)
+    X1, Y1, Z1 = moved_points(K, motion, columns, rows, depths_m, lens)
     with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
-        # u = (fx X1 + s Y1) / Z1 + cx - column, v = fy Y1 / Z1 + cy - row.
+        # u = (fx X1 + s Y1) / Z1 + cx - column, v = fy Y1 / Z1 + cy - row, and through the lens where there is any.
         inverse = np.where(Z1 > 0, 1.0 / Z1, np.nan)
-        x1, y1 = X1 * inverse, Y1 * inverse
-        u = K[0, 0] * x1 + K[0, 1] * y1 + K[0, 2] - columns
-        v = K[1, 1] * y1 + K[1, 2] - rows
+        columns1, rows1 = pixels_of_rays(K, lens, X1 * inverse, Y1 * inverse)
+        u = columns1 - columns
+        v = rows1 - rows
     return np.stack((u, v), axis=-1)
 
 
-def depths_by_flow(K: Float64, motion: RigidMotion, columns: Float64, rows: Float64, flow_px: Float64) -> Float64:
+def depths_by_flow(
+    K: Float64, motion: RigidMotion, columns: Float64, rows: Float64, flow_px: Float64, lens: Lens | None = None
+) -> Float64:
     """Return the z-depths (n,) in m whose rigid flow comes nearest to ``flow_px`` (n, 2).
 
     The second position of a pixel lies on its epipolar line, ``x1 (Z r_z + t_z) = Z r_xy + t_xy`` with the rotated ray
@@ -99,6 +110,8 @@ def depths_by_flow(K: Float64, motion: RigidMotion, columns: Float64, rows: Floa
         (n,) pixels of the first frame, px.
     flow_px
         (n, 2) u right, v down.
+    lens
+        Of the camera.
 
     Returns
     -------
@@ -107,9 +120,9 @@ def depths_by_flow(K: Float64, motion: RigidMotion, columns: Float64, rows: Floa
         on the depth, as without translation.
     """
     ones = np.ones_like(columns)
-    rays = np.stack(moved_points(K, RigidMotion(motion.R, np.zeros(3)), columns, rows, ones), axis=-1)
+    rays = np.stack(moved_points(K, RigidMotion(motion.R, np.zeros(3)), columns, rows, ones, lens), axis=-1)
     x1, y1, _ = moved_points(
-        K, RigidMotion(np.eye(3), np.zeros(3)), columns + flow_px[:, 0], rows + flow_px[:, 1], ones
+        K, RigidMotion(np.eye(3), np.zeros(3)), columns + flow_px[:, 0], rows + flow_px[:, 1], ones, lens
     )
     end = np.stack((x1, y1), axis=-1)
     # (t_xy - x1 t_z) / Z = x1 r_z - r_xy: two equations in 1/Z.
@@ -119,7 +132,7 @@ def depths_by_flow(K: Float64, motion: RigidMotion, columns: Float64, rows: Floa
     return depths_m
 
 
-def twist_jacobian(K: Float64, points1_m: Float64) -> Float64:
+def twist_jacobian(K: Float64, points1_m: Float64, lens: Lens | None = None) -> Float64:
     """Return the derivative of the flow by a twist that follows the motion.
 
     Parameters
@@ -128,6 +141,8 @@ def twist_jacobian(K: Float64, points1_m: Float64) -> Float64:
         (3, 3) intrinsics, px.
     points1_m
         (n, 3) points X1 in the second camera frame, m, in front of the camera.
+    lens
+        Of the camera.
 
     Returns
     -------
@@ -141,6 +156,14 @@ def twist_jacobian(K: Float64, points1_m: Float64) -> Float64:
     by_point[:, 1, 1] = K[1, 1] / Z1
     by_point[:, 0, 2] = -(K[0, 0] * X1 + K[0, 1] * Y1) / Z1**2
     by_point[:, 1, 2] = -K[1, 1] * Y1 / Z1**2
+    if lens is not None:
+        # By the chain rule: K (2 x 2), the derivative of the distortion, and that of the slopes X / Z and Y / Z.
+        x1, y1 = X1 / Z1, Y1 / Z1
+        by_slopes = K[:2, :2] @ distortion_slopes(lens, x1, y1)
+        slopes_by_point = np.zeros((len(Z1), 2, 3))
+        slopes_by_point[:, 0, 0] = slopes_by_point[:, 1, 1] = 1.0 / Z1
+        slopes_by_point[:, 0, 2], slopes_by_point[:, 1, 2] = -x1 / Z1, -y1 / Z1
+        by_point = by_slopes @ slopes_by_point
     return np.concatenate((-by_point @ cross_matrices(points1_m), by_point), axis=-1)
 
 
@@ -153,6 +176,7 @@ def rounding_px(
     flow_px: Float64,
     flow_step_px: StoredStep = _FLOAT32,
     depth_step_m: StoredStep = _FLOAT32,
+    lens: Lens | None = None,
 ) -> Float64:
     """Return a bound on the difference between a correct stored flow and the recomputed one, px.
 
@@ -166,6 +190,8 @@ def rounding_px(
       |t|``, and the pixel by ``f (1 + |m|) / Z1`` times that, and by some roundings of the pixel itself and of the
       principal point.
 
+    A lens magnifies both of the latter: rays are inverted at the first end, and projected at the second.
+
     Parameters
     ----------
     K, motion, columns, rows, depths_m
@@ -174,25 +200,42 @@ def rounding_px(
         (..., 2) as stored.
     flow_step_px, depth_step_m
         Steps in which flow, each component by its own, and depth are stored, px and m; float32 at least.
+    lens
+        Of the camera.
 
     Returns
     -------
     ndarray of float64
         (..., 2) px, for u and v.
     """
-    X1, Y1, Z1 = moved_points(K, motion, columns, rows, depths_m)
+    X1, Y1, Z1 = moved_points(K, motion, columns, rows, depths_m, lens)
     distance0_m = depths_m * np.hypot(np.hypot((columns - K[0, 2]) / K[0, 0], (rows - K[1, 2]) / K[1, 1]), 1.0)
+    magnification: Float64 | float = 1.0
+    if lens is not None:
+        x0, y0 = rays_of_pixels(K, lens, columns, rows)
+        distance0_m = depths_m * np.sqrt(1.0 + x0**2 + y0**2)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            at_start, at_end = distortion_slopes(lens, x0, y0), distortion_slopes(lens, X1 / Z1, Y1 / Z1)
+        # Largest absolute row sums: a bound on what an error of a slope becomes, and the same of the inverse.
+        enlarged = np.abs(at_end).sum(axis=-1).max(axis=-1)
+        magnification = enlarged * np.maximum(np.abs(np.linalg.inv(at_start)).sum(axis=-1).max(axis=-1), 1.0)
     reach_m = distance0_m + float(np.linalg.norm(motion.t_m))
     # Error of the depth as a share of it: both roundings to float32, or that of storage and one of reading.
     depth_share = SINGLE_PRECISION + np.maximum(SINGLE_PRECISION, depth_step_m.error_bounds(depths_m) / depths_m)
-    bounds = []
+    rounded, by_depth, by_arithmetic = [], [], []
     for axis, coordinate1, pixel in ((0, X1, columns), (1, Y1, rows)):
         slope = coordinate1 / Z1
         f_over_Z1 = K[axis, axis] / Z1
-        # Second source of the docstring; the unit roundoff u multiplies all of them below.
-        by_depth = f_over_Z1 * np.abs(motion.t_m[axis] - slope * motion.t_m[2])
-        by_arithmetic = _ROUNDINGS * (f_over_Z1 * (1 + np.abs(slope)) * reach_m + pixel + K[axis, 2])
+        # Second and third source of the docstring.
+        by_depth.append(depth_share * (f_over_Z1 * np.abs(motion.t_m[axis] - slope * motion.t_m[2])))
+        by_coordinates = f_over_Z1 * (1 + np.abs(slope)) * reach_m + pixel + K[axis, 2]
+        by_arithmetic.append(SINGLE_PRECISION * (_ROUNDINGS * by_coordinates))
         step_px = flow_step_px.component(axis)
-        rounded_px = np.maximum(SINGLE_PRECISION * np.abs(flow_px[..., axis]), step_px.error_bounds(flow_px[..., axis]))
-        bounds.append(rounded_px + depth_share * by_depth + SINGLE_PRECISION * by_arithmetic)
-    return np.stack(bounds, axis=-1)
+        rounded.append(
+            np.maximum(SINGLE_PRECISION * np.abs(flow_px[..., axis]), step_px.error_bounds(flow_px[..., axis]))
+        )
+    if lens is not None:
+        # A lens mixes both axes: the larger error of either counts.
+        by_depth = [magnification * np.maximum(*by_depth)] * 2
+        by_arithmetic = [magnification * np.maximum(*by_arithmetic)] * 2
+    return np.stack([rounded[axis] + by_depth[axis] + by_arithmetic[axis] for axis in (0, 1)], axis=-1)

@@ -19,6 +19,9 @@ Size = str | int
 EVENT_CHUNK_ROWS: Final = 256 * 1024
 SAMPLE_CHUNK_ROWS: Final = 16 * 1024
 
+DISTORTION_MODELS: Final = ("none", "radtan", "equidistant")
+"""Models of a lens: radial-tangential and equidistant are those of OpenCV."""
+
 
 @dataclass(frozen=True, slots=True)
 class DatasetSpec:
@@ -131,6 +134,8 @@ def _camera(name: str) -> tuple[AttributeSpec, ...]:
         AttributeSpec(owner, "T_body_camera", "matrix4", "m", True, "p_body = T_body_camera p_optical"),
         AttributeSpec(owner, "exposure_us", "float", "us", False, "global exposure around the stamp, 0 by default"),
         AttributeSpec(owner, "camera_model", "text", "", False, "pinhole by default"),
+        AttributeSpec(owner, "distortion_model", "text", "", False, "of the lens, none by default", DISTORTION_MODELS),
+        AttributeSpec(owner, "distortion", "numbers", "1", False, "coefficients of the distortion, in OpenCV's order"),
     )
 
 

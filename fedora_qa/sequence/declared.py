@@ -13,8 +13,24 @@ Float64 = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True)
+class Lens:
+    """The declared distortion of a camera; ``geometry/lens.py`` has its equations.
+
+    Attributes
+    ----------
+    model
+        ``radtan`` (radial-tangential) or ``equidistant``.
+    coefficients
+        In OpenCV's order: k1, k2, p1, p2 and perhaps k3 (``radtan``), or k1, k2, k3, k4 (``equidistant``).
+    """
+
+    model: Literal["radtan", "equidistant"]
+    coefficients: tuple[float, ...]
+
+
+@dataclass(frozen=True, slots=True)
 class Camera:
-    """A pinhole camera: integer pixel coordinates are pixel centres.
+    """A camera: integer pixel coordinates are pixel centres.
 
     Attributes
     ----------
@@ -27,7 +43,9 @@ class Camera:
     exposure_us
         Exposure time, us.
     model
-        Camera model as declared.
+        Camera model as declared; checks project with ``pinhole`` alone, through its lens.
+    lens
+        Distortion; None where there is none.
     """
 
     width: int
@@ -36,6 +54,7 @@ class Camera:
     T_body_camera: Float64
     exposure_us: float = 0.0
     model: str = "pinhole"
+    lens: Lens | None = None
 
 
 @dataclass(frozen=True, slots=True)

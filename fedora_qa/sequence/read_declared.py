@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Mapping
 from contextlib import suppress
-from typing import Any, Final
+from typing import Any, Final, Literal
 
 import h5py
 import numpy as np
@@ -20,7 +20,7 @@ from fedora_qa.layout.folder import OpenFolder
 from fedora_qa.layout.links import READ_ERRORS, RefusedError, find_object
 from fedora_qa.layout.resolve import Layout
 from fedora_qa.layout.stored_attribute import stored_attribute, text_attribute
-from fedora_qa.sequence.declared import Camera, DeclarationProblem, Declared, EventModel, ImuModel, PoseModel
+from fedora_qa.sequence.declared import Camera, DeclarationProblem, Declared, EventModel, ImuModel, Lens, PoseModel
 
 Values = Mapping[str, Any]
 
@@ -47,7 +47,14 @@ WORST_CONDITION: Final = 1e12
 """Largest condition number of a camera's matrix, in px or m. A focal length of 8000 px gives 1e8, a camera at 1 km
 gives 1e6. Beyond it the inverse has no correct digit in float64."""
 
+MOST_NUMBERS: Final = 16
+"""Most numbers of a list: no model of a lens has more coefficients."""
+
+_COEFFICIENTS: Final = {"radtan": (4, 5), "equidistant": (4,)}
+"""Numbers of coefficients that each model of a lens can have."""
+
 _OWNERS: Final = tuple(dict.fromkeys(owner for owner, _ in ATTRIBUTES))
+_LENS: Final = ("distortion_model", "distortion")
 
 
 class MalformedError(Exception):
@@ -195,6 +202,10 @@ class _Reader:
                 message = f"Expected {LARGEST_IMAGE_PIXELS} pixels at most, got {given['width']} x {given['height']}"
                 self._problem(f"metadata/cameras/{name}", "width", "wrong_shape", message)
                 continue
+            # A camera whose lens is not known must not be taken for a pinhole.
+            lens = self._lens(f"metadata/cameras/{name}", given)
+            if lens == UNKNOWN:
+                continue
             cameras[name] = Camera(
                 width=given["width"],
                 height=given["height"],
@@ -202,8 +213,35 @@ class _Reader:
                 T_body_camera=given["T_body_camera"],
                 exposure_us=given.get("exposure_us", 0.0),
                 model=given.get("camera_model", "pinhole"),
+                lens=lens,
             )
         return cameras
+
+    def _lens(self, owner: str, given: Values) -> Lens | Literal["unknown"] | None:
+        """Return the distortion of a camera, None where it has none; ``unknown`` where the declaration is a problem."""
+        if any(problem.owner == owner and problem.name in _LENS for problem in self.problems):
+            return UNKNOWN
+        model, coefficients = given.get("distortion_model", "none"), given.get("distortion", ())
+        if model == "none":
+            if any(coefficients):
+                models = " or ".join(map(repr, _COEFFICIENTS))
+                message = (
+                    f"Expected no coefficients of a lens without distortion_model, got {len(coefficients)}; declare "
+                    f"distortion_model {models}, or remove distortion"
+                )
+                self._problem(owner, "distortion", "unknown", message)
+                return UNKNOWN
+            return None
+        counts = _COEFFICIENTS[model]
+        if len(coefficients) not in counts:
+            message = (
+                f"Expected {' or '.join(map(str, counts))} coefficients of the {model} model in OpenCV's order, got "
+                f"{len(coefficients)}; declare distortion, or distortion_model 'none' for a lens without"
+            )
+            self._problem(owner, "distortion", "wrong_shape", message)
+            return UNKNOWN
+        # The radial-tangential model without coefficients is the pinhole; the equidistant one is not.
+        return None if model == "radtan" and not any(coefficients) else Lens(model, coefficients)
 
     def depth_range_m(self) -> tuple[float, float] | None:
         """Return nearest and farthest valid depth, m, if declared."""
@@ -362,6 +400,20 @@ def _matrix(size: int) -> Callable[[Any, AttributeSpec], NDArray[np.float64]]:
     return read
 
 
+def _numbers(stored: Any, spec: AttributeSpec) -> tuple[float, ...]:
+    numbers = np.asarray(stored)
+    if numbers.size == 0:
+        return ()
+    if numbers.dtype.kind not in "iuf":
+        raise MalformedError("wrong_dtype", f"Expected a list of numbers, got {_shown(stored)}")
+    # Some writers store a list as a column.
+    if numbers.size != max(numbers.shape, default=1) or numbers.size > MOST_NUMBERS:
+        raise MalformedError("wrong_shape", f"Expected a list of up to {MOST_NUMBERS}, got shape {numbers.shape}")
+    if not np.all(np.isfinite(numbers)) or np.abs(numbers).max() > LARGEST_ENTRY:
+        raise MalformedError("nan_in_stream", f"Expected finite numbers up to {LARGEST_ENTRY:g}, got {_shown(stored)}")
+    return tuple(numbers.astype(np.float64).reshape(-1).tolist())
+
+
 def _pixels(stored: Any, spec: AttributeSpec) -> tuple[tuple[int, int], ...]:
     pixels = np.asarray(stored)
     # An empty list is stored as float64 by NumPy, and no hot pixel is a valid declaration.
@@ -402,4 +454,5 @@ _READERS: Final[Mapping[str, Callable[[Any, AttributeSpec], Any]]] = {
     "matrix3": _matrix(3),
     "matrix4": _matrix(4),
     "pixels": _pixels,
+    "numbers": _numbers,
 }

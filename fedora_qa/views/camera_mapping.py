@@ -6,9 +6,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fedora_qa.estimators.depth.edge_steps import DepthSteps
+from fedora_qa.geometry.lens import distorted, undistorted
 from fedora_qa.sequence.declared import Camera
 from fedora_qa.sequence.facts import Facts
-from fedora_qa.views.event_camera import AXES_AGREE, CENTRES_AGREE_M
+from fedora_qa.views.event_camera import AXES_AGREE, CENTRES_AGREE_M, why_not_one_lens
 
 Float64 = NDArray[np.float64]
 
@@ -51,6 +52,9 @@ def why_not_comparable(facts: Facts, first: str, second: str) -> str:
 def why_not_one_view(facts: Facts, first: str, second: str) -> str:
     """Return why the images of two cameras differ by more than a scale; empty where they do not.
 
+    Cameras of one direction and one lens image a ray at one point of the image plane, so that K alone relates their
+    pixels.
+
     Parameters
     ----------
     facts
@@ -74,7 +78,7 @@ def why_not_one_view(facts: Facts, first: str, second: str) -> str:
         return f"the cameras {first} and {second} do not share one centre"
     if difference[:3, :3].max() > AXES_AGREE or camera1.K[0, 1] or camera2.K[0, 1]:
         return f"the cameras {first} and {second} do not look in one direction without skew"
-    return ""
+    return why_not_one_lens(camera1, camera2, (first, second))
 
 
 def outlines_in_camera(source: Camera, target: Camera, steps: DepthSteps) -> tuple[Float64, Float64]:
@@ -92,13 +96,21 @@ def outlines_in_camera(source: Camera, target: Camera, steps: DepthSteps) -> tup
     tuple
         Columns and rows (n,), px; -1, outside of the image, for points beside or behind the target camera.
     """
-    if np.array_equal(source.K, target.K) and np.array_equal(source.T_body_camera, target.T_body_camera):
+    same_pixels = np.array_equal(source.K, target.K) and source.lens == target.lens
+    if same_pixels and np.array_equal(source.T_body_camera, target.T_body_camera):
         return steps.columns, steps.rows
     pixels = np.stack((steps.columns, steps.rows, np.ones(len(steps))))
-    # Pinhole model: X = z K^-1 (u, v, 1)^T, in m in the source camera (Z forward, X right, Y down).
-    points_m = steps.depths_m * (np.linalg.inv(source.K) @ pixels)
+    # X = z m with the ray m = K^-1 (u, v, 1)^T before the lens, in m in the source camera (Z forward, X right, Y down).
+    rays = np.linalg.inv(source.K) @ pixels
+    rays[0], rays[1] = undistorted(source.lens, rays[0], rays[1])
+    points_m = steps.depths_m * rays
     T_target_source = np.linalg.inv(target.T_body_camera) @ source.T_body_camera
-    x, y, z = target.K @ (T_target_source[:3, :3] @ points_m + T_target_source[:3, 3:])
+    in_target_m = T_target_source[:3, :3] @ points_m + T_target_source[:3, 3:]
+    if target.lens is not None:
+        with np.errstate(divide="ignore", invalid="ignore"):
+            # A ray that the lens does not image becomes NaN, which is not ahead of the camera either.
+            in_target_m[:2] = distorted(target.lens, *(in_target_m[:2] / in_target_m[2])) * in_target_m[2]
+    x, y, z = target.K @ in_target_m
     ahead = z > 0
     columns, rows = (np.divide(coordinate, z, out=np.full(len(steps), -1.0), where=ahead) for coordinate in (x, y))
     return columns, rows

@@ -12,6 +12,7 @@ from fedora_qa.estimators.flow.warp import parts_about
 from fedora_qa.estimators.images.gain import LEVELS_DN
 from fedora_qa.estimators.images.luma import LUMA_ROUNDING_VARIANCE_DN2
 from fedora_qa.estimators.images.vignetting import PARTS, CellRatios
+from fedora_qa.geometry.lens import rays_of_pixels
 from fedora_qa.sequence.declared import Camera
 from fedora_qa.views.flow_intervals import Interval
 from fedora_qa.views.flow_residuals import sample_tiles
@@ -99,7 +100,7 @@ def squared_radius(camera: Camera, columns: NDArray[np.floating], rows: NDArray[
     Parameters
     ----------
     camera
-        A pinhole.
+        Of the image.
     columns, rows
         Positions in its image, px, of any shape.
 
@@ -108,12 +109,9 @@ def squared_radius(camera: Camera, columns: NDArray[np.floating], rows: NDArray[
     ndarray of float64
         Of the same shape: 0 at the principal point, 1 in the farthest corner.
     """
-    K = camera.K
 
     def squared_tangent(x: NDArray[np.floating], y: NDArray[np.floating]) -> Float64:
-        # The ray K^-1 (x, y, 1) with the skew K01.
-        slope_y = (np.asarray(y, np.float64) - K[1, 2]) / K[1, 1]
-        slope_x = (np.asarray(x, np.float64) - K[0, 2] - K[0, 1] * slope_y) / K[0, 0]
+        slope_x, slope_y = rays_of_pixels(camera.K, camera.lens, np.asarray(x, np.float64), np.asarray(y, np.float64))
         return np.asarray(slope_x**2 + slope_y**2)
 
     right, bottom = camera.width - 1.0, camera.height - 1.0

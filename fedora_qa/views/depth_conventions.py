@@ -175,7 +175,7 @@ def _with_other_depth(pair: DepthPair) -> Iterator[_Candidate]:
         for images in _either(pair, _images(pair, divide)):
             yield _Candidate("depth_scale", images, _only(pair.model()), "part", parameter=factor)
     yield _Candidate("ray_length", pair.images, _only(pair.as_rays(1.0)))
-    for images in _either(pair, _images(pair, lambda d: d / ray_lengths(pair.model().K, d.shape))):
+    for images in _either(pair, _images(pair, lambda d: d / ray_lengths(pair.model().K, pair.model().lens, d.shape))):
         yield _Candidate("ray_length", images, _only(pair.model()), "part")
     for flip in (lambda d: d[:, ::-1], lambda d: d[::-1]):
         flipped = _images(pair, flip)

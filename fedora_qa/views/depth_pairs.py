@@ -103,7 +103,8 @@ class DepthPair:
         """Return camera and motion as the file declares them."""
         # Pixel u of the frame is pixel u / every_px of the sampled one: rows 1 and 2 of K scale alike.
         to_sampled = np.array([[1 / self.every_px], [1 / self.every_px], [1.0]])
-        return DepthModel(to_sampled * self.track.camera.K, self.motion, motion_error=self.motion_error)
+        camera = self.track.camera
+        return DepthModel(to_sampled * camera.K, self.motion, motion_error=self.motion_error, lens=camera.lens)
 
     def scaled(self, factor: float) -> DepthModel:
         """Return the declared model with depths that are too large by a factor."""

@@ -412,7 +412,19 @@ def why_frames_and_events_do_not_meet(facts: Facts) -> str:
         return "the cameras rgb and events do not share one centre; frames would have to be reprojected through depth"
     if not difference[:3, :3].max() <= AXES_AGREE:
         return "the cameras rgb and events do not look in one direction"
-    return ""
+    # One lens images a ray at one point of both image planes, so that footprints need K alone.
+    return why_not_one_lens(rgb, event, ("rgb", "events"))
+
+
+def why_not_one_lens(camera1: Camera, camera2: Camera, names: tuple[str, str]) -> str:
+    """Return why two cameras distort a ray differently, with their names in the sentence; empty where they do not."""
+    if camera1.lens == camera2.lens:
+        return ""
+    models = [each.lens.model if each.lens else "no distortion" for each in (camera1, camera2)]
+    return (
+        f"the cameras {names[0]} and {names[1]} have different lenses ({models[0]}, {models[1]}), whose images differ "
+        "by more than a scale; only cameras of one lens are modelled"
+    )
 
 
 def _is_without_skew(camera: Camera) -> bool:

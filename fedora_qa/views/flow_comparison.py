@@ -20,7 +20,7 @@ from fedora_qa.estimators.flow.motion_fit import (
 )
 from fedora_qa.estimators.flow.templates import parameter_templates
 from fedora_qa.geometry.camera import RigidMotion
-from fedora_qa.geometry.rigid_flow import moved_points, rigid_flow, rounding_px, twist_jacobian
+from fedora_qa.geometry.rigid_flow import rigid_flow, rounding_px
 from fedora_qa.geometry.so3 import exp
 from fedora_qa.sequence.declared import PoseModel
 from fedora_qa.sequence.stored_step import SINGLE_ROUNDOFF, StoredStep
@@ -144,14 +144,15 @@ def compare_field(
     steps = window.facts.steps
     flow_step_px = steps.get(f"path/{interval.stream}", StoredStep())
     depth_step_m = steps.get("path/depth", StoredStep()).scaled(1.0 / MM_PER_M)
-    bound = rounding_px(K, motion, columns, rows, lattice.depths_m, lattice.flow_px, flow_step_px, depth_step_m)
+    bound = rounding_px(K, motion, columns, rows, lattice.depths_m, lattice.flow_px, flow_step_px, depth_step_m,
+                        lattice.lens)  # fmt: skip
     twist = np.zeros(6)
     if not is_noisy(noise):
         twist = track.interpolation_twist(interval.start_ns, interval.end_ns) + _storage_twist(window, track, motion)
     if twist.any():  # interpolated or rounded poses move pixels by up to |J| |twist|
-        points1_m = np.stack(moved_points(K, motion, sample.columns, sample.rows, sample.depths_m), axis=-1)
+        points1_m = sample.moved_points_m(K, motion)
         before_camera_m = points1_m[points1_m[:, 2] > 0]
-        bound = bound + float(np.max(np.abs(twist_jacobian(K, before_camera_m)) @ twist, initial=0.0))
+        bound = bound + float(np.max(np.abs(sample.twist_jacobian(K, before_camera_m)) @ twist, initial=0.0))
     # The fit weighs by rounding: its residuals are held against the typical bound, in px.
     sample = replace(sample, sigma_px=median_of(bound[~np.isnan(bound)]))
     bound = _lengths(bound)
@@ -222,7 +223,7 @@ def compare_field(
 
 def _errors(K: Float64, motion: RigidMotion, lattice: FlowLattice, bound_px: Float64) -> tuple[Float64, Mask]:
     """Return the endpoint error (h, w) of a lattice, px, and where it can be compared."""
-    predicted = rigid_flow(K, motion, lattice.columns, lattice.rows, lattice.depths_m)
+    predicted = rigid_flow(K, motion, lattice.columns, lattice.rows, lattice.depths_m, lattice.lens)
     error = _lengths(lattice.flow_px - predicted)
     return error, np.isfinite(error) & (bound_px < _LARGEST_BOUND_PX)
 
@@ -253,8 +254,8 @@ def _fit_error_px(K: Float64, fit: MotionFit, sample: FlowSample) -> float:
     Rounding is uniform within its bound b and has the variance b^2/3. The fit of information A, which takes b for the
     standard deviation, errs at a pixel by the covariance ``J A^-1 J^T / 3``.
     """
-    points1_m = np.stack(moved_points(K, fit.motion, sample.columns, sample.rows, sample.depths_m), axis=-1)
-    jacobian = twist_jacobian(K, points1_m[points1_m[:, 2] > 0])
+    points1_m = sample.moved_points_m(K, fit.motion)
+    jacobian = sample.twist_jacobian(K, points1_m[points1_m[:, 2] > 0])
     variances = np.einsum("nki,ij,nkj->n", jacobian, np.linalg.pinv(fit.information, hermitian=True), jacobian) / 3
     return _FIT_SIGMAS * float(np.sqrt(max(variances.max(initial=0.0), 0.0)))
 

@@ -11,7 +11,8 @@ from fedora_qa.conventions import MM_PER_M, R_BODY_OPTICAL
 from fedora_qa.estimators.flow.motion_fit import FlowSample, fit_motion, weigh_templates
 from fedora_qa.features import Feature
 from fedora_qa.geometry.camera import RigidMotion
-from fedora_qa.geometry.rigid_flow import depths_by_flow, rigid_flow
+from fedora_qa.geometry.lens import rays_of_pixels
+from fedora_qa.geometry.rigid_flow import depths_by_flow
 from fedora_qa.geometry.so3 import compose, log
 from fedora_qa.sequence.facts import Clock
 from fedora_qa.sequence.window import PoseSamples, Window
@@ -148,7 +149,7 @@ def _with_other_flow(
         yield transformed("another_unit", flow / seconds, seconds)
     yield transformed("another_unit", flow * (width, height), 1 / width)
     # The factor that fits best, by least squares of stored = factor * recomputed.
-    recomputed = rigid_flow(track.camera.K, motion, sample.columns, sample.rows, sample.depths_m)
+    recomputed = sample.rigid_flow(track.camera.K, motion)
     ratio = float(np.nansum(flow * recomputed) / max(float(np.nansum(recomputed**2)), 1e-300))
     units = (seconds, 1 / seconds) if seconds > 0 else ()
     for factor in (ratio, 2.0, 0.5):
@@ -157,7 +158,9 @@ def _with_other_flow(
     for columns, rows in ((width - 1 - column, row), (column, height - 1 - row)):
         depths_m = _depths_at(window.depth_m(frame), columns, rows)
         for signs in ((1, 1), (-1, 1), (1, -1)):
-            mirror = FlowSample(columns.astype(np.float64), rows.astype(np.float64), depths_m, flow, sample.sigma_px)
+            mirror = replace(
+                sample, columns=columns.astype(np.float64), rows=rows.astype(np.float64), depths_m=depths_m
+            )
             yield _TransformedField("mirrored", "flow", _with_flow(mirror, flow * np.array(signs)), motion)
     for shift in _SHIFTS_PX:
         for dx, dy in ((shift, 0), (0, shift), (shift, shift)):
@@ -196,13 +199,13 @@ def _with_other_depth(
         return _TransformedField(name, "depth", replace(sample, depths_m=depths_m), motion, magnitude)
 
     K = track.camera.K
-    slopes = ((sample.columns - K[0, 2]) / K[0, 0], (sample.rows - K[1, 2]) / K[1, 1])
-    # Ray length = z sqrt(1 + x^2 + y^2) with the slopes x = (u - cx) / fx, y = (v - cy) / fy.
+    slopes = rays_of_pixels(K, sample.lens, sample.columns, sample.rows)
+    # Ray length = z sqrt(1 + x^2 + y^2) with the slopes of the ray.
     yield transformed("ray_lengths", sample.depths_m / np.sqrt(1 + slopes[0] ** 2 + slopes[1] ** 2))
     if not depths_plausible(window.facts, sample.depths_m):
         yield transformed("metric_unit", sample.depths_m * MM_PER_M, 1 / MM_PER_M)
         yield transformed("metric_unit", sample.depths_m / MM_PER_M, MM_PER_M)
-    by_flow_m = depths_by_flow(K, motion, sample.columns, sample.rows, sample.flow_px)
+    by_flow_m = depths_by_flow(K, motion, sample.columns, sample.rows, sample.flow_px, sample.lens)
     yield transformed("triangulated_depth", np.where(by_flow_m > 0, by_flow_m, np.nan))
     column, row = sample.columns.astype(int), sample.rows.astype(int)
     stored = window.depth_m(frame)
@@ -328,7 +331,7 @@ def _deviation(track: PoseTrack, interval: Interval, sample: FlowSample, motion:
 
     Points behind the camera do not count; infinite where more than half of the points are behind it.
     """
-    recomputed = rigid_flow(track.camera.K, motion, sample.columns, sample.rows, sample.depths_m)
+    recomputed = sample.rigid_flow(track.camera.K, motion)
     in_front = np.logical_and(*np.isfinite(recomputed).T)
     if 2 * np.count_nonzero(in_front) < len(in_front):
         return float("inf")
@@ -347,7 +350,4 @@ def _with_flow(sample: FlowSample, values: NDArray[np.floating]) -> FlowSample |
     finite = np.isfinite(values).all(axis=-1) & np.isfinite(sample.depths_m)
     if np.count_nonzero(finite) < FEWEST_PIXELS:
         return None
-    return FlowSample(
-        sample.columns[finite], sample.rows[finite], sample.depths_m[finite],
-        values[finite].astype(np.float64), sample.sigma_px,
-    )  # fmt: skip
+    return replace(sample, flow_px=values.astype(np.float64)).chosen(np.flatnonzero(finite))

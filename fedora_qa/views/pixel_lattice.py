@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fedora_qa.estimators.flow.motion_fit import FlowSample
+from fedora_qa.sequence.declared import Lens
 from fedora_qa.sequence.window import Window
 from fedora_qa.views.flow_intervals import Interval
 from fedora_qa.views.static_depth import static_depth_m
@@ -70,12 +71,15 @@ class FlowLattice:
         (h, w) along the optical axis; NaN where a value is missing.
     flow_px
         (h, w, 2) px: u to the right, v down.
+    lens
+        Of the camera; None for a pinhole.
     """
 
     columns: Float64
     rows: Float64
     depths_m: Float64
     flow_px: Float64
+    lens: Lens | None = None
 
     def within(self, region: Region) -> "FlowLattice":
         """Return the lattice with the depths outside of a region set to NaN."""
@@ -137,6 +141,7 @@ def lattice_of(window: Window, interval: Interval, frame: int) -> FlowLattice | 
         None where static depth is not known, or depth and flow have different sizes.
     """
     depth_m, flow_px = static_depth_m(window, frame), window.flow_px(interval.stream, interval.row)
+    camera = window.facts.declared.cameras.get("depth")
     if depth_m is None or depth_m.shape != flow_px.shape[:2]:
         return None
     stride = max(1, round(1 / window.sampling.tile_share))
@@ -150,6 +155,7 @@ def lattice_of(window: Window, interval: Interval, frame: int) -> FlowLattice | 
         np.arange(first_row, depth_m.shape[0], stride, dtype=np.float64)[:, None],
         np.where(valid, depths_m, np.nan),
         flow,
+        None if camera is None else camera.lens,
     )
 
 
@@ -160,4 +166,6 @@ def thinned(lattice: FlowLattice) -> FlowSample | None:
         return None
     row, column = np.unravel_index(valid[:: max(1, len(valid) // FIT_PIXELS)], lattice.depths_m.shape)
     depths_m, flow_px = lattice.depths_m[row, column], lattice.flow_px[row, column]
-    return FlowSample(lattice.columns[0, column], lattice.rows[row, 0], depths_m, flow_px, _DEFAULT_SIGMA_PX)
+    return FlowSample(
+        lattice.columns[0, column], lattice.rows[row, 0], depths_m, flow_px, _DEFAULT_SIGMA_PX, lattice.lens
+    )

@@ -29,7 +29,7 @@ from fedora_qa.geometry.camera import RigidMotion
 from fedora_qa.sequence.facts import Facts
 from fedora_qa.sequence.window import Window
 from fedora_qa.views.camera_motion import motion_over
-from fedora_qa.views.event_camera import CENTRES_AGREE_M
+from fedora_qa.views.event_camera import AXES_AGREE, CENTRES_AGREE_M, why_not_one_lens
 from fedora_qa.views.flow_comparison import is_noisy
 from fedora_qa.views.flow_intervals import Interval, PoseTrack, frame_at, pose_track
 from fedora_qa.views.luma import luma_dn
@@ -107,9 +107,13 @@ def optics_of(facts: Facts) -> Optics | str:
             return f"a camera is declared as {camera.model}, and only a pinhole is modelled"
     if rgb is None or depth is None:
         return Optics(None, 1.0)
+    if reason := why_not_one_lens(rgb, depth, ("rgb", "depth")):
+        return reason
     if np.abs(rgb.T_body_camera[:3, 3] - depth.T_body_camera[:3, 3]).max() > CENTRES_AGREE_M:
         return "the colour camera sits elsewhere than the depth camera, on whose grid flow lies"
     R_rgb_depth = rgb.T_body_camera[:3, :3].T @ depth.T_body_camera[:3, :3]
+    if rgb.lens is not None and np.abs(R_rgb_depth - np.eye(3)).max() > AXES_AGREE:
+        return "the colour camera looks in another direction than the depth camera, and their lens is distorted"
     # Homography of a pure rotation, H = K_rgb R K_depth^-1 (Hartley and Zisserman 2004, ch. 8.4): centres agree.
     H = rgb.K @ R_rgb_depth @ np.linalg.inv(depth.K)
     H_rgb_flow = H / H[2, 2]
@@ -396,15 +400,16 @@ def geometry_of(window: Window, interval: Interval) -> Geometry | None:
     Returns
     -------
     Geometry or None
-        None where the depth camera is not declared, where an end of the interval has no depth frame, or where no pose
-        covers it.
+        None where the depth camera is not declared or has a distorted lens, where an end of the interval has no depth
+        frame, or where no pose covers it.
     """
     return window.once(("geometry", interval), lambda: _geometry(window, interval))
 
 
 def _geometry(window: Window, interval: Interval) -> Geometry | None:
     facts, camera = window.facts, window.facts.declared.cameras.get("depth")
-    if camera is None or not {"depth", "pose"} <= facts.streams:
+    # The compiled loops over tiles project with K alone: with a distorted lens the flow decides what both frames show.
+    if camera is None or camera.lens is not None or not {"depth", "pose"} <= facts.streams:
         return None
     frames = [frame_at(facts.clocks["depth"], time_ns) for time_ns in (interval.start_ns, interval.end_ns)]
     track = pose_track(window, camera)

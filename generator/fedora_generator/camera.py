@@ -1,4 +1,4 @@
-"""Pinhole cameras: intrinsics, mounting on the body, and pose in the world."""
+"""Cameras: intrinsics, lens, mounting on the body, and pose in the world."""
 
 import math
 from dataclasses import dataclass
@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from fedora_generator.errors import SceneError
 from fedora_generator.flight import Flight
+from fedora_generator.lens import COEFFICIENTS, DistortionModel, Lens, pixel_maps
 from fedora_qa.conventions import EVENT_TO_RGB_WIDTH, HORIZONTAL_FIELD_OF_VIEW_DEG, R_BODY_OPTICAL, US_PER_S
 
 Floats = NDArray[np.float64]
@@ -18,21 +19,30 @@ class CameraOptions:
     """The colour and depth camera; the event camera shares its centre and field of view, at 640/1440 of its size.
 
     ``position_body_m`` is the optical centre in the body frame; ``pitch_deg`` tilts the view down when positive.
+    ``distortion`` are the coefficients of ``distortion_model``, in OpenCV's order, of the lens of all three.
     """
 
     width: int = 1440
     height: int = 1080
     position_body_m: tuple[float, float, float] = (0.0, 0.0, 0.0)
     pitch_deg: float = 0.0
+    distortion_model: DistortionModel = "none"
+    distortion: tuple[float, ...] = ()
 
     def __post_init__(self) -> None:
+        counts = COEFFICIENTS[self.distortion_model]
+        if len(self.distortion) not in counts:
+            raise ValueError(
+                f"Expected {' or '.join(map(str, counts))} numbers in distortion with the model "
+                f"{self.distortion_model!r}, got {len(self.distortion)}"
+            )
         if min(self.width, self.height) < 1:
             raise ValueError(f"Expected a camera of at least 1x1 pixels, got {self.width}x{self.height}")
 
 
 @dataclass(frozen=True, slots=True)
 class Camera:
-    """A pinhole camera; integer pixel coordinates are pixel centres."""
+    """A camera; integer pixel coordinates are pixel centres."""
 
     width: int
     height: int
@@ -40,6 +50,16 @@ class Camera:
     """(3, 3) intrinsics, px"""
     T_body_camera: Floats
     """(4, 4), ``p_body = T_body_camera p_optical``"""
+    lens: Lens | None = None
+    """None for a pinhole"""
+
+    @property
+    def pixel_maps(self) -> Floats:
+        """Where the pixels of a distorted camera lie in the image of a pinhole: (height, width, 3, 3), read-only."""
+        if self.lens is None:
+            raise ValueError("Expected a distorted camera, got a pinhole; its pixels are their own places")
+        intrinsics = (float(self.K[0, 0]), float(self.K[1, 1]), float(self.K[0, 2]), float(self.K[1, 2]))
+        return pixel_maps(self.lens, self.width, self.height, intrinsics)
 
     def pose_at(self, flight: Flight, time_us: int) -> Floats:
         """``T_world_camera`` (4, 4) at one instant."""
@@ -83,4 +103,5 @@ def _camera(width: int, height: int, options: CameraOptions) -> Camera:
     T_body_camera = np.eye(4)
     T_body_camera[:3, :3] = R_pitch @ np.array(R_BODY_OPTICAL)
     T_body_camera[:3, 3] = options.position_body_m
-    return Camera(width, height, K, T_body_camera)
+    lens = Lens(options.distortion_model, options.distortion) if options.distortion_model != "none" else None
+    return Camera(width, height, K, T_body_camera, lens)

@@ -72,15 +72,49 @@ def scene_flow_px(
         (height, width, 2), as ``flow_px``.
     """
     start, end = poses
-    flow = flow_px(inverse_depth_per_m, camera.K, start, end)
+
+    def still_px(end: Floats) -> NDArray[np.float32]:
+        if camera.lens is not None:
+            return lens_flow_px(inverse_depth_per_m, camera, start, end)
+        return flow_px(inverse_depth_per_m, camera.K, start, end)
+
+    flow = still_px(end)
     for body in np.unique(bodies[bodies > 0]).tolist():
         start_m, end_m = world.displacement_m(body, np.array(times_us) / US_PER_S)
         # A body that moves by d looks like one at rest from a second camera that is displaced by -d.
         end_past_body = end.copy()
         end_past_body[:3, 3] -= end_m - start_m
         of_body = bodies == body
-        flow[of_body] = flow_px(inverse_depth_per_m, camera.K, start, end_past_body)[of_body]
+        flow[of_body] = still_px(end_past_body)[of_body]
     return flow
+
+
+def lens_flow_px(
+    inverse_depth_per_m: Floats, camera: Camera, T_world_camera_start: Floats, T_world_camera_end: Floats
+) -> NDArray[np.float32]:
+    """Displacement of what each pixel of a distorted camera shows, as ``flow_px``.
+
+    Parameters
+    ----------
+    inverse_depth_per_m
+        (height, width) 1 / z-depth at the start; 0 at infinity.
+    camera
+        Its intrinsics and lens.
+    T_world_camera_start, T_world_camera_end
+        (4, 4) camera poses.
+    """
+    if camera.lens is None:
+        raise ValueError("Expected a distorted camera, got a pinhole; use flow_px")
+    height, width = inverse_depth_per_m.shape
+    pixels = np.stack(np.meshgrid(np.arange(width), np.arange(height), [1.0]), axis=-1)[:, :, 0].astype(np.float64)
+    rays = np.einsum("hwij,hwj->hwi", camera.pixel_maps, pixels) @ np.linalg.inv(camera.K).T
+    T_end_start = np.linalg.inv(T_world_camera_end) @ T_world_camera_start
+    # As in flow_px divided by z, but between the rotation and K stands the lens.
+    ends = rays @ T_end_start[:3, :3].T + inverse_depth_per_m[..., None] * T_end_start[:3, 3]
+    ahead = ends[..., 2:] > 0.0  # false for NaN
+    slopes = ends[..., :2] / np.where(ahead, ends[..., 2:], np.nan)
+    imaged = camera.lens.imaged(slopes)
+    return np.asarray(imaged * np.diag(camera.K)[:2] + camera.K[:2, 2] - pixels[..., :2], dtype=np.float32)
 
 
 @njit(parallel=True, cache=True)

@@ -47,7 +47,7 @@ def write_root(file: h5py.File, scene: Scene, world: str) -> None:
 
 
 def write_camera(file: h5py.File, stream: str, camera: Camera) -> None:
-    """Write the geometry of the camera of a stream: K in px, ``T_body_camera`` in metres, an exposure of 0 us.
+    """Write the geometry of the camera of a stream: K in px, ``T_body_camera`` in metres, its lens, no exposure time.
 
     Parameters
     ----------
@@ -69,6 +69,9 @@ def write_camera(file: h5py.File, stream: str, camera: Camera) -> None:
             "camera_model": "pinhole",
         },
     )
+    if camera.lens is not None:
+        lens = {"distortion_model": camera.lens.model, "distortion": np.array(camera.lens.coefficients)}
+        _set(file[f"metadata/cameras/{stream}"], lens)
 
 
 def write_depth_range(file: h5py.File, scene: Scene) -> None:

@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 
 from fedora_generator.camera import Camera
 from fedora_generator.surfaces.faces import Faces, faces_of, moved
+from fedora_generator.surfaces.lens_kernels import render_centres_through_lens, render_radiance_through_lens
 from fedora_generator.surfaces.light import WHITE_DN, Light, even_irradiance, lamps_over_faces
 from fedora_generator.surfaces.movement import Movement
 from fedora_generator.surfaces.projection import pixel_rays, project_faces
@@ -77,6 +78,8 @@ class ExactWorld:
 
     def inverse_depth_per_m(self, camera: Camera, T_world_camera: Floats) -> Floats:
         """1 / z-depth (height, width) along the optical axis at the pixel centres, 1/m; 0 where the sky is seen."""
+        if camera.lens is not None:
+            return self._at_centres(camera, T_world_camera)[0]
         inverse_depth = np.empty((camera.height, camera.width))
         render_inverse_depth(self._view(camera, T_world_camera), inverse_depth)
         return inverse_depth
@@ -85,14 +88,28 @@ class ExactWorld:
         """Body (height, width) that each pixel centre shows; 0 for bodies at rest and the sky."""
         if not self.moves:
             return np.zeros((camera.height, camera.width), dtype=np.int64)
+        if camera.lens is not None:
+            return self._at_centres(camera, T_world_camera)[1]
         bodies = np.empty((camera.height, camera.width), dtype=np.int64)
         render_bodies(self._view(camera, T_world_camera), self.faces.bodies, bodies)
         return bodies
 
     def _radiance_dn(self, surfaces: Surfaces, camera: Camera, T_world_camera: Floats) -> Floats:
         radiance_dn = np.empty((camera.height, camera.width, surfaces.sky_dn.shape[1]))
-        render_radiance(self.textures, surfaces, self._view(camera, T_world_camera), radiance_dn)
+        view = self._view(camera, T_world_camera)
+        if camera.lens is None:
+            render_radiance(self.textures, surfaces, view, radiance_dn)
+        else:
+            render_radiance_through_lens(self.textures, surfaces, view, camera.pixel_maps, radiance_dn)
         return radiance_dn
+
+    def _at_centres(self, camera: Camera, T_world_camera: Floats) -> tuple[Floats, NDArray[np.int64]]:
+        """Inverse depth, 1/m, and bodies (height, width) at the pixel centres of a distorted camera."""
+        inverse_depth = np.empty((camera.height, camera.width))
+        bodies = np.empty((camera.height, camera.width), dtype=np.int64)
+        view = self._view(camera, T_world_camera)
+        render_centres_through_lens(view, camera.pixel_maps, self.faces.bodies, inverse_depth, bodies)
+        return inverse_depth, bodies
 
     def _view(self, camera: Camera, T_world_camera: Floats) -> View:
         front, lines = project_faces(self.faces, camera.K, T_world_camera)

@@ -29,6 +29,12 @@ Boxes that move are ``movers`` of an exact world; a scene may add them to the wo
     flow_hz = [20, 12.5]
     pose_hz = 250
 
+``[camera]`` may give all cameras a distorted lens (``lens.py``), with the exact renderer::
+
+    [camera]
+    distortion_model = "radtan"      # or "equidistant"
+    distortion = [-0.37, 0.16, 3e-4, -2e-4]
+
 ``[mesh]`` sets its precision and antialiasing (``mesh/detail.py``); without it the quality of the request does.
 """
 
@@ -110,6 +116,8 @@ class Scene:
             raise ValueError("Expected a world with the exact renderer, got a place; set renderer = 'mesh'")
         if self.renderer == "exact" and self.mesh is not None:
             raise ValueError("Expected no table mesh with the exact renderer, got one; set renderer = 'mesh'")
+        if self.renderer == "mesh" and self.camera.distortion_model != "none":
+            raise ValueError("Expected no distortion with the mesh renderer, got some; use the exact one")
         if self.world is not None and self.world.movers:
             # The light of the exact world is computed once, so that nothing may move in that of a lamp.
             if self.renderer == "mesh":
@@ -144,6 +152,9 @@ class Scene:
         # A scene of the usual rates has the digest that it had before there were others.
         if self.rates == RateOptions():
             del values["rates"]
+        # And so has one without distortion.
+        if self.camera.distortion_model == "none":
+            del values["camera"]["distortion_model"], values["camera"]["distortion"]
         document = json.dumps(values, sort_keys=True, separators=(",", ":"))
         return hashlib.sha256(document.encode()).hexdigest()
 

@@ -13,6 +13,7 @@ from fedora_qa.checks.protocol import Observation, Statistic, WindowCheck
 from fedora_qa.estimators.flow.validity_kernels import compare_patterns, depth_range_m
 from fedora_qa.features import Feature
 from fedora_qa.geometry.camera import RigidMotion
+from fedora_qa.geometry.lens import border_pixels
 from fedora_qa.geometry.rigid_flow import moved_points
 from fedora_qa.record.types import Coverage, Where
 from fedora_qa.sequence.declared import PoseModel
@@ -237,7 +238,7 @@ def _count_wrong_pixels(
             # (1, W) and (H, 1) broadcast, without a full grid of coordinates.
             columns = np.arange(depth_m.shape[1], dtype=np.float64)[None, :]
             rows = np.arange(depth_m.shape[0], dtype=np.float64)[:, None]
-            Z1_m = moved_points(track.camera.K, motion, columns, rows, depth_m.astype(np.float64))[2]
+            Z1_m = moved_points(track.camera.K, motion, columns, rows, depth_m.astype(np.float64), track.camera.lens)[2]
             before, behind = still & (Z1_m > margin_m), still & (Z1_m < -margin_m)
     unfounded |= present & behind
     missing &= before
@@ -267,8 +268,12 @@ def _all_before(
     """Whether all points of an image end surely before the camera's plane, as the nearest in its corners does."""
     height, width = shape
     corners = np.array([[0, 0], [width - 1, 0], [0, height - 1], [width - 1, height - 1]], dtype=np.float64)
-    # Z1 = Z0 (R K^-1 x)_z + t_z: linear in the pixel, so that its least coefficient lies in a corner.
-    per_metre = moved_points(track.camera.K, motion, corners[:, 0], corners[:, 1], np.ones(4))[2] - motion.t_m[2]
+    # Z1 = Z0 (R ray)_z + t_z: linear in the slopes of the ray, so that its least coefficient lies in a corner. With a
+    # lens the rays of the image have bent borders, and it lies somewhere on these.
+    lens = track.camera.lens
+    columns, rows = corners.T if lens is None else border_pixels(width, height)
+    ahead = moved_points(track.camera.K, motion, columns, rows, np.ones(len(columns)), lens)[2]
+    per_metre = ahead - motion.t_m[2]
     margin_m = _margin_m(window.facts.declared.pose, range_m[1])
     return bool(per_metre.min() > 0 and range_m[0] * per_metre.min() + motion.t_m[2] > margin_m)
 

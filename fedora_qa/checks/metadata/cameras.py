@@ -8,6 +8,7 @@ import numpy as np
 
 from fedora_qa.checks.protocol import FactsCheck, Notice, Observation, Statistic
 from fedora_qa.features import Feature
+from fedora_qa.geometry.lens import border_pixels, rays_of_pixels
 from fedora_qa.record.types import Coverage, Where
 from fedora_qa.sequence.declared import Camera
 from fedora_qa.sequence.facts import Facts
@@ -71,7 +72,8 @@ class MetadataCameras(FactsCheck):
     K must be upper triangular without skew, its last row 0 0 1, and focal lengths positive; width and height are those
     of the images; T_body_camera is a rotation of determinant +1 with a last row 0 0 0 1. Depth and events share one
     centre, as the paper has it. A principal point outside of its image is that of a crop: the camera must then see some
-    of the directions that another camera with the same axes sees. Noted as unusual: such a crop, principal points of
+    of the directions that another camera with the same axes sees. A declared distortion must be one-to-one over the
+    whole image: pixels on its border that no ray reaches are counted. Noted as unusual: such a crop, principal points of
     another convention than (W-1)/2, pixels that are not square, cameras without any rotation, cameras farther than 10 m
     from the body.
 
@@ -83,7 +85,8 @@ class MetadataCameras(FactsCheck):
     Cannot see
     ----------
     Whether K and T_body_camera are the ones that the images were made with: ``flow_geometry``, ``flow_photometric``,
-    ``depth.consistency`` and ``alignment`` measure that. Lens models other than the pinhole are not looked into.
+    ``depth.consistency`` and ``alignment`` measure that, and whether the distortion is that of the lens. Camera models
+    other than the pinhole with radial-tangential or equidistant distortion are not looked into.
 
     Sources
     -------
@@ -178,6 +181,14 @@ def _of_camera(name: str, camera: Camera, facts: Facts) -> Iterator[Statistic]:
                      features=(FocalLengths(name, fx, fy),),
                      text=f"the focal lengths of the {name} camera are {fx:.6g} and {fy:.6g} px; a focal length is "
                      "positive")  # fmt: skip
+    if camera.lens is not None:
+        # A lens images rays up to its largest radius, so that pixels without a ray begin at the border.
+        columns, rows = border_pixels(width, height)
+        blind = int(np.count_nonzero(np.isnan(rays_of_pixels(K, camera.lens, columns, rows)[0])))
+        yield _statistic(f"{name}.lens_blind", float(blind), "px", resolution=1.0,
+                         text=f"{blind} of the {len(columns)} pixels on the border of the {name} camera see nothing "
+                         f"through its {camera.lens.model} distortion, which folds over before; are the coefficients "
+                         "in OpenCV's order, and of this K?")  # fmt: skip
     binding = facts.layout.bindings.get(_IMAGES_OF.get(name, ""))
     if binding is not None:
         stored_height, stored_width = binding.shape[1:3]

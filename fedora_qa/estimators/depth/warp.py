@@ -14,6 +14,8 @@ from numpy.typing import NDArray
 
 from fedora_qa.estimators.depth.inverse_depth import SINGLE_PRECISION, DepthImage, inverse_at
 from fedora_qa.geometry.camera import RigidMotion
+from fedora_qa.geometry.lens import PINHOLE, CompiledLens, compiled, distort, distort_slopes, rays_of_pixels, undistort
+from fedora_qa.sequence.declared import Lens
 
 Depths = NDArray[np.floating[Any]]
 Float32 = NDArray[np.float32]
@@ -90,6 +92,8 @@ class DepthModel:
         Ratio of the depths to the true ones. Translations are multiplied by it to have the unit of the depths.
     motion_error
         (6,) bound on the error of the motion as a twist (rad, m); 0 where the motion is between samples of the pose.
+    lens
+        Distortion of both frames; None for a pinhole.
     """
 
     K: Float64
@@ -97,6 +101,7 @@ class DepthModel:
     ray: float = 0.0
     scale: float = 1.0
     motion_error: Float64 | float = 0.0
+    lens: Lens | None = None
 
     @property
     def conceivable(self) -> bool:
@@ -257,13 +262,13 @@ def residuals_after(model: DepthModel, lattice: DepthLattice, image1: DepthImage
     return _residuals(_geometry(model), pixels, _second_frame(image1))
 
 
-def ray_lengths(K: Float64, shape: tuple[int, ...]) -> NDArray[np.float32]:
+def ray_lengths(K: Float64, lens: Lens | None, shape: tuple[int, ...]) -> NDArray[np.float32]:
     """Return the ray length over the z-depth of each pixel.
 
     Parameters
     ----------
-    K
-        (3, 3) intrinsics, px; pixel centres are whole numbers.
+    K, lens
+        (3, 3) intrinsics, px, with whole numbers at pixel centres, and the distortion; None for a pinhole.
     shape
         Rows H and columns W of the image.
 
@@ -272,10 +277,9 @@ def ray_lengths(K: Float64, shape: tuple[int, ...]) -> NDArray[np.float32]:
     NDArray
         (H, W) |m| with m = (x/z, y/z, 1), 1 at least.
     """
-    # m = K^-1 (column, row, 1), the ray with z = 1.
+    # m = (x, y, 1), the ray with z = 1.
     rows, columns = np.mgrid[: shape[0], : shape[1]].astype(np.float64)
-    y = (rows - K[1, 2]) / K[1, 1]
-    x = (columns - K[0, 2] - K[0, 1] * y) / K[0, 0]
+    x, y = rays_of_pixels(K, lens, columns, rows)
     return np.asarray(np.sqrt(1.0 + x**2 + y**2)).astype(np.float32)
 
 
@@ -288,6 +292,7 @@ class _Geometry(NamedTuple):
     path: Float64
     scale: float
     ray: float
+    lens: CompiledLens
 
 
 class _ModelErrors(NamedTuple):
@@ -328,7 +333,9 @@ class _Residuals(NamedTuple):
 
 def _geometry(model: DepthModel) -> _Geometry:
     motion = model.motion_of_points
-    return _Geometry(model.K, motion.R, motion.t_m, model.motion.t_m, float(model.scale), float(model.ray))
+    return _Geometry(
+        model.K, motion.R, motion.t_m, model.motion.t_m, float(model.scale), float(model.ray), compiled(model.lens)
+    )
 
 
 def _second_frame(image: DepthImage) -> _SecondFrame:
@@ -345,36 +352,58 @@ def _scalars(K: Float64, R: Float64, t: Float64) -> tuple[_Camera, _Motion]:
 
 
 @njit(cache=True, error_model="numpy")
-def _ray_length(camera: _Camera, column: float, row: float) -> float:
-    """Return the ray length over the z-depth of a pixel."""
+def _ray(camera: _Camera, lens: CompiledLens, column: float, row: float) -> tuple[float, float]:
+    """Return the slopes of the ray of a pixel; NaN where none is imaged there."""
     fx, skew, fy, cx, cy = camera
     y = (row - cy) / fy
     x = (column - cx - skew * y) / fx
+    return undistort(lens, x, y) if lens.model != PINHOLE else (x, y)
+
+
+@njit(cache=True, error_model="numpy")
+def _ray_length(camera: _Camera, lens: CompiledLens, column: float, row: float) -> float:
+    """Return the ray length over the z-depth of a pixel."""
+    x, y = _ray(camera, lens, column, row)
     return float(np.sqrt(1.0 + x * x + y * y))
 
 
 @njit(cache=True, error_model="numpy")
 def _project(
-    camera: _Camera, motion: _Motion, path_px: float, ray: float, pixel: tuple[float, float, float], frame: _SecondFrame
+    camera: _Camera,
+    lens: CompiledLens,
+    motion: _Motion,
+    path_px: float,
+    ray: float,
+    pixel: tuple[float, float, float],
+    frame: _SecondFrame,
 ) -> tuple[bool, float, float, float, float, float]:
     """Return whether a pixel can be compared in the second frame (H, W); its column and row there, px; X1, Y1, Z1.
 
     ``pixel`` is column, row (px) and depth. It can be compared where no nearer surface can have moved in front of it.
-    The parallax of a nearer surface is at most f |t| |m| times the difference of both 1/Z; ``path_px`` is f |t|.
+    The parallax of a nearer surface is at most f |t| |m| times the difference of both 1/Z; ``path_px`` is f |t|. A lens
+    multiplies it by its largest derivative, which is taken where the point is seen.
     """
     fx, skew, fy, cx, cy = camera
     Rxx, Rxy, Rxz, Ryx, Ryy, Ryz, Rzx, Rzy, Rzz, tx, ty, tz = motion
     column, row, depth = pixel
-    y0 = (row - cy) / fy
-    x0 = (column - cx - skew * y0) / fx
+    x0, y0 = _ray(camera, lens, column, row)
     length = np.sqrt(1.0 + x0 * x0 + y0 * y0)
     z0 = depth / length**ray if ray != 0.0 else depth
     # X1 = R X0 + t with X0 = z0 (x0, y0, 1)
     X1 = z0 * (Rxx * x0 + (Rxy * y0 + Rxz)) + tx
     Y1 = z0 * (Ryx * x0 + (Ryy * y0 + Ryz)) + ty
     Z1 = z0 * (Rzx * x0 + (Rzy * y0 + Rzz)) + tz
-    column1 = (fx * X1 + skew * Y1) / Z1 + cx
-    row1 = fy * Y1 / Z1 + cy
+    if lens.model == PINHOLE:
+        column1 = (fx * X1 + skew * Y1) / Z1 + cx
+        row1 = fy * Y1 / Z1 + cy
+    else:
+        x1, y1 = X1 / Z1, Y1 / Z1
+        if not np.sqrt(x1 * x1 + y1 * y1) <= lens.largest_radius:
+            return False, 0.0, 0.0, X1, Y1, Z1
+        xx, xy, yx, yy = distort_slopes(lens, x1, y1)
+        path_px *= max(abs(xx) + abs(xy), abs(yx) + abs(yy))
+        x1, y1 = distort(lens, x1, y1)
+        column1, row1 = fx * x1 + skew * y1 + cx, fy * y1 + cy
     height, width = frame.depths_m.shape
     if not ((Z1 > 0.0) & (column1 >= 0.0) & (column1 < width - 1) & (row1 >= 0.0) & (row1 < height - 1)):
         return False, 0.0, 0.0, X1, Y1, Z1
@@ -405,18 +434,18 @@ def _read_inverse_depth(depths: Depths, column: float, row: float) -> tuple[floa
 @njit(cache=True, error_model="numpy")
 def _residuals(geometry: _Geometry, pixels: _Pixels, frame: _SecondFrame) -> Float64:
     """Return the residuals (n,) of ``_warp_pixels`` alone."""
-    t, ray = geometry.t, geometry.ray
+    t, ray, lens = geometry.t, geometry.ray, geometry.lens
     columns, rows, depths_m = pixels.columns, pixels.rows, pixels.depths_m
     camera, motion = _scalars(geometry.K, geometry.R, t)
     path_px = camera[0] * np.sqrt(t[0] * t[0] + t[1] * t[1] + t[2] * t[2])
     residuals = np.empty(len(columns))
     for i in range(len(columns)):
         compared, column1, row1, _, _, Z1 = _project(
-            camera, motion, path_px, ray, (columns[i], rows[i], depths_m[i]), frame
+            camera, lens, motion, path_px, ray, (columns[i], rows[i], depths_m[i]), frame
         )
         residuals[i] = np.nan
         if compared:
-            shortening = _ray_length(camera, column1, row1) ** ray if ray != 0.0 else 1.0
+            shortening = _ray_length(camera, lens, column1, row1) ** ray if ray != 0.0 else 1.0
             # r = Z1 / Z_read - 1, a share of the depth.
             residuals[i] = _read_inverse_depth(frame.depths_m, column1, row1)[0] * shortening * Z1 - 1.0
     return residuals
@@ -431,7 +460,7 @@ def _warp_pixels(
     Returns the number of pixels that are compared. ``number`` is the code of the number of the model by which residuals
     are differentiated: 0 none, 1 the scale, 2 the power of the ray length.
     """
-    t, scale, ray = geometry.t, geometry.scale, geometry.ray
+    t, scale, ray, lens = geometry.t, geometry.scale, geometry.ray, geometry.lens
     columns, rows, depths_m, relative_errors = pixels
     depths1_m, errors1_per_m, quantisation_error = frame.depths_m, frame.error_per_m, frame.quantisation_error
     residuals, bounds, twist_derivatives, number_derivatives = warped
@@ -446,7 +475,7 @@ def _warp_pixels(
     count = 0
     for i in range(len(columns)):
         compared, column1, row1, X1, Y1, Z1 = _project(
-            camera, motion, path_px, ray, (columns[i], rows[i], depths_m[i]), frame
+            camera, lens, motion, path_px, ray, (columns[i], rows[i], depths_m[i]), frame
         )
         by_twist = twist_derivatives[i]
         number_derivatives[i] = 0.0
@@ -457,12 +486,17 @@ def _warp_pixels(
         count += 1
         inverse, by_column, by_row = _read_inverse_depth(depths1_m, column1, row1)
         # 1 / z = |m|^ray / depth
-        shortening = _ray_length(camera, column1, row1) ** ray if ray != 0.0 else 1.0
+        shortening = _ray_length(camera, lens, column1, row1) ** ray if ray != 0.0 else 1.0
         inverse, by_column, by_row = inverse * shortening, by_column * shortening, by_row * shortening
         # Gradient of the residual r = inverse(u, v) Z - 1 by the point (X, Y, Z), with u = (fx X + skew Y) / Z + cx.
         by_x = by_column * fx
         by_y = by_column * skew + by_row * fy
         by_z = inverse - (by_column * (column1 - cx) + by_row * (row1 - cy))
+        if lens.model != PINHOLE:
+            # With u = fx x_d + skew y_d + cx the derivative of the lens comes between; slopes are X / Z and Y / Z.
+            xx, xy, yx, yy = distort_slopes(lens, X1 / Z1, Y1 / Z1)
+            by_x, by_y = by_x * xx + by_y * yx, by_x * xy + by_y * yy
+            by_z = inverse - (by_x * X1 + by_y * Y1) / Z1
         # A twist (w, v) moves the point by w x X + v, so that dr/dw = X x dr/dX.
         a, b, c = Y1 * by_z - Z1 * by_y, Z1 * by_x - X1 * by_z, X1 * by_y - Y1 * by_x
         x, y, z = scale * by_x, scale * by_y, scale * by_z
@@ -472,7 +506,7 @@ def _warp_pixels(
             number_derivatives[i] = by_x * path_x + by_y * path_y + by_z * path_z
         elif number == 2:  # d(1/Z_read)/dray = log|m1| / Z_read, dz0/dray = -log|m0| z0
             nearer = by_x * (X1 - tx) + by_y * (Y1 - ty) + by_z * (Z1 - tz)
-            length1, length0 = _ray_length(camera, column1, row1), _ray_length(camera, columns[i], rows[i])
+            length1, length0 = _ray_length(camera, lens, column1, row1), _ray_length(camera, lens, columns[i], rows[i])
             number_derivatives[i] = inverse * Z1 * np.log(length1) - nearer * np.log(length0)
         # The bound is the sum of all absolute errors: of both depths, of the pixel coordinates and of the motion.
         error_per_m = np.float64(errors1_per_m[np.uint64(_nearest(row1)), np.uint64(_nearest(column1))])

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from fedora_qa.geometry.camera import RigidMotion
 from fedora_qa.geometry.rigid_flow import moved_points, rigid_flow, twist_jacobian
+from fedora_qa.sequence.declared import Lens
 
 Float64 = NDArray[np.float64]
 
@@ -44,6 +45,8 @@ class FlowSample:
         (n, 2) stored flow, px.
     sigma_px
         Standard deviation of rounding by which residuals are weighted, px.
+    lens
+        Of the camera that the pixels belong to; None for a pinhole.
     """
 
     columns: Float64
@@ -51,6 +54,27 @@ class FlowSample:
     depths_m: Float64
     flow_px: Float64
     sigma_px: float
+    lens: Lens | None = None
+
+    def rigid_flow(self, K: Float64, motion: RigidMotion) -> Float64:
+        """Return the flow (n, 2) of the pixels where all is static, px.
+
+        Parameters
+        ----------
+        K
+            (3, 3) intrinsics, px.
+        motion
+            Of points, from the camera frame at the start of the interval to that at its end.
+        """
+        return rigid_flow(K, motion, self.columns, self.rows, self.depths_m, self.lens)
+
+    def moved_points_m(self, K: Float64, motion: RigidMotion) -> Float64:
+        """Return the points (n, 3) of the pixels in the second camera frame, m; parameters as of ``rigid_flow``."""
+        return np.stack(moved_points(K, motion, self.columns, self.rows, self.depths_m, self.lens), axis=-1)
+
+    def twist_jacobian(self, K: Float64, points1_m: Float64) -> Float64:
+        """Return the derivative (n, 2, 6) of the flow by a twist, at points (n, 3) of the second camera frame, m."""
+        return twist_jacobian(K, points1_m, self.lens)
 
     def chosen(self, pixels: NDArray[np.intp]) -> "FlowSample":
         """Return the pixels at the indices (k,)."""
@@ -121,7 +145,7 @@ def fit_motion(K: Float64, motion: RigidMotion, sample: FlowSample) -> MotionFit
     twist = fitted.twist_from(motion)
     if np.linalg.norm(twist[:3]) > _LARGEST_TURN_RAD:
         return None
-    residual_px = sample.flow_px - rigid_flow(K, fitted, sample.columns, sample.rows, sample.depths_m)
+    residual_px = sample.flow_px - sample.rigid_flow(K, fitted)
     if 2 * np.count_nonzero(np.isfinite(residual_px[:, 0])) < len(residual_px):
         return None
     return MotionFit(fitted, twist, information / sample.sigma_px**2, residual_px)
@@ -168,7 +192,7 @@ def _fit_part(K: Float64, motion: RigidMotion, sample: FlowSample, part: NDArray
     fit = fit_motion(K, motion, sample.chosen(part)) if len(part) else None
     if fit is None:
         return None
-    residual_px = sample.flow_px - rigid_flow(K, fit.motion, sample.columns, sample.rows, sample.depths_m)
+    residual_px = sample.flow_px - sample.rigid_flow(K, fit.motion)
     return replace(fit, residual_px=residual_px)
 
 
@@ -187,12 +211,12 @@ def _linearised(K: Float64, motion: RigidMotion, sample: FlowSample) -> tuple[Fl
 
     Both are zero where a point lies behind the camera.
     """
-    points1_m = np.stack(moved_points(K, motion, sample.columns, sample.rows, sample.depths_m), axis=-1)
-    residual = sample.flow_px - rigid_flow(K, motion, sample.columns, sample.rows, sample.depths_m)
+    points1_m = sample.moved_points_m(K, motion)
+    residual = sample.flow_px - sample.rigid_flow(K, motion)
     in_front = np.logical_and(*np.isfinite(residual).T)
     # A point in front of the camera keeps the Jacobian finite until it is multiplied by 0.
     points1_m[~in_front] = (0.0, 0.0, 1.0)
-    jacobian = twist_jacobian(K, points1_m) * in_front[:, None, None]
+    jacobian = sample.twist_jacobian(K, points1_m) * in_front[:, None, None]
     residual[~in_front] = 0.0
     return residual, jacobian
 

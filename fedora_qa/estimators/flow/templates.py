@@ -9,7 +9,6 @@ from numpy.typing import NDArray
 
 from fedora_qa.estimators.flow.motion_fit import FlowSample
 from fedora_qa.geometry.camera import RigidMotion
-from fedora_qa.geometry.rigid_flow import rigid_flow
 
 Float64 = NDArray[np.float64]
 
@@ -79,7 +78,7 @@ def parameter_templates(
     """
 
     def flow(changed_K: Float64, changed_motion: RigidMotion) -> Float64:
-        return rigid_flow(changed_K, changed_motion, sample.columns, sample.rows, sample.depths_m)
+        return sample.rigid_flow(changed_K, changed_motion)
 
     def refocused(ratio: float) -> Float64:
         # The declared focal length is ``ratio`` times the true one; skew scales with it, the centre stays.

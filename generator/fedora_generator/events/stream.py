@@ -42,9 +42,10 @@ class EventRecorder:
         self._world = world
         self._camera = event_camera(scene.camera)
         self._flight = scene.fly()
-        # Only the exact world gives light at all times, and a fixed grid asks for images.
+        # Only the exact world gives light at all times, through a pinhole, and a fixed grid asks for images.
         self._follower: Follower | None = None
-        if not scene.event_step_us and isinstance(world, ExactWorld) and follows_light(scene.events):
+        is_followed = not scene.event_step_us and self._camera.lens is None and follows_light(scene.events)
+        if is_followed and isinstance(world, ExactWorld):
             self._follower = Follower(world, self._camera, self._flight, FIDELITY[quality])
         self._sampling: Sampling
         if scene.event_step_us:
