@@ -59,32 +59,42 @@ def render_radiance_through_lens(
     height, width = radiance_dn.shape[:2]
     for tile in prange(tile_count(height, width)):
         column, row = tile_origin(tile, width)
-        in_tile = np.empty(len(view.front), np.int64)
-        count, uniform = _faces_of_tile(view, maps, column, row, in_tile)
-        local = View(np.empty(count, np.int64), np.empty((count, view.lines.shape[1], 3)), np.empty((3, 3)))
-        for i in range(count):
-            local.front[i] = view.front[in_tile[i]]
-        given, in_pixel, pieces = np.arange(count), np.empty(count, np.int64), empty_pieces(count)
-        terms = np.empty(textures.waves.shape[1])
-        for y in range(row, min(row + TILE, height)):
-            for x in range(column, min(column + TILE, width)):
-                to_pinhole = maps[y, x]
-                local.rays[:] = _times(view.rays, to_pinhole)
-                for i in range(count):
-                    local.lines[i] = _times(view.lines[in_tile[i]], to_pinhole)
-                pixel_dn = radiance_dn[y, x]
-                render_pixel(textures, surfaces, local, given, count, uniform, x, y, in_pixel, pieces, terms, pixel_dn)
+        _render_tile(textures, surfaces, view, maps, column, row, radiance_dn)
 
 
 @njit(cache=True, error_model="numpy")
-def _times(rows: NDArray[np.float64], matrix: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Product (n, 3) of rows (n, 3) and a matrix (3, 3)."""
-    product = np.zeros(rows.shape)
+def _render_tile(
+    textures: TextureTable,
+    surfaces: Surfaces,
+    view: View,
+    maps: NDArray[np.float64],
+    column: int,
+    row: int,
+    radiance_dn: NDArray[np.float64],
+) -> None:
+    """Render the pixels of a tile, each with the lines of the tile's faces in the affine image of that pixel."""
+    height, width = radiance_dn.shape[:2]
+    in_tile = np.empty(len(view.front), np.int64)
+    count, uniform = _faces_of_tile(view, maps, column, row, in_tile)
+    front, lines, rays = view.front[in_tile[:count]], np.empty((count, view.lines.shape[1], 3)), np.empty((3, 3))
+    local = View(front, lines, rays)
+    given, in_pixel, pieces = np.arange(count), np.empty(count + 1, np.int64), empty_pieces(count)
+    terms = np.empty(textures.waves.shape[1])
+    for y in range(row, min(row + TILE, height)):
+        for x in range(column, min(column + TILE, width)):
+            _multiply(view.rays, maps[y, x], rays)
+            for i in range(count):
+                _multiply(view.lines[in_tile[i]], maps[y, x], lines[i])
+            pixel_dn = radiance_dn[y, x]
+            render_pixel(textures, surfaces, local, given, count, uniform, x, y, in_pixel, pieces, terms, pixel_dn)
+
+
+@njit(cache=True, error_model="numpy")
+def _multiply(rows: NDArray[np.float64], matrix: NDArray[np.float64], product: NDArray[np.float64]) -> None:
+    """Fill the product (n, 3) of rows (n, 3) and a matrix (3, 3)."""
     for i in range(len(rows)):
         for j in range(3):
-            for k in range(3):
-                product[i, j] += rows[i, k] * matrix[k, j]
-    return product
+            product[i, j] = rows[i, 0] * matrix[0, j] + rows[i, 1] * matrix[1, j] + rows[i, 2] * matrix[2, j]
 
 
 @njit(parallel=True, cache=True, error_model="numpy")
