@@ -219,7 +219,7 @@ class _Reader:
 
     def _lens(self, owner: str, given: Values) -> Lens | Literal["unknown"] | None:
         """Return the distortion of a camera, None where it has none; ``unknown`` where the declaration is a problem."""
-        if any(problem.owner == owner and problem.name in _LENS for problem in self.problems):
+        if any(each.owner == owner and each.name in _LENS and not each.usable for each in self.problems):
             return UNKNOWN
         model, coefficients = given.get("distortion_model", "none"), given.get("distortion", ())
         if model == "none":

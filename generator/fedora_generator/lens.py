@@ -74,7 +74,8 @@ class Lens:
                 rays = rays + step
                 if np.abs(off).max() < _CONVERGED:
                     break
-        folded = np.linalg.det(self.derivatives(rays)) <= 0
+        # Beyond a fold the derivative, which is symmetric, has a negative eigenvalue, or two.
+        folded = np.linalg.eigvalsh(self.derivatives(rays))[..., 0] <= 0
         if folded.any() or not np.abs(self.imaged(rays) - imaged).max() < 1e3 * _CONVERGED:
             raise SceneError(
                 f"Expected a distortion that is one-to-one over the image, got {self.model} {list(self.coefficients)}; "

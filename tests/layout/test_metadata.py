@@ -28,6 +28,8 @@ kind = "recorded"
 "metadata/cameras/events/width" = { path = "calib/resolution", entry = 0 }
 "metadata/cameras/events/height" = { path = "calib/resolution", entry = 1 }
 "metadata/cameras/events/camera_model" = { path = "calib/model" }
+"metadata/cameras/events/distortion_model" = "equidistant"
+"metadata/cameras/events/distortion" = { path = "calib/distortion_coeffs" }
 "metadata/cameras/events/exposure_us" = { path = "calib", attribute = "exposure" }
 "metadata/cameras/events/T_body_camera" = [
   { value = [[0, 0, 1], [-1, 0, 0], [0, -1, 0]] },
@@ -48,6 +50,7 @@ def recording(tmp_path: Path) -> Path:
         file["calib/intrinsics"] = [100.0, 101.0, 5.5, 4.5]
         file["calib/resolution"] = [12, 10]
         file["calib/model"] = "pinhole"
+        file["calib/distortion_coeffs"] = [0.1, -0.02, 0.003, 0.0]
         file["calib/T"] = T
         file["calib"].attrs["exposure"] = 250.0
     return path

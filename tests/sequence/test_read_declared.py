@@ -14,7 +14,7 @@ from hypothesis.extra import numpy as hnp
 from fedora_qa.causes import allowed
 from fedora_qa.layout.canonical import ATTRIBUTES, AttributeSpec
 from fedora_qa.layout.resolve import resolve
-from fedora_qa.sequence.declared import Declared
+from fedora_qa.sequence.declared import Declared, Lens
 from fedora_qa.sequence.read_declared import MalformedError, read_attribute, read_declared
 from tests.support.handmade import write_handmade
 
@@ -101,6 +101,54 @@ def test_malformed(file: h5py.File, owner: str, name: str, value: Any, cause: st
     assert problem.cause == cause
 
 
+@pytest.mark.parametrize(
+    ("model", "coefficients", "lens"),
+    [
+        ("radtan", [-0.3, 0.1, 1e-4, 2e-4], Lens("radtan", (-0.3, 0.1, 1e-4, 2e-4))),
+        ("radtan", [-0.3, 0.1, 1e-4, 2e-4, 0.01], Lens("radtan", (-0.3, 0.1, 1e-4, 2e-4, 0.01))),
+        ("Equidistant", [[0.1], [0.0], [0.0], [0.0]], Lens("equidistant", (0.1, 0.0, 0.0, 0.0))),
+        ("equidistant", [0.0] * 4, Lens("equidistant", (0.0,) * 4)),
+        ("radtan", [0.0] * 4, None),
+        ("none", [0.0] * 5, None),
+        ("none", None, None),
+    ],
+)
+def test_lenses(file: h5py.File, model: str, coefficients: Any, lens: Lens | None) -> None:
+    """Coefficients in OpenCV's order, as a list or a column; without distortion the camera is a pinhole."""
+    attributes = file["metadata/cameras/depth"].attrs
+    attributes["distortion_model"] = model
+    if coefficients is not None:
+        attributes["distortion"] = coefficients
+    declared = declared_in(file)
+    assert declared.cameras["depth"].lens == lens
+    assert [problem for problem in declared.problems if not problem.usable] == []
+
+
+@pytest.mark.parametrize(
+    ("attributes", "name", "text"),
+    [
+        ({"distortion_model": "division", "distortion": [0.1]}, "distortion_model", "Expected 'none' or 'radtan'"),
+        ({"distortion_model": "radtan", "distortion": [-0.3, 0.1]}, "distortion", "4 or 5 coefficients of the radtan"),
+        ({"distortion_model": "equidistant"}, "distortion", "4 coefficients of the equidistant"),
+        ({"distortion": [-0.3, 0.1, 0.0, 0.0]}, "distortion", "without distortion_model, got 4; declare"),
+        ({"distortion_model": "radtan", "distortion": [np.nan] * 4}, "distortion", "Expected finite"),
+        ({"distortion_model": "radtan", "distortion": "0.1"}, "distortion", "Expected a list of numbers"),
+        ({"distortion_model": "radtan", "distortion": np.zeros((2, 2))}, "distortion", "Expected a list"),
+    ],
+)
+def test_a_lens_that_is_not_known_is_no_pinhole(
+    file: h5py.File, attributes: dict[str, Any], name: str, text: str
+) -> None:
+    """One problem says what is expected; nothing is projected through a camera of an unknown lens."""
+    for key, value in attributes.items():
+        file["metadata/cameras/depth"].attrs[key] = value
+    declared = declared_in(file)
+    (problem,) = declared.problems
+    assert (problem.owner, problem.name) == ("metadata/cameras/depth", name)
+    assert text in problem.message
+    assert set(declared.cameras) == {"rgb", "events"}
+
+
 def test_camera_without_k_is_not_declared(file: h5py.File) -> None:
     """A camera that misses what the format requires is None for who needs it, and named."""
     del file["metadata/cameras/depth"].attrs["K"]
@@ -169,7 +217,9 @@ def test_any_value_is_read_or_malformed(spec: AttributeSpec, value: Any) -> None
         assert str(read).startswith("Expected")
         assert allowed(read.cause, "metadata")
         return
-    assert isinstance(read, {"text": str, "int": int, "float": float, "pixels": tuple}.get(spec.kind, np.ndarray))
+    assert isinstance(
+        read, {"text": str, "int": int, "float": float, "pixels": tuple, "numbers": tuple}.get(spec.kind, np.ndarray)
+    )
     assert not spec.choices or read in spec.choices
 
 

@@ -101,6 +101,17 @@ def test_size_of_the_images(path: Path, camera: str, outcome: str) -> None:
     assert run_check(path, "metadata.cameras").outcome == outcome
 
 
+def test_distortion_must_be_one_to_one_over_the_image(path: Path) -> None:
+    """A barrel that folds over within the image leaves its corners without a ray; a weaker one does not."""
+    outcomes = []
+    for k1 in (-0.1, -3.0):
+        with h5py.File(path, "r+") as file:
+            attributes = file["metadata/cameras/depth"].attrs
+            attributes["distortion_model"], attributes["distortion"] = "radtan", [k1, 0.0, 0.0, 0.0]
+        outcomes.append(rules(run_check(path, "metadata.cameras")))
+    assert outcomes == [[], ["lens_blind"]]
+
+
 def unusual_centre(offset: float) -> Change:
     return lambda K: K + offset * np.array([[0, 0, 1], [0, 0, 1], [0, 0, 0]])
 

@@ -1,13 +1,17 @@
 """Depth carried to another frame agrees there to rounding, but where something else is seen."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from fedora_qa.estimators.depth.inverse_depth import depth_image
-from fedora_qa.estimators.depth.warp import DepthLattice, DepthModel, lattice_of, lattice_stride, warp
+from fedora_qa.estimators.depth.warp import DepthLattice, DepthModel, lattice_of, lattice_stride, residuals_after, warp
 from fedora_qa.geometry.camera import RigidMotion
+from fedora_qa.geometry.lens import rays_of_pixels
+from fedora_qa.sequence.declared import Lens
 
 Float64 = NDArray[np.float64]
 
@@ -105,6 +109,35 @@ def test_derivative_by_the_twist() -> None:
         numeric = (ahead - behind) / 2e-5
         known = np.isfinite(numeric)
         np.testing.assert_allclose(analytic[known, axis], numeric[known], rtol=1e-3, atol=2e-4)
+
+
+@pytest.mark.parametrize(
+    "lens", [Lens("radtan", (-0.37, 0.16, 4e-4, -3e-4)), Lens("equidistant", (0.19, 0.004, 0.0007, -0.0004))]
+)
+def test_a_plane_through_a_distorted_lens(lens: Lens) -> None:
+    """Inverse depth bends between pixels: within the bound; derivatives are those of differences. A pinhole fails."""
+    rays = np.stack([*rays_of_pixels(K, lens, COLUMNS, ROWS), np.ones_like(COLUMNS)], axis=-1)
+    image0, image1 = depth_image(plane_before(rays)), depth_image(plane_after(rays))
+    model, lattice = DepthModel(K, MOTION, lens=lens), lattice_of(image0, 5)
+    warped = warp(model, lattice, image1)
+    known = np.isfinite(warped.residuals)
+    assert np.count_nonzero(known) > 0.6 * len(known)
+    assert np.all(np.abs(warped.residuals[known]) <= warped.bounds[known])
+    assert np.max(np.abs(warped.residuals[known])) < 1e-5
+    pinhole = warp(replace(model, lens=None), lattice, image1).residuals
+    assert np.nanmax(np.abs(pinhole)) > 1e-3
+    np.testing.assert_array_equal(residuals_after(model, lattice, image1), warped.residuals)
+    for axis, step in enumerate(np.eye(6) * 1e-7):
+        ahead, behind = (
+            warp(replace(model, motion=MOTION.corrected(sign * step)), lattice, image1).residuals for sign in (1, -1)
+        )
+        numeric = (ahead - behind) / 2e-7
+        both = known & np.isfinite(numeric)
+        np.testing.assert_allclose(warped.twist_derivatives[both, axis], numeric[both], rtol=1e-3, atol=2e-4)
+    with_ray, plus, minus = (warp(replace(model, ray=ray), lattice, image1, "ray") for ray in (0.0, 1e-5, -1e-5))
+    numeric = (plus.residuals - minus.residuals) / 2e-5
+    both = np.isfinite(numeric) & known
+    np.testing.assert_allclose(with_ray.number_derivatives[both], numeric[both], rtol=1e-3, atol=2e-4)
 
 
 @pytest.mark.parametrize("factor", [1e-3, 0.5, 1000.0])
