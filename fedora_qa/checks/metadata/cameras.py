@@ -73,9 +73,9 @@ class MetadataCameras(FactsCheck):
     of the images; T_body_camera is a rotation of determinant +1 with a last row 0 0 0 1. Depth and events share one
     centre, as the paper has it. A principal point outside of its image is that of a crop: the camera must then see some
     of the directions that another camera with the same axes sees. A declared distortion must be one-to-one over the
-    whole image: pixels on its border that no ray reaches are counted. Noted as unusual: such a crop, principal points of
-    another convention than (W-1)/2, pixels that are not square, cameras without any rotation, cameras farther than 10 m
-    from the body.
+    whole image: pixels on its border that no ray reaches are counted. Noted as unusual: such a crop, principal points
+    of another convention than (W-1)/2, pixels that are not square, cameras without any rotation, cameras farther than
+    10 m from the body.
 
     Noise model
     -----------
