@@ -9,9 +9,7 @@ import h5py
 import pytest
 
 from fedora_generator.generate import Request, generate_sequence
-from fedora_qa.engine.run import CheckOptions, check_file
-from fedora_qa.record.types import FileRecord
-from tests.support.checked import run_check
+from tests.support.checked import measured_record, run_check
 from tests.support.sequences import small_scene
 from tests.support.shared_files import SharedFiles
 
@@ -36,7 +34,7 @@ def clean(request: pytest.FixtureRequest, shared_files: SharedFiles) -> Path:
 def written(shared_files: SharedFiles, model: str) -> Path:
     scene = small_scene("park-day")
     scene = replace(scene, camera=replace(scene.camera, distortion_model=model, distortion=LENSES[model]))
-    request = Request(duration_s=0.6, quality="standard")
+    request = Request(duration_s=0.6, quality="draft")
     return shared_files.file(f"park-{model}.h5", lambda path: generate_sequence(scene, path, request))
 
 
@@ -55,13 +53,9 @@ def changed(shared_files: SharedFiles, tmp_path: Path) -> Callable[[Change], Pat
     return change
 
 
-def check(path: Path, *select: str) -> FileRecord:
-    return check_file(path, CheckOptions(select=select, profile="release", evidence=None)).record
-
-
 def test_a_distorted_sequence_is_clean(clean: Path) -> None:
     """Everything that projects applies, and nothing is found."""
-    record = check(clean)
+    record = measured_record(clean)
     assert record.verdict == "clean", [finding.code for result in record.results for finding in result.findings]
     outcomes = {result.check: result.outcome for result in record.results}
     assert {name: outcomes[name] for name in PROJECTING} == dict.fromkeys(PROJECTING, "passed")
@@ -90,7 +84,7 @@ def test_the_focal_length_is_told_from_the_lens(changed: Callable[[Change], Path
     def longer(attributes: h5py.AttributeManager) -> None:
         attributes["K"] = attributes["K"] * [[1.01, 1, 1], [1, 1.01, 1], [1, 1, 1]]
 
-    (diagnosis,) = check(changed(longer), "flow_geometry", "depth").diagnoses
+    (diagnosis,) = measured_record(changed(longer), "flow_geometry", "depth").diagnoses
     assert (diagnosis.stream, diagnosis.cause) == ("metadata", "intrinsics_focal")
     assert diagnosis.magnitude == pytest.approx(1.0, abs=0.05)
 
