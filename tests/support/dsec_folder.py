@@ -36,10 +36,8 @@ def write_dsec_folder(source: Path, folder: Path) -> Path:
 
 
 def write_side_metadata(path: Path) -> Path:
-    """Declare what is true of the stand-in and of no file of DSEC: a lens without distortion, and a still world."""
-    path.write_text(
-        '[metadata]\n"metadata/cameras/events/camera_model" = "pinhole"\n"metadata/flow/model" = "rigid"\n', "utf-8"
-    )
+    """Declare what is true of the stand-in and of no file of DSEC: a still world."""
+    path.write_text('[metadata]\n"metadata/flow/model" = "rigid"\n', "utf-8")
     return path
 
 
