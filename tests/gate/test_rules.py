@@ -24,7 +24,7 @@ from fedora_qa.gate.rules import (
     rule_on_streams,
     rule_on_totals,
 )
-from fedora_qa.sequence.declared import Camera
+from fedora_qa.sequence.declared import Camera, Lens
 from tests.support.handmade import write_handmade
 from tests.support.records import file_record, passed
 
@@ -78,6 +78,16 @@ def test_same_intrinsics() -> None:
         ("c", "differ"), ("d", "undeclared"), ("e", "differ"),
     ]  # fmt: skip
     assert "f 31.2, 31.2" in violations[0].message
+
+
+def test_the_lens_is_intrinsic() -> None:
+    """A camera of another lens, or of none, differs, and the message has its coefficients."""
+    bent = replace(CAMERA, lens=Lens("radtan", (-0.3, 0.1, 0.0, 0.0)))
+    other = replace(CAMERA, lens=Lens("radtan", (-0.31, 0.1, 0.0, 0.0)))
+    known = {"a": holding(rgb=bent), "b": holding(rgb=bent), "c": holding(rgb=other), "d": holding(rgb=CAMERA)}
+    violations = rule_on_intrinsics(known, ["rgb"]).violations
+    assert [violation.name for violation in violations] == ["c", "d"]
+    assert "radtan -0.31, 0.1, 0, 0" in violations[0].message
 
 
 def test_mounting_is_no_intrinsic() -> None:
