@@ -195,9 +195,14 @@ def choose_causes(
 
 def _weights(alarms: Sequence[Alarm]) -> dict[str, float]:
     """Return the weight of each finding: each check counts once, by the mean of its findings."""
-    checks = {alarm.finding.id: alarm.finding.code.rpartition(".")[0] for alarm in alarms}
+    checks = {alarm.finding.id: _check_of(alarm.finding.code) for alarm in alarms}
     findings_of_check = Counter(checks.values())
     return {finding: 1.0 / findings_of_check[check] for finding, check in checks.items()}
+
+
+def _check_of(code: str) -> str:
+    """Return the name of the check of a finding, by its code."""
+    return code.rpartition(".")[0]
 
 
 def _tested(candidate: CauseCandidate, codes: Mapping[str, str], trial: UndoTrial | None) -> CauseCandidate:
@@ -211,6 +216,8 @@ def _tested(candidate: CauseCandidate, codes: Mapping[str, str], trial: UndoTria
         }
         return replace(candidate, evidence={**candidate.evidence, **certain})
     evidence = dict(candidate.evidence)
+    # A fault that clears all that the windows show, of several checks, clears nothing by chance.
+    clears_all = trial.succeeds and not trial.left and len({_check_of(codes[f]) for f in trial.cleared}) > 1
     for finding in trial.cleared:
         # Deviations that only the trial has brought about count against it.
         cleared = len(trial.cleared) / (len(trial.cleared) + len(trial.caused) + len(trial.crashed))
@@ -218,7 +225,8 @@ def _tested(candidate: CauseCandidate, codes: Mapping[str, str], trial: UndoTria
         if prior is None:
             # A finding that no check would explain by the cause may clear by chance: a shift undoes a delay where the
             # image moves evenly.
-            evidence[finding] = Hypothesis(candidate.cause, candidate.stream, FITS * cleared)
+            share = cleared if clears_all else FITS * cleared
+            evidence[finding] = Hypothesis(candidate.cause, candidate.stream, share)
         else:
             evidence[finding] = replace(prior, support=cleared)
     for finding, ratio in trial.left.items():

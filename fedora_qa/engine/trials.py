@@ -7,7 +7,7 @@ where its deviation is seen on these windows with the fault in place. Work is co
 bounded by what the run itself measured, never by the clock, so that a record does not depend on the machine.
 """
 
-from collections.abc import Mapping, Sequence, Set
+from collections.abc import Iterator, Mapping, Sequence, Set
 from dataclasses import dataclass, field, replace
 from itertools import islice
 from math import inf, isfinite
@@ -245,44 +245,94 @@ def _place_ns(alarms: Sequence[Alarm], run: PlainRun) -> int:
     return (spans[0].start_ns + spans[-1].stop_ns) // 2 if spans else 0
 
 
+@dataclass(slots=True)
+class _Inquiry:
+    """The mechanisms of one candidate that are still to be undone, and its best trial so far.
+
+    Attributes
+    ----------
+    candidate
+        The cause.
+    bench
+        Undoes its mechanisms.
+    best
+        The trial that clears most.
+    size
+        Size of the mechanisms, in the unit of the cause.
+    """
+
+    candidate: CauseCandidate
+    bench: TrialBench
+    best: UndoTrial | None = field(init=False, default=None)
+    size: float | None = field(init=False)
+    _waiting: Iterator[ReversibleFault] = field(init=False)
+    _is_refitted: bool = field(init=False, default=False)
+
+    def __post_init__(self) -> None:
+        """Propose the mechanisms with the fitted size."""
+        self.size = self.candidate.size.magnitude
+        self._waiting = self._mechanisms()
+
+    def step(self) -> bool:
+        """Undo the next mechanism; return False where none is left, or where nothing is left to clear."""
+        if self.clears_all:
+            return False
+        fault = next(self._waiting, None)
+        if fault is None and self._fits_again():
+            fault = next(self._waiting, None)
+        if fault is None:
+            return False
+        trial = self.bench.undo(fault)
+        if trial is not None and (self.best is None or trial.balance > self.best.balance):
+            self.best = replace(trial, size=self.size) if self._is_refitted else trial
+        return True
+
+    @property
+    def clears_all(self) -> bool:
+        """Whether the best trial clears all that its windows show, and causes nothing."""
+        return self.best is not None and self.best.succeeds and not self.best.left
+
+    def _mechanisms(self) -> Iterator[ReversibleFault]:
+        cause, stream, run = self.candidate.cause, self.candidate.stream, self.bench.run
+        faults = faults_for(cause, stream, self.size, self.bench.alarms, run.strict, run.ready.facts)
+        return islice(dict.fromkeys(faults), _MOST_VARIANTS)
+
+    def _fits_again(self) -> bool:
+        """Propose the mechanisms with the size by which the deviation that gave it vanishes, once."""
+        sized_by = self.candidate.sized_by
+        if self._is_refitted or self.best is None or self.size is None or sized_by not in self.best.left:
+            return False
+        # Secant: with d deviations of d0 without and d1 with the size undone, d vanishes at size d0 / (d0 - d1).
+        ratio = self.best.left[sized_by]
+        again = self.size / (1.0 - ratio) if ratio < _STRAIGHT else self.size
+        if abs(again - self.size) <= _SIZED * abs(self.size):
+            return False
+        self.size, self._is_refitted = again, True
+        self._waiting = self._mechanisms()
+        return True
+
+
 def run_trials(
     bench: TrialBench, candidates: Sequence[CauseCandidate], progress: Progress
 ) -> dict[tuple[str, str], UndoTrial]:
-    """Undo the faults of candidates, best supported first; return the best trial of each by cause and stream."""
-    trials: dict[tuple[str, str], UndoTrial] = {}
+    """Undo the faults of candidates, best supported first; return the best trial of each by cause and stream.
+
+    The first mechanism of every candidate is undone before the second of any: where the work runs out, mechanisms of
+    one cause have not used up what another cause needs.
+    """
     # Only rivals of the best supported candidate are of interest, and then of a fault that clears all that is shown.
     least = CONTENDS * candidates[0].total_support if candidates else 0.0
-    for done, candidate in enumerate(candidates):
-        if candidate.total_support < least:
-            break
-        progress("undoing proposed faults", done, len(candidates))
-        magnitude = candidate.size.magnitude
-        best = _best_trial(bench, candidate, magnitude)
-        sized_by = candidate.sized_by
-        if best is not None and magnitude is not None and sized_by in best.left:
-            # Secant: with d deviations of d0 without and d1 with the size undone, d vanishes at size d0 / (d0 - d1).
-            ratio = best.left[sized_by]
-            again = magnitude / (1.0 - ratio) if ratio < _STRAIGHT else magnitude
-            if abs(again - magnitude) > _SIZED * abs(magnitude):
-                refitted = _best_trial(bench, candidate, again)
-                if refitted is not None and refitted.balance > best.balance:
-                    best = replace(refitted, size=again)
-        if best is not None:
-            trials[candidate.cause, candidate.stream] = best
-            if best.succeeds and not best.left:
-                least = max(least, CONTENDS * candidate.total_support)
-    return trials
-
-
-def _best_trial(bench: TrialBench, candidate: CauseCandidate, magnitude: float | None) -> UndoTrial | None:
-    """Undo the mechanisms of a cause with a size, and return the trial that clears most."""
-    best: UndoTrial | None = None
-    run = bench.run
-    proposals = faults_for(candidate.cause, candidate.stream, magnitude, bench.alarms, run.strict, run.ready.facts)
-    for fault in islice(dict.fromkeys(proposals), _MOST_VARIANTS):
-        trial = bench.undo(fault)
-        if trial is not None and (best is None or trial.balance > best.balance):
-            best = trial
-        if best is not None and best.succeeds and not best.left:
-            break
-    return best
+    inquiries = [_Inquiry(candidate, bench) for candidate in candidates]
+    waiting = inquiries
+    while waiting:
+        going_on = []
+        for inquiry in waiting:
+            if inquiry.candidate.total_support < least:
+                break
+            progress("undoing proposed faults", len(inquiries) - len(waiting), len(inquiries))
+            if inquiry.step():
+                going_on.append(inquiry)
+            if inquiry.clears_all:
+                least = max(least, CONTENDS * inquiry.candidate.total_support)
+        waiting = going_on
+    return {inquiry.candidate.key: inquiry.best for inquiry in inquiries if inquiry.best is not None}

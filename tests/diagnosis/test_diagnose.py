@@ -171,6 +171,23 @@ def test_what_clears_the_findings_is_the_cause() -> None:
     assert [(d.cause, d.status, d.cleared) for d in found] == [("time_offset", "confirmed", ("F1", "F2"))]
 
 
+def test_what_clears_all_of_several_checks_outweighs_a_measurement_at_a_place() -> None:
+    """A delay fits a part of the file well, and undoing it leaves a part; a focal length clears what all checks show."""
+    late = Hypothesis("time_offset", "events", 0.95)
+    focal = Hypothesis("intrinsics_focal", "metadata", 0.6, 2.0, "percent")
+    shown = [
+        alarm(1, late, code="event_response.conservation.region"),
+        alarm(2, Hypothesis("time_offset", "events", 0.5), code="alignment.events.shift"),
+        alarm(3, focal, code="flow_photometric.residual.gain", stream="flow"),
+    ]
+    of_focal, of_delay = ("intrinsics_focal", "metadata"), tried(left={"F1": 0.3, "F3": 1.0})
+    found = diagnosed(shown, {IS_LATE: of_delay, of_focal: tried("F1", "F3")})
+    assert (found[0].cause, found[0].explains) == ("intrinsics_focal", ("F3", "F1"))
+    # Where something is left, what no check would explain by the cause counts as chance first.
+    found = diagnosed(shown, {IS_LATE: of_delay, of_focal: tried("F1", left={"F3": 0.9})})
+    assert found[0].cause == "time_offset"
+
+
 def test_nothing_is_confirmed_while_a_rival_is_untested() -> None:
     """A rival that could be undone and was not may clear as much."""
     assert [d.status for d in diagnosed(BOTH, {IS_LATE: tried("F1", "F2")})] == ["supported"]

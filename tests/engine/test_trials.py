@@ -4,14 +4,18 @@ import shutil
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
 
 import h5py
 import numpy as np
 import pytest
 
 from fedora_qa.catalogue import CHECKS, hypotheses_of
+from fedora_qa.diagnosis.candidates import CauseCandidate
 from fedora_qa.diagnosis.coincidence import places_of_clocks
 from fedora_qa.diagnosis.diagnose import rank_candidates
+from fedora_qa.diagnosis.hypothesis import Hypothesis
 from fedora_qa.engine.altered import PlainRun
 from fedora_qa.engine.executor import InProcess
 from fedora_qa.engine.files import check_files
@@ -23,6 +27,8 @@ from fedora_qa.engine.survey import Survey, opened, survey_file
 from fedora_qa.engine.tasks import measure_open
 from fedora_qa.engine.trials import TrialBench, run_trials
 from fedora_qa.faults.clocks import ClockShift
+from fedora_qa.faults.pixels import Mirroring
+from fedora_qa.faults.reversible import ReversibleFault
 from fedora_qa.judgement.judge import judge
 from fedora_qa.record.wording import status_sentence
 
@@ -125,6 +131,28 @@ def test_a_budget_of_time_leaves_no_work_for_trials(park_day: Path, tmp_path: Pa
     ((_, run),) = check_files([target], options, InProcess(), lambda tally: None)
     first = run.record.diagnoses[0]
     assert (first.cause, first.tried) == ("polarity_inverted", ())
+
+
+class Notebook:
+    """A bench that notes what it is asked to undo, and clears nothing."""
+
+    def __init__(self) -> None:
+        self.alarms: list[Any] = []
+        self.run: Any = SimpleNamespace(strict={}, ready=SimpleNamespace(facts=None))
+        self.undone: list[ReversibleFault] = []
+
+    def undo(self, fault: ReversibleFault) -> None:
+        self.undone.append(fault)
+
+
+def test_every_cause_is_tried_before_a_second_mechanism_of_any() -> None:
+    """Work that runs out leaves second mechanisms untried, not causes."""
+    hypotheses = [Hypothesis("mirrored", "events", 0.9), Hypothesis("mirrored", "rgb", 0.6)]
+    candidates = [CauseCandidate(h.cause, h.stream, {"F1": h}, {"F1": 1.0}) for h in hypotheses]
+    bench: Any = Notebook()
+    assert run_trials(bench, candidates, quiet) == {}
+    ways = [(stream, way) for way in ("horizontal", "vertical") for stream in ("events", "rgb")]
+    assert bench.undone == [Mirroring(stream, way) for stream, way in ways]
 
 
 def test_work_is_bounded_by_the_run_itself(park_day: Path, tmp_path: Path) -> None:
