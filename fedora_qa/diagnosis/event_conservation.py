@@ -3,11 +3,11 @@
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from math import exp
+from math import exp, expm1
 from types import MappingProxyType
 from typing import Final
 
-from fedora_qa.checks.event_response.conservation import TILE_PX, ViolationCluster, Violations
+from fedora_qa.checks.event_response.conservation import TILE_PX, LoneEventRate, ViolationCluster, Violations
 from fedora_qa.diagnosis.event_response import whose_offset
 from fedora_qa.diagnosis.hypothesis import Hypothesis
 from fedora_qa.diagnosis.support import support
@@ -42,6 +42,10 @@ _DOMINANT: Final = 3.0
 
 _PARTS: Final = 3
 """Number of parts: a window and its halves."""
+
+_UNIFORM: Final = 0.5
+"""Least ratio of the rate of lone events that three quarters of the image reach to the mean rate, for noise: of edges
+alone it is near 0, as most tiles have none at a time."""
 
 _CAUSES: Final[Mapping[Transform, str]] = MappingProxyType(
     {
@@ -79,6 +83,7 @@ def propose_conservation(alarm: Alarm, facts: Facts) -> tuple[Hypothesis, ...]:
     (violations,) = (feature for feature in features if isinstance(feature, Violations))
     (cluster,) = (feature for feature in features if isinstance(feature, ViolationCluster))
     trials = [feature for feature in features if isinstance(feature, InverseTrial)]
+    noise = _of_noise([feature for feature in features if isinstance(feature, LoneEventRate)], violations, facts)
     few = violations.fraction < _FEW
     # Violations of a dead region lie together, in pixels without events; rows or columns that are dead form a band.
     # Violations of a region that is dead for some time lie closer together than those of lost events: a lost packet
@@ -128,7 +133,27 @@ def propose_conservation(alarm: Alarm, facts: Facts) -> tuple[Hypothesis, ...]:
         # silent > 2 duration / (n - 1), multiplied out: whole nanoseconds without a division.
         if silent_ns * (len(times_ns) - 1) > 2 * duration_ns:
             cut_off = (Hypothesis("truncated", "events", _support("truncated")),)
-    return (*by_trial, *cut_off, *(replace(each, support=remaining * each.support) for each in beside))
+    return (*by_trial, *cut_off, *noise, *(replace(each, support=remaining * each.support) for each in beside))
+
+
+def _of_noise(rates: Sequence[LoneEventRate], violations: Violations, facts: Facts) -> tuple[Hypothesis, ...]:
+    """Return noise that is not declared, where lone events are as many everywhere and enough for the violations.
+
+    A spurious event moves its pixel by a threshold, which any pixel that uses its range shows: of noise with r events a
+    second, a share of at most 1 - exp(-r s) of the pixels violates the law within s seconds.
+    """
+    declared = facts.declared.events
+    if declared is None:
+        return ()
+    declared_hz = declared.shot_rate_hz + declared.leak_rate_hz
+    for rate in rates:
+        excess_hz = rate.quiet_hz - declared_hz
+        is_uniform = rate.quiet_hz > _UNIFORM * rate.mean_hz
+        if excess_hz > 0 and is_uniform and violations.fraction < -expm1(-excess_hz * rate.seconds):
+            percent = 100 * excess_hz / declared_hz if declared_hz > 0 else None
+            unit = "" if percent is None else "percent"
+            return (Hypothesis("noise_misdeclared", "events", _support("uniform_lone_events"), percent, unit),)
+    return ()
 
 
 def _lies_in_one_place(cluster: ViolationCluster) -> bool:

@@ -8,10 +8,13 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from fedora_qa.checks.event_response.conservation import LoneEventRate, ViolationCluster, Violations
+from fedora_qa.diagnosis.hypothesis import Hypothesis
 from fedora_qa.engine.run import CheckOptions, check_file
 from fedora_qa.record.types import Diagnosis
 from tests.checks.event_file import SHAPE, SMOOTH_WORLD, EventFile, log_file
 from tests.estimators.event_world import MS, Stream
+from tests.support.proposals import proposed
 
 OTHER_WORLD = replace(SMOOTH_WORLD, seed=17)
 
@@ -90,6 +93,23 @@ def test_what_nothing_mends_is_of_another_sequence(tmp_path: Path) -> None:
     """Events of another world are not taken for events of this one that were moved, turned or delayed."""
     file = log_file(SMOOTH_WORLD).altered(events=log_file(OTHER_WORLD).events)
     assert diagnosed(file, tmp_path / "other.h5")[0].cause == "other_sequence"
+
+
+@pytest.mark.parametrize(
+    ("rate", "is_noise"),
+    [
+        (LoneEventRate(3.0, 3.4, 1.0), True),
+        # Three quarters of the lone events lie in a part of the image.
+        (LoneEventRate(0.8, 3.4, 1.0), False),
+        # As many would violate the law in 1 - exp(-0.1) of the pixels.
+        (LoneEventRate(0.1, 0.1, 1.0), False),
+    ],
+)
+def test_lone_events_everywhere_are_noise(rate: LoneEventRate, is_noise: bool) -> None:
+    """A fifth of the pixels that do not add up is what three undeclared events a second explain."""
+    features = Violations(2000, 0.2), ViolationCluster(44.7, 0.2, 0.1, 0.0, 0.05), rate
+    first = proposed("event_response.conservation.pixels", *features, stream="events")[0]
+    assert (first == Hypothesis("noise_misdeclared", "events", 0.9)) is is_noise
 
 
 def test_lost_events_are_not_mended(tmp_path: Path) -> None:

@@ -9,13 +9,14 @@ from numpy.typing import NDArray
 
 from fedora_qa.checks.protocol import Check, Observation, Statistic
 from fedora_qa.conventions import NS_PER_S
+from fedora_qa.estimators.events.lone_events import LoneEvents, count_lone_events
 from fedora_qa.features import Feature
 from fedora_qa.record.types import Coverage, Where
 from fedora_qa.sequence.declared import EventModel
 from fedora_qa.sequence.facts import Facts
 from fedora_qa.sequence.window import Window
 from fedora_qa.views.conservation_trials import InverseTrial, inverse_trials
-from fedora_qa.views.event_camera import sensor_shape, why_frames_and_events_do_not_meet
+from fedora_qa.views.event_camera import resampled_frames, sensor_shape, why_frames_and_events_do_not_meet
 from fedora_qa.views.frame_runs import FrameRuns, FrameRunSummary
 
 Bool = NDArray[np.bool_]
@@ -67,6 +68,25 @@ class ViolationCluster(Feature):
     fraction_in_densest_band: float = 0.0
 
 
+@dataclass(frozen=True, slots=True)
+class LoneEventRate(Feature):
+    """Events without company in space and time, of which noise leaves as many everywhere.
+
+    Attributes
+    ----------
+    quiet_hz
+        Rate a pixel that three quarters of the image reach.
+    mean_hz
+        Rate a pixel of the whole image.
+    seconds
+        Length of what is compared at a time, at most 2 s.
+    """
+
+    quiet_hz: float
+    mean_hz: float
+    seconds: float
+
+
 @dataclass(slots=True)
 class ConservationState:
     """State of the check over some windows.
@@ -77,10 +97,13 @@ class ConservationState:
         Frame runs.
     trials
         Inverse trials of windows that violate the law.
+    lone
+        Events without company between the frames; None where no frames were compared.
     """
 
     runs: FrameRuns
     trials: list[InverseTrial] = field(default_factory=list)
+    lone: LoneEvents | None = None
 
 
 class EventResponseConservation(Check[ConservationState]):
@@ -155,10 +178,15 @@ class EventResponseConservation(Check[ConservationState]):
         """Join the window's frames to the last run, or begin another, and try inverse transforms on violations."""
         state.runs.follow(window)
         state.trials.extend(inverse_trials(window))
+        resampled = resampled_frames(window)
+        if len(resampled) > 1:
+            lone = count_lone_events(resampled.counts, np.diff(resampled.times_ns) / NS_PER_S)
+            state.lone = lone if state.lone is None else state.lone + lone
 
     def merge(self, state: ConservationState, later: ConservationState) -> ConservationState:
         """Join the frame runs that meet."""
-        return ConservationState(state.runs.then(later.runs), state.trials + later.trials)
+        lone = state.lone + later.lone if state.lone and later.lone else state.lone or later.lone
+        return ConservationState(state.runs.then(later.runs), state.trials + later.trials, lone)
 
     def conclude(self, state: ConservationState, facts: Facts) -> Observation:
         """Count the pixels that violate the law, in the worst two seconds and by tile."""
@@ -222,7 +250,10 @@ class EventResponseConservation(Check[ConservationState]):
             where=Where(stream="events", tile=(column, row, column + side, row + side)),
             features=(Violations(count, everywhere), cluster, *state.trials),
         )
-        worst_group = self._worst_group(groups, state.runs.model, facts, (cluster, *state.trials))
+        times_ns = facts.clocks["rgb"].times_ns
+        seconds = max(float(times_ns[group.last_frame] - times_ns[group.first_frame]) / NS_PER_S for group in groups)
+        noise = (LoneEventRate(state.lone.quiet_rate_hz, state.lone.mean_rate_hz, seconds),) if state.lone else ()
+        worst_group = self._worst_group(groups, state.runs.model, facts, (cluster, *noise, *state.trials))
         return Observation(
             coverage,
             (worst_group, tile),

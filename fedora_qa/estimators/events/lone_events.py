@@ -1,0 +1,104 @@
+"""Events without company: how often a pixel fires once while its neighbours are silent, by tile of the image.
+
+Noise of a sensor fires at random: everywhere, at any time, in pixels of any brightness. Of n blocks of 3 x 3 pixels
+without another event in an interval of time, noise of r events a second leaves n exp(-r s) silent in the middle and
+n r s exp(-r s) with one event there: their ratio is r s, whatever happens elsewhere. Edges leave lone events too, where
+they begin and end, but only in the tiles that they cross. So the rate of the quieter tiles is that of the noise.
+
+A spatiotemporal neighbour as what tells a signal from background activity: T. Delbruck, Frame-free dynamic digital
+vision, Int. Symp. Secure-Life Electronics (2008), section 5.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+Int64 = NDArray[np.int64]
+Int32 = NDArray[np.int32]
+
+TILES = 8
+"""Tiles a side of the image."""
+
+_QUIET = 0.25
+"""Quantile of the rates of tiles: three quarters of an image with noise have at least its rate."""
+
+
+@dataclass(frozen=True, slots=True)
+class LoneEvents:
+    """Pixels of all intervals with silent neighbours, by tile.
+
+    Attributes
+    ----------
+    lone
+        (TILES, TILES) with one event, of either polarity.
+    silent
+        (TILES, TILES) without an event.
+    weighted_s
+        (TILES, TILES) sum of the intervals' lengths over these pixels, s.
+    """
+
+    lone: Int64
+    silent: Int64
+    weighted_s: NDArray[np.float64]
+
+    def __add__(self, other: "LoneEvents") -> "LoneEvents":
+        """Add those of other intervals."""
+        return LoneEvents(self.lone + other.lone, self.silent + other.silent, self.weighted_s + other.weighted_s)
+
+    @property
+    def quiet_rate_hz(self) -> float:
+        """Rate of lone events of a pixel, 1/s, that three quarters of the tiles reach; a tile never silent has none."""
+        rates_hz = np.divide(self.lone, self.weighted_s, out=np.zeros((TILES, TILES)), where=self.weighted_s > 0)
+        return float(np.quantile(rates_hz, _QUIET))
+
+    @property
+    def mean_rate_hz(self) -> float:
+        """Rate of lone events of a pixel in all tiles, 1/s; 0 where none was seen."""
+        seconds = float(self.weighted_s.sum())
+        return float(self.lone.sum()) / seconds if seconds else 0.0
+
+
+def count_lone_events(counts: Int32, intervals_s: NDArray[np.float64]) -> LoneEvents:
+    """Count pixels with one event and with none, of those whose neighbours have none.
+
+    Parameters
+    ----------
+    counts
+        (n, 2, h, w) darker and brighter events of n intervals.
+    intervals_s
+        (n,) their lengths, s.
+
+    Returns
+    -------
+    LoneEvents
+        By tile.
+    """
+    lone, silent = np.zeros((2, TILES, TILES), np.int64)
+    weighted_s = np.zeros((TILES, TILES))
+    for between, seconds in zip(counts, intervals_s, strict=True):
+        of_interval = np.zeros((2, TILES, TILES), np.int64)
+        _count(between, of_interval)
+        lone += of_interval[0]
+        silent += of_interval[1]
+        # The ratio of lone to silent pixels is r s: sum(lone) estimates r sum(s silent).
+        weighted_s += seconds * of_interval[1]
+    return LoneEvents(lone, silent, weighted_s)
+
+
+@njit(cache=True)
+def _count(between: Int32, totals: Int64) -> None:
+    """Add the pixels with one event, and those with none, whose eight neighbours have none, by tile."""
+    height, width = between.shape[1], between.shape[2]
+    for row in range(1, height - 1):
+        for column in range(1, width - 1):
+            own = between[0, row, column] + between[1, row, column]
+            if own > 1:
+                continue
+            around = -own
+            for i in range(row - 1, row + 2):
+                for j in range(column - 1, column + 2):
+                    around += between[0, i, j] + between[1, i, j]
+            if around == 0:
+                totals[1 - own, row * totals.shape[1] // height, column * totals.shape[2] // width] += 1
