@@ -5,7 +5,7 @@ from typing import Final
 
 from fedora_qa.causes import stream_family
 from fedora_qa.diagnosis.candidates import FITS, CauseCandidate
-from fedora_qa.diagnosis.direct import is_direct, is_local
+from fedora_qa.diagnosis.direct import is_declared, is_direct, is_local
 from fedora_qa.diagnosis.proposed_faults import is_testable
 from fedora_qa.diagnosis.trial import UndoTrial
 from fedora_qa.record.types import DiagnosisStatus
@@ -26,7 +26,8 @@ def is_conclusive(candidate: CauseCandidate, codes: Mapping[str, str]) -> bool:
     """Whether a candidate is ruled out where undoing it in the whole file clears nothing.
 
     It is not where other mechanisms have the same cause, or where the finding that supports it most is that of a place
-    or of some time, so that the fault may hold in a part of the file.
+    or of some time, so that the fault may hold in a part of the file, or that of a declaration: values that were not
+    changed do not rule out that they are declared wrongly.
 
     Parameters
     ----------
@@ -36,7 +37,9 @@ def is_conclusive(candidate: CauseCandidate, codes: Mapping[str, str]) -> bool:
         Of all findings, by their id.
     """
     best = (f for f, h in candidate.evidence.items() if h.support >= candidate.best_support)
-    return candidate.cause not in _MANY_MECHANISMS and not any(is_local(codes[finding]) for finding in best)
+    return candidate.cause not in _MANY_MECHANISMS and not any(
+        is_local(codes[finding]) or is_declared(codes[finding]) for finding in best
+    )
 
 
 def is_excluded(candidate: CauseCandidate, codes: Mapping[str, str], trials: Trials) -> bool:

@@ -6,6 +6,7 @@ from typing import Final
 
 _CHECKS: Final[Mapping[str, tuple[str, ...]]] = MappingProxyType(
     {
+        "polarity_inverted": ("metadata.complete",),
         "dropped_samples": ("clocks.gaps", "event_stream.gaps"),
         "duplicated_samples": ("clocks.order", "event_stream.duplicates"),
         "unsorted": ("clocks.order",),
@@ -19,7 +20,7 @@ _CHECKS: Final[Mapping[str, tuple[str, ...]]] = MappingProxyType(
         "quaternion_not_unit": ("pose.orientation",),
         "teleport": ("pose.continuity",),
         "interpolated_pose": ("pose.continuity",),
-        "noise_misdeclared": ("imu.noise", "pose.noise"),
+        "noise_misdeclared": ("imu.noise", "pose.noise", "event_response.conservation"),
         # A ratio of noise that is just the factor of a unit.
         "unit_mm_m": ("pose.noise",),
         "unit_deg_rad": ("imu.noise",),
@@ -64,6 +65,11 @@ def is_local(code: str) -> bool:
     """Whether a finding, by its code, is the deviation of a place or of some time, not of the whole file."""
     check, _, rule = code.rpartition(".")
     return check in _LOCAL_CHECKS or rule in _LOCAL_RULES
+
+
+def is_declared(code: str) -> bool:
+    """Whether a finding, by its code, is of what the file declares."""
+    return code.startswith("metadata.")
 
 
 def is_direct(cause: str, code: str) -> bool:

@@ -62,14 +62,20 @@ def propose_duplicates(alarm: Alarm, facts: Facts) -> tuple[Hypothesis, ...]:
 
 
 def propose_gaps(alarm: Alarm, facts: Facts) -> tuple[Hypothesis, ...]:
-    """Return the causes of an interval without events: lost events, or a clock reset."""
+    """Return the causes of an interval without events: lost events, or a clock that was set.
+
+    Where events were sorted after their clock had been set for a while, no step back is left: the offset of that while
+    is seen by events that do not add up (``event_conservation``), which lost events seldom mimic.
+    """
     features = alarm.statistic.features
     lost = only_feature(features, ExpectedEvents).count
     resets = [feature for feature in features if isinstance(feature, ClockReset)]
     supported = support("event_stream.silence_of_reset") if resets else support("event_stream.silence")
     # The number of lost events has the Poisson error of the expected number.
     dropped = Hypothesis("dropped_samples", "events", supported, float(lost), "samples", sqrt(lost))
-    return *(hypothesis for reset in resets for hypothesis in hypotheses_of_reset(reset)), dropped
+    of_resets = (hypothesis for reset in resets for hypothesis in hypotheses_of_reset(reset))
+    step = () if resets else (Hypothesis("time_offset", "events", support("event_stream.silence_of_step")),)
+    return *of_resets, dropped, *step
 
 
 def propose_rates(alarm: Alarm, facts: Facts) -> tuple[Hypothesis, ...]:

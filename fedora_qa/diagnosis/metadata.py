@@ -26,7 +26,8 @@ def propose_complete(alarm: Alarm, facts: Facts) -> tuple[Hypothesis, ...]:
     """Return the cause that a declaration's problem names; without a problem the group of the metadata is missing."""
     for feature in alarm.statistic.features:
         if isinstance(feature, DeclarationDefect):
-            return (Hypothesis(feature.problem.cause, "metadata", support("metadata.declaration_problem")),)
+            problem = feature.problem
+            return (Hypothesis(problem.cause, problem.stream, support("metadata.declaration_problem")),)
     return (Hypothesis("missing_stream", "metadata", support("metadata.no_metadata")),)
 
 

@@ -38,6 +38,11 @@ _CORRELATED: Final[Mapping[str, tuple[str, ...]]] = MappingProxyType(
 """Checks that correlate a stream with others: where one of them passes, the stream is of the same sequence."""
 
 
+_OWN: Final[Mapping[str, tuple[str, ...]]] = MappingProxyType({"pose": ("pose.orientation", "pose.continuity")})
+"""Checks of a stream by itself that another sequence does not fail: where they fail, the stream does not correlate with
+others for that reason."""
+
+
 def contradicts(
     cause: str, stream: str, magnitude: float | None, results: Results, places: Mapping[str, ClockPlace]
 ) -> bool:
@@ -54,7 +59,8 @@ def contradicts(
     """
     family = stream_family(stream)
     if cause == "other_sequence":
-        return any(_passed(results.get(check)) for check in _CORRELATED.get(family, ()))
+        correlates = any(_passed(results.get(check)) for check in _CORRELATED.get(family, ()))
+        return correlates or any(_failed(results.get(check)) for check in _OWN.get(family, ()))
     if cause in ("time_offset", "clock_rate") and family in places:
         offset_ms = magnitude if cause == "time_offset" else None
         if places[family].excludes(offset_ms):
@@ -68,6 +74,10 @@ def contradicts(
         # A fault larger than the limit would have exceeded it.
         return abs(magnitude) > measurement.limit
     return False
+
+
+def _failed(result: Result | None) -> bool:
+    return result is not None and result.outcome == "failed"
 
 
 def _passed(result: Result | None) -> bool:

@@ -70,7 +70,10 @@ class DatasetSpec:
 
 @dataclass(frozen=True, slots=True)
 class AttributeSpec:
-    """One attribute: the object that carries it, its name, type and whether the format requires it."""
+    """One attribute: the object that carries it, its name, type and whether the format requires it.
+
+    ``opposites`` are texts that say the opposite of the only choice.
+    """
 
     owner: str
     name: str
@@ -79,6 +82,7 @@ class AttributeSpec:
     required: bool
     meaning: str
     choices: tuple[str, ...] = ()
+    opposites: tuple[str, ...] = ()
 
 
 def _flow_datasets(rate: str) -> tuple[DatasetSpec, ...]:
@@ -168,7 +172,8 @@ _ATTRIBUTES: Final = (
     AttributeSpec("metadata/events", "log_eps_dn", "float", "DN", False, "L = ln(Y + log_eps_dn), 0 by default"),
     AttributeSpec("metadata/events", "initial_phase", "text", "", False, "first reference level"),
     AttributeSpec("metadata/events", "packet_interval_us", "int", "us", False, "0: asynchronous"),
-    AttributeSpec("metadata/events", "polarity", "text", "", True, "polarity code", ("1=brighter",)),
+    AttributeSpec("metadata/events", "polarity", "text", "", True, "polarity code", ("1=brighter",),
+                  ("0=brighter", "1=darker")),
     *(AttributeSpec("metadata/events", name, "float", units, False, meaning)
       for name, units, meaning in _EVENT_EFFECTS),
     AttributeSpec("metadata/events", "hot_pixels", "pixels", "px", False, "columns and rows of hot pixels"),

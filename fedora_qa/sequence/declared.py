@@ -158,6 +158,8 @@ class DeclarationProblem:
         Whether it is a number that nothing can have: below zero, NaN, or a range that ends before it begins.
     usable
         Whether its meaning is plain, so that it was read in spite of its form.
+    stream
+        Whose fault the cause is: a declaration may contradict the layout by what it says of a stream.
     """
 
     owner: str
@@ -166,6 +168,7 @@ class DeclarationProblem:
     cause: str
     impossible: bool = False
     usable: bool = False
+    stream: str = "metadata"
 
 
 @dataclass(frozen=True, slots=True)

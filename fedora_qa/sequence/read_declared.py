@@ -58,11 +58,11 @@ _LENS: Final = ("distortion_model", "distortion")
 
 
 class MalformedError(Exception):
-    """An attribute is there and cannot be used; ``cause`` is an identifier of ``causes.py``."""
+    """An attribute is there and cannot be used; ``cause`` is an identifier of ``causes.py``, of a ``stream``."""
 
-    def __init__(self, cause: str, message: str) -> None:
+    def __init__(self, cause: str, message: str, stream: str = "metadata") -> None:
         super().__init__(message)
-        self.cause = cause
+        self.cause, self.stream = cause, stream
 
 
 class ImpossibleError(MalformedError):
@@ -170,7 +170,8 @@ class _Reader:
                     value = read_attribute(holder, spec) if holder is not None else None
             except MalformedError as malformed:
                 impossible = isinstance(malformed, ImpossibleError)
-                self._problem(owner, spec.name, malformed.cause, str(malformed), impossible=impossible)
+                cause, stream = malformed.cause, malformed.stream
+                self._problem(owner, spec.name, cause, str(malformed), impossible=impossible, stream=stream)
                 continue
             if _key_of(spec) == EVENT_MODEL and value == UNKNOWN:
                 # Nobody states how the sensor responds, so that no threshold is required either.
@@ -290,10 +291,18 @@ class _Reader:
         return self.external_files.holding(file, binding) if self.external_files else file
 
     def _problem(
-        self, owner: str, name: str, cause: str, message: str, *, impossible: bool = False, usable: bool = False
+        self,
+        owner: str,
+        name: str,
+        cause: str,
+        message: str,
+        *,
+        impossible: bool = False,
+        usable: bool = False,
+        stream: str = "metadata",
     ) -> None:
-        cause_named = cause if allowed(cause, "metadata") else "unknown"
-        self.problems.append(DeclarationProblem(owner, name, message, cause_named, impossible, usable))
+        cause_named = cause if allowed(cause, stream) else "unknown"
+        self.problems.append(DeclarationProblem(owner, name, message, cause_named, impossible, usable, stream))
 
 
 def _key_of(spec: AttributeSpec) -> str:
@@ -355,6 +364,10 @@ def _text(stored: Any, spec: AttributeSpec) -> str:
         raise MalformedError("wrong_dtype", f"Expected text, got {_shown(stored)}")
     # Names in upper case mean the same.
     text = next((choice for choice in spec.choices if choice.lower() == text.strip().lower()), text)
+    if text.replace(" ", "").lower() in spec.opposites:
+        # Polarity has the only attribute whose values have an opposite.
+        message = f"Expected {spec.choices[0]!r}, got {_shown(text)}, which is the opposite"
+        raise MalformedError("polarity_inverted", message, "events")
     if spec.choices and text not in spec.choices:
         raise MalformedError("unknown", f"Expected {' or '.join(map(repr, spec.choices))}, got {_shown(text)}")
     return str(text)

@@ -172,7 +172,7 @@ def test_what_clears_the_findings_is_the_cause() -> None:
 
 
 def test_what_clears_all_of_several_checks_outweighs_a_measurement_at_a_place() -> None:
-    """A delay fits a part of the file well, and undoing it leaves a part; a focal length clears what all checks show."""
+    """A delay fits a part of the file, and undoing it leaves a part; a focal length clears what all checks show."""
     late = Hypothesis("time_offset", "events", 0.95)
     focal = Hypothesis("intrinsics_focal", "metadata", 0.6, 2.0, "percent")
     shown = [
@@ -248,6 +248,36 @@ def test_a_measurement_in_order_contradicts_a_cause() -> None:
     related = Result("event_response.orientation", "passed", "?")
     assert diagnosed(other)[0].cause == "other_sequence"
     assert diagnosed(other, results={"event_response.orientation": related})[0].cause == "unknown"
+
+
+def test_a_stream_that_is_not_in_order_by_itself_is_no_other_sequence() -> None:
+    """Quaternions of any length correlate with nothing for that reason, not because they belong elsewhere."""
+    unrelated = [alarm(1, Hypothesis("other_sequence", "pose", 0.9))]
+    own = Result("pose.orientation", "failed", "?")
+    in_order = {"pose.orientation": replace(own, outcome="passed")}
+    assert diagnosed(unrelated, results=in_order)[0].cause == "other_sequence"
+    assert diagnosed(unrelated, results={"pose.orientation": own})[0].cause == "unknown"
+
+
+def test_a_silence_with_events_that_are_off_is_a_clock_that_was_set() -> None:
+    """A silence alone is a loss; beside a part of the events that are late it is the step of their clock."""
+    silence = alarm(
+        1,
+        Hypothesis("dropped_samples", "events", 0.95, 900.0, "samples"),
+        Hypothesis("time_offset", "events", 0.3),
+        code="event_stream.gaps.silence",
+    )
+    late = alarm(2, Hypothesis("time_offset", "events", 0.95, 20.0, "ms"), code="event_response.conservation.region")
+    lost = alarm(2, Hypothesis("dropped_samples", "events", 0.5), code="event_response.conservation.region")
+    assert diagnosed([silence])[0].cause == diagnosed([silence, lost])[0].cause == "dropped_samples"
+    assert (diagnosed([silence, late])[0].cause, diagnosed([silence, late])[0].magnitude) == ("time_offset", 20.0)
+
+
+def test_unaltered_values_do_not_excuse_what_is_declared() -> None:
+    """Undoing the polarity of values breaks them where the declaration is what is wrong."""
+    opposite = alarm(1, Hypothesis("polarity_inverted", "events", 1.0), code="metadata.complete.malformed")
+    of_values = {("polarity_inverted", "events"): tried(left={"F1": 1.0}, caused=("event_response.orientation.other",))}
+    assert [(d.cause, d.status) for d in diagnosed([opposite], of_values)] == [("polarity_inverted", "supported")]
 
 
 def test_a_factor_that_is_no_ratio_of_units_is_no_unit() -> None:

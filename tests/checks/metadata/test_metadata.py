@@ -55,6 +55,15 @@ def test_malformed_required_attribute(path: Path) -> None:
     assert (diagnosis.cause, diagnosis.stream) == ("wrong_dtype", "metadata")
 
 
+def test_polarity_that_is_declared_the_other_way(path: Path) -> None:
+    """The opposite of the only code is a fault of the polarities, if the declaration is true."""
+    with h5py.File(path, "r+") as file:
+        file["metadata/events"].attrs["polarity"] = "0 = brighter"
+    assert rules(run_check(path, "metadata.complete")) == ["malformed"]
+    (diagnosis,) = diagnoses_of(path, "metadata.complete")
+    assert (diagnosis.cause, diagnosis.stream) == ("polarity_inverted", "events")
+
+
 def test_malformed_optional_attribute_is_noted(path: Path) -> None:
     """An optional attribute that cannot be used is a warning."""
     with h5py.File(path, "r+") as file:
