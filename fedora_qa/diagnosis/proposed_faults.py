@@ -210,6 +210,12 @@ def _length_unit(fit: FittedCause) -> Faults:
         yield units.LengthUnit("depth" if fit.stream == "depth" else "pose", fit.size)
 
 
+def _flow_units(fit: FittedCause) -> Faults:
+    smaller: tuple[units.FlowUnitName, ...] = ("px s", "half images", "images")
+    for unit in ("px/s",) if fit.size > 1 else smaller:
+        yield units.FlowUnit(fit.stream, unit)
+
+
 def _flow_interval(fit: FittedCause) -> Faults:
     for intervals in (round(fit.size),) if round(fit.size) else (1, -1):
         yield flow.FlowIntervalShift(fit.stream, intervals)
@@ -332,7 +338,7 @@ _PROPOSALS: Final[Mapping[str, Callable[[FittedCause], Faults]]] = MappingProxyT
         "event_model_misdeclared": lambda _: iter([declarations.EventModelMisdeclared()]),
         "unit_mm_m": _length_unit,
         "unit_deg_rad": lambda fit: iter([units.AngleUnit(fit.size)]),
-        "flow_unit": lambda fit: iter([units.FlowUnit(fit.stream, "px/s" if fit.size > 1 else "px s")]),
+        "flow_unit": _flow_units,
         "flow_sign": lambda fit: iter([units.FlowSign(fit.stream)]),
         "flow_gain": lambda fit: iter([units.FlowGain(fit.stream, fit.size)]),
         "flow_interval_shifted": _flow_interval,

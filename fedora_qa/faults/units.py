@@ -152,34 +152,53 @@ class FlowSign:
         return self.plant(facts, sequence)
 
 
+FlowUnitName = Literal["px/s", "px s", "images", "half images"]
+
+_IMAGES: Final = {"images": 1.0, "half images": 0.5}
+"""Units of length that depend on the size of the image, in widths and heights of it."""
+
+
 @dataclass(frozen=True, slots=True)
 class FlowUnit:
-    """Flow is divided by its interval, or multiplied by it.
+    """Flow is divided by its interval, multiplied by it, or in shares of the image.
 
     Attributes
     ----------
     stream
         ``flow``, or a rate.
     unit
-        ``px/s``, or ``px s``: the equation of the paper applied to a displacement.
+        ``px/s``; ``px s``: the equation of the paper applied to a displacement; ``images`` or ``half images``: u in
+        widths and v in heights of the image, or in halves of them, as samplers of networks count from -1 to 1.
     """
 
     stream: str
-    unit: Literal["px/s", "px s"] = "px/s"
+    unit: FlowUnitName = "px/s"
     cause: ClassVar[str] = "flow_unit"
 
     @property
     def magnitude(self) -> float:
-        """1 for values that are too large (px/s), -1 for values that are too small (px s)."""
+        """1 for values that are too large (px/s), -1 for values that are too small (all others)."""
         return 1.0 if self.unit == "px/s" else -1.0
 
     def plant(self, facts: Facts, sequence: SequenceRows) -> Fault:
         """Convert from px."""
+        if self.unit in _IMAGES:
+            return self._in_images(facts, f"{self.stream} is in {self.unit}", -1)
         return self._scaled(facts, f"{self.stream} is in {self.unit}", divided=self.unit == "px/s")
 
     def undo(self, facts: Facts, sequence: SequenceRows) -> Fault:
         """Convert to px."""
+        if self.unit in _IMAGES:
+            return self._in_images(facts, f"{self.stream} from {self.unit} to px", 1)
         return self._scaled(facts, f"{self.stream} from {self.unit} to px", divided=self.unit != "px/s")
+
+    def _in_images(self, facts: Facts, description: str, power: Literal[1, -1]) -> Fault:
+        def scaled(flow: NDArray[Any]) -> NDArray[Any]:
+            height, width = flow.shape[-3:-1]
+            return flow * (_IMAGES[self.unit] * np.array([width, height], np.float64)) ** power
+
+        keys = value_keys(facts, self.stream)
+        return Fault(description, dict.fromkeys(keys, in_rows(scaled, None)))
 
     def _scaled(self, facts: Facts, description: str, *, divided: bool) -> Fault:
         rows = {}

@@ -147,7 +147,9 @@ def _with_other_flow(
     if seconds > 0:
         yield transformed("another_unit", flow * seconds, 1 / seconds)
         yield transformed("another_unit", flow / seconds, seconds)
+    # Shares of the image, or of halves of it.
     yield transformed("another_unit", flow * (width, height), 1 / width)
+    yield transformed("another_unit", flow * (width / 2, height / 2), 2 / width)
     # The factor that fits best, by least squares of stored = factor * recomputed.
     recomputed = sample.rigid_flow(track.camera.K, motion)
     ratio = float(np.nansum(flow * recomputed) / max(float(np.nansum(recomputed**2)), 1e-300))

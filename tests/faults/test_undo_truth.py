@@ -125,6 +125,13 @@ def in_px_per_s(arrays: Arrays) -> Arrays:
     return {key: (arrays[key].astype(float) / intervals_s[key]).astype(np.float32) for key in FLOW_KEYS}
 
 
+def in_images(arrays: Arrays) -> Arrays:
+    """Divide u by the width of the image, and v by its height."""
+    flows = {key: arrays[key].astype(float) for key in FLOW_KEYS}
+    shares = {key: np.stack([f[..., 0] / f.shape[2], f[..., 1] / f.shape[1]], axis=-1) for key, f in flows.items()}
+    return {key: share.astype(np.float32) for key, share in shares.items()}
+
+
 def attitudes_at_imu(arrays: Arrays) -> Rotation:
     """Body-to-world rotations at the IMU times, by cubic splines of the rotation vectors, which are linear here."""
     vectors = Rotation.from_quat(arrays["path/pose/orientation"]).as_rotvec()
@@ -224,6 +231,8 @@ ROUNDED: list[Truth] = [
     (LengthUnit("pose", 1e3), on(lambda position: position * 1000, "path/pose/position")),
     (AngleUnit(180 / np.pi), on(np.degrees, "path/imu/angular_velocity")),
     (FlowUnit("flow", "px/s"), in_px_per_s),
+    (FlowUnit("flow", "images"), in_images),
+    (FlowUnit("flow", "half images"), lambda arrays: {key: 2 * flow for key, flow in in_images(arrays).items()}),
     (FlowGain("flow", 10), on(lambda flow: flow + flow / np.float32(10), *FLOW_KEYS)),
     (GyroBias((0.1, 0, -0.2)), on(lambda v: v + np.array([0.1, 0, -0.2]), "path/imu/angular_velocity")),
     (AccelBias((0, 0.3, 0)), on(lambda v: v + np.array([0, 0.3, 0]), "path/imu/linear_acceleration")),

@@ -106,6 +106,7 @@ VALUE_FAULTS = {
     "sign": (lambda _, flow: -flow, "flow_sign", None),
     "px/s": (lambda stream, flow: flow * float(stream.split("/")[1][:-2]), "flow_unit", 10.0),
     "px s": (lambda stream, flow: flow / float(stream.split("/")[1][:-2]), "flow_unit", 0.1),
+    "half images": (lambda _, flow: flow / (np.array(flow.shape[-2:-4:-1]) / 2), "flow_unit", None),
     "axes": (lambda _, flow: flow[..., ::-1], "axes_swapped", None),
     "v up": (lambda _, flow: flow * np.array([1, -1]), "frame_convention", None),
     "mirrored": (lambda _, flow: flow[:, :, ::-1], "mirrored", None),
