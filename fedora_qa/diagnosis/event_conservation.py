@@ -10,6 +10,7 @@ from typing import Final
 from fedora_qa.checks.event_response.conservation import TILE_PX, LoneEventRate, ViolationCluster, Violations
 from fedora_qa.diagnosis.event_response import whose_offset
 from fedora_qa.diagnosis.hypothesis import Hypothesis
+from fedora_qa.diagnosis.measured_sizes import rgb_px_per_event_px
 from fedora_qa.diagnosis.support import support
 from fedora_qa.judgement.judge import Alarm
 from fedora_qa.sequence.facts import Facts
@@ -259,7 +260,9 @@ def _of(resolution: Resolution, weight: float, facts: Facts) -> tuple[Hypothesis
     events = Hypothesis(cause, "events", weight * of_events / max(of_events, of_frames), size)
     if cause not in _OF_FRAMES_TOO:
         return (events,)
-    opposite = None if size is None else -size
+    # A shift is measured in pixels of the events; a delay has one unit.
+    px = rgb_px_per_event_px(facts) if cause == "spatial_offset" else 1.0
+    opposite = None if size is None else -size * px
     return events, Hypothesis(cause, "rgb", weight * of_frames / max(of_events, of_frames), opposite)
 
 

@@ -18,6 +18,7 @@ from fedora_qa.checks.event_response.threshold import DomainPreference, EventSte
 from fedora_qa.checks.event_response.timing import DelayCourses, OffsetSize
 from fedora_qa.diagnosis.features import only_feature
 from fedora_qa.diagnosis.hypothesis import Hypothesis
+from fedora_qa.diagnosis.measured_sizes import rgb_px_per_event_px
 from fedora_qa.diagnosis.support import support
 from fedora_qa.judgement.judge import Alarm
 from fedora_qa.sequence.facts import Facts
@@ -270,12 +271,13 @@ def propose_alignment(alarm: Alarm, facts: Facts) -> tuple[Hypothesis, ...]:
     # The size of a spatial offset is its component along the columns; a shift down only has no size.
     right_px = statistic.value if axis == "right" else None
     error_px = statistic.standard_error
+    # The image of frames moves the other way, in pixels of its own.
+    frames_px = None if right_px is None else -right_px * rgb_px_per_event_px(facts)
     if alarm.finding.code == "event_response.alignment.shift":
         return (
             Hypothesis("spatial_offset", "events", _of_alignment("events_offset"), right_px, "px",
                        None if right_px is None else error_px),
-            Hypothesis("spatial_offset", "rgb", _of_alignment("frames_offset"), None if right_px is None else -right_px,
-                       "px"),
+            Hypothesis("spatial_offset", "rgb", _of_alignment("frames_offset"), frames_px, "px"),
             Hypothesis("time_offset", "events", _of_alignment("events_time_offset")),
             Hypothesis("time_offset", "rgb", _of_alignment("frames_time_offset")),
             Hypothesis("clock_rate", "events", _of_alignment("clock_rate")),

@@ -4,6 +4,7 @@ from collections.abc import Mapping
 
 from fedora_qa.faults.reversible import Vector3
 from fedora_qa.record.types import Measurement, Result
+from fedora_qa.sequence.facts import Facts
 
 Results = Mapping[str, Result]
 """Results of a file, by check."""
@@ -56,3 +57,10 @@ def flow_vector(group: str, components: tuple[str, ...], stream: str, results: R
             fits.append((error, tuple(deviation(result, m.name) for m in fit)))
     sign = -1.0 if stream == "metadata" else 1.0
     return tuple(sign * value for value in min(fits)[1]) if fits else none
+
+
+def rgb_px_per_event_px(facts: Facts) -> float:
+    """Return how many pixels of the colour camera the angle of a pixel of the event camera spans."""
+    cameras = facts.declared.cameras
+    # A direction moves by f times its tangent in either image.
+    return float(cameras["rgb"].K[0, 0] / cameras["events"].K[0, 0]) if {"rgb", "events"} <= cameras.keys() else 1.0

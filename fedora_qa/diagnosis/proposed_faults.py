@@ -9,7 +9,7 @@ from typing import Any, Final, get_args
 from fedora_qa.causes import stream_family
 from fedora_qa.checks.flow_geometry.endpoint import FlowParameterFit
 from fedora_qa.conventions import NS_PER_MS
-from fedora_qa.diagnosis.measured_sizes import Results, deviation, flow_vector, measured, vector
+from fedora_qa.diagnosis.measured_sizes import Results, deviation, flow_vector, measured, rgb_px_per_event_px, vector
 from fedora_qa.faults import (
     axes,
     cameras,
@@ -181,20 +181,13 @@ def _pixel_shift(fit: FittedCause) -> Faults:
     checks = {"events": "event_response.alignment", "rgb": "event_response.alignment", "depth": "alignment.depth"}
     result = fit.results.get(checks.get(fit.family, ""))
     # Alignment measures the shift of events, or of the depth camera, against the colour frames.
-    gain = -_rgb_px_per_event_px(fit.facts) if fit.stream == "rgb" else 1.0
+    gain = -rgb_px_per_event_px(fit.facts) if fit.stream == "rgb" else 1.0
     right, down = (round(gain * deviation(result, f"shift_{way}")) for way in ("right", "down"))
     along = round(fit.size)
     # A shift larger than what the check searches saturates: the fitted size is tried too, along either axis.
     for columns, rows in dict.fromkeys(((right, down), (along, 0), (0, along))):
         if columns or rows:
             yield pixels.PixelShift(fit.stream, columns, rows)
-
-
-def _rgb_px_per_event_px(facts: Facts) -> float:
-    """Return how many pixels of the colour camera the angle of a pixel of the event camera spans."""
-    cameras = facts.declared.cameras
-    # A direction moves by f times its tangent in either image.
-    return float(cameras["rgb"].K[0, 0] / cameras["events"].K[0, 0]) if {"rgb", "events"} <= cameras.keys() else 1.0
 
 
 def _thresholds(fit: FittedCause) -> Faults:

@@ -25,6 +25,7 @@ from fedora_qa.engine.survey import Prepared
 from fedora_qa.faults.fault import Fault
 from fedora_qa.faults.reversible import ReversibleFault
 from fedora_qa.judgement.judge import Alarm, Judged
+from fedora_qa.layout.canonical import is_flow_stream
 from fedora_qa.record.types import Measurement, Result
 from fedora_qa.sequence.window import Span
 
@@ -150,14 +151,14 @@ class TrialBench:
             elif again.limit is not None and again.limit < abs(_deviation(deviating)):
                 # Under a larger limit the deviation would have passed, too.
                 cleared.add(alarm.finding.id)
-        exceeded = {m.code for result in self.run.strict.values() for m in _exceeding(result)}
-        caused = {m.code for result in judged.values() for m in _exceeding(result)} - exceeded
+        exceeded = {_rule(m) for result in self.run.strict.values() for m in _exceeding(result)}
+        caused = {_rule(m) for result in judged.values() for m in _exceeding(result)} - exceeded
         return UndoTrial(
             fault,
             undoing.description,
             frozenset(cleared),
             left,
-            tuple(sorted(caused)),
+            tuple(sorted({code for code, _ in caused})),
             count,
             tuple(sorted(altered.crashes)),
         )
@@ -209,6 +210,12 @@ def check_of(alarm: Alarm) -> str:
 
 def _exceeding(result: Result) -> list[Measurement]:
     return [measurement for measurement in result.measurements if measurement.exceeds_limit]
+
+
+def _rule(measurement: Measurement) -> tuple[str, str]:
+    """Return the code of a measurement, and its rate of flow: each rate keeps the rule, or breaks it, by itself."""
+    rate = measurement.name.partition(" ")[0]
+    return measurement.code, rate if is_flow_stream(rate) else ""
 
 
 def _measurement(result: Result, alarm: Alarm) -> Measurement | None:

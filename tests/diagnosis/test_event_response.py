@@ -5,17 +5,22 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from fedora_qa.checks.event_response.alignment import ShiftAxis
 from fedora_qa.checks.event_response.jitter import TimestampScatter
 from fedora_qa.checks.event_response.orientation import EventSymmetry
 from fedora_qa.checks.event_response.timing import DelayCourses, delay_courses
-from fedora_qa.diagnosis.event_response import hypotheses_of_symmetry, with_clock_reset
+from fedora_qa.checks.protocol import Statistic
+from fedora_qa.diagnosis.event_response import hypotheses_of_symmetry, propose_alignment, with_clock_reset
 from fedora_qa.diagnosis.hypothesis import Hypothesis
 from fedora_qa.estimators.events.delays import DelayStep
 from fedora_qa.estimators.events.orientation import SYMMETRIES
+from fedora_qa.judgement.judge import Alarm
+from fedora_qa.record.types import Finding, Where
+from fedora_qa.sequence.declared import Camera
 from fedora_qa.sequence.facts import EventScan, EventStep
 from fedora_qa.views.clock_resets import clock_reset
 from fedora_qa.views.event_clock_offset import LocalOffset
-from tests.support.facts import MS
+from tests.support.facts import MS, exact_facts
 from tests.support.proposals import proposed
 
 
@@ -51,6 +56,25 @@ def test_a_late_segment_within_a_file_needs_two_steps(chosen: list[bool], gains:
     courses = with_clock_reset(segment_only(chosen), reset)
     assert (courses.drift > courses.segment) == gains
     assert courses.drift + courses.segment == pytest.approx(1.0)
+
+
+def test_a_shift_of_frames_is_in_their_own_pixels() -> None:
+    """Three pixels of the events to the right are six to the left of a camera of twice the focal length."""
+    cameras = {
+        name: Camera(64, 48, np.array([[focal, 0, 32], [0, focal, 24], [0, 0, 1.0]]), np.eye(4))
+        for name, focal in (("rgb", 200.0), ("events", 100.0))
+    }
+    facts = exact_facts()
+    facts = replace(facts, declared=replace(facts.declared, cameras=cameras))
+    where, axis = Where(stream="events"), ShiftAxis("right")
+    code = "event_response.alignment.shift"
+    statistic = Statistic("shift_right", 3.0, "px", 0.01, "off", code, where, features=(axis,))
+    shifts = {
+        h.stream: h.magnitude
+        for h in propose_alignment(Alarm(Finding("F1", code, "error", "off", where), statistic), facts)
+        if h.cause == "spatial_offset"
+    }
+    assert shifts == {"events": 3.0, "rgb": -6.0}
 
 
 def test_scatter_of_stamps_is_jitter_with_its_size() -> None:
