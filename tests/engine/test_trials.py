@@ -155,16 +155,6 @@ def test_every_cause_is_tried_before_a_second_mechanism_of_any() -> None:
     assert bench.undone == [Mirroring(stream, way) for stream, way in ways]
 
 
-def reverse_fields_of_10_hz(file: h5py.File) -> None:
-    file["path/flow/10hz"][...] *= -1
-
-
-def test_a_reversed_rate_is_not_the_sign_of_all(park_day: Path, tmp_path: Path) -> None:
-    """Reversing every rate mends this one and spoils the others, by rules that this one breaks already."""
-    first = checked(park_day, tmp_path / "faulty.h5", reverse_fields_of_10_hz).record.diagnoses[0]
-    assert (first.cause, first.stream, first.status) == ("flow_sign", "flow/10hz", "confirmed")
-
-
 def test_work_is_bounded_by_the_run_itself(park_day: Path, tmp_path: Path) -> None:
     """Windows times checks of all trials are at most those that the run measured."""
     target = tmp_path / "faulty.h5"
