@@ -125,7 +125,7 @@ def _following(
     name: str, index_map: IndexMap, maps_without_fault: Callable[[], Any], replace_rows: Alteration | None
 ) -> Alteration:
     def expected(start: int, stop: int) -> Int64:
-        return index_map.expected_left[start:stop]
+        return index_map.correct[start:stop]
 
     def alter(read: Read, start: int, stop: int) -> NDArray[Any]:
         # The expected entries of the rows that are read: a fault may replace rows, as those of repeated frames.
@@ -133,7 +133,7 @@ def _following(
                           for rows in (read, expected))  # fmt: skip
         if not np.any(stored == faulty):
             return stored
-        return np.where(stored == faulty, maps_without_fault()[name].expected_left[start:stop], stored)
+        return np.where(stored == faulty, maps_without_fault()[name].correct[start:stop], stored)
 
     return alter
 

@@ -18,7 +18,7 @@ from fedora_qa.conventions import POLARITY_BRIGHTER, POLARITY_DARKER
 from fedora_qa.errors import UnreadableRowsError
 from fedora_qa.layout.bitshuffle import require_sound_blocks, require_sound_chunk, uses_bitshuffle
 from fedora_qa.layout.canonical import spec_of
-from fedora_qa.layout.conversions import Conversion, converted
+from fedora_qa.layout.conversions import Conversion, converted, intervals
 from fedora_qa.layout.direct_chunks import StoredChunks
 from fedora_qa.layout.links import READ_ERRORS
 from fedora_qa.sources.source import OutsideRows
@@ -119,6 +119,11 @@ class Binding:
         return as_it_is and self.polarity == "01" and self.ns_per_unit in {None, 1000}
 
     @property
+    def is_of_instants(self) -> bool:
+        """Whether intervals are stored as the instants that begin them, which are one more."""
+        return self.conversion is not None and self.conversion.name == "until_next"
+
+    @property
     def is_image_as_it_is(self) -> bool:
         """Whether stored values are those of canonical images in every respect, so that nothing is left to convert."""
         spec = spec_of(self.key)
@@ -163,12 +168,15 @@ def raw_rows(
         The rows cannot be decoded: damaged bytes, a wrong checksum, or an unknown codec.
     """
     try:
-        stored = _stored_rows(file, binding, start, stop, {} if opened is None else opened)
+        # An interval ends at the instant that begins the next.
+        beyond = int(binding.is_of_instants)
+        stored = _stored_rows(file, binding, start, stop + beyond, {} if opened is None else opened)
     except READ_ERRORS as error:
         failing = tuple(_failing_chunks(file, binding, start, stop))
         cause = error.with_traceback(None)  # its frames would hold the rows that were to be read
         raise UnreadableRowsError(binding.key, start, stop, str(error), failing) from cause
-    return selected_columns(stored, binding)
+    selected = selected_columns(stored, binding)
+    return intervals(selected) if binding.is_of_instants else selected
 
 
 def selected_columns(stored: NDArray[Any], binding: Binding) -> NDArray[Any]:
@@ -176,7 +184,7 @@ def selected_columns(stored: NDArray[Any], binding: Binding) -> NDArray[Any]:
     if binding.columns is None:
         return stored
     rank = len(spec_of(binding.key).shape)
-    if rank == 1:
+    if rank == 1 or binding.is_of_instants:
         # A canonical dataset of rank 1 is one column of a table (MVSEC: x, y, t, p), so that the axis of columns goes.
         return stored[:, binding.columns[0]]
     if stored.ndim < rank:

@@ -1,7 +1,7 @@
-"""Conversions of stored rows that are more than a unit: 16-bit flow, disparity, transformations, marks of invalid."""
+"""Conversions of stored rows that are more than a unit: encoded images, axis orders, transformations, intervals."""
 
 from dataclasses import dataclass
-from typing import Any, Final, Literal
+from typing import Any, Final, Literal, get_args
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,6 +12,27 @@ _FLOW_PER_PX: Final = 128
 
 _DISPARITY_PER_PX: Final = 256
 """Of 16-bit disparity: ``d = v / 256`` px, 0 invalid (DSEC, and KITTI stereo 2012)."""
+
+
+ConversionName = Literal[
+    "",
+    "flow16",
+    "chw",
+    "disparity",
+    "disparity16",
+    "matrix4",
+    "until_next",
+    "event_not_before",
+    "event_before",
+    "event_after",
+    "nearest_event",
+]
+
+MapDefinition = Literal["event_not_before", "event_before", "event_after", "nearest_event"]
+"""What an entry of a map from frames to events names. The earliest event not before the frame as in the layout, but
+event 0 where none is left; the last event before it; the first event after it; the event nearest in time."""
+
+MAP_DEFINITIONS: Final[frozenset[str]] = frozenset(get_args(MapDefinition))
 
 
 @dataclass(frozen=True, slots=True)
@@ -26,13 +47,16 @@ class Conversion:
         Whether transformations are inverted.
     invalid
         Stored value that stands for an invalid pixel.
+    T_posed_body
+        (4, 4), from the body to the frame whose transformations are stored; empty: it is the body.
     depth_from_disparity
         (a, b, c, e): ``Z = (a d + b) / (c d + e)``, m, for a disparity d in px.
     """
 
-    name: Literal["", "flow16", "disparity", "disparity16", "matrix4"] = ""
+    name: ConversionName = ""
     invert: bool = False
     invalid: float | None = None
+    T_posed_body: tuple[tuple[float, ...], ...] = ()
     depth_from_disparity: tuple[float, float, float, float] = (0.0, 1.0, 1.0, 0.0)
 
 
@@ -53,6 +77,8 @@ def converted(raw: NDArray[Any], key: str, conversion: Conversion) -> NDArray[An
         flow = (raw[..., :2].astype(np.float32) - np.float32(_FLOW_ZERO)) / np.float32(_FLOW_PER_PX)
         flow[raw[..., 2] == 0] = np.nan
         return flow
+    if conversion.name == "chw":
+        return np.moveaxis(raw, 1, -1)
     if conversion.name in {"disparity", "disparity16"}:
         per_px = _DISPARITY_PER_PX if conversion.name == "disparity16" else 1
         disparity_px = raw.astype(np.float32) / np.float32(per_px)
@@ -61,8 +87,13 @@ def converted(raw: NDArray[Any], key: str, conversion: Conversion) -> NDArray[An
             depth_m = (a * disparity_px + b) / (c * disparity_px + e)
         return np.where(disparity_px > 0, depth_m, np.float32(np.nan))
     if conversion.name == "matrix4":
-        return _part_of_pose(raw.astype(np.float64), key, invert=conversion.invert)
+        return _part_of_pose(raw.astype(np.float64), key, conversion)
     return raw
+
+
+def intervals(instants: NDArray[Any]) -> NDArray[Any]:
+    """Return (n - 1, 2) from each of n instants to the next, in their unit and type."""
+    return np.stack([instants[:-1], instants[1:]], axis=1)
 
 
 def depth_from_disparity(Q: NDArray[np.float64]) -> tuple[float, float, float, float] | None:
@@ -76,17 +107,22 @@ def depth_from_disparity(Q: NDArray[np.float64]) -> tuple[float, float, float, f
     return float(a), float(b), float(c), float(e)
 
 
-def _part_of_pose(matrices: NDArray[np.float64], key: str, *, invert: bool) -> NDArray[np.float64]:
+def _part_of_pose(matrices: NDArray[np.float64], key: str, conversion: Conversion) -> NDArray[np.float64]:
     """Return positions (n, 3) or orientations (n, 4) x, y, z, w of transformations (n, 4, 4).
 
     A matrix that scales gives a quaternion of that length, so that it is not taken for a rotation; one without a
     rotation gives NaN.
     """
     rotations, positions = matrices[:, :3, :3], matrices[:, :3, 3]
-    if invert:
+    if conversion.invert:
         # (R, p)^-1 = (R^T, -R^T p)
         rotations = np.swapaxes(rotations, 1, 2)
         positions = -np.einsum("nij,nj->ni", rotations, positions)
+    if conversion.T_posed_body:
+        # T_world_body = T_world_posed T_posed_body
+        to_posed = np.asarray(conversion.T_posed_body)
+        positions = positions + rotations @ to_posed[:3, 3]
+        rotations = rotations @ to_posed[:3, :3]
     if key.endswith("position"):
         return positions
     determinants = np.linalg.det(np.nan_to_num(rotations))

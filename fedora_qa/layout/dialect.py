@@ -6,7 +6,7 @@ dialect may also state ``metadata`` that no file of the layout holds, or holds e
 """
 
 import tomllib
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from importlib import resources
 from math import pi
@@ -18,6 +18,7 @@ from fedora_qa.errors import MisuseError
 from fedora_qa.layout.binding import Polarity
 from fedora_qa.layout.canonical import (
     ATTRIBUTES,
+    FRAMES_OF_MAP,
     DatasetSpec,
     Size,
     flow_rate_hz,
@@ -25,8 +26,9 @@ from fedora_qa.layout.canonical import (
     is_dataset_key,
     spec_of,
 )
+from fedora_qa.layout.conversions import MAP_DEFINITIONS, ConversionName
 
-DIALECT_NAMES: Final = ("fedora", "purdue-lab", "dsec", "mvsec", "m3ed")
+DIALECT_NAMES: Final = ("fedora", "purdue-lab", "dsec", "mvsec", "m3ed", "v2e", "vid2e")
 
 NS_PER_TIME_UNIT: Final[Mapping[str, int]] = {"s": NS_PER_S, "ms": 1_000_000, "us": NS_PER_US, "ns": 1}
 
@@ -58,16 +60,27 @@ DEPTH_RANGE: Final = "metadata/depth_range"
 DISPARITY_TO_DEPTH: Final = "metadata/disparity_to_depth"
 """Not part of the layout: the matrix Q (4, 4) of OpenCV, by which disparity is read as depth."""
 
+T_POSED_BODY: Final = "metadata/T_posed_body"
+"""Not part of the layout: (4, 4), from the body to the frame whose poses are stored, where that is another one."""
+
 _POSE: Final = "path/pose"
 """Stands for position, orientation and timestamps, the latter at the path ``timestamps`` of the same file."""
 
 METADATA_KEYS: Final = frozenset(
-    {f"{owner}/{name}".lstrip("/") for owner, name in ATTRIBUTES} | {DEPTH_RANGE, DISPARITY_TO_DEPTH}
+    {f"{owner}/{name}".lstrip("/") for owner, name in ATTRIBUTES} | {DEPTH_RANGE, DISPARITY_TO_DEPTH, T_POSED_BODY}
 )
 """What a dialect or a side file may declare."""
 
 
 Constant = str | int | float | tuple[float, ...] | tuple[tuple[float, ...], ...]
+
+
+_CONVERTED: Final[Mapping[str, Callable[[DatasetSpec], bool]]] = {
+    "chw": lambda spec: spec.is_image and len(spec.shape) == 4,
+    "until_next": lambda spec: spec.is_timestamps and len(spec.shape) == 2,
+    **dict.fromkeys(MAP_DEFINITIONS, lambda spec: spec.stream in FRAMES_OF_MAP),
+}
+"""Of which datasets a conversion makes sense, where it does not of most."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -87,7 +100,8 @@ class MetadataPlace:
     entry
         Number of the entry of a list that is meant; None: all of it.
     convert
-        ``fx_fy_cx_cy``: four numbers make the matrix of a pinhole camera.
+        ``fx_fy_cx_cy``: four numbers make the matrix of a pinhole camera. ``projection``: it is the left part of a
+        projection matrix (3, 4).
     invert
         Whether the matrix is that of the inverse transformation.
     """
@@ -99,7 +113,7 @@ class MetadataPlace:
     attribute: str = ""
     value: Constant | None = None
     entry: int | None = None
-    convert: Literal["", "fx_fy_cx_cy"] = ""
+    convert: Literal["", "fx_fy_cx_cy", "projection"] = ""
     invert: bool = False
 
 
@@ -136,8 +150,11 @@ class DatasetPlace:
         Stored value that marks an invalid pixel, read as NaN.
     convert
         ``flow16``: 16-bit flow, (v - 2^15) / 128 px and a channel of validity. ``disparity``: px, read as depth by
-        ``metadata/disparity_to_depth``, 0 invalid; ``disparity16``: the same from 16 bits, v / 256 px. ``matrix4``:
-        (4, 4) transformations, of which the dataset is a part.
+        ``metadata/disparity_to_depth``, 0 invalid; ``disparity16``: the same from 16 bits, v / 256 px. ``chw``: the
+        channels of an image come first. ``matrix4``: (4, 4) transformations, of which the dataset is a part.
+        ``until_next``: intervals from each instant to the next; what the stream holds for the last one is left out.
+        ``event_not_before``, ``event_before``, ``event_after``, ``nearest_event``: what an index map names
+        (``conversions.MapDefinition``).
     invert
         Whether transformations are those of the world in the body, and are inverted.
     """
@@ -154,13 +171,20 @@ class DatasetPlace:
     quaternion: Literal["xyzw", "wxyz"] = "xyzw"
     scale: float = 1.0
     invalid: float | None = None
-    convert: Literal["", "flow16", "disparity", "disparity16", "matrix4"] = ""
+    convert: ConversionName = ""
     invert: bool = False
 
     def stored_shape(self, spec: DatasetSpec) -> tuple[Size, ...]:
         """Return the symbolic shape before conversion, columns left aside."""
+        rows, *axes = spec.shape
         # A transformation is a matrix a row; 16-bit flow has a third channel.
-        return {"matrix4": (spec.shape[0], 4, 4), "flow16": (*spec.shape[:-1], 3)}.get(self.convert, spec.shape)
+        shapes: dict[str, tuple[Size, ...]] = {
+            "matrix4": (rows, 4, 4),
+            "flow16": (rows, *axes[:-1], 3),
+            "chw": (rows, *axes[-1:], *axes[:-1]),
+            "until_next": (rows,),
+        }
+        return shapes.get(self.convert, spec.shape)
 
     def ranks_of(self, spec: DatasetSpec) -> tuple[int, ...]:
         """Return the ranks that the stored dataset may have."""
@@ -381,9 +405,12 @@ def _require_consistent(dialect: Dialect) -> None:
         if not patterns or len({form_of(pattern) for pattern in patterns}) != 1:
             raise MisuseError(f"files.{role}: Expected one or more patterns of one format, got {list(patterns)}")
     # All keys before any unit: an unknown key has no canonical unit.
-    for key in dialect.datasets:
+    for key, place in dialect.datasets.items():
         if not is_dataset_key(key):
             raise MisuseError(f"datasets.{key}: Expected a canonical key such as path/events/t, got {key!r}")
+        fits = _CONVERTED.get(place.convert)
+        if fits is not None and not fits(spec_of(key)):
+            raise MisuseError(f"datasets.{key}.convert: Expected a conversion of such a dataset, got {place.convert!r}")
     rates: dict[float, str] = {}
     for stream in {stream: None for key in dialect.datasets if (stream := flow_stream_of(key))}:
         other = rates.setdefault(flow_rate_hz(stream), stream)

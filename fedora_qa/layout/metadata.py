@@ -22,6 +22,7 @@ MOST_VALUES: Final = 4096
 """Values of a dataset that is read for a declaration; a list of hot pixels has hundreds."""
 
 _PINHOLE: Final = 4
+_PROJECTION: Final = (3, 4)
 _MATRICES: Final = {(3, 3), (4, 4)}
 
 
@@ -163,6 +164,11 @@ def _converted(place: MetadataPlace, stored: Any) -> Any:
             raise ValueError(f"{len(numbers)} numbers where fx, fy, cx, cy are wanted")
         fx, fy, cx, cy = numbers
         value = np.array([[fx, 0.0, cx], [0.0, fy, cy], [0.0, 0.0, 1.0]])
+    if place.convert == "projection":
+        matrix = _numbers(value)
+        if matrix.shape != _PROJECTION:
+            raise ValueError(f"values of shape {matrix.shape} where a projection matrix, 3 x 4, is wanted")
+        value = matrix[:, :3]
     if place.invert:
         matrix = _numbers(value)
         if matrix.shape not in _MATRICES or not np.all(np.isfinite(matrix)) or not np.linalg.cond(matrix) < 1e12:

@@ -37,6 +37,7 @@ from fedora_qa.layout.dialect import (
     KIND,
     NS_PER_TIME_UNIT,
     QUATERNION_COLUMNS,
+    T_POSED_BODY,
     DatasetPlace,
     Dialect,
     DialectChoice,
@@ -283,6 +284,9 @@ class _Finder:
                 raise _BrokenError(missing[0], RefusedError("missing_stream", "missing_stream", message))
             bound = {spec.key: self._bind(spec, datasets[spec.key]) for spec in specs}
             self._agree_on_sizes(specs, bound)
+            if any(binding.is_of_instants for binding in bound.values()):
+                # n instants begin n - 1 intervals: what is stored for the last has none.
+                bound = {key: _without_last_row(binding) for key, binding in bound.items()}
             first = bound[specs[0].key]
             if stream in _NEVER_EMPTY and not first.rows:
                 message = f"Expected samples in {first.path}, got none; write the stream, or leave its datasets out"
@@ -451,7 +455,7 @@ class _Finder:
         place, path = self._place(spec.key), self._shown(spec.key)
         columns = _columns(spec, place)
         # Text always has an axis of columns; a single one needs no choice.
-        if columns is None and len(spec.shape) == 1 and len(source.shape) == 2 and source.shape[1] == 1:
+        if columns is None and len(place.stored_shape(spec)) == 1 and len(source.shape) == 2 and source.shape[1] == 1:
             columns, place = (0,), replace(place, columns=(0,))
         require_readable_type(spec, source, path)
         require_shape(spec, place, source, path)
@@ -485,6 +489,8 @@ class _Finder:
         if not place.convert and place.invalid is None:
             return None
         conversion = Conversion(place.convert, place.invert, place.invalid)
+        if place.convert == "matrix4":
+            return replace(conversion, T_posed_body=self._posed_body())
         if place.convert not in {"disparity", "disparity16"}:
             return conversion
         made = self.supplied.get(DISPARITY_TO_DEPTH)
@@ -496,6 +502,17 @@ class _Finder:
             message = f"Expected {DISPARITY_TO_DEPTH} as the matrix Q of OpenCV (4 x 4), got another"
             raise RefusedError("undeclared", "unknown", message)
         return replace(conversion, depth_from_disparity=coefficients)
+
+    def _posed_body(self) -> tuple[tuple[float, ...], ...]:
+        """Return the transformation from the body to the frame whose poses are stored; empty where none is declared."""
+        made = self.supplied.get(T_POSED_BODY)
+        if made is None:
+            return ()
+        matrix = np.empty(0) if made.problem else np.asarray(made.value, np.float64)
+        if matrix.shape != (4, 4) or not np.all(np.isfinite(matrix)):
+            message = made.problem or f"Expected {T_POSED_BODY} as a transformation (4 x 4), got another"
+            raise RefusedError("undeclared", "unknown", message)
+        return tuple(tuple(map(float, row)) for row in matrix)
 
     def _offset_ns(self, key: str, place: DatasetPlace, binding: Binding) -> int:
         """Return what is added to timestamps, ns; 0 where the dialect names no such scalar or the file has none."""
@@ -537,7 +554,8 @@ class _Finder:
         # A copy: a stream that fails must not fix the sizes of the streams after it.
         sizes = dict(self._sizes)
         for spec in specs:
-            for symbol, size in zip(spec.shape, bound[spec.key].shape, strict=False):
+            stored_shape = self._place(spec.key).stored_shape(spec)
+            for symbol, size in zip(stored_shape, bound[spec.key].shape, strict=False):
                 if isinstance(symbol, int):
                     continue
                 path = bound[spec.key].path
@@ -552,6 +570,11 @@ class _Finder:
                         reason = RefusedError("wrong_shape", "truncated", message, 100 * (agreed - size) / agreed)
                     raise _BrokenError(spec.key, reason)
         self._sizes = sizes
+
+
+def _without_last_row(binding: Binding) -> Binding:
+    rows = max(binding.rows - 1, 0)
+    return replace(binding, rows=rows, shape=(rows, *binding.shape[1:]))
 
 
 def _columns(spec: DatasetSpec, place: DatasetPlace) -> tuple[int, ...] | None:

@@ -155,16 +155,25 @@ class IndexMap:
     Attributes
     ----------
     stored
-        (n,) entries as stored.
+        (n,) entries as stored. Where the dialect states that the map is made by another definition, they are moved by
+        the difference between both definitions, so that an entry which is right by its own equals ``expected_left``.
     expected_left
         (n,) number of events earlier than each frame, by the stored timestamps.
     expected_right
         (n,) number of events not later than each frame.
+    by_definition
+        (n,) correct entries by the definition that the dialect states; None where it states none.
     """
 
     stored: Int64
     expected_left: Int64
     expected_right: Int64
+    by_definition: Int64 | None = None
+
+    @property
+    def correct(self) -> Int64:
+        """(n,) entries that a correct map has in the file."""
+        return self.expected_left if self.by_definition is None else self.by_definition
 
 
 @dataclass(frozen=True, slots=True)

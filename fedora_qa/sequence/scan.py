@@ -28,6 +28,9 @@ longer cells."""
 FARTHEST_INDEX: Final = 1 << 53
 """Largest stored index: larger ones are clipped, so that differences fit int64 and are exact in float64."""
 
+_NEVER_NS: Final = 1 << 62
+"""Farther than any event from any frame."""
+
 KEPT_STEPS: Final = 8
 """Number of longest steps of either direction that are kept. A clock reset has two; the others give the usual
 length."""
@@ -98,6 +101,7 @@ class _EventTally:
     unreadable: list[tuple[int, int]] = field(default_factory=list)
     unplaced: int = 0
     first_unplaced: int = -1
+    around: Mapping[str, "_NearestEvents"] = field(default_factory=dict)
 
     def add(self, start: int, times_ns: Int64) -> None:
         """Add the timestamps of one block, whose first row is ``start``."""
@@ -153,6 +157,9 @@ class _EventTally:
                     ordered = np.sort(times_ns) if np.any(np.diff(times_ns) < 0) else times_ns
                 left[within] += np.searchsorted(ordered, frames[within], "left")
                 right[within] += np.searchsorted(ordered, frames[within], "right")
+        for nearest in self.around.values():
+            ordered = np.sort(times_ns) if ordered is None else ordered
+            nearest.add(ordered)
         self.latest = max(floor, high)
         self.previous = int(times_ns[-1])
         self.count += len(times_ns)
@@ -161,6 +168,44 @@ class _EventTally:
         """Add a block that cannot be decoded; its events have no place in time."""
         self.unreadable.append((start, stop))
         self.block_first.append(self.latest or 0)
+
+
+class _NearestEvents:
+    """Instants of the events next to each frame, before and not before it, and how many events share them."""
+
+    def __init__(self, frames_ns: Int64) -> None:
+        self._frames_ns = frames_ns
+        self._before = np.full(len(frames_ns), -_NEVER_NS)
+        self._after = np.full(len(frames_ns), _NEVER_NS)
+        self._before_count, self._after_count = (np.zeros(len(frames_ns), np.int64) for _ in range(2))
+
+    def add(self, ordered_ns: Int64) -> None:
+        """Add a block of event timestamps, ascending."""
+        place = np.searchsorted(ordered_ns, self._frames_ns, "left")
+        for side, at, rows in (("before", place - 1, place > 0), ("after", place, place < len(ordered_ns))):
+            instants = ordered_ns[at[rows]]
+            counts = np.searchsorted(ordered_ns, instants, "right") - np.searchsorted(ordered_ns, instants, "left")
+            nearest, count = (
+                (self._before, self._before_count) if side == "before" else (self._after, self._after_count)
+            )
+            closer = instants > nearest[rows] if side == "before" else instants < nearest[rows]
+            count[rows] = np.where(closer, counts, count[rows] + np.where(instants == nearest[rows], counts, 0))
+            nearest[rows] = np.where(closer, instants, nearest[rows])
+
+    def expected(self, stored: Int64, left: Int64) -> Int64:
+        """Return the entries (n,) that name the nearest event: those stored where they do, as several events may.
+
+        Parameters
+        ----------
+        stored
+            (n,) entries.
+        left
+            (n,) number of events earlier than each frame.
+        """
+        to_before, to_after = self._frames_ns - self._before, self._after - self._frames_ns
+        is_before = (to_before <= to_after) & (stored < left) & (stored >= left - self._before_count)
+        is_after = (to_after <= to_before) & (stored >= left) & (stored < left + self._after_count)
+        return np.where(is_before | is_after, stored, np.where(to_before < to_after, left - 1, left))
 
 
 def scan(sequence: SequenceRows, cell_ns: int) -> Scan:
@@ -197,7 +242,13 @@ def scan(sequence: SequenceRows, cell_ns: int) -> Scan:
         for name, frames in FRAMES_OF_MAP.items()
         if name in streams and frames in clocks and "events" in streams
     }
-    tally = _EventTally(cell_ns, frame_timestamps)
+    definitions = {name: _definition(sequence, name) for name in frame_timestamps}
+    around = {
+        name: _NearestEvents(frames_ns)
+        for name, frames_ns in frame_timestamps.items()
+        if definitions[name] == "nearest_event"
+    }
+    tally = _EventTally(cell_ns, frame_timestamps, around=around)
     events: EventScan | None = None
     if "events" in streams:
         key = timestamps_of("events")
@@ -231,7 +282,8 @@ def scan(sequence: SequenceRows, cell_ns: int) -> Scan:
             continue
         none_before = np.zeros(len(frames_ns), np.int64)
         stored = np.clip(stored, -FARTHEST_INDEX, FARTHEST_INDEX)
-        index_maps[name] = IndexMap(stored, tally.left.get(name, none_before), tally.right.get(name, none_before))
+        left, right = tally.left.get(name, none_before), tally.right.get(name, none_before)
+        index_maps[name] = _index_map(stored, left, right, tally.count, definitions[name], around.get(name))
     origin_ns = sequence.origin_ns
     facts = Facts(
         layout=sequence.layout,
@@ -247,6 +299,34 @@ def scan(sequence: SequenceRows, cell_ns: int) -> Scan:
     )
     runs, cell_ns = _runs(facts, tally, cell_ns)
     return Scan(facts, runs, cell_ns, np.asarray(tally.block_first, dtype=np.int64))
+
+
+def _definition(sequence: SequenceRows, name: str) -> str:
+    """Return by which definition a map from frames to events was made; empty for that of the layout."""
+    conversion = sequence.layout.bindings[f"metadata/{name}"].conversion
+    return conversion.name if conversion is not None else ""
+
+
+def _index_map(
+    stored: Int64, left: Int64, right: Int64, count_of_events: int, definition: str, around: _NearestEvents | None
+) -> IndexMap:
+    """Return a map whose entries are moved by the difference between its own definition and that of the layout."""
+    if not definition:
+        return IndexMap(stored, left, right)
+    # A view may have more or fewer entries than frames.
+    count = min(len(stored), len(left))
+    entries = np.full(len(left), -FARTHEST_INDEX)
+    entries[:count] = stored[:count]
+    by_definition = {
+        "event_not_before": np.where(left < count_of_events, left, 0),
+        "event_before": left - 1,
+        "event_after": right,
+    }.get(definition, left)
+    if around is not None:
+        by_definition = around.expected(entries, left)
+    moved = stored.copy()
+    moved[:count] += (left - by_definition)[:count]
+    return IndexMap(moved, left, right, by_definition)
 
 
 def _runs(facts: Facts, tally: _EventTally, cell_ns: int) -> tuple[dict[str, Runs], int]:

@@ -40,7 +40,7 @@ def write_mvsec(path: Path) -> Path:
         file["davis/left/events"] = np.array(rows)
         file["davis/left/image_raw"] = np.full((2, 6, 8), 50, dtype=np.uint8)
         file["davis/left/image_raw_ts"] = EPOCH_S + np.array([0.0, 0.03125])
-        file["davis/left/image_raw_event_inds"] = np.array([0, 2])
+        file["davis/left/image_raw_event_inds"] = np.array([-1, 1])
         file["davis/left/imu"] = np.zeros((5, 6))
     return path
 

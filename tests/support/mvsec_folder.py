@@ -1,0 +1,92 @@
+"""A folder laid out like a sequence of MVSEC, with content of the reference generator.
+
+Written by hand from the scripts that wrote MVSEC (github.com/daniilidis-group/mvsec, mvsec_h5py.py, mvsec_reader.py,
+compute_flow.py), so that an error of the dialect is no error of the writer. The lens is free of distortion, and flow is
+exact: it follows from depth and poses, which those scripts linearise.
+"""
+
+from pathlib import Path
+from typing import Any
+
+import cv2
+import h5py
+import numpy as np
+import yaml
+
+from tests.support.event_view import camera_poses, event_view, rigid_flow_px
+
+Array = np.ndarray[Any, Any]
+
+EPOCH_S = 1_504_645_177.25
+
+
+def write_mvsec_folder(source: Path, folder: Path) -> Path:
+    """Write a canonical file of the generator as a folder of MVSEC, and return the folder."""
+    folder.mkdir(parents=True)
+    with h5py.File(source) as file:
+        camera = dict(file["metadata/cameras/events"].attrs)
+        with h5py.File(folder / "flying1_data.hdf5", "w") as data:
+            _data(file, data.create_group("davis/left"))
+        with h5py.File(folder / "flying1_gt.hdf5", "w") as truth:
+            _truth(file, truth.create_group("davis/left"), camera["K"])
+    _calibration(camera, folder / "camchain-imucam-flying.yaml")
+    return folder
+
+
+def write_mvsec_side(path: Path) -> Path:
+    """Declare what is true of the stand-in and of no file of MVSEC: a lens without distortion, exact poses."""
+    lines = [f'"metadata/cameras/{name}/camera_model" = "pinhole"' for name in ("rgb", "events")]
+    lines += [f'"metadata/pose/{name}" = 0.0' for name in ("position_sigma", "rotation_sigma")]
+    path.write_text("\n".join(["[metadata]", *lines, ""]), "utf-8")
+    return path
+
+
+def seconds(times_us: Array) -> Array:
+    """Return seconds since 1970 as float64."""
+    return np.asarray(EPOCH_S + times_us / 1e6)
+
+
+def _data(file: h5py.File, group: h5py.Group) -> None:
+    events = {name: file[f"path/events/{name}"][:] for name in "xytp"}
+    times_s = seconds(events["t"])
+    polarity = 2.0 * (events["p"] - 0.5)
+    group["events"] = np.stack([events["x"], events["y"], times_s, polarity], axis=1).astype(np.float64)
+    view = event_view(file)
+    images = np.stack([view.colour(cv2.cvtColor(image, cv2.COLOR_RGB2GRAY)) for image in file["path/rgb"]])
+    group.create_dataset("image_raw", data=images, chunks=(1, *images.shape[1:]), compression="lzf")
+    group["image_raw_ts"] = seconds(file["path/rgb_ts"][:])
+    group["image_raw_event_inds"] = np.searchsorted(times_s, group["image_raw_ts"][:]) - 1
+
+
+def _truth(file: h5py.File, group: h5py.Group, K: Array) -> None:
+    times = file["path/depth_ts"][:]
+    poses = camera_poses(file, times)
+    view = event_view(file)
+    depth_m = np.stack([view.depth(frame) / 1000 for frame in file["path/depth"]]).astype(np.float32)
+    flow_px = [
+        rigid_flow_px(depth, K, np.linalg.inv(after) @ before)
+        for depth, before, after in zip(depth_m, poses, poses[1:], strict=False)
+    ]
+    # There is a flow for each depth image, that of the last by the motion before it.
+    flow_px.append(rigid_flow_px(depth_m[-1], K, np.linalg.inv(poses[-1]) @ poses[-2]))
+    flow = np.moveaxis(np.nan_to_num(np.stack(flow_px)), -1, 1)
+    for name, values in (("depth_image_rect", depth_m), ("flow_dist", flow)):
+        group.create_dataset(name, data=values, chunks=(1, *values.shape[1:]), compression="lzf")
+        group[f"{name}_ts"] = seconds(times)
+    group["odometry"] = poses
+    group["odometry_ts"] = seconds(times)
+
+
+def _calibration(camera: dict[str, Any], path: Path) -> None:
+    K = camera["K"]
+    cam0 = {
+        "camera_model": "pinhole",
+        "intrinsics": [float(K[0, 0]), float(K[1, 1]), float(K[0, 2]), float(K[1, 2])],
+        "distortion_model": "equidistant",
+        "distortion_coeffs": [0.0, 0.0, 0.0, 0.0],
+        "projection_matrix": np.column_stack([K, np.zeros(3)]).tolist(),
+        "rectification_matrix": np.eye(3).tolist(),
+        "resolution": [int(camera["width"]), int(camera["height"])],
+        "rostopic": "/davis/left/image_raw",
+    }
+    path.write_text(yaml.safe_dump({"cam0": cam0}), "utf-8")
