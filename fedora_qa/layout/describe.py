@@ -20,6 +20,12 @@ _CONVERSIONS: Final[Mapping[str, str]] = {
     "disparity": "disparity to depth",
     "disparity16": "disparity of 16 bits to depth",
     "matrix4": "part of 4 x 4 transformations",
+    "chw": "channels first to channels last",
+    "until_next": "instants to intervals",
+    "event_not_before": "names the first event not before, 0 where none is left",
+    "event_before": "names the last event before",
+    "event_after": "names the first event after",
+    "nearest_event": "names the nearest event",
 }
 
 

@@ -223,6 +223,8 @@ class Dialect:
         The place of each dataset by canonical key.
     metadata
         Declarations by canonical key (``METADATA_KEYS``).
+    fewest_roles
+        Of how many roles a folder must have files to be recognised: names such as ``*_data.h5`` are those of many.
     hints
         Where two dialects fit a file equally well, the one with any of its hints in the file is chosen.
     """
@@ -235,6 +237,7 @@ class Dialect:
     files: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
     datasets: Mapping[str, DatasetPlace] = field(default_factory=dict)
     metadata: Mapping[str, Declaration] = field(default_factory=dict)
+    fewest_roles: int = 1
     hints: tuple[Hint, ...] = ()
 
     @property

@@ -138,9 +138,11 @@ def recognise_folder(folder: Path) -> MatchedFolder | None:
     for dialect in map(load_dialect, DIALECT_NAMES):
         if dialect.files:
             try:
-                candidates.append(match_folder(folder, dialect, is_named=False))
+                matched = match_folder(folder, dialect, is_named=False)
             except MisuseError:
                 continue  # it does not fit this one
+            if len(matched.files) >= dialect.fewest_roles:
+                candidates.append(matched)
     return max(candidates, key=lambda matched: len(matched.files), default=None)
 
 

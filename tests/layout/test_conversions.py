@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as arrays
 from scipy.spatial.transform import Rotation
 
-from fedora_qa.layout.conversions import Conversion, converted, depth_from_disparity
+from fedora_qa.layout.conversions import Conversion, converted, depth_from_disparity, intervals
 from tests.support.dsec_folder import encode_flow
 
 FLOW = Conversion("flow16")
@@ -79,3 +79,32 @@ def test_marks_of_invalid_pixels(invalid: float) -> None:
     if 0 <= invalid <= 65535:
         whole = converted(raw.astype(np.uint16), "path/depth", Conversion(invalid=invalid))
         np.testing.assert_array_equal(whole, [[[np.nan, 2.0]]])
+
+
+@given(st.integers(0, 2**32 - 1))
+def test_poses_of_another_frame_than_the_body(seed: int) -> None:
+    """T_world_body = T_world_posed T_posed_body."""
+    random = np.random.default_rng(seed)
+    posed, body = (np.tile(np.eye(4), (4, 1, 1)) for _ in range(2))
+    for matrices in (posed, body):
+        matrices[:, :3, :3] = Rotation.random(4, random_state=random).as_matrix()
+        matrices[:, :3, 3] = random.normal(0, 10, (4, 3))
+    expected = posed @ body[0]
+    conversion = Conversion("matrix4", T_posed_body=tuple(map(tuple, body[0].tolist())))
+    np.testing.assert_allclose(converted(posed, POSITION, conversion), expected[:, :3, 3], atol=1e-12)
+    read = Rotation.from_quat(converted(posed, ORIENTATION, conversion))
+    np.testing.assert_allclose(read.as_matrix(), expected[:, :3, :3], atol=1e-12)
+
+
+def test_channels_first() -> None:
+    """(n, 2, H, W) becomes (n, H, W, 2), after what is invalid was marked."""
+    stored = np.arange(24.0).reshape(2, 2, 2, 3)
+    read = converted(stored, "path/flow/10hz", Conversion("chw", invalid=0))
+    np.testing.assert_array_equal(read[1, 1, 2], [17, 23])
+    assert np.isnan(read[0, 0, 0, 0])
+
+
+def test_intervals_reach_to_the_next_instant() -> None:
+    """n instants give n - 1 intervals, and none gives none."""
+    np.testing.assert_array_equal(intervals(np.array([1, 4, 6])), [[1, 4], [4, 6]])
+    assert intervals(np.array([1])).shape == intervals(np.empty(0)).shape == (0, 2)

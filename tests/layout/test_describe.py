@@ -34,7 +34,8 @@ def test_conversions_are_said(tmp_path: Path) -> None:
     assert rows["path/events/t"] == "columns 2 of the last axis, stamps in s"
     assert rows["path/events/p"] == "columns 3 of the last axis, polarity 1, -1 to 1, 0"
     assert "davis/left/imu" in said.unused
-    assert dict(said.inferred) == {"layout.dialect": "mvsec"}
+    assert rows["metadata/rgb_to_event"] == "names the last event before"
+    assert dict(said.inferred)["layout.dialect"] == "mvsec"
 
 
 def test_scale_and_problems_are_said(tmp_path: Path) -> None:

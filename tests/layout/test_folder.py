@@ -118,7 +118,7 @@ def test_a_file_by_itself_plays_the_first_role(tmp_path: Path, dialect: Path) ->
 def test_recognition(tmp_path: Path, folder: Path) -> None:
     """Of a folder that fits none nothing is read; a dialect of single files fits no folder."""
     assert recognise_folder(folder) is None
-    assert matched_folder(folder, load_dialect("m3ed")) is None
+    assert matched_folder(folder, load_dialect("purdue-lab")) is None
     with open_sequence(folder) as sequence:
         assert not sequence.layout.is_recognised
         assert not sequence.layout.streams

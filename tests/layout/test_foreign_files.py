@@ -11,21 +11,22 @@ from fedora_qa.layout.binding import canonical_rows, instant_ns, raw_rows
 from fedora_qa.layout.dialect import DIALECT_NAMES
 from fedora_qa.layout.resolve import Layout, resolve
 from fedora_qa.sequence.sequence import open_sequence
-from tests.support.foreign import EPOCH_S, write_dsec, write_m3ed, write_mvsec, write_purdue_lab
+from tests.support.foreign import EPOCH_S, write_dsec, write_m3ed, write_mvsec, write_purdue_lab, write_v2e
 
 Writer = Callable[[Path], Path]
 
 FILES = {
     "purdue-lab": (write_purdue_lab, {"rgb", "depth", "events"}),
     "dsec": (write_dsec, {"events"}),
-    "mvsec": (write_mvsec, {"rgb", "events"}),
-    "m3ed": (write_m3ed, {"rgb", "events", "imu", "rgb_to_event"}),
+    "mvsec": (write_mvsec, {"rgb", "events", "rgb_to_event"}),
+    "m3ed": (write_m3ed, {"rgb", "events", "rgb_to_event"}),
+    "v2e": (write_v2e, {"rgb", "events", "rgb_to_event"}),
 }
 
 
 def test_every_dialect_has_a_file() -> None:
-    """The canonical one has the files of the generator."""
-    assert {*FILES, "fedora"} == set(DIALECT_NAMES)
+    """The canonical one has the files of the generator, and vid2e is a folder of images."""
+    assert {*FILES, "fedora", "vid2e"} == set(DIALECT_NAMES)
 
 
 @pytest.mark.parametrize("name", FILES)

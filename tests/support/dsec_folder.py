@@ -49,7 +49,7 @@ def write_png(path: Path, image: Array) -> None:
 def encode_flow(flow_px: Array) -> Array:
     """(H, W, 2) px to (H, W, 3) of 16 bits: 2^15 + 128 u, 2^15 + 128 v, valid."""
     valid = np.isfinite(flow_px).all(axis=-1)
-    values = np.rint(np.where(valid[..., None], flow_px, 0.0) * 128 + 2**15)
+    values = np.rint(np.where(valid[..., None], flow_px.astype(np.float64), 0.0) * 128 + 2**15)
     valid &= ((values >= 0) & (values <= 65535)).all(axis=-1)
     return np.dstack([np.clip(values, 0, 65535), valid]).astype(np.uint16)
 

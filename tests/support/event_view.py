@@ -1,82 +1,55 @@
-"""Images of the colour and depth camera as the event camera would see them, which shares their centre."""
+"""A sequence of the generator in two files: one holds images as the event camera of the other would see them."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from pathlib import Path
 from typing import Any
 
-import cv2
 import h5py
 import numpy as np
 
+from fedora_generator.generate import Request, generate_sequence
+from fedora_generator.rates import RateOptions
+from tests.support.sequences import small_scene
+from tests.support.shared_files import SharedFiles
+
 Array = np.ndarray[Any, Any]
 
-_BLUR_PX = 0.9
-"""Standard deviation of the blur before colour is sampled at 1 / 2.25 of its size, which keeps it free of aliases."""
-
-_PLANE_TOLERANCE = 1e-3
-"""Four neighbours whose inverse depths deviate from a plane by more than this share of it lie across an edge."""
+_RATES = RateOptions(frames_hz=40.0, depth_hz=20.0, flow_hz=(20.0,))
 
 
 @dataclass(frozen=True)
-class EventView:
-    """Samples images at the pixels of the event camera.
+class TwoViews:
+    """One flight through the park.
 
     Attributes
     ----------
-    columns, rows
-        (H, W) coordinates of these pixels in the images, px.
-    scale
-        Pixels of the event camera in one of the images.
+    sequence
+        Canonical file with events, and larger images.
+    event_sized
+        Canonical file with images, depth and flow in the view of the event camera of ``sequence``.
     """
 
-    columns: Array
-    rows: Array
-    scale: float
-
-    def colour(self, image: Array) -> Array:
-        """Return (H, W, ...) colour or grey."""
-        blurred = cv2.GaussianBlur(image, (0, 0), _BLUR_PX)
-        return np.asarray(cv2.remap(blurred, self.columns, self.rows, cv2.INTER_LINEAR))
-
-    def depth(self, depth: Array) -> Array:
-        """Return (H, W) depth in its unit: exact on planes, of which the inverse depth is linear; nearest at edges."""
-        inverse = 1 / depth.astype(np.float64)
-        x, y = np.floor(self.columns).astype(int), np.floor(self.rows).astype(int)
-        x, y = np.minimum(x, depth.shape[1] - 2), np.minimum(y, depth.shape[0] - 2)
-        fx, fy = self.columns - x, self.rows - y
-        a, b, c, d = inverse[y, x], inverse[y, x + 1], inverse[y + 1, x], inverse[y + 1, x + 1]
-        linear = (1 - fy) * ((1 - fx) * a + fx * b) + fy * ((1 - fx) * c + fx * d)
-        nearest = inverse[np.rint(self.rows).astype(int), np.rint(self.columns).astype(int)]
-        return np.asarray(1 / np.where(np.abs(a + d - b - c) < _PLANE_TOLERANCE * a, linear, nearest))
+    sequence: Path
+    event_sized: Path
 
 
-def event_view(file: h5py.File) -> EventView:
-    """Return the view of the event camera of a canonical file of the generator."""
-    cameras = [file[f"metadata/cameras/{name}"].attrs for name in ("events", "depth")]
-    K, K_image = (camera["K"] for camera in cameras)
-    np.testing.assert_array_equal(cameras[0]["T_body_camera"], cameras[1]["T_body_camera"])
-    scale = K[0, 0] / K_image[0, 0]
-    columns = (np.arange(int(cameras[0]["width"])) - K[0, 2]) / scale + K_image[0, 2]
-    rows = (np.arange(int(cameras[0]["height"])) - K[1, 2]) / scale + K_image[1, 2]
-    return EventView(*(grid.astype(np.float32) for grid in np.meshgrid(columns, rows)), scale)
+def two_views(shared_files: SharedFiles) -> TwoViews:
+    """Return a second of the park in both views, written once a run."""
 
+    def write(path: Path, width: int, height: int) -> None:
+        scene = replace(small_scene("park-day", width, height), rates=_RATES)
+        generate_sequence(scene, path, Request(duration_s=1.0, quality="draft"))
 
-def rigid_flow_px(depth_m: Array, K: Array, T_after_before: Array) -> Array:
-    """Return (H, W, 2) where the points of a depth image go, by the motion of the camera alone.
-
-    Parameters
-    ----------
-    depth_m
-        (H, W) z-depth, NaN invalid.
-    K
-        (3, 3) intrinsics.
-    T_after_before
-        (4, 4) takes points in the camera before to the camera after.
-    """
-    height, width = depth_m.shape
-    pixels = np.dstack([*np.meshgrid(np.arange(width), np.arange(height)), np.ones_like(depth_m)])
-    points = depth_m[..., np.newaxis] * (pixels @ np.linalg.inv(K).T)
-    moved = (points @ T_after_before[:3, :3].T + T_after_before[:3, 3]) @ K.T
-    return np.asarray(moved[..., :2] / moved[..., 2:] - pixels[..., :2])
+    sequence = shared_files.file("park-40hz.h5", lambda path: write(path, 270, 200))
+    with h5py.File(sequence) as file:
+        camera = file["metadata/cameras/events"].attrs
+        width, height = int(camera["width"]), int(camera["height"])
+    event_sized = shared_files.file("park-40hz-event-sized.h5", lambda path: write(path, width, height))
+    with h5py.File(sequence) as file, h5py.File(event_sized) as other:
+        for name in ("K", "T_body_camera"):
+            expected = file["metadata/cameras/events"].attrs[name]
+            np.testing.assert_allclose(other["metadata/cameras/rgb"].attrs[name], expected)
+    return TwoViews(sequence, event_sized)
 
 
 def camera_poses(file: h5py.File, times_us: Array) -> Array:

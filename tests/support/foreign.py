@@ -45,6 +45,16 @@ def write_mvsec(path: Path) -> Path:
     return path
 
 
+def write_v2e(path: Path) -> Path:
+    """v2e's file: events t, x, y, p in 32 bits, grey frames, the number of events until each."""
+    with h5py.File(path, "w") as file:
+        file["events"] = np.array([[10, 1, 3, 1], [20, 2, 4, 0], [30, 2, 4, 0]], dtype=np.uint32)
+        file["frame"] = np.full((2, 6, 8), 50, dtype=np.uint8)
+        file["frame_ts"] = np.array([0, 20], dtype=np.uint32)
+        file["frame_idx"] = np.array([0, 2], dtype=np.uint64)
+    return path
+
+
 def write_m3ed(path: Path) -> Path:
     """M3ED's data file: left Prophesee, colour OVC, IMU."""
     with h5py.File(path, "w") as file:
@@ -53,6 +63,11 @@ def write_m3ed(path: Path) -> Path:
         file["prophesee/left/ms_map_idx"] = np.array([0, 1])
         file["ovc/rgb/data"] = np.zeros((2, 6, 8, 3), dtype=np.uint8)
         file["ovc/ts"] = np.array([0, 40_000])
+        for camera in ("prophesee/left", "ovc/rgb"):
+            file[f"{camera}/calib/distortion_model"] = "radtan"
+            file[f"{camera}/calib/intrinsics"] = np.array([9.0, 9.0, 3.5, 2.5])
+            file[f"{camera}/calib/resolution"] = np.array([8, 6])
+            file[f"{camera}/calib/T_to_prophesee_left"] = np.eye(4)
         file["ovc/ts_map_prophesee_left_t"] = np.array([0, 2])
         file["ovc/imu/accel"] = np.zeros((3, 3))
         file["ovc/imu/omega"] = np.zeros((3, 3))

@@ -10,7 +10,7 @@ from typing import Any
 import h5py
 import numpy as np
 
-from tests.support.event_view import camera_poses, event_view
+from tests.support.event_view import TwoViews, camera_poses
 
 Array = np.ndarray[Any, Any]
 
@@ -18,10 +18,10 @@ FIRST_US = 2_500
 """Stamps count from the start of all sensors, a little before the first sample."""
 
 
-def write_m3ed_folder(source: Path, folder: Path) -> Path:
-    """Write a canonical file of the generator as a folder of M3ED, and return the folder."""
+def write_m3ed_folder(source: TwoViews, folder: Path) -> Path:
+    """Write a sequence of the generator as a folder of M3ED, and return the folder."""
     folder.mkdir(parents=True)
-    with h5py.File(source) as file:
+    with h5py.File(source.sequence) as file, h5py.File(source.event_sized) as event_sized:
         event_times = file["path/events/t"][:] + FIRST_US
         with h5py.File(folder / "falcon_data.h5", "w") as data:
             _events(file, data, event_times)
@@ -34,8 +34,7 @@ def write_m3ed_folder(source: Path, folder: Path) -> Path:
                 truth["ts"] = (times + FIRST_US).astype(np.float64)
                 truth["ts_map_prophesee_left"] = index_map(event_times, times + FIRST_US)
                 if kind == "depth":
-                    view = event_view(file)
-                    depth_m = np.stack([view.depth(frame) / 1000 for frame in file["path/depth"]]).astype(np.float32)
+                    depth_m = event_sized["path/depth"][:] / np.float32(1000)
                     truth.create_dataset(
                         "depth/prophesee/left",
                         data=np.where(np.isnan(depth_m), np.float32(np.inf), depth_m),

@@ -2,7 +2,7 @@
 
 Written by hand from the scripts that wrote MVSEC (github.com/daniilidis-group/mvsec, mvsec_h5py.py, mvsec_reader.py,
 compute_flow.py), so that an error of the dialect is no error of the writer. The lens is free of distortion, and flow is
-exact: it follows from depth and poses, which those scripts linearise.
+exact, where those scripts take the velocity of a pixel times an interval.
 """
 
 from pathlib import Path
@@ -13,22 +13,22 @@ import h5py
 import numpy as np
 import yaml
 
-from tests.support.event_view import camera_poses, event_view, rigid_flow_px
+from tests.support.event_view import TwoViews, camera_poses
 
 Array = np.ndarray[Any, Any]
 
 EPOCH_S = 1_504_645_177.25
 
 
-def write_mvsec_folder(source: Path, folder: Path) -> Path:
-    """Write a canonical file of the generator as a folder of MVSEC, and return the folder."""
+def write_mvsec_folder(source: TwoViews, folder: Path) -> Path:
+    """Write a sequence of the generator as a folder of MVSEC, and return the folder."""
     folder.mkdir(parents=True)
-    with h5py.File(source) as file:
+    with h5py.File(source.sequence) as file, h5py.File(source.event_sized) as event_sized:
         camera = dict(file["metadata/cameras/events"].attrs)
         with h5py.File(folder / "flying1_data.hdf5", "w") as data:
-            _data(file, data.create_group("davis/left"))
+            _data(file, event_sized, data.create_group("davis/left"))
         with h5py.File(folder / "flying1_gt.hdf5", "w") as truth:
-            _truth(file, truth.create_group("davis/left"), camera["K"])
+            _truth(event_sized, truth.create_group("davis/left"))
     _calibration(camera, folder / "camchain-imucam-flying.yaml")
     return folder
 
@@ -46,30 +46,24 @@ def seconds(times_us: Array) -> Array:
     return np.asarray(EPOCH_S + times_us / 1e6)
 
 
-def _data(file: h5py.File, group: h5py.Group) -> None:
+def _data(file: h5py.File, event_sized: h5py.File, group: h5py.Group) -> None:
     events = {name: file[f"path/events/{name}"][:] for name in "xytp"}
     times_s = seconds(events["t"])
     polarity = 2.0 * (events["p"] - 0.5)
     group["events"] = np.stack([events["x"], events["y"], times_s, polarity], axis=1).astype(np.float64)
-    view = event_view(file)
-    images = np.stack([view.colour(cv2.cvtColor(image, cv2.COLOR_RGB2GRAY)) for image in file["path/rgb"]])
+    images = np.stack([cv2.cvtColor(image, cv2.COLOR_RGB2GRAY) for image in event_sized["path/rgb"]])
     group.create_dataset("image_raw", data=images, chunks=(1, *images.shape[1:]), compression="lzf")
     group["image_raw_ts"] = seconds(file["path/rgb_ts"][:])
     group["image_raw_event_inds"] = np.searchsorted(times_s, group["image_raw_ts"][:]) - 1
 
 
-def _truth(file: h5py.File, group: h5py.Group, K: Array) -> None:
+def _truth(file: h5py.File, group: h5py.Group) -> None:
     times = file["path/depth_ts"][:]
     poses = camera_poses(file, times)
-    view = event_view(file)
-    depth_m = np.stack([view.depth(frame) / 1000 for frame in file["path/depth"]]).astype(np.float32)
-    flow_px = [
-        rigid_flow_px(depth, K, np.linalg.inv(after) @ before)
-        for depth, before, after in zip(depth_m, poses, poses[1:], strict=False)
-    ]
-    # There is a flow for each depth image, that of the last by the motion before it.
-    flow_px.append(rigid_flow_px(depth_m[-1], K, np.linalg.inv(poses[-1]) @ poses[-2]))
-    flow = np.moveaxis(np.nan_to_num(np.stack(flow_px)), -1, 1)
+    depth_m = file["path/depth"][:] / np.float32(1000)
+    # There is a flow for each depth image, also for the last, and 0 where there is none.
+    flow_px = np.concatenate([file["path/flow/20hz"][:], np.zeros((1, *depth_m.shape[1:], 2))])
+    flow = np.moveaxis(np.nan_to_num(flow_px), -1, 1)
     for name, values in (("depth_image_rect", depth_m), ("flow_dist", flow)):
         group.create_dataset(name, data=values, chunks=(1, *values.shape[1:]), compression="lzf")
         group[f"{name}_ts"] = seconds(times)
