@@ -14,11 +14,16 @@ class DamagedPacketError(Exception):
 
 def lz4_frame(data: bytes) -> bytes:
     """Decompress one frame of LZ4."""
+    return decompressed(lz4_decompressor(), data, (RuntimeError, EOFError))
+
+
+def lz4_decompressor() -> Any:
+    """Return what decompresses a frame of LZ4."""
     try:
         from lz4.frame import LZ4FrameDecompressor  # noqa: PLC0415 - an extra
     except ImportError as missing:
         raise _not_installed("LZ4", missing) from None
-    return _all_of(LZ4FrameDecompressor(), data, (RuntimeError, EOFError))
+    return LZ4FrameDecompressor()
 
 
 def zstd_frame(data: bytes) -> bytes:
@@ -31,17 +36,26 @@ def zstd_frame(data: bytes) -> bytes:
             from backports import zstd  # noqa: PLC0415 - an extra
         except ImportError as missing:
             raise _not_installed("Zstandard", missing) from None
-    return _all_of(zstd.ZstdDecompressor(), data, (zstd.ZstdError, EOFError))
+    return decompressed(zstd.ZstdDecompressor(), data, (zstd.ZstdError, EOFError))
 
 
-def _all_of(decompressor: Any, data: bytes, errors: tuple[type[Exception], ...]) -> bytes:
+def decompressed(
+    decompressor: Any, data: bytes, errors: tuple[type[Exception], ...], most: int = LARGEST_PACKET_BYTES
+) -> bytes:
+    """Return all that a decompressor makes of some bytes.
+
+    Raises
+    ------
+    DamagedPacketError
+        It raises one of ``errors``, it makes more than ``most`` bytes, or they do not end.
+    """
     try:
-        plain: bytes = decompressor.decompress(data, max_length=LARGEST_PACKET_BYTES)
+        # A byte more than is allowed: a decompressor that has made all it may does not look for the end.
+        plain: bytes = decompressor.decompress(data, max_length=most + 1)
     except errors as error:
         raise DamagedPacketError(str(error)) from error
-    if not decompressor.eof:
-        is_long = len(plain) >= LARGEST_PACKET_BYTES
-        raise DamagedPacketError(f"more than {LARGEST_PACKET_BYTES} bytes" if is_long else "a frame that does not end")
+    if len(plain) > most or not decompressor.eof:
+        raise DamagedPacketError(f"more than {most} bytes" if len(plain) > most else "a frame that does not end")
     return plain
 
 

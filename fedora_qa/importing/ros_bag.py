@@ -1,20 +1,26 @@
-"""Bags of ROS 1 and ROS 2 (SQLite and MCAP), read by the package ``rosbags``, which needs no ROS."""
+"""Bags of ROS 1, read chunk by chunk, and of ROS 2 (SQLite and MCAP), read by the package ``rosbags``.
 
-from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
+``rosbags`` needs no ROS; it also makes objects of messages of either version.
+"""
+
+from collections.abc import Collection, Iterable, Iterator, Mapping
+from contextlib import ExitStack, contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any, Final, Protocol
 
 from fedora_qa.errors import MisuseError
 from fedora_qa.importing.recording import Block, Recording, Resolution
+from fedora_qa.importing.ros1_bag import Ros1Bag
 from fedora_qa.importing.ros_messages import EVENT_ARRAYS, READERS, UnreadableMessageError, event_array
 from fedora_qa.importing.ros_topics import DEFAULT_TOPICS, TopicMap, choose_topics
 
 if TYPE_CHECKING:
     from rosbags.highlevel import AnyReader
-    from rosbags.interfaces import Connection
 
 _TOPICS_SHOWN = 8
+
+_DESERIALISED: Final = frozenset(type_name for types, _ in READERS.values() for type_name in types)
+"""Types of which objects are made."""
 
 
 @contextmanager
@@ -42,17 +48,19 @@ def open_bag(path: Path, resolution: Resolution | None, topics: TopicMap | None)
         raise MisuseError(
             f"Expected what reads bags, got: {missing}; install it with pip install 'fedora-qa[bags]'"
         ) from None
-    with _reading(path):
-        # Bags of ROS 2 before 2023 hold no definitions; those of the types that are read have not changed since.
-        bag = AnyReader([path], default_typestore=get_typestore(Stores.ROS2_HUMBLE))
-        bag.open()
-    try:
-        by_topic: dict[str, list[Connection]] = {}
-        for connection in bag.connections:
-            by_topic.setdefault(connection.topic, []).append(connection)
-        chosen = choose_topics(topics or DEFAULT_TOPICS, by_topic)
+    with ExitStack() as opened:
+        with _reading(path):
+            bag: _Bag
+            if path.is_file() and path.suffix == ".bag":
+                bag = _Ros1(opened.enter_context(Ros1Bag(path)))
+            else:
+                # Bags of ROS 2 before 2023 hold no definitions; those of the types read have not changed since.
+                bag = _Ros2(
+                    opened.enter_context(AnyReader([path], default_typestore=get_typestore(Stores.ROS2_HUMBLE)))
+                )
+        chosen = choose_topics(topics or DEFAULT_TOPICS, bag.types)
         if not chosen:
-            names = sorted(by_topic)
+            names = sorted(bag.types)
             more = f" and {len(names) - _TOPICS_SHOWN} more" if len(names) > _TOPICS_SHOWN else ""
             raise MisuseError(
                 f"Expected a topic of events, images, IMU samples or poses in {path}, got "
@@ -60,47 +68,126 @@ def open_bag(path: Path, resolution: Resolution | None, topics: TopicMap | None)
             )
         streams = {name: stream for stream, name in chosen.items()}
         for topic, stream in streams.items():
-            for connection in by_topic[topic]:
-                types = EVENT_ARRAYS if stream == "events" else READERS[stream][0]
-                if connection.msgtype not in types:
-                    raise MisuseError(
-                        f"Expected {stream} of the type {' or '.join(sorted(types))} in {topic}, got "
-                        f"{connection.msgtype}; map another topic with --topics FILE.toml"
-                    )
-        connections = [connection for topic in streams for connection in by_topic[topic]]
+            types = EVENT_ARRAYS if stream == "events" else READERS[stream][0]
+            for other in sorted(bag.types[topic] - types):
+                raise MisuseError(
+                    f"Expected {stream} of the type {' or '.join(sorted(types))} in {topic}, got {other}; map another "
+                    "topic with --topics FILE.toml"
+                )
         recording = Recording(
-            format="ROS 2 bag" if bag.is2 else "ROS 1 bag",
+            format=bag.format,
             blocks=iter(()),
-            size=sum(connection.msgcount for connection in connections),
+            size=bag.message_count(streams),
             cameras={"events": resolution} if resolution else {},
             facts={f"topic.{stream}": topic for stream, topic in chosen.items()},
         )
-        recording.blocks = _blocks(path, bag, connections, streams, recording)
+        recording.blocks = _blocks(path, bag, streams, recording)
         yield recording
-    finally:
-        bag.close()
 
 
-def _blocks(
-    path: Path, bag: "AnyReader", connections: "list[Connection]", streams: Mapping[str, str], recording: Recording
-) -> Iterator[Block]:
-    """Yield the rows of each message, in the order in which they were received."""
+class _Bag(Protocol):
+    """What is read of a bag of either version.
+
+    Attributes
+    ----------
+    format
+        In words.
+    is_cdr
+        Whether messages are serialised as in ROS 2.
+    types
+        Types of the messages by topic.
+    """
+
+    format: str
+    is_cdr: bool
+    types: dict[str, set[str]]
+
+    def message_count(self, topics: Collection[str]) -> int:
+        """Return how many messages topics have."""
+        ...
+
+    def messages(self, topics: Collection[str]) -> Iterator[tuple[str, str, bytes | memoryview]]:
+        """Yield topic, type and bytes of each message, of each topic in the order of the bag."""
+        ...
+
+    def deserialised(self, raw: bytes, type_name: str) -> Any:
+        """Return a message as an object."""
+        ...
+
+
+class _Ros1:
+    format = "ROS 1 bag"
+    is_cdr = False
+
+    def __init__(self, bag: Ros1Bag) -> None:
+        self._bag = bag
+        self.types = _types((each.topic, each.type_name) for each in bag.connections.values())
+        self._store: Any = None
+
+    def message_count(self, topics: Collection[str]) -> int:
+        return sum(each.count for each in self._bag.connections.values() if each.topic in topics)
+
+    def messages(self, topics: Collection[str]) -> Iterator[tuple[str, str, bytes | memoryview]]:
+        connections = self._bag.connections
+        wanted = {number for number, each in connections.items() if each.topic in topics}
+        for number, raw in self._bag.messages(wanted):
+            yield connections[number].topic, connections[number].type_name, raw
+
+    def deserialised(self, raw: bytes, type_name: str) -> Any:
+        if self._store is None:
+            from rosbags.typesys import Stores, get_types_from_msg, get_typestore  # noqa: PLC0415 - an extra
+
+            self._store = get_typestore(Stores.EMPTY)
+            for each in self._bag.connections.values():
+                if each.type_name in _DESERIALISED:
+                    self._store.register(get_types_from_msg(each.definition, each.type_name))
+        return self._store.deserialize_ros1(raw, type_name)
+
+
+class _Ros2:
+    def __init__(self, bag: "AnyReader") -> None:
+        self.format = "ROS 2 bag" if bag.is2 else "ROS 1 bag"
+        self.is_cdr = bag.is2
+        self._bag = bag
+        self.types = _types((each.topic, each.msgtype) for each in bag.connections)
+
+    def message_count(self, topics: Collection[str]) -> int:
+        return sum(each.msgcount for each in self._bag.connections if each.topic in topics)
+
+    def messages(self, topics: Collection[str]) -> Iterator[tuple[str, str, bytes | memoryview]]:
+        connections = [each for each in self._bag.connections if each.topic in topics]
+        for connection, _, raw in self._bag.messages(connections=connections):
+            yield connection.topic, connection.msgtype, raw
+
+    def deserialised(self, raw: bytes, type_name: str) -> Any:
+        return self._bag.deserialize(raw, type_name)
+
+
+def _types(topics: Iterable[tuple[str, str]]) -> dict[str, set[str]]:
+    types: dict[str, set[str]] = {}
+    for topic, type_name in topics:
+        types.setdefault(topic, set()).add(type_name)
+    return types
+
+
+def _blocks(path: Path, bag: _Bag, streams: Mapping[str, str], recording: Recording) -> Iterator[Block]:
+    """Yield the rows of each message."""
     unstamped: set[str] = set()
     with _reading(path):
-        for connection, _, raw in bag.messages(connections=connections):
+        for topic, type_name, raw in bag.messages(streams):
             recording.done += 1
-            stream = streams[connection.topic]
+            stream = streams[topic]
             try:
                 if stream == "events":
-                    block, size = event_array(raw, is_cdr=bag.is2)
+                    block, size = event_array(raw, is_cdr=bag.is_cdr)
                     recording.cameras.setdefault("events", size)
                 else:
-                    message = bag.deserialize(raw, connection.msgtype)
-                    _require_stamp(message, connection.topic, unstamped)
+                    message = bag.deserialised(bytes(raw), type_name)
+                    _require_stamp(message, topic, unstamped)
                     block = READERS[stream][1](message)
             except UnreadableMessageError as error:
                 raise MisuseError(
-                    f"Expected a whole message of {connection.topic}, got {error}; record or export it again"
+                    f"Expected a whole message of {topic}, got {error}; record or export it again"
                 ) from error
             if stream in {"rgb", "depth"} and block is not None:
                 height, width = block.columns[f"path/{stream}"].shape[1:3]

@@ -44,7 +44,7 @@ def header_time_us(header: Any) -> int:
     return int(header.stamp.sec) * (NS_PER_S // NS_PER_US) + int(header.stamp.nanosec) // NS_PER_US
 
 
-def event_array(raw: bytes, *, is_cdr: bool) -> tuple[Block | None, Resolution]:
+def event_array(raw: bytes | memoryview, *, is_cdr: bool) -> tuple[Block | None, Resolution]:
     """Return the events of a serialised ``EventArray``, None where it has none, and the size of the sensor.
 
     The bytes are read directly: made into an object of each event they would take a hundred times as long.

@@ -1,15 +1,18 @@
 """Create datasets as the canonical layout describes them."""
 
 from collections.abc import Mapping
-from typing import Any
+from typing import Any, Final
 
 import h5py
 import hdf5plugin
 
 from fedora_qa.layout.canonical import spec_of
 
+LEVEL: Final = 5
+"""Of Zstandard; how hard it tries is no part of the layout."""
 
-def create_dataset(file: h5py.File, key: str, sizes: Mapping[str, int]) -> h5py.Dataset:
+
+def create_dataset(file: h5py.File, key: str, sizes: Mapping[str, int], *, level: int = LEVEL) -> h5py.Dataset:
     """Create one dataset with the type, chunks, codec, checksum and ``units`` of the layout.
 
     Parameters
@@ -20,6 +23,8 @@ def create_dataset(file: h5py.File, key: str, sizes: Mapping[str, int]) -> h5py.
         A key of ``DATASETS``.
     sizes
         A number for each symbolic size of the dataset's shape. The axis of time can grow later.
+    level
+        Of compression, 1 to 9.
 
     Raises
     ------
@@ -36,7 +41,7 @@ def create_dataset(file: h5py.File, key: str, sizes: Mapping[str, int]) -> h5py.
             "maxshape": (None, *shape[1:]),
             "fletcher32": True,
             # The pipeline of layout 1.0; ``direct_chunks`` decodes it without HDF5.
-            **hdf5plugin.Blosc(cname="zstd", clevel=5, shuffle=hdf5plugin.Blosc.SHUFFLE),
+            **hdf5plugin.Blosc(cname="zstd", clevel=level, shuffle=hdf5plugin.Blosc.SHUFFLE),
         }
     dataset = file.create_dataset(key, shape=shape, dtype=spec.dtype, **storage)
     dataset.attrs["units"] = spec.units
