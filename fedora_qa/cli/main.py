@@ -33,6 +33,7 @@ COMMANDS: Final[Mapping[str, tuple[str, str]]] = MappingProxyType(
         "extract": ("fedora_qa.cli.extract:extract", "Cut out the smallest file that shows a finding."),
         "repair": ("fedora_qa.cli.repair:repair", "Write a copy in which confirmed faults are undone."),
         "import": ("fedora_qa.cli.import_:import_", "Write a canonical file from a recording of an event camera."),
+        "export": ("fedora_qa.cli.export:export", "Write a sequence in a layout of others: a trajectory, a folder."),
         "report": ("fedora_qa.cli.report:report", "Render a record again, without the data."),
         "checks": ("fedora_qa.cli.explain:checks", "List the checks, each with its question."),
         "explain": ("fedora_qa.cli.explain:explain", "Explain what a check measures, how, and what it cannot detect."),

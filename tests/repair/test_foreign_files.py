@@ -107,8 +107,9 @@ def test_seconds_since_1970_keep_their_digits(tmp_path: Path) -> None:
     events = values(file, "davis/left/events")
     events[:, 3] *= -1
     np.testing.assert_array_equal(values(out, "davis/left/events"), events)
-    # Its map names the nearest event, which no dialect reads: it is named to the reader.
-    assert "davis/left/image_raw_event_inds" in result.beside
+    # Its map names the last event before each image, and follows.
+    assert values(out, "davis/left/image_raw_event_inds").tolist() == [-1, -1]
+    assert result.beside == ("davis/left/imu",)
 
 
 def test_colour_of_a_grey_image_has_no_order(tmp_path: Path) -> None:
