@@ -14,7 +14,7 @@ class DamagedPacketError(Exception):
 
 def lz4_frame(data: bytes) -> bytes:
     """Decompress one frame of LZ4."""
-    return decompressed(lz4_decompressor(), data, (RuntimeError, EOFError))
+    return decompressed(lz4_decompressor(), data, (RuntimeError, EOFError), LARGEST_PACKET_BYTES)
 
 
 def lz4_decompressor() -> Any:
@@ -36,12 +36,10 @@ def zstd_frame(data: bytes) -> bytes:
             from backports import zstd  # noqa: PLC0415 - an extra
         except ImportError as missing:
             raise _not_installed("Zstandard", missing) from None
-    return decompressed(zstd.ZstdDecompressor(), data, (zstd.ZstdError, EOFError))
+    return decompressed(zstd.ZstdDecompressor(), data, (zstd.ZstdError, EOFError), LARGEST_PACKET_BYTES)
 
 
-def decompressed(
-    decompressor: Any, data: bytes, errors: tuple[type[Exception], ...], most: int = LARGEST_PACKET_BYTES
-) -> bytes:
+def decompressed(decompressor: Any, data: bytes, errors: tuple[type[Exception], ...], most: int) -> bytes:
     """Return all that a decompressor makes of some bytes.
 
     Raises

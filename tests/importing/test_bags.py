@@ -9,8 +9,10 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from rosbags.rosbag1 import Writer as Writer1
 
 from fedora_qa.errors import MisuseError
+from fedora_qa.importing.ros1_bag import Ros1Bag
 from fedora_qa.importing.ros_topics import load_topics
 from fedora_qa.importing.run import ImportOptions
 from tests.importing.reading import events_of, imported
@@ -223,3 +225,61 @@ def test_mutated_bags(form: str, data: st.DataObject) -> None:
         except MisuseError as error:
             refusal = str(error)
         assert refusal.startswith("Expected ") or any(done.rows.values())
+
+
+def messages_of(bag: Ros1Bag) -> list[tuple[str, bytes]]:
+    return [(bag.connections[number].topic, bytes(raw)) for number, raw in bag.messages(list(bag.connections))]
+
+
+@pytest.mark.parametrize("compression", [None, *Writer1.CompressionFormat])
+def test_chunks_of_ros_1(compression: Writer1.CompressionFormat | None, tmp_path: Path) -> None:
+    """However chunks are compressed, every message is read once, in the order of the file."""
+    path, sent = tmp_path / "flight.bag", [bytes([number]) * (100 * number) for number in range(40)]
+    writer = Writer1(path)
+    writer.chunk_threshold = 3000
+    if compression is not None:
+        writer.set_compression(compression)
+    with writer:
+        store = Bag("ros1").store
+        topics = [writer.add_connection(name, "dvs_msgs/msg/EventArray", typestore=store) for name in ("/a", "/b")]
+        for number, content in enumerate(sent):
+            writer.write(topics[number % 2], number, content)
+    with Ros1Bag(path) as bag:
+        assert messages_of(bag) == [("/" + "ab"[number % 2], content) for number, content in enumerate(sent)]
+        assert [each.count for each in bag.connections.values()] == [20, 20]
+        assert {each.type_name for each in bag.connections.values()} == {"dvs_msgs/msg/EventArray"}
+        first = min(bag.connections)
+        assert [number for number, _ in bag.messages({first})] == [first] * 20
+
+
+def without_index(content: bytearray) -> None:
+    place = content.index(b"index_pos=") + len(b"index_pos=")
+    content[place : place + 8] = bytes(8)
+
+
+def with_a_huge_chunk(content: bytearray) -> None:
+    place = content.index(b"size=", content.index(b"compression=")) + len(b"size=")
+    content[place : place + 4] = b"\xff\xff\xff\x7f"
+
+
+def cut_in_the_index(content: bytearray) -> None:
+    del content[-20:]
+
+
+@pytest.mark.parametrize(
+    ("damage", "part"),
+    [
+        (without_index, "without an index"),
+        (with_a_huge_chunk, "a chunk of 2147483647 bytes"),
+        (cut_in_the_index, "ends behind the end"),
+    ],
+)
+def test_damaged_bags_of_ros_1(damage, part: str, tmp_path: Path) -> None:  # type: ignore[no-untyped-def]
+    """One sentence says what is wrong with a bag that was not closed, claims too much, or is cut off."""
+    source = flight("ros1").write(tmp_path)
+    content = bytearray(source.read_bytes())
+    damage(content)
+    source.write_bytes(content)
+    with pytest.raises(MisuseError, match=r"^Expected a whole ROS bag, got: ") as caught:
+        imported(source, tmp_path / "out.h5")
+    assert part in str(caught.value)
