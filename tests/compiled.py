@@ -1,22 +1,29 @@
 """Compile the loops that most tests run: ``python -m tests.compiled checks`` and ``... generator``.
 
 Numba keeps each compiled loop beside its source, where every process finds it. Without this step, processes of a test
-run that need a loop at the same time compile it each, and so do the processes that tests start. The two parts share no
-loops and can run at the same time.
+run that need a loop at the same time compile it each, and so do the processes that tests start. The two parts can run
+at the same time: the first needs the loops of the other only at its end, when they are compiled as a rule.
 """
 
 import sys
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
+from fedora_generator.faults import plant_fault
 from fedora_qa.engine.run import CheckOptions, check_file
 from tests.support.handmade import write_handmade
-from tests.support.sequences import make_sequence
+from tests.support.sequences import CLEAN_PART_S, make_sequence
 
 
 def compile_checks(folder: Path) -> None:
-    """Check a file that no generator wrote, with canaries."""
+    """Check a file that no generator wrote, with canaries, then a flight, clean and with faults of events and flow."""
     check_file(write_handmade(folder / "a.h5"), CheckOptions(canary=True))
+    clean, late, faulty = (folder / f"{name}.h5" for name in ("clean", "late", "faulty"))
+    make_sequence(clean, "park-day", CLEAN_PART_S["exact"])
+    plant_fault(clean, late, "time_offset", "events", 5.0, "ms")
+    plant_fault(late, faulty, "flow_gain", "flow", 10.0)
+    for path in (clean, faulty):
+        check_file(path, CheckOptions())
 
 
 def compile_generator(folder: Path) -> None:

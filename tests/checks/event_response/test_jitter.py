@@ -1,5 +1,6 @@
 """Jitter of the timestamps of a file in closed form: measured where it is, bounded where there is none."""
 
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
@@ -28,21 +29,23 @@ def jitter_of(file: EventFile, path: Path) -> Result:
 
 
 @pytest.mark.parametrize(
-    "file",
+    "make",
     [
-        pytest.param(log_file(), id="waves"),
-        pytest.param(log_file(threshold=0.05), id="small thresholds"),
-        pytest.param(log_file(SMOOTH_WORLD, 0.5), id="large thresholds"),
-        pytest.param(log_file(SHARP_WORLD), id="sharp edges"),
-        pytest.param(linear_file(), id="linear"),
-        pytest.param(linear_file(LINEAR_WORLD, 3.0), id="linear, fine steps"),
-        pytest.param(scattered(log_file(), 0.0, 200_000).declaring(packet_interval_us=200), id="packets of 0.2 ms"),
-        pytest.param(scattered(log_file(), 0.0, 1 * MS), id="1 ms, not declared"),
+        pytest.param(log_file, id="waves"),
+        pytest.param(lambda: log_file(threshold=0.05), id="small thresholds"),
+        pytest.param(lambda: log_file(SMOOTH_WORLD, 0.5), id="large thresholds"),
+        pytest.param(lambda: log_file(SHARP_WORLD), id="sharp edges"),
+        pytest.param(linear_file, id="linear"),
+        pytest.param(lambda: linear_file(LINEAR_WORLD, 3.0), id="linear, fine steps"),
+        pytest.param(
+            lambda: scattered(log_file(), 0.0, 200_000).declaring(packet_interval_us=200), id="packets of 0.2 ms"
+        ),
+        pytest.param(lambda: scattered(log_file(), 0.0, 1 * MS), id="1 ms, not declared"),
     ],
 )
-def test_exact_times_have_no_jitter(file: EventFile, tmp_path: Path) -> None:
+def test_exact_times_have_no_jitter(make: Callable[[], EventFile], tmp_path: Path) -> None:
     """Not above the bound, and the measurement is of use."""
-    result = jitter_of(file, tmp_path / "clean.h5")
+    result = jitter_of(make(), tmp_path / "clean.h5")
     (jitter,) = result.measurements
     assert result.outcome == "passed"
     assert not result.findings
