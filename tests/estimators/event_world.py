@@ -4,11 +4,13 @@ The mean of a cosine over a pixel is the cosine times two sincs, so frames and e
 """
 
 from dataclasses import dataclass, replace
+from functools import cache
 
 import numpy as np
 from numpy.typing import NDArray
 
 Floats = NDArray[np.float64]
+Phasors = NDArray[np.complex128]
 
 MS = 1_000_000  # ns
 STEP_NS = 200_000
@@ -28,16 +30,22 @@ class Waves:
 
     def luma(self, t_s: float, shape: tuple[int, int], scale: float = 1.0) -> Floats:
         """Mean luma of every pixel of a camera with ``scale`` times the resolution."""
-        rng = np.random.default_rng(self.seed)
-        angle, size = rng.uniform(0, 2 * np.pi, self.count), 2 * np.pi / rng.uniform(4, 40, self.count)
-        k, phase = size * np.array([np.cos(angle), np.sin(angle)]), rng.uniform(0, 2 * np.pi, self.count)
-        rows = (np.arange(shape[0]) + 0.5) / scale - 0.5 - self.velocity_px_s[1] * t_s
-        columns = (np.arange(shape[1]) + 0.5) / scale - 0.5 - self.velocity_px_s[0] * t_s
-        amplitudes_dn = self.amplitude_dn * np.prod(np.sinc(k / scale / (2 * np.pi)), axis=0)
-        # cos(a + b) = cos(a) cos(b) - sin(a) sin(b): a depends on the column alone, b on the row.
-        a, b = k[0] * columns[:, np.newaxis] + phase, k[1] * rows[:, np.newaxis]
-        waves_dn: Floats = (amplitudes_dn * np.cos(b)) @ np.cos(a).T - (amplitudes_dn * np.sin(b)) @ np.sin(a).T
+        k, rows, columns = _phasors(self, shape, scale)
+        # cos(a + b) = Re(exp(i a) exp(i b)): a depends on the column, b on the row and on how far waves have moved.
+        moved = rows * np.exp(-1j * t_s * (self.velocity_px_s @ k))
+        waves_dn: Floats = moved.real @ columns.real.T - moved.imag @ columns.imag.T
         return self.mean_dn + waves_dn
+
+
+@cache
+def _phasors(waves: Waves, shape: tuple[int, int], scale: float) -> tuple[Floats, Phasors, Phasors]:
+    """Wave vectors (2, count), rad/px, and phasors at time 0: of rows (H, count), with amplitudes, and of columns."""
+    rng = np.random.default_rng(waves.seed)
+    angle, size = rng.uniform(0, 2 * np.pi, waves.count), 2 * np.pi / rng.uniform(4, 40, waves.count)
+    k, phase = size * np.array([np.cos(angle), np.sin(angle)]), rng.uniform(0, 2 * np.pi, waves.count)
+    rows, columns = ((np.arange(pixels)[:, np.newaxis] + 0.5) / scale - 0.5 for pixels in shape)
+    amplitudes_dn = waves.amplitude_dn * np.prod(np.sinc(k / scale / (2 * np.pi)), axis=0)
+    return k, amplitudes_dn * np.exp(1j * k[1] * rows), np.exp(1j * (k[0] * columns + phase))
 
 
 @dataclass(frozen=True)
