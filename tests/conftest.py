@@ -77,6 +77,18 @@ def park_day(shared_files: SharedFiles) -> Path:
 
 
 @pytest.fixture(scope="session")
+def tiny_park_day(shared_files: SharedFiles) -> Path:
+    """0.3 s of the park by day, 90 x 68, clean. Tests must not write into it."""
+    return shared_files.file("tiny-park-day.h5", lambda path: make_sequence(path, "park-day", 0.3, 90, 68))
+
+
+@pytest.fixture(scope="session")
+def tiny_park_noisy(shared_files: SharedFiles) -> Path:
+    """0.1 s of the park with every noise, 90 x 68, clean. Tests must not write into it."""
+    return shared_files.file("tiny-park-noisy.h5", lambda path: make_sequence(path, "park-noisy", 0.1, 90, 68))
+
+
+@pytest.fixture(scope="session")
 def opengl() -> str:
     """What draws through OpenGL here. Without it the test is skipped, or fails where CI is set."""
     return require_opengl()

@@ -43,7 +43,6 @@ from fedora_qa.layout.canonical import DATASETS
 from fedora_qa.sequence.sequence import Sequence, SequenceRows, open_sequence
 from tests.faults.test_round_trips import compare_declared
 from tests.support.memory_sequence import MS, all_rows, facts_of
-from tests.support.sequences import make_sequence
 
 Rows = dict[str, NDArray[Any]]
 XY: Any = ((0, 1, 0), (1, 0, 0), (0, 0, 1))
@@ -136,10 +135,9 @@ CASES = [
 
 
 @pytest.fixture(scope="module")
-def clean(tmp_path_factory: pytest.TempPathFactory) -> Any:
+def clean(tiny_park_day: Path) -> Any:
     """A small clean file without pose noise, open."""
-    path = make_sequence(tmp_path_factory.mktemp("undo") / "clean.h5", "park-day", 0.3, 90, 68)
-    with open_sequence(path) as sequence:
+    with open_sequence(tiny_park_day) as sequence:
         yield sequence
 
 
@@ -241,10 +239,9 @@ def test_indices_point_to_the_first_of_equal_timestamps_again(clean: Sequence, t
 
 
 @pytest.mark.parametrize("stream", ["imu", "pose", "events"])
-def test_declared_noise_returns(stream: str, clean: Sequence, tmp_path: Path) -> None:
+def test_declared_noise_returns(stream: str, tiny_park_noisy: Path, tmp_path: Path) -> None:
     """Every noise that is declared is as in the clean file."""
-    noisy = make_sequence(tmp_path / "noisy.h5", "park-noisy", 0.1, 90, 68)
-    with open_sequence(noisy) as true:
+    with open_sequence(tiny_park_noisy) as true:
         fault = NoiseMisdeclared.by_percent(facts_of(true), stream, 40.0)
         _, view = undone_file(true, tmp_path, fault, "noise_misdeclared", stream, 40.0)
         compare_declared(view.declared, true.declared)

@@ -14,18 +14,12 @@ from fedora_qa.layout.dialect import load_choice
 from fedora_qa.record.types import FileRecord
 from fedora_qa.sequence.sequence import open_sequence
 from tests.support.dsec_folder import T_OFFSET_US, encode_flow, write_dsec_folder, write_png, write_side_metadata
-from tests.support.sequences import make_sequence
 
 
 @pytest.fixture(scope="module")
-def source(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    return make_sequence(tmp_path_factory.mktemp("generated") / "park.h5", "park-day", duration_s=1.0)
-
-
-@pytest.fixture(scope="module")
-def clean(source: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+def clean(park_day: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("dsec") / "zurich"
-    return write_dsec_folder(source, folder)
+    return write_dsec_folder(park_day, folder)
 
 
 @pytest.fixture(scope="module")
@@ -47,9 +41,9 @@ def failed(record: FileRecord) -> set[str]:
     return {result.check for result in record.results if result.outcome == "failed"}
 
 
-def test_rows_are_those_of_the_source(source: Path, clean: Path) -> None:
+def test_rows_are_those_of_the_source(park_day: Path, clean: Path) -> None:
     """Every stream comes out in canonical units, within half a step of its 16 bits."""
-    with open_sequence(source) as before, open_sequence(clean) as after:
+    with open_sequence(park_day) as before, open_sequence(clean) as after:
         assert after.layout.streams == {"rgb", "depth", "events", "flow/10hz"}
         assert not after.layout.problems
         assert after.origin_ns - before.origin_ns >= T_OFFSET_US * 1000

@@ -24,13 +24,12 @@ from fedora_qa.sequence.sequence import open_sequence
 from tests.faults.test_undo_generated import CASES, Case
 from tests.support.memory_sequence import facts_of
 from tests.support.repairs import given_check
-from tests.support.sequences import make_sequence
 
 
 @pytest.fixture(scope="module")
-def clean(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def clean(tiny_park_day: Path) -> Path:
     """A small clean file."""
-    return make_sequence(tmp_path_factory.mktemp("repair") / "clean.h5", "park-day", 0.3, 90, 68)
+    return tiny_park_day
 
 
 def repaired(source: Path, *faults: ReversibleFault, target: Path | None = None) -> Repair:
@@ -143,11 +142,11 @@ def test_the_transfer_curve_is_declared(clean: Path, tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("stream", ["imu", "pose", "events"])
-def test_noise_is_declared(stream: str, tmp_path: Path) -> None:
+def test_noise_is_declared(stream: str, tiny_park_noisy: Path, tmp_path: Path) -> None:
     """Each noise by its own attribute."""
-    true, faulty = make_sequence(tmp_path / "true.h5", "park-noisy", 0.1, 90, 68), tmp_path / "faulty.h5"
-    with open_sequence(true) as sequence:
+    faulty = tmp_path / "faulty.h5"
+    with open_sequence(tiny_park_noisy) as sequence:
         fault = NoiseMisdeclared.by_percent(facts_of(sequence), stream, 40.0)
-    plant_fault(true, faulty, "noise_misdeclared", stream, 40.0)
+    plant_fault(tiny_park_noisy, faulty, "noise_misdeclared", stream, 40.0)
     assert not repaired(faulty, fault).refusal
-    require_equal(tmp_path / "repaired.h5", true)
+    require_equal(tmp_path / "repaired.h5", tiny_park_noisy)
