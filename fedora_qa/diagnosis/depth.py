@@ -115,9 +115,11 @@ def propose_scale(alarm: Alarm, facts: Facts) -> tuple[Hypothesis, ...]:
         of_depth, of_pose = support("depth.scale_of_plausible_depths"), support("depth.scale_of_path")
     else:
         of_depth, of_pose = support("depth.scale_of_implausible_depths"), support("depth.scale_of_unlikely_path")
+    # Where no fit measures the factor of the positions, true depths make it the inverse of that of the depths.
+    of_positions = 1.0 / statistic.value if path_scale.factor is None and statistic.value > 0 else path_scale.factor
     return (
         Hypothesis("unit_mm_m", "depth", of_depth * reduction, statistic.value, "1", statistic.standard_error),
-        Hypothesis("unit_mm_m", "pose", of_pose * reduction, path_scale.factor, "1"),
+        Hypothesis("unit_mm_m", "pose", of_pose * reduction, of_positions, "1"),
         *_ANY_MISFIT,
     )
 

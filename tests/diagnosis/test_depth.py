@@ -65,12 +65,12 @@ def test_values_beyond_the_range_in_any_unit_are_codes_rather() -> None:
 def test_a_scale_is_that_of_depths_or_of_the_path(
     plausible: bool, path_factor: float | None, of_depth: float, of_pose: float
 ) -> None:
-    """Each has its fitted factor, and the share of the residual that the factor removes."""
+    """Each has its fitted factor, a path without one that of true depths, and the share of the residual it removes."""
     features = PathScale(path_factor, depths_plausible=plausible), ResidualReduction(0.5)
     hypotheses = proposed("depth.scale.factor", *features, stream="depth", value=1e3, expected=1.0)
     assert hypotheses[:2] == (
         Hypothesis("unit_mm_m", "depth", 0.5 * of_depth, 1e3, "1", 0.01),
-        Hypothesis("unit_mm_m", "pose", 0.5 * of_pose, path_factor, "1"),
+        Hypothesis("unit_mm_m", "pose", 0.5 * of_pose, path_factor or 1e-3, "1"),
     )
     assert {hypothesis.support for hypothesis in hypotheses[2:]} == {NO_CAUSE_OF_ITS_OWN}
 

@@ -4,7 +4,7 @@ import shutil
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import h5py
 import numpy as np
@@ -37,6 +37,8 @@ class Layout:
     ----------
     name
         Of the stand-in.
+    source
+        Through which cameras its content is taken.
     write
         Writes it.
     side
@@ -48,6 +50,7 @@ class Layout:
     """
 
     name: str
+    source: Literal["pinhole", "lens"]
     write: Callable[[TwoViews, Path], Path]
     side: Callable[[TwoViews, Path], Path] | None
     streams: frozenset[str]
@@ -57,6 +60,7 @@ class Layout:
 LAYOUTS = {
     "m3ed": Layout(
         "falcon",
+        "lens",
         write_m3ed_folder,
         lambda _, path: write_m3ed_side(path),
         frozenset({"rgb", "depth", "events", "pose", "rgb_to_event", "depth_to_event"}),
@@ -64,6 +68,7 @@ LAYOUTS = {
     ),
     "mvsec": Layout(
         "flying",
+        "pinhole",
         write_mvsec_folder,
         lambda _, path: write_mvsec_side(path),
         frozenset({"rgb", "depth", "events", "pose", "flow/20hz", "rgb_to_event"}),
@@ -71,6 +76,7 @@ LAYOUTS = {
     ),
     "v2e": Layout(
         "video.h5",
+        "pinhole",
         write_v2e_file,
         write_shared_camera,
         frozenset({"rgb", "events", "rgb_to_event"}),
@@ -78,6 +84,7 @@ LAYOUTS = {
     ),
     "vid2e": Layout(
         "video",
+        "pinhole",
         write_vid2e_folder,
         write_shared_camera,
         frozenset({"rgb", "events"}),
@@ -85,6 +92,7 @@ LAYOUTS = {
     ),
     "purdue-lab": Layout(
         "log.hdf5",
+        "pinhole",
         write_purdue_lab_file,
         None,
         frozenset({"rgb", "depth", "events"}),
@@ -94,8 +102,8 @@ LAYOUTS = {
 
 
 @pytest.fixture(scope="module")
-def source(shared_files: SharedFiles) -> TwoViews:
-    return two_views(shared_files)
+def sources(shared_files: SharedFiles) -> dict[str, TwoViews]:
+    return {"pinhole": two_views(shared_files), "lens": two_views(shared_files, with_lens=True)}
 
 
 @pytest.fixture(scope="module")
@@ -104,21 +112,21 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture(scope="module")
-def sides(source: TwoViews, folder: Path) -> dict[str, Path]:
+def sides(sources: dict[str, TwoViews], folder: Path) -> dict[str, Path]:
     """The side file of each layout that has one."""
     return {
-        name: layout.side(source, folder / f"{name}.toml")
+        name: layout.side(sources[layout.source], folder / f"{name}.toml")
         for name, layout in LAYOUTS.items()
         if layout.side is not None
     }
 
 
 @pytest.fixture(scope="module")
-def stand_ins(source: TwoViews, folder: Path) -> dict[str, Path]:
+def stand_ins(sources: dict[str, TwoViews], folder: Path) -> dict[str, Path]:
     """The correct stand-in of each layout."""
     for name in LAYOUTS:
         (folder / name).mkdir()
-    return {name: layout.write(source, folder / name / layout.name) for name, layout in LAYOUTS.items()}
+    return {name: layout.write(sources[layout.source], folder / name / layout.name) for name, layout in LAYOUTS.items()}
 
 
 def check(place: Path, side: Path | None) -> FileRecord:
@@ -148,9 +156,11 @@ def test_a_correct_sequence_has_no_finding(name: str, stand_ins: dict[str, Path]
         assert outcomes(alone, "passed") < outcomes(record, "passed")
 
 
-def test_poses_and_depth_of_m3ed_are_those_of_the_source(source: TwoViews, stand_ins: dict[str, Path]) -> None:
+def test_poses_and_depth_of_m3ed_are_those_of_the_source(
+    sources: dict[str, TwoViews], stand_ins: dict[str, Path]
+) -> None:
     """Poses count from the first one of the camera; the body is that camera with X forward."""
-    with open_sequence(stand_ins["m3ed"]) as sequence, h5py.File(source.event_sized) as file:
+    with open_sequence(stand_ins["m3ed"]) as sequence, h5py.File(sources["lens"].event_sized) as file:
         T_world_camera = camera_poses(file, file["path/depth_ts"][:])
         T_body_camera = sequence.declared.cameras["depth"].T_body_camera
         expected = T_body_camera[:3, :3].T  # the first pose of the body, seen by its camera
@@ -162,9 +172,9 @@ def test_poses_and_depth_of_m3ed_are_those_of_the_source(source: TwoViews, stand
         np.testing.assert_allclose(sequence.rows("path/depth", 3, 4), file["path/depth"][3:4], rtol=1e-6)
 
 
-def test_flow_of_mvsec_is_that_of_the_source(source: TwoViews, stand_ins: dict[str, Path]) -> None:
+def test_flow_of_mvsec_is_that_of_the_source(sources: dict[str, TwoViews], stand_ins: dict[str, Path]) -> None:
     """Channels come last, intervals reach to the next frame, and the last frame begins none."""
-    with open_sequence(stand_ins["mvsec"]) as sequence, h5py.File(source.event_sized) as file:
+    with open_sequence(stand_ins["mvsec"]) as sequence, h5py.File(sources["pinhole"].event_sized) as file:
         rows = sequence.layout.bindings["path/flow/20hz"].rows
         assert rows == len(file["path/flow/20hz"])
         read = sequence.rows("path/flow/20hz", 2, rows)

@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, Final
 
 import h5py
 import numpy as np
@@ -33,18 +33,26 @@ class TwoViews:
     event_sized: Path
 
 
-def two_views(shared_files: SharedFiles) -> TwoViews:
-    """Return a second of the park in both views, written once a run."""
+LENS: Final = (-0.37, 0.16, 4e-4, -3e-4)
+"""Radial-tangential, as strong as those of real event cameras."""
+
+
+def two_views(shared_files: SharedFiles, *, with_lens: bool = False) -> TwoViews:
+    """Return a second of the park in both views, through a pinhole or ``LENS``, written once a run."""
+    name = "park-40hz-lens" if with_lens else "park-40hz"
 
     def write(path: Path, width: int, height: int) -> None:
         scene = replace(small_scene("park-day", width, height), rates=_RATES)
+        if with_lens:
+            camera = replace(scene.camera, distortion_model="radtan", distortion=LENS)
+            scene = replace(scene, camera=camera)
         generate_sequence(scene, path, Request(duration_s=1.0, quality="draft"))
 
-    sequence = shared_files.file("park-40hz.h5", lambda path: write(path, 270, 200))
+    sequence = shared_files.file(f"{name}.h5", lambda path: write(path, 270, 200))
     with h5py.File(sequence) as file:
         camera = file["metadata/cameras/events"].attrs
         width, height = int(camera["width"]), int(camera["height"])
-    event_sized = shared_files.file("park-40hz-event-sized.h5", lambda path: write(path, width, height))
+    event_sized = shared_files.file(f"{name}-event-sized.h5", lambda path: write(path, width, height))
     with h5py.File(sequence) as file, h5py.File(event_sized) as other:
         for name in ("K", "T_body_camera"):
             expected = file["metadata/cameras/events"].attrs[name]

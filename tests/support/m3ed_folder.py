@@ -1,7 +1,8 @@
 """A folder laid out like a sequence of M3ED, with content of the reference generator.
 
 Written by hand from the scripts that wrote M3ED (github.com/daniilidis-group/m3ed, rosbag2hdf5.py, fasterlio_gt.py),
-so that an error of the dialect is no error of the writer. Depth is dense, and the lenses are free of distortion.
+so that an error of the dialect is no error of the writer. Depth is dense, and all lenses
+are one.
 """
 
 from pathlib import Path
@@ -45,9 +46,8 @@ def write_m3ed_folder(source: TwoViews, folder: Path) -> Path:
 
 
 def write_m3ed_side(path: Path) -> Path:
-    """Declare what is true of the stand-in and of no file of M3ED: lenses without distortion, exact poses."""
-    lines = [f'"metadata/cameras/{name}/camera_model" = "pinhole"' for name in ("rgb", "depth", "events")]
-    lines += [f'"metadata/pose/{name}" = 0.0' for name in ("position_sigma", "rotation_sigma")]
+    """Declare what is true of the stand-in and of no file of M3ED: exact poses."""
+    lines = [f'"metadata/pose/{name}" = 0.0' for name in ("position_sigma", "rotation_sigma")]
     path.write_text("\n".join(["[metadata]", *lines, ""]), "utf-8")
     return path
 
@@ -85,7 +85,7 @@ def _calibration(file: h5py.File, group: h5py.Group, name: str) -> None:
     K = camera["K"]
     group["calib/camera_model"] = "pinhole"
     group["calib/distortion_model"] = "radtan"
-    group["calib/distortion_coeffs"] = np.zeros(4)
+    group["calib/distortion_coeffs"] = camera["distortion"]
     group["calib/intrinsics"] = np.array([K[0, 0], K[1, 1], K[0, 2], K[1, 2]])
     group["calib/resolution"] = np.array([camera["width"], camera["height"]])
     T_body_events = file["metadata/cameras/events"].attrs["T_body_camera"]

@@ -35,7 +35,7 @@ def write_mvsec_folder(source: TwoViews, folder: Path) -> Path:
 
 def write_mvsec_side(path: Path) -> Path:
     """Declare what is true of the stand-in and of no file of MVSEC: a lens without distortion, exact poses."""
-    lines = [f'"metadata/cameras/{name}/camera_model" = "pinhole"' for name in ("rgb", "events")]
+    lines = [f'"metadata/cameras/{name}/distortion_model" = "none"' for name in ("rgb", "events")]
     lines += [f'"metadata/pose/{name}" = 0.0' for name in ("position_sigma", "rotation_sigma")]
     path.write_text("\n".join(["[metadata]", *lines, ""]), "utf-8")
     return path
