@@ -64,7 +64,9 @@ def write_m3ed(path: Path) -> Path:
         file["ovc/rgb/data"] = np.zeros((2, 6, 8, 3), dtype=np.uint8)
         file["ovc/ts"] = np.array([0, 40_000])
         for camera in ("prophesee/left", "ovc/rgb"):
+            file[f"{camera}/calib/camera_model"] = "pinhole"
             file[f"{camera}/calib/distortion_model"] = "radtan"
+            file[f"{camera}/calib/distortion_coeffs"] = np.array([-0.05, 0.09, 1e-4, -2e-4])
             file[f"{camera}/calib/intrinsics"] = np.array([9.0, 9.0, 3.5, 2.5])
             file[f"{camera}/calib/resolution"] = np.array([8, 6])
             file[f"{camera}/calib/T_to_prophesee_left"] = np.eye(4)

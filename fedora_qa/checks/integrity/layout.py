@@ -7,7 +7,7 @@ from fedora_qa.checks.flow_rate_deviations import with_flow_rate_deviations
 from fedora_qa.checks.protocol import FactsCheck, Notice, Observation
 from fedora_qa.features import Feature
 from fedora_qa.layout.canonical import is_flow_stream
-from fedora_qa.layout.resolve import LayoutProblem
+from fedora_qa.layout.dataset_binder import LayoutProblem
 from fedora_qa.record.types import Coverage, Where
 from fedora_qa.sequence.facts import Facts
 

@@ -14,7 +14,7 @@ from fedora_qa.conventions import NS_PER_S
 from fedora_qa.faults.canary_conditions import CanaryConditions, UnplantableError
 from fedora_qa.faults.declarations import EventModelMisdeclared, NoiseMisdeclared, ThresholdMisdeclared
 from fedora_qa.faults.fault import Fault
-from fedora_qa.layout.resolve import LayoutProblem
+from fedora_qa.layout.dataset_binder import LayoutProblem
 from fedora_qa.sequence.declared import Camera, DeclarationProblem, ImuModel, PoseModel
 
 _LOG_TO_LINEAR_DN: Final = 100.0

@@ -1,0 +1,288 @@
+"""Open a dataset where the dialect has it, and say how its rows are read: its binding, or why it has none."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from math import prod
+from typing import Final
+
+import h5py
+import numpy as np
+
+from fedora_qa.causes import allowed
+from fedora_qa.layout.binding import Binding, instant_ns, rows_together
+from fedora_qa.layout.bounds import LARGEST_IMAGE_PIXELS, MOST_SAMPLES, require_bounded, unwritten_chunks
+from fedora_qa.layout.canonical import DatasetSpec
+from fedora_qa.layout.conversions import Conversion, depth_from_disparity
+from fedora_qa.layout.dialect import (
+    DISPARITY_TO_DEPTH,
+    NS_PER_TIME_UNIT,
+    QUATERNION_COLUMNS,
+    T_POSED_BODY,
+    DatasetPlace,
+    Dialect,
+    scale_of,
+)
+from fedora_qa.layout.external_files import ExternalFiles
+from fedora_qa.layout.filters import require_filters, require_whole_chunks
+from fedora_qa.layout.folder import OpenFolder
+from fedora_qa.layout.links import RefusedError, find_dataset, reading
+from fedora_qa.layout.metadata import Supplied, small_values
+from fedora_qa.layout.stored_form import (
+    holds_without_loss,
+    is_signed_polarity,
+    is_whole,
+    require_readable_type,
+    require_shape,
+)
+from fedora_qa.sources.source import OutsideRows, SourceError
+
+EXTRA_STREAMS: Final = ("depth_range",)
+"""Datasets of the layout that are declarations, not streams."""
+
+
+@dataclass(frozen=True, slots=True)
+class LayoutProblem:
+    """A defect of the layout.
+
+    ``code`` is ``integrity.layout.<rule>``, ``cause`` an identifier of ``causes.py``, ``magnitude`` in its unit.
+    ``is_lossless`` states that the values can be read as they were meant, so that only the form is unusual.
+    """
+
+    code: str
+    cause: str
+    stream: str
+    key: str
+    message: str
+    magnitude: float | None = None
+    is_lossless: bool = False
+
+
+class BrokenDatasetError(Exception):
+    """A defect of a dataset, for which its stream is absent."""
+
+    def __init__(self, key: str, reason: RefusedError) -> None:
+        super().__init__(str(reason))
+        self.key = key
+        self.reason = reason
+
+
+class DatasetBinder:
+    """Binds single datasets of a file or folder, and collects their problems.
+
+    Attributes
+    ----------
+    problems
+        Of the layout, in the order in which they are reported.
+    inferred
+        Values that were inferred and not declared.
+    """
+
+    def __init__(
+        self,
+        file: h5py.File | OpenFolder,
+        dialect: Dialect,
+        external_files: ExternalFiles | None,
+        supplied: Mapping[str, Supplied],
+    ) -> None:
+        self.file = file
+        self.dialect = dialect
+        self.external_files = external_files
+        self.supplied = supplied
+        self.problems: list[LayoutProblem] = []
+        self.inferred: dict[str, str | float] = {}
+
+    def report(self, stream: str, key: str, reason: RefusedError, *, is_lossless: bool = False) -> None:
+        """Add a problem of a stream, or of the declarations."""
+        code = f"integrity.layout.{reason.rule}"
+        stream = "metadata" if stream in EXTRA_STREAMS else stream
+        cause = reason.cause if allowed(reason.cause, stream) else "unknown"
+        self.problems.append(LayoutProblem(code, cause, stream, key, str(reason), reason.magnitude, is_lossless))
+
+    def path(self, key: str) -> str:
+        """Return the path of a dataset in its HDF5 file."""
+        return self.place(key).path or key
+
+    def place(self, key: str) -> DatasetPlace:
+        """Return where the dialect has a dataset; the canonical place where it says nothing."""
+        return self.dialect.place_of(key) or DatasetPlace()
+
+    def has_place(self, key: str) -> bool:
+        """Whether the dialect has a place for a dataset; of a single file, whether it is in the role of that file."""
+        place = self.dialect.place_of(key)
+        return place is not None and (isinstance(self.file, OpenFolder) or place.file == self.dialect.first_role)
+
+    def holder(self, key: str) -> h5py.File | None:
+        """Return the HDF5 file of a dataset; None where its role has none."""
+        return self.file if isinstance(self.file, h5py.File) else self.file.hdf5.get(self.place(key).file)
+
+    def words_of(self, key: str) -> str:
+        """Return where a dataset is looked for, for people."""
+        if isinstance(self.file, h5py.File) or self.holder(key) is not None:
+            return self.path(key)
+        return self.file.matched.place(self.place(key).file)
+
+    def dataset(self, spec: DatasetSpec) -> h5py.Dataset | OutsideRows | None:
+        """Open a dataset; None where there is none. Raises ``BrokenDatasetError``."""
+        place, holder = self.place(spec.key), self.holder(spec.key)
+        try:
+            if holder is not None:
+                return find_dataset(holder, self.path(spec.key), self.external_files)
+            if isinstance(self.file, h5py.File) or place.file not in self.file.matched.files:
+                return None
+            if self.file.matched.files[place.file].form == "document":
+                raise RefusedError("not_a_dataset", "wrong_shape", f"Expected rows at {place.file}, got a document")
+            with reading(self.words_of(spec.key)):
+                try:
+                    of_names = spec.is_timestamps and len(spec.shape) == 1
+                    return self.file.source(place.file, place.path, of_names=of_names)
+                except SourceError as error:
+                    raise RefusedError(error.rule, error.cause, str(error)) from error
+        except RefusedError as refused:
+            raise BrokenDatasetError(spec.key, refused) from refused
+
+    def bind(self, spec: DatasetSpec, dataset: h5py.Dataset | OutsideRows | None) -> Binding:
+        """Return how the rows of a dataset are read; raises ``BrokenDatasetError`` where they cannot be."""
+        place, path = self.place(spec.key), self.path(spec.key)
+        try:
+            if not isinstance(dataset, h5py.Dataset):
+                if dataset is None:
+                    raise ValueError(f"Expected a dataset for {spec.key}, got none")
+                return self._bind_source(spec, dataset)
+            with reading(path):
+                # Header tests come first: no chunk is decoded before its size and filters are known to be safe.
+                require_readable_type(spec, dataset, path)
+                require_shape(spec, place, dataset, path)
+                require_filters(dataset, path)
+                require_bounded(spec, dataset, path)
+                require_whole_chunks(dataset, path)
+                binding = Binding(
+                    key=spec.key,
+                    path=path,
+                    rows=dataset.shape[0],
+                    shape=dataset.shape,
+                    dtype=dataset.dtype,
+                    columns=_columns(spec, place),
+                    ns_per_unit=NS_PER_TIME_UNIT[place.time_unit] if spec.is_timestamps else None,
+                    scale=scale_of(spec.key, place),
+                    polarity=place.polarity,
+                    role=place.file if isinstance(self.file, OpenFolder) else "",
+                    conversion=self._conversion(place),
+                    # 0 for contiguous storage: ``Sequence.chunk_rows`` then chooses blocks of about a megabyte.
+                    chunk_rows=rows_together(spec.key, dataset.chunks[0]) if dataset.chunks else 0,
+                    stored_chunk=dataset.chunks or (),
+                )
+                # Reported although the dataset can be read: another type than the layout's, and chunks never written.
+                if self.dialect.is_canonical(spec.key) and dataset.dtype.newbyteorder("=") != np.dtype(spec.dtype):
+                    message = (
+                        f"Expected {path} as {spec.dtype}, got {dataset.dtype}; write it in the type of the layout"
+                    )
+                    lossless = holds_without_loss(spec, dataset.dtype) and is_whole(spec, dataset)
+                    if lossless:
+                        message = f"{message}, or read it by a dialect (fedora-qa layout FILE --draft-dialect OUT)"
+                    refused = RefusedError("wrong_dtype", "wrong_dtype", message)
+                    self.report(spec.stream, spec.key, refused, is_lossless=lossless)
+                    if spec.key == "path/events/p" and place.polarity == "01" and is_signed_polarity(dataset):
+                        binding = replace(binding, polarity="plus_minus")
+                        self.inferred["events.polarity"] = "1 brighter, -1 darker"
+                unwritten, chunks = unwritten_chunks(dataset)
+                if unwritten:
+                    message = f"Expected all {chunks} chunks of {path} to be written, got {unwritten} that never were"
+                    share = 100 * unwritten / chunks
+                    self.report(spec.stream, spec.key, RefusedError("unwritten", "truncated", message, share))
+                offset_ns = self._offset_ns(spec.key, place, binding)
+                source: tuple[str, str] | None = None
+                if self.external_files is not None:
+                    there = dataset.file.filename
+                    holder = self.holder(spec.key)
+                    own = holder.filename if holder is not None else ""
+                    outside = there != own or dataset.is_virtual or dataset.external
+                    source = (there, dataset.name) if outside else None
+                return replace(binding, offset_ns=offset_ns, source=source)
+        except RefusedError as refused:
+            raise BrokenDatasetError(spec.key, refused) from refused
+
+    def _bind_source(self, spec: DatasetSpec, source: OutsideRows) -> Binding:
+        """Bind rows that lie outside of HDF5; raises ``RefusedError``."""
+        place, path = self.place(spec.key), self.words_of(spec.key)
+        columns = _columns(spec, place)
+        # Text always has an axis of columns; a single one needs no choice.
+        if columns is None and len(place.stored_shape(spec)) == 1 and len(source.shape) == 2 and source.shape[1] == 1:
+            columns, place = (0,), replace(place, columns=(0,))
+        require_readable_type(spec, source, path)
+        require_shape(spec, place, source, path)
+        # The bounds of HDF5, but for those of its storage: a source itself compares what a file states with its bytes.
+        if spec.is_image and prod(source.shape[1:3]) > LARGEST_IMAGE_PIXELS:
+            message = f"Expected {path} in images of {LARGEST_IMAGE_PIXELS} pixels at most, got {source.shape[1:3]}"
+            raise RefusedError("too_large", "wrong_shape", message)
+        if not spec.is_image and spec.stream != "events" and source.shape[0] > MOST_SAMPLES:
+            message = f"Expected {path} in {MOST_SAMPLES} rows at most, got {source.shape[0]}"
+            raise RefusedError("too_large", "wrong_shape", message)
+        binding = Binding(
+            key=spec.key,
+            path=path,
+            rows=source.shape[0],
+            shape=source.shape,
+            dtype=source.dtype,
+            columns=columns,
+            ns_per_unit=NS_PER_TIME_UNIT[place.time_unit] if spec.is_timestamps else None,
+            scale=scale_of(spec.key, place),
+            polarity=place.polarity,
+            chunk_rows=source.rows_together,
+            stored_chunk=(source.rows_together, *source.shape[1:]) if source.rows_together else (),
+            role=place.file,
+            outside=source,
+            conversion=self._conversion(place),
+        )
+        return replace(binding, offset_ns=self._offset_ns(spec.key, place, binding))
+
+    def _conversion(self, place: DatasetPlace) -> Conversion | None:
+        """Return what is done with the rows of a dataset; raises ``RefusedError`` where it lacks a declaration."""
+        if not place.convert and place.invalid is None:
+            return None
+        conversion = Conversion(place.convert, place.invert, place.invalid)
+        if place.convert == "matrix4":
+            return replace(conversion, T_posed_body=self._posed_body())
+        if place.convert not in {"disparity", "disparity16"}:
+            return conversion
+        made = self.supplied.get(DISPARITY_TO_DEPTH)
+        if made is None or made.problem:
+            message = made.problem if made else f"Expected {DISPARITY_TO_DEPTH} to read disparity by, got none"
+            raise RefusedError("undeclared", "missing_stream", f"{message}; supply it (--metadata)")
+        coefficients = depth_from_disparity(np.asarray(made.value, np.float64))
+        if coefficients is None:
+            message = f"Expected {DISPARITY_TO_DEPTH} as the matrix Q of OpenCV (4 x 4), got another"
+            raise RefusedError("undeclared", "unknown", message)
+        return replace(conversion, depth_from_disparity=coefficients)
+
+    def _posed_body(self) -> tuple[tuple[float, ...], ...]:
+        """Return the transformation from the body to the frame whose poses are stored; empty where none is declared."""
+        made = self.supplied.get(T_POSED_BODY)
+        if made is None:
+            return ()
+        matrix = np.empty(0) if made.problem else np.asarray(made.value, np.float64)
+        if matrix.shape != (4, 4) or not np.all(np.isfinite(matrix)):
+            message = made.problem or f"Expected {T_POSED_BODY} as a transformation (4 x 4), got another"
+            raise RefusedError("undeclared", "unknown", message)
+        return tuple(tuple(map(float, row)) for row in matrix)
+
+    def _offset_ns(self, key: str, place: DatasetPlace, binding: Binding) -> int:
+        """Return what is added to timestamps, ns; 0 where the dialect names no such scalar or the file has none."""
+        holder = self.holder(key)
+        if not place.offset_path or holder is None:
+            return 0
+        dataset = find_dataset(holder, place.offset_path)
+        if dataset is None:
+            return 0
+        values = np.asarray(small_values(dataset, place.offset_path))
+        numeric = values.size == 1 and values.dtype.kind in "iuf"
+        with reading(place.offset_path):
+            offset = instant_ns(values.reshape(-1)[0], binding) if numeric else None
+        if offset is None:
+            raise RefusedError("wrong_shape", "wrong_shape", f"Expected one finite number at {place.offset_path}")
+        return offset
+
+
+def _columns(spec: DatasetSpec, place: DatasetPlace) -> tuple[int, ...] | None:
+    """Return which stored entries are read, in canonical order; None: all as they are."""
+    is_reordered = spec.key == "path/pose/orientation" and place.quaternion != "xyzw" and not place.convert
+    return place.columns or (QUATERNION_COLUMNS[place.quaternion] if is_reordered else None)
