@@ -15,6 +15,7 @@ from fedora_qa.cli.options import (
     PATH,
     allow_external_option,
     config_option,
+    detail_options,
     dialect_option,
     ignore_option,
     metadata_option,
@@ -26,7 +27,7 @@ from fedora_qa.cli.record import evidence_arrays, record_of
 from fedora_qa.cli.resume import resume_folder
 from fedora_qa.cli.sequences import sequences_of
 from fedora_qa.cli.startup import START_TIME, loading_modules
-from fedora_qa.cli.summary import print_record
+from fedora_qa.cli.summary import Detail, print_record
 from fedora_qa.config import CheckConfig, read_config
 from fedora_qa.engine.options import CheckOptions
 from fedora_qa.errors import MisuseError
@@ -120,6 +121,7 @@ class BudgetParam(click.ParamType):  # type: ignore[type-arg]  # generic only fr
     help="Plant a fault for each check, in memory: a check that does not detect its own is reported as crashed.",
 )
 @allow_external_option
+@detail_options
 @record_options
 def check(
     files: tuple[Place, ...],
@@ -128,6 +130,7 @@ def check(
     resume: Path | None,
     budget: Budget | None,
     outputs: Outputs,
+    detail: Detail,
     **overrides: Any,
 ) -> int:
     """Check FILES, or folders of them: recompute what must hold between their streams, and report what does not.
@@ -158,7 +161,7 @@ def check(
     record = record_of(runs, settings, started, {"jobs": jobs, **workers})
     record = with_budget(record, budget) if budget else record
     outputs.write(record, evidence_arrays(runs))
-    print_record(record, github=outputs.github)
+    print_record(record, github=outputs.github, detail=detail)
     return exit_code(record.files, settings.fail_on)
 
 

@@ -9,11 +9,11 @@ import click
 from fedora_qa.cli.check import check_options
 from fedora_qa.cli.check_all import Request, check_all, executor_for
 from fedora_qa.cli.exit_codes import CLEAN, exit_code
-from fedora_qa.cli.options import PATH, allow_external_option, record_options
+from fedora_qa.cli.options import PATH, allow_external_option, detail_options, record_options
 from fedora_qa.cli.outputs import Outputs
 from fedora_qa.cli.record import evidence_arrays, record_of
 from fedora_qa.cli.sequences import sequences_of
-from fedora_qa.cli.summary import print_record
+from fedora_qa.cli.summary import Detail, print_record
 from fedora_qa.engine.options import FileRun
 from fedora_qa.evidence.options import EvidenceOptions
 from fedora_qa.gate.baseline import baseline_of
@@ -37,6 +37,7 @@ from fedora_qa.storage.digest import whole_digest
 @click.option("--jobs", type=click.IntRange(min=1), help="Files, and windows of a file, checked at once.")
 @click.option("--certificate", type=PATH, metavar="OUT", help="Certify what was checked, where the release is clean.")
 @allow_external_option
+@detail_options
 @record_options
 def gate(
     folder: Path,
@@ -46,6 +47,7 @@ def gate(
     certificate: Path | None,
     allow_external: tuple[str, ...],
     outputs: Outputs,
+    detail: Detail,
 ) -> int:
     """Check every sequence in DIR, and DIR as a whole, as a policy demands.
 
@@ -89,7 +91,7 @@ def gate(
     release_results = release_results_of(policy, release, files, contents, digests)
     record = judge_release(record, release, release_results, Judgement(policy, baseline, now.date()))
     outputs.write(record, evidence_arrays(runs))
-    print_record(record, github=outputs.github)
+    print_record(record, github=outputs.github, detail=detail)
     code = exit_code(record.files, "failed")
     if certificate and code == CLEAN:
         write_certificate(certificate_of(record, policy, whole_digest(policy_path), digests), certificate)

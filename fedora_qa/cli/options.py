@@ -9,6 +9,7 @@ import click
 
 from fedora_qa.cli.completion import complete_check
 from fedora_qa.cli.outputs import Outputs
+from fedora_qa.errors import MisuseError
 
 PATH: Final = click.Path(path_type=Path)
 
@@ -69,6 +70,20 @@ _OPTIONS: Final = (
 _json_option = click.option(
     "--json", type=PATH, metavar="OUT", help="Write the record, and its evidence to OUT.arrays.npz."
 )
+
+
+def detail_options(command: Callable[..., int]) -> Callable[..., int]:
+    """Add how much the summary in the terminal says; the command gets it as ``detail``."""
+
+    @click.option("--quiet", "-q", is_flag=True, help="Print one line a file: verdict and first cause.")
+    @click.option("--verbose", "-v", is_flag=True, help="Print every check with its numbers.")
+    @wraps(command)
+    def with_detail(*, quiet: bool, verbose: bool, **others: Any) -> int:
+        if quiet and verbose:
+            raise MisuseError("Expected either --quiet or --verbose, got both")
+        return command(detail="quiet" if quiet else "verbose" if verbose else "normal", **others)
+
+    return with_detail
 
 
 def output_options(command: Callable[..., int]) -> Callable[..., int]:

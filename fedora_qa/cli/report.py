@@ -8,9 +8,9 @@ import click
 from numpy.typing import NDArray
 
 from fedora_qa.cli.arrays import arrays_beside, read_arrays
-from fedora_qa.cli.options import PATH, output_options
+from fedora_qa.cli.options import PATH, detail_options, output_options
 from fedora_qa.cli.outputs import Outputs
-from fedora_qa.cli.summary import print_record
+from fedora_qa.cli.summary import Detail, print_record
 from fedora_qa.errors import MisuseError
 from fedora_qa.record.json_io import read_record
 from fedora_qa.record.wording import unobeyed
@@ -18,8 +18,9 @@ from fedora_qa.record.wording import unobeyed
 
 @click.command()
 @click.argument("record_path", metavar="RECORD", type=PATH)
+@detail_options
 @output_options
-def report(record_path: Path, outputs: Outputs) -> int:
+def report(record_path: Path, outputs: Outputs, detail: Detail) -> int:
     """Show RECORD, which `check --json` wrote, as check showed it. The exit code is 0, whatever the verdict.
 
     Pictures come from RECORD.arrays.npz beside it; without that file the report is drawn without pictures.
@@ -35,5 +36,5 @@ def report(record_path: Path, outputs: Outputs) -> int:
             # A warning, not misuse: verdict, findings and tables need no arrays.
             click.echo(f"fedora-qa: {unobeyed(str(problem))}; the report is drawn without pictures", err=True)
     outputs.write(record, arrays)
-    print_record(record, github=outputs.github)
+    print_record(record, github=outputs.github, detail=detail)
     return 0

@@ -1,8 +1,11 @@
-"""The summary in the terminal after a check: the verdict, its causes, their remedies, and the findings behind them."""
+"""The summary in the terminal after a check: checks, findings, causes with remedies, and last the verdict.
+
+What a reader needs first stands last, where a terminal shows it without scrolling.
+"""
 
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
-from typing import Final
+from typing import Final, Literal
 
 import click
 from rich.console import Console, Group, RenderableType
@@ -56,31 +59,47 @@ _FINDINGS_SHOWN: Final = 12
 _SLOWEST_SHOWN: Final = 3
 
 
-def print_record(record: Record, *, github: bool) -> None:
+Detail = Literal["quiet", "normal", "verbose"]
+"""``quiet``: a line a file; ``normal``: the passed checks of a subject in one line; ``verbose``: every check with its
+numbers."""
+
+
+def print_record(record: Record, *, github: bool, detail: Detail = "normal") -> None:
     """Print the summary, and annotations for GitHub if requested; GitHub obeys no command that a file contains."""
     console = stdout_console()
     if not github:
-        show_record(console, record)
+        show_record(console, record, detail)
         return
     # Captured whole, because GitHub obeys commands in any line that is printed outside the silenced part.
     with console.capture() as captured:
-        show_record(console, record)
+        show_record(console, record, detail)
     click.echo(silenced(captured.get()) + record_to_github(record), nl=False)
 
 
-def show_record(console: Console, record: Record) -> None:
+def show_record(console: Console, record: Record, detail: Detail = "normal") -> None:
     """Print the record of one or more files."""
-    for file in record.files:
-        console.print(Group(*_file(file, console.width)))
-    if len(record.files) > 1:
-        table = Table(box=None, pad_edge=False, padding=(0, 2, 0, 0), show_header=False)
-        table.add_column(no_wrap=True)
-        table.add_column(overflow="fold")
-        table.add_column(overflow="fold")
+    if detail != "quiet":
         for file in record.files:
-            verdict = Text(file.verdict, style=VERDICT_STYLES[file.verdict])
-            table.add_row(verdict, text(file.path), text(tally(file.results)))
-        console.print(Group(Text("Files", style="bold"), table, Text()))
+            console.print(Group(*_details(file, console.width, detail)))
+            if len(record.files) > 1:
+                console.print(Group(*_verdict(file), Text()))
+        console.print(Group(*(text(line, "dim") for line in _run_lines(record)), Text()))
+        if len(record.files) == 1:
+            console.print(Group(*_verdict(record.files[0])))
+            return
+    table = Table(box=None, pad_edge=False, padding=(0, 2, 0, 0), show_header=False)
+    table.add_column(no_wrap=True)
+    table.add_column(overflow="fold")
+    table.add_column(overflow="fold")
+    for file in record.files:
+        verdict = Text(file.verdict, style=VERDICT_STYLES[file.verdict])
+        first = cause_sentence(file.diagnoses[0]) if file.diagnoses else why_incomplete(file) or tally(file.results)
+        table.add_row(verdict, text(file.path), text(first))
+    console.print(table)
+
+
+def _run_lines(record: Record) -> Iterator[str]:
+    """Yield how the record was made: settings, time, traffic, budget, slowest checks."""
     # Seconds of the stages; those of single checks, "check <name>", lie within a stage and must not be added again.
     seconds, host = record.run.seconds, record.run.host
     stages = {name: spent for name, spent in seconds.items() if not name.startswith("check ")}
@@ -91,35 +110,50 @@ def show_record(console: Console, record: Record) -> None:
         *(f"{name} {spent:.1f} s" for name, spent in stages.items() if spent > 0.05),
     ]
     settings = f"effort {record.effort}, profile {record.profile}"
-    lines = [f"{record.tool.name} {record.tool.version}, {settings}: {', '.join(parts)}"]
+    yield f"{record.tool.name} {record.tool.version}, {settings}: {', '.join(parts)}"
     # Bytes and requests from servers, where files lie behind URLs.
     size = sum(file.size for file in record.files)
     transferred, requests = host.get("transferred_bytes"), host.get("requests")
     if isinstance(transferred, int) and requests:
-        lines.append(f"transferred {transferred / 1e6:.1f} of {size / 1e6:.1f} MB in {requests} requests")
+        yield f"transferred {transferred / 1e6:.1f} of {size / 1e6:.1f} MB in {requests} requests"
     # How far a budget of time has carried; nothing without a budget.
-    reached = host.get("budget_reached")
-    if reached:
-        lines.append(f"{record.effort}: {reached}")
-    slowest = sorted(checks, key=lambda name: -checks[name])[:_SLOWEST_SHOWN]
-    if slowest:
-        lines.append("slowest checks: " + ", ".join(f"{name} {checks[name]:.1f} s" for name in slowest))
-    console.print(Group(*(text(line, "dim") for line in lines)))
+    if reached := host.get("budget_reached"):
+        yield f"{record.effort}: {reached}"
+    if slowest := sorted(checks, key=lambda name: -checks[name])[:_SLOWEST_SHOWN]:
+        yield "slowest checks: " + ", ".join(f"{name} {checks[name]:.1f} s" for name in slowest)
 
 
-def _file(file: FileRecord, width: int) -> Iterator[RenderableType]:
-    yield Text.assemble((f" {file.verdict.upper()} ", VERDICT_STYLES[file.verdict] + " reverse"), "  ", text(file.path))
+def _verdict(file: FileRecord) -> Iterator[RenderableType]:
+    """Yield the verdict of a file and what it rests on."""
     yield text(tally(file.results))
-    if why_incomplete(file):
-        yield text(f"incomplete: {why_incomplete(file)}", VERDICT_STYLES["incomplete"])
     if basis_of_clean(file):
         yield text(basis_of_clean(file))
     if canaries_seen(file):
         yield text(canaries_seen(file))
     yield text(identity(file), "dim")
-    yield Text()
-    if file.diagnoses:
-        yield from _section("Probable causes", [_diagnosis(diagnosis, file) for diagnosis in file.diagnoses])
+    if why_incomplete(file):
+        yield text(f"incomplete: {why_incomplete(file)}", VERDICT_STYLES["incomplete"])
+    yield Text.assemble((f" {file.verdict.upper()} ", VERDICT_STYLES[file.verdict] + " reverse"), "  ", text(file.path))
+
+
+def _details(file: FileRecord, width: int, detail: Detail) -> Iterator[RenderableType]:
+    if file.results:
+        yield Text("Checks", style="bold")
+        yield from _checks(file.results, width) if detail == "verbose" else _folded_checks(file.results, width)
+        yield Text()
+    if reasons(file.results):
+        yield from _section("Reasons", [text(reason) for reason in reasons(file.results)])
+    if file.inferred:
+        # Of declarations only how many each makes: `fedora-qa layout` and the record have them one by one.
+        made = [str(v).partition(": ")[0] for name, v in file.inferred.items() if name.startswith("declared.")]
+        inferred = [
+            f"{name} {number(v) if isinstance(v, float) else v}"
+            for name, v in file.inferred.items()
+            if not name.startswith("declared.")
+        ]
+        inferred += [f"{count} declarations by {origin}" for origin, count in Counter(made).items()]
+        yield Text.assemble(("Inferred  ", "bold"), text("; ".join(inferred)))
+        yield Text()
     findings = findings_of(file)
     if findings:
         blocks: list[RenderableType] = []
@@ -137,23 +171,8 @@ def _file(file: FileRecord, width: int) -> Iterator[RenderableType]:
             more = len(findings) - _FINDINGS_SHOWN
             blocks.append(Text(f"... and {more} more: write them all with --json", style="dim"))
         yield from _section("Findings", blocks)
-    if file.results:
-        yield Text("Checks", style="bold")
-        yield from _checks(file.results, width)
-        yield Text()
-    if reasons(file.results):
-        yield from _section("Reasons", [text(reason) for reason in reasons(file.results)])
-    if file.inferred:
-        # Of declarations only how many each makes: `fedora-qa layout` and the record have them one by one.
-        made = [str(v).partition(": ")[0] for name, v in file.inferred.items() if name.startswith("declared.")]
-        inferred = [
-            f"{name} {number(v) if isinstance(v, float) else v}"
-            for name, v in file.inferred.items()
-            if not name.startswith("declared.")
-        ]
-        inferred += [f"{count} declarations by {origin}" for origin, count in Counter(made).items()]
-        yield Text.assemble(("Inferred  ", "bold"), text("; ".join(inferred)))
-        yield Text()
+    if file.diagnoses:
+        yield from _section("Probable causes", [_diagnosis(diagnosis, file) for diagnosis in file.diagnoses])
 
 
 def _section(title: str, blocks: Sequence[RenderableType]) -> Iterator[RenderableType]:
@@ -198,6 +217,21 @@ def _checks(results: Sequence[Result], width: int) -> Iterator[RenderableType]:
         yield Text.assemble(_outcome(result), "  ", text(result.check))
         if any(parts):
             yield Padding(text("; ".join(filter(None, parts)), "dim"), (0, 0, 0, 4), expand=False)
+
+
+def _folded_checks(results: Sequence[Result], width: int) -> Iterator[RenderableType]:
+    """Yield the passed checks of each subject in one line, and every other check that applies with its numbers."""
+    passed: dict[str, list[str]] = {}
+    for result in results:
+        subject, _, question = result.check.partition(".")
+        if result.outcome == "passed":
+            passed.setdefault(subject, []).append(question or subject)
+    for subject, questions in passed.items():
+        yield Text.assemble(("passed", OUTCOME_STYLES["passed"]), "  ", text(f"{subject}: {', '.join(questions)}"))
+    others = [result for result in results if result.outcome not in {"passed", "not_applicable"}]
+    if others:
+        # What failed stands last, nearest to its findings.
+        yield from _checks(sorted(others, key=lambda result: result.outcome in {"failed", "crashed"}), width)
 
 
 def _outcome(result: Result) -> Text:

@@ -7,21 +7,21 @@ from typing import Literal
 import pytest
 from rich.console import Console
 
-from fedora_qa.cli.summary import show_record
+from fedora_qa.cli.summary import Detail, show_record
 from fedora_qa.record.types import Record, Where
 from tests.support.records import crashed, failed, file_record, late_events, passed, record
 
 HOSTILE = "[bold red]x[/] \x1b[31m\x1b]0;owned\x07 \r\n\u202eevil [link=http://x]"
 
 
-def shown(what: Record, width: int = 120, *, terminal: bool = False) -> str:
+def shown(what: Record, width: int = 120, *, terminal: bool = False, detail: Detail = "normal") -> str:
     """The summary as a console of a width prints it."""
     buffer = io.StringIO()
     system: Literal["truecolor"] | None = "truecolor" if terminal else None
     console = Console(
         file=buffer, width=width, markup=False, highlight=False, force_terminal=terminal, color_system=system
     )
-    show_record(console, what)
+    show_record(console, what, detail)
     return buffer.getvalue()
 
 
@@ -30,10 +30,11 @@ def words(text: str) -> str:
     return " ".join(text.split())
 
 
+@pytest.mark.parametrize("detail", ["normal", "verbose"])
 @pytest.mark.parametrize("width", [50, 80, 109, 110, 160])
-def test_everything_is_said_at_every_width(width: int) -> None:
+def test_everything_is_said_at_every_width(width: int, detail: Detail) -> None:
     """Verdict, cause with size and error, place, remedy, what it explains, findings, each check: nothing is cut off."""
-    text = shown(record(), width)
+    text = shown(record(), width, detail=detail)
     assert max(map(len, text.splitlines())) <= width
     for part in (
         "FINDINGS",
@@ -50,12 +51,30 @@ def test_everything_is_said_at_every_width(width: int) -> None:
         assert part in words(text)
 
 
-def test_verdict_comes_first_and_causes_before_findings() -> None:
-    """A reader who stops early has read what matters most."""
+def test_verdict_comes_last_after_causes() -> None:
+    """A terminal shows its last lines: the verdict, above it the causes, above them the findings."""
     text = shown(record())
-    order = [text.index(part) for part in ("FINDINGS", "Probable causes", "Findings\n", "Checks\n", "slowest checks")]
+    order = [text.index(part) for part in ("Checks\n", "Findings\n", "Probable causes", "slowest checks", "FINDINGS")]
     assert order == sorted(order)
-    assert text.index("FINDINGS") < 3
+    assert "FINDINGS" in text.splitlines()[-1]
+
+
+def test_passed_checks_of_a_subject_are_one_line() -> None:
+    """Their numbers stand in the verbose summary."""
+    what = record(file_record(passed("clocks.order"), passed("clocks.rate"), failed()))
+    assert "passed  clocks: order, rate" in shown(what)
+    assert "backward_steps" not in shown(what)
+    assert "clocks.rate" in shown(what, detail="verbose")
+    assert shown(what, detail="verbose").count("backward_steps 0 samples") == 2
+
+
+def test_quiet_is_a_line_a_file() -> None:
+    """Verdict, path, and the first cause or the number of checks."""
+    lines = shown(record(file_record(passed(), path="a.h5"), *record().files), detail="quiet").splitlines()
+    assert lines[0].split()[:2] == ["clean", "a.h5"]
+    assert lines[1].split()[0] == "findings"
+    assert "stamps are late by a constant" in lines[1]
+    assert len(lines) == 2
 
 
 @pytest.mark.parametrize("width", [60, 140])
@@ -78,10 +97,10 @@ def test_colour_in_a_terminal_only() -> None:
 
 
 def test_incomplete_says_why() -> None:
-    """A crashed check is named at the top, before any other detail."""
+    """A crashed check is named beside the verdict."""
     lines = shown(record(file_record(passed(), crashed()))).splitlines()
-    assert "INCOMPLETE" in lines[0]
-    assert lines[2] == "incomplete: crashed: imu.noise"
+    assert "INCOMPLETE" in lines[-1]
+    assert lines[-2] == "incomplete: crashed: imu.noise"
 
 
 def test_many_findings_are_counted_not_listed() -> None:
@@ -96,9 +115,9 @@ def test_many_findings_are_counted_not_listed() -> None:
 def test_several_files_end_in_a_table() -> None:
     """After the details of each file, one line a file sums up."""
     text = shown(record(file_record(passed(), path="one.h5"), file_record(failed(), path="two.h5")))
-    last = text[text.index("Files\n") :].splitlines()
-    assert last[1].split()[:2] == ["clean", "one.h5"]
-    assert last[2].split()[:2] == ["findings", "two.h5"]
+    last = text.splitlines()[-2:]
+    assert last[0].split()[:2] == ["clean", "one.h5"]
+    assert last[1].split()[:2] == ["findings", "two.h5"]
 
 
 def test_a_file_without_checks() -> None:
