@@ -243,7 +243,8 @@ def within(position: np.float32, size: int) -> np.float32:
     return position if position < np.float32(size - 1) else np.float32(size - 1)
 
 
-@njit(cache=True)
+# Its own arithmetic: without a setting it would have that of the caller for which it is compiled first.
+@njit(cache=True, fastmath=False)
 def spline_weights(t: np.float32) -> tuple[np.float32, np.float32, np.float32, np.float32]:
     """Return the weights of the pixels -1, 0, 1 and 2 for a position that is a fraction t, 0 to 1, after pixel 0."""
     rest = np.float32(1) - t
