@@ -173,7 +173,8 @@ def rank_neighbours(around: Int32, third: Int32, deepest: Int32, depth: int) -> 
             for right in range(2 * _RING + 1):
                 if down == _RING and right == _RING:
                     continue
-                passed_on[:] = around[row + down, right : right + width]
+                for i in range(width):
+                    passed_on[i] = around[row + down, right + i]
                 for place in range(depth):
                     _pass_on(largest[place], passed_on)
         third[row], deepest[row] = largest[2], largest[depth - 1]

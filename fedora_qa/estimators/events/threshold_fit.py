@@ -384,4 +384,5 @@ def sum_blocks(
     # Only the lower triangle was summed.
     for j in range(X.shape[1]):
         for k in range(j):
-            matrices[:, k, j] = matrices[:, j, k]
+            for block in range(len(matrices)):
+                matrices[block, k, j] = matrices[block, j, k]

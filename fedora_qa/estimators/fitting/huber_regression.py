@@ -177,7 +177,9 @@ def solve(matrix: Float64, vector: Float64, theta: Float64) -> bool:
     """
     k = len(vector)
     reduced = matrix.copy()
-    theta[:] = vector
+    # Element by element: of two slices Numba compiles a message for unequal sizes, which takes it seconds.
+    for i in range(k):
+        theta[i] = vector[i]
     # Without pivoting, which positive definite matrices do not need (N. J. Higham, Accuracy and Stability of Numerical
     # Algorithms, ch. 10).
     for i in range(k):

@@ -270,7 +270,8 @@ def carry(events: EventsInFlow, flow: FoldedFlow, matrix: Float32, columns: Floa
     right, bottom = np.float32(flow.flow_px.shape[1] - 1), np.float32(height - 1)
     zero, half, values = np.float32(0), np.float32(0.5), flow.flow_px.reshape(-1)
     own_u, own_v = events.flows_px[0], events.flows_px[1]
-    columns[:], rows[:] = own_u, own_v
+    for i in range(len(x)):
+        columns[i], rows[i] = own_u[i], own_v[i]
     origins = np.empty(len(x), np.int32)
     # Fixed point of p = x - tau A flow(p): the flow is given at the pixels p of the start, the event lies at x at tau.
     for _ in range(_STEPS):

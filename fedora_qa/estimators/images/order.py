@@ -378,7 +378,8 @@ def _smooth(image: Float32, taps: Float32) -> Float32:
     line, across = np.empty(width + 8, np.float32), np.empty((height + 8, width), np.float32)
     for row in range(height + 8):
         pixels = image[_mirrored(row - 4, height)]
-        line[4 : width + 4] = pixels
+        for i in range(width):
+            line[4 + i] = pixels[i]
         for i in range(1, 5):
             line[4 - i], line[width + 3 + i] = pixels[_mirrored(i, width)], pixels[_mirrored(width - 1 + i, width)]
         for i in range(width):

@@ -218,7 +218,8 @@ def _positive_extremes(
         if (nearest <= high and low <= farthest) or (nearest <= high_too and low_too <= farthest):
             if len(within) < count + len(block):
                 longer = np.empty(2 * count + len(block), np.int32)
-                longer[:count] = within[:count]
+                for i in range(count):
+                    longer[i] = within[i]
                 within = longer
             for i in range(len(block)):  # without a branch: the next value overwrites one out of range
                 value = block[i]
