@@ -9,6 +9,7 @@
 #   make bench-imu    what IMU against pose can tell, and whether its errors hold: docs/inertial-limits.md
 #   make study-presets  the scenes called after the paper's sequences beside its tables: docs/presets.md; half an hour
 #   make docs         writes the pages of docs/checks from what the checks say of themselves, and the published schemas
+#   make kernels      lists the compiled loops that checks call, so that a first run compiles them on all cores
 #   make power        350 clean and 2200 faulty files, what is found of them: docs/power-tables.md; 23 GB, an hour and a quarter
 #   make study-causes  every fault in four scenes: found, and named? docs/named-causes.md; two hours
 #   make study-false-alarms  some hundred honest files through all checks: docs/false-alarms.md; about an hour
@@ -32,6 +33,13 @@ BIN := $(VENV)/bin
 READY := $(VENV)/.ready
 READY_TO_USE := $(VENV)/.ready-to-use
 OUT ?= out
+
+# The loops that checks call, which a first run compiles on all cores: fedora_qa/engine/kernels.json
+.PHONY: kernels
+kernels: $(READY)
+	@mkdir -p $(OUT)
+	$(BIN)/fedora-generate sequence park-day -o $(OUT)/kernels.h5 --duration 0.5 --size 180x136 --force
+	$(BIN)/python -m fedora_qa.cli.kernel_list $(OUT)/kernels.h5
 
 .PHONY: demo test lint compiled-generator compiled-checks docs fuzz lock same-results test-lowest test-newest audit sbom wheel study-causes study-false-alarms study-foreign study-named-foreign study-blind-spots study-mesh study-presets study-trade mutation bench bench-costs bench-files bench-flow bench-imu bench-readings clean
 

@@ -10,13 +10,17 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 
 from fedora_generator.faults import plant_fault
+from fedora_qa.engine.kernels import compile_group, listed_groups
 from fedora_qa.engine.run import CheckOptions, check_file
+from fedora_qa.engine.worker import OpenFile, Worker
 from tests.support.handmade import write_handmade
 from tests.support.sequences import CLEAN_PART_S, make_sequence
 
 
 def compile_checks(folder: Path) -> None:
-    """Check a file that no generator wrote, with canaries, then a flight, clean and with faults of events and flow."""
+    """Compile what is listed, check a file that no generator wrote, with canaries, then a flight, clean and faulty."""
+    for group in listed_groups():
+        compile_group(group, Worker(OpenFile(keeps=False)))
     check_file(write_handmade(folder / "a.h5"), CheckOptions(canary=True))
     clean, late, faulty = (folder / f"{name}.h5" for name in ("clean", "late", "faulty"))
     make_sequence(clean, "park-day", CLEAN_PART_S["exact"])

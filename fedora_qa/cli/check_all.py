@@ -7,6 +7,7 @@ from typing import Final
 
 import click
 
+from fedora_qa.cli.compiling import compile_for
 from fedora_qa.cli.host import usable_cores
 from fedora_qa.cli.progress import files_progress
 from fedora_qa.cli.resume import ResumeFolder
@@ -17,6 +18,7 @@ from fedora_qa.engine.executor import Executor, InProcess
 from fedora_qa.engine.files import check_files
 from fedora_qa.engine.options import CheckOptions, FileRun
 from fedora_qa.engine.processes import ProcessExecutor
+from fedora_qa.engine.run import select_checks
 from fedora_qa.errors import MisuseError
 from fedora_qa.judgement.verdict import with_required_coverage
 from fedora_qa.record.types import FileRecord, Result
@@ -74,13 +76,17 @@ def check_all(files: Sequence[Place], request: Request, executor: Executor) -> l
     # All versions before any reading: a file that changes while others are checked is detected as well.
     versions = {path: local_version_of(path) for path in missing}
     try:
-        with executor, files_progress(file_count=len(runs)) as report:
-            for path, run in check_files(missing, request.options, executor, report, request.began):
-                record = incomplete_if_changed(run.record, path, versions[path])
-                runs[path] = replace(run, record=with_required_coverage(record, required))
-                # The record of an unchanged file is the same object; the run of a changed file is not stored.
-                if stored and record is run.record:
-                    stored_runs[path].store(runs[path], request.started)
+        with executor:
+            if missing:
+                checks = select_checks(request.options.select, request.options.ignore)
+                compile_for(frozenset(check.name.split(".")[0] for check in checks), executor)
+            with files_progress(file_count=len(runs)) as report:
+                for path, run in check_files(missing, request.options, executor, report, request.began):
+                    record = incomplete_if_changed(run.record, path, versions[path])
+                    runs[path] = replace(run, record=with_required_coverage(record, required))
+                    # The record of an unchanged file is the same object; the run of a changed file is not stored.
+                    if stored and record is run.record:
+                        stored_runs[path].store(runs[path], request.started)
     except KeyboardInterrupt:
         if stored:
             click.echo(f"fedora-qa: {len(runs)} of {len(files)} files are done, and kept in {stored.path}", err=True)

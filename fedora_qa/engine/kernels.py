@@ -1,0 +1,133 @@
+"""Compile the loops of checks in several processes at once, before they are needed.
+
+Numba compiles a function when it is first called, and keeps the result on disk. In one process that takes a minute for
+all checks. ``kernels.json`` lists which functions the checks call, with which types; what is not listed there is
+compiled when it is called. ``python -m fedora_qa.cli.kernel_list`` writes the list.
+"""
+
+import hashlib
+import importlib
+import json
+from collections.abc import Iterable, Mapping, Sequence
+from contextlib import suppress
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Final
+
+import numba
+from numba.core import registry, types
+from numba.core.dispatcher import Dispatcher
+from numba.core.sigutils import normalize_signature
+
+from fedora_qa.engine.worker import Worker
+from fedora_qa.record.atomic import write_text
+
+TypeText = str | dict[str, list[Any]]
+"""A type as Numba writes and reads it; a tuple as its class with the types of its elements."""
+
+KERNELS_PATH: Final = Path(__file__).with_name("kernels.json")
+
+
+@dataclass(frozen=True, slots=True)
+class KernelGroup:
+    """The compiled functions of a module that checks call.
+
+    Attributes
+    ----------
+    module
+        Where they are defined.
+    subjects
+        Subjects of the checks that call one of them.
+    argument_types
+        Of each function by its name: the types of its arguments.
+    """
+
+    module: str
+    subjects: tuple[str, ...]
+    argument_types: Mapping[str, Sequence["TypeText"]]
+
+
+def listed_groups(path: Path = KERNELS_PATH) -> tuple[KernelGroup, ...]:
+    """Return the groups of a list, in the order in which they are best compiled: the dearest first."""
+    return tuple(
+        KernelGroup(group["module"], tuple(group["subjects"]), group["argument_types"])
+        for group in json.loads(path.read_text(encoding="utf-8"))
+    )
+
+
+def uncompiled(subjects: Iterable[str], groups: Sequence[KernelGroup], _: Worker) -> list[KernelGroup]:
+    """Return those groups of some subjects that this machine has not compiled as they are now."""
+    wanted = frozenset(subjects)
+    return [group for group in groups if wanted.intersection(group.subjects) and not _is_compiled(group)]
+
+
+def compile_group(group: KernelGroup, _: Worker) -> None:
+    """Compile a group into Numba's cache, and note there that it is done.
+
+    Raises nothing: a function that cannot be compiled raises where a check calls it, and a cache that cannot be written
+    to only costs time.
+    """
+    for name, texts in group.argument_types.items():
+        # Whatever goes wrong here is not a finding: the check that needs the function reports it.
+        with suppress(Exception):
+            kernel_of(group.module, name).compile(tuple(type_of(text) for text in texts))
+    with suppress(OSError):
+        stamp = _stamp_path(group)
+        if stamp:
+            write_text(stamp, _stamp_text(group))
+
+
+def kernel_of(module: str, name: str) -> Dispatcher:
+    """Return a compiled function; raises ``ImportError``, ``AttributeError`` or ``TypeError`` where it is none."""
+    kernel: Any = getattr(importlib.import_module(module), name)
+    if not isinstance(kernel, Dispatcher):
+        raise TypeError(f"Expected {module}.{name} to be a function that Numba compiles, got {type(kernel).__name__}")
+    return kernel
+
+
+def type_of(text: TypeText) -> Any:
+    """Return the type that a text states; raises whatever Numba raises where it states none."""
+    if isinstance(text, str):
+        (stated,), _ = normalize_signature(f"({text},)")  # type: ignore[no-untyped-call]
+        return stated
+    ((name, fields),) = text.items()
+    module, _, qualified = name.partition(":")
+    named = getattr(importlib.import_module(module), qualified)
+    # Only a class with named fields is a part of the type.
+    return types.BaseTuple.from_types([type_of(field) for field in fields], None if named is tuple else named)  # type: ignore[no-untyped-call]
+
+
+def text_of(stated: Any) -> TypeText:
+    """Return the text that states a type."""
+    if isinstance(stated, types.BaseTuple):
+        fields: Iterable[Any] = iter(stated)  # type: ignore[call-overload]
+        named: type = getattr(stated, "instance_class", tuple)
+        return {f"{named.__module__}:{named.__qualname__}": [text_of(field) for field in fields]}
+    return repr(stated)
+
+
+def _is_compiled(group: KernelGroup) -> bool:
+    """Return whether a note beside Numba's cache says so; False as well where the note cannot be read."""
+    try:
+        stamp = _stamp_path(group)
+        return stamp is not None and stamp.read_text(encoding="utf-8") == _stamp_text(group)
+    except (OSError, ImportError, AttributeError, TypeError, UnicodeDecodeError):
+        return False
+
+
+def _stamp_path(group: KernelGroup) -> Path | None:
+    """Return where it is noted that a group is compiled; None where Numba keeps nothing."""
+    folder = kernel_of(group.module, next(iter(group.argument_types))).stats.cache_path
+    return Path(folder, f"{group.module}.compiled") if folder else None
+
+
+def _stamp_text(group: KernelGroup) -> str:
+    """Return what decides whether Numba can use what it has kept: source, versions, processor and types."""
+    source = importlib.import_module(group.module).__file__
+    deciding = (
+        hashlib.sha256(Path(source).read_bytes()).hexdigest() if source else "",
+        numba.__version__,
+        registry.cpu_target.target_context.codegen().magic_tuple(),
+        dict(group.argument_types),
+    )
+    return hashlib.sha256(json.dumps(deciding, sort_keys=True).encode()).hexdigest() + "\n"

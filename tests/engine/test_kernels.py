@@ -1,0 +1,119 @@
+"""Loops are compiled before they are needed, once, and nothing that goes wrong with it ends a run."""
+
+import importlib
+import inspect
+import json
+import sys
+from collections import defaultdict
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+from numba.core.dispatcher import Dispatcher
+
+from fedora_qa.catalogue import CHECKS
+from fedora_qa.cli.compiling import TITLE, compile_for
+from fedora_qa.cli.kernel_list import groups_of
+from fedora_qa.engine import kernels
+from fedora_qa.engine.executor import InProcess
+from fedora_qa.engine.kernels import KernelGroup, compile_group, kernel_of, listed_groups, text_of, type_of, uncompiled
+from fedora_qa.engine.processes import ProcessExecutor
+from fedora_qa.engine.worker import OpenFile, Worker
+
+_HERE = Worker(OpenFile(keeps=False))
+_SOURCE = "from numba import njit\n\n\n@njit(cache=True)\ndef doubled(number):\n    return number * 2.0\n"
+_MODULE = "tiny_kernels"
+_TINY = KernelGroup(_MODULE, ("clocks",), {"doubled": ["float64"]})
+_CLOCKS = frozenset({"clocks"})
+
+
+@pytest.fixture
+def tiny(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
+    """Yield the source of a module with a function of one line, whose cache lies beside it."""
+    path = tmp_path / f"{_MODULE}.py"
+    path.write_text(_SOURCE)
+    monkeypatch.syspath_prepend(str(tmp_path))  # type: ignore[no-untyped-call]
+    yield path
+    # Another test has another file of this name.
+    sys.modules.pop(_MODULE, None)
+
+
+def test_listed_kernels_exist_with_such_arguments() -> None:
+    """Each listed function exists, takes as many arguments as are listed, and each type is what its text says."""
+    subjects = {check.name.split(".")[0] for check in CHECKS}
+    for group in listed_groups():
+        assert set(group.subjects) <= subjects
+        for name, texts in group.argument_types.items():
+            parameters = inspect.signature(kernel_of(group.module, name).py_func).parameters
+            assert len(texts) == len(parameters), f"{group.module}.{name}: run fedora_qa.cli.kernel_list"
+            assert [text_of(type_of(text)) for text in texts] == list(texts)
+
+
+def test_arithmetic_does_not_depend_on_the_order_of_compiling() -> None:
+    """A function called from one with a relaxed arithmetic and from one without states its own.
+
+    Numba gives a function that states none that of the caller for which it is compiled first.
+    """
+    for group in listed_groups():
+        importlib.import_module(group.module)
+    modules = [module for name, module in tuple(sys.modules.items()) if name.startswith("fedora_qa.")]
+    arithmetic: dict[Dispatcher, set[str]] = defaultdict(set)
+    for module in modules:
+        for caller in [value for value in vars(module).values() if isinstance(value, Dispatcher)]:
+            function = caller.py_func
+            for name in function.__code__.co_names:
+                called = function.__globals__.get(name)
+                if isinstance(called, Dispatcher) and "fastmath" not in called.targetoptions:
+                    arithmetic[called].add(str(caller.targetoptions.get("fastmath", False)))
+    assert not [called for called, ways in arithmetic.items() if len(ways) > 1]
+    assert arithmetic
+
+
+def test_compiled_once(tiny: Path) -> None:
+    """A group is missing until it is compiled, and again once its source is another; other subjects do not want it."""
+    assert uncompiled({"clocks"}, [_TINY], _HERE) == [_TINY]
+    assert uncompiled({"depth"}, [_TINY], _HERE) == []
+    compile_group(_TINY, _HERE)
+    assert uncompiled({"clocks"}, [_TINY], _HERE) == []
+    assert len(kernel_of(_MODULE, "doubled").signatures) == 1
+    assert list(tiny.parent.glob("__pycache__/*.nbc"))
+    tiny.write_text(_SOURCE.replace("2.0", "3.0"))
+    assert uncompiled({"clocks"}, [_TINY], _HERE) == [_TINY]
+
+
+def test_nothing_that_fails_is_raised(tiny: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A function that does not compile, one that does not exist, and a folder that is full leave the run alone."""
+    wrong = KernelGroup(_MODULE, ("clocks",), {"doubled": ["unicode_type"], "missing": ["float64"]})
+    compile_group(wrong, _HERE)
+    assert not kernel_of(_MODULE, "doubled").signatures
+
+    def full(_: Path, __: str) -> None:
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(kernels, "write_text", full)
+    compile_group(_TINY, _HERE)
+    assert kernel_of(_MODULE, "doubled").signatures
+    assert uncompiled({"clocks"}, [_TINY], _HERE) == [_TINY]
+
+
+@pytest.mark.usefixtures("tiny")
+def test_says_once_that_it_compiles(capsys: pytest.CaptureFixture[str]) -> None:
+    """Processes compile what is missing behind one line; the next run says nothing."""
+    with ProcessExecutor(1) as executor:
+        assert compile_for(_CLOCKS, executor, [_TINY]) == [_TINY]
+        assert capsys.readouterr().err.count(TITLE) == 1
+        assert compile_for(_CLOCKS, executor, [_TINY]) == ()
+        assert capsys.readouterr().err == ""
+    assert compile_for(_CLOCKS, InProcess(), [_TINY]) == ()
+
+
+def test_groups_of_calls() -> None:
+    """Functions of a module are one group, with each subject that calls one; two types of one function are refused."""
+    module, calls = "fedora_qa.estimators.fitting.quantile_kernels", []
+    for name in ("median_of", "percentile_of"):
+        calls.append(frozenset({(module, name, json.dumps([f"float64[:] of {name}"]))}))
+    (group,) = groups_of({"depth": [calls[0]], "clocks": calls})
+    assert group.subjects == ("clocks", "depth")
+    assert dict(group.argument_types) == {name: [f"float64[:] of {name}"] for name in ("median_of", "percentile_of")}
+    with pytest.raises(ValueError, match="alone"):
+        groups_of({"depth": calls, "clocks": [frozenset({(module, "median_of", '["int64[:]"]')})]})
