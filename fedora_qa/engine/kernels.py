@@ -72,9 +72,9 @@ def compile_group(group: KernelGroup, _: Worker) -> None:
         with suppress(Exception):
             kernel_of(group.module, name).compile(tuple(type_of(text) for text in texts))
     with suppress(OSError):
-        stamp = _stamp_path(group)
-        if stamp:
-            write_text(stamp, _stamp_text(group))
+        note = _note_path(group)
+        if note:
+            write_text(note, _note_text(group))
 
 
 def kernel_of(module: str, name: str) -> Dispatcher:
@@ -109,19 +109,19 @@ def text_of(stated: Any) -> TypeText:
 def _is_compiled(group: KernelGroup) -> bool:
     """Return whether a note beside Numba's cache says so; False as well where the note cannot be read."""
     try:
-        stamp = _stamp_path(group)
-        return stamp is not None and stamp.read_text(encoding="utf-8") == _stamp_text(group)
+        note = _note_path(group)
+        return note is not None and note.read_text(encoding="utf-8") == _note_text(group)
     except (OSError, ImportError, AttributeError, TypeError, UnicodeDecodeError):
         return False
 
 
-def _stamp_path(group: KernelGroup) -> Path | None:
+def _note_path(group: KernelGroup) -> Path | None:
     """Return where it is noted that a group is compiled; None where Numba keeps nothing."""
     folder = kernel_of(group.module, next(iter(group.argument_types))).stats.cache_path
     return Path(folder, f"{group.module}.compiled") if folder else None
 
 
-def _stamp_text(group: KernelGroup) -> str:
+def _note_text(group: KernelGroup) -> str:
     """Return what decides whether Numba can use what it has kept: source, versions, processor and types."""
     source = importlib.import_module(group.module).__file__
     deciding = (

@@ -177,7 +177,8 @@ def rank_neighbours(around: Int32, third: Int32, deepest: Int32, depth: int) -> 
                     passed_on[i] = around[row + down, right + i]
                 for place in range(depth):
                     _pass_on(largest[place], passed_on)
-        third[row], deepest[row] = largest[2], largest[depth - 1]
+        for i in range(width):
+            third[row, i], deepest[row, i] = largest[2, i], largest[depth - 1, i]
 
 
 @njit(cache=True)

@@ -110,7 +110,8 @@ def correlate(
             _shifted_sums(line * line, shifted)
             # A row of the frames is paired with the rows of the part that lie up to R above or below it.
             for down in range(max(top - row + RADIUS, 0), min(bottom - row + RADIUS, _SIDE)):
-                energies[0, down] += shifted[::-1]
+                for i in range(_SIDE):
+                    energies[0, down, i] += shifted[_SIDE - 1 - i]
     fired, columns = np.empty(width, np.float32), np.empty(width + 1, np.int64)
     products = np.empty((_SIDE, _WIDE), np.float32)
     for row in range(top, bottom):
@@ -118,7 +119,8 @@ def correlate(
         if with_energies:
             _partnered_sums(fired * fired, area[2] - RADIUS - left, area[3] - RADIUS - left, shifted)
             for down in range(max(row - area[1] + 1 + RADIUS, 0), min(row - area[0] + 1 + RADIUS, _SIDE)):
-                energies[1, down] += shifted
+                for i in range(_SIDE):
+                    energies[1, down, i] += shifted[i]
         firing = _find_firing(fired, beside, columns)
         lines = around[row - top : row - top + _SIDE]
         # Rows in which many pixels fire are multiplied as a whole. In others, silent pixels contribute by sums of rows:
@@ -168,7 +170,8 @@ def correlate_with_itself(change: Float64, flags: Flags, flag: int, patch: Float
             _add_products(around[row + RADIUS, RADIUS : RADIUS + width], line, patch[down])
     # An autocorrelation is even, R(-s) = R(s).
     for down in range(RADIUS):
-        patch[down] = patch[_SIDE - 1 - down, ::-1]
+        for i in range(_SIDE):
+            patch[down, i] = patch[_SIDE - 1 - down, _SIDE - 1 - i]
 
 
 @njit(cache=True, fastmath={"reassoc", "nsz", "contract"})
