@@ -48,6 +48,11 @@ _UNIFORM: Final = 0.5
 """Least ratio of the rate of lone events that three quarters of the image reach to the mean rate, for noise: of edges
 alone it is near 0, as most tiles have none at a time."""
 
+_FEWEST_DISTURBED: Final = 0.1
+"""Least share of the pixels with a spurious event that violate the law, for noise: a pixel shows one whose level moves
+enough; background activity in the park disturbs half. Not derived: with fewer, the lone events are those of faint
+edges everywhere."""
+
 _CAUSES: Final[Mapping[Transform, str]] = MappingProxyType(
     {
         "invert_polarity": "polarity_inverted",
@@ -141,7 +146,7 @@ def _of_noise(rates: Sequence[LoneEventRate], violations: Violations, facts: Fac
     """Return noise that is not declared, where lone events are as many everywhere and enough for the violations.
 
     A spurious event moves its pixel by a threshold, which any pixel that uses its range shows: of noise with r events a
-    second, a share of at most 1 - exp(-r s) of the pixels violates the law within s seconds.
+    second, a share of at most 1 - exp(-r s) of the pixels violates the law within s seconds, and not many fewer.
     """
     declared = facts.declared.events
     if declared is None:
@@ -150,7 +155,9 @@ def _of_noise(rates: Sequence[LoneEventRate], violations: Violations, facts: Fac
     for rate in rates:
         excess_hz = rate.quiet_hz - declared_hz
         is_uniform = rate.quiet_hz > _UNIFORM * rate.mean_hz
-        if excess_hz > 0 and is_uniform and violations.fraction < -expm1(-excess_hz * rate.seconds):
+        with_noise = -expm1(-excess_hz * rate.seconds)
+        explains = _FEWEST_DISTURBED * with_noise < violations.fraction < with_noise
+        if excess_hz > 0 and is_uniform and explains:
             percent = 100 * excess_hz / declared_hz if declared_hz > 0 else None
             unit = "" if percent is None else "percent"
             return (Hypothesis("noise_misdeclared", "events", _support("uniform_lone_events"), percent, unit),)

@@ -29,7 +29,7 @@ def test_what_is_written_can_be_checked(fedora_qa: Command, source: Path, tmp_pa
     assert "is written from Prophesee EVT3" in done.out
     assert source.read_bytes() == before
     assert names(tmp_path) == ["flight.h5", "flight.raw"]
-    checked = fedora_qa("check", out)
+    checked = fedora_qa("check", "--verbose", out)
     assert checked.code == 3
     assert "no stream could be checked against another" in checked.out
     assert "Findings" not in checked.out
@@ -43,7 +43,7 @@ def test_a_fault_of_the_recording_is_found(fedora_qa: Command, tmp_path: Path) -
     events = [*random_events(20_000, 5), (700, 1, 3_000_000, 1)]
     out = tmp_path / "out.h5"
     assert fedora_qa("import", write_evt3(tmp_path / "a.raw", events), "-o", out).code == 0
-    checked = fedora_qa("check", out)
+    checked = fedora_qa("check", "--verbose", out)
     assert checked.code == 1
     assert "event_stream.bounds" in checked.out
 
@@ -122,7 +122,7 @@ def test_a_bag_can_be_checked(fedora_qa: Command, tmp_path: Path) -> None:
     done = fedora_qa("import", source, "-o", tmp_path / "out.h5", "--topics", topics, "--kind", "recorded")
     assert done.code == 0, done.err
     assert "is written from ROS 2 bag; rows: events 4" in done.out
-    checked = fedora_qa("check", tmp_path / "out.h5")
+    checked = fedora_qa("check", "--verbose", tmp_path / "out.h5")
     # Neither noise nor thresholds are declared, and no stream measures what another does.
     assert checked.code == 3, checked.out
     for name in ("clocks.unit", "clocks.rate", "clocks.gaps", "event_stream.bounds"):

@@ -180,7 +180,7 @@ class EventResponseConservation(Check[ConservationState]):
         state.trials.extend(inverse_trials(window))
         resampled = resampled_frames(window)
         if len(resampled) > 1:
-            lone = count_lone_events(resampled.counts, np.diff(resampled.times_ns) / NS_PER_S)
+            lone = count_lone_events(resampled.counts, np.diff(resampled.times_ns))
             state.lone = lone if state.lone is None else state.lone + lone
 
     def merge(self, state: ConservationState, later: ConservationState) -> ConservationState:

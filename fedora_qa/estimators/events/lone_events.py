@@ -15,6 +15,8 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from fedora_qa.conventions import NS_PER_S
+
 Int64 = NDArray[np.int64]
 Int32 = NDArray[np.int32]
 
@@ -35,40 +37,43 @@ class LoneEvents:
         (TILES, TILES) with one event, of either polarity.
     silent
         (TILES, TILES) without an event.
-    weighted_s
-        (TILES, TILES) sum of the intervals' lengths over these pixels, s.
+    weighted_ns
+        (TILES, TILES) sum of the intervals' lengths over the silent pixels, ns: whole numbers, so that sums do not
+        depend on their order.
     """
 
     lone: Int64
     silent: Int64
-    weighted_s: NDArray[np.float64]
+    weighted_ns: Int64
 
     def __add__(self, other: "LoneEvents") -> "LoneEvents":
         """Add those of other intervals."""
-        return LoneEvents(self.lone + other.lone, self.silent + other.silent, self.weighted_s + other.weighted_s)
+        return LoneEvents(self.lone + other.lone, self.silent + other.silent, self.weighted_ns + other.weighted_ns)
 
     @property
     def quiet_rate_hz(self) -> float:
         """Rate of lone events of a pixel, 1/s, that three quarters of the tiles reach; a tile never silent has none."""
-        rates_hz = np.divide(self.lone, self.weighted_s, out=np.zeros((TILES, TILES)), where=self.weighted_s > 0)
+        rates_hz = np.divide(
+            NS_PER_S * self.lone, self.weighted_ns, out=np.zeros((TILES, TILES)), where=self.weighted_ns > 0
+        )
         return float(np.quantile(rates_hz, _QUIET))
 
     @property
     def mean_rate_hz(self) -> float:
         """Rate of lone events of a pixel in all tiles, 1/s; 0 where none was seen."""
-        seconds = float(self.weighted_s.sum())
+        seconds = float(self.weighted_ns.sum()) / NS_PER_S
         return float(self.lone.sum()) / seconds if seconds else 0.0
 
 
-def count_lone_events(counts: Int32, intervals_s: NDArray[np.float64]) -> LoneEvents:
+def count_lone_events(counts: Int32, intervals_ns: Int64) -> LoneEvents:
     """Count pixels with one event and with none, of those whose neighbours have none.
 
     Parameters
     ----------
     counts
         (n, 2, h, w) darker and brighter events of n intervals.
-    intervals_s
-        (n,) their lengths, s.
+    intervals_ns
+        (n,) their lengths, ns.
 
     Returns
     -------
@@ -76,15 +81,15 @@ def count_lone_events(counts: Int32, intervals_s: NDArray[np.float64]) -> LoneEv
         By tile.
     """
     lone, silent = np.zeros((2, TILES, TILES), np.int64)
-    weighted_s = np.zeros((TILES, TILES))
-    for between, seconds in zip(counts, intervals_s, strict=True):
+    weighted_ns = np.zeros((TILES, TILES), np.int64)
+    for between, length_ns in zip(counts, intervals_ns, strict=True):
         of_interval = np.zeros((2, TILES, TILES), np.int64)
         _count(between, of_interval)
         lone += of_interval[0]
         silent += of_interval[1]
         # The ratio of lone to silent pixels is r s: sum(lone) estimates r sum(s silent).
-        weighted_s += seconds * of_interval[1]
-    return LoneEvents(lone, silent, weighted_s)
+        weighted_ns += length_ns * of_interval[1]
+    return LoneEvents(lone, silent, weighted_ns)
 
 
 @njit(cache=True)

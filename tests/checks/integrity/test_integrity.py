@@ -48,14 +48,16 @@ def test_layout_problem_is_critical_and_diagnosed(path: Path) -> None:
 
 
 def test_same_fault_of_every_rate_is_one_of_the_flow(path: Path) -> None:
-    """Three rates in a wrong type are one diagnosis of the flow; a single rate is named itself."""
+    """Three rates in a wrong type are one finding and one diagnosis of the flow; a single rate is named itself."""
     with h5py.File(path, "r+") as file:
         for rate in ("10hz", "25hz", "50hz"):
             values = file[f"path/flow/{rate}"][()].astype(np.float16)
             del file[f"path/flow/{rate}"]
             file[f"path/flow/{rate}"] = values
     (diagnosis,) = diagnoses_of(path, "integrity.layout")
-    assert (diagnosis.cause, diagnosis.stream, len(diagnosis.explains)) == ("wrong_dtype", "flow", 3)
+    assert (diagnosis.cause, diagnosis.stream, len(diagnosis.explains)) == ("wrong_dtype", "flow", 1)
+    (finding,) = (each for each in run_check(path, "integrity.layout").findings if each.id in diagnosis.explains)
+    assert {where.stream for where in finding.all_places} == {"flow/10hz", "flow/25hz", "flow/50hz"}
     write_handmade(path)
     with h5py.File(path, "r+") as file:
         values = file["path/flow/25hz"][()].astype(np.float16)
