@@ -19,6 +19,7 @@ from fedora_qa.engine.files import check_files
 from fedora_qa.engine.options import CheckOptions, FileRun
 from fedora_qa.engine.processes import ProcessExecutor
 from fedora_qa.engine.run import select_checks
+from fedora_qa.engine.tasks import opening_test
 from fedora_qa.errors import MisuseError
 from fedora_qa.judgement.verdict import with_required_coverage
 from fedora_qa.record.types import FileRecord, Result
@@ -79,7 +80,9 @@ def check_all(files: Sequence[Place], request: Request, executor: Executor) -> l
         with executor:
             if missing:
                 checks = select_checks(request.options.select, request.options.ignore)
-                compile_for(frozenset(check.name.split(".")[0] for check in checks), executor)
+                options = request.options
+                tests = (opening_test(path, options.dialect, options.allow_external) for path in missing)
+                compile_for(frozenset(check.name.split(".")[0] for check in checks), executor, tests)
             with files_progress(file_count=len(runs)) as report:
                 for path, run in check_files(missing, request.options, executor, report, request.began):
                     record = incomplete_if_changed(run.record, path, versions[path])

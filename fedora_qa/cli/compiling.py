@@ -1,6 +1,6 @@
 """Compile for this machine what the selected checks call, once, on all cores."""
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from concurrent.futures import Future, as_completed
 from contextlib import suppress
 from typing import Any, Final
@@ -19,7 +19,10 @@ TITLE: Final = "compiling for this machine, once"
 
 
 def compile_for(
-    subjects: frozenset[str], executor: Executor, groups: Sequence[KernelGroup] | None = None
+    subjects: frozenset[str],
+    executor: Executor,
+    tests: Iterable[Task | None],
+    groups: Sequence[KernelGroup] | None = None,
 ) -> Sequence[KernelGroup]:
     """Compile what checks of some subjects call and this machine has not compiled yet; return those groups.
 
@@ -27,6 +30,8 @@ def compile_for(
     ----------
     executor
         Does the checks. Only processes of this machine find later what is compiled here; others compile as they call.
+    tests
+        Whether each file opens (``opening_test``): where none does, nothing is compiled.
     groups
         In place of those that the package lists.
     """
@@ -38,7 +43,7 @@ def compile_for(
         missing: Sequence[KernelGroup] = executor.submit(Task(uncompiled, (subjects, listed)), quiet).result()
     except FedoraError:
         return ()
-    if not missing:
+    if not missing or not any(_opens(test, executor) for test in tests):
         return ()
     click.echo(f"fedora-qa: {TITLE}", err=True)
     with ProcessExecutor(usable_cores()) as compilers, progress_bar(TITLE) as report:
@@ -49,3 +54,13 @@ def compile_for(
                 future.result()
             report("", done, len(futures))
     return missing
+
+
+def _opens(test: Task | None, executor: Executor) -> bool:
+    """Return whether a file opens; a file without a test, behind a URL, counts as one that does."""
+    if test is None:
+        return True
+    try:
+        return bool(executor.submit(test, quiet).result())
+    except (FedoraError, OSError):
+        return False

@@ -1,7 +1,6 @@
 """What workers do for a file: the functions of tasks, each with its arguments and the worker that does it."""
 
 from collections.abc import Iterable, Sequence
-from contextlib import suppress
 from pathlib import Path
 from typing import Any, Final, Literal
 
@@ -41,10 +40,13 @@ def opening_test(path: Place, dialect: DialectChoice = None, allow_external: Ite
     return Task(open_and_close, (path, dialect, tuple(allow_external)), limit_s=opening_limit_s(_OPENING_S))
 
 
-def open_and_close(path: Place, dialect: DialectChoice, allow_external: Iterable[Path], _: Worker) -> None:
-    """Open a file as later tasks do; one that HDF5 refuses is theirs to report."""
-    with suppress(UnreadableFileError):
+def open_and_close(path: Place, dialect: DialectChoice, allow_external: Iterable[Path], _: Worker) -> bool:
+    """Open a file as later tasks do, and return whether HDF5 does; one that it refuses is theirs to report."""
+    try:
         open_sequence(path, dialect, allow_external=allow_external).close()
+    except UnreadableFileError:
+        return False
+    return True
 
 
 def check_whole(path: Place, checks: tuple[Check[Any], ...], options: CheckOptions, worker: Worker) -> FileRun:

@@ -57,7 +57,7 @@ class Lens:
             )
         return np.asarray(total)
 
-    def seen(self, imaged: Floats) -> Floats:
+    def rays_of(self, imaged: Floats) -> Floats:
         """Slopes (..., 2) of the rays that are imaged at slopes (..., 2), by Newton's method from the axis outwards.
 
         Raises
@@ -122,7 +122,7 @@ def pixel_maps(lens: Lens, width: int, height: int, intrinsics: tuple[float, flo
     fx, fy, cx, cy = intrinsics
     focal_px, centre_px = np.array([fx, fy]), np.array([cx, cy])
     pixels = np.stack(np.meshgrid(np.arange(width), np.arange(height)), axis=-1).astype(np.float64)
-    slopes = lens.seen((pixels - centre_px) / focal_px)
+    slopes = lens.rays_of((pixels - centre_px) / focal_px)
     maps = np.zeros((height, width, 3, 3))
     # d place / d pixel = F (d imaged / d ray)^-1 F^-1 with F = diag(fx, fy).
     maps[..., :2, :2] = focal_px[:, None] * np.linalg.inv(lens.derivatives(slopes)) / focal_px

@@ -18,7 +18,9 @@ from fedora_qa.engine import kernels
 from fedora_qa.engine.executor import InProcess
 from fedora_qa.engine.kernels import KernelGroup, compile_group, kernel_of, listed_groups, text_of, type_of, uncompiled
 from fedora_qa.engine.processes import ProcessExecutor
+from fedora_qa.engine.tasks import opening_test
 from fedora_qa.engine.worker import OpenFile, Worker
+from tests.support.handmade import write_handmade
 
 _HERE = Worker(OpenFile(keeps=False))
 _SOURCE = "from numba import njit\n\n\n@njit(cache=True)\ndef doubled(number):\n    return number * 2.0\n"
@@ -100,11 +102,21 @@ def test_nothing_that_fails_is_raised(tiny: Path, monkeypatch: pytest.MonkeyPatc
 def test_says_once_that_it_compiles(capsys: pytest.CaptureFixture[str]) -> None:
     """Processes compile what is missing behind one line; the next run says nothing."""
     with ProcessExecutor(1) as executor:
-        assert compile_for(_CLOCKS, executor, [_TINY]) == [_TINY]
+        assert compile_for(_CLOCKS, executor, [None], [_TINY]) == [_TINY]
         assert capsys.readouterr().err.count(TITLE) == 1
-        assert compile_for(_CLOCKS, executor, [_TINY]) == ()
+        assert compile_for(_CLOCKS, executor, [None], [_TINY]) == ()
         assert capsys.readouterr().err == ""
-    assert compile_for(_CLOCKS, InProcess(), [_TINY]) == ()
+    assert compile_for(_CLOCKS, InProcess(), [None], [_TINY]) == ()
+
+
+@pytest.mark.usefixtures("tiny")
+def test_nothing_is_compiled_for_a_file_that_does_not_open(tmp_path: Path) -> None:
+    """A truncated file is reported at once, without a minute of compiling; beside one that opens it changes nothing."""
+    whole, cut = write_handmade(tmp_path / "whole.h5"), tmp_path / "cut.h5"
+    cut.write_bytes(whole.read_bytes()[:5000])
+    with ProcessExecutor(1) as executor:
+        assert compile_for(_CLOCKS, executor, [opening_test(cut)], [_TINY]) == ()
+        assert compile_for(_CLOCKS, executor, [opening_test(cut), opening_test(whole)], [_TINY]) == [_TINY]
 
 
 def test_groups_of_calls() -> None:

@@ -128,6 +128,6 @@ def test_impossible_lenses_are_refused() -> None:
     with pytest.raises(ValueError, match="4 or 5 numbers in distortion"):
         CameraOptions(distortion_model="radtan", distortion=(0.1,))
     with pytest.raises(SceneError, match="one-to-one over the image"):
-        Lens("radtan", (-3.0, 0.0, 0.0, 0.0)).seen(np.array([[0.5, 0.3]]))
+        Lens("radtan", (-3.0, 0.0, 0.0, 0.0)).rays_of(np.array([[0.5, 0.3]]))
     with pytest.raises(ValueError, match="no distortion with the mesh renderer"):
         distorted_scene("radtan", "park-mesh-day")
