@@ -34,6 +34,9 @@ READY := $(VENV)/.ready
 READY_TO_USE := $(VENV)/.ready-to-use
 OUT ?= out
 
+# Every process that starts would compile all sources again, which takes 3 s, where the environment forbids to keep bytecode.
+unexport PYTHONDONTWRITEBYTECODE
+
 # The loops that checks call, which a first run compiles on all cores: fedora_qa/engine/kernels.json
 .PHONY: kernels
 kernels: $(READY)
