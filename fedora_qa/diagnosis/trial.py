@@ -54,6 +54,11 @@ class UndoTrial:
         return not self.cleared and bool(self.left) and min(abs(ratio) for ratio in self.left.values()) > _HALF
 
     @property
+    def reduces(self) -> bool:
+        """Whether undoing the fault clears findings, or leaves at most half of a deviation."""
+        return self.is_decided and not self.fails
+
+    @property
     def is_decided(self) -> bool:
         """Whether the windows show any finding, cleared or left."""
         return bool(self.cleared or self.left)

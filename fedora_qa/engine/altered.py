@@ -10,7 +10,7 @@ import numpy as np
 from fedora_qa.checks.protocol import Check, Observation
 from fedora_qa.engine.decode import BlockDecoder
 from fedora_qa.engine.effort import Effort
-from fedora_qa.engine.measure import PassState, conclude, measure, merge, start
+from fedora_qa.engine.measure import PassState, conclude, follow_up, measure, merge, start
 from fedora_qa.engine.plan import make_plan, sampling_of
 from fedora_qa.engine.progress import quiet
 from fedora_qa.engine.survey import Prepared, prepare
@@ -49,7 +49,7 @@ class WindowPass:
 
 @dataclass(frozen=True, slots=True)
 class PlainRun:
-    """The run of the unaltered file: the open file, what the checks observed on it, and the options.
+    """The run of a file, unaltered or with faults undone: its rows, what the checks observed on them, and the options.
 
     ``strict`` holds the results by the limits alone, by check: altered rows are judged by these.
     """
@@ -81,6 +81,28 @@ class PlainRun:
         # Blocks and images of the plain run hold values without the alteration, so none may be reused.
         decoder = BlockDecoder(view, ready.scanned, ready.decoder.leases.limit_bytes)
         return replace(ready, scanned=replace(ready.scanned, facts=facts), decoder=decoder)
+
+    def without(self, undoing: Fault, checks: Sequence[Check[Any]], affected: Sequence[Check[Any]]) -> "PlainRun":
+        """Return the run of the sequence with a fault undone.
+
+        Parameters
+        ----------
+        undoing
+            Gives the rows without the fault.
+        checks
+            All that were asked.
+        affected
+            Those that measure again, in all windows of the plan and in those that they name for a second look.
+        """
+        ready = self.altered(undoing)
+        facts, decoder, spans = ready.facts, ready.decoder, self.planned(ready)
+        sampling = sampling_of(self.effort, ready.frame_pixels)
+        states = measure(affected, spans, facts, decoder, sampling, quiet)
+        follow_up(affected, states, spans, facts, decoder, sampling, quiet)
+        observations = {**self.observations, **conclude(affected, states, facts)}
+        strict = {each.result.check: each.result for each in judge(observations, checks, self.false_alarm_rate)}
+        view = FaultySequence(self.sequence, undoing)
+        return replace(self, sequence=view, ready=ready, observations=observations, strict=strict)
 
     def judged(
         self, checks: Sequence[Check[Any]], spans: Sequence[Span], altered: Prepared, inner: WindowPass | None = None

@@ -1,34 +1,29 @@
 """From the passes over the windows to the record of the file: follow-ups, judgement, evidence, canaries."""
 
 from collections.abc import Iterable, Mapping, Sequence
-from typing import Any
 
-from fedora_qa.catalogue import hypotheses_of
-from fedora_qa.checks.protocol import Check, Observation
-from fedora_qa.diagnosis.coincidence import places_of_clocks
-from fedora_qa.diagnosis.diagnose import choose_causes, rank_candidates
+from fedora_qa.checks.protocol import Observation
 from fedora_qa.engine.altered import PlainRun
 from fedora_qa.engine.canaries import held_to_canaries, prove_alive
+from fedora_qa.engine.composite_faults import name_causes
 from fedora_qa.engine.measure import PassState, attempt, conclude, follow_up, merge_all
 from fedora_qa.engine.options import FileRun
 from fedora_qa.engine.outcomes import lost_windows, results_in_order
 from fedora_qa.engine.plan import FOLLOW_UP_SHARE
 from fedora_qa.engine.progress import MEASURING, Progress, Stopwatch
 from fedora_qa.engine.survey import OpenSurvey, Prepared, Survey
-from fedora_qa.engine.trials import TrialBench, run_trials
 from fedora_qa.evidence.collector import EvidenceCollector
 from fedora_qa.evidence.distributions import DistributionsCollector
 from fedora_qa.evidence.options import EvidenceOptions
 from fedora_qa.evidence.titled_arrays import TitledArrays, merged
 from fedora_qa.evidence.trajectory import keep_trajectory
 from fedora_qa.evidence.worst_locations import images_of, keep_worst_locations
-from fedora_qa.faults.reversible import ReversibleFault
-from fedora_qa.judgement.judge import Alarm, judge
+from fedora_qa.judgement.judge import judge
 from fedora_qa.judgement.materiality import materiality_of
 from fedora_qa.judgement.places import join_places
 from fedora_qa.judgement.verdict import comparisons_of, crossing_streams, verdict_of
 from fedora_qa.record.evidence import named
-from fedora_qa.record.types import Canary, Diagnosis, FileRecord, Finding
+from fedora_qa.record.types import Canary, FileRecord, Finding
 from fedora_qa.sequence.facts import Facts
 from fedora_qa.sequence.window import Span
 from fedora_qa.storage.place import RemoteFile
@@ -61,7 +56,8 @@ def assemble(
         again = follow_up(asked, states, measured_spans, facts, ready.decoder, survey.plan.sampling, progress)
     with watch.stage("judgement"):
         observations = conclude(asked, states, facts)
-        judged = judge(observations, asked, options.false_alarm_rate, materiality_of(options.profile, facts))
+        materiality = materiality_of(options.profile, facts)
+        judged = judge(observations, asked, options.false_alarm_rate, materiality)
         alarms = [alarm for result in judged for alarm in result.alarms]
         strict = {j.result.check: j.result for j in judge(observations, asked, options.false_alarm_rate)}
     plain = PlainRun(
@@ -69,8 +65,8 @@ def assemble(
     )
     with watch.stage("diagnosis"):
         # Within a budget a file is judged several times, and every second belongs to its windows.
-        diagnoses, faults = diagnose(alarms, asked, plain, progress, with_trials=options.budget_s is None)
-        judged, diagnoses = join_places(judged, diagnoses)
+        causes = name_causes(alarms, asked, plain, materiality, progress, with_trials=options.budget_s is None)
+        judged, diagnoses = join_places(judged, causes.diagnoses)
         alarms = [alarm for result in judged for alarm in result.alarms]
     with watch.stage("statistics"):
         collector = file.statistics
@@ -116,23 +112,8 @@ def assemble(
     seconds = watch.seconds | {f"check {name}": spent for name, spent in states.seconds.items()}
     decoded_bytes = states.decoded_bytes + ready.decoder.decoded_bytes - decoded_before
     traffic = survey.traffic + states.traffic + file.sequence.traffic
+    faults = {identifier: trial.fault for identifier, trial in causes.trials.items()}
     return FileRun(record, kept.arrays, seconds, decoded_bytes, traffic, faults=faults)
-
-
-def diagnose(
-    alarms: Sequence[Alarm], checks: Sequence[Check[Any]], run: PlainRun, progress: Progress, *, with_trials: bool
-) -> tuple[tuple[Diagnosis, ...], Mapping[str, ReversibleFault]]:
-    """Name the causes of alarms by undoing proposed faults; return with them the fault of each that was undone."""
-    facts = run.ready.facts
-    hypotheses = {alarm.finding.id: hypotheses_of(alarm, facts) for alarm in alarms}
-    places = places_of_clocks(facts)
-    trials = {}
-    if alarms and with_trials:
-        candidates = rank_candidates(alarms, hypotheses, run.strict, places)
-        trials = run_trials(TrialBench(alarms, checks, run), candidates, progress)
-    diagnoses = choose_causes(alarms, hypotheses, trials, run.strict, places)
-    keys = {diagnosis.id: (diagnosis.cause, diagnosis.stream) for diagnosis in diagnoses}
-    return diagnoses, {identifier: trials[key].fault for identifier, key in keys.items() if key in trials}
 
 
 def evidence_of_checks(observations: Mapping[str, Observation]) -> TitledArrays:

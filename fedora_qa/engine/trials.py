@@ -24,7 +24,8 @@ from fedora_qa.engine.progress import Progress
 from fedora_qa.engine.survey import Prepared
 from fedora_qa.faults.fault import Fault
 from fedora_qa.faults.reversible import ReversibleFault
-from fedora_qa.judgement.judge import Alarm, Judged
+from fedora_qa.judgement.judge import Alarm, Judged, judge
+from fedora_qa.judgement.materiality import Materiality
 from fedora_qa.layout.canonical import is_flow_stream
 from fedora_qa.record.types import Measurement, Result
 from fedora_qa.sequence.window import Span
@@ -58,6 +59,8 @@ class TrialBench:
         Those whose question can be asked of the file.
     run
         The plain run.
+    allowance
+        Windows for one check that may be measured; None: as many as the run itself measured.
     work_done
         Windows for one check that were measured.
     """
@@ -65,14 +68,16 @@ class TrialBench:
     alarms: Sequence[Alarm]
     checks: Sequence[Check[Any]]
     run: PlainRun
+    allowance: int | None = None
     work_done: int = 0
     _left: int = field(init=False)
     _plain: dict[int, list[tuple[Alarm, Measurement]]] = field(init=False, default_factory=dict)
     _plain_pass: WindowPass | None = field(init=False, default=None)
 
     def __post_init__(self) -> None:
-        """Grant the windows of the run itself for every check."""
-        self._left = len(self.run.planned(self.run.ready)) * len(self.checks)
+        """Grant the work."""
+        of_the_run = len(self.run.planned(self.run.ready)) * len(self.checks)
+        self._left = of_the_run if self.allowance is None else self.allowance
 
     def undo(self, fault: ReversibleFault) -> UndoTrial | None:
         """Undo a fault alone, and return what that changes; None where it cannot be undone, or no work is left."""
@@ -106,6 +111,25 @@ class TrialBench:
             if (decided and not trial.cleared) or trial.caused or decided == len(self.alarms):
                 break
         return trial
+
+    def without(self, trial: UndoTrial, materiality: Materiality) -> "TrialBench | None":
+        """Return the bench of the sequence with the fault of a trial undone in all windows, and the work that is left.
+
+        None where less work is left than that takes, or where what was altered cannot be measured.
+        """
+        run = self.run
+        affected = self._affected(trial.fault, {check_of(alarm) for alarm in self.alarms})
+        # Second looks count neither here nor in what the run itself measured.
+        work = len(run.planned(run.ready)) * len(affected)
+        if work > self._left:
+            return None
+        self._take(work)
+        try:
+            run = run.without(trial.fault.undo(run.ready.facts, run.sequence), self.checks, affected)
+            judged = judge(run.observations, self.checks, run.false_alarm_rate, materiality)
+        except Exception:  # noqa: BLE001 - as in ``undo``
+            return None
+        return TrialBench([alarm for each in judged for alarm in each.alarms], self.checks, run, self._left)
 
     def _counts(self) -> list[int]:
         """Return the numbers of windows of successive trials: 1, 4, 16 ... and all."""
