@@ -12,6 +12,7 @@
 #   make kernels      lists the compiled loops that checks call, so that a first run compiles them on all cores
 #   make power        350 clean and 2200 faulty files, what is found of them: docs/power-tables.md; 23 GB, an hour and a quarter
 #   make study-causes  every fault in four scenes: found, and named? docs/named-causes.md; two hours
+#   make study-composites  25 pairs of faults in one sequence: are both named? docs/named-composites.md; some minutes
 #   make study-false-alarms  some hundred honest files through all checks: docs/false-alarms.md; about an hour
 #   make study-foreign  correct files as others make them, 70 kinds: docs/foreign.md; hours
 #   make study-named-foreign  faults of real pipelines, 169 kinds by code of their own: found, and named? docs/named-foreign.md; hours
@@ -44,7 +45,7 @@ kernels: $(READY)
 	$(BIN)/fedora-generate sequence park-day -o $(OUT)/kernels.h5 --duration 0.5 --size 180x136 --force
 	$(BIN)/python -m fedora_qa.cli.kernel_list $(OUT)/kernels.h5
 
-.PHONY: demo test lint compiled-generator compiled-checks docs fuzz lock same-results test-lowest test-newest audit sbom wheel study-causes study-false-alarms study-foreign study-named-foreign study-blind-spots study-mesh study-presets study-trade mutation bench bench-costs bench-files bench-flow bench-imu bench-readings clean
+.PHONY: demo test lint compiled-generator compiled-checks docs fuzz lock same-results test-lowest test-newest audit sbom wheel study-causes study-composites study-false-alarms study-foreign study-named-foreign study-blind-spots study-mesh study-presets study-trade mutation bench bench-costs bench-files bench-flow bench-imu bench-readings clean
 
 demo: $(READY_TO_USE)
 	@mkdir -p $(OUT)
@@ -81,6 +82,9 @@ docs: $(READY)
 
 study-causes: $(READY)
 	OMP_NUM_THREADS=1 NUMBA_NUM_THREADS=1 $(BIN)/python -m tests.benchmarks.named_causes --fresh
+
+study-composites: $(READY)
+	OMP_NUM_THREADS=1 NUMBA_NUM_THREADS=1 $(BIN)/python -m tests.benchmarks.composite_faults
 
 # A dozen causes in depth, the rest about their limits. Small and short, so that a file takes 7 MB and two seconds to check;
 # but that events are late takes longer to tell, and more edges.

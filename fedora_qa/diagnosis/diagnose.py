@@ -193,6 +193,11 @@ def choose_causes(
     return tuple(diagnoses)
 
 
+def key_of(diagnosis: Diagnosis) -> tuple[str, str]:
+    """Return cause and stream."""
+    return diagnosis.cause, diagnosis.stream
+
+
 def _weights(alarms: Sequence[Alarm]) -> dict[str, float]:
     """Return the weight of each finding: each check counts once, by the mean of its findings."""
     checks = {alarm.finding.id: _check_of(alarm.finding.code) for alarm in alarms}

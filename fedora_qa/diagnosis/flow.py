@@ -126,7 +126,7 @@ def gain_hypothesis(
     """Return the cause of a gain of the flow: another sign, another unit of time, or a gain.
 
     A gain of -2 is the opposite sign. A factor equal to the length of the interval, or to its reciprocal, is another
-    unit.
+    unit. The opposite sign beside a unit, and a gain beside the opposite sign, show once the first is undone.
 
     Parameters
     ----------
@@ -141,7 +141,7 @@ def gain_hypothesis(
     seconds
         Length of the interval, s.
     tolerance
-        Largest relative difference from a sign or unit that counts as such.
+        Largest relative difference from a unit that counts as such.
 
     Returns
     -------
@@ -149,11 +149,12 @@ def gain_hypothesis(
         ``flow_sign``, ``flow_unit``, or ``flow_gain`` with its size in percent.
     """
     factor = 1 + gain
-    # 1 + gain = -1: vectors of the right length and the opposite sign.
-    if abs(factor + 1) < tolerance:
-        return Hypothesis("flow_sign", flow, removed_share)
     # A field in px/s is that in px times 1 / seconds; one in px s is that in px times seconds.
     for unit_factor in (seconds, 1 / seconds) if seconds > 0 else ():
-        if abs(factor / unit_factor - 1) < tolerance:
+        if abs(abs(factor) / unit_factor - 1) < tolerance:
             return Hypothesis("flow_unit", flow, removed_share, unit_factor, "1")
+    # The opposite sign, and maybe a gain besides: between -3 and -1 / 3 the sign leaves |1 - |factor||, which is less
+    # than half of 1 + |factor|.
+    if -3 < factor < -1 / 3:
+        return Hypothesis("flow_sign", flow, removed_share)
     return Hypothesis("flow_gain", flow, removed_share, 100 * gain, "percent", None if error is None else 100 * error)

@@ -82,7 +82,13 @@ class PlainRun:
         decoder = BlockDecoder(view, ready.scanned, ready.decoder.leases.limit_bytes)
         return replace(ready, scanned=replace(ready.scanned, facts=facts), decoder=decoder)
 
-    def without(self, undoing: Fault, checks: Sequence[Check[Any]], affected: Sequence[Check[Any]]) -> "PlainRun":
+    def without(
+        self,
+        undoing: Fault,
+        checks: Sequence[Check[Any]],
+        affected: Sequence[Check[Any]],
+        inner: WindowPass | None = None,
+    ) -> "PlainRun":
         """Return the run of the sequence with a fault undone.
 
         Parameters
@@ -93,12 +99,13 @@ class PlainRun:
             All that were asked.
         affected
             Those that measure again, in all windows of the plan and in those that they name for a second look.
+        inner
+            As for ``judged``: a pass of ``affected`` with the fault undone.
         """
         ready = self.altered(undoing)
-        facts, decoder, spans = ready.facts, ready.decoder, self.planned(ready)
-        sampling = sampling_of(self.effort, ready.frame_pixels)
-        states = measure(affected, spans, facts, decoder, sampling, quiet)
-        follow_up(affected, states, spans, facts, decoder, sampling, quiet)
+        facts, spans = ready.facts, self.planned(ready)
+        states = self._measured(affected, spans, ready, inner)
+        follow_up(affected, states, spans, facts, ready.decoder, sampling_of(self.effort, ready.frame_pixels), quiet)
         observations = {**self.observations, **conclude(affected, states, facts)}
         strict = {each.result.check: each.result for each in judge(observations, checks, self.false_alarm_rate)}
         view = FaultySequence(self.sequence, undoing)
@@ -123,6 +130,16 @@ class PlainRun:
             A pass of the same checks over some neighbours among these windows of the same sequence, which are not
             measured again: states merge to the same bits. It must not be continued twice.
         """
+        states = self._measured(checks, spans, altered, inner)
+        # By the limits of the plain run, whose comparisons share one false-alarm rate.
+        observed = conclude(checks, states, altered.facts)
+        measured = [check for check in checks if check.name in observed]
+        judged = judge({**self.observations, **observed}, measured, self.false_alarm_rate)
+        return WindowPass(judged, spans, states)
+
+    def _measured(
+        self, checks: Sequence[Check[Any]], spans: Sequence[Span], altered: Prepared, inner: WindowPass | None
+    ) -> PassState:
         sampling = sampling_of(self.effort, altered.frame_pixels)
         before, after = _outside(spans, inner)
         parts = [
@@ -130,12 +147,7 @@ class PlainRun:
         ]
         if inner is not None:
             parts.insert(1 if before else 0, inner.states)
-        states = reduce(partial(merge, checks), parts) if parts else start(checks, altered.facts)
-        # By the limits of the plain run, whose comparisons share one false-alarm rate.
-        observed = conclude(checks, states, altered.facts)
-        measured = [check for check in checks if check.name in observed]
-        judged = judge({**self.observations, **observed}, measured, self.false_alarm_rate)
-        return WindowPass(judged, spans, states)
+        return reduce(partial(merge, checks), parts) if parts else start(checks, altered.facts)
 
 
 def _outside(spans: Sequence[Span], inner: WindowPass | None) -> tuple[Sequence[Span], Sequence[Span]]:

@@ -1,20 +1,22 @@
 """Name the causes of a file's findings, one fault after the other: undo the first, and look at what is left.
 
 Faults of one stream hide each other: events of inverted polarity have no delay that could be measured. Where the causes
-that were named for the whole file, each tested alone, do not clear all findings, the first that a trial supports is
-undone in all windows, and causes are named for what then still fails, in the same way. This explanation counts if
-undoing its causes one after the other clears more findings than undoing each cause alone, and leaves no finding that
-only undoing has brought about.
+that were named, each tested alone, do not clear all findings, the first that a trial supports is undone in all windows,
+and causes are named for what then still fails, in the same way. This explanation counts if undoing its causes one after
+the other clears more findings than undoing each of them alone, and leaves no finding that only undoing has brought
+about.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
 from fedora_qa.catalogue import hypotheses_of
 from fedora_qa.checks.protocol import Check
-from fedora_qa.diagnosis.coincidence import places_of_clocks
-from fedora_qa.diagnosis.diagnose import choose_causes, rank_candidates
+from fedora_qa.diagnosis.coincidence import ClockPlace, places_of_clocks
+from fedora_qa.diagnosis.conclusion import Trials
+from fedora_qa.diagnosis.diagnose import choose_causes, key_of, rank_candidates
+from fedora_qa.diagnosis.hypothesis import Hypothesis
 from fedora_qa.diagnosis.trial import UndoTrial
 from fedora_qa.engine.altered import PlainRun
 from fedora_qa.engine.progress import Progress
@@ -25,7 +27,7 @@ from fedora_qa.record.types import Diagnosis
 
 
 @dataclass(frozen=True, slots=True)
-class Explanation:
+class CauseExplanation:
     """The causes of the findings of a file.
 
     Attributes
@@ -48,7 +50,7 @@ def name_causes(
     progress: Progress,
     *,
     with_trials: bool,
-) -> Explanation:
+) -> CauseExplanation:
     """Name the causes of alarms by undoing proposed faults.
 
     Parameters
@@ -70,86 +72,118 @@ def name_causes(
     return _explain(bench, materiality, progress)
 
 
-def _explain(bench: TrialBench, materiality: Materiality, progress: Progress) -> Explanation:
-    apart = _each_alone(bench, progress)
+@dataclass(frozen=True, slots=True)
+class _Round:
+    """What the findings of one run could be due to, and what trials of each cause alone have changed."""
+
+    bench: TrialBench
+    hypotheses: Mapping[str, Sequence[Hypothesis]]
+    places: Mapping[str, ClockPlace]
+    trials: Trials
+
+    @staticmethod
+    def tried(bench: TrialBench, progress: Progress) -> "_Round":
+        """Return the round of a run: propose causes, and undo the fault of each alone."""
+        facts = bench.run.ready.facts
+        hypotheses = {alarm.finding.id: hypotheses_of(alarm, facts) for alarm in bench.alarms}
+        places = places_of_clocks(facts)
+        candidates = rank_candidates(bench.alarms, hypotheses, bench.run.strict, places)
+        return _Round(bench, hypotheses, places, run_trials(bench, candidates, progress))
+
+    def explanation(self, trials: Trials | None = None) -> CauseExplanation:
+        """Return the causes by the trials of the round, or by others."""
+        trials = self.trials if trials is None else trials
+        diagnoses = choose_causes(self.bench.alarms, self.hypotheses, trials, self.bench.run.strict, self.places)
+        return CauseExplanation(diagnoses, {d.id: trials[key_of(d)] for d in diagnoses if key_of(d) in trials})
+
+
+def _explain(bench: TrialBench, materiality: Materiality, progress: Progress) -> CauseExplanation:
+    alone = _Round.tried(bench, progress)
+    apart = alone.explanation()
     cleared = {finding for diagnosis in apart.diagnoses for finding in diagnosis.cleared}
-    if len(cleared) == len(bench.alarms):
-        return apart
     first = next((d for d in apart.diagnoses if d.id in apart.trials and apart.trials[d.id].reduces), None)
-    without = bench.without(apart.trials[first.id], materiality) if first is not None else None
-    if first is None or without is None:
+    if first is None or len(cleared) == len(bench.alarms):
+        return apart
+    without = bench.without(apart.trials[first.id], materiality)
+    if without is None:
         return apart
     rest = _explain(without, materiality, progress)
-    return _in_turn(first, apart, rest, bench.alarms, without.alarms) or apart
+    # The size of the first was not right, which is no second fault.
+    if key_of(first) in map(key_of, rest.diagnoses):
+        return apart
+    # Identifiers of findings are those of each run; a measurement keeps its code and name.
+    identifiers = {_question(alarm): alarm.finding.id for alarm in bench.alarms}
+    counterparts = {alarm.finding.id: identifiers.get(_question(alarm)) for alarm in without.alarms}
+    cleared_after = {finding for diagnosis in rest.diagnoses for finding in diagnosis.cleared}
+    remaining = {counterparts[finding] for finding in counterparts if finding not in cleared_after}
+    # None: a finding without a counterpart, which only undoing has brought about, is left.
+    if None in remaining or len(identifiers) - len(remaining) <= len(cleared):
+        return apart
+    trial = _with_others_undone(apart.trials[first.id], set(first.explains) - remaining)
+    amended = alone.explanation({**alone.trials, key_of(first): trial})
+    if key_of(first) not in map(key_of, amended.diagnoses):
+        return apart
+    return _in_turn(key_of(first), amended, rest, counterparts)
 
 
-def _each_alone(bench: TrialBench, progress: Progress) -> Explanation:
-    """Name causes of which each is tested with the others in place."""
-    alarms, run = bench.alarms, bench.run
-    facts = run.ready.facts
-    hypotheses = {alarm.finding.id: hypotheses_of(alarm, facts) for alarm in alarms}
-    places = places_of_clocks(facts)
-    candidates = rank_candidates(alarms, hypotheses, run.strict, places)
-    trials = run_trials(bench, candidates, progress)
-    diagnoses = choose_causes(alarms, hypotheses, trials, run.strict, places)
-    keys = {diagnosis.id: (diagnosis.cause, diagnosis.stream) for diagnosis in diagnoses}
-    return Explanation(diagnoses, {d: trials[key] for d, key in keys.items() if key in trials})
+def _with_others_undone(trial: UndoTrial, explained: Collection[str]) -> UndoTrial:
+    """Return a trial as it is with the other faults undone, too: what it would explain is no longer left.
+
+    What it brought about were findings of the other faults, which it had hidden.
+    """
+    left = {finding: ratio for finding, ratio in trial.left.items() if finding not in explained}
+    return replace(trial, cleared=trial.cleared.union(trial.left.keys() - left.keys()), left=left, caused=())
 
 
 def _in_turn(
-    first: Diagnosis, apart: Explanation, rest: Explanation, alarms: Sequence[Alarm], alarms_left: Sequence[Alarm]
-) -> Explanation | None:
-    """Return the explanation by the first cause, and by what then was named; None where that is no better.
+    first: tuple[str, str], apart: CauseExplanation, rest: CauseExplanation, counterparts: Mapping[str, str | None]
+) -> CauseExplanation:
+    """Return the causes of a file of which one was undone before the others were named.
 
     Parameters
     ----------
     first
-        The cause whose fault was undone, of the causes that were tested ``apart``.
+        Cause and stream of the one that was undone.
+    apart
+        Causes of the file, each tested alone.
     rest
-        Of ``alarms_left``, what failed with the fault undone.
-    alarms
-        Of the file with all its faults.
+        Causes of what failed with it undone.
+    counterparts
+        Findings of the file, by those with it undone.
     """
-    # The same question: a measurement keeps its name and code. Identifiers of findings are those of each run.
-    identifiers = {_question(alarm): alarm.finding.id for alarm in alarms}
-    counterparts = {alarm.finding.id: identifiers.get(_question(alarm)) for alarm in alarms_left}
-    cleared_after = {finding for diagnosis in rest.diagnoses for finding in diagnosis.cleared}
-    remaining = {counterparts[finding] for finding in counterparts if finding not in cleared_after}
-    cleared_apart = {finding for diagnosis in apart.diagnoses for finding in diagnosis.cleared}
-    # None: a finding without a counterpart, which only undoing has brought about, is left.
-    if None in remaining or len(identifiers) - len(remaining) <= len(cleared_apart):
-        return None
-    # The size of the first was not right, which is no second fault.
-    if any((diagnosis.cause, diagnosis.stream) == (first.cause, first.stream) for diagnosis in rest.diagnoses):
-        return None
 
     def translated(findings: Sequence[str]) -> tuple[str, ...]:
         return tuple(identifier for finding in findings if (identifier := counterparts[finding]))
 
-    description = apart.trials[first.id].description
-    after = [
-        replace(
-            diagnosis,
-            explains=translated(diagnosis.explains),
-            cleared=translated(diagnosis.cleared),
-            tried=tuple(f"{description}, then {tried}" for tried in diagnosis.tried),
-        )
-        for diagnosis in rest.diagnoses
-    ]
-    # Causes that were named before the first that was undone, such as those that cannot be undone, stay before it.
-    keys = [(diagnosis.cause, diagnosis.stream) for diagnosis in apart.diagnoses]
-    earlier = set(keys[: keys.index((first.cause, first.stream))])
-    ordered = sorted([first, *after], key=lambda d: d is first or (d.cause, d.stream) not in earlier)
-    diagnoses: list[Diagnosis] = []
-    trials: dict[str, UndoTrial] = {}
-    for diagnosis in ordered:
-        if not diagnosis.explains:
+    keys = [key_of(diagnosis) for diagnosis in apart.diagnoses]
+    first_cause = apart.diagnoses[keys.index(first)]
+    # Causes that were named before the first that was undone, such as those without an inverse, stay before it.
+    earlier = set(keys[: keys.index(first)])
+    # A cause of hidden findings alone explains none of the file's, and counts where it was tested.
+    others = [d for d in rest.diagnoses if translated(d.explains) or d.cleared]
+    before = [diagnosis for diagnosis in others if key_of(diagnosis) in earlier]
+    after = [diagnosis for diagnosis in others if key_of(diagnosis) not in earlier]
+    number_of = {d.id: f"D{n}" for n, d in enumerate([*before, first_cause, *after], 1) if d is not first_cause}
+    number = f"D{len(before) + 1}"
+    trials = {number: apart.trials[first_cause.id]}
+    diagnoses = []
+    for diagnosis in (*before, first_cause, *after):
+        if diagnosis is first_cause:
+            diagnoses.append(replace(first_cause, id=number))
             continue
-        diagnoses.append(replace(diagnosis, id=f"D{len(diagnoses) + 1}"))
-        trial = apart.trials[first.id] if diagnosis is first else rest.trials.get(diagnosis.id)
-        if trial is not None:
-            trials[diagnoses[-1].id] = trial
-    return Explanation(tuple(diagnoses), trials)
+        own = number_of[diagnosis.id]
+        if trial := rest.trials.get(diagnosis.id):
+            trials[own] = trial
+        diagnoses.append(
+            replace(
+                diagnosis,
+                id=own,
+                explains=translated(diagnosis.explains),
+                cleared=translated(diagnosis.cleared),
+                after=(number, *(number_of[other] for other in diagnosis.after)) if diagnosis.tried else (),
+            )
+        )
+    return CauseExplanation(tuple(diagnoses), trials)
 
 
 def _question(alarm: Alarm) -> tuple[str, str]:

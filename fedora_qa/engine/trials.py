@@ -73,6 +73,7 @@ class TrialBench:
     _left: int = field(init=False)
     _plain: dict[int, list[tuple[Alarm, Measurement]]] = field(init=False, default_factory=dict)
     _plain_pass: WindowPass | None = field(init=False, default=None)
+    _passes: dict[ReversibleFault, WindowPass] = field(init=False, default_factory=dict)
 
     def __post_init__(self) -> None:
         """Grant the work."""
@@ -110,6 +111,8 @@ class TrialBench:
             # nothing: the work is left for rivals.
             if (decided and not trial.cleared) or trial.caused or decided == len(self.alarms):
                 break
+        if trial is not None and inner is not None and trial.reduces:
+            self._passes[fault] = inner
         return trial
 
     def without(self, trial: UndoTrial, materiality: Materiality) -> "TrialBench | None":
@@ -117,15 +120,16 @@ class TrialBench:
 
         None where less work is left than that takes, or where what was altered cannot be measured.
         """
-        run = self.run
+        run, inner = self.run, self._passes.pop(trial.fault, None)
         affected = self._affected(trial.fault, {check_of(alarm) for alarm in self.alarms})
         # Second looks count neither here nor in what the run itself measured.
-        work = len(run.planned(run.ready)) * len(affected)
+        work = (len(run.planned(run.ready)) - (len(inner.spans) if inner else 0)) * len(affected)
         if work > self._left:
             return None
         self._take(work)
         try:
-            run = run.without(trial.fault.undo(run.ready.facts, run.sequence), self.checks, affected)
+            undoing = trial.fault.undo(run.ready.facts, run.sequence)
+            run = run.without(undoing, self.checks, affected, inner)
             judged = judge(run.observations, self.checks, run.false_alarm_rate, materiality)
         except Exception:  # noqa: BLE001 - as in ``undo``
             return None

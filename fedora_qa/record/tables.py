@@ -62,7 +62,7 @@ def table_of(record: Record, name: str) -> Table:
             case "diagnoses":
                 rows += [
                     (path, d.id, d.cause, d.stream, d.magnitude, d.unit, d.standard_error, d.confidence, d.remedy,
-                     d.explains, d.status, d.tried, d.cleared, d.windows)
+                     d.explains, d.status, d.tried, d.cleared, d.windows, d.after)
                     for d in file.diagnoses
                 ]  # fmt: skip
             case "statistics":
@@ -97,7 +97,7 @@ _COLUMNS: Final = {
     "diagnoses": _columns(
         id="text", cause="text", stream="text", magnitude="number", unit="text", standard_error="number",
         confidence="number", remedy="text", explains="texts", status="text", tried="texts", cleared="texts",
-        windows="integer",
+        windows="integer", after="texts",
     ),
     "statistics": _columns(group="text", name="text", value="scalar"),
 }  # fmt: skip

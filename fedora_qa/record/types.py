@@ -159,6 +159,9 @@ class Diagnosis:
     ``tried`` describes the faults that were undone, the first that of the cause; ``cleared`` names the findings that
     are within their limits with it undone, measured again in ``windows`` windows. ``confidence`` is the measured
     frequency, 0 to 1, with which diagnoses of that status and cause are right; 0 where none was measured.
+
+    ``after`` names the diagnoses whose faults were undone before this cause was looked for. Findings that these hide
+    are findings of no plain run, so that such a cause may explain none.
     """
 
     id: str
@@ -175,6 +178,7 @@ class Diagnosis:
     tried: tuple[str, ...] = ()
     cleared: tuple[str, ...] = ()
     windows: int = 0
+    after: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)

@@ -214,6 +214,9 @@ def cause_sentence(diagnosis: Diagnosis) -> str:
 def status_sentence(diagnosis: Diagnosis) -> str:
     """Return how a cause is known: ``confirmed: undoing it clears 5 of 5 findings in 4 windows``."""
     status, first = diagnosis.status, diagnosis.tried[:1]
+    condition = f"with {' and '.join(diagnosis.after)} undone, " if diagnosis.after else ""
+    if condition and not diagnosis.explains:
+        return f"{status}: {condition}it shows, and undoing it clears that"
     if not first or not diagnosis.cleared:
         reasons: dict[DiagnosisStatus, str] = {
             "confirmed": "",
@@ -225,7 +228,7 @@ def status_sentence(diagnosis: Diagnosis) -> str:
     of = len({*diagnosis.explains, *diagnosis.cleared})
     findings = "finding" if of == 1 else "findings"
     windows = f"{diagnosis.windows} window{'' if diagnosis.windows == 1 else 's'}"
-    sentence = f"{status}: undoing it clears {len(diagnosis.cleared)} of {of} {findings} in {windows}"
+    sentence = f"{status}: {condition}undoing it clears {len(diagnosis.cleared)} of {of} {findings} in {windows}"
     if rivals := diagnosis.tried[1:]:
         sentence += f"; so does this: {'; '.join(rivals)}"
     return sentence

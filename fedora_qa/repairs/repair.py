@@ -144,7 +144,8 @@ def choose(
             available = ", ".join(f"{d.id} ({d.stream}:{d.cause}, {d.status})" for d in tested.values()) or "none"
             kind = "a diagnosis without a tested fault" if any(d.id == name for d in diagnoses) else "no diagnosis"
             raise MisuseError(f"Expected a diagnosis that can be undone ({available}), got {name!r}, {kind}")
-    chosen, omissions = [], []
+    chosen: list[tuple[Diagnosis, ReversibleFault]] = []
+    omissions = []
     for diagnosis in diagnoses:
         if diagnosis.id not in tested:
             omissions.append(Omission(diagnosis, "No fault was undone that clears what it explains."))
@@ -154,6 +155,11 @@ def choose(
             omissions.append(Omission(diagnosis, "It was not chosen."))
         elif not only and diagnosis.status != "confirmed":
             omissions.append(Omission(diagnosis, f"It is supported, not confirmed; --only {diagnosis.id} chooses it."))
+        elif missing := [name for name in diagnosis.after if name not in {other.id for other, _ in chosen}]:
+            names = " ".join(f"--only {name}" for name in (*diagnosis.after, diagnosis.id))
+            omissions.append(
+                Omission(diagnosis, f"It was tried with {' and '.join(missing)} undone; {names} chooses all.")
+            )
         else:
             chosen.append((diagnosis, exact(faults[diagnosis.id])))
     return tuple(chosen), tuple(omissions)

@@ -35,6 +35,9 @@ def why_not_better(before: FileRecord, after: FileRecord, steps: Iterable[Repair
     old, new = _broken(old_findings.values()), _broken(finding for _, finding in findings_of(after))
     outcomes = {result.check: result.outcome for result in after.results}
     for step in steps:
+        if step.diagnosis.after and not step.diagnosis.explains:
+            # What the faults before it hid would be new, and was a finding of no check of the file.
+            continue
         named = step.diagnosis.cleared or step.diagnosis.explains
         wanted = _broken(old_findings[name] for name in named if name in old_findings)
         still = sorted(code for code, stream in wanted & new)

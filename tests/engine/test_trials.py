@@ -89,9 +89,9 @@ def checked(clean: Path, target: Path, plant: Callable[[h5py.File], None]) -> Fi
 def test_undoing_confirms_a_cause(
     park_day: Path, tmp_path: Path, plant: Callable[[h5py.File], None], name: str
 ) -> None:
-    """The cause is named first and confirmed, all that it explains is cleared, and the fault goes with the run."""
+    """One cause is named, and confirmed, all that it explains is cleared, and the fault goes with the run."""
     run = checked(park_day, tmp_path / "faulty.h5", plant)
-    first = run.record.diagnoses[0]
+    (first,) = run.record.diagnoses
     assert (f"{first.stream}:{first.cause}", first.status) == (name, "confirmed"), status_sentence(first)
     assert set(first.cleared) >= set(first.explains)
     assert first.windows > 0

@@ -1,0 +1,81 @@
+"""Several faults in one file are named one after the other."""
+
+import shutil
+from collections.abc import Callable
+from pathlib import Path
+
+import h5py
+import numpy as np
+import pytest
+
+from fedora_qa.engine.options import CheckOptions
+from fedora_qa.engine.progress import quiet
+from fedora_qa.engine.run import check_file
+from fedora_qa.record.wording import status_sentence
+from fedora_qa.repairs.repair import choose, repair
+
+OPTIONS = CheckOptions(evidence=None, profile="release")
+TIMES = "path/events/t"
+
+Planter = Callable[[h5py.File], None]
+
+
+def delay_events(file: h5py.File) -> None:
+    """Make events 3 ms late; the index maps are those of the events as they are stored."""
+    events_us = file[TIMES][()] + 3000
+    file[TIMES][...] = events_us
+    for stream in ("rgb", "depth"):
+        file[f"metadata/{stream}_to_event"][...] = np.searchsorted(events_us, file[f"path/{stream}_ts"][()], "left")
+
+
+def flip_polarity(file: h5py.File) -> None:
+    file["path/events/p"][...] = 1 - file["path/events/p"][()]
+
+
+def delay_imu(file: h5py.File) -> None:
+    file["path/imu/ts"][...] += 6000
+
+
+def bias_gyro(file: h5py.File) -> None:
+    file["path/imu/angular_velocity"][...] += np.array([0.02, -0.03, 0.01])
+
+
+def planted(clean: Path, target: Path, *faults: Planter) -> Path:
+    shutil.copyfile(clean, target)
+    with h5py.File(target, "r+") as file:
+        for plant in faults:
+            plant(file)
+    return target
+
+
+def test_two_faults_of_a_stream_have_two_names(park_day: Path, tmp_path: Path) -> None:
+    """A late clock, and a bias that is constant in the clock of its own stream."""
+    run = check_file(planted(park_day, tmp_path / "faulty.h5", bias_gyro, delay_imu), OPTIONS)
+    assert {(d.cause, d.status) for d in run.record.diagnoses} == {
+        ("gyro_bias", "confirmed"),
+        ("time_offset", "confirmed"),
+    }
+    # Every fault that was undone goes with the run, in the order in which they were undone.
+    assert [fault.cause for fault in run.faults.values()] == [d.cause for d in run.record.diagnoses]
+
+
+def test_a_hidden_fault_is_named_and_repaired(park_day: Path, tmp_path: Path) -> None:
+    """Events of inverted polarity have no delay that could be measured; without the inversion they have.
+
+    The repaired file has the samples of the clean one; the hidden fault alone is not repaired.
+    """
+    faulty, target = planted(park_day, tmp_path / "faulty.h5", flip_polarity, delay_events), tmp_path / "repaired.h5"
+    run = check_file(faulty, OPTIONS)
+    first, hidden = run.record.diagnoses
+    assert (first.cause, hidden.cause) == ("polarity_inverted", "time_offset")
+    assert (first.id, hidden.after, hidden.explains, hidden.cleared) == ("D1", ("D1",), (), ())
+    assert hidden.magnitude == pytest.approx(3.0, abs=0.3)
+    assert status_sentence(hidden) == f"{hidden.status}: with D1 undone, it shows, and undoing it clears that"
+    _, omissions = choose(run.record.diagnoses, run.faults, ["D2"])
+    assert "--only D1 --only D2" in omissions[-1].reason
+    result = repair(faulty, target, OPTIONS, quiet, only=["D1", "D2"])
+    assert result.refusal == ""
+    with h5py.File(target) as repaired, h5py.File(park_day) as clean:
+        assert np.array_equal(repaired["path/events/p"][()], clean["path/events/p"][()])
+        late_us = np.abs(repaired[TIMES][()].astype(np.int64) - clean[TIMES][()].astype(np.int64))
+    assert late_us.max() < 200
