@@ -175,6 +175,7 @@ def _matrix(rows: Sequence[Sequence[float]]) -> Matrix3:
 def _mirroring(fit: FittedCause) -> Faults:
     yield pixels.Mirroring(fit.stream, "horizontal")
     yield pixels.Mirroring(fit.stream, "vertical")
+    yield pixels.Mirroring(fit.stream, "both")
 
 
 def _pixel_shift(fit: FittedCause) -> Faults:

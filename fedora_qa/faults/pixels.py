@@ -80,30 +80,36 @@ class Mirroring:
     stream
         ``events``, or of images.
     direction
-        ``horizontal``: columns are counted from right to left; ``vertical``: rows from bottom to top.
+        ``horizontal``: columns are counted from right to left; ``vertical``: rows from bottom to top; ``both``: the
+        image is turned by 180 degrees, as that of a camera that hangs upside down.
     """
 
     stream: str
-    direction: Literal["horizontal", "vertical"] = "horizontal"
+    direction: Literal["horizontal", "vertical", "both"] = "horizontal"
     cause: ClassVar[str] = "mirrored"
     magnitude: ClassVar[None] = None
 
     def plant(self, facts: Facts, sequence: SequenceRows) -> Fault:
         """Mirror the image."""
         description = f"{self.stream} mirrored" if self.stream != "events" else "events are mirrored"
-        is_horizontal = self.direction == "horizontal"
+        axes = {"horizontal": (_COLUMN_AXIS,), "vertical": (_ROW_AXIS,), "both": (_ROW_AXIS, _COLUMN_AXIS)}[
+            self.direction
+        ]
         if self.stream != "events":
-            axis = _COLUMN_AXIS if is_horizontal else _ROW_AXIS
-            alter = values(lambda images: np.ascontiguousarray(np.flip(images, axis)))
+            alter = values(lambda images: np.ascontiguousarray(np.flip(images, axes)))
             return Fault(description, dict.fromkeys(value_keys(facts, self.stream), alter))
         width, height = _sensor_size(facts)
-        last = (width if is_horizontal else height) - 1
-        alter = values(lambda at: np.where((at >= 0) & (at <= last), last - at, at).astype(at.dtype))
-        return Fault(description, {_X if is_horizontal else _Y: alter})
+        coordinates = {_COLUMN_AXIS: (_X, width - 1), _ROW_AXIS: (_Y, height - 1)}
+        return Fault(description, {key: _mirrored(last) for key, last in map(coordinates.__getitem__, axes)})
 
     def undo(self, facts: Facts, sequence: SequenceRows) -> Fault:
         """Mirror it again: mirroring is its own inverse."""
         return self.plant(facts, sequence)
+
+
+def _mirrored(last: int) -> Alteration:
+    """Return the alteration that counts coordinates 0 to ``last`` from the other end."""
+    return values(lambda at: np.where((at >= 0) & (at <= last), last - at, at).astype(at.dtype))
 
 
 @dataclass(frozen=True, slots=True)

@@ -151,7 +151,7 @@ def test_every_cause_is_tried_before_a_second_mechanism_of_any() -> None:
     candidates = [CauseCandidate(h.cause, h.stream, {"F1": h}, {"F1": 1.0}) for h in hypotheses]
     bench: Any = Notebook()
     assert run_trials(bench, candidates, quiet) == {}
-    ways = [(stream, way) for way in ("horizontal", "vertical") for stream in ("events", "rgb")]
+    ways = [(stream, way) for way in ("horizontal", "vertical", "both") for stream in ("events", "rgb")]
     assert bench.undone == [Mirroring(stream, way) for stream, way in ways]
 
 

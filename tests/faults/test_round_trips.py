@@ -127,7 +127,7 @@ CASES: list[tuple[Any, Tolerance]] = [
     (st.builds(IndexSide, st.sampled_from(["rgb_to_event", "depth_to_event"])), exact),
     (st.just(PolarityInversion()), exact),
     (st.builds(SwappedPixelAxes, st.sampled_from(["events", *FLOWS])), exact),
-    (st.builds(Mirroring, images, st.sampled_from(["horizontal", "vertical"])), exact),
+    (st.builds(Mirroring, images, st.sampled_from(["horizontal", "vertical", "both"])), exact),
     (st.builds(PixelShift, st.just("events"), st.integers(-9, 9), st.integers(-7, 7)), exact),
     (st.builds(PixelShift, st.sampled_from(["depth", *FLOWS]), st.integers(-2, 2), st.integers(-2, 2)), kept),
     (st.builds(ThresholdMisdeclared, st.floats(-50, 90), st.floats(-50, 90)), rounded),

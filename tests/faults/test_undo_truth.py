@@ -211,6 +211,7 @@ EXACT: list[Truth] = [
     (SwappedPixelAxes("flow/10hz"), on(lambda flow: np.stack([flow[..., 1], flow[..., 0]], -1), "path/flow/10hz")),
     (Mirroring("rgb"), on(lambda frames: frames[:, :, ::-1], "path/rgb")),
     (Mirroring("depth", "vertical"), on(lambda frames: frames[:, ::-1], "path/depth")),
+    (Mirroring("rgb", "both"), on(lambda frames: frames[:, ::-1, ::-1], "path/rgb")),
     (Mirroring("events"), on(lambda x: np.where(x < EVENT_WIDTH, 9 - x, x).astype(np.uint16), X)),
     (Mirroring("events", "vertical"), on(lambda y: np.where(y < EVENT_HEIGHT, 7 - y, y).astype(np.uint16), Y)),
     (FlowSign(), on(lambda flow: -flow, *FLOW_KEYS)),
