@@ -8,7 +8,8 @@
 #   make bench-readings how many events are read, against time and limits: docs/event-readings.md
 #   make bench-imu    what IMU against pose can tell, and whether its errors hold: docs/inertial-limits.md
 #   make study-presets  the scenes called after the paper's sequences beside its tables: docs/presets.md; half an hour
-#   make docs         writes the pages of docs/checks from what the checks say of themselves, and the published schemas
+#   make docs         writes the pages of checks, causes and datasets from what the code says of them, and the schemas
+#   make site         the documentation as a site: out/site/index.html, readable without a network or a server
 #   make kernels      lists the compiled loops that checks call, so that a first run compiles them on all cores
 #   make power        350 clean and 2200 faulty files, what is found of them: docs/power-tables.md; 23 GB, an hour and a quarter
 #   make study-causes  every fault in four scenes: found, and named? docs/named-causes.md; two hours
@@ -45,7 +46,7 @@ kernels: $(READY)
 	$(BIN)/fedora-generate sequence park-day -o $(OUT)/kernels.h5 --duration 0.5 --size 180x136 --force
 	$(BIN)/python -m fedora_qa.cli.kernel_list $(OUT)/kernels.h5
 
-.PHONY: demo test lint compiled-generator compiled-checks docs fuzz lock same-results test-lowest test-newest audit sbom wheel study-causes study-composites study-false-alarms study-foreign study-named-foreign study-blind-spots study-mesh study-presets study-trade mutation bench bench-costs bench-files bench-flow bench-imu bench-readings clean
+.PHONY: demo test lint compiled-generator compiled-checks docs fuzz lock same-results test-lowest test-newest audit sbom wheel study-causes study-composites study-false-alarms study-foreign study-named-foreign study-blind-spots study-mesh study-presets study-trade mutation bench bench-costs bench-files bench-flow bench-imu bench-readings site clean
 
 demo: $(READY_TO_USE)
 	@mkdir -p $(OUT)
@@ -158,6 +159,28 @@ $(TOOLS)/.ready:
 lock: $(TOOLS)/.ready
 	$(LOCK) --extra dev --generate-hashes --upgrade --output-file requirements/dev.lock
 	$(LOCK) --extra reports --resolution lowest-direct --upgrade --output-file requirements/lowest.lock
+
+# The site has an environment of its own as well. REPOSITORY is its web address: links to sources lead there.
+SITE_TOOLS := $(OUT)/site-tools
+REPOSITORY ?=
+
+$(SITE_TOOLS)/.ready: pyproject.toml
+	test -x $(SITE_TOOLS)/bin/python || $(PYTHON) -m venv $(SITE_TOOLS)
+	$(SITE_TOOLS)/bin/python -m pip install --quiet --disable-pip-version-check --editable '.[site]'
+	touch $@
+
+# A sequence whose events are 3 ms late, checked.
+$(OUT)/sample-report.html: $(SITE_TOOLS)/.ready
+	$(SITE_TOOLS)/bin/fedora-generate sequence park-day -o $(OUT)/sample.h5 --duration 2 --size 720x540 --force
+	$(SITE_TOOLS)/bin/fedora-generate fault $(OUT)/sample.h5 time_offset --magnitude 3 -o $(OUT)/late.h5 --force
+	$(SITE_TOOLS)/bin/fedora-qa check $(OUT)/late.h5 --quiet --html $@ || test $$? -eq 1
+
+site: $(SITE_TOOLS)/.ready $(OUT)/sample-report.html
+	rm -rf $(OUT)/site-pages $(OUT)/site
+	$(SITE_TOOLS)/bin/python -m fedora_qa.cli.site_pages $(OUT)/site-pages $(REPOSITORY)
+	cp $(OUT)/sample-report.html $(OUT)/site-pages
+	NO_MKDOCS_2_WARNING=1 $(SITE_TOOLS)/bin/python -m mkdocs build --quiet --strict --site-dir $(CURDIR)/$(OUT)/site
+	$(SITE_TOOLS)/bin/python -m tests.built_site $(OUT)/site
 
 VERSION_TESTS := tests/layout tests/sequence tests/record/test_json_io.py tests/hostile
 

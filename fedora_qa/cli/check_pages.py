@@ -1,10 +1,9 @@
 """The pages of the documentation on the checks, made from the docstrings of the checks.
 
 ``python -m fedora_qa.cli.check_pages docs/checks`` writes one page a subject, an index, and the explanations that the
-package holds.
+package holds. Beside the folder it writes the pages of the causes and that of the layout.
 """
 
-import re
 import sys
 from collections.abc import Mapping
 from dataclasses import replace
@@ -12,6 +11,9 @@ from pathlib import Path
 
 from fedora_qa.catalogue import CHECKS
 from fedora_qa.checks.explanation import PUBLISHED, Explanation, explanation, explanations_text
+from fedora_qa.cli.cause_pages import cause_pages
+from fedora_qa.cli.layout_page import layout_page
+from fedora_qa.cli.markdown import heading_anchor, markdown_of
 from fedora_qa.cli.material_sizes import TITLE as MATERIAL_SIZES
 from fedora_qa.cli.material_sizes import material_sizes_text
 from fedora_qa.record.atomic import write_text
@@ -38,27 +40,24 @@ def check_pages() -> Mapping[str, str]:
         index += f"\n## [{subject}]({subject}.md)\n\n"
         page = f"# {subject}\n"
         for each in explained:
-            # GitHub leaves dots out of the anchor of a heading.
-            anchor = each.check.replace(".", "")
-            index += f"- [`{each.check}`]({subject}.md#{anchor}): {each.question}\n"
+            index += f"- [`{each.check}`]({subject}.md#{heading_anchor(each.check)}): {each.question}\n"
             page += f"\n## {each.check}\n\n**{each.question}**\n\nNeeds: {', '.join(each.needs) or 'no stream'}.\n"
-            page += f"\n{_markdown(each.measured)}\n"
+            page += f"\n{markdown_of(each.measured)}\n"
             sizes = "\n".join(f"- {line}" for line in each.sections[MATERIAL_SIZES].splitlines())
             for title, text in {**each.sections, MATERIAL_SIZES: sizes}.items():
-                page += f"\n### {title}\n\n{_markdown(text)}\n"
+                page += f"\n### {title}\n\n{markdown_of(text)}\n"
         pages[f"{subject}.md"] = page
     return {"README.md": index, **pages}
 
 
-def _markdown(text: str) -> str:
-    """Turn a docstring's marks into Markdown's: code in single backticks, blocks of formulas indented as they are."""
-    # `::` announces an indented literal block in reStructuredText. Markdown needs the indentation only.
-    return re.sub(r"::$", ":", text.replace("``", "`"), flags=re.MULTILINE)
-
-
 if __name__ == "__main__":
     folder = Path(sys.argv[1])
-    folder.mkdir(parents=True, exist_ok=True)
+    causes = folder.parent / "causes"
+    for target in (folder, causes):
+        target.mkdir(parents=True, exist_ok=True)
     for name, text in check_pages().items():
         write_text(folder / name, text)
+    for name, text in cause_pages().items():
+        write_text(causes / name, text)
+    write_text(folder.parent / "datasets.md", layout_page())
     write_text(PUBLISHED, explanations_text(explanations()))

@@ -1,0 +1,97 @@
+"""The pages of the documentation on the causes, made from what the code states of each.
+
+``python -m fedora_qa.cli.check_pages`` writes them.
+"""
+
+from collections.abc import Mapping
+from typing import Any
+
+from fedora_qa.catalogue import CHECKS
+from fedora_qa.causes import CAUSES, Cause
+from fedora_qa.cli.markdown import check_link, code_list, markdown_of
+from fedora_qa.diagnosis.direct import is_direct
+from fedora_qa.faults.table import FAULTS, WithoutInverse
+from fedora_qa.repairs.mechanical import MECHANICAL
+
+_INDEX = """\
+# Causes
+
+A cause is the name of what is wrong with a stream, with its size and a remedy. `fedora-qa check` lists the probable
+causes below the findings. [How a cause is tested](../trials.md) says when a cause is `confirmed`. `make docs` writes
+these pages.
+
+A size is positive where timestamps are too late, or values too large. `fedora-generate fault FILE CAUSE -o OUT` plants
+a cause in a copy of a file ([corpora](../corpus.md#local-faults)). The [tables of detection power](../power-tables.md)
+state how often each is found and named, by size.
+
+| cause | streams | what is wrong |
+| --- | --- | --- |
+"""
+
+
+def cause_pages() -> Mapping[str, str]:
+    """Return the text of every page, Markdown, by its file's name."""
+    index = _INDEX
+    pages = {}
+    for cause in CAUSES.values():
+        index += f"| [`{cause.identifier}`]({cause.identifier}.md) | {code_list(cause.streams)} | {cause.meaning} |\n"
+        pages[f"{cause.identifier}.md"] = _page(cause)
+    return {"README.md": index, **pages}
+
+
+def _page(cause: Cause) -> str:
+    unit = {"": "none: the fault is there or is not", "1": "a number without a unit"}.get(
+        cause.unit, f"in {cause.unit}"
+    )
+    checks = [check.name for check in CHECKS if is_direct(cause.identifier, f"{check.name}.rule")]
+    undone = _undone(cause)
+    if checks:
+        known = f"Measured by itself by {', '.join(check_link(check) for check in checks)}."
+    elif any(_is_undone(cause.identifier, stream) for stream in cause.streams):
+        known = "Proposed where it explains what failed, and tested by a trial."
+    else:
+        known = "Proposed where it explains what failed. No trial can test it."
+    rows = "".join(
+        f"| {code_list(streams)} | {in_memory} | {in_a_copy} |\n" for (in_memory, in_a_copy), streams in undone
+    )
+    return (
+        f"# {cause.identifier}\n\n"
+        f"**{cause.meaning[0].upper()}{cause.meaning[1:]}.**\n\n"
+        f"- Streams: {code_list(cause.streams)}\n"
+        f"- Size: {unit}\n"
+        f"- Remedy: {cause.remedy}\n\n"
+        f"## How it is known\n\n{known}\n\n"
+        "## Can it be undone?\n\n"
+        "A [trial](../trials.md) undoes the fault in memory and measures again.\n"
+        "[`fedora-qa repair`](../repair.md) undoes it in a copy of the file.\n\n"
+        "| stream | in memory | by `repair` |\n| --- | --- | --- |\n" + rows
+    )
+
+
+def _is_undone(cause: str, stream: str) -> bool:
+    return not isinstance(FAULTS[cause, stream], WithoutInverse)
+
+
+def _undone(cause: Cause) -> list[tuple[tuple[str, str], list[str]]]:
+    """Return what undoes a cause in memory and in a copy, in words, with the streams of which this holds."""
+    streams_of: dict[tuple[str, str], list[str]] = {}
+    for stream in cause.streams:
+        entry = FAULTS[cause.identifier, stream]
+        if isinstance(entry, WithoutInverse):
+            streams_of.setdefault((f"no: {entry.reason}", "no"), []).append(stream)
+        else:
+            for fault in entry:
+                streams_of.setdefault((_first_line(fault), _repair_of(fault)), []).append(stream)
+    return list(streams_of.items())
+
+
+def _first_line(fault: type[Any]) -> str:
+    """Return what a fault does, as its docstring states it."""
+    return f"yes: {markdown_of((fault.__doc__ or '').splitlines()[0])}"
+
+
+def _repair_of(fault: type[Any]) -> str:
+    reason = MECHANICAL[fault]
+    if not isinstance(reason, str):
+        return "[in part](../repair.md#what-is-mechanical)"
+    return f"no: {reason}" if reason else "yes"
