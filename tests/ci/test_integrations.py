@@ -1,6 +1,7 @@
-"""The action, the hook and their examples are valid by the official schemas, and do what the command does."""
+"""Action, hook, workflows and examples are valid by the official schemas, and do what the command does."""
 
 import os
+import re
 import shlex
 import subprocess
 import sys
@@ -38,19 +39,38 @@ def loaded(path: Path) -> Any:
     return yaml.safe_load(path.read_text(encoding="utf-8"))
 
 
+WORKFLOWS = ROOT / ".github" / "workflows"
+CITATION = ROOT / "CITATION.cff"
+
 VALIDATED = {
-    "action": ("vendor.github-actions", ACTION),
-    "workflow": ("vendor.github-workflows", EXAMPLES / "gate.yml"),
+    "action": ("vendor.github-actions", [ACTION], "steps:"),
+    "workflows": ("vendor.github-workflows", [EXAMPLES / "gate.yml", *sorted(WORKFLOWS.glob("*.yml"))], "steps:"),
+    "citation": ("vendor.citation-file-format", [CITATION], "title:"),
 }
 
 
-@pytest.mark.parametrize(("schema", "path"), VALIDATED.values(), ids=VALIDATED.keys())
-def test_valid_by_the_official_schema(schema: str, path: Path, tmp_path: Path) -> None:
-    """GitHub would accept it; without its steps it would not, so that the validation can fail."""
-    assert python_m("check_jsonschema", "--builtin-schema", schema, path).returncode == 0
-    broken = tmp_path / path.name
-    broken.write_text(path.read_text(encoding="utf-8").replace("steps:", "stips:"), encoding="utf-8")
+@pytest.mark.parametrize(("schema", "paths", "key"), VALIDATED.values(), ids=VALIDATED.keys())
+def test_valid_by_the_official_schema(schema: str, paths: list[Path], key: str, tmp_path: Path) -> None:
+    """GitHub would accept it; without a key that it needs it would not, so that the validation can fail."""
+    assert python_m("check_jsonschema", "--builtin-schema", schema, *paths).returncode == 0
+    broken = tmp_path / paths[0].name
+    broken.write_text(paths[0].read_text(encoding="utf-8").replace(key, f"x{key}"), encoding="utf-8")
     assert python_m("check_jsonschema", "--builtin-schema", schema, broken).returncode == 1
+
+
+def test_workflows_run_what_there_is() -> None:
+    """The targets of make that workflows name are in the Makefile; only publishing and its page may write."""
+    makefile = (ROOT / "Makefile").read_text(encoding="utf-8")
+    jobs = {(path.stem, name): job for path in WORKFLOWS.glob("*.yml") for name, job in loaded(path)["jobs"].items()}
+    scripts = [step["run"] for job in jobs.values() for step in job["steps"] if "run" in step]
+    targets = {target for script in scripts for target in re.findall(r"^make (\w+)", script, re.MULTILINE)}
+    assert targets == {"site", "wheel"}
+    assert all(f"\n{target}: " in makefile for target in targets)
+    assert {place for place, job in jobs.items() if "permissions" in job} == {
+        ("site", "publish"),
+        ("publish", "publish"),
+    }
+    assert all(loaded(path)["permissions"] == {"contents": "read"} for path in WORKFLOWS.glob("*.yml"))
 
 
 def test_the_hook_is_valid(tmp_path: Path) -> None:
