@@ -44,15 +44,14 @@ def _page(cause: Cause) -> str:
         cause.unit, f"in {cause.unit}"
     )
     checks = [check.name for check in CHECKS if is_direct(cause.identifier, f"{check.name}.rule")]
-    undone = _undone(cause)
     if checks:
-        known = f"Measured by itself by {', '.join(check_link(check) for check in checks)}."
-    elif any(_is_undone(cause.identifier, stream) for stream in cause.streams):
-        known = "Proposed where it explains what failed, and tested by a trial."
+        detection = f"Measured directly by {', '.join(check_link(check) for check in checks)}."
+    elif any(_is_undoable(cause.identifier, stream) for stream in cause.streams):
+        detection = "Proposed where it explains what failed, and tested by a trial."
     else:
-        known = "Proposed where it explains what failed. No trial can test it."
+        detection = "Proposed where it explains what failed. No trial can test it."
     rows = "".join(
-        f"| {code_list(streams)} | {in_memory} | {in_a_copy} |\n" for (in_memory, in_a_copy), streams in undone
+        f"| {code_list(streams)} | {in_memory} | {in_a_copy} |\n" for (in_memory, in_a_copy), streams in _undoing(cause)
     )
     return (
         f"# {cause.identifier}\n\n"
@@ -60,7 +59,7 @@ def _page(cause: Cause) -> str:
         f"- Streams: {code_list(cause.streams)}\n"
         f"- Size: {unit}\n"
         f"- Remedy: {cause.remedy}\n\n"
-        f"## How it is known\n\n{known}\n\n"
+        f"## How it is known\n\n{detection}\n\n"
         "## Can it be undone?\n\n"
         "A [trial](../trials.md) undoes the fault in memory and measures again.\n"
         "[`fedora-qa repair`](../repair.md) undoes it in a copy of the file.\n\n"
@@ -68,11 +67,11 @@ def _page(cause: Cause) -> str:
     )
 
 
-def _is_undone(cause: str, stream: str) -> bool:
+def _is_undoable(cause: str, stream: str) -> bool:
     return not isinstance(FAULTS[cause, stream], WithoutInverse)
 
 
-def _undone(cause: Cause) -> list[tuple[tuple[str, str], list[str]]]:
+def _undoing(cause: Cause) -> list[tuple[tuple[str, str], list[str]]]:
     """Return what undoes a cause in memory and in a copy, in words, with the streams of which this holds."""
     streams_of: dict[tuple[str, str], list[str]] = {}
     for stream in cause.streams:
