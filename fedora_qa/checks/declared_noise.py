@@ -1,8 +1,9 @@
 """White noise of a sampled stream against its declaration."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 
-from fedora_qa.checks.protocol import Statistic
+from fedora_qa.checks.protocol import Notice, Statistic
 from fedora_qa.estimators.imu.local_motion import NoiseLevel
 from fedora_qa.features import Feature
 from fedora_qa.record.types import Where
@@ -89,3 +90,37 @@ def noise_against_declared(
         where=Where(stream=stream),
         features=features,
     )
+
+
+def undeclared_noise(
+    check: str, stream: str, levels: Mapping[str, tuple[NoiseLevel, str]]
+) -> tuple[Notice, dict[str, str | float]]:
+    """State the noise of a stream of which nobody declares any; it is held against nothing.
+
+    Real sensors and trajectories have noise, and a dataset that says nothing of it claims nothing either.
+
+    Parameters
+    ----------
+    check
+        Name of the check.
+    stream
+        Stream of the samples.
+    levels
+        Measured noise and its unit, by the name of the quantity.
+
+    Returns
+    -------
+    tuple
+        A notice with the noise of each quantity, and the same as facts for the record: ``pose.position_noise_m``. What
+        motion, rounding and stored digits add is contained.
+    """
+    sizes = ", ".join(f"{level.sigma:.3g} {unit} of {name}" for name, (level, unit) in levels.items())
+    notice = Notice(
+        f"{check}.undeclared",
+        f"The noise of the {stream} is not declared, and is held against nothing: {sizes}.",
+        Where(stream=stream),
+    )
+    return notice, {
+        f"{stream}.{name}_noise_{unit.replace('/', '_').replace('^', '')}": level.sigma
+        for name, (level, unit) in levels.items()
+    }

@@ -14,10 +14,10 @@ from fedora_qa.estimators.imu.sequence_fit import ROTATION, TRANSLATION, fit_ine
 from fedora_qa.estimators.imu.summary import InertialFit
 from fedora_qa.features import Feature
 from fedora_qa.record.types import Coverage
-from fedora_qa.sequence.declared import ImuModel, PoseModel
 from fedora_qa.sequence.facts import Facts
 from fedora_qa.sequence.window import ImuSamples, PoseSamples, Window
 from fedora_qa.views.motion_samples import (
+    imu_model,
     inertial_noise,
     inertial_samples,
     join_imu,
@@ -25,6 +25,7 @@ from fedora_qa.views.motion_samples import (
     measured_pose_sigmas,
     owned_imu,
     owned_poses,
+    pose_model,
     why_unusable,
 )
 
@@ -119,7 +120,7 @@ class InertialStreams:
     Attributes
     ----------
     samples, noise
-        Both streams in seconds from ``origin_ns``, and their declared noise and rounding.
+        Both streams in seconds from ``origin_ns``, and their noise, declared or measured, and rounding.
     poses, imu
         As stored, all finite.
     origin_ns
@@ -181,10 +182,10 @@ def streams_of(state: Sequence[WindowMotion], facts: Facts) -> InertialStreams |
     cache = state[-1].cache
     streams = cache.streams if cache.facts is facts else None
     if streams is None or not (_are_equal(streams.poses, poses) and _are_equal(streams.imu, imu)):
-        model = facts.declared.imu or ImuModel()
+        model = imu_model(facts, imu)
         streams = InertialStreams(
             samples=inertial_samples(imu, poses, model),
-            noise=inertial_noise(model, facts.declared.pose or PoseModel(), imu, poses),
+            noise=inertial_noise(model, pose_model(facts, poses), imu, poses),
             poses=poses,
             imu=imu,
             origin_ns=int(imu.times_ns[0]),

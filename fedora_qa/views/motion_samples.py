@@ -119,12 +119,12 @@ def inertial_samples(imu: ImuSamples, poses: PoseSamples, model: ImuModel) -> In
 
 
 def inertial_noise(imu: ImuModel, pose: PoseModel, samples: ImuSamples, poses: PoseSamples) -> InertialNoise:
-    """Return the declared noise of both streams, with the rounding of their stored numbers.
+    """Return the noise of both streams, with the rounding of their stored numbers.
 
     Parameters
     ----------
     imu, pose
-        Declared noise.
+        Declared noise, or what stands for it (``imu_model``, ``pose_model``).
     samples, poses
         Finite samples as stored; their rounding is estimated.
 
@@ -156,6 +156,51 @@ def inertial_noise(imu: ImuModel, pose: PoseModel, samples: ImuSamples, poses: P
         gyro_sigma=imu.gyro_noise_density / sample_s**0.5,
         accel_sigma=imu.accel_noise_density / sample_s**0.5,
     )
+
+
+def pose_model(facts: Facts, poses: PoseSamples) -> PoseModel:
+    """Return the noise of the poses: as declared, or as measured where nobody declares any.
+
+    Parameters
+    ----------
+    facts
+        With the declarations.
+    poses
+        All finite poses of the file.
+
+    Returns
+    -------
+    PoseModel
+        Measured noise is the white part of it, and contains what rounding adds.
+    """
+    return facts.declared.pose or PoseModel(*measured_pose_sigmas(poses))
+
+
+def imu_model(facts: Facts, imu: ImuSamples) -> ImuModel:
+    """Return the noise of the IMU: as declared, or with measured densities where nobody declares any.
+
+    Parameters
+    ----------
+    facts
+        With the declarations.
+    imu
+        All finite samples of the file, two at least.
+
+    Returns
+    -------
+    ImuModel
+        Measured densities are those of the white part; walks of the biases are 0.
+    """
+    if facts.declared.imu is not None:
+        return facts.declared.imu
+    # White noise of density N sampled at rate f has sigma = N sqrt(f) (IEEE Std 952-1997, annex C).
+    root_sample_s = float(np.sqrt(np.median(np.diff(imu.times_ns)) / NS_PER_S))
+    levels = (
+        noise_level(imu.times_ns, VectorSamples(values), order=NOISE_ORDER)
+        for values in (imu.angular_velocities_body_rad_s, imu.specific_forces_body_m_s2)
+    )
+    gyro, accel = (0.0 if level is None else level.sigma * root_sample_s for level in levels)
+    return ImuModel(gyro_noise_density=gyro, accel_noise_density=accel)
 
 
 def measured_pose_sigmas(poses: PoseSamples) -> tuple[float, float]:

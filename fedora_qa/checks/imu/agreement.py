@@ -14,7 +14,6 @@ from fedora_qa.estimators.imu.conventions import InertialConvention
 from fedora_qa.estimators.imu.summary import InertialFit
 from fedora_qa.features import Feature
 from fedora_qa.record.types import Where
-from fedora_qa.sequence.declared import PoseModel
 from fedora_qa.sequence.facts import Facts
 from fedora_qa.views.inertial_agreement import (
     InertialConventionTrial,
@@ -27,7 +26,7 @@ from fedora_qa.views.inertial_agreement import (
     is_implausible,
     streams_of,
 )
-from fedora_qa.views.motion_samples import location_of
+from fedora_qa.views.motion_samples import location_of, pose_model
 from fedora_qa.views.sample_defects import frozen_imu, frozen_poses, pose_defects, timestamp_defects
 
 _DEGREES: Final = float(np.degrees(1.0))
@@ -181,7 +180,7 @@ def agreement_observation(
     defects: tuple[Feature, ...] = (
         *((trial,) if trial else ()),
         *timestamp_defects(facts, "imu"),
-        *pose_defects(facts, streams.poses, facts.declared.pose or PoseModel()),
+        *pose_defects(facts, streams.poses, pose_model(facts, streams.poses)),
     )
     smoothness = ResidualSmoothness(max(fit.smoothness, 0.0))
 

@@ -5,14 +5,13 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from fedora_qa.checks.declared_noise import noise_against_declared
+from fedora_qa.checks.declared_noise import noise_against_declared, undeclared_noise
 from fedora_qa.checks.exact import count_of_faults
 from fedora_qa.checks.protocol import Observation, WindowCheck
 from fedora_qa.conventions import NS_PER_S
 from fedora_qa.estimators.imu.local_motion import VectorSamples, noise_level
 from fedora_qa.estimators.imu.samples import TIMESTAMP_SIGMA_S
 from fedora_qa.record.types import Coverage, Where
-from fedora_qa.sequence.declared import ImuModel
 from fedora_qa.sequence.facts import Facts
 from fedora_qa.sequence.window import ImuSamples, Window
 from fedora_qa.views.motion_samples import NOISE_ORDER, imu_roundings, join_imu, location_of, owned_imu, why_unusable
@@ -25,7 +24,8 @@ class ImuNoise(WindowCheck[ImuSamples]):
     """Is the noise of the IMU what is declared?
 
     The standard deviation of white noise of gyro and accelerometer, as a ratio to ``density * sqrt(rate)``, or itself
-    where none is declared; and how many samples are frozen.
+    where a density of 0 is declared; and how many samples are frozen. Where nobody declares any density, as in
+    recordings without a data sheet, both are stated and held against nothing.
 
     Why it matters
     --------------
@@ -63,7 +63,7 @@ class ImuNoise(WindowCheck[ImuSamples]):
         return owned_imu(window)
 
     def conclude(self, state: Sequence[ImuSamples], facts: Facts) -> Observation:
-        """Compare both sensors with their declarations."""
+        """Compare both sensors with their declarations, or state their noise where there is none."""
         imu = join_imu(state)
         coverage = Coverage(len(imu.times_ns), len(facts.clocks["imu"].times_ns), "samples")
         rates, forces = imu.angular_velocities_body_rad_s, imu.specific_forces_body_m_s2
@@ -72,7 +72,21 @@ class ImuNoise(WindowCheck[ImuSamples]):
         unusable = why_unusable(facts, "imu")
         if unusable or gyro is None or accel is None:
             return Observation(coverage, unobservable=unusable or "too few samples in a row to tell noise from motion")
-        model = facts.declared.imu or ImuModel()
+        frozen = frozen_imu(imu)
+        repeats = count_of_faults(
+            "frozen",
+            len(frozen),
+            "samples",
+            statement=f"{len(frozen)} IMU samples repeat the one before exactly while the body moves.",
+            code="imu.noise.frozen",
+            where=location_of(facts, "imu", int(imu.times_ns[frozen[0]])) if len(frozen) else Where(stream="imu"),
+        )
+        model = facts.declared.imu
+        if model is None:
+            notice, inferred = undeclared_noise(
+                "imu.noise", "imu", {"gyro": (gyro, "rad/s"), "accelerometer": (accel, "m/s^2")}
+            )
+            return Observation(coverage, (repeats,), (notice,), inferred=inferred)
         # White noise of density N sampled at rate f has sigma = N sqrt(f) (IEEE Std 952-1997, annex C).
         root_rate = float(np.sqrt(NS_PER_S / np.median(np.diff(imu.times_ns))))
         gyro_rounding, accel_rounding = imu_roundings(imu)
@@ -82,7 +96,6 @@ class ImuNoise(WindowCheck[ImuSamples]):
             _floor(imu.times_ns, forces, accel_rounding),
         )
         of_timestamps = timestamp_defects(facts, "imu")
-        frozen = frozen_imu(imu)
         return Observation(
             coverage,
             (
@@ -94,16 +107,7 @@ class ImuNoise(WindowCheck[ImuSamples]):
                     "accelerometer", "m/s^2", accel, accel_sigma, accel_floor,
                     check="imu.noise", stream="imu", features=of_timestamps,
                 ),
-                count_of_faults(
-                    "frozen",
-                    len(frozen),
-                    "samples",
-                    statement=f"{len(frozen)} IMU samples repeat the one before exactly while the body moves.",
-                    code="imu.noise.frozen",
-                    where=location_of(facts, "imu", int(imu.times_ns[frozen[0]]))
-                    if len(frozen)
-                    else Where(stream="imu"),
-                ),
+                repeats,
             ),
         )  # fmt: skip
 

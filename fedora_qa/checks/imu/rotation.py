@@ -35,14 +35,15 @@ class ImuRotation(WindowCheck[WindowMotion]):
 
     Noise model
     -----------
-    Pose noise as declared, which neighbours share with opposite sign, the gyro's white noise, stamps rounded to a
-    microsecond (0.29 us times the rate), stored digits; a declared walk of the bias as one unknown a stretch. Errors
-    are formal ones, scaled by a misfit above 1, widened where the spread over stretches exceeds them. Allowed for is
-    the integration's own error, from every second sample (Richardson: fourth order, a fifteenth of the difference).
-    Gain and timing are told by the gyro's own samples: what their noise does to the fit is measured from two halves of
-    them, taken off, and not counted as knowledge, so that quiet flight is uncertain rather than wrong. Samples in steps
-    that hardly change err by a mean of up to half a step: it is bounded by how far they move in steps and by the
-    declared noise (``fedora_qa/estimators/imu/rounding.py``), and is carried into every parameter.
+    Pose noise as declared, which neighbours share with opposite sign, the gyro's white noise (of a stream of which
+    nobody declares any, as pose.noise and imu.noise measure it within that stream), stamps rounded to a microsecond
+    (0.29 us times the rate), stored digits; a declared walk of the bias as one unknown a stretch. Errors are formal
+    ones, scaled by a misfit above 1, widened where the spread over stretches exceeds them. Allowed for is the
+    integration's own error, from every second sample (Richardson: fourth order, a fifteenth of the difference). Gain
+    and timing are told by the gyro's own samples: what their noise does to the fit is measured from two halves of them,
+    taken off, and not counted as knowledge, so that quiet flight is uncertain rather than wrong. Samples in steps that
+    hardly change err by a mean of up to half a step: it is bounded by how far they move in steps and by the declared
+    noise (``fedora_qa/estimators/imu/rounding.py``), and is carried into every parameter.
 
     Cannot see
     ----------

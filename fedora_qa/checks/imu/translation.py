@@ -31,10 +31,10 @@ class ImuTranslation(WindowCheck[WindowMotion]):
 
     Noise model
     -----------
-    Position noise as declared, which three neighbours share (1, -2, 1); white noise of the accelerometer; noisy
-    orientations, which turn the force and so disturb across it only; rounded stamps (0.29 us times the speed), stored
-    digits; a declared walk of the bias as one unknown a stretch. Errors and the integration's allowance as in
-    imu.rotation, and so is the mean error of samples in steps.
+    Position noise as declared, or measured where it is not (imu.rotation), which three neighbours share (1, -2, 1);
+    white noise of the accelerometer; noisy orientations, which turn the force and so disturb across it only; rounded
+    stamps (0.29 us times the speed), stored digits; a declared walk of the bias as one unknown a stretch. Errors and
+    the integration's allowance as in imu.rotation, and so is the mean error of samples in steps.
 
     Cannot see
     ----------

@@ -2,11 +2,10 @@
 
 from collections.abc import Sequence
 
-from fedora_qa.checks.declared_noise import noise_against_declared
+from fedora_qa.checks.declared_noise import noise_against_declared, undeclared_noise
 from fedora_qa.checks.protocol import Observation, WindowCheck
 from fedora_qa.estimators.imu.local_motion import OrientationSamples, VectorSamples, noise_level
 from fedora_qa.record.types import Coverage
-from fedora_qa.sequence.declared import PoseModel
 from fedora_qa.sequence.facts import Facts
 from fedora_qa.sequence.window import PoseSamples, Window
 from fedora_qa.views.motion_samples import (
@@ -24,7 +23,8 @@ class PoseNoise(WindowCheck[PoseSamples]):
     """Is the noise of the poses what is declared?
 
     The standard deviation of white noise of positions (m, axes of the world) and of orientations (rad, axes of the
-    body), as a ratio to the declared sigma, or itself where none is declared.
+    body), as a ratio to the declared sigma, or itself where a sigma of 0 is declared. Where nobody declares any, as of
+    real trajectories, both are stated and held against nothing.
 
     Why it matters
     --------------
@@ -63,7 +63,7 @@ class PoseNoise(WindowCheck[PoseSamples]):
         return owned_poses(window)
 
     def conclude(self, state: Sequence[PoseSamples], facts: Facts) -> Observation:
-        """Compare both kinds of noise with their declarations."""
+        """Compare both kinds of noise with their declarations, or state them where there is none."""
         poses = join_poses(state)
         coverage = Coverage(len(poses.times_ns), len(facts.clocks["pose"].times_ns), "poses")
         unusable = why_unusable(facts, "pose")
@@ -71,7 +71,12 @@ class PoseNoise(WindowCheck[PoseSamples]):
         rotation = noise_level(poses.times_ns, OrientationSamples(poses.orientations_xyzw), order=NOISE_ORDER)
         if unusable or position is None or rotation is None:
             return Observation(coverage, unobservable=unusable or "too few poses in a row to tell noise from motion")
-        model = facts.declared.pose or PoseModel()
+        model = facts.declared.pose
+        if model is None:
+            notice, inferred = undeclared_noise(
+                "pose.noise", "pose", {"position": (position, "m"), "rotation": (rotation, "rad")}
+            )
+            return Observation(coverage, notices=(notice,), inferred=inferred)
         kinds = (
             ("position", "m", position, model.position_sigma_m, position_floor_m(poses)),
             ("rotation", "rad", rotation, model.rotation_sigma_rad, rotation_floor_rad(poses)),

@@ -3,11 +3,12 @@
 from dataclasses import replace
 from pathlib import Path
 
+import h5py
 import pytest
 from scipy.spatial.transform import Rotation
 
 from fedora_qa.record.types import Measurement, Result
-from tests.support.checked import diagnoses_of, rules, run_check
+from tests.support.checked import diagnoses_of, measured_record, rules, run_check
 from tests.support.motion_world import EXACT, NOISY, MotionFile, sample_motion
 
 
@@ -65,3 +66,32 @@ def test_noise_a_thousandfold_is_a_unit(path: Path) -> None:
     file = MotionFile(samples, NOISY).altered(positions_world_m=1000 * samples.positions_world_m)
     run_check(file.write(path), "pose.noise")
     assert diagnoses_of(path, "pose.noise")[0].cause == "unit_mm_m"
+
+
+def test_noise_of_which_nobody_says_anything_is_stated_and_not_judged(path: Path) -> None:
+    """Noisy poses and IMU without declarations are not at fault; both noises stand in the record, and agree."""
+    file = MotionFile(sample_motion(noise=NOISY, duration_s=4.0)).write(path)
+    with h5py.File(file, "a") as written:
+        del written["metadata/pose"], written["metadata/imu"]
+    record = measured_record(file, "pose", "imu")
+    outcomes = {result.check: result.outcome for result in record.results}
+    assert outcomes.pop("pose.noise") == outcomes.pop("imu.noise") == "warned"
+    assert set(outcomes.values()) == {"passed"}
+    expected = {
+        "pose.position_noise_m": NOISY.position_sigma_m,
+        "pose.rotation_noise_rad": NOISY.rotation_sigma_rad,
+        "imu.gyro_noise_rad_s": NOISY.gyro_density * 1000**0.5,
+        "imu.accelerometer_noise_m_s2": NOISY.accel_density * 1000**0.5,
+    }
+    assert {name: record.inferred[name] for name in expected} == pytest.approx(expected, rel=0.1)
+
+
+def test_a_late_imu_is_found_without_declared_noise(path: Path) -> None:
+    """The measured noise of each stream takes the place of the declared one: ten milliseconds are beyond it."""
+    samples = sample_motion(noise=NOISY, duration_s=4.0)
+    file = MotionFile(samples).altered(imu_times_s=samples.imu_times_s + 0.01).write(path)
+    with h5py.File(file, "a") as written:
+        del written["metadata/pose"], written["metadata/imu"]
+    result = run_check(file, "imu.timing")
+    assert rules(result) == ["time_offset"]
+    assert measured(result, "time_offset").value == pytest.approx(10.0, abs=1.0)
