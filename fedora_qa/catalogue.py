@@ -50,6 +50,7 @@ from fedora_qa.checks.imu.rotation import ImuRotation
 from fedora_qa.checks.imu.timing import ImuTiming
 from fedora_qa.checks.imu.translation import ImuTranslation
 from fedora_qa.checks.index_maps.depth import IndexMapsDepth
+from fedora_qa.checks.index_maps.milliseconds import IndexMapsMilliseconds
 from fedora_qa.checks.index_maps.rgb import IndexMapsRgb
 from fedora_qa.checks.integrity.finite import IntegrityFinite
 from fedora_qa.checks.integrity.layout import IntegrityLayout
@@ -111,6 +112,7 @@ class CatalogueRow:
 
 _NEXT_EVENT_RGB: Final = partial(timestamps.next_event, index_map="rgb_to_event")
 _NEXT_EVENT_DEPTH: Final = partial(timestamps.next_event, index_map="depth_to_event")
+_NEXT_EVENT_MILLISECONDS: Final = partial(timestamps.next_event, index_map="ms_to_event")
 
 CATALOGUE: Final = (
     CatalogueRow(IntegrityLayout(), integrity.propose_layout, declarations.absent_stream),
@@ -129,6 +131,7 @@ CATALOGUE: Final = (
     CatalogueRow(ClocksResolution(), clocks.propose_resolution, timestamps.coarse_grid),
     CatalogueRow(IndexMapsRgb(), index_maps.propose_frame_to_event, _NEXT_EVENT_RGB),
     CatalogueRow(IndexMapsDepth(), index_maps.propose_frame_to_event, _NEXT_EVENT_DEPTH),
+    CatalogueRow(IndexMapsMilliseconds(), index_maps.propose_milliseconds, _NEXT_EVENT_MILLISECONDS),
     CatalogueRow(EventStreamBounds(), event_stream.propose_bounds, events.outside_of_the_sensor),
     CatalogueRow(EventStreamDuplicates(), event_stream.propose_duplicates, events.repeated),
     CatalogueRow(EventStreamGaps(), event_stream.propose_gaps, timestamps.gap_in_events),

@@ -74,6 +74,16 @@ def propose_frame_to_event(alarm: Alarm, facts: Facts) -> tuple[Hypothesis, ...]
     return tuple(hypotheses)
 
 
+def propose_milliseconds(alarm: Alarm, facts: Facts) -> tuple[Hypothesis, ...]:
+    """Return the causes of events whose timestamps changed after the map; none where the map itself is wrong.
+
+    The milliseconds are no stream, so that nothing but events can be late or fast.
+    """
+    hypotheses = propose_frame_to_event(alarm, facts)
+    is_of_events = only_feature(alarm.statistic.features, MapRule).rule in {"delayed_events", "drifting_events"}
+    return hypotheses[:1] if is_of_events else ()
+
+
 def _of_changed_timestamps(entries: WrongEntries) -> Iterator[Hypothesis]:
     """Yield the causes of timestamps of frames, or of events, that were changed after the map was made."""
     if entries.all_at_one_event:

@@ -23,6 +23,10 @@ DISTORTION_MODELS: Final = ("none", "radtan", "equidistant")
 """Models of a lens: radial-tangential and equidistant are those of OpenCV."""
 
 
+MS_TO_EVENT: Final = "metadata/ms_to_event"
+RECTIFY_MAP: Final = "metadata/rectify_map"
+
+
 @dataclass(frozen=True, slots=True)
 class DatasetSpec:
     """One dataset of the file.
@@ -127,6 +131,18 @@ _DATASETS: Final = (
 
 DATASETS: Final[Mapping[str, DatasetSpec]] = MappingProxyType({spec.key: spec for spec in _DATASETS})
 """Every dataset of the layout by its key, in the order of the file; of flow the usual rates. See ``spec_of``."""
+
+
+_BESIDE: Final = (
+    # Entry k counts the events with t < k ms, on the clock of the events as stored.
+    DatasetSpec(MS_TO_EVENT, "ms_to_event", "int64", ("T",), "1", SAMPLE_CHUNK_ROWS,
+                "index of the earliest event not before each millisecond; E where none is left"),
+    DatasetSpec(RECTIFY_MAP, "rectify_map", "float32", ("H_events", "W_events", 2), "px", 0,
+                "where the view of the depth camera has each pixel of the event camera (x right, y down)"),
+)  # fmt: skip
+"""Datasets that are no part of the layout, and are read and checked where a file or a dialect has them."""
+
+BESIDE: Final = tuple(spec.stream for spec in _BESIDE)
 
 
 def _camera(name: str) -> tuple[AttributeSpec, ...]:
@@ -255,7 +271,7 @@ def flow_stream_of(key: str) -> str:
 
 def is_dataset_key(key: str) -> bool:
     """Whether a key is that of a dataset of the layout, flow at any rate included."""
-    return key in DATASETS or bool(flow_stream_of(key))
+    return key in DATASETS or key in {spec.key for spec in _BESIDE} or bool(flow_stream_of(key))
 
 
 @lru_cache(maxsize=4096)
@@ -269,7 +285,7 @@ def spec_of(key: str) -> DatasetSpec:
     """
     if key in DATASETS:
         return DATASETS[key]
-    return {spec.key: spec for spec in _specs_of(flow_stream_of(key))}[key]
+    return {spec.key: spec for spec in (*_BESIDE, *_specs_of(flow_stream_of(key)))}[key]
 
 
 def is_timed(stream: str) -> bool:
@@ -307,7 +323,7 @@ def datasets_of_all(streams: Collection[str]) -> tuple[DatasetSpec, ...]:
 
 
 def _specs_of(stream: str) -> tuple[DatasetSpec, ...]:
-    usual = tuple(spec for spec in _DATASETS if spec.stream == stream)
+    usual = tuple(spec for spec in (*_DATASETS, *_BESIDE) if spec.stream == stream)
     return usual or (_flow_datasets(stream.removeprefix("flow/").removesuffix("hz")) if is_flow_stream(stream) else ())
 
 

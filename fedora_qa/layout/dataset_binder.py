@@ -11,7 +11,7 @@ import numpy as np
 from fedora_qa.causes import allowed
 from fedora_qa.layout.binding import Binding, instant_ns, rows_together
 from fedora_qa.layout.bounds import LARGEST_IMAGE_PIXELS, MOST_SAMPLES, require_bounded, unwritten_chunks
-from fedora_qa.layout.canonical import DatasetSpec
+from fedora_qa.layout.canonical import BESIDE, DatasetSpec
 from fedora_qa.layout.conversions import Conversion, depth_from_disparity
 from fedora_qa.layout.dialect import (
     DISPARITY_TO_DEPTH,
@@ -36,7 +36,7 @@ from fedora_qa.layout.stored_form import (
 )
 from fedora_qa.sources.source import OutsideRows, SourceError
 
-EXTRA_STREAMS: Final = ("depth_range",)
+EXTRA_STREAMS: Final = ("depth_range", *BESIDE)
 """Datasets of the layout that are declarations, not streams."""
 
 

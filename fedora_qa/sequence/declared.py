@@ -189,6 +189,8 @@ class Declared:
         Nearest and farthest valid depth, m.
     transfer
         Transfer curve of the colour frames.
+    rectify_map_px
+        (H, W, 2): where the view of the depth camera has each pixel of the event camera, px; None: nobody states it.
     profile
         The profile that the file keeps.
     sequence, world, illumination
@@ -208,6 +210,7 @@ class Declared:
     flow_model: Literal["rigid", "scene"] | None = None
     depth_range_m: tuple[float, float] | None = None
     transfer: Literal["linear", "srgb", "gamma2.2"] = "linear"
+    rectify_map_px: NDArray[np.float32] | None = None
     profile: str | None = None
     sequence: str = ""
     world: str = ""

@@ -7,7 +7,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from fedora_qa.conventions import NS_PER_S, NS_PER_US
+from fedora_qa.conventions import NS_PER_MS, NS_PER_S, NS_PER_US
 from fedora_qa.layout.binding import FARTHEST_TIMESTAMP_NS, INVALID_TIMESTAMP_NS
 from fedora_qa.layout.canonical import in_file_order
 from fedora_qa.layout.resolve import Layout
@@ -177,6 +177,32 @@ class IndexMap:
 
 
 @dataclass(frozen=True, slots=True)
+class MillisecondMap:
+    """A map from milliseconds to events.
+
+    Attributes
+    ----------
+    index_map
+        As stored, with its correct entries.
+    zero_ns
+        Instant of the first entry, ns from the file's origin.
+    """
+
+    index_map: IndexMap
+    zero_ns: int
+
+    @property
+    def instants_ns(self) -> Int64:
+        """(n,) instants of the entries, ns from the file's origin."""
+        return milliseconds_ns(len(self.index_map.stored), self.zero_ns)
+
+
+def milliseconds_ns(count: int, zero_ns: int) -> Int64:
+    """Return the instants (count,) of successive milliseconds, ns, from that of the first."""
+    return zero_ns + NS_PER_MS * np.arange(count, dtype=np.int64)
+
+
+@dataclass(frozen=True, slots=True)
 class Facts:
     """Facts of a file that need no window.
 
@@ -198,6 +224,8 @@ class Facts:
         Scan of the event timestamps; None without events.
     index_maps
         ``rgb_to_event`` and ``depth_to_event``, where they exist.
+    millisecond_map
+        From milliseconds to events; None where there is none.
     sizes
         Number of rows of each dataset by key.
     steps
@@ -214,6 +242,7 @@ class Facts:
     index_maps: Mapping[str, IndexMap]
     sizes: Mapping[str, int] = field(default_factory=dict)
     steps: Mapping[str, StoredStep] = field(default_factory=dict)
+    millisecond_map: MillisecondMap | None = None
 
     def to_file_us(self, time_ns: float) -> float:
         """Return a time from the origin, ns, as us on the file's own clock."""

@@ -13,7 +13,7 @@ from fedora_qa.conventions import FORMAT_NAME, STANDARD_GRAVITY_M_S2
 from fedora_qa.errors import UnreadableRowsError
 from fedora_qa.layout.binding import Binding, canonical_rows, stored_dataset
 from fedora_qa.layout.bounds import LARGEST_IMAGE_PIXELS
-from fedora_qa.layout.canonical import ATTRIBUTES, AttributeSpec, attributes_of, is_dataset_key
+from fedora_qa.layout.canonical import ATTRIBUTES, RECTIFY_MAP, AttributeSpec, attributes_of, is_dataset_key
 from fedora_qa.layout.dialect import DEPTH_RANGE, EVENT_MODEL, UNKNOWN
 from fedora_qa.layout.external_files import ExternalFiles
 from fedora_qa.layout.folder import OpenFolder
@@ -112,13 +112,15 @@ def read_declared(
             gravity=imu.get("gravity", STANDARD_GRAVITY_M_S2),
             sampling=imu.get("sampling", "instant"),
         )
+    cameras = reader.cameras(values)
     return Declared(
-        cameras=reader.cameras(values),
+        cameras=cameras,
         events=event_model,
         imu=imu_model,
         pose=None if pose is None else PoseModel(pose.get("position_sigma", 0.0), pose.get("rotation_sigma", 0.0)),
         flow_model=None if flow is None else flow.get("model", "rigid"),
         depth_range_m=reader.depth_range_m(),
+        rectify_map_px=reader.rectify_map_px(cameras.get("events")),
         transfer=(values["path/rgb"] or {}).get("transfer", "linear"),
         profile=root.get("profile"),
         sequence=root.get("sequence", ""),
@@ -271,6 +273,25 @@ class _Reader:
             self._problem("metadata", "depth_range", "unknown", message, impossible=impossible)
             return None
         return nearest, farthest
+
+    def rectify_map_px(self, events: Camera | None) -> NDArray[np.float32] | None:
+        """Return where the view of the depth camera has each pixel of the event camera, px, if stated."""
+        binding = self.layout.bindings.get(RECTIFY_MAP)
+        if binding is None or events is None:
+            return None
+        height, width = binding.shape[:2]
+        if (width, height) != (events.width, events.height):
+            message = (
+                f"Expected a place for each of the {events.width} x {events.height} pixels of the event camera, got "
+                f"{width} x {height}"
+            )
+            self._problem("metadata", "rectify_map", "wrong_shape", message)
+            return None
+        try:
+            return canonical_rows(self._holding(binding), binding, 0, binding.rows, 0).astype(np.float32)
+        except UnreadableRowsError as error:
+            self._problem("metadata", "rectify_map", "unknown", str(error))
+            return None
 
     def units(self) -> dict[str, str]:
         """Return the label ``units`` of each dataset that carries one."""

@@ -5,6 +5,7 @@ to it, which never decreases.
 """
 
 from collections.abc import Iterable, Mapping
+from contextlib import suppress
 from dataclasses import dataclass, field
 from typing import Final
 
@@ -12,8 +13,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fedora_qa.errors import UnreadableRowsError
-from fedora_qa.layout.canonical import FRAMES_OF_MAP, is_timed, timestamps_of
-from fedora_qa.sequence.facts import Clock, EventScan, EventStep, Facts, IndexMap, clock_of, has_place
+from fedora_qa.layout.canonical import FRAMES_OF_MAP, MS_TO_EVENT, is_timed, timestamps_of
+from fedora_qa.sequence.facts import (
+    Clock,
+    EventScan,
+    EventStep,
+    Facts,
+    IndexMap,
+    MillisecondMap,
+    clock_of,
+    has_place,
+    milliseconds_ns,
+)
 from fedora_qa.sequence.sequence import SequenceRows
 
 Int64 = NDArray[np.int64]
@@ -248,7 +259,13 @@ def scan(sequence: SequenceRows, cell_ns: int) -> Scan:
         for name, frames_ns in frame_timestamps.items()
         if definitions[name] == "nearest_event"
     }
-    tally = _EventTally(cell_ns, frame_timestamps, around=around)
+    milliseconds = sequence.layout.bindings.get(MS_TO_EVENT) if "events" in streams else None
+    instants_ns, zero_ns = dict(frame_timestamps), 0
+    if milliseconds is not None:
+        # Milliseconds count on the clock of the stored timestamps, to which an offset may belong.
+        zero_ns = sequence.layout.bindings[timestamps_of("events")].offset_ns - sequence.origin_ns
+        instants_ns[MS_TO_EVENT] = milliseconds_ns(milliseconds.rows, zero_ns)
+    tally = _EventTally(cell_ns, instants_ns, around=around)
     events: EventScan | None = None
     if "events" in streams:
         key = timestamps_of("events")
@@ -284,6 +301,13 @@ def scan(sequence: SequenceRows, cell_ns: int) -> Scan:
         stored = np.clip(stored, -FARTHEST_INDEX, FARTHEST_INDEX)
         left, right = tally.left.get(name, none_before), tally.right.get(name, none_before)
         index_maps[name] = _index_map(stored, left, right, tally.count, definitions[name], around.get(name))
+    millisecond_map: MillisecondMap | None = None
+    if milliseconds is not None:
+        with suppress(UnreadableRowsError):
+            stored = np.clip(sequence.rows(MS_TO_EVENT, 0, milliseconds.rows), -FARTHEST_INDEX, FARTHEST_INDEX)
+            none_before = np.zeros(milliseconds.rows, np.int64)
+            left, right = (counts.get(MS_TO_EVENT, none_before) for counts in (tally.left, tally.right))
+            millisecond_map = MillisecondMap(IndexMap(stored, left, right), zero_ns)
     origin_ns = sequence.origin_ns
     facts = Facts(
         layout=sequence.layout,
@@ -296,6 +320,7 @@ def scan(sequence: SequenceRows, cell_ns: int) -> Scan:
         events=events,
         index_maps=index_maps,
         sizes={key: binding.rows for key, binding in sequence.layout.bindings.items()},
+        millisecond_map=millisecond_map,
     )
     runs, cell_ns = _runs(facts, tally, cell_ns)
     return Scan(facts, runs, cell_ns, np.asarray(tally.block_first, dtype=np.int64))

@@ -57,7 +57,9 @@ def test_saved_and_read_again(found: CheckedRecord, tmp_path: Path) -> None:
 
 def test_frames(found: CheckedRecord) -> None:
     """Frames have a row for each result, finding and cause, and types that do not depend on what they hold."""
-    assert list(found.results["check"]) == ["clocks.order", "index_maps.rgb", "index_maps.depth"]
+    assert list(found.results["check"]) == [
+        "clocks.order", "index_maps.rgb", "index_maps.depth", "index_maps.milliseconds",
+    ]  # fmt: skip
     (finding,) = found.findings.to_dict("records")
     assert (finding["code"], finding["stream"], finding["index_start"]) == ("clocks.order.backward_steps", "imu", 21)
     assert found.diagnoses.loc[0, "cause"] == "unsorted"

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 import h5py
+import numpy as np
 import pytest
 
 from fedora_qa.catalogue import CHECKS
@@ -53,7 +54,11 @@ def handmade(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return write_handmade(tmp_path_factory.mktemp("canaries") / "whole.h5")
 
 
-@pytest.mark.parametrize("check", [name for name in CHECK_NAMES if name != "metadata.profile"])
+NOT_OF_THE_GENERATOR = {"metadata.profile", "index_maps.milliseconds"}
+"""Checks of what no file of the generator holds; each has a test of its own."""
+
+
+@pytest.mark.parametrize("check", [name for name in CHECK_NAMES if name not in NOT_OF_THE_GENERATOR])
 def test_check_sees_its_canary(check: str, park_proven: FileRecord, clean_sequence: CleanSequence) -> None:
     """A fault of three times the stated limit, or a gross one, makes the check fail.
 
@@ -90,6 +95,17 @@ def test_no_canary_where_a_check_could_not_tell(park_proven: FileRecord) -> None
     assert (canary.outcome, canary.reason) == ("not_planted", "it was not applicable on the file")
     assert by_check(park_proven)["images.channels"].reason == "it was not observable on the file"
     assert park_proven.verdict == "clean"
+
+
+def test_milliseconds_see_an_index_that_is_off(handmade: Path, tmp_path: Path) -> None:
+    """Where a file has a map from milliseconds, its check sees one that names the next event."""
+    path = tmp_path / "indexed.h5"
+    path.write_bytes(handmade.read_bytes())
+    with h5py.File(path, "r+") as file:
+        file["metadata/ms_to_event"] = np.searchsorted(file["path/events/t"][:], 1000 * np.arange(100))
+    record = proven(path, "index_maps.milliseconds")
+    assert [result.outcome for result in record.results] == ["passed"]
+    assert by_check(record)["index_maps.milliseconds"].outcome == "seen"
 
 
 def test_profile_sees_a_camera_of_another_size(handmade: Path, tmp_path: Path) -> None:

@@ -60,6 +60,7 @@ def sequence(tmp_path_factory: pytest.TempPathFactory) -> Any:
         for key in ("path/rgb", "path/depth", "path/flow/10hz", "path/flow/25hz", "path/flow/50hz"):
             stored = file[key]
             stored[:] = (stored[:] + random.uniform(1, 100, stored.shape)).astype(stored.dtype)
+        file["metadata/ms_to_event"] = np.searchsorted(file["path/events/t"][:], 1000 * np.arange(100))
     with open_sequence(path) as opened:
         yield opened
 

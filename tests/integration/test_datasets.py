@@ -64,7 +64,16 @@ LAYOUTS = {
         write_m3ed_folder,
         lambda _, path: write_m3ed_side(path),
         frozenset({"rgb", "depth", "events", "pose", "rgb_to_event", "depth_to_event"}),
-        frozenset({"index_maps.rgb", "index_maps.depth", "depth.consistency", "depth.scale", "alignment.events"}),
+        frozenset(
+            {
+                "index_maps.rgb",
+                "index_maps.depth",
+                "index_maps.milliseconds",
+                "depth.consistency",
+                "depth.scale",
+                "alignment.events",
+            }
+        ),
     ),
     "mvsec": Layout(
         "flying",
@@ -88,7 +97,7 @@ LAYOUTS = {
         write_vid2e_folder,
         write_shared_camera,
         frozenset({"rgb", "events"}),
-        frozenset({"event_response.threshold", "alignment.events"}),
+        frozenset({"index_maps.milliseconds", "event_response.threshold", "alignment.events"}),
     ),
     "purdue-lab": Layout(
         "log.hdf5",
@@ -195,10 +204,13 @@ def late(column: int, by: float) -> Callable[[Array], Array]:
 
 FAULTS: dict[str, tuple[str, str, Callable[[Array], Array], str, str]] = {
     "events of M3ED late by 3 ms": (
-        "m3ed", "falcon_data.h5:prophesee/left/t", lambda t: t + 3000, "index_maps.rgb", "unknown",
+        "m3ed", "falcon_data.h5:prophesee/left/t", lambda t: t + 3000, "index_maps.rgb", "time_offset",
     ),
     "a map of M3ED that is off by one": (
         "m3ed", "falcon_data.h5:ovc/ts_map_prophesee_left_t", lambda k: k + 1, "index_maps.rgb", "index_off_by_one",
+    ),
+    "a map of M3ED from milliseconds that is off by one": (
+        "m3ed", "falcon_data.h5:prophesee/left/ms_map_idx", lambda k: k + 1, "index_maps.milliseconds", "unknown",
     ),
     "depth of M3ED that is 2% too large": (
         "m3ed", "falcon_depth_gt.h5:depth/prophesee/left", lambda z: 1.02 * z, "depth.scale", "unknown",

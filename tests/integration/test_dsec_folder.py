@@ -83,6 +83,7 @@ def test_properties_of_a_sensor_are_no_faults(folder: Path, tmp_path: Path) -> N
             joined = np.concatenate([values, added[name].astype(values.dtype)])[order]
             del file[f"events/{name}"]
             file[f"events/{name}"] = joined // 1000 * 1000 if name == "t" else joined
+        file["ms_to_idx"][...] = np.searchsorted(file["events/t"][:], 1000 * np.arange(len(file["ms_to_idx"])))
     recorded = check(folder)
     assert recorded.verdict == "clean"
     assert recorded.inferred["events.grid_us"] == 1000
@@ -104,6 +105,9 @@ def test_a_correct_folder_is_clean(clean: Path, side: Path) -> None:
         for each in (record, more)
     ]
     assert asked[0] <= asked[1]
+    by_name = {result.check: result for result in record.results}
+    assert by_name["index_maps.milliseconds"].outcome == "passed"
+    assert "events.rectify_map" in {m.name for m in by_name["metadata.cameras"].measurements}
     projecting = {"alignment.depth", "alignment.events", "flow_photometric.residual", "flow_geometry.validity"}
     assert projecting <= asked[0]
     assert record.size == sum(path.stat().st_size for path in clean.rglob("*") if path.is_file())
@@ -147,9 +151,27 @@ def damage_an_image(folder: Path) -> None:
     path.write_bytes(bytes(content))
 
 
+def point_to_the_next_event(folder: Path) -> None:
+    with h5py.File(folder / "events/left/events.h5", "a") as file:
+        file["ms_to_idx"][5:] += 1
+
+
+def exchange_coordinates_of_the_map(folder: Path) -> None:
+    with h5py.File(folder / "events/left/rectify_map.h5", "a") as file:
+        file["rectify_map"][...] = file["rectify_map"][:][..., ::-1]
+
+
+def move_the_map(folder: Path) -> None:
+    with h5py.File(folder / "events/left/rectify_map.h5", "a") as file:
+        file["rectify_map"][...] += np.float32(0.5)
+
+
 @pytest.mark.parametrize(
     ("plant", "check_name", "cause"),
     [
+        (point_to_the_next_event, "index_maps.milliseconds", "unknown"),
+        (exchange_coordinates_of_the_map, "metadata.cameras", "unknown"),
+        (move_the_map, "metadata.cameras", "unknown"),
         (swap_components_of_flow, "flow_photometric.residual", "axes_swapped"),
         (halve_flow, "flow_photometric.residual", "flow_gain"),
         (write_nanoseconds, "clocks.unit", "time_unit"),

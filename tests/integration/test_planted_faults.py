@@ -47,6 +47,11 @@ def cut_depth_off(file: h5py.File) -> None:
         depth[frame] = np.where(np.isnan(depth[frame]), farthest_mm, depth[frame])
 
 
+def index_next_event(file: h5py.File) -> None:
+    times_us = file["path/events/t"][:]
+    file["metadata/ms_to_event"] = np.searchsorted(times_us, np.arange(int(times_us[-1]) // 1000) * 1000) + 1
+
+
 def promise_the_paper(file: h5py.File) -> None:
     file.attrs["profile"] = "fedora-paper"
 
@@ -68,6 +73,7 @@ PLANTED = {
     "clocks.resolution": Planted("quantised_time", "events", 1, "ms", within=0.0),
     "index_maps.rgb": Planted("index_off_by_one", "rgb_to_event", 1, within=0.0),
     "index_maps.depth": Planted("index_off_by_one", "depth_to_event", -2, within=0.0),
+    "index_maps.milliseconds": Planted("unknown", "events", edit=index_next_event),
     "event_stream.bounds": Planted("axes_swapped", "events"),
     "event_stream.duplicates": Planted("duplicated_samples", "events", 5, "ms"),
     "event_stream.gaps": Planted("dropped_samples", "events", 5, "ms", scene="fast-turn", start_s=0.5),

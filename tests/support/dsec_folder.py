@@ -63,9 +63,12 @@ def _events(file: h5py.File, folder: Path) -> None:
         milliseconds = np.arange(int(t[-1]) // 1000 + 1) * 1000
         written["ms_to_idx"] = np.searchsorted(t, milliseconds).astype(np.uint64)
         written["t_offset"] = np.int64(T_OFFSET_US)
-    height, width = (int(file["metadata/cameras/events"].attrs[side]) for side in ("height", "width"))
+    events, depth = (file[f"metadata/cameras/{name}"].attrs for name in ("events", "depth"))
+    width, height = int(events["width"]), int(events["height"])
+    pixels = np.dstack(np.meshgrid(np.arange(width), np.arange(height))).reshape(-1, 1, 2).astype(np.float32)
+    rectified = cv2.undistortPoints(pixels, events["K"], np.zeros(4), R=np.eye(3), P=depth["K"])
     with h5py.File(folder / "rectify_map.h5", "w") as written:
-        written["rectify_map"] = np.dstack(np.meshgrid(np.arange(width), np.arange(height))).astype(np.float32)
+        written["rectify_map"] = rectified.reshape(height, width, 2).astype(np.float32)
 
 
 def _images(file: h5py.File, folder: Path) -> None:

@@ -125,62 +125,114 @@ class _FrameToEvent(FactsCheck):
 
     def examine(self, facts: Facts) -> Observation:
         """Count entries that differ from the definition."""
-        index_map, events = facts.index_maps[self.stream], facts.events
-        # Rows beyond the shorter length have no counterpart; the coverage states them.
-        length = min(len(index_map.stored), len(index_map.expected_left))
-        coverage = Coverage(length, max(len(index_map.stored), len(index_map.expected_left)), "frames")
-        if events is None or events.unreadable:
-            return Observation(coverage, unobservable="event stamps cannot all be decoded, so that none can be counted")
-        if not length:
-            return Observation(coverage, unobservable="the map, or the stream of its frames, is empty")
-        wrong = np.flatnonzero(index_map.stored[:length] != index_map.expected_left[:length])
-        times_ns = facts.clocks[self.frames].times_ns
-        first = int(wrong[0]) if len(wrong) else None
-        features: list[Feature] = []
-        place = ""
-        if first is not None:
-            cut = IndexMap(
-                index_map.stored[:length], index_map.expected_left[:length], index_map.expected_right[:length]
-            )
-            expected = [other.expected_left for stream, other in facts.index_maps.items() if stream != self.stream]
-            other = expected[0][:length] if expected and len(expected[0]) >= length else None
-            text, rule = _rule_of(_StoredMap(cut, times_ns[:length], events.count, wrong, other))
-            left = cut.expected_left
-            features = [
-                rule,
-                WrongEntries(
-                    self.frames,
-                    ratio=len(wrong) / max(length, 1),
-                    begins_within=bool(wrong[0] > 1),
-                    reaches_end=bool(wrong[-1] == length - 1),
-                    all_at_one_event=length > 2 and len(np.unique(left[1:-1])) == 1,
-                ),
-            ]
-            reset = clock_reset(events)
-            if reset is not None and reset.covers(times_ns[wrong]):
-                features.append(reset)
-            place = (
-                f": {text}. Frame {first} points to event {index_map.stored[first]}, "
-                f"the first not before it is {index_map.expected_left[first]}"
-            )
-        wrong_entries = count_of_faults(
-            name="wrong_entries",
-            value=len(wrong),
-            unit="frames",
-            statement=f"{len(wrong)} of {len(index_map.stored)} entries of {self.stream} are wrong{place}.",
-            code=f"index_maps.{self.frames}.entry",
-            where=Where(
-                stream=self.stream,
-                frame=first,
-                index_start=first,
-                start_us=None if first is None else facts.to_file_us(float(times_ns[first])),
-            ),
-            features=tuple(features),
+        expected = [other.expected_left for stream, other in facts.index_maps.items() if stream != self.stream]
+        return map_observation(
+            facts,
+            facts.index_maps[self.stream],
+            facts.clocks[self.frames].times_ns,
+            MapWords(f"index_maps.{self.frames}", self.stream, self.frames, "frame"),
+            expected[0] if expected else None,
         )
-        return Observation(coverage, (wrong_entries,))
 
 
-def _rule_of(stored_map: _StoredMap) -> tuple[str, MapRule]:
+@dataclass(frozen=True, slots=True)
+class MapWords:
+    """Names in the statements about a map.
+
+    Attributes
+    ----------
+    check
+        Name of the check.
+    stream
+        Whose fault a wrong entry is.
+    instants
+        Stream of the instants that the map points from.
+    noun
+        What an entry belongs to.
+    """
+
+    check: str
+    stream: str
+    instants: str
+    noun: str
+
+
+def map_observation(
+    facts: Facts, index_map: IndexMap, times_ns: Int64, words: MapWords, other_expected: Int64 | None = None
+) -> Observation:
+    """Count the entries of a map that differ from its definition, and name the rule that they follow.
+
+    Parameters
+    ----------
+    facts
+        Of the file.
+    index_map
+        As stored, with its correct entries.
+    times_ns
+        (n,) instants that it points from, ns from the file's origin.
+    words
+        Names for the statements.
+    other_expected
+        Correct entries of the map of another camera, with which this one may have been exchanged; None without.
+
+    Returns
+    -------
+    Observation
+        One count, with the features ``MapRule`` and ``WrongEntries``.
+    """
+    events = facts.events
+    # Rows beyond the shorter length have no counterpart; the coverage states them.
+    length = min(len(index_map.stored), len(index_map.expected_left))
+    whole = max(len(index_map.stored), len(index_map.expected_left))
+    coverage = Coverage(length, whole, f"{words.noun}s")
+    if events is None or events.unreadable:
+        return Observation(coverage, unobservable="event stamps cannot all be decoded, so that none can be counted")
+    if not length:
+        return Observation(coverage, unobservable=f"the map, or the stream of its {words.noun}s, is empty")
+    wrong = np.flatnonzero(index_map.stored[:length] != index_map.expected_left[:length])
+    first = int(wrong[0]) if len(wrong) else None
+    features: list[Feature] = []
+    place = ""
+    if first is not None:
+        cut = IndexMap(index_map.stored[:length], index_map.expected_left[:length], index_map.expected_right[:length])
+        other = None if other_expected is None or len(other_expected) < length else other_expected[:length]
+        text, rule = _rule_of(_StoredMap(cut, times_ns[:length], events.count, wrong, other), words.noun)
+        left = cut.expected_left
+        features = [
+            rule,
+            WrongEntries(
+                words.instants,
+                ratio=len(wrong) / max(length, 1),
+                begins_within=bool(wrong[0] > 1),
+                reaches_end=bool(wrong[-1] == length - 1),
+                all_at_one_event=length > 2 and len(np.unique(left[1:-1])) == 1,
+            ),
+        ]
+        reset = clock_reset(events)
+        if reset is not None and reset.covers(times_ns[wrong]):
+            features.append(reset)
+        place = (
+            f": {text}. {words.noun.capitalize()} {first} points to event {index_map.stored[first]}, "
+            f"the first not before it is {index_map.expected_left[first]}"
+        )
+    wrong_entries = count_of_faults(
+        name="wrong_entries",
+        value=len(wrong),
+        unit=f"{words.noun}s",
+        statement=f"{len(wrong)} of {len(index_map.stored)} entries of {words.stream} are wrong{place}.",
+        code=f"{words.check}.entry",
+        where=Where(
+            stream=words.stream,
+            frame=first if words.noun == "frame" else None,
+            index_start=first,
+            start_us=None if first is None else facts.to_file_us(float(times_ns[first])),
+        ),
+        features=tuple(features),
+    )
+    return Observation(coverage, (wrong_entries,))
+
+
+def _rule_of(stored_map: _StoredMap, noun: str) -> tuple[str, MapRule]:
     """Return the rule that reproduces the wrong entries, in words and as a feature."""
     stored, wrong = stored_map.index_map.stored, stored_map.wrong
     left, right = stored_map.index_map.expected_left, stored_map.index_map.expected_right
@@ -197,7 +249,7 @@ def _rule_of(stored_map: _StoredMap) -> tuple[str, MapRule]:
     period_ms = 1e3 * float(np.median(np.diff(stored_map.frame_times_ns))) / NS_PER_S if len(left) > 1 else 0.0
     for frames in _NEIGHBOURS:
         rows = np.clip(np.arange(len(left)) + frames, 0, len(left) - 1)
-        text = f"they belong to the frame {abs(frames)} {'later' if frames > 0 else 'earlier'}"
+        text = f"they belong to the {noun} {abs(frames)} {'later' if frames > 0 else 'earlier'}"
         candidates.append((text, left[rows], MapRule("neighbouring_frame", -frames * period_ms)))
     fits = [
         (float(np.mean(stored == entries)), text, rule)

@@ -5,10 +5,11 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
+from numpy.typing import NDArray
 
 from fedora_qa.checks.protocol import FactsCheck, Notice, Observation, Statistic
 from fedora_qa.features import Feature
-from fedora_qa.geometry.lens import border_pixels, rays_of_pixels
+from fedora_qa.geometry.lens import border_pixels, pixels_of_rays, rays_of_pixels
 from fedora_qa.record.types import Coverage, Where
 from fedora_qa.sequence.declared import Camera
 from fedora_qa.sequence.facts import Facts
@@ -60,7 +61,8 @@ class MetadataCameras(FactsCheck):
     """Are the declared cameras possible, and do they fit the images?
 
     For each camera the departures of K from its form and of T_body_camera from a rigid motion, the size against that
-    of the images, and how far the centres of depth and events lie apart.
+    of the images, and how far the centres of depth and events lie apart. Where there is a map that rectifies events:
+    the largest distance (px) of its entries from where the cameras put them.
 
     Why it matters
     --------------
@@ -73,24 +75,29 @@ class MetadataCameras(FactsCheck):
     of the images; T_body_camera is a rotation of determinant +1 with a last row 0 0 0 1. Depth and events share one
     centre, as the paper has it. A principal point outside of its image is that of a crop: the camera must then see some
     of the directions that another camera with the same axes sees. A declared distortion must be one-to-one over the
-    whole image: pixels on its border that no ray reaches are counted. Noted as unusual: such a crop, principal points
+    whole image: pixels on its border that no ray reaches are counted. An entry of ``rectify_map`` is the place of a
+    pixel of the event camera in the view of the depth camera: its ray through the lens, turned by ``R_view^T R_events``
+    and projected there. All entries are compared. Noted as unusual: such a crop, principal points
     of another convention than (W-1)/2, pixels that are not square, cameras without any rotation, cameras farther than
     10 m from the body.
 
     Noise model
     -----------
     Matrices may have been float32 on their way: 2^-24 an entry, three products and a sum of R^T R, with a margin of
-    four, is the 1e-6 that is allowed. Everything else is exact.
+    four, is the 1e-6 that is allowed. Entries of a map are rounded to float32. Everything else is exact.
 
     Cannot see
     ----------
     Whether K and T_body_camera are the ones that the images were made with: ``flow_geometry``, ``flow_photometric``,
     ``depth.consistency`` and ``alignment`` measure that, and whether the distortion is that of the lens. Camera models
-    other than the pinhole with radial-tangential or equidistant distortion are not looked into.
+    other than the pinhole with radial-tangential or equidistant distortion are not looked into. A map and a calibration
+    that are wrong alike.
 
     Sources
     -------
     The canonical layout, version 1.0 (Pixels, Extrinsics); R. Hartley, A. Zisserman, "Multiple View Geometry", 6.1.
+    DSEC (dsec.ifi.uzh.ch/data-format; ``scripts/dataset/sequence.py`` of github.com/uzh-rpg/DSEC): the rectified place
+    of an event at (x, y) is rectify_map[y, x].
     """
 
     name = "metadata.cameras"
@@ -129,6 +136,9 @@ class MetadataCameras(FactsCheck):
                            text=f"the centres of the depth and event cameras are {apart_m:.6g} m apart; they must be "
                            "one point, or depth says nothing about events")
             )  # fmt: skip
+
+        if facts.declared.rectify_map_px is not None and {"depth", "events"} <= cameras.keys():
+            statistics += _of_rectify_map(facts.declared.rectify_map_px, cameras["events"], cameras["depth"])
 
         # What is legal but unusual.
         notices: list[Notice] = []
@@ -208,6 +218,38 @@ def _of_camera(name: str, camera: Camera, facts: Facts) -> Iterator[Statistic]:
     # A determinant's sign changes by 2.
     yield _statistic(f"{name}.T_body_camera_handedness", handedness, "1", expected=1.0, resolution=2.0,
                      text=f"T_body_camera of the {name} camera mirrors: its determinant is not +1")  # fmt: skip
+
+
+def _of_rectify_map(map_px: NDArray[np.float32], events: Camera, view: Camera) -> Iterator[Statistic]:
+    """Yield by how much a map of the event camera's pixels differs from what both cameras are declared to see."""
+    if events.model != "pinhole" or view.model != "pinhole":
+        return
+    columns, rows = np.meshgrid(np.arange(events.width), np.arange(events.height))
+    x, y = rays_of_pixels(events.K, events.lens, columns, rows)
+    # A direction of the event camera in the axes of the view: R_view_events = R_body_view^T R_body_events.
+    R_view_events = view.T_body_camera[:3, :3].T @ events.T_body_camera[:3, :3]
+    ahead_x, ahead_y, ahead = R_view_events @ np.stack([x, y, np.ones_like(x)]).reshape(3, -1)
+    ahead[~(ahead > 0)] = np.nan
+    expected_px = np.stack(pixels_of_rays(view.K, view.lens, ahead_x / ahead, ahead_y / ahead), axis=-1)
+    expected_px = expected_px.reshape(map_px.shape)
+    defined, expected = np.isfinite(map_px).all(axis=-1), np.isfinite(expected_px).all(axis=-1)
+    odd = int(np.count_nonzero(defined != expected))
+    yield _statistic("events.rectify_map_defined", float(odd), "px", resolution=1.0,
+                     text=f"rectify_map and the declared cameras disagree about which of the {defined.size} pixels of "
+                     f"the event camera have a place in the view of depth, in {odd} of them")  # fmt: skip
+    both = defined & expected
+    if not np.any(both):
+        return
+    off_px = np.zeros(both.shape)
+    off_px[both] = np.linalg.norm(map_px[both] - expected_px[both], axis=1)
+    row, column = (int(index) for index in np.unravel_index(np.argmax(off_px), off_px.shape))
+    worst_px = float(off_px[row, column])
+    yield _statistic("events.rectify_map", worst_px, "px",
+                     # Both coordinates are rounded to float32, by half a unit in the last place each.
+                     model_error_bound=float(np.spacing(np.abs(map_px[both]).max())),
+                     text=f"rectify_map differs from the declared cameras by up to {worst_px:.4g} px, at column "
+                     f"{column} and row {row}, and by {np.median(off_px[both]):.4g} px at half of the pixels; is it of "
+                     "this calibration, x before y, and from the event camera to the view of depth?")  # fmt: skip
 
 
 def _centre_and_size(camera: Camera) -> tuple[tuple[float, int], tuple[float, int]]:

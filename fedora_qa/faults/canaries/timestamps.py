@@ -92,7 +92,7 @@ def next_event(conditions: CanaryConditions, index_map: str) -> Fault:
     conditions
         The file.
     index_map
-        Name of the index map: ``rgb_to_event`` or ``depth_to_event``.
+        Name of the index map: ``rgb_to_event``, ``depth_to_event`` or ``ms_to_event``.
 
     Returns
     -------

@@ -1,7 +1,10 @@
 """Index maps are held exactly, and deviations are named."""
 
 from dataclasses import replace
+from pathlib import Path
+from typing import Any
 
+import h5py
 import numpy as np
 import pytest
 
@@ -10,7 +13,9 @@ from fedora_qa.checks.index_maps.depth import IndexMapsDepth
 from fedora_qa.checks.index_maps.rgb import IndexMapsRgb
 from fedora_qa.judgement.judge import Judged, judge
 from fedora_qa.sequence.facts import Facts
+from tests.support.checked import diagnoses_of, run_check
 from tests.support.facts import exact_facts, with_map
+from tests.support.handmade import write_handmade
 
 CLEAN = exact_facts()
 LEFT = CLEAN.index_maps["rgb_to_event"].expected_left
@@ -84,6 +89,31 @@ def test_the_other_cameras_map_is_named() -> None:
     maps["rgb_to_event"] = replace(maps["rgb_to_event"], stored=later)
     alarm = judged("rgb_to_event", replace(CLEAN, index_maps=maps)).alarms[0]
     assert "the other camera" in alarm.finding.message
+
+
+@pytest.mark.parametrize(
+    ("change", "words", "cause"),
+    [
+        (lambda left: left, "", ""),
+        (lambda left: left + 2, "they are off by +2", "unknown"),
+        (lambda left: np.where(left > 0, left - 1, 0), "they are off by -1", "unknown"),
+        (lambda left: left + 2 * EVENTS_PER_MS + left % 7, "events that are +2", "time_offset"),
+    ],
+)
+def test_milliseconds_are_held_to_their_own_instants(change: Any, words: str, cause: str, tmp_path: Path) -> None:
+    """Entry k counts the events before k ms of the stored clock, whatever frames there are."""
+    path = write_handmade(tmp_path / "milliseconds.h5")
+    with h5py.File(path, "a") as file:
+        times_us = np.arange(0, 100_000)
+        for name, values in {"t": times_us, "x": times_us % 16, "y": times_us % 12, "p": times_us % 2}.items():
+            kept = file[f"path/events/{name}"].dtype
+            del file[f"path/events/{name}"]
+            file[f"path/events/{name}"] = values.astype(kept)
+        file["metadata/ms_to_event"] = change(np.arange(90) * EVENTS_PER_MS)
+    result = run_check(path, "index_maps.milliseconds")
+    assert result.outcome == ("failed" if words else "passed")
+    assert all(words in finding.message and "Millisecond" in finding.message for finding in result.findings)
+    assert [diagnosis.cause for diagnosis in diagnoses_of(path, "index_maps.milliseconds")] == [cause] * bool(words)
 
 
 def test_maps_of_no_frame_are_not_judged() -> None:

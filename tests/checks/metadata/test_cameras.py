@@ -3,6 +3,7 @@
 from collections.abc import Callable
 from pathlib import Path
 
+import cv2
 import h5py
 import numpy as np
 import pytest
@@ -12,6 +13,7 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from fedora_qa.checks.metadata.cameras import MetadataCameras
+from fedora_qa.engine.run import CheckOptions, check_file
 from fedora_qa.judgement.judge import exceeds_limit
 from fedora_qa.judgement.tolerances import tolerance_for
 from fedora_qa.layout.resolve import Layout
@@ -133,6 +135,50 @@ def test_unusual_cameras_are_noted(path: Path, name: str, change: Change, rule: 
     change_matrix(path, "rgb", name, change)
     result = run_check(path, "metadata.cameras")
     assert (result.outcome, rules(result)) == ("warned", [rule])
+
+
+def rectify_map(path: Path, lens: list[float], turn: Floats) -> Floats:
+    """Give the events of the handmade file a lens and turn them; return OpenCV's map to the view of depth."""
+    with h5py.File(path, "r+") as file:
+        events, depth = (file[f"metadata/cameras/{name}"].attrs for name in ("events", "depth"))
+        events.update({"distortion_model": "radtan", "distortion": np.array(lens)})
+        T_body_events = events["T_body_camera"].copy()
+        T_body_events[:3, :3] = depth["T_body_camera"][:3, :3] @ turn
+        events["T_body_camera"] = T_body_events
+        width, height = int(events["width"]), int(events["height"])
+        pixels = np.dstack(np.meshgrid(np.arange(width), np.arange(height))).astype(np.float64)
+        rectified = cv2.undistortPoints(pixels.reshape(-1, 1, 2), events["K"], np.array(lens), R=turn, P=depth["K"])
+    return np.asarray(rectified.reshape(height, width, 2).astype(np.float32))
+
+
+@pytest.mark.parametrize(
+    ("change", "broken"),
+    [
+        (lambda px: px, []),
+        (lambda px: px + np.float32(0.03), ["immaterial"]),
+        (lambda px: px + np.float32(0.1), ["rectify_map"]),
+        (lambda px: px[..., ::-1], ["rectify_map"]),
+        (lambda px: px + np.float32(3) * (np.arange(16)[:, None] == 7), ["rectify_map"]),
+        (lambda px: np.where(px < 0, np.float32(np.nan), px), ["rectify_map_defined"]),
+    ],
+    ids=["right", "immaterial", "moved", "y before x", "one column", "holes"],
+)
+def test_a_map_that_rectifies_is_held_to_lens_and_rotation(path: Path, change: Change, broken: list[str]) -> None:
+    """What OpenCV computes of the calibration passes; a tenth of a pixel, wherever it lies, does not."""
+    turn = Rotation.from_rotvec([0.02, -0.03, 0.1]).as_matrix()
+    map_px = rectify_map(path, [-0.08, 0.02, 1e-3, -2e-3], turn)
+    with h5py.File(path, "r+") as file:
+        file["metadata/rectify_map"] = change(map_px)
+    result = check_file(path, CheckOptions(select=("metadata.cameras",), profile="release", evidence=None)).record
+    assert rules(result.results[0]) == broken
+
+
+def test_a_map_of_another_sensor_is_named(path: Path) -> None:
+    """A map of another size says nothing about the pixels of this camera."""
+    with h5py.File(path, "r+") as file:
+        file["metadata/rectify_map"] = np.zeros((12, 20, 2), np.float32)
+    (finding,) = run_check(path, "metadata.complete").findings
+    assert "16 x 12 pixels" in finding.message
 
 
 @given(
