@@ -148,6 +148,7 @@ def _curves(declared: str) -> tuple[str, ...]:
 
 
 _TOO_FEW: Final = "too few pairs of frames at which events tell a pixel's level (slow motion, little texture, or dark)"
+_ALIKE: Final = "the channels of the frames are alike, as in grey images, so that their weights cannot be told apart"
 
 
 class ColourCheck(WindowCheck[ColourSums]):
@@ -175,6 +176,9 @@ class ColourCheck(WindowCheck[ColourSums]):
             return Observation(coverage, unobservable=_TOO_FEW)
         linear = declared.model == "linear"
         fits = [fit_colours(blocks, with_exponent=False) for blocks in by_curve]
+        # Channels that are one another's multiples have no weights of their own, by any curve.
+        if any(np.isnan(fit.variance) for fit in fits):
+            return Observation(coverage, unobservable=_ALIKE)
         best = int(np.argmin([fit.variance for fit in fits]))
         if not fits[best].unexplained < UNRELATED:
             why = (
