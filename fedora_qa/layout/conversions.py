@@ -22,6 +22,7 @@ ConversionName = Literal[
     "disparity16",
     "matrix4",
     "until_next",
+    "turned",
     "event_not_before",
     "event_before",
     "event_after",
@@ -49,6 +50,8 @@ class Conversion:
         Stored value that stands for an invalid pixel.
     T_posed_body
         (4, 4), from the body to the frame whose transformations are stored; empty: it is the body.
+    R_body_sensor
+        (3, 3), from the axes of a sensor to those of the body.
     depth_from_disparity
         (a, b, c, e): ``Z = (a d + b) / (c d + e)``, m, for a disparity d in px.
     """
@@ -57,6 +60,7 @@ class Conversion:
     invert: bool = False
     invalid: float | None = None
     T_posed_body: tuple[tuple[float, ...], ...] = ()
+    R_body_sensor: tuple[tuple[float, ...], ...] = ()
     depth_from_disparity: tuple[float, float, float, float] = (0.0, 1.0, 1.0, 0.0)
 
 
@@ -86,6 +90,9 @@ def converted(raw: NDArray[Any], key: str, conversion: Conversion) -> NDArray[An
         with np.errstate(divide="ignore", invalid="ignore"):
             depth_m = (a * disparity_px + b) / (c * disparity_px + e)
         return np.where(disparity_px > 0, depth_m, np.float32(np.nan))
+    if conversion.name == "turned":
+        # v_body = R_body_sensor v_sensor, for rows.
+        return np.asarray(raw.astype(np.float64) @ np.asarray(conversion.R_body_sensor).T)
     if conversion.name == "matrix4":
         return _part_of_pose(raw.astype(np.float64), key, conversion)
     return raw

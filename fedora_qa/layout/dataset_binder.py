@@ -17,6 +17,7 @@ from fedora_qa.layout.dialect import (
     DISPARITY_TO_DEPTH,
     NS_PER_TIME_UNIT,
     QUATERNION_COLUMNS,
+    T_BODY_IMU,
     T_POSED_BODY,
     DatasetPlace,
     Dialect,
@@ -35,6 +36,9 @@ from fedora_qa.layout.stored_form import (
     require_shape,
 )
 from fedora_qa.sources.source import OutsideRows, SourceError
+
+_RIGID: Final = 1e-4
+"""Largest departure of R^T R from the identity: calibrations in text have six digits or so."""
 
 EXTRA_STREAMS: Final = ("depth_range", *BESIDE)
 """Datasets of the layout that are declarations, not streams."""
@@ -242,6 +246,8 @@ class DatasetBinder:
         conversion = Conversion(place.convert, place.invert, place.invalid)
         if place.convert == "matrix4":
             return replace(conversion, T_posed_body=self._posed_body())
+        if place.convert == "turned":
+            return replace(conversion, R_body_sensor=self._body_imu())
         if place.convert not in {"disparity", "disparity16"}:
             return conversion
         made = self.supplied.get(DISPARITY_TO_DEPTH)
@@ -253,6 +259,15 @@ class DatasetBinder:
             message = f"Expected {DISPARITY_TO_DEPTH} as the matrix Q of OpenCV (4 x 4), got another"
             raise RefusedError("undeclared", "unknown", message)
         return replace(conversion, depth_from_disparity=coefficients)
+
+    def _body_imu(self) -> tuple[tuple[float, ...], ...]:
+        """Return the rotation from the axes of the IMU to those of the body; raises ``RefusedError``."""
+        made = self.supplied.get(T_BODY_IMU)
+        matrix = np.empty(0) if made is None or made.problem else np.asarray(made.value, np.float64)
+        if matrix.shape != (4, 4) or not np.allclose(matrix[:3, :3].T @ matrix[:3, :3], np.eye(3), atol=_RIGID):
+            message = f"Expected {T_BODY_IMU} as a rigid transformation (4 x 4), got another; supply it (--metadata)"
+            raise RefusedError("undeclared", "unknown", message)
+        return tuple(tuple(map(float, row)) for row in matrix[:3, :3])
 
     def _posed_body(self) -> tuple[tuple[float, ...], ...]:
         """Return the transformation from the body to the frame whose poses are stored; empty where none is declared."""

@@ -63,11 +63,18 @@ DISPARITY_TO_DEPTH: Final = "metadata/disparity_to_depth"
 T_POSED_BODY: Final = "metadata/T_posed_body"
 """Not part of the layout: (4, 4), from the body to the frame whose poses are stored, where that is another one."""
 
+T_BODY_IMU: Final = "metadata/T_body_imu"
+"""Not part of the layout: (4, 4), from the IMU to the body, where what it measures is stored in axes of its own."""
+
+VERTICAL: Final = "metadata/vertical"
+"""Not part of the layout: ``unknown`` where Z of the world need not point up."""
+
 _POSE: Final = "path/pose"
 """Stands for position, orientation and timestamps, the latter at the path ``timestamps`` of the same file."""
 
 METADATA_KEYS: Final = frozenset(
-    {f"{owner}/{name}".lstrip("/") for owner, name in ATTRIBUTES} | {DEPTH_RANGE, DISPARITY_TO_DEPTH, T_POSED_BODY}
+    {f"{owner}/{name}".lstrip("/") for owner, name in ATTRIBUTES}
+    | {DEPTH_RANGE, DISPARITY_TO_DEPTH, T_BODY_IMU, T_POSED_BODY, VERTICAL}
 )
 """What a dialect or a side file may declare."""
 
@@ -78,6 +85,7 @@ Constant = str | int | float | tuple[float, ...] | tuple[tuple[float, ...], ...]
 _CONVERTED: Final[Mapping[str, Callable[[DatasetSpec], bool]]] = {
     "chw": lambda spec: spec.is_image and len(spec.shape) == 4,
     "until_next": lambda spec: spec.is_timestamps and len(spec.shape) == 2,
+    "turned": lambda spec: spec.stream == "imu" and not spec.is_timestamps,
     **dict.fromkeys(MAP_DEFINITIONS, lambda spec: spec.stream in FRAMES_OF_MAP),
 }
 """Of which datasets a conversion makes sense, where it does not of most."""
@@ -153,6 +161,7 @@ class DatasetPlace:
         ``metadata/disparity_to_depth``, 0 invalid; ``disparity16``: the same from 16 bits, v / 256 px. ``chw``: the
         channels of an image come first. ``matrix4``: (4, 4) transformations, of which the dataset is a part.
         ``until_next``: intervals from each instant to the next; what the stream holds for the last one is left out.
+        ``turned``: samples of an IMU in axes of its own, which ``metadata/T_body_imu`` takes to those of the body.
         ``event_not_before``, ``event_before``, ``event_after``, ``nearest_event``: what an index map names
         (``conversions.MapDefinition``).
     invert
@@ -439,6 +448,8 @@ def _require_known(metadata: Mapping[str, Declaration]) -> None:
             raise MisuseError(f"metadata.{key}: Expected a key such as metadata/cameras/events/K, got {key!r}")
         if key == KIND and value not in {"recorded", "synthetic"}:
             raise MisuseError(f"metadata.kind: Expected recorded or synthetic, got {value!r}")
+        if key == VERTICAL and value != UNKNOWN:
+            raise MisuseError(f"{VERTICAL.replace('/', '.')}: Expected unknown, got {value!r}; or leave it out")
 
 
 Form = Literal["hdf5", "images", "text", "array", "document"]

@@ -28,7 +28,7 @@ from fedora_qa.layout.canonical import (
 )
 from fedora_qa.layout.dataset_binder import EXTRA_STREAMS, BrokenDatasetError, DatasetBinder, LayoutProblem
 from fedora_qa.layout.detect import declares_fedora, detect_dialect
-from fedora_qa.layout.dialect import KIND, DialectChoice, split_choice
+from fedora_qa.layout.dialect import KIND, T_BODY_IMU, DialectChoice, split_choice
 from fedora_qa.layout.external_files import ExternalFiles
 from fedora_qa.layout.folder import OpenFolder
 from fedora_qa.layout.links import RefusedError, damaged_name, find_object, has_group, names_in
@@ -205,6 +205,11 @@ class _Finder:
         unplaced = [spec.key for spec in specs if not self.binder.has_place(spec.key)]
         if unplaced:
             self.absent[stream] = f"the dialect {self.dialect.name} has no place for {', '.join(unplaced)}"
+            return
+        mount = self.binder.supplied.get(T_BODY_IMU)
+        if (mount is None or mount.problem) and any(self.binder.place(spec.key).convert == "turned" for spec in specs):
+            # What a sensor measures in unknown axes can be compared with nothing.
+            self.absent[stream] = f"nobody states {T_BODY_IMU}, by which its axes are those of the body"
             return
         try:
             datasets = {spec.key: self.binder.dataset(spec) for spec in specs}

@@ -183,6 +183,10 @@ class Declared:
         The event sensor.
     imu, pose
         The IMU, and the noise of the poses.
+    imu_lever_body_m
+        (3,) where the IMU sits in the body, m.
+    has_vertical
+        Whether Z of the world points up.
     flow_model
         ``rigid`` where nothing moves by itself, ``scene`` where objects may.
     depth_range_m
@@ -207,6 +211,8 @@ class Declared:
     events: EventModel | None = None
     imu: ImuModel | None = None
     pose: PoseModel | None = None
+    imu_lever_body_m: tuple[float, ...] = (0.0, 0.0, 0.0)
+    has_vertical: bool = True
     flow_model: Literal["rigid", "scene"] | None = None
     depth_range_m: tuple[float, float] | None = None
     transfer: Literal["linear", "srgb", "gamma2.2"] = "linear"

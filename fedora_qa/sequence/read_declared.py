@@ -14,7 +14,7 @@ from fedora_qa.errors import UnreadableRowsError
 from fedora_qa.layout.binding import Binding, canonical_rows, stored_dataset
 from fedora_qa.layout.bounds import LARGEST_IMAGE_PIXELS
 from fedora_qa.layout.canonical import ATTRIBUTES, RECTIFY_MAP, AttributeSpec, attributes_of, is_dataset_key
-from fedora_qa.layout.dialect import DEPTH_RANGE, EVENT_MODEL, UNKNOWN
+from fedora_qa.layout.dialect import DEPTH_RANGE, EVENT_MODEL, T_BODY_IMU, UNKNOWN, VERTICAL
 from fedora_qa.layout.external_files import ExternalFiles
 from fedora_qa.layout.folder import OpenFolder
 from fedora_qa.layout.links import READ_ERRORS, RefusedError, find_object
@@ -118,6 +118,8 @@ def read_declared(
         events=event_model,
         imu=imu_model,
         pose=None if pose is None else PoseModel(pose.get("position_sigma", 0.0), pose.get("rotation_sigma", 0.0)),
+        imu_lever_body_m=_lever_m(layout),
+        has_vertical=VERTICAL not in layout.supplied,
         flow_model=None if flow is None else flow.get("model", "rigid"),
         depth_range_m=reader.depth_range_m(),
         rectify_map_px=reader.rectify_map_px(cameras.get("events")),
@@ -130,6 +132,14 @@ def read_declared(
         units=reader.units(),
         problems=tuple(reader.problems),
     )
+
+
+def _lever_m(layout: Layout) -> tuple[float, ...]:
+    """Return where the IMU sits in the body, m; a matrix that is none has been refused with the stream."""
+    made = layout.supplied.get(T_BODY_IMU)
+    if made is None or made.problem or "imu" not in layout.streams:
+        return 0.0, 0.0, 0.0
+    return tuple(np.asarray(made.value, np.float64)[:3, 3].tolist())
 
 
 class _Reader:

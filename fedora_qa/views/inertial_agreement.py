@@ -11,6 +11,7 @@ from fedora_qa.estimators.fitting.grouped_fit import group_of
 from fedora_qa.estimators.imu.conventions import InertialConvention, explain_forces, explain_rates
 from fedora_qa.estimators.imu.samples import InertialNoise, InertialSamples
 from fedora_qa.estimators.imu.sequence_fit import ROTATION, TRANSLATION, fit_inertial
+from fedora_qa.estimators.imu.specific_force import upright
 from fedora_qa.estimators.imu.summary import InertialFit
 from fedora_qa.features import Feature
 from fedora_qa.record.types import Coverage
@@ -183,8 +184,9 @@ def streams_of(state: Sequence[WindowMotion], facts: Facts) -> InertialStreams |
     streams = cache.streams if cache.facts is facts else None
     if streams is None or not (_are_equal(streams.poses, poses) and _are_equal(streams.imu, imu)):
         model = imu_model(facts, imu)
+        samples = inertial_samples(imu, poses, model).at_lever(np.array(facts.declared.imu_lever_body_m))
         streams = InertialStreams(
-            samples=inertial_samples(imu, poses, model),
+            samples=samples if facts.declared.has_vertical else upright(samples),
             noise=inertial_noise(model, pose_model(facts, poses), imu, poses),
             poses=poses,
             imu=imu,

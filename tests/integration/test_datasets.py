@@ -63,7 +63,7 @@ LAYOUTS = {
         "lens",
         write_m3ed_folder,
         lambda _, path: write_m3ed_side(path),
-        frozenset({"rgb", "depth", "events", "pose", "rgb_to_event", "depth_to_event"}),
+        frozenset({"rgb", "depth", "events", "imu", "pose", "rgb_to_event", "depth_to_event"}),
         frozenset(
             {
                 "index_maps.rgb",
@@ -72,6 +72,9 @@ LAYOUTS = {
                 "depth.consistency",
                 "depth.scale",
                 "alignment.events",
+                "imu.rotation",
+                "imu.translation",
+                "imu.timing",
             }
         ),
     ),
@@ -80,8 +83,18 @@ LAYOUTS = {
         "pinhole",
         write_mvsec_folder,
         lambda _, path: write_mvsec_side(path),
-        frozenset({"rgb", "depth", "events", "pose", "flow/20hz", "rgb_to_event"}),
-        frozenset({"index_maps.rgb", "flow_geometry.endpoint", "depth.scale", "alignment.events"}),
+        frozenset({"rgb", "depth", "events", "imu", "pose", "flow/20hz", "rgb_to_event"}),
+        frozenset(
+            {
+                "index_maps.rgb",
+                "flow_geometry.endpoint",
+                "depth.scale",
+                "alignment.events",
+                "imu.rotation",
+                "imu.translation",
+                "imu.timing",
+            }
+        ),
     ),
     "v2e": Layout(
         "video.h5",
@@ -215,6 +228,16 @@ FAULTS: dict[str, tuple[str, str, Callable[[Array], Array], str, str]] = {
     "depth of M3ED that is 2% too large": (
         "m3ed", "falcon_depth_gt.h5:depth/prophesee/left", lambda z: 1.02 * z, "depth.scale", "unknown",
     ),
+    "an IMU of M3ED that is late by 3.3 ms": (
+        "m3ed", "falcon_data.h5:ovc/imu/ts", lambda t: t + 3300, "imu.timing", "time_offset",
+    ),
+    "an IMU of M3ED whose calibration is inverted": (
+        "m3ed", "falcon_data.h5:ovc/imu/calib/T_to_prophesee_left", np.linalg.inv, "imu.rotation", "other_sequence",
+    ),
+    "an IMU of MVSEC with angular velocity first": (
+        "mvsec", "flying1_data.hdf5:davis/left/imu", lambda rows: rows[:, [3, 4, 5, 0, 1, 2]], "imu.rotation",
+        "other_sequence",
+    ),
     "poses of M3ED that are inverted": (
         "m3ed", "falcon_pose_gt.h5:Cn_T_C0", np.linalg.inv, "depth.consistency", "other_sequence",
     ),
@@ -260,3 +283,28 @@ def test_a_planted_fault_is_found(
     assert record.verdict == "findings"
     assert check_name in outcomes(record, "failed")
     assert cause in {diagnosis.cause for diagnosis in record.diagnoses}
+
+
+def test_what_a_real_sensor_has_is_stated_and_not_judged(stand_ins: dict[str, Path], tmp_path: Path) -> None:
+    """Biases of a recorded IMU that nobody declared are properties; of a synthetic one they are faults."""
+    copy = Path(shutil.copytree(stand_ins["m3ed"], tmp_path / "falcon"))
+    altered(copy / "falcon_data.h5", "ovc/imu/omega", lambda rows: rows + np.array([0.01, 0.0, 0.0]))
+    select = ("imu.rotation",)
+    record = check_file(copy, CheckOptions(select=select, profile="release", evidence=None)).record
+    assert outcomes(record, "passed") == {"imu.rotation"}
+    biases = [record.inferred[f"imu.gyro_bias_{axis}_rad_s"] for axis in "xyz"]
+    assert np.linalg.norm(np.array(biases, np.float64)) == pytest.approx(0.01, rel=0.01)
+    side = tmp_path / "side.toml"
+    side.write_text('[metadata]\nkind = "synthetic"\n')
+    options = CheckOptions(select=select, dialect=load_choice(None, str(side)), profile="release", evidence=None)
+    assert outcomes(check_file(copy, options).record, "failed") == {"imu.rotation"}
+
+
+def test_an_imu_in_unknown_axes_is_left_out(stand_ins: dict[str, Path], tmp_path: Path) -> None:
+    """Without the calibration nothing can be said of the IMU, and nothing is."""
+    copy = Path(shutil.copytree(stand_ins["mvsec"], tmp_path / "flying"))
+    next(copy.glob("camchain-*")).unlink()
+    with open_sequence(copy) as sequence:
+        assert "imu" not in sequence.layout.streams
+        assert "metadata/T_body_imu" in sequence.layout.absent["imu"]
+        assert not sequence.layout.problems

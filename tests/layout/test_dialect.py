@@ -85,10 +85,13 @@ def test_own_dialect_can_build_on_the_canonical_one(tmp_path: Path) -> None:
         (MINIMAL + '"path/events/t" = { time_unit = "minutes" }\n', "time_unit"),
         (MINIMAL + '"path/events/p" = { polarity = "yes" }\n', "polarity"),
         (MINIMAL + '"path/events/x" = { columns = ["a"] }\n', "columns"),
+        (MINIMAL + '"path/pose/position" = { convert = "turned" }\n', "path/pose/position.convert"),
+        (MINIMAL + '[metadata]\n"metadata/vertical" = "z"\n', "metadata.vertical"),
         ('description = "nameless"\n', "name"),
         ("name = \n", "TOML"),
     ],
-    ids=["unknown key", "unknown dataset", "unknown field", "value unit", "time unit", "polarity", "columns", "no name",
+    ids=["unknown key", "unknown dataset", "unknown field", "value unit", "time unit", "polarity", "columns",
+         "turned", "vertical", "no name",
          "not TOML"],
 )  # fmt: skip
 def test_misuse_names_the_key(tmp_path: Path, text: str, named: str) -> None:

@@ -27,6 +27,7 @@ def write_m3ed_folder(source: TwoViews, folder: Path) -> Path:
         with h5py.File(folder / "falcon_data.h5", "w") as data:
             _events(file, data, event_times)
             _colour(file, data, event_times)
+            _imu(file, data)
         times = file["path/depth_ts"][:]
         poses = camera_poses(file, times)
         for kind in ("pose", "depth"):
@@ -78,6 +79,26 @@ def _colour(file: h5py.File, data: h5py.File, event_times: Array) -> None:
     group["ts"] = times
     group["ts_map_prophesee_left_t"] = index_map(event_times, times)
     _calibration(file, group["rgb"], "rgb")
+
+
+def _imu(file: h5py.File, data: h5py.File) -> None:
+    # The unit sits in the body's origin, turned against the body.
+    R_imu_body = turned_axes()
+    group = data.create_group("ovc/imu")
+    for name, key in (("omega", "angular_velocity"), ("accel", "linear_acceleration")):
+        group[name] = file[f"path/imu/{key}"][:] @ R_imu_body.T
+    group["ts"] = file["path/imu/ts"][:] + FIRST_US
+    T_body_imu = np.eye(4)
+    T_body_imu[:3, :3] = R_imu_body.T
+    T_body_events = file["metadata/cameras/events"].attrs["T_body_camera"]
+    group["calib/T_to_prophesee_left"] = np.linalg.inv(T_body_events) @ T_body_imu
+
+
+def turned_axes() -> Array:
+    """Return a rotation R_imu_body that no convention of axes has."""
+    from scipy.spatial.transform import Rotation  # noqa: PLC0415 - slow to load
+
+    return np.asarray(Rotation.from_rotvec([0.4, -1.1, 0.7]).as_matrix())
 
 
 def _calibration(file: h5py.File, group: h5py.Group, name: str) -> None:

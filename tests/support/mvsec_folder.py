@@ -14,6 +14,7 @@ import numpy as np
 import yaml
 
 from tests.support.event_view import TwoViews, camera_poses
+from tests.support.m3ed_folder import turned_axes
 
 Array = np.ndarray[Any, Any]
 
@@ -27,6 +28,7 @@ def write_mvsec_folder(source: TwoViews, folder: Path) -> Path:
         camera = dict(file["metadata/cameras/events"].attrs)
         with h5py.File(folder / "flying1_data.hdf5", "w") as data:
             _data(file, event_sized, data.create_group("davis/left"))
+            _imu(file, data["davis/left"])
         with h5py.File(folder / "flying1_gt.hdf5", "w") as truth:
             _truth(event_sized, truth.create_group("davis/left"))
     _calibration(camera, folder / "camchain-imucam-flying.yaml")
@@ -57,6 +59,12 @@ def _data(file: h5py.File, event_sized: h5py.File, group: h5py.Group) -> None:
     group["image_raw_event_inds"] = np.searchsorted(times_s, group["image_raw_ts"][:]) - 1
 
 
+def _imu(file: h5py.File, group: h5py.Group) -> None:
+    samples = (file[f"path/imu/{name}"][:] @ turned_axes().T for name in ("linear_acceleration", "angular_velocity"))
+    group["imu"] = np.concatenate(list(samples), axis=1)
+    group["imu_ts"] = seconds(file["path/imu/ts"][:])
+
+
 def _truth(file: h5py.File, group: h5py.Group) -> None:
     times = file["path/depth_ts"][:]
     poses = camera_poses(file, times)
@@ -73,6 +81,8 @@ def _truth(file: h5py.File, group: h5py.Group) -> None:
 
 def _calibration(camera: dict[str, Any], path: Path) -> None:
     K = camera["K"]
+    T_body_imu = np.eye(4)
+    T_body_imu[:3, :3] = turned_axes().T
     cam0 = {
         "camera_model": "pinhole",
         "intrinsics": [float(K[0, 0]), float(K[1, 1]), float(K[0, 2]), float(K[1, 2])],
@@ -81,6 +91,7 @@ def _calibration(camera: dict[str, Any], path: Path) -> None:
         "projection_matrix": np.column_stack([K, np.zeros(3)]).tolist(),
         "rectification_matrix": np.eye(3).tolist(),
         "resolution": [int(camera["width"]), int(camera["height"])],
+        "T_cam_imu": (np.linalg.inv(camera["T_body_camera"]) @ T_body_imu).tolist(),
         "rostopic": "/davis/left/image_raw",
     }
     path.write_text(yaml.safe_dump({"cam0": cam0}), "utf-8")

@@ -77,6 +77,12 @@ TIMING_TEXTS: Final[Mapping[str, ParameterText]] = {
 }
 
 
+_OF_REAL_SENSORS: Final = frozenset({"bias", "scale", "gravity"})
+"""Groups of parameters that describe a real sensor; an excess of gravity is a gain of the accelerometer as well."""
+
+_SENSOR_OF: Final[Mapping[MotionKind, str]] = {"rotation": "gyro", "translation": "accelerometer"}
+
+
 @dataclass(frozen=True, slots=True)
 class InertialParameter(Feature):
     """A parameter of the fit of IMU against pose, of the whole sequence or of a part.
@@ -227,8 +233,20 @@ def agreement_observation(
 
     unsettled = () if fit.settled and not is_implausible(fit) else (UnsettledFit(),)
     check = f"imu.{kind}"
-    parameters = parameter_statistics(kind, check, fit.parameters, texts, (*defects, *unsettled))
-    local = local_statistics(facts, streams, kind, check, fit, "bias", texts["bias"], defects)
+    judged, properties = dict(texts), dict[str, ParameterText]()
+    if not facts.declared.has_vertical:
+        judged.pop("slope", None)  # the world was turned to have none
+    if facts.declared.kind == "recorded" and facts.declared.imu is None:
+        # Real sensors have biases and gains, and nobody declared that this one has none.
+        properties = {group: judged.pop(group) for group in _OF_REAL_SENSORS & judged.keys()}
+    parameters = parameter_statistics(kind, check, fit.parameters, judged, (*defects, *unsettled))
+    inferred: dict[str, str | float] = {
+        f"imu.{_SENSOR_OF[kind]}_{statistic.name}_{statistic.unit.replace('/', '_').replace('^', '')}": statistic.value
+        for statistic in parameter_statistics(kind, check, fit.parameters, properties)
+    }
+    local = (
+        local_statistics(facts, streams, kind, check, fit, "bias", texts["bias"], defects) if "bias" in judged else ()
+    )
     seconds = facts.origin_us / US_PER_S + streams.origin_ns / NS_PER_S  # of the streams' origin on the file's clock
     return Observation(
         coverage,
@@ -236,6 +254,7 @@ def agreement_observation(
         # Columns: time in s on the file's clock, and the length of the residual in the unit stated.
         evidence={"residual": fit.course * [1.0, factor] + [seconds, 0.0]},
         titles={"residual": f"Residuals of IMU and pose in {kind}; x time [s]; y length [{unit}]"},
+        inferred=inferred,
     )
 
 

@@ -31,7 +31,8 @@ class ImuRotation(WindowCheck[WindowMotion]):
     sequence is cut into stretches of 0.5 to 5 s, and each is asked for its own bias: one that steps does not average
     out. Where the streams differ in a way that no parameter describes, such as smoothed poses, nearly collinear
     parameters would take values of any size: a parameter whose detection limit the difference makes useless is not
-    stated as a fault, is not freed, and leaves the difference to the residuals.
+    stated as a fault, is not freed, and leaves the difference to the residuals. Bias and gain of a recorded IMU that
+    nobody declares are properties: they are stated among what was inferred, and not judged.
 
     Noise model
     -----------

@@ -27,7 +27,10 @@ class ImuTranslation(WindowCheck[WindowMotion]):
     Second differences of consecutive positions against the double integral of ``R f + g``, R interpolated between the
     poses: no velocity is needed, and the gyro has no part in it. Gross readings and fit as in imu.rotation. In level
     flight gravity and bias along Z are one and the same to these streams: both are then named. Whether the sensor's
-    gravity or the declared one is odd is told by which of the two is a number in use (9.8, 9.80665, 9.81 ...).
+    gravity or the declared one is odd is told by which of the two is a number in use (9.8, 9.80665, 9.81 ...). A world
+    whose vertical is declared unknown is turned until gravity, the median second difference of positions less that of
+    ``R f``, points down; its slope is then not judged. Bias and excess of gravity of a recorded IMU that nobody
+    declares are stated among what was inferred.
 
     Noise model
     -----------

@@ -11,6 +11,7 @@ from scipy.ndimage import uniform_filter1d
 
 from fedora_qa.conventions import STANDARD_GRAVITY_M_S2
 from fedora_qa.estimators.imu.rounding import mean_rounding_bound
+from fedora_qa.geometry import so3
 
 Float64 = NDArray[np.float64]
 
@@ -116,6 +117,13 @@ class InertialSamples:
     positions_world_m: Float64
     orientations_xyzw: Float64
     R_world_imu: Float64 | None = None
+
+    def at_lever(self, lever_body_m: Float64) -> "InertialSamples":
+        """Return the samples with positions of a point (3,) of the body, m, in place of its origin."""
+        if not np.any(lever_body_m):
+            return self
+        R_world_body = so3.matrices_from_quaternions(self.orientations_xyzw)
+        return replace(self, positions_world_m=self.positions_world_m + R_world_body @ lever_body_m)
 
     def between(self, start_s: float, stop_s: float) -> "InertialSamples":
         """Return the samples of an interval of time, both ends included; the origin of time stays.

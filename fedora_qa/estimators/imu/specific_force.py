@@ -38,6 +38,10 @@ _ROUNDING: Final = 4.0
 _FEWEST_KNOTS: Final = 4
 """Least number of knots of the cubic spline that is integrated here; fewer give a parabola or a line."""
 
+_GRAVITY_STEP_S: Final = 0.5
+"""Positions with noise of 5 mm give gravity to 5 mm sqrt(6) / (0.5 s)^2 = 0.05 m/s^2 over two such steps, to a tenth
+of it over a hundred."""
+
 TRANSLATION_PARAMETERS: Final = FitParameters(
     names=("time_offset", "clock_rate", "pose_clock_rate", "bias_x", "bias_y", "bias_z", "gravity", "slope_x",
            "slope_y", "lever_x", "lever_y", "lever_z"),
@@ -194,6 +198,51 @@ def translation_effects(samples: InertialSamples, noise: InertialNoise) -> RowEf
     jacobians[..., 9:12] = -changes[:, 18:27].reshape(-1, 3, 3)
     by_position = _second_differences(times_s, samples.positions_world_m.T, poses)
     return RowEffects(poses, by_position - by_force, jacobians)
+
+
+def upright(samples: InertialSamples) -> InertialSamples:
+    """Return the samples in a world that is turned so that gravity points along -Z, as measured by samples and poses.
+
+    Gravity is the second difference of the positions, over steps of ``_GRAVITY_STEP_S``, less that of the twice
+    integrated ``R f``: the median of all steps.
+
+    Parameters
+    ----------
+    samples
+        In a world with any axes.
+
+    Returns
+    -------
+    InertialSamples
+        The same where the two streams share too little.
+    """
+    accelerations, finite = _in_world(samples, 0.0)
+    imu_times_s = samples.imu_times_s[finite]
+    if len(imu_times_s) < _FEWEST_KNOTS:
+        return samples
+    shared = (samples.pose_times_s >= imu_times_s[0]) & (samples.pose_times_s <= imu_times_s[-1])
+    times_s = samples.pose_times_s[shared]
+    if len(times_s) < _FEWEST_KNOTS:
+        return samples
+    falling_m = samples.positions_world_m[shared].T - integrated_twice(imu_times_s, accelerations[finite].T, times_s)
+    # Steps of so many poses, from each pose on, and three at least that follow each other.
+    steps = min(max(1, round(_GRAVITY_STEP_S / float(np.median(np.diff(times_s))))), (len(times_s) - 1) // 3)
+    steps_s = times_s[steps:] - times_s[:-steps]
+    slopes = (falling_m[:, steps:] - falling_m[:, :-steps]) / steps_s
+    # A change of slope over the mean of the steps beside it is the second derivative.
+    changes = (slopes[:, steps:] - slopes[:, :-steps]) / ((steps_s[steps:] + steps_s[:-steps]) / 2)
+    gravity = np.median(changes, axis=1)
+    axis = np.cross(gravity, [0.0, 0.0, -1.0])
+    sine, cosine = float(np.linalg.norm(axis)), -float(gravity[2])
+    # Gravity along +Z has no axis of its own: any level one takes it to -Z.
+    axis = axis / sine if sine > 0 else np.array([1.0, 0.0, 0.0])
+    turn = so3.exp_quaternion(axis * np.arctan2(sine, cosine))
+    return replace(
+        samples,
+        positions_world_m=samples.positions_world_m @ so3.matrices_from_quaternions(turn).T,
+        orientations_xyzw=so3.compose(turn, samples.orientations_xyzw),
+        R_world_imu=None,
+    )
 
 
 def _in_world(samples: InertialSamples, gravity_m_s2: float) -> tuple[Float64, NDArray[np.bool_]]:

@@ -1,17 +1,21 @@
 """Second differences of position against specific force, on motions in closed form."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.interpolate import CubicSpline
+from scipy.spatial.transform import Rotation
 
 from fedora_qa.estimators.imu.samples import InertialNoise
 from fedora_qa.estimators.imu.specific_force import (
     TRANSLATION_PARAMETERS,
     integrated_twice,
     translation_rows,
+    upright,
     without_translation_faults,
 )
-from tests.support.motion_world import EXACT, GRAVITY_M_S2, HOVER, sample_motion
+from tests.support.motion_world import EXACT, GRAVITY_M_S2, HOVER, NOISY, sample_motion
 
 
 def test_exact_samples_leave_no_residual() -> None:
@@ -21,6 +25,27 @@ def test_exact_samples_leave_no_residual() -> None:
     size = np.abs(rows.residuals[inner]).max()
     assert size < 1e-9
     assert size < 2 * np.abs(rows.model_errors[inner]).max()
+
+
+@pytest.mark.parametrize(
+    ("noise", "duration_s", "tilt_rad"), [(EXACT, 1.0, 1e-6), (NOISY, 20.0, 2e-3)], ids=["exact", "noisy"]
+)
+def test_a_world_without_a_vertical_is_set_upright(noise: InertialNoise, duration_s: float, tilt_rad: float) -> None:
+    """However the world lies, also upside down, Z points up afterwards; what happens in it stays."""
+    level = sample_motion(noise=noise, duration_s=duration_s)
+    for vector in ([1.1, -0.7, 0.4], [np.pi, 0.0, 0.0], [0.0, 0.0, 0.0]):
+        turn = Rotation.from_rotvec(vector)
+        tilted = replace(
+            level,
+            positions_world_m=turn.apply(level.positions_world_m),
+            orientations_xyzw=(turn * Rotation.from_quat(level.orientations_xyzw)).as_quat(),
+        )
+        again = upright(tilted)
+        left = Rotation.from_quat(again.orientations_xyzw[0]) * Rotation.from_quat(level.orientations_xyzw[0]).inv()
+        up = left.apply([0.0, 0.0, 1.0])
+        assert np.hypot(*up[:2]) < tilt_rad
+        assert up[2] > 0
+        np.testing.assert_allclose(again.positions_world_m, left.apply(level.positions_world_m), atol=1e-9)
 
 
 def test_another_gravity_shows_as_that_times_the_time() -> None:
