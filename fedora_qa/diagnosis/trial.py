@@ -1,12 +1,36 @@
 """What undoing a proposed fault changed in the findings of a file."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Final
 
+from fedora_qa.checks.protocol import Observation
 from fedora_qa.faults.reversible import ReversibleFault
 
 _HALF: Final = 0.5
+
+
+@dataclass(frozen=True, slots=True)
+class DeviationChange:
+    """A deviation without and with a fault undone, in the same windows.
+
+    Attributes
+    ----------
+    check, name, unit
+        The check, and name and unit of its measurement.
+    before, after
+        Value less expected value, 0 on a side that does not count; NaN where the check no longer states it.
+    limit_before, limit_after
+        Largest deviation of a correct file.
+    """
+
+    check: str
+    name: str
+    unit: str
+    before: float
+    limit_before: float
+    after: float
+    limit_after: float
 
 
 @dataclass(frozen=True, slots=True)
@@ -32,6 +56,10 @@ class UndoTrial:
         Checks that failed themselves under it.
     size
         Size of the cause that the trials fitted, in its unit; None: the one that was proposed.
+    deviations
+        Of the findings that are cleared or left.
+    observations
+        Of the checks of these findings, without and with the fault undone, in the same windows.
     """
 
     fault: ReversibleFault
@@ -42,6 +70,8 @@ class UndoTrial:
     windows: int
     crashed: tuple[str, ...] = ()
     size: float | None = None
+    deviations: tuple[DeviationChange, ...] = ()
+    observations: Mapping[str, tuple[Observation, Observation]] = field(default_factory=dict)
 
     @property
     def succeeds(self) -> bool:

@@ -35,11 +35,14 @@ class WindowPass:
         The windows, in the order of time.
     states
         Of the checks after these windows.
+    observations
+        By check.
     """
 
     judged: tuple[Judged, ...]
     spans: Sequence[Span]
     states: PassState
+    observations: Mapping[str, Observation]
 
     @property
     def crashes(self) -> Mapping[str, str]:
@@ -135,7 +138,7 @@ class PlainRun:
         observed = conclude(checks, states, altered.facts)
         measured = [check for check in checks if check.name in observed]
         judged = judge({**self.observations, **observed}, measured, self.false_alarm_rate)
-        return WindowPass(judged, spans, states)
+        return WindowPass(judged, spans, states, observed)
 
     def _measured(
         self, checks: Sequence[Check[Any]], spans: Sequence[Span], altered: Prepared, inner: WindowPass | None

@@ -36,10 +36,13 @@ class CauseExplanation:
         In the order in which their faults are undone; those without a fault may stand anywhere.
     trials
         By the identifier of the diagnosis, where its fault was undone.
+    benches
+        On which that was done, by the identifier of the diagnosis: with the faults undone that were named before.
     """
 
     diagnoses: tuple[Diagnosis, ...]
     trials: Mapping[str, UndoTrial]
+    benches: Mapping[str, TrialBench]
 
 
 def name_causes(
@@ -68,7 +71,9 @@ def name_causes(
     with_trials
         False: causes are named by what the checks measured, and nothing is undone.
     """
-    bench = TrialBench(alarms, checks, run, allowance=None if with_trials else 0)
+    bench = TrialBench.of(alarms, checks, run)
+    if not with_trials:
+        bench.work.left = 0
     return _explain(bench, materiality, progress)
 
 
@@ -94,7 +99,8 @@ class _Round:
         """Return the causes by the trials of the round, or by others."""
         trials = self.trials if trials is None else trials
         diagnoses = choose_causes(self.bench.alarms, self.hypotheses, trials, self.bench.run.strict, self.places)
-        return CauseExplanation(diagnoses, {d.id: trials[key_of(d)] for d in diagnoses if key_of(d) in trials})
+        tried = {d.id: trials[key_of(d)] for d in diagnoses if key_of(d) in trials}
+        return CauseExplanation(diagnoses, tried, dict.fromkeys(tried, self.bench))
 
 
 def _explain(bench: TrialBench, materiality: Materiality, progress: Progress) -> CauseExplanation:
@@ -165,7 +171,7 @@ def _in_turn(
     after = [diagnosis for diagnosis in others if key_of(diagnosis) not in earlier]
     number_of = {d.id: f"D{n}" for n, d in enumerate([*before, first_cause, *after], 1) if d is not first_cause}
     number = f"D{len(before) + 1}"
-    trials = {number: apart.trials[first_cause.id]}
+    trials, benches = {number: apart.trials[first_cause.id]}, {number: apart.benches[first_cause.id]}
     diagnoses = []
     for diagnosis in (*before, first_cause, *after):
         if diagnosis is first_cause:
@@ -173,7 +179,7 @@ def _in_turn(
             continue
         own = number_of[diagnosis.id]
         if trial := rest.trials.get(diagnosis.id):
-            trials[own] = trial
+            trials[own], benches[own] = trial, rest.benches[diagnosis.id]
         diagnoses.append(
             replace(
                 diagnosis,
@@ -183,7 +189,7 @@ def _in_turn(
                 after=(number, *(number_of[other] for other in diagnosis.after)) if diagnosis.tried else (),
             )
         )
-    return CauseExplanation(tuple(diagnoses), trials)
+    return CauseExplanation(tuple(diagnoses), trials, benches)
 
 
 def _question(alarm: Alarm) -> tuple[str, str]:

@@ -10,15 +10,15 @@ bounded by what the run itself measured, never by the clock, so that a record do
 from collections.abc import Iterator, Mapping, Sequence, Set
 from dataclasses import dataclass, field, replace
 from itertools import islice
-from math import inf, isfinite
+from math import inf, isfinite, nan
 from typing import Any, Final
 
 from fedora_qa.causes import stream_family
-from fedora_qa.checks.protocol import Check
+from fedora_qa.checks.protocol import Check, Observation
 from fedora_qa.conventions import NS_PER_US
 from fedora_qa.diagnosis.candidates import CONTENDS, CauseCandidate
 from fedora_qa.diagnosis.proposed_faults import faults_for
-from fedora_qa.diagnosis.trial import UndoTrial
+from fedora_qa.diagnosis.trial import DeviationChange, UndoTrial
 from fedora_qa.engine.altered import PlainRun, WindowPass
 from fedora_qa.engine.progress import Progress
 from fedora_qa.engine.survey import Prepared
@@ -48,6 +48,19 @@ _SHARE_OF_A_FAULT: Final = 0.5
 
 
 @dataclass(slots=True)
+class TrialWork:
+    """Windows for one check that trials may still measure (``left``), and that they have measured (``done``)."""
+
+    left: int
+    done: int = 0
+
+    def take(self, windows: int) -> None:
+        """Count windows that are measured."""
+        self.left -= windows
+        self.done += windows
+
+
+@dataclass(slots=True)
 class TrialBench:
     """The run of a file whose findings are to be explained, and the work that trials may still do on it.
 
@@ -59,31 +72,28 @@ class TrialBench:
         Those whose question can be asked of the file.
     run
         The plain run.
-    allowance
-        Windows for one check that may be measured; None: as many as the run itself measured.
-    work_done
-        Windows for one check that were measured.
+    work
+        Of all trials of the file.
     """
 
     alarms: Sequence[Alarm]
     checks: Sequence[Check[Any]]
     run: PlainRun
-    allowance: int | None = None
-    work_done: int = 0
-    _left: int = field(init=False)
+    work: TrialWork
     _plain: dict[int, list[tuple[Alarm, Measurement]]] = field(init=False, default_factory=dict)
+    _plain_observations: dict[int, Mapping[str, Observation]] = field(init=False, default_factory=dict)
     _plain_pass: WindowPass | None = field(init=False, default=None)
     _passes: dict[ReversibleFault, WindowPass] = field(init=False, default_factory=dict)
 
-    def __post_init__(self) -> None:
-        """Grant the work."""
-        of_the_run = len(self.run.planned(self.run.ready)) * len(self.checks)
-        self._left = of_the_run if self.allowance is None else self.allowance
+    @staticmethod
+    def of(alarms: Sequence[Alarm], checks: Sequence[Check[Any]], run: PlainRun) -> "TrialBench":
+        """Return the bench of a run, with as much work as the run itself took."""
+        return TrialBench(alarms, checks, run, TrialWork(len(run.planned(run.ready)) * len(checks)))
 
     def undo(self, fault: ReversibleFault) -> UndoTrial | None:
         """Undo a fault alone, and return what that changes; None where it cannot be undone, or no work is left."""
         planned = len(self.run.planned(self.run.ready))
-        if self._left <= planned:
+        if self.work.left <= planned:
             return None
         try:
             undoing = fault.undo(self.run.ready.facts, self.run.sequence)
@@ -93,7 +103,7 @@ class TrialBench:
             return None
         if undoing.moves_time:
             # All timestamps were read again, as by one check in all windows.
-            self._take(planned)
+            self.work.take(planned)
         failed = {check_of(alarm) for alarm in self.alarms}
         affected = self._affected(fault, failed)
         trial: UndoTrial | None = None
@@ -102,7 +112,7 @@ class TrialBench:
             if not self._deviations(count):
                 continue
             # Half of the work stays for rivals, without which nothing is confirmed.
-            if count * len(affected) > self._left * (_SHARE_OF_A_FAULT if trial else 1.0):
+            if count * len(affected) > self.work.left * (_SHARE_OF_A_FAULT if trial else 1.0):
                 break
             inner = self._judged(affected, self._spans_of(prepared, count), prepared, inner)
             trial = self._compared(fault, undoing, inner, count)
@@ -124,16 +134,59 @@ class TrialBench:
         affected = self._affected(trial.fault, {check_of(alarm) for alarm in self.alarms})
         # Second looks count neither here nor in what the run itself measured.
         work = (len(run.planned(run.ready)) - (len(inner.spans) if inner else 0)) * len(affected)
-        if work > self._left:
+        if work > self.work.left:
             return None
-        self._take(work)
+        self.work.take(work)
         try:
             undoing = trial.fault.undo(run.ready.facts, run.sequence)
             run = run.without(undoing, self.checks, affected, inner)
             judged = judge(run.observations, self.checks, run.false_alarm_rate, materiality)
         except Exception:  # noqa: BLE001 - as in ``undo``
             return None
-        return TrialBench([alarm for each in judged for alarm in each.alarms], self.checks, run, self._left)
+        return TrialBench([alarm for each in judged for alarm in each.alarms], self.checks, run, self.work)
+
+    def ratios(
+        self, fault: ReversibleFault | None, alarms: Sequence[Alarm], checks: Sequence[Check[Any]], count: int
+    ) -> list[float] | None:
+        """Return deviations over their limits in some windows, with a fault undone or with none.
+
+        Parameters
+        ----------
+        fault
+            To undo; None measures the file as it is.
+        alarms
+            Whose deviations are asked for.
+        checks
+            Their checks.
+        count
+            Number of windows, of those of a trial.
+
+        Returns
+        -------
+        list of float or None
+            A ratio for each alarm, 0 where the check no longer states the deviation, NaN where it cannot tell; None
+            where the fault cannot be undone.
+        """
+        prepared = self.run.ready
+        if fault is not None:
+            try:
+                undoing = fault.undo(self.run.ready.facts, self.run.sequence)
+                prepared = self.run.altered(undoing)
+            except Exception:  # noqa: BLE001 - as in ``undo``
+                return None
+            if undoing.moves_time:
+                self.work.take(len(self.run.planned(self.run.ready)))
+        judged = _by_check(self._judged(checks, self._spans_of(prepared, count), prepared, None).judged)
+        return [_ratio_to_limit(judged.get(check_of(alarm)), alarm) for alarm in alarms]
+
+    def affordable(self, passes: int, checks: int, most: int) -> int:
+        """Return the most windows of a trial, up to ``most``, that several passes of some checks may measure yet.
+
+        All timestamps may have to be read again for each pass. 0 where no work is left.
+        """
+        counts = self._counts()
+        left = self.work.left // passes - counts[-1]
+        return max((count for count in counts if count <= most and count * checks <= left), default=0)
 
     def _counts(self) -> list[int]:
         """Return the numbers of windows of successive trials: 1, 4, 16 ... and all."""
@@ -164,6 +217,7 @@ class TrialBench:
         judged = _by_check(altered.judged)
         cleared: set[str] = set()
         left: dict[str, float] = {}
+        changes: list[DeviationChange] = []
         for alarm, deviating in self._deviations(count):
             after = judged.get(check_of(alarm))
             if after is None or after.outcome in ("crashed", "not_observable"):
@@ -173,7 +227,9 @@ class TrialBench:
                 # What is stated only where it deviates no longer deviates, unless the check now asks something else.
                 if undoing.declared is None and after.outcome == "passed":
                     cleared.add(alarm.finding.id)
+                    changes.append(_change(alarm, deviating, None))
                 continue
+            changes.append(_change(alarm, deviating, again))
             if again.exceeds_limit:
                 left[alarm.finding.id] = _ratio(again, deviating)
             elif again.limit is not None and again.limit < abs(_deviation(deviating)):
@@ -189,18 +245,20 @@ class TrialBench:
             tuple(sorted({code for code, _ in caused})),
             count,
             tuple(sorted(altered.crashes)),
+            deviations=tuple(changes),
+            observations={
+                check: (self._plain_observations[count][check], altered.observations[check])
+                for check in sorted({change.check for change in changes})
+                if check in altered.observations
+            },
         )
 
     def _judged(
         self, checks: Sequence[Check[Any]], spans: Sequence[Span], prepared: Prepared, inner: WindowPass | None
     ) -> WindowPass:
         # Windows of the trial before count again: the bound on work, and so the record, is that of trials on their own.
-        self._take(len(spans) * len(checks))
+        self.work.take(len(spans) * len(checks))
         return self.run.judged(checks, spans, prepared, inner)
-
-    def _take(self, work: int) -> None:
-        self._left -= work
-        self.work_done += work
 
     def _deviations(self, count: int) -> list[tuple[Alarm, Measurement]]:
         """Return the findings that the windows of a trial show without the fault undone, with their measurements."""
@@ -208,11 +266,13 @@ class TrialBench:
             failed = {check_of(alarm) for alarm in self.alarms}
             planned = self.run.planned(self.run.ready)
             results: Mapping[str, Result] = self.run.strict
+            observations = self.run.observations
             if count < len(planned):
                 checks = [check for check in self.checks if check.name in failed]
                 spans = self._around(planned, count)
                 self._plain_pass = self._judged(checks, spans, self.run.ready, self._plain_pass)
-                results = _by_check(self._plain_pass.judged)
+                results, observations = _by_check(self._plain_pass.judged), self._plain_pass.observations
+            self._plain_observations[count] = observations
             pairs = (
                 (alarm, _measurement(results[check_of(alarm)], alarm))
                 for alarm in self.alarms
@@ -251,6 +311,18 @@ def _measurement(result: Result, alarm: Alarm) -> Measurement | None:
     return next((m for m in result.measurements if (m.name, m.code) == (name, alarm.statistic.code)), None)
 
 
+def _change(alarm: Alarm, before: Measurement, after: Measurement | None) -> DeviationChange:
+    return DeviationChange(
+        check_of(alarm),
+        before.name,
+        before.unit,
+        before=_counted(before),
+        limit_before=nan if before.limit is None else before.limit,
+        after=nan if after is None else _counted(after),
+        limit_after=nan if after is None or after.limit is None else after.limit,
+    )
+
+
 def _by_check(judged: Sequence[Judged]) -> dict[str, Result]:
     return {each.result.check: each.result for each in judged}
 
@@ -262,10 +334,27 @@ def _deviation(measurement: Measurement) -> float:
     return measurement.value - measurement.expected
 
 
+def _counted(measurement: Measurement) -> float:
+    """Return the deviation, 0 on a side that does not count."""
+    deviation = _deviation(measurement)
+    signed = {"both": abs(deviation), "upper": deviation, "lower": -deviation}
+    return deviation if signed[measurement.side] > 0 else 0.0
+
+
 def _ratio(after: Measurement, before: Measurement) -> float:
     """Return which part of a deviation is left, negative where its sign has changed."""
     left, was = _deviation(after), _deviation(before)
     return left / was if isfinite(left) and isfinite(was) and was else inf
+
+
+def _ratio_to_limit(result: Result | None, alarm: Alarm) -> float:
+    """Return the size of a deviation over its limit."""
+    if result is None or result.outcome in ("crashed", "not_observable"):
+        return nan
+    measurement = _measurement(result, alarm)
+    if measurement is None:
+        return 0.0 if result.outcome == "passed" else nan
+    return abs(_counted(measurement)) / measurement.limit if measurement.limit else nan
 
 
 def _place_ns(alarms: Sequence[Alarm], run: PlainRun) -> int:

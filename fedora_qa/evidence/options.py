@@ -19,6 +19,8 @@ class EvidenceOptions:
     snapshots, worst_locations, beside
         Number of snapshots, largest number of worst locations, and number of locations for which the frames beside them
         are kept.
+    trials
+        Largest number of diagnoses of which is kept what undoing their fault changes.
     timeline_bins, trajectory_points
         Number of bins of the timeline, and largest number of poses.
     """
@@ -28,5 +30,6 @@ class EvidenceOptions:
     snapshots: int = 20
     worst_locations: int = 9
     beside: int = 6
+    trials: int = 3
     timeline_bins: int = 200
     trajectory_points: int = 4000

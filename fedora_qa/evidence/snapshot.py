@@ -76,6 +76,7 @@ def take_snapshot(
     width_px: int,
     rows: Mapping[str, int] | None = None,
     families: frozenset[str] | None = None,
+    events_ns: int = EVENTS_NS,
 ) -> Snapshot:
     """Take pictures of every stream near an instant of a window.
 
@@ -91,6 +92,8 @@ def take_snapshot(
         Row of the image by stream; for other streams the nearest in time.
     families
         The streams to take (``flow`` is every rate); None: all.
+    events_ns
+        Time over which events are counted, ns, half before and half after the instant.
 
     Returns
     -------
@@ -102,7 +105,7 @@ def take_snapshot(
         "rgb": lambda: _frame(window, "rgb", time_ns, rows, lambda row: _small_codes(window, row, width_px)),
         "depth": lambda: _frame(window, "depth", time_ns, rows, lambda row: _small(window.depth_m(row), width_px)),
         "flow": lambda: _flow(window, time_ns, rows, width_px),
-        "events": lambda: _events(window, time_ns, width_px),
+        "events": lambda: _events(window, time_ns, width_px, events_ns),
     }
     pictures = {family: _readable(read) for family, read in draw.items() if in_families(family, families)}
     flow = pictures.get("flow")
@@ -239,15 +242,15 @@ def carried_back_dn(
     return np.where(within, warped - before, np.nan).astype(np.float16)
 
 
-def _events(window: Window, time_ns: int, width_px: int) -> Picture | None:
+def _events(window: Window, time_ns: int, width_px: int, events_ns: int) -> Picture | None:
     """Count the events of each block of pixels; of each pixel where the size of the sensor is not declared.
 
     Then it follows only from the events of all snapshots.
     """
     if "events" not in window.facts.streams:
         return None
-    events = window.events(EVENTS_NS // 2, EVENTS_NS // 2)
-    start_ns, stop_ns = time_ns - EVENTS_NS // 2, time_ns + EVENTS_NS // 2
+    events = window.events(events_ns // 2, events_ns // 2)
+    start_ns, stop_ns = time_ns - events_ns // 2, time_ns + events_ns // 2
     first, last = np.searchsorted(events.times_ns, [start_ns, stop_ns])
     x, y, p = events.x[first:last], events.y[first:last], events.p[first:last]
     declared = window.facts.declared.cameras.get("events")

@@ -6,16 +6,15 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from fedora_qa.conventions import NS_PER_US
+from fedora_qa.conventions import NS_PER_MS, NS_PER_US
 from fedora_qa.evidence.pictures import block_px, summed_counts
-from fedora_qa.evidence.snapshot import EVENTS_NS, Snapshot
+from fedora_qa.evidence.snapshot import Snapshot
 from fedora_qa.evidence.titled_arrays import TitledArrays
 from fedora_qa.record.evidence import named
 from fedora_qa.sequence.facts import Facts
 
 Entries = Mapping[str, tuple[NDArray[Any], str]]
 
-_EVENTS_MS: Final = EVENTS_NS / 1e6
 _ON_CLOCK: Final = "us on the file's clock"
 
 
@@ -106,7 +105,8 @@ def _entries(snapshots: Sequence[Snapshot], facts: Facts, width_px: int) -> Entr
                     block = block_px(stack.shape[3], width_px)
                     stack = summed_counts(stack, block)
                 of_pixel = f"{block}x{block} pixels" if block > 1 else "a pixel"
-                within = f"number in {of_pixel} of the sensor within {_EVENTS_MS:g} ms"
+                counted_ms = (present[0].stop_ns - present[0].start_ns) / NS_PER_MS
+                within = f"number in {of_pixel} of the sensor within {counted_ms:g} ms"
                 entries["brighter"] = stack[:, 1], f"Events that tell of brightening, {within}"
                 entries["darker"] = stack[:, 0], f"Events that tell of darkening, {within}"
                 title = f"Start and end of the time in which events were counted, {_ON_CLOCK}"

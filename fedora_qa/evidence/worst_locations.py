@@ -200,7 +200,7 @@ def location_of(finding: Finding, spans: Sequence[Span], facts: Facts) -> WorstL
             # In floating point, as a finding may name a time that is beyond 64-bit nanoseconds.
             rows[where.stream] = first + int(np.argmin(np.abs(starts_ns - float(time_ns))))
     first_row = {where.stream: where.index_start} if where.stream and where.index_start is not None else {}
-    nearest = _owner({**first_row, **rows}, spans) or _nearest_span(time_ns, spans)
+    nearest = _owner({**first_row, **rows}, spans) or nearest_span(time_ns, spans)
     if nearest is None:
         return None
     owned = {stream: row for stream, row in rows.items() if row in range(*nearest.owned.get(stream, (0, 0)))}
@@ -237,7 +237,7 @@ def location_beside(location: WorstLocation, step: int, spans: Sequence[Span], f
     for name in location.rows:
         if name in facts.flow_streams and facts.clocks[name].usable:
             rows[name] = int(np.argmin(np.abs(facts.clocks[name].times_ns - time_ns)))
-    span = _owner({stream: row}, spans) or _nearest_span(time_ns, spans)
+    span = _owner({stream: row}, spans) or nearest_span(time_ns, spans)
     return None if span is None else WorstLocation(location.finding, span, time_ns, rows)
 
 
@@ -292,7 +292,7 @@ def _owner(rows: Mapping[str, int], spans: Iterable[Span]) -> Span | None:
     return None
 
 
-def _nearest_span(time_ns: int | None, spans: Sequence[Span]) -> Span | None:
+def nearest_span(time_ns: int | None, spans: Sequence[Span]) -> Span | None:
     """Return the window at an instant, or the one nearest to it."""
     if time_ns is None or not spans:
         return None

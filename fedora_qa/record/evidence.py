@@ -37,6 +37,14 @@ title in the record that can serve as its caption. Times are on the file's clock
     of each, ns from the file's origin · ``<quantity>/counts`` (b, n) int64 · ``<quantity>/edges`` (n + 1,) float64, a
     part of edges that are the same for all files: 0, and 16 bins of equal width an octave from 2^-10 to 2^21; the last
     of these holds what lies above. Quantities: ``QUANTITIES``, and ``flow_10hz`` (px over its interval) and so on.
+``trials/<diagnosis id>/...``
+    What undoing the fault of a diagnosis changes. ``deviations/<check>/<measurement>`` (2, 2) float64: deviation and
+    limit of a measurement that had failed, before and after undoing, in its unit; the deviation is NaN where the check
+    no longer states it · ``size`` (n, 2) float64, a series as those of checks: the largest deviation, in limits, by the
+    size that is undone · ``before/...`` and ``after/...``: the arrays of a place, of those streams that undoing alters,
+    and ``<check>/<name>``, the arrays that a check keeps, series of 2000 points at most and maps averaged like pictures
+    · ``box`` (4,) float64: the part of the image that these pictures show, as shares of it, (0, 0, 1, 1) for all of it.
+    A part is kept where the fault displaces by a few pixels; its pixels are not averaged.
 ``<check>/<name>``
     Arrays that a check keeps. An array (n, 2) of floats is a series of points whose title reads
     ``TITLE; x LABEL [UNIT]; y LABEL [UNIT]``; an array (h, w) is a map whose title reads ``TITLE [UNIT]``.
@@ -52,6 +60,13 @@ TRAJECTORY: Final = "trajectory"
 TIMELINE: Final = "timeline"
 HISTOGRAMS: Final = "histograms"
 DISTRIBUTIONS: Final = "distributions"
+
+TRIALS: Final = "trials"
+
+DEVIATIONS: Final = "deviations"
+BEFORE_UNDOING: Final = "before"
+AFTER_UNDOING: Final = "after"
+"""Groups below a trial."""
 
 BESIDE: Final[Mapping[str, int]] = MappingProxyType({"before": -1, "after": 1})
 """Groups below a place, and the distance of their snapshot from it in frames."""

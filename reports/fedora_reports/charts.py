@@ -29,7 +29,11 @@ _BY_OCTAVES: Final = ("event_rate_per_ms", "pixel_interval_ms")
 
 @dataclass(frozen=True, slots=True)
 class Chart:
-    """A drawing with its axes. ``across`` and ``up`` name the quantities of the axes, with units."""
+    """A drawing with its axes. ``across`` and ``up`` name the quantities of the axes, with units.
+
+    ``before`` is the path of the same series before a fault was undone; ``level`` the height of a level line, as a
+    share from the top.
+    """
 
     title: str
     path: str
@@ -41,6 +45,8 @@ class Chart:
     highest: str
     alt: str
     dots: str = ""
+    before: str = ""
+    level: float | None = None
 
 
 def histograms_of(evidence: Evidence) -> tuple[Chart, ...]:
@@ -111,7 +117,7 @@ def distributions_of(evidence: Evidence) -> tuple[Chart, ...]:
     return tuple(charts)
 
 
-def series_chart(points: Array, title: str) -> Chart | None:
+def series_chart(points: Array, title: str, before: Array | None = None, level: float | None = None) -> Chart | None:
     """Draw a series as a line.
 
     Parameters
@@ -120,6 +126,10 @@ def series_chart(points: Array, title: str) -> Chart | None:
         (n, 2): across and up, in the order in which they are joined. A point that is not finite interrupts the line.
     title
         Reads ``TITLE; LABEL [UNIT]; LABEL [UNIT]``; the labels are of the axes across and up.
+    before
+        (m, 2): the same series before a fault was undone, on the same axes, from 0 on.
+    level
+        Height that a line marks, on an axis from 0 on.
 
     Returns
     -------
@@ -127,12 +137,40 @@ def series_chart(points: Array, title: str) -> Chart | None:
         None where no point is finite.
     """
     values = np.asarray(points, dtype=np.float64)
-    finite_points = values[np.isfinite(values).all(axis=1)]
+    earlier = np.empty((0, 2)) if before is None else np.asarray(before, dtype=np.float64)
+    finite_points = _finite_points(values)
     if not len(finite_points):
         return None
+    of_axes = np.concatenate([finite_points, _finite_points(earlier)])
     parts = _TITLE.match(title)
     name, across, up = (parts["title"], parts["x"], parts["y"]) if parts else (title, None, None)
-    x_axis, y_axis = (Axis(float(finite_points[:, k].min()), float(finite_points[:, k].max())) for k in (0, 1))
+    x_axis, y_axis = (Axis(float(of_axes[:, k].min()), float(of_axes[:, k].max())) for k in (0, 1))
+    if level is not None or before is not None:
+        y_axis = Axis(min(y_axis.low, 0.0), max(y_axis.high, level or 0.0))
+    line, dots = _line(values, x_axis, y_axis)
+    return Chart(
+        title=name.strip(),
+        path=line,
+        filled=False,
+        ticks=x_axis.ticks(),
+        across=(across or "").strip(),
+        up=(up or "").strip(),
+        lowest=number(y_axis.low),
+        highest=number(y_axis.high),
+        alt=f"{name.strip()}: {len(finite_points)} points, "
+        f"{up or 'value'} from {number(y_axis.low)} to {number(y_axis.high)}",
+        dots=dots if len(finite_points) <= _DOTTED_UP_TO else "",
+        before=_line(earlier, x_axis, y_axis)[0],
+        level=None if level is None else 1 - y_axis.share(level),
+    )
+
+
+def _finite_points(values: Array) -> Array:
+    return values[np.isfinite(values).all(axis=1)]
+
+
+def _line(values: Array, x_axis: Axis, y_axis: Axis) -> tuple[str, str]:
+    """Return the points (n, 2) as a line and as dots, SVG paths."""
     places = np.stack([x_axis.shares(values[:, 0]) * WIDTH, (1 - y_axis.shares(values[:, 1])) * HEIGHT], axis=1)
     places[~np.isfinite(values).all(axis=1)] = np.nan
     line, dots, pen = [], [], "M"
@@ -144,19 +182,7 @@ def series_chart(points: Array, title: str) -> Chart | None:
             pen = "L"
         else:
             pen = "M"
-    return Chart(
-        title=name.strip(),
-        path="".join(line),
-        filled=False,
-        ticks=x_axis.ticks(),
-        across=(across or "").strip(),
-        up=(up or "").strip(),
-        lowest=number(y_axis.low),
-        highest=number(y_axis.high),
-        alt=f"{name.strip()}: {len(finite_points)} points, "
-        f"{up or 'value'} from {number(y_axis.low)} to {number(y_axis.high)}",
-        dots="".join(dots) if len(finite_points) <= _DOTTED_UP_TO else "",
-    )
+    return "".join(line), "".join(dots)
 
 
 def steps_path(lefts: Sequence[float], heights: Sequence[float]) -> str:

@@ -51,8 +51,11 @@ def exhibits(evidence: Evidence, names: tuple[str, ...]) -> Exhibits:
     return Exhibits(tuple(charts), tuple(maps), tuple(undrawn))
 
 
-def value_map(plane: Array, title: str) -> ValueMap:
-    """Colour a map (h, w) of any numbers: on a scale about 0 if both signs occur, else from least to greatest."""
+def value_map(plane: Array, title: str, others: Array | None = None) -> ValueMap:
+    """Colour a map (h, w) of any numbers: on a scale about 0 if both signs occur, else from least to greatest.
+
+    The scale also holds the values of ``others``, of a map beside it.
+    """
     finite_values = finite(plane)
     coarse = plane.shape[1] < _COARSE_PX
     if not finite_values.size:
@@ -60,6 +63,8 @@ def value_map(plane: Array, title: str) -> ValueMap:
         return ValueMap(title, drawing(grey, f"{title}: no value"), "no value anywhere", None, coarse)
     low, high = float(finite_values.min()), float(finite_values.max())
     caption = f"{number(low)} to {number(high)}"
+    if others is not None and (beside := finite(others)).size:
+        low, high = min(low, float(beside.min())), max(high, float(beside.max()))
     signed = low < 0 < high
     reach = max(-low, high)
     axis = Axis(-reach, reach) if signed else Axis(low, high)

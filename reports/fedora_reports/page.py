@@ -6,7 +6,7 @@ from typing import Any
 
 from numpy.typing import NDArray
 
-from fedora_qa.record.evidence import DISTRIBUTIONS, HISTOGRAMS, MOMENTS, PLACES, TIMELINE, TRAJECTORY
+from fedora_qa.record.evidence import DISTRIBUTIONS, HISTOGRAMS, MOMENTS, PLACES, TIMELINE, TRAJECTORY, TRIALS
 from fedora_qa.record.types import Record, Verdict
 from fedora_qa.record.wording import cause_sentence, findings_of, identity, tally
 from fedora_reports.anchors import Anchors
@@ -23,7 +23,7 @@ from fedora_reports.subjects import Subject, subjects_of
 from fedora_reports.timeline import AnchoredFinding, Timeline, timeline_of
 from fedora_reports.verdict import TITLES, VerdictText, verdict_of
 
-_KEPT_BY_THE_PASS = (MOMENTS, PLACES, TRAJECTORY, TIMELINE, HISTOGRAMS, DISTRIBUTIONS)
+_KEPT_BY_THE_PASS = (MOMENTS, PLACES, TRIALS, TRAJECTORY, TIMELINE, HISTOGRAMS, DISTRIBUTIONS)
 
 
 @dataclass(frozen=True, slots=True)
@@ -125,7 +125,8 @@ def _section(
         for where in finding.all_places
     ]
     links = [Link(located.anchor, located.finding.id) for located in findings]
-    pictures = pictures_of(evidence, (located.finding.id for located in findings), anchors)
+    diagnoses = (diagnosis.id for diagnosis in file.diagnoses)
+    pictures = pictures_of(evidence, (located.finding.id for located in findings), anchors, diagnoses)
     snapshots = pictures.strip.rows if pictures.strip else ()
 
     # Arrays that belong neither to the pass nor to a check of this file are drawn by themselves.
@@ -146,7 +147,7 @@ def _section(
         path=file.path,
         identity=identity(file),
         verdict=verdict_of(file),
-        problems=problems_of(file, pictures, anchors),
+        problems=problems_of(file, evidence, pictures, anchors),
         timeline=timeline_of(evidence, findings, snapshots),
         strip=pictures.strip,
         flight=flight_of(evidence, findings),

@@ -1,11 +1,14 @@
 """The problems of a file: causes, the findings that they explain, and remarks, which do not count against the file."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 from fedora_qa.record.types import FileRecord, Severity
 from fedora_qa.record.wording import cause_sentence, findings_of, place, status_sentence
 from fedora_reports.anchors import Anchors
+from fedora_reports.evidence import Evidence
 from fedora_reports.strip import Pictures, WorstLocation
+from fedora_reports.trials import TrialView, trial_of
 
 
 @dataclass(frozen=True, slots=True)
@@ -51,24 +54,31 @@ class Cause:
     remedy: str
     known_by: str
     explains: tuple[Link, ...]
+    trial: TrialView | None
 
 
 @dataclass(frozen=True, slots=True)
 class Problems:
-    """Causes, the most probable first; findings that count against the file; and remarks, which do not."""
+    """Causes, the most probable first; findings that count against the file; and remarks, which do not.
+
+    ``opening`` is the anchor of the finding by which the first cause has its size; empty without a cause.
+    """
 
     causes: tuple[Cause, ...]
     findings: tuple[FindingView, ...]
     remarks: tuple[FindingView, ...]
+    opening: str
 
 
-def problems_of(file: FileRecord, pictures: Pictures, anchors: Anchors) -> Problems:
+def problems_of(file: FileRecord, evidence: Evidence, pictures: Pictures, anchors: Anchors) -> Problems:
     """Return each finding once, with links to the causes that explain it.
 
     Parameters
     ----------
     file
         The record of the file.
+    evidence
+        The arrays of the file.
     pictures
         The snapshots along the sequence, and the worst places of findings.
     anchors
@@ -118,10 +128,21 @@ def problems_of(file: FileRecord, pictures: Pictures, anchors: Anchors) -> Probl
             remedy=diagnosis.remedy,
             known_by=status_sentence(diagnosis),
             explains=tuple(Link(view.anchor, view.id) for view in explained),
+            trial=trial_of(evidence, diagnosis.id, pictures.trials.get(diagnosis.id)),
         )
         causes.append(cause)
     return Problems(
         tuple(causes),
         tuple(view for view in views if view.grave),
         tuple(view for view in views if not view.grave),
+        _opening(file, by_id),
     )
+
+
+def _opening(file: FileRecord, by_id: Mapping[str, FindingView]) -> str:
+    if not file.diagnoses:
+        return ""
+    first = file.diagnoses[0]
+    explained = [finding for _, finding in findings_of(file) if finding.id in first.explains]
+    best = next((finding for finding in explained if first.where in finding.all_places), *explained[:1] or (None,))
+    return by_id[best.id].anchor if best else ""

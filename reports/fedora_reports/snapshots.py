@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from fedora_qa.record.evidence import BESIDE, MOMENTS, PLACES, named
+from fedora_qa.record.evidence import AFTER_UNDOING, BEFORE_UNDOING, BESIDE, MOMENTS, PLACES, TRIALS, named
 from fedora_reports.evidence import Array, Evidence
 
 _LEAST_SIDE = 0.06
@@ -108,22 +108,30 @@ def worst_location_of(evidence: Evidence, finding: str) -> tuple[Snapshot, ...]:
         if (left, top, right, bottom) != (0.0, 0.0, 1.0, 1.0):
             (left, right), (top, bottom) = _visible(left, right), _visible(top, bottom)
             box = (left, top, right, bottom)
-    worst = _snapshot_at(evidence, box, finding)
+    worst = _snapshot_at(evidence, named(PLACES, finding), box, worst=True)
     if worst is None:
         return ()
     steps = [(0, worst)]
     for name, step in BESIDE.items():
-        beside = _snapshot_at(evidence, worst.box, finding, name)
+        beside = _snapshot_at(evidence, named(PLACES, finding, name), worst.box)
         if beside is not None:
             steps.append((step, beside))
     return tuple(snapshot for _, snapshot in sorted(steps, key=lambda pair: pair[0]))
 
 
-def _snapshot_at(evidence: Evidence, box: tuple[float, float, float, float] | None, *path: str) -> Snapshot | None:
-    """Return the snapshot of a place, or beside it; None where no picture was kept."""
-    arrays = {name: evidence.numbers(named(PLACES, *path, name), *shape) for name, shape in _SHAPES.items()}
-    time_us = evidence.numbers(named(PLACES, *path, "times_us"))
-    snapshot = _snapshot(None if time_us is None else float(time_us), arrays, box, worst=len(path) == 1)
+def trial_snapshots_of(evidence: Evidence, diagnosis: str) -> tuple[Snapshot, Snapshot] | None:
+    """Return the snapshots before and after the fault of a diagnosis was undone; None where they were not kept."""
+    before, after = (_snapshot_at(evidence, named(TRIALS, diagnosis, when)) for when in (BEFORE_UNDOING, AFTER_UNDOING))
+    return None if before is None or after is None else (before, after)
+
+
+def _snapshot_at(
+    evidence: Evidence, group: str, box: tuple[float, float, float, float] | None = None, *, worst: bool = False
+) -> Snapshot | None:
+    """Return the snapshot of a group of arrays; None where no picture was kept."""
+    arrays = {name: evidence.numbers(named(group, name), *shape) for name, shape in _SHAPES.items()}
+    time_us = evidence.numbers(named(group, "times_us"))
+    snapshot = _snapshot(None if time_us is None else float(time_us), arrays, box, worst=worst)
     pictures = (snapshot.rgb, snapshot.depth_m, snapshot.flow_px, snapshot.brighter)
     return snapshot if any(picture is not None for picture in pictures) else None
 

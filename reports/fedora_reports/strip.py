@@ -8,7 +8,7 @@ from fedora_reports.evidence import Evidence
 from fedora_reports.legends import Legend, legends_for
 from fedora_reports.panels import Panel, panels_of, seconds
 from fedora_reports.picture_scales import PictureScales, scales_for
-from fedora_reports.snapshots import Snapshot, snapshots_of, worst_location_of
+from fedora_reports.snapshots import Snapshot, snapshots_of, trial_snapshots_of, worst_location_of
 
 
 @dataclass(frozen=True, slots=True)
@@ -41,13 +41,20 @@ class WorstLocation:
 
 @dataclass(frozen=True, slots=True)
 class Pictures:
-    """All pictures of a file, in the same colours: snapshots, and worst locations by the finding's identifier."""
+    """All pictures of a file, in the same colours.
+
+    Snapshots; worst locations by the finding's identifier; by the diagnosis's identifier the snapshots before and after
+    its fault was undone.
+    """
 
     strip: Strip | None
     worst_locations: dict[str, WorstLocation]
+    trials: dict[str, tuple[SnapshotRow, SnapshotRow]]
 
 
-def pictures_of(evidence: Evidence, findings: Iterable[str], anchors: Anchors) -> Pictures:
+def pictures_of(
+    evidence: Evidence, findings: Iterable[str], anchors: Anchors, diagnoses: Iterable[str] = ()
+) -> Pictures:
     """Draw every snapshot of a file.
 
     Parameters
@@ -58,10 +65,14 @@ def pictures_of(evidence: Evidence, findings: Iterable[str], anchors: Anchors) -
         The identifiers of the findings of the file.
     anchors
         The identifiers on the page.
+    diagnoses
+        The identifiers of the diagnoses of the file.
     """
     snapshots = snapshots_of(evidence)
+    of_trials = {item: pair for item in diagnoses if (pair := trial_snapshots_of(evidence, item))}
     by_finding = {item: located for item in dict.fromkeys(findings) if (located := worst_location_of(evidence, item))}
-    scales = scales_for([*snapshots, *(snapshot for located in by_finding.values() for snapshot in located)])
+    grouped = (*by_finding.values(), *of_trials.values())
+    scales = scales_for([*snapshots, *(snapshot for group in grouped for snapshot in group)])
     rows = tuple(_row(snapshot, scales, anchors.snapshot(k)) for k, snapshot in enumerate(snapshots))
     panels = [panel for row in rows for panel in row.panels]
     worst_locations = {}
@@ -71,11 +82,12 @@ def pictures_of(evidence: Evidence, findings: Iterable[str], anchors: Anchors) -
         beside = tuple(row for row in in_time if row is not worst)
         worst_locations[finding] = WorstLocation(worst, beside)
         panels += [panel for row in (worst, *beside) for panel in row.panels]
+    trials = {item: (_row(before, scales), _row(after, scales)) for item, (before, after) in of_trials.items()}
     if not panels:
-        return Pictures(None, worst_locations)
+        return Pictures(None, worst_locations, trials)
     titles = (evidence.title(name) for name in evidence.under("moments") if not name.endswith("_us"))
     strip = Strip(rows, legends_for(tuple(panels), scales), tuple(dict.fromkeys(titles)))
-    return Pictures(strip, worst_locations)
+    return Pictures(strip, worst_locations, trials)
 
 
 def _row(snapshot: Snapshot, scales: PictureScales, anchor: str = "") -> SnapshotRow:

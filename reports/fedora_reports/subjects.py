@@ -115,6 +115,11 @@ class CheckView:
     nearness: float
 
     @property
+    def short_name(self) -> str:
+        """Its name without the subject."""
+        return self.name.partition(".")[2] or self.name
+
+    @property
     def open(self) -> bool:
         """Whether its details are unfolded at first."""
         return self.outcome in _OPEN

@@ -50,7 +50,8 @@ class TimelineRow:
     """One stream: the density of its samples, and its findings.
 
     ``count`` is the number of its samples; ``peak`` the greatest rate of events, empty for other streams. For ``more``
-    findings no lane was free; ``ticks`` marks their beginnings, as an SVG path in the width of the drawing.
+    findings, and for ``more_places`` of findings that have a mark, no lane was free; ``ticks`` marks their beginnings,
+    as an SVG path in the width of the drawing.
     """
 
     stream: str
@@ -60,6 +61,7 @@ class TimelineRow:
     marks: tuple[TimelineMark, ...]
     lanes: int
     more: int
+    more_places: int
     ticks: str
 
 
@@ -158,16 +160,19 @@ def _row(
     # Each finding lies in the first lane in which its label touches no other.
     free_from = [-math.inf] * _LANES
     marks: list[TimelineMark] = []
-    without_lane: list[float] = []
+    without_lane: list[tuple[float, str]] = []
     for left, right, located in sorted(spans, key=lambda item: item[:2]):
         lane = next((lane for lane in range(_LANES) if free_from[lane] <= left), None)
         if lane is None:
-            without_lane.append(left)
+            without_lane.append((left, located.anchor))
             continue
         free_from[lane] = max(right, left + _LABEL_SHARE)
         finding = located.finding
         grave = finding.severity in {"critical", "error"}
         marks.append(TimelineMark(located.anchor, finding.id, finding.message, left, right - left, lane, grave))
+    marked = {mark.anchor for mark in marks}
+    unmarked = {anchor for _, anchor in without_lane} - marked
+    starts = sorted({round(left, 3) for left, _ in without_lane})
     count, peak, path = "", "", ""
     if samples is not None and np.isfinite(samples).all():
         most = float(samples.max())
@@ -186,6 +191,7 @@ def _row(
         path=path,
         marks=tuple(marks),
         lanes=max((mark.lane + 1 for mark in marks), default=0),
-        more=len(without_lane),
-        ticks="".join(f"M{left * WIDTH:.0f} 0v{HEIGHT}" for left in sorted({round(left, 3) for left in without_lane})),
+        more=len(unmarked),
+        more_places=len(without_lane) - len(unmarked),
+        ticks="".join(f"M{left * WIDTH:.0f} 0v{HEIGHT}" for left in starts),
     )

@@ -8,7 +8,7 @@ from typing import Final
 from fedora_qa.record.types import FileRecord, Outcome, Verdict
 from fedora_qa.record.wording import OUTCOME_WORDS, basis_of_clean, canaries_seen, immaterial_count, why_incomplete
 
-TITLES: Final[dict[Verdict, str]] = {"clean": "Clean", "findings": "Findings", "incomplete": "Incomplete"}
+TITLES: Final[dict[Verdict, str]] = {"clean": "Passed", "findings": "Failed", "incomplete": "Incomplete"}
 
 
 @dataclass(frozen=True, slots=True)

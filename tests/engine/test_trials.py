@@ -174,13 +174,13 @@ def test_work_is_bounded_by_the_run_itself(park_day: Path, tmp_path: Path) -> No
             file.sequence, file.ready, observations, strict, OPTIONS.effort, OPTIONS.memory_bytes,
             OPTIONS.false_alarm_rate,
         )  # fmt: skip
-        bench = TrialBench(alarms, file.asked, run)
+        bench = TrialBench.of(alarms, file.asked, run)
         hypotheses = {alarm.finding.id: hypotheses_of(alarm, facts) for alarm in alarms}
         trials = run_trials(bench, rank_candidates(alarms, hypotheses, strict, places_of_clocks(facts)), quiet)
         assert trials["time_offset", "events"].succeeds
-        assert 0 < bench.work_done <= len(file.chosen) * len(file.asked)
+        assert 0 < bench.work.done <= len(file.chosen) * len(file.asked)
         # The opposite of the fault clears nothing.
-        worse = TrialBench(alarms, file.asked, run).undo(ClockShift("events", -3_000_000.0))
+        worse = TrialBench.of(alarms, file.asked, run).undo(ClockShift("events", -3_000_000.0))
         assert worse is not None
         assert not worse.cleared
         assert min(worse.left.values()) > 1.5

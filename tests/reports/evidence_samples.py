@@ -43,6 +43,28 @@ def beside(finding: str) -> dict[str, NDArray[Any]]:
     }
 
 
+def trial(diagnosis: str) -> dict[str, NDArray[Any]]:
+    """A fault that was undone: other events over the same frame, two deviations, a series and a map of checks."""
+    group = f"trials/{diagnosis}"
+    before = {name.replace("moments", f"{group}/before"): array[1] for name, array in moments().items()}
+    after = {name.replace("before/", "after/"): array for name, array in before.items()}
+    after[f"{group}/after/darker"] = before[f"{group}/before/brighter"]
+    times_s = np.arange(5.0)
+    return {
+        f"{group}/deviations/event_response.timing/time_offset": np.array([[3.0, 0.3], [0.03, 0.3]]),
+        f"{group}/deviations/event_response.timing/late_region": np.array([[0.6, 0.3], [np.nan, np.nan]]),
+        f"{group}/deviations/event_stream.gaps/gaps": np.array([[4.0, 0.0], [0.0, 0.0]]),
+        f"{group}/size": np.array([[0.0, 10.0], [1.5, 5.0], [3.0, 0.1], [4.5, 5.0], [6.0, 10.0]]),
+        **before,
+        **after,
+        f"{group}/before/imu.rotation/residual": np.stack([times_s, times_s], axis=1),
+        f"{group}/after/imu.rotation/residual": np.stack([times_s, 0.1 * times_s], axis=1),
+        f"{group}/before/event_response.conservation/violations": np.ones((4, 6)),
+        f"{group}/after/event_response.conservation/violations": np.zeros((4, 6)),
+        f"{group}/box": np.array([0.25, 0.25, 0.75, 0.75]),
+    }
+
+
 def distributions() -> dict[str, NDArray[Any]]:
     """Times between events of a pixel, in two blocks; one of them shorter than what a logarithm can show."""
     edges = np.array([0.0, 1.0, 2.0, 4.0, 8.0])
@@ -75,6 +97,7 @@ def all_kinds() -> dict[str, NDArray[Any]]:
         **moments(),
         **place("F1"),
         **beside("F1"),
+        **trial("D1"),
         **distributions(),
         **timeline(),
         **histograms(),

@@ -29,6 +29,7 @@ SENSOR: Final = (240, 320)
 MOMENTS: Final = EvidenceOptions().snapshots
 PLACES: Final = EvidenceOptions().worst_locations
 BESIDE: Final = EvidenceOptions().beside
+TRIALS: Final = EvidenceOptions().trials
 
 _STREAMS: Final = ("rgb", "depth", "events", "imu", "pose", "flow/10hz", "flow/25hz", "flow/50hz")
 _CHECKS: Final = tuple(f"{subject}.{name}" for subject in (
@@ -72,6 +73,13 @@ def long_arrays() -> Arrays:
                 f"places/F{k + 1}{group}/times_us": np.float64(end_us / (PLACES + 1) * k + 20e3 * (0, -1, 1)[j])
             }
         arrays[f"places/F{k + 1}/box"] = np.array([0.2, 0.3, 0.4, 0.6])
+    for k in range(TRIALS):
+        for when in ("before", "after"):
+            group = f"trials/D{k + 1}/{when}"
+            arrays |= {f"{group}/{name}": stack[0] for name, stack in _pictures(rng, 1).items()}
+            for check in _CHECKS[:3]:
+                arrays[f"{group}/{check}/map"] = rng.normal(0.0, 1.0, SENSOR).astype(np.float32)
+                arrays[f"{group}/{check}/series"] = np.stack([np.arange(2000.0), rng.normal(0.0, 1.0, 2000)], axis=1)
     arrays["timeline/edges_us"] = np.linspace(0.0, end_us, 201)
     arrays |= {f"timeline/{stream}": rng.integers(90, 110, 200) for stream in _STREAMS}
     for quantity in ("depth_m", "luma_dn", "flow_10hz", "flow_25hz", "flow_50hz", "event_rate_hz"):

@@ -134,16 +134,16 @@ def test_verdict_counts_what_the_record_holds() -> None:
 @pytest.mark.parametrize(
     ("file", "title", "sentence"),
     [
-        (file_record(passed()), "Clean", "No check found a deviation from a correct file."),
+        (file_record(passed()), "Passed", "No check found a deviation from a correct file."),
         (
             file_record(passed(), immaterial()),
-            "Clean",
+            "Passed",
             "No check found a deviation that matters; 1 is measurable and not material.",
         ),
-        (file_record(failed()), "Findings", "1 check failed; no cause could be named."),
+        (file_record(failed()), "Failed", "1 check failed; no cause could be named."),
         (
             file_record(failed(), passed(), diagnoses=(late_events(),)),
-            "Findings",
+            "Failed",
             "1 check failed; one probable cause is named.",
         ),
         (

@@ -87,9 +87,9 @@ def test_failed_checks_are_open_and_passed_ones_are_not(page: ReadPage) -> None:
 
 
 def test_strip_shows_the_streams_beside_each_other(page: ReadPage) -> None:
-    """Three moments, one place and two frames beside it, each with all streams in this order."""
+    """Three moments, one place and two frames beside it, each with all streams; first what a trial changed."""
     names = [next(part.text for part in one.inside if part.tag == "b") for one in page.all("figure", kind="panel")]
-    assert names == ["Colour frame", "Events", "Depth", "Flow", "Residual of flow"] * 6
+    assert names == ["Events"] * 2 + ["Colour frame", "Events", "Depth", "Flow", "Residual of flow"] * 6
 
 
 def test_missing_flow_is_said(page: ReadPage) -> None:

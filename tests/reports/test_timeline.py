@@ -59,6 +59,7 @@ def test_no_finding_is_lost(spans: list[tuple[float, float]]) -> None:
     """All findings are marked or counted, none lies outside, and in no lane do two begin at one place."""
     row = drawn(*(Where("rgb", start, start + length) for start, length in spans)).rows[1]
     assert len(row.marks) + row.more == len(spans)
+    assert row.more_places == 0
     for mark in row.marks:
         assert 0.0 <= mark.left <= mark.left + mark.width <= 1.0 + 1e-12
     for lane in range(row.lanes):
@@ -82,7 +83,16 @@ def test_no_time_no_timeline(edges_us: np.ndarray) -> None:
 def test_findings_without_a_lane_are_ticks() -> None:
     """What finds no room for its label is still marked where it begins, once a place."""
     row = drawn(*[Where("rgb", 1e6, 1e6)] * 6).rows[1]
-    assert (row.more, row.ticks) == (2, "M500 0v100")
+    assert (row.more, row.more_places, row.ticks) == (2, 0, "M500 0v100")
+
+
+def test_places_of_a_finding_are_no_findings() -> None:
+    """A finding at six places has four marks and two more places."""
+    finding = Finding("F1", "x.y", "error", "Wrong.", Where("rgb", 1e6, 1e6))
+    timeline_drawn = timeline_of(Evidence(timeline(), {}), [AnchoredFinding(finding, "a")] * 6)
+    assert timeline_drawn is not None
+    row = timeline_drawn.rows[1]
+    assert (len(row.marks), row.more, row.more_places) == (4, 0, 2)
 
 
 def test_events_tell_their_greatest_rate() -> None:

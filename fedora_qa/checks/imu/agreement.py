@@ -253,7 +253,7 @@ def agreement_observation(
         (residual, worst, *parameters, *local),
         # Columns: time in s on the file's clock, and the length of the residual in the unit stated.
         evidence={"residual": fit.course * [1.0, factor] + [seconds, 0.0]},
-        titles={"residual": f"Residuals of IMU and pose in {kind}; x time [s]; y length [{unit}]"},
+        titles={"residual": f"Residuals of IMU and pose in {kind}, as declared; x time [s]; y length [{unit}]"},
         inferred=inferred,
     )
 

@@ -145,6 +145,7 @@ def _converged(
     first: InertialFit | None = None
     first_free: tuple[str, ...] = ()
     disturbed: tuple[float, float] | None = None
+    declared: list[ComparisonRows] = []
     linearised_at = np.zeros(len(comparison.parameters.names))
     for _ in range(_MOST_ITERATIONS):
         segments = _segments(comparison.without(samples, linearised_at), noise, comparison)
@@ -154,14 +155,16 @@ def _converged(
         # Only parameters in which the residuals are not linear have to be removed from the samples.
         free = np.where(comparison.nonlinear, fit.values_of_free(), 0.0)
         if first is None:
-            disturbed = disturbed_interval(segments)
+            disturbed, declared = disturbed_interval(segments), segments
         fitted = fit.fitted()
         errors = np.array([fitted[name].standard_error for name in fit.parameters.names])
         # Converged: no parameter moves by more than a hundredth of its error.
         if np.all(np.abs(free - linearised_at) <= 0.01 * errors):
-            return summarise(fit, segments, kept, linearised_at, disturbed, settled=True), fit.free
+            return summarise(fit, segments, kept, linearised_at, disturbed, declared, settled=True), fit.free
         if first is None:
-            first, first_free = summarise(fit, segments, kept, fit.values_of_free(), disturbed, settled=False), fit.free
+            free_values = fit.values_of_free()
+            first = summarise(fit, segments, kept, free_values, disturbed, declared, settled=False)
+            first_free = fit.free
         if np.any(np.abs(free) > _CAPTURE_RANGE * np.array(comparison.parameters.largest)):
             return first, first_free
         linearised_at = free

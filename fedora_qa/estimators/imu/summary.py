@@ -110,8 +110,8 @@ class InertialFit:
         First and last instant, s, at which the streams as declared differ by more than all noise, if they agree
         outside; None where they agree everywhere or nowhere.
     course
-        (n, 2) instant, s, and length of the residual after the free parameters: the longest of each of n <= 1000
-        runs of rows.
+        (n, 2) instant, s, and length of the residual of the samples as declared, without any parameter: the longest
+        of each of n <= 1000 runs of rows.
     """
 
     parameters: Mapping[str, ParameterEstimate]
@@ -136,6 +136,7 @@ def summarise(
     kept: list[NDArray[np.bool_]],
     linearised_at: Float64,
     disturbed: tuple[float, float] | None,
+    declared: list[ComparisonRows],
     *,
     settled: bool,
 ) -> InertialFit:
@@ -153,6 +154,8 @@ def summarise(
         (P,) sizes of the parameters that were removed from the samples before.
     disturbed, settled
         As of ``InertialFit``.
+    declared
+        Rows of the samples as declared, for the course.
 
     Returns
     -------
@@ -215,8 +218,8 @@ def summarise(
         )
     # The course holds the longest residual of each run of rows. Runs have equal lengths; the first ones may be longer
     # by one row.
-    times_s = np.concatenate([rows.times_s for rows in segments])
-    lengths = np.linalg.norm(np.concatenate(residuals), axis=1)
+    times_s = np.concatenate([rows.times_s for rows in declared])
+    lengths = np.linalg.norm(np.concatenate([rows.residuals for rows in declared]), axis=1)
     count = min(len(lengths), _COURSE_POINTS)
     runs, numbers = np.arange(count), np.arange(len(lengths))
     starts = runs * (len(lengths) // count) + np.minimum(runs, len(lengths) % count)

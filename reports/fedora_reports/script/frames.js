@@ -81,7 +81,8 @@ function frames(section) {
   layer.addEventListener("input", () => { viewer.dataset.shown = layer.value; });
   crossHair(stage);
   const first = stops.findIndex(stop => stop.finding && stop.element.matches(".worst"));
-  show(Math.max(first, 0));
+  const opening = document.getElementById(viewer.dataset.opening);
+  if (!opening || !showFinding(opening)) show(Math.max(first, 0));
   return { show: element => {
     const k = stops.findIndex(stop => stop.element === element);
     if (k >= 0) show(k);

@@ -7,7 +7,7 @@ function listing(root) {
   const filters = [...root.querySelectorAll("[data-filter]")];
   const count = root.querySelector("[data-count]");
   const flat = root.querySelector("[data-items]");
-  const rest = root.querySelector("[data-rest]");
+  const folds = [...root.querySelectorAll("[data-rest]")];
   const groups = [...root.querySelectorAll("[data-group]")];
   const items = [...root.querySelectorAll(".item")];
   const homes = items.map(item => item.parentElement);
@@ -27,9 +27,9 @@ function listing(root) {
     const key = order.value;
     for (const k of key ? ordered(items, key) : items.keys()) (key ? flat : homes[k]).append(items[k]);
     for (const group of groups) group.hidden = !group.querySelector(".item:not([hidden])");
-    if (rest) {
-      rest.hidden = !rest.querySelector(".item:not([hidden])");
-      rest.open ||= shown < items.length;
+    for (const fold of folds) {
+      fold.hidden = !fold.querySelector(".item:not([hidden])");
+      fold.open ||= shown < items.length;
     }
     count.textContent = shown < items.length ? `${shown} of ${items.length}` : "";
   }
