@@ -53,8 +53,8 @@ _EDGE_NS: Final = 5 * NS_PER_MS
 _UNLIMITED_PX: Final = 1 << 20
 """A width of pictures, px, with which none is averaged."""
 
-_MOST_SAMPLES: Final = 2000
-"""Points of a series that are kept."""
+_MOST_SAMPLES: Final = 500
+"""Points of a series that are kept: more than a small drawing resolves."""
 
 
 def keep_trials(

@@ -42,7 +42,7 @@ title in the record that can serve as its caption. Times are on the file's clock
     limit of a measurement that had failed, before and after undoing, in its unit; the deviation is NaN where the check
     no longer states it · ``size`` (n, 2) float64, a series as those of checks: the largest deviation, in limits, by the
     size that is undone · ``before/...`` and ``after/...``: the arrays of a place, of those streams that undoing alters,
-    and ``<check>/<name>``, the arrays that a check keeps, series of 2000 points at most and maps averaged like pictures
+    and ``<check>/<name>``, the arrays that a check keeps, series of 500 points at most and maps averaged like pictures
     · ``box`` (4,) float64: the part of the image that these pictures show, as shares of it, (0, 0, 1, 1) for all of it.
     A part is kept where the fault displaces by a few pixels; its pixels are not averaged.
 ``<check>/<name>``

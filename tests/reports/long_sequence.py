@@ -76,10 +76,13 @@ def long_arrays() -> Arrays:
     for k in range(TRIALS):
         for when in ("before", "after"):
             group = f"trials/D{k + 1}/{when}"
-            arrays |= {f"{group}/{name}": stack[0] for name, stack in _pictures(rng, 1).items()}
-            for check in _CHECKS[:3]:
+            # A fault of the frames alters most pictures: those of depth and flow stay.
+            pictures = _pictures(rng, 1).items()
+            altered = {name: stack[0] for name, stack in pictures if not name.startswith(("depth", "flow"))}
+            arrays |= {f"{group}/{name}": array for name, array in altered.items()}
+            for check in _CHECKS[:2]:
                 arrays[f"{group}/{check}/map"] = rng.normal(0.0, 1.0, SENSOR).astype(np.float32)
-                arrays[f"{group}/{check}/series"] = np.stack([np.arange(2000.0), rng.normal(0.0, 1.0, 2000)], axis=1)
+                arrays[f"{group}/{check}/series"] = np.stack([np.arange(500.0), rng.normal(0.0, 1.0, 500)], axis=1)
     arrays["timeline/edges_us"] = np.linspace(0.0, end_us, 201)
     arrays |= {f"timeline/{stream}": rng.integers(90, 110, 200) for stream in _STREAMS}
     for quantity in ("depth_m", "luma_dn", "flow_10hz", "flow_25hz", "flow_50hz", "event_rate_hz"):
