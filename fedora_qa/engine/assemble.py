@@ -11,6 +11,7 @@ from fedora_qa.engine.options import FileRun
 from fedora_qa.engine.outcomes import lost_windows, results_in_order
 from fedora_qa.engine.plan import FOLLOW_UP_SHARE
 from fedora_qa.engine.progress import MEASURING, Progress, Stopwatch
+from fedora_qa.engine.stream_agreement import keep_agreement
 from fedora_qa.engine.survey import OpenSurvey, Prepared, Survey
 from fedora_qa.engine.trial_evidence import keep_trials
 from fedora_qa.evidence.collector import EvidenceCollector
@@ -78,8 +79,11 @@ def assemble(
         if file.keeper is not None and file.distributions is not None and wanted is not None:
             findings = [alarm.finding for alarm in alarms]
             of_pass = evidence_of_pass(file.keeper, states, findings, ready, file.chosen, wanted, again)
-            of_trials = keep_trials(diagnoses, causes.trials, causes.benches, wanted)
-            kept = merged([of_pass, kept, distributions_of(file.distributions, states, facts), of_trials])
+            groups = [of_pass, kept, distributions_of(file.distributions, states, facts)]
+            if alarms:
+                groups.append(keep_trials(diagnoses, causes.trials, causes.benches, wanted))
+                groups.append(keep_agreement(asked, {each.result.check: each.result.outcome for each in judged}))
+            kept = merged(groups)
     results = results_in_order(survey.checks, judged, states, survey.reasons)
     canaries: tuple[Canary, ...] = ()
     if options.canary:

@@ -45,6 +45,9 @@ title in the record that can serve as its caption. Times are on the file's clock
     and ``<check>/<name>``, the arrays that a check keeps, series of 500 points at most and maps averaged like pictures
     · ``box`` (4,) float64: the part of the image that these pictures show, as shares of it, (0, 0, 1, 1) for all of it.
     A part is kept where the fault displaces by a few pixels; its pixels are not averaged.
+``agreement/<stream>/<stream>``
+    (2,) int64: how many of the checks that compare two streams passed and failed; ``flow`` is every rate. Kept where a
+    check failed.
 ``<check>/<name>``
     Arrays that a check keeps. An array (n, 2) of floats is a series of points whose title reads
     ``TITLE; x LABEL [UNIT]; y LABEL [UNIT]``; an array (h, w) is a map whose title reads ``TITLE [UNIT]``.
@@ -62,6 +65,7 @@ HISTOGRAMS: Final = "histograms"
 DISTRIBUTIONS: Final = "distributions"
 
 TRIALS: Final = "trials"
+AGREEMENT: Final = "agreement"
 
 DEVIATIONS: Final = "deviations"
 BEFORE_UNDOING: Final = "before"

@@ -6,9 +6,19 @@ from typing import Any
 
 from numpy.typing import NDArray
 
-from fedora_qa.record.evidence import DISTRIBUTIONS, HISTOGRAMS, MOMENTS, PLACES, TIMELINE, TRAJECTORY, TRIALS
+from fedora_qa.record.evidence import (
+    AGREEMENT,
+    DISTRIBUTIONS,
+    HISTOGRAMS,
+    MOMENTS,
+    PLACES,
+    TIMELINE,
+    TRAJECTORY,
+    TRIALS,
+)
 from fedora_qa.record.types import Record, Verdict
 from fedora_qa.record.wording import cause_sentence, findings_of, identity, tally
+from fedora_reports.agreement import Agreement, agreement_of
 from fedora_reports.anchors import Anchors
 from fedora_reports.charts import Chart, distributions_of
 from fedora_reports.detection_power import NOTHING_KNOWN, DetectionPowerRow, PassDetectionPower, detection_power_rows
@@ -23,7 +33,7 @@ from fedora_reports.subjects import Subject, subjects_of
 from fedora_reports.timeline import AnchoredFinding, Timeline, timeline_of
 from fedora_reports.verdict import TITLES, VerdictText, verdict_of
 
-_KEPT_BY_THE_PASS = (MOMENTS, PLACES, TRIALS, TRAJECTORY, TIMELINE, HISTOGRAMS, DISTRIBUTIONS)
+_KEPT_BY_THE_PASS = (MOMENTS, PLACES, TRIALS, AGREEMENT, TRAJECTORY, TIMELINE, HISTOGRAMS, DISTRIBUTIONS)
 
 
 @dataclass(frozen=True, slots=True)
@@ -36,6 +46,7 @@ class FileSection:
     identity: str
     verdict: VerdictText
     problems: Problems
+    agreement: Agreement | None
     timeline: Timeline | None
     strip: Strip | None
     flight: Flight | None
@@ -148,6 +159,7 @@ def _section(
         identity=identity(file),
         verdict=verdict_of(file),
         problems=problems_of(file, evidence, pictures, anchors),
+        agreement=agreement_of(evidence),
         timeline=timeline_of(evidence, findings, snapshots),
         strip=pictures.strip,
         flight=flight_of(evidence, findings),

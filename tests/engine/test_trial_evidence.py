@@ -53,6 +53,8 @@ def test_a_delay_shows_where_its_cost_is_least(park_day: Path, tmp_path: Path) -
     assert right - left == pytest.approx(200 / 270)
     assert run.arrays[f"{BEFORE}/rgb"].shape[1] == 200
     assert run.arrays.keys() == run.record.evidence.keys()
+    assert run.arrays["agreement/events/rgb"][1] == 1
+    assert {tuple(run.arrays[name][1:]) for name in run.arrays if name.startswith("agreement/depth")} <= {(0,)}
 
 
 def test_a_reversed_flow_shows_what_it_leaves(park_day: Path, tmp_path: Path) -> None:

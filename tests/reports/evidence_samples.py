@@ -98,6 +98,8 @@ def all_kinds() -> dict[str, NDArray[Any]]:
         **place("F1"),
         **beside("F1"),
         **trial("D1"),
+        "agreement/events/rgb": np.array([3, 1]),
+        "agreement/depth/rgb": np.array([2, 0]),
         **distributions(),
         **timeline(),
         **histograms(),

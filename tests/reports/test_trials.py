@@ -4,9 +4,11 @@ import math
 from dataclasses import replace
 from typing import Any
 
+import numpy as np
 import pytest
 
 from fedora_qa.record.types import FileRecord, Finding, Where
+from fedora_reports.agreement import AgreementCell, agreement_of
 from fedora_reports.anchors import Anchors
 from fedora_reports.evidence import Evidence
 from fedora_reports.html import render_html
@@ -98,3 +100,14 @@ def opening(file: FileRecord) -> str:
     """The anchor of the finding on which the report opens."""
     evidence = Evidence({}, {})
     return problems_of(file, evidence, pictures_of(evidence, (), Anchors(0)), Anchors(0)).opening
+
+
+def test_streams_agree_in_both_directions() -> None:
+    """Each pair stands in the row of either stream; no check compares a stream with itself, or depth with events."""
+    kept = Evidence({"agreement/events/rgb": np.array([3, 1]), "agreement/depth/rgb": np.array([2, 0])}, {})
+    table = agreement_of(kept)
+    assert table is not None
+    assert table.streams == ("depth", "events", "rgb")
+    failing, agreeing = AgreementCell(3, 1), AgreementCell(2, 0)
+    assert table.rows == ((None, None, agreeing), (None, None, failing), (agreeing, failing, None))
+    assert agreement_of(Evidence({}, {})) is None
