@@ -1,6 +1,7 @@
 """From the passes over the windows to the record of the file: follow-ups, judgement, evidence, canaries."""
 
 from collections.abc import Iterable, Mapping, Sequence
+from functools import partial
 
 from fedora_qa.checks.protocol import Observation
 from fedora_qa.engine.altered import PlainRun
@@ -81,7 +82,8 @@ def assemble(
             of_pass = evidence_of_pass(file.keeper, states, findings, ready, file.chosen, wanted, again)
             groups = [of_pass, kept, distributions_of(file.distributions, states, facts)]
             if alarms:
-                groups.append(keep_trials(diagnoses, causes.trials, causes.benches, wanted))
+                of_trials = partial(keep_trials, diagnoses, causes.trials, causes.benches, wanted)
+                groups.append(attempt(states, file.keeper.name, of_trials) or TitledArrays())
                 groups.append(keep_agreement(asked, {each.result.check: each.result.outcome for each in judged}))
             kept = merged(groups)
     results = results_in_order(survey.checks, judged, states, survey.reasons)

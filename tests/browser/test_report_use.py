@@ -203,11 +203,11 @@ def test_print_shows_all_moments_and_no_controls(tab: Tab) -> None:
     assert tab.pdf().startswith(b"%PDF")
 
 
-def test_print_leaves_out_what_is_folded_but_findings(tab: Tab) -> None:
-    """On paper nothing folded is hinted at but findings, and the columns of the checks stand side by side."""
+def test_print_leaves_out_what_is_folded_but_findings_and_checks(tab: Tab) -> None:
+    """Of what is folded paper states how many findings and which passed checks; columns of checks stand side by side."""
     tab.show_as("light", "print")
     folded = "[...document.querySelectorAll('details.more:not([open])')].filter(e => e.checkVisibility())"
-    assert set(tab.evaluate(f"{folded}.map(e => e.closest('.findings, .remarks') !== null)")) == {True}
+    assert set(tab.evaluate(f"{folded}.map(e => e.closest('.findings, .remarks, .checks') !== null)")) == {True}
     cells = "[...document.querySelector('.check summary').children].map(e => e.getBoundingClientRect())"
     assert tab.evaluate(f"(cells => cells.every((c, k) => k === 0 || c.left >= cells[k - 1].right))({cells})")
 
