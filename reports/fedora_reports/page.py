@@ -131,9 +131,9 @@ def _section(
     file, anchors, evidence = record.files[place], Anchors(place), evidence_of(record, place, arrays)
     # A finding has a mark at each of its places.
     findings = [
-        AnchoredFinding(replace(finding, where=where), anchors.finding(k))
+        AnchoredFinding(replace(finding, where=where), anchors.finding(k), is_further=rank > 0)
         for k, (_, finding) in enumerate(findings_of(file))
-        for where in finding.all_places
+        for rank, where in enumerate(finding.all_places)
     ]
     links = [Link(located.anchor, located.finding.id) for located in findings]
     diagnoses = (diagnosis.id for diagnosis in file.diagnoses)

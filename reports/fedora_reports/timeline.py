@@ -26,10 +26,11 @@ WHOLE_FILE = "whole file"
 
 @dataclass(frozen=True, slots=True)
 class AnchoredFinding:
-    """A finding and the identifier of its place on the page."""
+    """A finding at one of its places, and its identifier on the page; ``is_further``: it is worst at another place."""
 
     finding: Finding
     anchor: str
+    is_further: bool = False
 
 
 @dataclass(frozen=True, slots=True)
@@ -50,8 +51,8 @@ class TimelineRow:
     """One stream: the density of its samples, and its findings.
 
     ``count`` is the number of its samples; ``peak`` the greatest rate of events, empty for other streams. For ``more``
-    findings, and for ``more_places`` of findings that have a mark, no lane was free; ``ticks`` marks their beginnings,
-    as an SVG path in the width of the drawing.
+    findings, and for ``more_places`` of findings that are worst elsewhere, no lane was free; ``ticks`` marks their
+    beginnings, as an SVG path in the width of the drawing.
     """
 
     stream: str
@@ -160,18 +161,17 @@ def _row(
     # Each finding lies in the first lane in which its label touches no other.
     free_from = [-math.inf] * _LANES
     marks: list[TimelineMark] = []
-    without_lane: list[tuple[float, str]] = []
+    without_lane: list[tuple[float, bool]] = []
     for left, right, located in sorted(spans, key=lambda item: item[:2]):
         lane = next((lane for lane in range(_LANES) if free_from[lane] <= left), None)
         if lane is None:
-            without_lane.append((left, located.anchor))
+            without_lane.append((left, located.is_further))
             continue
         free_from[lane] = max(right, left + _LABEL_SHARE)
         finding = located.finding
         grave = finding.severity in {"critical", "error"}
         marks.append(TimelineMark(located.anchor, finding.id, finding.message, left, right - left, lane, grave))
-    marked = {mark.anchor for mark in marks}
-    unmarked = {anchor for _, anchor in without_lane} - marked
+    places = sum(is_further for _, is_further in without_lane)
     starts = sorted({round(left, 3) for left, _ in without_lane})
     count, peak, path = "", "", ""
     if samples is not None and np.isfinite(samples).all():
@@ -191,7 +191,7 @@ def _row(
         path=path,
         marks=tuple(marks),
         lanes=max((mark.lane + 1 for mark in marks), default=0),
-        more=len(unmarked),
-        more_places=len(without_lane) - len(unmarked),
+        more=len(without_lane) - places,
+        more_places=places,
         ticks="".join(f"M{left * WIDTH:.0f} 0v{HEIGHT}" for left in starts),
     )

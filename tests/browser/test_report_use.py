@@ -204,7 +204,7 @@ def test_print_shows_all_moments_and_no_controls(tab: Tab) -> None:
 
 
 def test_print_leaves_out_what_is_folded_but_findings_and_checks(tab: Tab) -> None:
-    """Of what is folded paper states how many findings and which passed checks; columns of checks stand side by side."""
+    """Of what is folded, paper states findings and passed checks; the columns of checks stand side by side."""
     tab.show_as("light", "print")
     folded = "[...document.querySelectorAll('details.more:not([open])')].filter(e => e.checkVisibility())"
     assert set(tab.evaluate(f"{folded}.map(e => e.closest('.findings, .remarks, .checks') !== null)")) == {True}

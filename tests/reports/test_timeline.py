@@ -89,7 +89,8 @@ def test_findings_without_a_lane_are_ticks() -> None:
 def test_places_of_a_finding_are_no_findings() -> None:
     """A finding at six places has four marks and two more places."""
     finding = Finding("F1", "x.y", "error", "Wrong.", Where("rgb", 1e6, 1e6))
-    timeline_drawn = timeline_of(Evidence(timeline(), {}), [AnchoredFinding(finding, "a")] * 6)
+    places = [AnchoredFinding(finding, "a", is_further=place > 0) for place in range(6)]
+    timeline_drawn = timeline_of(Evidence(timeline(), {}), places)
     assert timeline_drawn is not None
     row = timeline_drawn.rows[1]
     assert (len(row.marks), row.more, row.more_places) == (4, 0, 2)
