@@ -10,6 +10,7 @@ import numpy as np
 from fedora_qa.causes import stream_family
 from fedora_qa.checks.protocol import Check
 from fedora_qa.evidence.titled_arrays import TitledArrays
+from fedora_qa.layout.canonical import FRAMES_OF_MAP
 from fedora_qa.record.evidence import AGREEMENT, named
 from fedora_qa.record.types import Outcome
 
@@ -26,7 +27,8 @@ def keep_agreement(checks: Iterable[Check[Any]], outcomes: Mapping[str, Outcome]
     """
     counts: Counter[tuple[str, str, Outcome]] = Counter()
     for check in checks:
-        streams = sorted({stream_family(stream) for stream in check.needs})
+        # Index maps are no streams: they hold rows of events.
+        streams = sorted({stream_family(stream) for stream in check.needs} - set(FRAMES_OF_MAP))
         for first, second in combinations(streams, 2):
             counts[first, second, outcomes.get(check.name, "crashed")] += 1
     pairs = sorted({(first, second) for first, second, outcome in counts if outcome in ("passed", "failed")})
