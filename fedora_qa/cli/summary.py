@@ -192,8 +192,8 @@ def _diagnosis(diagnosis: Diagnosis, file: FileRecord) -> RenderableType:
     if place(diagnosis.where):
         details.add_row("where", text(place(diagnosis.where)))
     details.add_row("remedy", text(diagnosis.remedy))
-    explained = ", ".join(explained_checks(diagnosis, file))
-    details.add_row("explains", text(f"{explained} ({', '.join(diagnosis.explains)})"))
+    if explained := ", ".join(explained_checks(diagnosis, file)):
+        details.add_row("explains", text(f"{explained} ({', '.join(diagnosis.explains)})"))
     return Group(head, Padding(details, (0, 0, 0, 4), expand=False))
 
 

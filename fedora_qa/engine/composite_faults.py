@@ -125,20 +125,21 @@ def _explain(bench: TrialBench, materiality: Materiality, progress: Progress) ->
     # None: a finding without a counterpart, which only undoing has brought about, is left.
     if None in remaining or len(identifiers) - len(remaining) <= len(cleared):
         return apart
-    trial = _with_others_undone(apart.trials[first.id], set(first.explains) - remaining)
+    windows = len(without.run.planned(without.run.ready))
+    trial = _with_others_undone(apart.trials[first.id], set(first.explains) - remaining, windows)
     amended = alone.explanation({**alone.trials, key_of(first): trial})
     if key_of(first) not in map(key_of, amended.diagnoses):
         return apart
     return _in_turn(key_of(first), amended, rest, counterparts)
 
 
-def _with_others_undone(trial: UndoTrial, explained: Collection[str]) -> UndoTrial:
-    """Return a trial as it is with the other faults undone, too: what it would explain is no longer left.
+def _with_others_undone(trial: UndoTrial, explained: Collection[str], windows: int) -> UndoTrial:
+    """Return a trial as it is in all windows with the other faults undone, too: what it would explain is cleared.
 
     What it brought about were findings of the other faults, which it had hidden.
     """
     left = {finding: ratio for finding, ratio in trial.left.items() if finding not in explained}
-    return replace(trial, cleared=trial.cleared.union(trial.left.keys() - left.keys()), left=left, caused=())
+    return replace(trial, cleared=trial.cleared.union(explained), left=left, caused=(), windows=windows)
 
 
 def _in_turn(

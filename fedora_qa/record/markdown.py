@@ -83,7 +83,7 @@ def _file_section(file: FileRecord) -> str:
             f"  - known by: {escape(status_sentence(diagnosis))}",
             *([f"  - where: {escape(where)}"] if where else []),
             f"  - remedy: {escape(diagnosis.remedy)}",
-            f"  - explains: {escape(explains)}",
+            *([f"  - explains: {escape(explains)}"] if explains else []),
         ]
     if causes:
         parts += ["### Probable causes", "\n".join(causes)]

@@ -216,7 +216,7 @@ def status_sentence(diagnosis: Diagnosis) -> str:
     status, first = diagnosis.status, diagnosis.tried[:1]
     condition = f"with {' and '.join(diagnosis.after)} undone, " if diagnosis.after else ""
     if condition and not diagnosis.explains:
-        return f"{status}: {condition}it shows, and undoing it clears that"
+        return f"{status}: {condition}it appears, and undoing it clears that"
     if not first or not diagnosis.cleared:
         reasons: dict[DiagnosisStatus, str] = {
             "confirmed": "",

@@ -70,7 +70,7 @@ def test_a_hidden_fault_is_named_and_repaired(park_day: Path, tmp_path: Path) ->
     assert (first.cause, hidden.cause) == ("polarity_inverted", "time_offset")
     assert (first.id, hidden.after, hidden.explains, hidden.cleared) == ("D1", ("D1",), (), ())
     assert hidden.magnitude == pytest.approx(3.0, abs=0.3)
-    assert status_sentence(hidden) == f"{hidden.status}: with D1 undone, it shows, and undoing it clears that"
+    assert status_sentence(hidden) == f"{hidden.status}: with D1 undone, it appears, and undoing it clears that"
     _, omissions = choose(run.record.diagnoses, run.faults, ["D2"])
     assert "--only D1 --only D2" in omissions[-1].reason
     result = repair(faulty, target, OPTIONS, quiet, only=["D1", "D2"])
