@@ -105,7 +105,7 @@ def status_of(
     tested = [trials[rival.key] for rival in others if rival.key in trials]
     alike = [other for other in tested if other.succeeds and other.cleared >= trial.cleared]
     undecided = any(
-        rival.key not in trials or not trials[rival.key].is_decided
+        not _is_decided(rival, trial.cleared_alone or trial.cleared, trials)
         for rival in others
         if rival.key in likely and is_testable(rival.cause, rival.stream, rival.size.magnitude)
     )
@@ -116,3 +116,12 @@ def status_of(
     removed = len(trial.cleared) + sum(max(1.0 - abs(trial.left[finding]), 0.0) for finding in left)
     mostly = removed >= _MOSTLY * (len(trial.cleared) + len(left) + len(trial.caused))
     return ("supported" if mostly else "suggested"), alike
+
+
+def _is_decided(rival: CauseCandidate, cleared: Collection[str], trials: Trials) -> bool:
+    """Whether a trial of a rival decides any finding that the cause clears and the rival would explain, too."""
+    trial = trials.get(rival.key)
+    if trial is None:
+        return False
+    contested = [finding for finding in cleared if finding in rival.evidence]
+    return trial.decides(contested) if contested else trial.is_decided

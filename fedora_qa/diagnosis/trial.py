@@ -1,6 +1,6 @@
 """What undoing a proposed fault changed in the findings of a file."""
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from typing import Final
 
@@ -56,6 +56,9 @@ class UndoTrial:
         Checks that failed themselves under it.
     size
         Size of the cause that the trials fitted, in its unit; None: the one that was proposed.
+    cleared_alone
+        Of ``cleared``, where other faults were undone, too: what clears with them in place, as trials of rivals had
+        them; else empty.
     deviations
         Of the findings that are cleared or left.
     observations
@@ -70,6 +73,7 @@ class UndoTrial:
     windows: int
     crashed: tuple[str, ...] = ()
     size: float | None = None
+    cleared_alone: frozenset[str] = frozenset()
     deviations: tuple[DeviationChange, ...] = ()
     observations: Mapping[str, tuple[Observation, Observation]] = field(default_factory=dict)
 
@@ -92,6 +96,10 @@ class UndoTrial:
     def is_decided(self) -> bool:
         """Whether the windows show any finding, cleared or left."""
         return bool(self.cleared or self.left)
+
+    def decides(self, findings: Iterable[str]) -> bool:
+        """Whether any of some findings is cleared or left."""
+        return any(finding in self.cleared or finding in self.left for finding in findings)
 
     @property
     def balance(self) -> tuple[int, float]:

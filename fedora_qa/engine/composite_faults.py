@@ -139,7 +139,8 @@ def _with_others_undone(trial: UndoTrial, explained: Collection[str], windows: i
     What it brought about were findings of the other faults, which it had hidden.
     """
     left = {finding: ratio for finding, ratio in trial.left.items() if finding not in explained}
-    return replace(trial, cleared=trial.cleared.union(explained), left=left, caused=(), windows=windows)
+    cleared = trial.cleared.union(explained)
+    return replace(trial, cleared=cleared, cleared_alone=trial.cleared, left=left, caused=(), windows=windows)
 
 
 def _in_turn(
