@@ -9,12 +9,10 @@ from typing import Final
 import click
 
 from fedora_qa.cli.arrays import arrays_beside, read_arrays
-from fedora_qa.cli.check import external_folders
 from fedora_qa.cli.console import print_table, stdout_console, text
-from fedora_qa.cli.isolated import run_isolated
+from fedora_qa.cli.measured_file import Reading, measured_file, reading_of
 from fedora_qa.cli.options import PATH, allow_external_option, dialect_option, memory_option, metadata_option
 from fedora_qa.cli.outputs import Outputs
-from fedora_qa.cli.progress import progress_bar
 from fedora_qa.cli.sequences import HDF5_SUFFIXES, require_hdf5
 from fedora_qa.comparison.compare import DEFAULT_FALSE_ALARM_RATE
 from fedora_qa.comparison.compare import compare as compare_subjects
@@ -23,12 +21,8 @@ from fedora_qa.comparison.sampled import sampled_counts_of
 from fedora_qa.comparison.subjects import FileInput, SubjectInput, labels
 from fedora_qa.comparison.tables import comparison_to_markdown, false_alarm_sentence, headline, pair_tables
 from fedora_qa.comparison.types import COMPARISON, Design
-from fedora_qa.config import parse_bytes
-from fedora_qa.engine.executor import Task
-from fedora_qa.engine.statistics import collect_statistics
-from fedora_qa.engine.tasks import opening_test
 from fedora_qa.errors import MisuseError
-from fedora_qa.layout.dialect import Dialect, DialectChoice, load_choice, split_choice
+from fedora_qa.layout.dialect import Dialect, split_choice
 from fedora_qa.layout.folder import is_sequence
 from fedora_qa.record.atomic import write_text
 from fedora_qa.record.json_io import read_record
@@ -75,17 +69,12 @@ def compare(
     Files are measured; records are read, with the arrays beside them, and their findings compared. Exit codes: 0
     compared, whatever the result; 2 misuse.
     """
-    if len(paths) < 2:
-        raise MisuseError(f"Expected two or more subjects to compare, got {len(paths)}")
-    dialect_read = load_choice(dialect, metadata)
-    memory_bytes = parse_bytes(memory)
-    sources = sources_of(paths, split_choice(dialect_read)[0])
+    reading = reading_of(dialect, metadata, memory, allow_external)
+    sources = sources_of(paths, split_choice(reading.dialect)[0])
     read = [path for source in sources for path in source.paths]
     # The arrays beside each record are inputs as well: no output may overwrite them.
     Outputs(json_path, markdown_path, html_path).require_writable([*read, *map(arrays_beside, read)])
-    comparison = compare_subjects(
-        read_sources(sources, dialect_read, memory_bytes, external_folders(allow_external)), design, false_alarm_rate
-    )
+    comparison = compare_subjects(read_sources(sources, reading), design, false_alarm_rate)
     if json_path:
         write_text(json_path, COMPARISON.to_json(comparison))
     if markdown_path:
@@ -128,8 +117,11 @@ def sources_of(paths: Sequence[Path], dialect: Dialect | None = None) -> tuple[S
     Raises
     ------
     MisuseError
-        A path is missing or given twice, a file is no sequence, or a folder holds neither sequences nor records.
+        There are fewer than two paths, one is missing or given twice, a file is no sequence, or a folder holds neither
+        sequences nor records.
     """
+    if len(paths) < 2:
+        raise MisuseError(f"Expected two or more subjects to compare, got {len(paths)}")
     for path in paths:
         if paths.count(path) > 1:
             raise MisuseError(f"Expected each path once, got {path} {paths.count(path)} times")
@@ -158,10 +150,8 @@ def sources_of(paths: Sequence[Path], dialect: Dialect | None = None) -> tuple[S
     return tuple(sources)
 
 
-def read_sources(
-    sources: Sequence[Source], dialect: DialectChoice, memory_bytes: int, allow_external: Sequence[Path] = ()
-) -> tuple[SubjectInput, ...]:
-    """Read the records, and measure the other files, each in a process of its own; raises as ``run_isolated``."""
+def read_sources(sources: Sequence[Source], reading: Reading) -> tuple[SubjectInput, ...]:
+    """Read the records, and measure the other files; raises as ``measured_file``."""
     names = labels([str(source.path) for source in sources])
     subjects = []
     for name, source in zip(names, sources, strict=True):
@@ -176,9 +166,7 @@ def read_sources(
                     sampled = sampled_counts_of(arrays, f"{i}/" if has_several else "")
                     files.append(FileInput(file.path, file.statistics, sampled, file))
                 continue
-            with progress_bar(path.name) as report:
-                task = Task(collect_statistics, (path, dialect, memory_bytes, allow_external, True))
-                counted = run_isolated(task, path, opening_test(path, dialect, allow_external), report)
+            counted = measured_file(path, reading, with_distributions=True)
             # As a record holds them: values that are not finite become None, which means unknown.
             statistics = {
                 group: {key: None if isinstance(v, float) and not math.isfinite(v) else v for key, v in values.items()}

@@ -1,12 +1,13 @@
 """``fedora-qa checks`` and ``fedora-qa explain``: the question of each check, and how the check answers it."""
 
 import sys
+from dataclasses import replace
 
 import click
 from rich.table import Table
 from rich.text import Text
 
-from fedora_qa.checks.explanation import published_explanations
+from fedora_qa.checks.explanation import Explanation, published_explanations
 from fedora_qa.cli.completion import complete_check
 from fedora_qa.cli.console import stdout_console
 from fedora_qa.errors import MisuseError
@@ -33,19 +34,34 @@ def checks() -> int:
 @click.argument("name", metavar="CHECK", shell_complete=complete_check)
 def explain(name: str) -> int:
     """Explain what CHECK, or every check of a subject, measures, how, and what it cannot detect."""
+    console = stdout_console()
+    for explained in explanations_of(name):
+        console.print(Text(explained.check, style="bold"))
+        console.print(Text(needs_words(explained), style="dim"))
+        content = Text(f"\n{explained.question}\n\n{explained.measured}\n")
+        for title, section in explained.sections.items():
+            content.append(f"\n{title}\n", style="bold").append(f"{section}\n")
+        console.print(content)
+    return 0
+
+
+def explanations_of(name: str) -> tuple[Explanation, ...]:
+    """Return the explanations of a check, or of every check of a subject, with the power that was measured.
+
+    Raises
+    ------
+    MisuseError
+        There is no such check or subject.
+    """
     explanations = [each for each in published_explanations() if name in {each.check, each.check.split(".")[0]}]
     if not explanations:
         raise MisuseError(f"Expected a check or subject, got {name!r}; `fedora-qa checks` lists them")
     from fedora_qa.cli.detection_power import TITLE, detection_power_text  # noqa: PLC0415 - `checks` needs none
 
-    console = stdout_console()
-    for explained in explanations:
-        console.print(Text(explained.check, style="bold"))
-        console.print(Text(f"needs: {', '.join(explained.needs) or 'no stream'}", style="dim"))
-        content = Text(f"\n{explained.question}\n\n{explained.measured}\n")
-        power = detection_power_text(explained.check)
-        sections = {**explained.sections, **({TITLE: power} if power else {})}
-        for title, section in sections.items():
-            content.append(f"\n{title}\n", style="bold").append(f"{section}\n")
-        console.print(content)
-    return 0
+    powers = [(each, detection_power_text(each.check)) for each in explanations]
+    return tuple(replace(each, sections={**each.sections, TITLE: power}) if power else each for each, power in powers)
+
+
+def needs_words(explained: Explanation) -> str:
+    """Return which streams a check needs, in words."""
+    return f"needs: {', '.join(explained.needs) or 'no stream'}"

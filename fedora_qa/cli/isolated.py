@@ -13,7 +13,9 @@ from fedora_qa.errors import WorkerLostError
 from fedora_qa.storage.place import Place
 
 
-def run_isolated(task: Task, path: Place, opening: Task | None, progress: Progress = quiet) -> Any:
+def run_isolated(
+    task: Task, path: Place, opening: Task | None, progress: Progress = quiet, *, in_process: bool = False
+) -> Any:
     """Do a task that reads a file in a process of its own, and return its result.
 
     Parameters
@@ -22,6 +24,8 @@ def run_isolated(task: Task, path: Place, opening: Task | None, progress: Progre
         The file.
     opening
         Tests first whether the file opens at all (``opening_test``).
+    in_process
+        Whether to do it in this process after all: for a caller that knows its files.
 
     Raises
     ------
@@ -31,8 +35,8 @@ def run_isolated(task: Task, path: Place, opening: Task | None, progress: Progre
         As the task does.
     """
     # A debugger cannot follow a task into another process. One process at work may use all cores for images.
-    in_process = bool(os.environ.get(IN_PROCESS_VARIABLE))
-    executor: Executor = InProcess() if in_process else ProcessExecutor(1, threads=usable_cores())
+    is_here = in_process or bool(os.environ.get(IN_PROCESS_VARIABLE))
+    executor: Executor = InProcess() if is_here else ProcessExecutor(1, threads=usable_cores())
     with executor:
         try:
             if opening:

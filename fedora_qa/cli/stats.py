@@ -8,19 +8,12 @@ from typing import Final
 import click
 
 from fedora_qa import __version__
-from fedora_qa.cli.check import external_folders
 from fedora_qa.cli.console import print_table, stdout_console, text
-from fedora_qa.cli.isolated import run_isolated
+from fedora_qa.cli.measured_file import measured_file, reading_of
 from fedora_qa.cli.options import PATH, allow_external_option, dialect_option, memory_option, metadata_option
 from fedora_qa.cli.outputs import Outputs
-from fedora_qa.cli.progress import progress_bar
 from fedora_qa.cli.sequences import sequences_of
 from fedora_qa.comparison.text_table import ABSENT, TextTable
-from fedora_qa.config import parse_bytes
-from fedora_qa.engine.executor import Task
-from fedora_qa.engine.statistics import collect_statistics
-from fedora_qa.engine.tasks import opening_test
-from fedora_qa.layout.dialect import load_choice
 from fedora_qa.record.atomic import write_text
 from fedora_qa.record.markdown import escape, table
 from fedora_qa.record.types import Scalar
@@ -53,17 +46,10 @@ def stats(
     markdown_path: Path | None,
 ) -> int:
     """Print statistics of FILES or folders: duration, distance, greatest speeds, event rate, flow, depth, light."""
-    dialect_read = load_choice(dialect, metadata)
-    memory_bytes = parse_bytes(memory)
-    sequences = [place for place in sequences_of(files, dialect_read, needs_rows=True) if isinstance(place, Path)]
+    reading = reading_of(dialect, metadata, memory, allow_external)
+    sequences = [place for place in sequences_of(files, reading.dialect, needs_rows=True) if isinstance(place, Path)]
     Outputs(json_path, markdown_path).require_writable(sequences)
-    folders = external_folders(allow_external)
-    by_file: dict[str, Statistics] = {}
-    for path in sequences:
-        with progress_bar(path.name) as report:
-            task = Task(collect_statistics, (path, dialect_read, memory_bytes, folders, False))
-            opening = opening_test(path, dialect_read, folders)
-            by_file[str(path)] = run_isolated(task, path, opening, report).statistics
+    by_file = {str(path): measured_file(path, reading).statistics for path in sequences}
     tables = tables_of(by_file)
     if json_path:
         tool = {"name": "fedora-qa", "version": __version__}
