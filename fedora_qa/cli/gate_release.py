@@ -14,13 +14,13 @@ from fedora_qa.cli.record import evidence_arrays, record_of
 from fedora_qa.cli.sequences import sequences_of
 from fedora_qa.engine.options import FileRun
 from fedora_qa.evidence.options import EvidenceOptions
-from fedora_qa.gate.baseline import Baseline, baseline_of
-from fedora_qa.gate.certificate import certificate_of, write_certificate
-from fedora_qa.gate.contents import contents_of
-from fedora_qa.gate.policy import Policy, read_policy
-from fedora_qa.gate.release import Release, find_release
-from fedora_qa.gate.rules import release_results_of
-from fedora_qa.gate.verdict import Judgement, judge_release, release_record
+from fedora_qa.gating.baseline import Baseline, baseline_of
+from fedora_qa.gating.certificate import certificate_of, write_certificate
+from fedora_qa.gating.contents import contents_of
+from fedora_qa.gating.policy import Policy, read_policy
+from fedora_qa.gating.release import Release, find_release
+from fedora_qa.gating.rules import release_results_of
+from fedora_qa.gating.verdict import Judgement, judge_release, release_record
 from fedora_qa.layout.dialect import load_choice, split_choice
 from fedora_qa.record.json_io import read_record
 from fedora_qa.record.types import Record

@@ -12,9 +12,9 @@ SCHEMAS: Final[Mapping[str, tuple[str, str, str]]] = MappingProxyType(
         "record": ("fedora_qa.record", "record.schema.json", "what `check --json` and `gate --json` write"),
         "comparison": ("fedora_qa.comparison", "comparison.schema.json", "what `compare --json` writes"),
         "power": ("fedora_qa.record", "power.schema.json", "what `power --json` writes"),
-        "certificate": ("fedora_qa.gate", "certificate.schema.json", "what `gate --certificate` writes"),
+        "certificate": ("fedora_qa.gating", "certificate.schema.json", "what `gate --certificate` writes"),
         "config": ("fedora_qa", "config.schema.json", "what a fedora-qa.toml may say"),
-        "policy": ("fedora_qa.gate", "policy.schema.json", "what a policy.toml may say"),
+        "policy": ("fedora_qa.gating", "policy.schema.json", "what a policy.toml may say"),
     }
 )
 """Of each document the package and file that hold its schema, and what it is."""

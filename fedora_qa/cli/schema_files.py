@@ -13,8 +13,8 @@ import fedora_qa
 from fedora_qa.cli.schema import SCHEMAS
 from fedora_qa.comparison.types import COMPARISON
 from fedora_qa.config import CONFIG_READER
-from fedora_qa.gate.certificate import CERTIFICATE
-from fedora_qa.gate.policy import POLICY_READER
+from fedora_qa.gating.certificate import CERTIFICATE
+from fedora_qa.gating.policy import POLICY_READER
 from fedora_qa.record.atomic import write_text
 from fedora_qa.record.documents import DocumentKind
 from fedora_qa.record.json_io import RECORD

@@ -7,7 +7,7 @@ import click
 
 from fedora_qa.cli.exit_codes import CLEAN, FINDINGS
 from fedora_qa.cli.options import PATH
-from fedora_qa.gate.certificate import differences, read_certificate
+from fedora_qa.gating.certificate import differences, read_certificate
 from fedora_qa.record.wording import unobeyed
 
 

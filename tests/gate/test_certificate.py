@@ -10,15 +10,15 @@ from typing import Any
 import pytest
 
 from fedora_qa.errors import MisuseError
-from fedora_qa.gate.certificate import (
+from fedora_qa.gating.certificate import (
     Certificate,
     certificate_of,
     differences,
     read_certificate,
     write_certificate,
 )
-from fedora_qa.gate.policy import Documents, Policy
-from fedora_qa.gate.waivers import Waiver
+from fedora_qa.gating.policy import Documents, Policy
+from fedora_qa.gating.waivers import Waiver
 from fedora_qa.storage.digest import whole_digest
 from tests.support.records import file_record, not_observable, passed, record
 

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from fedora_qa.errors import MisuseError
-from fedora_qa.gate.policy import Bounds, Documents, Policy, each_stream, read_policy
+from fedora_qa.gating.policy import Bounds, Documents, Policy, each_stream, read_policy
 
 DOCS = Path(__file__).parents[2] / "docs" / "gate.md"
 EXAMPLE = re.findall(r"```toml\n(.*?)```", DOCS.read_text(encoding="utf-8"), flags=re.DOTALL)[0]

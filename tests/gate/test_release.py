@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 
 from fedora_qa.errors import MisuseError
-from fedora_qa.gate.release import find_release, find_sequences, inside
+from fedora_qa.gating.release import find_release, find_sequences, inside
 
 
 def test_sequences_in_order_of_their_names(tmp_path: Path) -> None:

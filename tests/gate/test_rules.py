@@ -10,10 +10,10 @@ import pytest
 
 from fedora_qa.config import RULESET_VERSION
 from fedora_qa.engine.worker import OpenFile, Worker
-from fedora_qa.gate.contents import Contents, read_contents
-from fedora_qa.gate.policy import Bounds, Policy
-from fedora_qa.gate.release import Release
-from fedora_qa.gate.rules import (
+from fedora_qa.gating.contents import Contents, read_contents
+from fedora_qa.gating.policy import Bounds, Policy
+from fedora_qa.gating.release import Release
+from fedora_qa.gating.rules import (
     amount_of,
     release_results_of,
     rule_on_distinct,

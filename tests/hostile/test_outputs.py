@@ -10,8 +10,8 @@ from fedora_qa.cli import arrays
 from fedora_qa.cli.main import run
 from fedora_qa.config import MOST_TOML_BYTES, read_config
 from fedora_qa.errors import MisuseError
-from fedora_qa.gate.certificate import read_certificate
-from fedora_qa.gate.policy import read_policy
+from fedora_qa.gating.certificate import read_certificate
+from fedora_qa.gating.policy import read_policy
 from fedora_qa.layout.dialect import load_dialect
 from fedora_qa.record import documents
 from fedora_qa.record.csv_tables import record_to_csv

@@ -5,7 +5,7 @@
 
 from pathlib import Path
 
-from fedora_qa.gate.certificate import CERTIFICATE
+from fedora_qa.gating.certificate import CERTIFICATE
 from fedora_qa.record.csv_tables import record_to_csv
 from fedora_qa.record.github import record_to_github
 from fedora_qa.record.json_io import record_to_json

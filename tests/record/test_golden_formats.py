@@ -2,7 +2,7 @@
 
 import pytest
 
-from fedora_qa.gate.certificate import read_certificate
+from fedora_qa.gating.certificate import read_certificate
 from fedora_qa.record.json_io import read_record, record_to_json
 from tests.record.golden_formats import GOLDEN, formats
 from tests.support.certificates import CERTIFIED

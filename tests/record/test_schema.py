@@ -12,8 +12,8 @@ import pytest
 from fedora_qa.cli.schema import SCHEMAS
 from fedora_qa.cli.schema_files import schema_path, schemas
 from fedora_qa.config import CONFIG_READER, CheckConfig
-from fedora_qa.gate.certificate import CERTIFICATE
-from fedora_qa.gate.policy import POLICY_READER, Policy
+from fedora_qa.gating.certificate import CERTIFICATE
+from fedora_qa.gating.policy import POLICY_READER, Policy
 from fedora_qa.record.json_io import RECORD, record_to_json
 from fedora_qa.record.schemas import schema_text
 from tests.support.certificates import CERTIFIED

@@ -8,8 +8,8 @@ from pathlib import PurePath
 from statistics import NormalDist
 
 from fedora_qa.errors import MisuseError
-from fedora_qa.gate.release import FOLDER
-from fedora_qa.gate.severity_override import GRAVE, mark_findings
+from fedora_qa.gating.release import FOLDER
+from fedora_qa.gating.severity_override import GRAVE, mark_findings
 from fedora_qa.record.types import FileRecord, Finding, Measurement, Record, Result, Side
 
 _KNOWN_SEVERITIES = GRAVE | {"warning"}

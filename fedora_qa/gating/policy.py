@@ -13,8 +13,8 @@ from pydantic import ConfigDict, TypeAdapter
 from fedora_qa.config import RULESET_CHANGES, RULESET_VERSION, CheckConfig, files_beside, parse_bytes, read_toml
 from fedora_qa.engine.run import select_checks
 from fedora_qa.errors import MisuseError
-from fedora_qa.gate.release import is_plain
-from fedora_qa.gate.waivers import Waiver
+from fedora_qa.gating.release import is_plain
+from fedora_qa.gating.waivers import Waiver
 from fedora_qa.layout.canonical import FLOW_STREAMS, STREAMS, in_file_order, is_flow_stream
 from fedora_qa.record.types import Severity
 

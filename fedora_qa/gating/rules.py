@@ -10,10 +10,10 @@ from typing import Final
 import numpy as np
 
 from fedora_qa.errors import MisuseError
-from fedora_qa.gate.contents import Contents
-from fedora_qa.gate.policy import Bounds, Documents, Policy, Total, each_stream
-from fedora_qa.gate.release import FOLDER, Release, inside
-from fedora_qa.gate.release_result import ReleaseResult, Violation
+from fedora_qa.gating.contents import Contents
+from fedora_qa.gating.policy import Bounds, Documents, Policy, Total, each_stream
+from fedora_qa.gating.release import FOLDER, Release, inside
+from fedora_qa.gating.release_result import ReleaseResult, Violation
 from fedora_qa.record.types import FileRecord
 from fedora_qa.record.wording import number
 from fedora_qa.sequence.declared import Camera, Lens

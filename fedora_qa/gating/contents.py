@@ -15,8 +15,8 @@ from fedora_qa.engine.progress import quiet
 from fedora_qa.engine.tasks import opening_test
 from fedora_qa.engine.worker import Worker
 from fedora_qa.errors import UnreadableFileError, UnreadableRowsError, WorkerLostError
-from fedora_qa.gate.policy import Policy, each_stream
-from fedora_qa.gate.release import Release
+from fedora_qa.gating.policy import Policy, each_stream
+from fedora_qa.gating.release import Release
 from fedora_qa.layout.canonical import datasets_of
 from fedora_qa.layout.dialect import DialectChoice, load_choice
 from fedora_qa.record.types import FileRecord, Result
