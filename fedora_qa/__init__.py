@@ -18,17 +18,46 @@ from typing import TYPE_CHECKING, Any, Final
 if TYPE_CHECKING:
     from fedora_qa.api.check import check, read_record
     from fedora_qa.api.checked import CheckedRecord
-    from fedora_qa.api.repair import repair
+    from fedora_qa.api.compare import ComparedSubjects, compare
+    from fedora_qa.api.explain import ExplainedChecks, explain
+    from fedora_qa.api.gate import gate
+    from fedora_qa.api.repair import RepairedFile, repair
+    from fedora_qa.api.sequence import open_sequence
+    from fedora_qa.api.stats import MeasuredStatistics, stats
 
 __version__ = "0.1.0"
 
-__all__ = ["CheckedRecord", "__version__", "check", "read_record", "repair"]
+__all__ = [
+    "CheckedRecord",
+    "ComparedSubjects",
+    "ExplainedChecks",
+    "MeasuredStatistics",
+    "RepairedFile",
+    "__version__",
+    "check",
+    "compare",
+    "explain",
+    "gate",
+    "open_sequence",
+    "read_record",
+    "repair",
+    "stats",
+]
 
 _HOMES: Final = {
+    "CheckedRecord": "fedora_qa.api.checked",
+    "ComparedSubjects": "fedora_qa.api.compare",
+    "ExplainedChecks": "fedora_qa.api.explain",
+    "MeasuredStatistics": "fedora_qa.api.stats",
+    "RepairedFile": "fedora_qa.api.repair",
     "check": "fedora_qa.api.check",
+    "compare": "fedora_qa.api.compare",
+    "explain": "fedora_qa.api.explain",
+    "gate": "fedora_qa.api.gate",
+    "open_sequence": "fedora_qa.api.sequence",
     "read_record": "fedora_qa.api.check",
     "repair": "fedora_qa.api.repair",
-    "CheckedRecord": "fedora_qa.api.checked",
+    "stats": "fedora_qa.api.stats",
 }
 
 

@@ -1,4 +1,6 @@
-"""The package as a library: check files, read their records as data frames, and show them in a notebook.
+"""The package as a library: a function for each command, with a result that a notebook shows.
 
-Read ``check`` (the functions) and then ``checked`` (the record that they return).
+Read ``check`` and then ``checked`` (the record that it returns); ``gate``, ``compare``, ``stats``, ``repair`` and
+``explain`` do what the commands of their names do; ``sequence`` opens a file. ``options`` turns what Python passes into
+the options of commands.
 """

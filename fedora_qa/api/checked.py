@@ -4,22 +4,23 @@ Data frames need pandas, an extra, which is imported only where one is requested
 escaped.
 """
 
-from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, field
-from html import escape
+from collections.abc import Mapping
+from dataclasses import dataclass, field, fields
 from os import PathLike
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
 from numpy.typing import NDArray
 
+from fedora_qa.api.frame import isolated_frame
 from fedora_qa.cli.arrays import arrays_beside, write_arrays
 from fedora_qa.cli.html import render_html_or_none
 from fedora_qa.errors import MisuseError
 from fedora_qa.record.json_io import write_record
+from fedora_qa.record.notebook import html_table, html_text
 from fedora_qa.record.tables import Kind, Table, table_of
 from fedora_qa.record.types import Record, Verdict
-from fedora_qa.record.wording import cause_sentence, findings_of, headline, place, printable
+from fedora_qa.record.wording import cause_sentence, findings_of, headline, place
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -94,7 +95,13 @@ class CheckedRecord(Record):
 
     def _repr_html_(self) -> str:
         """Return the HTML for a notebook: the report where its package is installed, else verdicts and findings."""
-        return report_frame(self, self.arrays) or light_page(self)
+        page = render_html_or_none(self, self.arrays)
+        return light_page(self) if page is None else isolated_frame(page)
+
+
+def with_arrays(record: Record, arrays: Mapping[str, NDArray[Any]]) -> CheckedRecord:
+    """Return a record with the arrays that lie beside it."""
+    return CheckedRecord(**{each.name: getattr(record, each.name) for each in fields(record)}, arrays=arrays)
 
 
 def frame_of(table: Table) -> "pd.DataFrame":
@@ -119,36 +126,15 @@ def frame_of(table: Table) -> "pd.DataFrame":
     return pd.DataFrame(columns)
 
 
-def report_frame(record: Record, arrays: Mapping[str, NDArray[Any]]) -> str | None:
-    """Return the report in a frame that is isolated from the notebook; None where its package is not installed."""
-    page = render_html_or_none(record, arrays)
-    if page is None:
-        return None
-    return (
-        # Sandboxed without ``allow-same-origin``: scripts of the report cannot reach the page of the notebook.
-        f'<iframe srcdoc="{escape(page)}" sandbox="allow-scripts" title="fedora-qa report" '
-        'style="width: 100%; height: 800px; border: 1px solid #8888"></iframe>'
-    )
-
-
 def light_page(record: Record) -> str:
     """Return the verdict of each file, its probable causes, and its findings as a table."""
     parts = []
     for file in record.files:
-        parts.append(f"<h4>{_text(file.path)}</h4><p><b>{_text(headline(file))}</b></p>")
+        parts.append(f"<h4>{html_text(file.path)}</h4><p><b>{html_text(headline(file))}</b></p>")
         if file.diagnoses:
-            causes = (f"<li>{_text(f'{cause_sentence(cause)}. {cause.remedy}')}</li>" for cause in file.diagnoses)
+            causes = (f"<li>{html_text(f'{cause_sentence(cause)}. {cause.remedy}')}</li>" for cause in file.diagnoses)
             parts.append(f"<ul>{''.join(causes)}</ul>")
         finding_rows = [(f.id, f.severity, f.code, f.message, place(f.where)) for _, f in findings_of(file)]
         if finding_rows:
-            rows = (_row("td", cells) for cells in finding_rows)
-            parts.append(f"<table>{_row('th', ('id', 'severity', 'rule', 'finding', 'where'))}{''.join(rows)}</table>")
+            parts.append(html_table(("id", "severity", "rule", "finding", "where"), finding_rows))
     return "".join(parts)
-
-
-def _row(tag: str, cells: Iterable[str]) -> str:
-    return f"<tr>{''.join(f'<{tag}>{_text(cell)}</{tag}>' for cell in cells)}</tr>"
-
-
-def _text(text: str) -> str:
-    return escape(printable(text))

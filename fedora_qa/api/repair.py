@@ -1,18 +1,40 @@
 """Repair a file from Python."""
 
 from collections.abc import Sequence
+from dataclasses import dataclass, fields
 from pathlib import Path
-from typing import Any
 
-from fedora_qa.api.check import AnyPath
+from fedora_qa.api.options import AnyPath, folder_texts, path_text, settings_of
 from fedora_qa.cli.check import check_options
-from fedora_qa.cli.repair import require_writable
+from fedora_qa.cli.repair import repair_lines, require_writable
 from fedora_qa.cli.sequences import require_hdf5
-from fedora_qa.config import CheckConfig, read_config, with_options
+from fedora_qa.engine.effort import Effort
 from fedora_qa.engine.progress import quiet
 from fedora_qa.errors import MisuseError
+from fedora_qa.judgement.materiality import Profile
+from fedora_qa.record.notebook import html_lines
 from fedora_qa.repairs.repair import repair as repair_file
 from fedora_qa.repairs.result import Repair
+
+
+@dataclass(frozen=True, slots=True, repr=False)
+class RepairedFile(Repair):
+    """What a repair did, or why it did nothing.
+
+    Attributes
+    ----------
+    output
+        The repaired file; None in a dry run. It is written where ``refusal`` is empty.
+    """
+
+    output: Path | None = None
+
+    def __repr__(self) -> str:
+        return "\n".join(repair_lines(self, self.output))
+
+    def _repr_html_(self) -> str:
+        """Return what was done as HTML for a notebook, in the sentences of the command."""
+        return html_lines(repair_lines(self, self.output))
 
 
 def repair(
@@ -22,10 +44,20 @@ def repair(
     only: Sequence[str] = (),
     dry_run: bool = False,
     force: bool = False,
+    effort: Effort | None = None,
+    select: Sequence[str] | None = None,
+    ignore: Sequence[str] | None = None,
+    dialect: AnyPath | None = None,
+    metadata: AnyPath | None = None,
+    profile: Profile | None = None,
+    memory: str | None = None,
+    false_alarm_rate: float | None = None,
+    allow_external: Sequence[AnyPath] | None = None,
     config: AnyPath | None = None,
-    **options: Any,
-) -> Repair:
+) -> RepairedFile:
     """Write a copy of a file in which confirmed, mechanical faults are undone, as ``fedora-qa repair`` does.
+
+    An option that is None holds as ``config`` states it, and without one as its default.
 
     Parameters
     ----------
@@ -40,27 +72,39 @@ def repair(
         Whether to return what would be done, and write nothing.
     force
         Whether ``out`` may exist.
-    config
-        A ``fedora-qa.toml`` whose options hold where none are given here.
-    **options
-        The keys of ``fedora-qa.toml``: ``effort="quick"``, ``select=["imu"]``.
+    effort, select, ignore, dialect, metadata, profile, memory, false_alarm_rate, allow_external, config
+        How the file is checked before and after, as for ``check``.
 
     Returns
     -------
-    Repair
+    RepairedFile
         What was done; ``refusal`` states why nothing is written, and is empty where the file is.
 
     Raises
     ------
     MisuseError
         No such file, not HDF5 at all, an output that is the file itself or exists, an unknown diagnosis, or an option
-        that does not exist or has an illegal value.
+        that has an illegal value.
     """
     file, output = Path(path), None if out is None else Path(out)
     if output is None and not dry_run:
         raise MisuseError("Expected a file to write, or dry_run=True, got neither")
+    if isinstance(only, str):
+        raise MisuseError(f"Expected diagnoses in a list, got {only!r}; pass only=[{only!r}]")
     require_writable(file, output, [Path(config)] if config else [], force=force)
-    settings = with_options(read_config(Path(config)) if config else CheckConfig(), options)
-    engine_options = check_options(settings)
+    options = {
+        "effort": effort,
+        "select": select,
+        "ignore": ignore,
+        "dialect": path_text(dialect),
+        "metadata": path_text(metadata),
+        "profile": profile,
+        "memory": memory,
+        "false_alarm_rate": false_alarm_rate,
+        "allow_external": folder_texts(allow_external),
+    }
+    engine_options = check_options(settings_of(config, options))
     require_hdf5([file])
-    return repair_file(file, None if dry_run else output, engine_options, quiet, only=tuple(only))
+    target = None if dry_run else output
+    result = repair_file(file, target, engine_options, quiet, only=tuple(only))
+    return RepairedFile(**{field.name: getattr(result, field.name) for field in fields(result)}, output=target)

@@ -55,7 +55,9 @@ def explanations_of(name: str) -> tuple[Explanation, ...]:
     """
     explanations = [each for each in published_explanations() if name in {each.check, each.check.split(".")[0]}]
     if not explanations:
-        raise MisuseError(f"Expected a check or subject, got {name!r}; `fedora-qa checks` lists them")
+        raise MisuseError(
+            f"Expected a check or subject, got {name!r}; `fedora-qa checks` and `fedora_qa.explain()` list them"
+        )
     from fedora_qa.cli.detection_power import TITLE, detection_power_text  # noqa: PLC0415 - `checks` needs none
 
     powers = [(each, detection_power_text(each.check)) for each in explanations]

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import click
 
-from fedora_qa.cli.exit_codes import CLEAN, exit_code
+from fedora_qa.cli.exit_codes import exit_code
 from fedora_qa.cli.gate_release import gate_release, plan_gate
 from fedora_qa.cli.options import PATH, allow_external_option, detail_options, record_options
 from fedora_qa.cli.outputs import Outputs
@@ -43,12 +43,10 @@ def gate(
     outputs.require_writable(plan.inputs)
     # Evidence needs a follow-up of the worst places; it is gathered only where an output shows it.
     gated = gate_release(plan, evidence=outputs.show_evidence, with_digests=certificate is not None)
-    record = gated.record
-    outputs.write(record, gated.arrays)
-    print_record(record, github=outputs.github, detail=detail)
-    code = exit_code(record.files, "failed")
-    if certificate and code == CLEAN:
+    outputs.write(gated.record, gated.arrays)
+    print_record(gated.record, github=outputs.github, detail=detail)
+    if certificate and gated.is_clean:
         gated.write_certificate(certificate)
     elif certificate:
         click.echo("fedora-qa: no certificate is written, because the release is not clean", err=True)
-    return code
+    return exit_code(gated.record.files, "failed")

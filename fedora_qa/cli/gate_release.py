@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from fedora_qa.cli.check import check_options
 from fedora_qa.cli.check_all import Request, check_all, executor_for
+from fedora_qa.cli.exit_codes import CLEAN, exit_code
 from fedora_qa.cli.record import evidence_arrays, record_of
 from fedora_qa.cli.sequences import sequences_of
 from fedora_qa.engine.options import FileRun
@@ -66,6 +67,11 @@ class GatedRelease:
     record: Record
     arrays: Mapping[str, NDArray[Any]]
     digests: Mapping[str, str]
+
+    @property
+    def is_clean(self) -> bool:
+        """Whether the sequences and the release are clean, so that they may be certified."""
+        return exit_code(self.record.files, "failed") == CLEAN
 
     def write_certificate(self, path: Path) -> None:
         """Certify what was checked; the caller ensures that the release is clean."""

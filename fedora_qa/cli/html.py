@@ -7,6 +7,7 @@ from typing import Any
 from numpy.typing import NDArray
 
 from fedora_qa.cli.detection_power import pass_detection_power
+from fedora_qa.comparison.types import Comparison
 from fedora_qa.errors import MisuseError
 from fedora_qa.record.atomic import write_text
 from fedora_qa.record.types import Record
@@ -29,6 +30,15 @@ def render_html_or_none(record: Record, arrays: Mapping[str, NDArray[Any]]) -> s
     except ImportError:
         return None
     return render_html(record, arrays)
+
+
+def render_comparison_or_none(comparison: Comparison) -> str | None:
+    """Draw the report of a comparison; None where ``fedora_reports`` is not installed."""
+    try:
+        from fedora_reports.comparison import render_comparison  # noqa: PLC0415 - an extra
+    except ImportError:
+        return None
+    return render_comparison(comparison)
 
 
 def write_html(target: Path, record: Record, arrays: Mapping[str, NDArray[Any]]) -> None:

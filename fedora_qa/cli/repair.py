@@ -93,7 +93,9 @@ def require_writable(file: Path, output: Path | None, others: list[Path], *, for
     if file.exists() and file.samefile(output):
         raise MisuseError(f"Expected an output of its own, got {output}, which is {file}")
     if not force:
-        raise MisuseError(f"Expected a new file to write, got {output}, which exists; use --force to write over it")
+        raise MisuseError(
+            f"Expected a new file to write, got {output}, which exists; use --force to write over it, or force=True"
+        )
 
 
 def repair_lines(result: Repair, output: Path | None) -> Iterator[str]:

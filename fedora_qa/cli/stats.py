@@ -1,7 +1,7 @@
 """``fedora-qa stats``: the sequence and flow tables of the paper, and tables of images and rates."""
 
 import json
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from pathlib import Path, PurePath
 from typing import Final
 
@@ -57,13 +57,17 @@ def stats(
         # NaN is no JSON: an error here is better than a document that other parsers refuse.
         write_text(json_path, json.dumps({"tool": tool, "files": measured}, indent=1, allow_nan=False) + "\n")
     if markdown_path:
-        sections = [f"## {source.title}\n\n{table(source.head, source.rows)}" for source in tables]
-        write_text(markdown_path, "\n\n".join([*sections, escape(NOTES)]) + "\n")
+        write_text(markdown_path, f"{tables_to_markdown(tables)}\n\n{escape(NOTES)}\n")
     console = stdout_console()
     for source in tables:
         print_table(console, source)
     console.print(text(NOTES, "dim"))
     return 0
+
+
+def tables_to_markdown(tables: Iterable[TextTable]) -> str:
+    """Return tables as GitHub-flavoured markdown, each under its title."""
+    return "\n\n".join(f"## {source.title}\n\n{table(source.head, source.rows)}" for source in tables)
 
 
 def tables_of(by_file: Mapping[str, Statistics]) -> tuple[TextTable, ...]:

@@ -1,5 +1,6 @@
 """The record as tables of typed columns, from which CSV, Parquet and data frames are made."""
 
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import Final, Literal
 
@@ -66,12 +67,22 @@ def table_of(record: Record, name: str) -> Table:
                     for d in file.diagnoses
                 ]  # fmt: skip
             case "statistics":
-                rows += [
-                    (path, group, key, v) for group, values in file.statistics.items() for key, v in values.items()
-                ]
+                rows += _statistic_rows(path, file.statistics)
             case _:
                 raise AssertionError(f"columns without rows: {name}")
     return Table(name, columns, tuple(rows))
+
+
+def statistics_table(by_file: Mapping[str, Mapping[str, Mapping[str, Scalar]]]) -> Table:
+    """Return the table of the statistics of files, by their paths, as ``table_of`` does of a record."""
+    rows = tuple(row for path, statistics in by_file.items() for row in _statistic_rows(path, statistics))
+    return Table("statistics", (Column("file", "text"), *_COLUMNS["statistics"]), rows)
+
+
+def _statistic_rows(path: str, statistics: Mapping[str, Mapping[str, Scalar]]) -> Iterator[Row]:
+    for group, values in statistics.items():
+        for key, value in values.items():
+            yield path, group, key, value
 
 
 def _columns(**kinds: Kind) -> tuple[Column, ...]:

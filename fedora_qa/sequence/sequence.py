@@ -21,6 +21,7 @@ from fedora_qa.layout.external_files import ExternalFiles
 from fedora_qa.layout.folder import OpenFolder, matched_folder
 from fedora_qa.layout.links import RefusedError
 from fedora_qa.layout.resolve import Layout, resolve, unrecognised
+from fedora_qa.record.notebook import html_table, html_text
 from fedora_qa.sequence.declared import Declared
 from fedora_qa.sequence.read_declared import read_declared
 from fedora_qa.storage.place import Place, RemoteFile
@@ -163,6 +164,18 @@ class Sequence:
         self, kind: type[BaseException] | None, error: BaseException | None, traceback: TracebackType | None
     ) -> None:
         self.close()
+
+    def __repr__(self) -> str:
+        streams = ", ".join(sorted(self.layout.streams)) or "no streams"
+        return f"{self.path}: {streams}, in the dialect {self.layout.dialect_name}"
+
+    def _repr_html_(self) -> str:
+        """Return the HTML for a notebook: each dataset with its place, shape and stored type."""
+        rows = [
+            (key, binding.path, " x ".join(map(str, binding.shape)), str(binding.dtype))
+            for key, binding in self.layout.bindings.items()
+        ]
+        return f"<p><b>{html_text(repr(self))}</b></p>{html_table(('dataset', 'found at', 'shape', 'type'), rows)}"
 
     def close(self) -> None:
         """Close the file."""

@@ -106,7 +106,6 @@ def test_frames_are_an_extra(found: CheckedRecord, monkeypatch: pytest.MonkeyPat
 
 REFUSED = {
     "no file": ({}, "none.h5", "does not exist"),
-    "an unknown option": ({"efort": "quick"}, None, "'efort', which does not exist"),
     "an illegal value": ({"effort": "heroic"}, None, "'effort'"),
     "an unknown check": ({"select": ["imo"]}, None, "'imo'"),
     "a check and no list": ({"select": "imu"}, None, "'select'"),

@@ -1,20 +1,24 @@
 """What the documentation shows in Python runs as it stands."""
 
 from pathlib import Path
+from typing import Any
 
 import pytest
 
 import fedora_qa
 from fedora_qa.cli.parquet import write_parquet
+from fedora_qa.comparison.types import COMPARISON
 from tests.support.documented import blocks
 from tests.support.handmade import write_handmade
+
+EXAMPLES = blocks("python.md", "python")
 
 
 @pytest.fixture
 def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """A folder with the files that the examples name, in which they run."""
-    (tmp_path / "release").mkdir()
-    for name in ("late.h5", "release/a.h5", "release/b.h5"):
+    for name in ("late.h5", "release/a.h5", "release/b.h5", "v1/park.h5", "v2/park.h5"):
+        (tmp_path / name).parent.mkdir(exist_ok=True)
         write_handmade(tmp_path / name)
     monkeypatch.chdir(tmp_path)
     return tmp_path
@@ -22,16 +26,71 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 def test_one_file(folder: Path) -> None:
     """The first example checks a file and saves a record."""
-    exec(blocks("python.md", "python")[0], {})
+    exec(EXAMPLES[0], {})
     assert fedora_qa.read_record(folder / "late.json").files[0].path == "late.h5"
 
 
 def test_many_files(folder: Path) -> None:
     """The second checks a folder and counts outcomes; here without processes of its own."""
-    example = blocks("python.md", "python")[1].replace("jobs=4", "jobs=1, select=['clocks']")
+    example = EXAMPLES[1].replace("jobs=4", "jobs=1, select=['clocks']")
     names = {"fedora_qa": fedora_qa, "__name__": "__main__"}
     exec(example, names)
     assert len(names["record"].files) == 2  # type: ignore[attr-defined]
+
+
+def results_of(example: str) -> dict[str, Any]:
+    """The names that an example binds, after it has run."""
+    names: dict[str, Any] = {"fedora_qa": fedora_qa}
+    exec(example, names)
+    return names
+
+
+def test_no_example_is_left_out() -> None:
+    """The tests of this module run every example of the page."""
+    assert len(EXAMPLES) == 8
+
+
+def test_gate(folder: Path) -> None:
+    """The sequences and the release are clean, and certified."""
+    (folder / "policy.toml").write_text('ruleset_version = "2"\n[check]\nselect = ["clocks.order"]\n')
+    release = results_of(EXAMPLES[2])["release"]
+    assert [Path(file.path).name for file in release.files] == ["a.h5", "b.h5", "release"]
+    assert release.verdict == "clean"
+    assert (folder / "certificate.json").is_file()
+
+
+def test_compare(folder: Path) -> None:
+    """Equal files are identical, and what is saved is what the command writes."""
+    names = results_of(EXAMPLES[3])
+    assert {difference.told for difference in names["differences"]} == {"identical"}
+    assert COMPARISON.from_json((folder / "comparison.json").read_text("utf-8")).pairs == names["comparison"].pairs
+
+
+def test_stats(folder: Path) -> None:
+    """Numbers by name, and as a data frame."""
+    names = results_of(EXAMPLES[4])
+    frame = names["statistics"].frame
+    assert names["duration_s"] == frame[frame["name"] == "duration_s"]["value"].item() > 0
+
+
+def test_explain() -> None:
+    """One check, and all of a subject."""
+    names = results_of(EXAMPLES[5])
+    assert [each.check for each in names["explained"]] == ["clocks.order"]
+    assert len(names["names"]) > 1
+    assert {name.split(".")[0] for name in names["names"]} == {"imu"}
+
+
+def test_repair(folder: Path) -> None:
+    """A sound file needs no repair."""
+    assert results_of(EXAMPLES[6])["planned"].refusal
+
+
+def test_rows(folder: Path) -> None:
+    """The first ten samples of the IMU, in canonical units."""
+    names = results_of(EXAMPLES[7])
+    assert names["timestamps_ns"].shape == (10,)
+    assert names["angular_velocity"].shape == (10, 3)
 
 
 def test_tables(folder: Path) -> None:

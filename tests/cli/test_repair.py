@@ -143,9 +143,12 @@ def test_what_is_left_alone_has_a_reason(sequence: Path) -> None:
 def test_from_python(given: None, sequence: Path) -> None:
     """The same, with what was done as data."""
     out = sequence.with_name("out.h5")
-    assert not package.repair(sequence, dry_run=True).refusal
+    planned = package.repair(sequence, dry_run=True)
+    assert (planned.refusal, planned.output) == ("", None)
+    assert "this is what would be done" in repr(planned)
     done = package.repair(sequence, out, only=["D1"], select=["clocks"])
     assert not done.refusal
+    assert f"{out} is written" in done._repr_html_()
     assert [each.path for each in done.datasets] == ["path/imu/ts"]
     for arguments in ((sequence,), (sequence, sequence), (sequence, out)):
         with pytest.raises(MisuseError):

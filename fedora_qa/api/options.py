@@ -1,0 +1,39 @@
+"""Options as Python gives them: paths as text or paths, and None for what is not given."""
+
+from collections.abc import Mapping, Sequence
+from os import PathLike, fspath
+from pathlib import Path
+
+from fedora_qa.config import CheckConfig, read_config, with_options
+from fedora_qa.errors import MisuseError
+
+AnyPath = str | PathLike[str]
+
+
+def settings_of(config: AnyPath | None, options: Mapping[str, object]) -> CheckConfig:
+    """Return the configuration of a file, if there is one, with the options that are given in its place.
+
+    Parameters
+    ----------
+    options
+        By the key of ``fedora-qa.toml``; None is not given.
+
+    Raises
+    ------
+    MisuseError
+        There is no such configuration, or an option has an illegal value.
+    """
+    given = {key: value for key, value in options.items() if value is not None}
+    return with_options(read_config(Path(config)) if config else CheckConfig(), given)
+
+
+def path_text(path: AnyPath | None) -> str | None:
+    """Return a path as text."""
+    return None if path is None else fspath(path)
+
+
+def folder_texts(folders: Sequence[AnyPath] | None) -> tuple[str, ...] | None:
+    """Return folders as text; raises ``MisuseError`` where a single one is given in place of several."""
+    if isinstance(folders, str | PathLike):
+        raise MisuseError(f"Expected folders in a list, got {folders!r}; pass [{fspath(folders)!r}]")
+    return None if folders is None else tuple(fspath(folder) for folder in folders)
