@@ -11,6 +11,7 @@ from fedora_qa.cli.html import render_comparison_or_none
 from fedora_qa.cli.measured_file import reading_of
 from fedora_qa.comparison.compare import DEFAULT_FALSE_ALARM_RATE
 from fedora_qa.comparison.compare import compare as compare_subjects
+from fedora_qa.comparison.conclusions import conclusions_of
 from fedora_qa.comparison.paper_tables import paper_tables
 from fedora_qa.comparison.tables import false_alarm_sentence, headline, pair_tables
 from fedora_qa.comparison.text_table import TextTable
@@ -30,12 +31,18 @@ class ComparedSubjects(Comparison):
         """The tables of the paper, and those of each subject against the reference, as the command prints them."""
         return (*paper_tables(self), *(table for pair in pair_tables(self) for table in pair.tables))
 
+    @property
+    def conclusions(self) -> tuple[str, ...]:
+        """What is concluded of each subject against the reference, a sentence each."""
+        return conclusions_of(self)
+
     def save(self, path: AnyPath) -> None:
         """Write the comparison as JSON, as ``fedora-qa compare --json`` does."""
         write_text(Path(path), COMPARISON.to_json(self))
 
     def __repr__(self) -> str:
-        return f"{' · '.join(subject.name for subject in self.subjects)}: {headline(self)}"
+        names = " · ".join(subject.name for subject in self.subjects)
+        return "\n".join([f"{names}: {headline(self)}", *self.conclusions])
 
     def _repr_html_(self) -> str:
         """Return the HTML for a notebook: the report where its package is installed, else the tables."""
@@ -45,7 +52,7 @@ class ComparedSubjects(Comparison):
     def light_page(self) -> str:
         """Return the conclusions and the tables as HTML without charts."""
         parts = [f"<p><b>{html_text(headline(self))}</b> {html_text(false_alarm_sentence(self))}</p>"]
-        parts += [f"<p>{html_text(note)}</p>" for note in self.notes]
+        parts += [f"<p>{html_text(sentence)}</p>" for sentence in (*self.conclusions, *self.notes)]
         for pair in pair_tables(self):
             parts.append(f"<h4>{html_text(pair.title)}</h4><p>{html_text(pair.summary)}</p>")
             parts += [html_table(table.head, table.rows, table.title) for table in pair.tables]

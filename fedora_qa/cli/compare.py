@@ -16,6 +16,7 @@ from fedora_qa.cli.outputs import Outputs
 from fedora_qa.cli.sequences import HDF5_SUFFIXES, require_hdf5
 from fedora_qa.comparison.compare import DEFAULT_FALSE_ALARM_RATE
 from fedora_qa.comparison.compare import compare as compare_subjects
+from fedora_qa.comparison.conclusions import conclusions_of
 from fedora_qa.comparison.paper_tables import paper_tables
 from fedora_qa.comparison.sampled import sampled_counts_of
 from fedora_qa.comparison.subjects import FileInput, SubjectInput, labels
@@ -84,6 +85,9 @@ def compare(
 
         write_text(html_path, render_comparison(comparison))
     console = stdout_console()
+    for sentence in conclusions_of(comparison):
+        console.print(text(sentence, "bold"))
+    console.print()
     for table in paper_tables(comparison):
         print_table(console, table)
     for pair in pair_tables(comparison):

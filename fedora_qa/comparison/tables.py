@@ -4,6 +4,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Final
 
+from fedora_qa.comparison.conclusions import conclusions_of
 from fedora_qa.comparison.paper_tables import paper_tables
 from fedora_qa.comparison.text_table import ABSENT, TextTable
 from fedora_qa.comparison.types import (
@@ -96,6 +97,7 @@ def pair_tables(comparison: Comparison) -> tuple[PairTables, ...]:
 def comparison_to_markdown(comparison: Comparison) -> str:
     """Return a comparison as GitHub-flavoured markdown."""
     parts = ["# Comparison", f"**{escape(headline(comparison))}**. {escape(false_alarm_sentence(comparison))}"]
+    parts += [f"- {escape(sentence)}" for sentence in conclusions_of(comparison)]
     parts += [f"- {escape(note)}" for note in comparison.notes]
     for pair in pair_tables(comparison):
         parts += [f"## {escape(pair.title)}", escape(pair.summary), *(_section(source) for source in pair.tables)]

@@ -8,6 +8,7 @@ from typing import Final
 
 import numpy as np
 
+from fedora_qa.comparison.conclusions import conclusions_of
 from fedora_qa.comparison.paper_tables import paper_tables
 from fedora_qa.comparison.tables import CONCLUSION_WORDS, false_alarm_sentence, headline, pair_tables
 from fedora_qa.comparison.text_table import TextTable
@@ -61,6 +62,7 @@ class ComparisonPage:
     title: str
     tool: str
     headline: str
+    conclusions: tuple[str, ...]
     false_alarm_rate: str
     notes: tuple[str, ...]
     drawn: tuple[str, ...]
@@ -84,6 +86,7 @@ def page_of(comparison: Comparison) -> ComparisonPage:
         title=" · ".join(names[:3]) + (f" and {len(names) - 3} more" if len(names) > 3 else ""),
         tool=f"{comparison.tool.name} {comparison.tool.version}",
         headline=headline(comparison),
+        conclusions=conclusions_of(comparison),
         false_alarm_rate=false_alarm_sentence(comparison),
         notes=comparison.notes,
         drawn=names[:MOST_DRAWN],

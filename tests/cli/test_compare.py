@@ -43,6 +43,7 @@ def test_files_and_folders_are_measured(fedora_qa: Command, sequence: Path, tmp_
     assert "two versions of the same files" in done.out
     assert "Statistics that are not the same" not in done.out
     assert "7 distributions compared: 7 identical" in done.out
+    assert done.out.startswith("again and ")
 
 
 def test_misuse(fedora_qa: Command, sequence: Path, tmp_path: Path) -> None:
