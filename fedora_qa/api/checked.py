@@ -18,6 +18,7 @@ from fedora_qa.cli.html import render_html_or_none
 from fedora_qa.errors import MisuseError
 from fedora_qa.record.json_io import write_record
 from fedora_qa.record.notebook import html_table, html_text
+from fedora_qa.record.several_files import gravest_verdict
 from fedora_qa.record.tables import Kind, Table, table_of
 from fedora_qa.record.types import Record, Verdict
 from fedora_qa.record.wording import cause_sentence, findings_of, headline, place
@@ -55,10 +56,7 @@ class CheckedRecord(Record):
     @property
     def verdict(self) -> Verdict:
         """The gravest verdict of all files: incomplete before findings before clean."""
-        verdicts = {file.verdict for file in self.files}
-        gravest_first: tuple[Verdict, ...] = ("incomplete", "findings", "clean")
-        # A record without files has tested nothing: incomplete.
-        return next((verdict for verdict in gravest_first if verdict in verdicts), "incomplete")
+        return gravest_verdict(self.files)
 
     @property
     def results(self) -> "pd.DataFrame":

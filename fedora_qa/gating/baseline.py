@@ -4,12 +4,11 @@ import math
 from collections import Counter
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
-from pathlib import PurePath
 from statistics import NormalDist
 
 from fedora_qa.errors import MisuseError
-from fedora_qa.gating.release import FOLDER
 from fedora_qa.gating.severity_override import GRAVE, mark_findings
+from fedora_qa.record.several_files import names_in_release
 from fedora_qa.record.types import FileRecord, Finding, Measurement, Record, Result, Side
 
 _KNOWN_SEVERITIES = GRAVE | {"warning"}
@@ -50,12 +49,10 @@ def baseline_of(record: Record) -> Baseline:
 
 def named_files(record: Record) -> Iterator[tuple[str, FileRecord]]:
     """Yield the files of a gate's record with their names in the release, which comes last."""
-    if not record.files or not any(result.check.startswith("release.") for result in record.files[-1].results):
+    names = names_in_release(record)
+    if not names:
         raise MisuseError("Expected a record that `fedora-qa gate --json` wrote, got one without a release")
-    *files, release = record.files
-    for file in files:
-        yield PurePath(file.path).relative_to(release.path).as_posix(), file
-    yield FOLDER, release
+    yield from zip(names, record.files, strict=True)
 
 
 def accept_known(name: str, file: FileRecord, baseline: Baseline, false_alarm_rate: float) -> FileRecord:

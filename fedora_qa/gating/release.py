@@ -3,14 +3,10 @@
 from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path, PurePosixPath
-from typing import Final
 
 from fedora_qa.errors import MisuseError
 from fedora_qa.layout.dialect import Dialect
 from fedora_qa.layout.folder import is_sequence
-
-FOLDER: Final = "."
-"""The name of the release itself, beside those of its files."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -4,7 +4,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from typing import Literal
 
-from fedora_qa.gating.release import FOLDER
+from fedora_qa.record.several_files import FOLDER
 from fedora_qa.record.types import FileRecord, Finding, Result, Where
 
 

@@ -12,8 +12,9 @@ import numpy as np
 from fedora_qa.errors import MisuseError
 from fedora_qa.gating.contents import Contents
 from fedora_qa.gating.policy import Bounds, Documents, Policy, Total, each_stream
-from fedora_qa.gating.release import FOLDER, Release, inside
+from fedora_qa.gating.release import Release, inside
 from fedora_qa.gating.release_result import ReleaseResult, Violation
+from fedora_qa.record.several_files import FOLDER
 from fedora_qa.record.types import FileRecord
 from fedora_qa.record.wording import number
 from fedora_qa.sequence.declared import Camera, Lens

@@ -9,11 +9,12 @@ from typing import Final
 from fedora_qa.engine.run import select_checks
 from fedora_qa.gating.baseline import Baseline, accept_known
 from fedora_qa.gating.policy import Policy
-from fedora_qa.gating.release import FOLDER, Release
+from fedora_qa.gating.release import Release
 from fedora_qa.gating.release_result import ReleaseResult, with_release_results
 from fedora_qa.gating.severity_override import with_severity
 from fedora_qa.gating.waivers import rule_on_waivers, waive
 from fedora_qa.judgement.verdict import crossing_streams, verdict_of
+from fedora_qa.record.several_files import FOLDER
 from fedora_qa.record.types import FileRecord, Outcome, Record
 from fedora_qa.record.wording import SHORT_OF_COVERAGE
 

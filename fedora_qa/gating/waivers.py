@@ -7,9 +7,9 @@ from typing import Annotated, ClassVar
 
 from pydantic import ConfigDict, Field
 
-from fedora_qa.gating.release import FOLDER
 from fedora_qa.gating.release_result import ReleaseResult, Violation
 from fedora_qa.gating.severity_override import mark_findings
+from fedora_qa.record.several_files import FOLDER
 from fedora_qa.record.types import FileRecord, Finding, Result, Waived
 
 NonEmpty = Annotated[str, Field(min_length=1)]

@@ -1,8 +1,10 @@
 """The page of a report as values: the template shows them and computes nothing."""
 
+from collections import Counter
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from typing import Any
+from pathlib import PurePath
+from typing import Any, Final
 
 from numpy.typing import NDArray
 
@@ -16,8 +18,9 @@ from fedora_qa.record.evidence import (
     TRAJECTORY,
     TRIALS,
 )
-from fedora_qa.record.types import Record, Verdict
-from fedora_qa.record.wording import cause_sentence, findings_of, identity, tally
+from fedora_qa.record.several_files import gravest_verdict, names_in_release
+from fedora_qa.record.types import FileRecord, Record, Verdict
+from fedora_qa.record.wording import cause_sentence, findings_of, identity, tally, why_incomplete
 from fedora_reports.agreement import Agreement, agreement_of
 from fedora_reports.anchors import Anchors
 from fedora_reports.charts import Chart, distributions_of
@@ -27,13 +30,20 @@ from fedora_reports.flight import Flight, flight_of
 from fedora_reports.maps import Exhibits, exhibits
 from fedora_reports.problems import Link, Problems, problems_of
 from fedora_reports.provenance import Provenance, file_provenance, run_provenance
-from fedora_reports.statistics import Table, all_statistics, paper_tables, short_name
+from fedora_reports.statistics import Table, all_statistics, paper_tables
 from fedora_reports.strip import Strip, pictures_of
 from fedora_reports.subjects import Subject, subjects_of
 from fedora_reports.timeline import AnchoredFinding, Timeline, timeline_of
 from fedora_reports.verdict import TITLES, VerdictText, verdict_of
 
 _KEPT_BY_THE_PASS = (MOMENTS, PLACES, TRIALS, AGREEMENT, TRAJECTORY, TIMELINE, HISTOGRAMS, DISTRIBUTIONS)
+
+_VERDICT_WORDS: Final[Mapping[Verdict, str]] = {
+    "incomplete": "incomplete",
+    "findings": "with findings",
+    "clean": "clean",
+}
+"""Verdicts of sequences in words, the gravest first."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -72,14 +82,25 @@ class OverviewRow:
 
 
 @dataclass(frozen=True, slots=True)
+class ReleaseVerdict:
+    """The verdict of a release: the gravest of its sequences and of its own; and how many have which."""
+
+    name: str
+    verdict: Verdict
+    title: str
+    sentence: str
+
+
+@dataclass(frozen=True, slots=True)
 class Page:
-    """The whole report."""
+    """The whole report; ``release`` is None where no gate judged one."""
 
     title: str
     started: str
     tool: str
     effort: str
     profile: str
+    release: ReleaseVerdict | None
     overview: tuple[OverviewRow, ...]
     overview_tables: tuple[Table, ...]
     files: tuple[FileSection, ...]
@@ -101,32 +122,69 @@ def page_of(
     detection_power
         The faults that each check detects, where that was measured.
     """
-    if len(record.files) == 1:
-        title = short_name(record.files[0], record.files)
+    names = names_of(record)
+    release = release_of(record)
+    if release:
+        title = f"Release {release.name}"
+    elif len(record.files) == 1:
+        title = names[0]
     else:
         title = f"{len(record.files)} files" if record.files else "No file was checked"
     overview = []
     if len(record.files) != 1:
-        for k, file in enumerate(record.files):
-            link = Link(Anchors(k).top, short_name(file, record.files))
-            cause = cause_sentence(file.diagnoses[0]) if file.diagnoses else ""
-            overview.append(OverviewRow(link, file.verdict, TITLES[file.verdict], tally(file.results), cause))
+        for k, (name, file) in enumerate(zip(names, record.files, strict=True)):
+            link = Link(Anchors(k).top, name)
+            verdict = TITLES[file.verdict]
+            overview.append(OverviewRow(link, file.verdict, verdict, tally(file.results), _first_cause(file)))
     return Page(
         title=title,
         started=record.run.started,
         tool=f"{record.tool.name} {record.tool.version}",
         effort=record.effort,
         profile=record.profile,
+        release=release,
         overview=tuple(overview),
-        overview_tables=paper_tables(record.files) if len(record.files) != 1 else (),
-        files=tuple(_section(record, k, arrays, detection_power) for k in range(len(record.files))),
+        overview_tables=paper_tables(record.files, names) if len(record.files) != 1 else (),
+        files=tuple(_section(record, k, name, arrays, detection_power) for k, name in enumerate(names)),
         run=run_provenance(record),
         detection_power_source=detection_power.source,
     )
 
 
+def names_of(record: Record) -> tuple[str, ...]:
+    """Return a name for each file: in a release with its folders, else the shortest that no other file has."""
+    in_release = names_in_release(record)
+    if in_release:
+        return (*in_release[:-1], "the release itself")
+    shortest = [PurePath(file.path).name or file.path for file in record.files]
+    return tuple(
+        name if shortest.count(name) == 1 else file.path for name, file in zip(shortest, record.files, strict=True)
+    )
+
+
+def release_of(record: Record) -> ReleaseVerdict | None:
+    """Return the verdict of the release that a gate judged; None where the record is of no gate."""
+    if not names_in_release(record):
+        return None
+    *sequences, release = record.files
+    counts = Counter(file.verdict for file in sequences)
+    parts = [f"{counts[verdict]} {word}" for verdict, word in _VERDICT_WORDS.items() if counts[verdict]]
+    noun = "sequence" if len(sequences) == 1 else "sequences"
+    sentence = f"{len(sequences)} {noun}: {', '.join(parts)}. The release itself: {tally(release.results)}."
+    verdict = gravest_verdict(record.files)
+    return ReleaseVerdict(PurePath(release.path).name or release.path, verdict, TITLES[verdict], sentence)
+
+
+def _first_cause(file: FileRecord) -> str:
+    """Return the most probable cause, else why the verdict is incomplete, else what the first failed check found."""
+    if file.diagnoses:
+        return cause_sentence(file.diagnoses[0])
+    failed = (finding.message for result, finding in findings_of(file) if result.outcome == "failed")
+    return why_incomplete(file) or next(failed, "")
+
+
 def _section(
-    record: Record, place: int, arrays: Mapping[str, NDArray[Any]], detection_power: PassDetectionPower
+    record: Record, place: int, name: str, arrays: Mapping[str, NDArray[Any]], detection_power: PassDetectionPower
 ) -> FileSection:
     file, anchors, evidence = record.files[place], Anchors(place), evidence_of(record, place, arrays)
     # A finding has a mark at each of its places.
@@ -154,7 +212,7 @@ def _section(
 
     return FileSection(
         anchors=anchors,
-        name=short_name(file, record.files),
+        name=name,
         path=file.path,
         identity=identity(file),
         verdict=verdict_of(file),
@@ -164,7 +222,7 @@ def _section(
         strip=pictures.strip,
         flight=flight_of(evidence, findings),
         subjects=subjects_of(file, evidence, anchors, links, detection_power),
-        paper=paper_tables((file,)),
+        paper=paper_tables((file,), (name,)),
         statistics=all_statistics(file),
         distributions=distributions_of(evidence),
         detection_power=detection_power_rows(

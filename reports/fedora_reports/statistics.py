@@ -2,7 +2,6 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from pathlib import PurePath
 from typing import Final
 
 from fedora_qa.record.types import FileRecord, Scalar
@@ -43,11 +42,10 @@ class Table:
     numeric: bool = True
 
 
-def paper_tables(files: Sequence[FileRecord]) -> tuple[Table, ...]:
-    """Return the paper's tables with a row for each file; those without any row are left out."""
+def paper_tables(files: Sequence[FileRecord], names: Sequence[str]) -> tuple[Table, ...]:
+    """Return the paper's tables with a row for each file, by its name; those without any row are left out."""
     sequences, flows, depths = [], [], []
-    for file in files:
-        name = short_name(file, files)
+    for name, file in zip(names, files, strict=True):
         sequence, motion = (file.statistics.get(group, {}) for group in ("sequence", "motion"))
         if sequence or motion:
             distance, speed = _with_error(motion, "distance", "m"), _with_error(motion, "speed_max", "m_s")
@@ -111,20 +109,6 @@ def all_statistics(file: FileRecord) -> tuple[Table, ...]:
         if rows:
             tables.append(Table(group_name, "", ("quantity", "value"), tuple(rows)))
     return tuple(tables)
-
-
-def short_name(file: FileRecord, files: Sequence[FileRecord]) -> str:
-    """Return the name of a file where no other of the files has it, else the path.
-
-    Parameters
-    ----------
-    file
-        One of the files.
-    files
-        All files of the record.
-    """
-    name = PurePath(file.path).name or file.path
-    return name if sum(PurePath(other.path).name == name for other in files) == 1 else file.path
 
 
 def split_unit(key: str) -> tuple[str, str]:

@@ -7,7 +7,8 @@ from itertools import pairwise
 
 import pytest
 
-from fedora_qa.record.types import Canary
+from fedora_qa.record.types import Canary, FileRecord, Outcome, Record, Result
+from fedora_qa.record.wording import cause_sentence
 from fedora_reports.html import render_html, report_script
 from tests.reports.evidence_samples import all_kinds
 from tests.reports.page_reader import ReadPage, complaints_about, read_page
@@ -136,6 +137,46 @@ def test_same_name_in_two_folders_is_told_apart() -> None:
     page = read_page(render_html(record(file_record(path="a/x.h5"), file_record(path="b/x.h5")), {}))
     (overview,) = page.all("table", kind="files")
     assert [one.text for one in overview.inside if one.tag == "a"] == ["a/x.h5", "b/x.h5"]
+
+
+def release(*sequences: FileRecord, rule: Outcome = "passed") -> Record:
+    """The record of a gate over sequences in the folder ``out/v2``."""
+    itself = file_record(Result("release.totals", rule, "Is it all there?"), path="out/v2")
+    return record(*sequences, itself)
+
+
+def test_a_gate_opens_with_the_verdict_of_the_release() -> None:
+    """The gravest verdict of all, how many sequences have which, and a row a sequence with its folders and cause."""
+    clean = file_record(passed(), path="out/v2/test/one.h5")
+    late = file_record(failed(), path="out/v2/train/two.h5", diagnoses=(late_events(),))
+    unnamed = file_record(failed(), path="out/v2/train/three.h5")
+    page = read_page(render_html(release(clean, late, unnamed), {}))
+    assert complaints_about(page) == []
+    (opening, *_) = page.all("div", kind="verdict")
+    assert "is-findings" in (opening.attributes["class"] or "")
+    assert "Findings" in opening.text
+    assert "v2" in opening.text
+    assert "3 sequences: 2 with findings, 1 clean. The release itself: 1 passed." in opening.text
+    (overview,) = page.all("table", kind="files")
+    names = [part.text for part in overview.inside if part.tag == "a"]
+    assert names == ["test/one.h5", "train/two.h5", "train/three.h5", "the release itself"]
+    rows = [part.text for part in overview.inside if part.tag == "tr"]
+    assert cause_sentence(late_events()) in rows[2]
+    assert failed().findings[0].message in rows[3]
+
+
+@pytest.mark.parametrize(("rule", "verdict"), [("passed", "clean"), ("failed", "findings")])
+def test_a_rule_about_the_release_decides_as_well(rule: Outcome, verdict: str) -> None:
+    """Clean sequences are no clean release where a rule about it is broken."""
+    page = read_page(render_html(release(file_record(passed(), path="out/v2/one.h5"), rule=rule), {}))
+    (opening, *_) = page.all("div", kind="verdict")
+    assert f"is-{verdict}" in (opening.attributes["class"] or "")
+
+
+def test_a_record_of_no_gate_has_no_release() -> None:
+    """Files of a check, and files outside of the folder that comes last, are no release."""
+    for files in (record(file_record(), file_record(path="b.h5")), release(file_record(path="elsewhere/one.h5"))):
+        assert "The release itself" not in render_html(files, {})
 
 
 def test_report_is_deterministic() -> None:
