@@ -102,3 +102,11 @@ def test_only_a_gate_writes_baselines() -> None:
     """The record of a check does not know what is the release."""
     with pytest.raises(MisuseError, match="gate --json"):
         baseline_of(record())
+
+
+@pytest.mark.parametrize("path", ["elsewhere/a.h5", "/a.h5"])
+def test_a_record_with_files_outside_of_its_release(path: str) -> None:
+    """Names lead out of the folder: it is no record of a gate."""
+    release = file_record(Result("release.totals", "passed", "?"), path="out/v2")
+    with pytest.raises(MisuseError, match="without a release"):
+        baseline_of(record(file_record(path=path), release))
