@@ -3,6 +3,7 @@
 Read in this order: ``main`` (the table of commands, exit codes of errors) and ``startup``; ``check`` with ``options``
 (shared by commands), ``check_all`` (runs over many files), ``resume`` and ``record``; ``outputs`` with ``arrays``,
 ``html`` and ``parquet`` (what is written); ``summary`` with ``terminal`` and ``progress`` (what is printed). Every
-other command is a file of its name; ``explain`` holds ``checks`` as well. ``isolated`` and ``isolated_light`` read a
-file in a process of its own. ``check_pages`` and ``schema_files`` write files of the repository.
+other command is a file of its name; ``explain`` holds ``checks`` as well. ``gate_release`` is the work of
+``gate``, ``measured_file`` that of ``stats`` and ``compare``. ``isolated`` and ``isolated_light`` read a file in a
+process of its own. ``check_pages`` and ``schema_files`` write files of the repository.
 """
