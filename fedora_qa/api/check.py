@@ -9,10 +9,10 @@ from typing import Literal
 from fedora_qa.api.checked import CheckedRecord, with_arrays
 from fedora_qa.api.options import AnyPath, folder_texts, path_text, settings_of
 from fedora_qa.cli.arrays import arrays_beside, read_arrays
-from fedora_qa.cli.check import check_options
 from fedora_qa.cli.check_all import Request, check_all, executor_for
 from fedora_qa.cli.record import evidence_arrays, record_of
 from fedora_qa.cli.sequences import sequences_of
+from fedora_qa.cli.settings import check_options
 from fedora_qa.engine.effort import Effort
 from fedora_qa.errors import MisuseError
 from fedora_qa.evidence.options import EvidenceOptions

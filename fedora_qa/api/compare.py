@@ -6,10 +6,10 @@ from pathlib import Path
 
 from fedora_qa.api.frame import isolated_frame
 from fedora_qa.api.options import AnyPath, folder_texts, path_text
+from fedora_qa.cli.commands.compare import DEFAULT_FALSE_ALARM_RATE
 from fedora_qa.cli.compare import read_sources, sources_of
 from fedora_qa.cli.html import render_comparison_or_none
 from fedora_qa.cli.measured_file import reading_of
-from fedora_qa.comparison.compare import DEFAULT_FALSE_ALARM_RATE
 from fedora_qa.comparison.compare import compare as compare_subjects
 from fedora_qa.comparison.conclusions import conclusions_of
 from fedora_qa.comparison.paper_tables import paper_tables

@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from os import fspath
 
 from fedora_qa.api.options import AnyPath, folder_texts, path_text
-from fedora_qa.cli.check import external_folders
+from fedora_qa.cli.settings import external_folders
 from fedora_qa.layout.dialect import load_choice
 from fedora_qa.sequence.sequence import Sequence as OpenSequence
 from fedora_qa.sequence.sequence import open_sequence as open_place

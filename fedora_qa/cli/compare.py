@@ -6,15 +6,11 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
-import click
-
 from fedora_qa.cli.arrays import arrays_beside, read_arrays
 from fedora_qa.cli.console import print_table, stdout_console, text
 from fedora_qa.cli.measured_file import Reading, measured_file, reading_of
-from fedora_qa.cli.options import PATH, allow_external_option, dialect_option, memory_option, metadata_option
 from fedora_qa.cli.outputs import Outputs
 from fedora_qa.cli.sequences import HDF5_SUFFIXES, require_hdf5
-from fedora_qa.comparison.compare import DEFAULT_FALSE_ALARM_RATE
 from fedora_qa.comparison.compare import compare as compare_subjects
 from fedora_qa.comparison.conclusions import conclusions_of
 from fedora_qa.comparison.paper_tables import paper_tables
@@ -31,29 +27,7 @@ from fedora_qa.record.json_io import read_record
 _RECORD: Final = ".json"
 
 
-@click.command()
-@click.argument("paths", nargs=-1, required=True, type=PATH, metavar="A B...")
-@click.option(
-    "--as",
-    "design",
-    type=click.Choice(["versions", "sequences", "datasets"]),
-    help="How to compare them; versions where files have the same names, else sequences or datasets.",
-)
-@click.option(
-    "--false-alarm-rate",
-    type=click.FloatRange(0, 1, min_open=True, max_open=True),
-    default=DEFAULT_FALSE_ALARM_RATE,
-    show_default=True,
-    help="Probability that the comparison reports any difference where there is none.",
-)
-@dialect_option
-@metadata_option
-@memory_option
-@allow_external_option
-@click.option("--json", "json_path", type=PATH, metavar="OUT", help="Write every number.")
-@click.option("--html", "html_path", type=PATH, metavar="OUT", help="Write tables and plots, in one HTML file.")
-@click.option("--markdown", "markdown_path", type=PATH, metavar="OUT", help="Write the tables.")
-def compare(
+def run_compare(
     paths: tuple[Path, ...],
     design: Design | None,
     false_alarm_rate: float,
@@ -65,11 +39,7 @@ def compare(
     html_path: Path | None,
     markdown_path: Path | None,
 ) -> int:
-    """Compare B and the others with A: sequences, folders of them, or records that `check --json` wrote.
-
-    Files are measured; records are read, with the arrays beside them, and their findings compared. Exit codes: 0
-    compared, whatever the result; 2 misuse.
-    """
+    """Do what the command says and return its exit code."""
     reading = reading_of(dialect, metadata, memory, allow_external)
     sources = sources_of(paths, split_choice(reading.dialect)[0])
     read = [path for source in sources for path in source.paths]

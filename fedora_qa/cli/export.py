@@ -6,7 +6,6 @@ import click
 
 from fedora_qa.cli.exit_codes import CLEAN
 from fedora_qa.cli.isolated import run_isolated
-from fedora_qa.cli.options import PATH, dialect_option, metadata_option
 from fedora_qa.cli.progress import progress_bar
 from fedora_qa.engine.executor import Task
 from fedora_qa.engine.worker import Worker
@@ -16,22 +15,8 @@ from fedora_qa.layout.dialect import DialectChoice, load_choice
 from fedora_qa.record.wording import unobeyed
 
 
-@click.command("export")
-@click.argument("source", type=PATH)
-@click.argument("output", type=PATH)
-@click.option(
-    "--to", "form", type=click.Choice(["tum", "dsec"]), required=True, help="tum: a text of poses; dsec: a folder."
-)
-@dialect_option
-@metadata_option
-def export(source: Path, output: Path, form: ExportForm, dialect: str | None, metadata: str | None) -> int:
-    """Write SOURCE, a file or folder, in a layout of others to OUTPUT.
-
-    tum writes the poses of the body in the world. dsec writes events, images, flow of 10 Hz, and the calibration of
-    pinhole cameras; depth, IMU, poses and other flow have no place there. OUTPUT gets its name when it is complete.
-
-    Exit codes: 0 written; 2 SOURCE cannot be read, or OUTPUT not be written, and nothing is left behind.
-    """
+def run_export(source: Path, output: Path, form: ExportForm, dialect: str | None, metadata: str | None) -> int:
+    """Do what the command says and return its exit code."""
     if output.exists() or output.is_symlink():
         raise MisuseError(f"Expected a new output, got {output}, which exists; remove it, or choose another name")
     if not output.parent.is_dir():

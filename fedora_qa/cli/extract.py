@@ -6,13 +6,12 @@ from typing import Any, get_args
 
 import click
 
-from fedora_qa.cli.check import check_options, settings_from
 from fedora_qa.cli.exit_codes import CLEAN, INCOMPLETE
 from fedora_qa.cli.isolated import run_isolated
-from fedora_qa.cli.options import PATH, allow_external_option
 from fedora_qa.cli.outputs import Outputs
 from fedora_qa.cli.progress import progress_bar
 from fedora_qa.cli.sequences import require_hdf5
+from fedora_qa.cli.settings import check_options, settings_from
 from fedora_qa.engine.effort import Effort
 from fedora_qa.engine.executor import Task
 from fedora_qa.engine.options import CheckOptions
@@ -20,7 +19,7 @@ from fedora_qa.engine.run import select_checks
 from fedora_qa.engine.tasks import check_whole, opening_test
 from fedora_qa.engine.worker import Worker
 from fedora_qa.errors import MisuseError, UnreadableFileError
-from fedora_qa.extract.extract import LONGEST_S, CheckFinding, Extraction
+from fedora_qa.extract.extract import CheckFinding, Extraction
 from fedora_qa.extract.extract import extract as extract_piece
 from fedora_qa.judgement.materiality import PROFILES
 from fedora_qa.record.json_io import read_record
@@ -29,28 +28,7 @@ from fedora_qa.record.wording import unobeyed
 from fedora_qa.storage.digest import file_digest
 
 
-@click.command()
-@click.argument("file", type=PATH)
-@click.argument("finding")
-@click.option("-o", "--output", required=True, type=PATH, metavar="OUT", help="The small file.")
-@click.option(
-    "--record", "record_path", type=PATH, metavar="RECORD", help="Where FINDING stands; else FILE is checked."
-)
-@click.option(
-    "--longest",
-    "longest_s",
-    type=click.FloatRange(min=0, min_open=True),
-    default=LONGEST_S,
-    show_default=True,
-    metavar="SECONDS",
-    help="The longest piece to try.",
-)
-@click.option("--effort", type=click.Choice(["quick", "standard", "full", "exhaustive"]), help="As `check` had it.")
-@click.option("--config", type=PATH, help="As `check` had it.")
-@click.option("--dialect", metavar="NAME|FILE.toml", help="As `check` had it.")
-@allow_external_option
-@click.option("--force", is_flag=True, help="Write over OUT where it exists.")
-def extract(
+def run_extract(
     file: Path,
     finding: str,
     output: Path,
@@ -60,11 +38,7 @@ def extract(
     force: bool,
     **overrides: Any,
 ) -> int:
-    """Write the part of FILE around the place of FINDING, such as F1, and check that it still shows the finding.
-
-    Pieces are tried from short to long. Exit codes: 0 written, and the finding is in it; 2 misuse; 3 written, and the
-    finding is not in it.
-    """
+    """Do what the command says and return its exit code."""
     read = [path for path in (file, record_path, config) if path is not None]
     Outputs(own=(output,)).require_writable(read)
     if output.exists() and not force:

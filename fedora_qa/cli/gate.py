@@ -7,23 +7,11 @@ import click
 
 from fedora_qa.cli.exit_codes import exit_code
 from fedora_qa.cli.gate_release import gate_release, plan_gate
-from fedora_qa.cli.options import PATH, allow_external_option, detail_options, record_options
 from fedora_qa.cli.outputs import Outputs
 from fedora_qa.cli.summary import Detail, print_record
 
 
-@click.command()
-@click.argument("folder", metavar="DIR", type=PATH)
-@click.option("--policy", "policy_path", required=True, type=PATH, metavar="POLICY.toml", help="What must hold.")
-@click.option(
-    "--baseline", "baseline_path", type=PATH, metavar="RECORD", help="Accept the findings of an earlier gate's record."
-)
-@click.option("--jobs", type=click.IntRange(min=1), help="Files, and windows of a file, checked at once.")
-@click.option("--certificate", type=PATH, metavar="OUT", help="Certify what was checked, where the release is clean.")
-@allow_external_option
-@detail_options
-@record_options
-def gate(
+def run_gate(
     folder: Path,
     policy_path: Path,
     baseline_path: Path | None,
@@ -33,11 +21,7 @@ def gate(
     outputs: Outputs,
     detail: Detail,
 ) -> int:
-    """Check every sequence in DIR, and DIR as a whole, as a policy demands.
-
-    The record holds the sequences and, last, the release itself. Exit codes: 0 clean; 1 findings; 2 misuse; 3
-    incomplete.
-    """
+    """Do what the command says and return its exit code."""
     plan = plan_gate(folder, policy_path, baseline_path, jobs, allow_external)
     outputs = replace(outputs, own=(certificate,))
     outputs.require_writable(plan.inputs)

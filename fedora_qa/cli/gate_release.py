@@ -8,11 +8,11 @@ from typing import Any
 
 from numpy.typing import NDArray
 
-from fedora_qa.cli.check import check_options
 from fedora_qa.cli.check_all import Request, check_all, executor_for
 from fedora_qa.cli.exit_codes import CLEAN, exit_code
 from fedora_qa.cli.record import evidence_arrays, record_of
 from fedora_qa.cli.sequences import sequences_of
+from fedora_qa.cli.settings import check_options
 from fedora_qa.engine.options import FileRun
 from fedora_qa.evidence.options import EvidenceOptions
 from fedora_qa.gating.baseline import Baseline, baseline_of

@@ -1,6 +1,5 @@
 """``fedora-qa import``: a canonical file from a recording."""
 
-import re
 from collections.abc import Iterator
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -9,7 +8,6 @@ import click
 
 from fedora_qa.cli.exit_codes import CLEAN
 from fedora_qa.cli.isolated import run_isolated
-from fedora_qa.cli.options import PATH
 from fedora_qa.cli.outputs import Outputs
 from fedora_qa.cli.progress import progress_bar
 from fedora_qa.engine.executor import Task
@@ -21,38 +19,8 @@ from fedora_qa.importing.ros_topics import load_topics
 from fedora_qa.importing.run import Imported, ImportOptions, import_recording
 from fedora_qa.record.wording import unobeyed
 
-_LARGEST_SIDE = 1 << 14
 
-
-class ResolutionParam(click.ParamType):  # type: ignore[type-arg]  # generic only from click 8.4 on
-    """Turns ``640x480`` into a width and a height."""
-
-    name = "resolution"
-
-    def convert(self, value: str | Resolution, param: click.Parameter | None, ctx: click.Context | None) -> Resolution:
-        """Return width and height, px; raises ``MisuseError``."""
-        if not isinstance(value, str):
-            return value
-        sides = re.fullmatch(r"([0-9]{1,6})x([0-9]{1,6})", value.strip())
-        size = (int(sides[1]), int(sides[2])) if sides else (0, 0)
-        if not all(0 < side <= _LARGEST_SIDE for side in size):
-            raise MisuseError(f"Expected --resolution WxH of 1 to {_LARGEST_SIDE} px each way, got {value!r}")
-        return size
-
-
-@click.command("import")
-@click.argument("source", type=PATH)
-@click.option("-o", "--output", type=PATH, required=True, metavar="OUT.h5", help="The canonical file.")
-@click.option(
-    "--resolution", type=ResolutionParam(), metavar="WxH", help="Size of the event camera, where SOURCE lacks it."
-)
-@click.option(
-    "--topics", type=PATH, metavar="FILE.toml", help="Which topic of a bag holds which stream, in a table [topics]."
-)
-@click.option("--kind", type=click.Choice(["recorded", "synthetic"]), help="Whether sensors made SOURCE.")
-@click.option("--allow-backwards", is_flag=True, help="Write timestamps that decrease as they are.")
-@click.option("--force", is_flag=True, help="Write over OUT.h5 where it exists.")
-def import_(
+def run_import(
     source: Path,
     output: Path,
     resolution: Resolution | None,
@@ -61,13 +29,7 @@ def import_(
     allow_backwards: bool,
     force: bool,
 ) -> int:
-    """Write a canonical file from SOURCE, a recording in a format of event cameras.
-
-    SOURCE is a Prophesee recording (EVT2, EVT3 or DAT), AEDAT 4.0, or a bag of ROS 1 or ROS 2. It is only read, in
-    blocks. OUT.h5 gets its name when it is complete.
-
-    Exit codes: 0 written; 2 SOURCE cannot be read, or OUT.h5 not be written, and nothing is left behind.
-    """
+    """Do what the command says and return its exit code."""
     Outputs(own=(output,)).require_writable([source, *([topics] if topics else [])])
     if output.exists():
         # Hard links: two names of one file, neither of which leads to the other.

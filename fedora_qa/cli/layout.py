@@ -5,18 +5,16 @@ from contextlib import closing
 from pathlib import Path
 from typing import Final
 
-import click
 import h5py
 from rich.padding import Padding
 from rich.table import Table
 from rich.text import Text
 
-from fedora_qa.cli.check import external_folders
 from fedora_qa.cli.console import stdout_console, text
 from fedora_qa.cli.isolated_light import run_isolated_light
-from fedora_qa.cli.options import PATH, allow_external_option, dialect_option, metadata_option
 from fedora_qa.cli.outputs import Outputs
 from fedora_qa.cli.sequences import require_hdf5
+from fedora_qa.cli.settings import external_folders
 from fedora_qa.errors import UnreadableFileError
 from fedora_qa.layout.describe import DatasetRow, Description, describe
 from fedora_qa.layout.dialect import DialectChoice, load_choice, split_choice
@@ -38,20 +36,14 @@ _WIDE = 110
 """Columns from which the datasets fit into a table."""
 
 
-@click.command()
-@click.argument("file", type=PATH)
-@dialect_option
-@metadata_option
-@click.option("--draft-dialect", "draft_path", type=PATH, metavar="OUT", help="Write a first dialect for the file.")
-@allow_external_option
-def layout(
+def run_layout(
     file: Path,
     dialect: str | None,
     metadata: str | None,
     draft_path: Path | None,
     allow_external: tuple[str, ...],
 ) -> int:
-    """Describe where FILE, or a folder, keeps each stream, what is absent and why, and what was inferred."""
+    """Do what the command says and return its exit code."""
     dialect_read = load_choice(dialect, metadata)
     Outputs(own=(draft_path,)).require_writable([file])
     if not file.is_dir():

@@ -4,45 +4,45 @@ Commands are imported when they are used, so that ``--help`` does not load numer
 """
 
 import errno
-import importlib
 import os
 import sys
 import time
 import traceback
 from collections.abc import Mapping, Sequence
 from types import MappingProxyType
-from typing import Final, cast
+from typing import Final
 
 import click
-from click.shell_completion import CompletionItem, shell_complete
+from click.shell_completion import shell_complete
 
 from fedora_qa import __version__
 from fedora_qa.cli.exit_codes import FINDINGS, INCOMPLETE, INTERRUPTED, MISUSE, OUTPUT_CLOSED
-from fedora_qa.cli.startup import START_TIME, loading_modules, preload_workers
+from fedora_qa.cli.lazy_group import LazyGroup
+from fedora_qa.cli.startup import START_TIME, preload_workers
 from fedora_qa.errors import FedoraError, MisuseError, UnreadableFileError
 from fedora_qa.record.wording import unobeyed
 
 COMMANDS: Final[Mapping[str, tuple[str, str]]] = MappingProxyType(
     {
-        "check": ("fedora_qa.cli.check:check", "Check files and report what is wrong, where, by how much and why."),
-        "power": ("fedora_qa.cli.power:power", "Measure which faults of a corpus the checks detect."),
-        "gate": ("fedora_qa.cli.gate:gate", "Check a release of sequences against a policy, for CI."),
-        "verify": ("fedora_qa.cli.verify:verify", "Verify that a release is still the one that was certified."),
-        "stats": ("fedora_qa.cli.stats:stats", "Print the sequence and flow tables of files."),
-        "compare": ("fedora_qa.cli.compare:compare", "Compare sequences, datasets or two versions of a release."),
-        "extract": ("fedora_qa.cli.extract:extract", "Cut out the smallest file that shows a finding."),
-        "repair": ("fedora_qa.cli.repair:repair", "Write a copy in which confirmed faults are undone."),
-        "import": ("fedora_qa.cli.import_:import_", "Write a canonical file from a recording of an event camera."),
-        "export": ("fedora_qa.cli.export:export", "Write a sequence in a layout of others: a trajectory, a folder."),
-        "report": ("fedora_qa.cli.report:report", "Render a record again, without the data."),
-        "checks": ("fedora_qa.cli.explain:checks", "List the checks, each with its question."),
-        "explain": ("fedora_qa.cli.explain:explain", "Explain what a check measures, how, and what it cannot detect."),
-        "layout": ("fedora_qa.cli.layout:layout", "Describe what a file holds, where, and what was inferred."),
-        "schema": ("fedora_qa.cli.schema:schema", "Print the JSON schema of a document or configuration."),
-        "doctor": ("fedora_qa.cli.doctor:doctor", "Test whether this machine can run the checks."),
+        "check": ("commands.check:check", "Check files and report what is wrong, where, by how much and why."),
+        "power": ("commands.power:power", "Measure which faults of a corpus the checks detect."),
+        "gate": ("commands.gate:gate", "Check a release of sequences against a policy, for CI."),
+        "verify": ("commands.verify:verify", "Verify that a release is still the one that was certified."),
+        "stats": ("commands.stats:stats", "Print the sequence and flow tables of files."),
+        "compare": ("commands.compare:compare", "Compare sequences, datasets or two versions of a release."),
+        "extract": ("commands.extract:extract", "Cut out the smallest file that shows a finding."),
+        "repair": ("commands.repair:repair", "Write a copy in which confirmed faults are undone."),
+        "import": ("commands.import_:import_", "Write a canonical file from a recording of an event camera."),
+        "export": ("commands.export:export", "Write a sequence in a layout of others: a trajectory, a folder."),
+        "report": ("commands.report:report", "Render a record again, without the data."),
+        "checks": ("explain:checks", "List the checks, each with its question."),
+        "explain": ("explain:explain", "Explain what a check measures, how, and what it cannot detect."),
+        "layout": ("commands.layout:layout", "Describe what a file holds, where, and what was inferred."),
+        "schema": ("schema:schema", "Print the JSON schema of a document or configuration."),
+        "doctor": ("doctor:doctor", "Test whether this machine can run the checks."),
     }
 )
-"""Where each command is, and what it does, in the order in which help shows them."""
+"""Where each command is in ``fedora_qa.cli``, and what it does, in the order in which help shows them."""
 
 PROGRAM: Final = "fedora-qa"
 COMPLETION_VARIABLE: Final = "_FEDORA_QA_COMPLETE"
@@ -54,35 +54,12 @@ _FULL: Final = frozenset({errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EROFS})
 TRACEBACK_VARIABLE: Final = "FEDORA_QA_TRACEBACK"
 
 
-class LazyGroup(click.Group):
-    """A group that imports a command only when it runs or shows its own help."""
-
-    def list_commands(self, ctx: click.Context) -> list[str]:
-        """Return the names of the commands."""
-        return list(COMMANDS)
-
-    def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
-        """Import a command."""
-        if cmd_name not in COMMANDS:
-            return None
-        ctx.meta.setdefault(START_TIME, time.monotonic())  # a budget of time includes the import
-        module, name = COMMANDS[cmd_name][0].split(":")
-        with loading_modules():
-            return cast(click.Command, getattr(importlib.import_module(module), name))
-
-    def shell_complete(self, ctx: click.Context, incomplete: str) -> list[CompletionItem]:
-        """Return the commands and options that begin so, without importing any command."""
-        commands = [CompletionItem(name, help=meaning) for name, (_, meaning) in COMMANDS.items()]
-        options = click.Command.shell_complete(self, ctx, incomplete)
-        return [*(item for item in commands if item.value.startswith(incomplete)), *options]
-
-    def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
-        """Write what each command does, without importing any."""
-        with formatter.section("Commands"):
-            formatter.write_dl([(name, meaning) for name, (_, meaning) in COMMANDS.items()])
-
-
-@click.group(cls=LazyGroup, context_settings={"help_option_names": ["-h", "--help"]})
+@click.group(
+    cls=LazyGroup,
+    package="fedora_qa.cli",
+    table=COMMANDS,
+    context_settings={"help_option_names": ["-h", "--help"]},
+)
 @click.version_option(__version__, prog_name=PROGRAM)
 def fedora_qa() -> None:
     """Recompute what must hold between the streams of an event-camera sequence, and report what does not.
@@ -149,6 +126,7 @@ def run(arguments: Sequence[str]) -> int:
 def _invoke(arguments: list[str]) -> int:
     """Run a command without click's own ending, which gives a closed pipe the code that means findings."""
     with fedora_qa.make_context(PROGRAM, arguments) as context:
+        context.meta[START_TIME] = time.monotonic()  # a budget of time includes the import of the command
         code: int = fedora_qa.invoke(context)
     # Within `run`, where a closed pipe is handled; at exit Python itself would report it.
     sys.stdout.flush()

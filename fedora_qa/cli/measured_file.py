@@ -4,9 +4,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from fedora_qa.cli.check import external_folders
 from fedora_qa.cli.isolated import run_isolated
 from fedora_qa.cli.progress import progress_bar
+from fedora_qa.cli.settings import external_folders
 from fedora_qa.config import parse_bytes
 from fedora_qa.engine.executor import Task
 from fedora_qa.engine.statistics import FileStatistics, collect_statistics

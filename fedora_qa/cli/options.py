@@ -8,7 +8,6 @@ from typing import Any, Final
 import click
 
 from fedora_qa.cli.completion import complete_check
-from fedora_qa.cli.outputs import Outputs
 from fedora_qa.errors import MisuseError
 
 PATH: Final = click.Path(path_type=Path)
@@ -102,6 +101,8 @@ def output_options(command: Callable[..., int]) -> Callable[..., int]:
         json: Path | None = None,
         **others: Any,
     ) -> int:
+        from fedora_qa.cli.outputs import Outputs  # noqa: PLC0415 - loads NumPy, which no help needs
+
         outputs = Outputs(
             json=json, markdown=markdown, html=html, junit=junit, sarif=sarif, csv=csv, parquet=parquet, github=github
         )  # fmt: skip

@@ -6,15 +6,12 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
-import click
-
-from fedora_qa.cli.check import check_options, settings_from
 from fedora_qa.cli.console import print_table, stdout_console, text
 from fedora_qa.cli.exit_codes import CLEAN, INCOMPLETE
 from fedora_qa.cli.html import require_renderer
-from fedora_qa.cli.options import PATH, config_option, ignore_option, select_option
 from fedora_qa.cli.outputs import Outputs
 from fedora_qa.cli.progress import progress_bar
+from fedora_qa.cli.settings import check_options, settings_from
 from fedora_qa.errors import MisuseError
 from fedora_qa.power.detection_power import detection_power_of, write_detection_power
 from fedora_qa.power.manifest import MANIFEST, read_manifest, require_files, require_other_names
@@ -26,25 +23,7 @@ from fedora_qa.record.power_tables import headline, power_to_markdown, tables_of
 from fedora_qa.record.power_types import POWER
 
 
-@click.command()
-@click.argument("corpora", nargs=-1, required=True, type=PATH, metavar="CORPUS...")
-@click.option("--effort", type=click.Choice(["quick", "standard", "full", "exhaustive"]), help="How much to look at.")
-@select_option
-@ignore_option
-@config_option
-@click.option("--jobs", type=click.IntRange(min=1), default=1, show_default=True, help="Files checked at once.")
-@click.option(
-    "--state", type=PATH, metavar="DIR", help="Where to keep results of files.  [default: beside each CORPUS]"
-)
-@click.option("--json", "json_path", type=PATH, metavar="OUT", help="Write every number.")
-@click.option("--html", "html_path", type=PATH, metavar="OUT", help="Write tables and plots, in one HTML file.")
-@click.option("--markdown", "markdown_path", type=PATH, metavar="OUT", help="Write the tables.")
-@click.option("--svg", "svg_path", type=PATH, metavar="OUT", help="Draw the curves, for documents.")
-@click.option("--publish", type=PATH, metavar="OUT", help="Write the detection power of each check, for the package.")
-@click.option(
-    "--publish-confidence", type=PATH, metavar="OUT", help="Write how often diagnoses are right, for the package."
-)
-def power(
+def run_power(
     corpora: tuple[Path, ...],
     config: Path | None,
     jobs: int,
@@ -57,10 +36,7 @@ def power(
     publish_confidence: Path | None,
     **overrides: Any,
 ) -> int:
-    """Check every file of each CORPUS, whose manifest.json lists the planted faults, and tabulate what was found.
-
-    Run again after an interrupt, it continues. Exit codes: 0 measured; 2 misuse; 3 a check crashed.
-    """
+    """Do what the command says and return its exit code."""
     # Detection is measured: whether a size matters is asked of the tables, not of the study.
     settings = replace(settings_from(config, overrides), profile="strict")
     # A study counts outcomes; evidence of thousands of files would only cost time and space.

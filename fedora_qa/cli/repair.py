@@ -7,13 +7,12 @@ from typing import Any
 
 import click
 
-from fedora_qa.cli.check import PlaceParam, check_options, settings_from
 from fedora_qa.cli.exit_codes import CLEAN, FINDINGS
 from fedora_qa.cli.isolated import run_isolated
-from fedora_qa.cli.options import PATH, config_option, dialect_option, ignore_option, select_option
 from fedora_qa.cli.outputs import Outputs
 from fedora_qa.cli.progress import progress_bar
 from fedora_qa.cli.sequences import require_hdf5
+from fedora_qa.cli.settings import check_options, settings_from
 from fedora_qa.engine.executor import Task
 from fedora_qa.engine.options import CheckOptions
 from fedora_qa.engine.tasks import opening_test
@@ -27,25 +26,7 @@ from fedora_qa.storage.place import Place, RemoteFile
 _BESIDE_SHOWN = 5
 
 
-@click.command()
-@click.argument("file", type=PlaceParam())
-@click.option("-o", "--output", type=PATH, metavar="OUT", help="The repaired file.")
-@click.option("--dry-run", is_flag=True, help="Print what would be done, and write nothing.")
-@click.option(
-    "--only",
-    multiple=True,
-    metavar="D1,D2",
-    help="Repair these diagnoses, which may be only supported. May be repeated.",
-)
-@click.option("--effort", type=click.Choice(["quick", "standard", "full", "exhaustive"]), help="As `check` has it.")
-@select_option
-@ignore_option
-@config_option
-@dialect_option
-@click.option("--profile", type=click.Choice(["release", "training", "strict"]), help="As `check` has it.")
-@click.option("--memory", metavar="AMOUNT", help="Memory to aim at, such as 1GB.")
-@click.option("--force", is_flag=True, help="Write over OUT where it exists.")
-def repair(
+def run_repair(
     file: Place,
     output: Path | None,
     dry_run: bool,
@@ -54,11 +35,7 @@ def repair(
     force: bool,
     **overrides: Any,
 ) -> int:
-    """Check FILE, undo what is confirmed and mechanical in a copy, check the copy, and keep it if it is better.
-
-    Exit codes: 0 written, or with --dry-run there is something to repair; 1 nothing is confirmed, or the copy is not
-    better, and nothing is left behind; 2 misuse.
-    """
+    """Do what the command says and return its exit code."""
     if isinstance(file, RemoteFile):
         raise MisuseError(f"Expected a file on this machine, got {file}; copy it first")
     if output is None and not dry_run:

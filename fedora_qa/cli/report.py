@@ -8,7 +8,6 @@ import click
 from numpy.typing import NDArray
 
 from fedora_qa.cli.arrays import arrays_beside, read_arrays
-from fedora_qa.cli.options import PATH, detail_options, output_options
 from fedora_qa.cli.outputs import Outputs
 from fedora_qa.cli.summary import Detail, print_record
 from fedora_qa.errors import MisuseError
@@ -16,15 +15,8 @@ from fedora_qa.record.json_io import read_record
 from fedora_qa.record.wording import unobeyed
 
 
-@click.command()
-@click.argument("record_path", metavar="RECORD", type=PATH)
-@detail_options
-@output_options
-def report(record_path: Path, outputs: Outputs, detail: Detail) -> int:
-    """Show RECORD, which `check --json` wrote, as check showed it. The exit code is 0, whatever the verdict.
-
-    Pictures come from RECORD.arrays.npz beside it; without that file the report is drawn without pictures.
-    """
+def run_report(record_path: Path, outputs: Outputs, detail: Detail) -> int:
+    """Do what the command says and return its exit code."""
     # The record and its arrays are inputs, even where no picture is drawn from them.
     outputs.require_writable([record_path, arrays_beside(record_path)])
     record = read_record(record_path)

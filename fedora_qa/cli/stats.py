@@ -5,12 +5,9 @@ from collections.abc import Iterable, Mapping
 from pathlib import Path, PurePath
 from typing import Final
 
-import click
-
 from fedora_qa import __version__
 from fedora_qa.cli.console import print_table, stdout_console, text
 from fedora_qa.cli.measured_file import measured_file, reading_of
-from fedora_qa.cli.options import PATH, allow_external_option, dialect_option, memory_option, metadata_option
 from fedora_qa.cli.outputs import Outputs
 from fedora_qa.cli.sequences import sequences_of
 from fedora_qa.comparison.text_table import ABSENT, TextTable
@@ -28,15 +25,7 @@ NOTES: Final = (
 )
 
 
-@click.command()
-@click.argument("files", nargs=-1, required=True, type=PATH)
-@dialect_option
-@metadata_option
-@memory_option
-@allow_external_option
-@click.option("--json", "json_path", type=PATH, metavar="OUT", help="Write the numbers.")
-@click.option("--markdown", "markdown_path", type=PATH, metavar="OUT", help="Write the tables.")
-def stats(
+def run_stats(
     files: tuple[Path, ...],
     dialect: str | None,
     metadata: str | None,
@@ -45,7 +34,7 @@ def stats(
     json_path: Path | None,
     markdown_path: Path | None,
 ) -> int:
-    """Print statistics of FILES or folders: duration, distance, greatest speeds, event rate, flow, depth, light."""
+    """Do what the command says and return its exit code."""
     reading = reading_of(dialect, metadata, memory, allow_external)
     sequences = [place for place in sequences_of(files, reading.dialect, needs_rows=True) if isinstance(place, Path)]
     Outputs(json_path, markdown_path).require_writable(sequences)

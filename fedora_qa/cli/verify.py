@@ -6,19 +6,12 @@ from pathlib import Path
 import click
 
 from fedora_qa.cli.exit_codes import CLEAN, FINDINGS
-from fedora_qa.cli.options import PATH
 from fedora_qa.gating.certificate import differences, read_certificate
 from fedora_qa.record.wording import unobeyed
 
 
-@click.command()
-@click.argument("certificate_path", metavar="CERTIFICATE", type=PATH)
-@click.argument("folder", metavar="DIR", type=PATH)
-def verify(certificate_path: Path, folder: Path) -> int:
-    """Compare every byte of DIR with CERTIFICATE, which `gate --certificate` wrote.
-
-    Exit codes: 0 the same; 1 something was changed, added or removed, or a waiver has expired; 2 misuse.
-    """
+def run_verify(certificate_path: Path, folder: Path) -> int:
+    """Do what the command says and return its exit code."""
     certificate = read_certificate(certificate_path)
     # The day in UTC, as in `gate`: whether a waiver has expired must not depend on the time zone.
     deviations = differences(certificate, folder, datetime.now(UTC).date())

@@ -2,7 +2,6 @@
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from typing import Final
 
 import numpy as np
 
@@ -17,9 +16,6 @@ from fedora_qa.comparison.versions import count_with_errors, record_changes, sta
 from fedora_qa.errors import MisuseError
 from fedora_qa.evidence.value_counts import octave_edges
 from fedora_qa.record.types import Tool
-
-DEFAULT_FALSE_ALARM_RATE: Final = 0.01
-"""Of a whole comparison: one in a hundred reports a difference where there is none."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -4,7 +4,6 @@ from collections.abc import Callable
 from contextlib import ExitStack, closing
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Final
 
 import h5py
 
@@ -22,9 +21,6 @@ from fedora_qa.record.atomic import replacing
 from fedora_qa.record.types import Finding
 from fedora_qa.sequence.scan import scan
 from fedora_qa.sequence.sequence import open_sequence
-
-LONGEST_S: Final = 20.0
-"""Default length of the longest piece that is tried, s: its file is still small enough to be sent."""
 
 Report = Callable[[str], None]
 """Called with a description of the present activity."""

@@ -9,6 +9,7 @@ import h5py
 import numpy as np
 
 from fedora_generator.camera import colour_camera, event_camera
+from fedora_generator.choices import DEFAULT_DURATION_S, STREAMS, Quality
 from fedora_generator.disk_space import expected_bytes, least_bytes, require_disk_space, shortage_warning
 from fedora_generator.errors import SceneError
 from fedora_generator.events.stream import EventRecorder
@@ -20,17 +21,13 @@ from fedora_generator.mesh.context import open_context
 from fedora_generator.metadata import write_root
 from fedora_generator.partial_file import partial_file, require_writable
 from fedora_generator.rendered_world import RenderedWorld
-from fedora_generator.sampling import MOTION_BOUND_PX, Quality
+from fedora_generator.sampling import MOTION_BOUND_PX
 from fedora_generator.scene import Scene
 from fedora_generator.surroundings import Surroundings, render_surroundings, surroundings_of
 from fedora_qa.conventions import US_PER_S
 
-STREAMS: Final = ("rgb", "depth", "events", "imu", "pose", "flow")
-
 RENDERED_STREAMS: Final = frozenset({"rgb", "depth", "events", "flow"})
 """Streams that are images of the world; the others follow from the flight alone."""
-
-DEFAULT_DURATION_S: Final = 2.0
 
 _MOST_COLUMNS: Final = 1 << 16
 """Events are stored with 16 bits for the column and 16 for the row."""

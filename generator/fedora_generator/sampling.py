@@ -9,17 +9,16 @@ events of a slow flight are not those of interpolated frames.
 
 import math
 from dataclasses import dataclass
-from typing import Final, Literal, Protocol
+from typing import Final, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 from fedora_generator.camera import Camera
+from fedora_generator.choices import Quality
 from fedora_generator.flight import Flight
 from fedora_generator.flow import scene_flow_px
 from fedora_generator.rendered_world import RenderedWorld
-
-Quality = Literal["draft", "standard", "reference"]
 
 MOTION_BOUND_PX: Final[dict[Quality, float]] = {"draft": 1.0, "standard": 0.5, "reference": 0.1}
 """Image motion between two renders, px of the event camera."""

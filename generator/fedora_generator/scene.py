@@ -57,7 +57,8 @@ from fedora_generator.imu import ImuOptions
 from fedora_generator.mesh.detail import MeshDetail
 from fedora_generator.pose import PoseOptions
 from fedora_generator.rates import RateOptions
-from fedora_generator.scene_tables import SCENE_NAMES, impossible_value, read_scene, scene_path
+from fedora_generator.scene_names import SCENE_NAMES
+from fedora_generator.scene_tables import impossible_value, read_scene, scene_path
 from fedora_generator.surfaces.light import Light
 from fedora_generator.surfaces.world import World
 

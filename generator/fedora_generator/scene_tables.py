@@ -6,34 +6,15 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any, Final
 
+from fedora_generator.choices import MOST_SEED
 from fedora_generator.errors import SceneError
 from fedora_generator.flights.choice import resolve_flight
-from fedora_generator.flights.presets import PRESET_NAMES
+from fedora_generator.scene_names import SCENE_NAMES, SCENES
 
-SCENE_NAMES: Final = (
-    "park-day",
-    "park-night",
-    "racetrack",
-    "hover",
-    "fast-turn",
-    "park-noisy",
-    "park-traffic",
-    "park-mesh-day",
-    "park-mesh-night",
-    "racetrack-mesh-day",
-    "racetrack-mesh-night",
-    *PRESET_NAMES,
-)
-"""Scenes of the package: the first has an exact world and every stream, the last are the paper's sequences."""
-
-_SCENES: Final = Path(__file__).parent / "scenes"
-_WORLDS: Final = _SCENES / "worlds"
+_WORLDS: Final = SCENES / "worlds"
 
 LARGEST: Final = 1e12
 """Largest size of any quantity of a scene, in its unit; its squares and cubes are far from the end of float64."""
-
-MOST_SEED: Final = (1 << 63) - 1
-"""A file stores the seed with 64 bits."""
 
 
 def scene_path(name_or_path: str) -> Path:
@@ -45,7 +26,7 @@ def scene_path(name_or_path: str) -> Path:
         There is no such scene.
     """
     if name_or_path in SCENE_NAMES:
-        return _SCENES / f"{name_or_path}.toml"
+        return SCENES / f"{name_or_path}.toml"
     if name_or_path.endswith(".toml") and Path(name_or_path).is_file():
         return Path(name_or_path)
     raise SceneError(

@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fedora_generator.camera import colour_camera
+from fedora_generator.choices import Quality
 from fedora_generator.errors import SceneError
 from fedora_generator.mesh import places
 from fedora_generator.mesh.detail import MeshDetail
@@ -14,7 +15,6 @@ from fedora_generator.mesh.model import MeshModel
 from fedora_generator.mesh.world import MeshWorld
 from fedora_generator.render import ExactWorld
 from fedora_generator.rendered_world import RenderedWorld
-from fedora_generator.sampling import Quality
 from fedora_generator.scene import Scene
 from fedora_generator.surfaces.light import Light
 from fedora_generator.surfaces.world import World

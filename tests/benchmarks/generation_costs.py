@@ -15,10 +15,11 @@ from statistics import median
 from tempfile import TemporaryDirectory
 from typing import Final
 
+from fedora_generator.choices import STREAMS
 from fedora_generator.events.options import EventSensorOptions
 from fedora_generator.flights.gusts import WindOptions
 from fedora_generator.flights.kinds import HoverOptions
-from fedora_generator.generate import STREAMS, Request, generate_sequence
+from fedora_generator.generate import Request, generate_sequence
 from fedora_generator.scene import Scene, load_scene
 from tests.benchmarks.bar_chart import Bars, bar_chart
 

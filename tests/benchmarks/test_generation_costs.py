@@ -4,7 +4,7 @@ import xml.etree.ElementTree as ET
 from dataclasses import replace
 from pathlib import Path
 
-from fedora_generator.generate import STREAMS
+from fedora_generator.choices import STREAMS
 from fedora_generator.scene import load_scene
 from tests.benchmarks.bar_chart import Bars, bar_chart
 from tests.benchmarks.generation_costs import EVENTS, Case, Cost, Group, by_effect, groups, measure, page, picture

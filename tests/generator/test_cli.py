@@ -7,7 +7,7 @@ import h5py
 import pytest
 
 from fedora_generator.cli import main
-from fedora_generator.scene_tables import SCENE_NAMES
+from fedora_generator.scene_names import SCENE_NAMES
 
 
 def run(monkeypatch: pytest.MonkeyPatch, *arguments: str) -> int:

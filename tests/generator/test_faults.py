@@ -10,9 +10,9 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 
+from fedora_generator.commands.fault import fault as fault_command
 from fedora_generator.errors import GeneratorError, OutputError
 from fedora_generator.faults import BYTE_FAULTS, FAULTS, FaultError, legal_causes, legal_streams, plant_fault
-from fedora_generator.faults.cli import fault as fault_command
 from fedora_generator.faults.fault import default_unit
 from fedora_qa.causes import CAUSES, allowed
 from fedora_qa.layout.canonical import FLOW_STREAMS, datasets_of

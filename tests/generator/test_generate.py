@@ -11,14 +11,15 @@ import pytest
 
 from fedora_generator import generate, instants
 from fedora_generator.camera import event_camera
+from fedora_generator.choices import STREAMS
 from fedora_generator.errors import OutputError, SceneError
 from fedora_generator.flight import Flight
 from fedora_generator.flights.presets import PRESET_NAMES
 from fedora_generator.frames import as_8_bit
-from fedora_generator.generate import STREAMS, Request, generate_sequence
+from fedora_generator.generate import Request, generate_sequence
 from fedora_generator.render import ExactWorld
 from fedora_generator.scene import Scene, load_scene
-from fedora_generator.scene_tables import SCENE_NAMES
+from fedora_generator.scene_names import SCENE_NAMES
 from fedora_qa.layout.canonical import ATTRIBUTES, DATASETS
 
 KEYS = [key for key, spec in DATASETS.items() if not spec.optional]

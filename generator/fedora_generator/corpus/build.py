@@ -8,6 +8,7 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Final
 
+from fedora_generator.choices import STREAMS
 from fedora_generator.corpus.manifest import (
     MANIFEST,
     PROGRESS,
@@ -23,7 +24,7 @@ from fedora_generator.corpus.spread import start_span_s
 from fedora_generator.disk_space import expected_bytes, require_disk_space
 from fedora_generator.errors import OutputError
 from fedora_generator.faults import FaultError, plant_fault
-from fedora_generator.generate import STREAMS, Request, generate_sequence, require_free_flight
+from fedora_generator.generate import Request, generate_sequence, require_free_flight
 from fedora_generator.instants import whole_us
 from fedora_generator.memory import require_memory
 from fedora_generator.metadata import generator_version

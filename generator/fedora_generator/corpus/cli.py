@@ -1,47 +1,20 @@
 """``fedora-generate corpus``: clean and faulty sequences, and the manifest that lists which is which."""
 
 from pathlib import Path
-from typing import Final, cast
+from typing import cast
 
 import click
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
+from fedora_generator.choices import Quality
 from fedora_generator.corpus.build import build_corpus
 from fedora_generator.corpus.plan import CorpusOptions, plan_corpus
 from fedora_generator.disk_space import expected_bytes
-from fedora_generator.image_size import read_size
-from fedora_generator.sampling import MOTION_BOUND_PX, Quality
 from fedora_generator.scene import load_scene
 
-DEFAULT_SCENES: Final = "park-day,fast-turn,park-noisy"
 
-
-def _read_list(_: click.Context, __: click.Parameter, value: str) -> tuple[str, ...]:
-    """Read names with commas between."""
-    return tuple(dict.fromkeys(name.strip() for name in value.split(",") if name.strip()))
-
-
-@click.command()
-@click.option("-o", "--output", "folder", required=True, type=click.Path(path_type=Path), help="The folder to fill.")
-@click.option("--scenes", default=DEFAULT_SCENES, show_default=True, callback=_read_list, metavar="LIST")
-@click.option("--clean", default=2, show_default=True, type=click.IntRange(min=1), help="Clean sequences a scene.")
-@click.option(
-    "--causes", default="", callback=_read_list, metavar="LIST", help="Causes, or STREAM:CAUSE.  [default: all]"
-)
-@click.option("--ladder", default=3, show_default=True, type=click.IntRange(1, 15), help="Magnitudes of each fault.")
-@click.option("--size", default="270x200", show_default=True, callback=read_size, metavar="WxH")
-@click.option("--duration", "duration_s", default=1.0, show_default=True, metavar="S", help="Seconds of a sequence.")
-@click.option("--quality", default="draft", show_default=True, type=click.Choice(list(MOTION_BOUND_PX)))
-@click.option("--seed", default=0, show_default=True, type=click.IntRange(min=0), help="First seed of each scene.")
-@click.option("--trials", type=click.IntRange(0, 10_000), default=0, metavar="N", help="Draw N magnitudes, no ladder.")
-@click.option("--deep", default="", callback=_read_list, metavar="LIST", help="Causes that get more trials.")
-@click.option("--deep-trials", default=60, show_default=True, type=click.IntRange(1, 10_000), help="How many.")
-@click.option("--spread", is_flag=True, help="Begin the sequences of a scene at different places of its flight.")
-@click.option("--off-grid", is_flag=True, help="Draw sizes, directions, times and regions of trials at random.")
-@click.option("--dry-run", is_flag=True, help="Print what would be made, and make nothing.")
-@click.option("--force", is_flag=True, help="Write into a folder that holds something else.")
-def corpus(
+def run_corpus(
     folder: Path,
     scenes: tuple[str, ...],
     clean: int,
@@ -59,10 +32,7 @@ def corpus(
     dry_run: bool,
     force: bool,
 ) -> None:
-    """Make clean sequences of several scenes, and copies of them with every fault in several sizes.
-
-    Run again after an interrupt, it goes on where it was.
-    """
+    """Do what the command says."""
     if not scenes:
         raise click.UsageError("Expected at least one scene, got none; see `fedora-generate scenes`")
     selected_scenes = tuple(load_scene(name).with_size(*size) for name in scenes)

@@ -8,6 +8,7 @@ from typing import Final
 import numpy as np
 
 from fedora_generator.camera import colour_camera, event_camera
+from fedora_generator.choices import Quality
 from fedora_generator.corpus.ladders import Ladder, depends_on_pose_noise, ladder_of
 from fedora_generator.corpus.spread import (
     SINGLE_SIZE_DIVISOR,
@@ -28,7 +29,6 @@ from fedora_generator.faults import (
     allows_region,
 )
 from fedora_generator.faults.fault import default_unit
-from fedora_generator.sampling import Quality
 from fedora_generator.scene import Scene
 
 Pair = tuple[str, str]

@@ -12,9 +12,9 @@ from typing import Final
 import h5py
 import numpy as np
 
+from fedora_generator.choices import STREAMS, Quality
 from fedora_generator.flight import FlightOptions, HarmonicTerm
-from fedora_generator.generate import STREAMS, Request, generate_sequence
-from fedora_generator.sampling import Quality
+from fedora_generator.generate import Request, generate_sequence
 from fedora_generator.scene import Scene, load_scene
 from fedora_qa.layout.canonical import DATASETS
 from tests.benchmarks.timing_scenes import NOON, SWAY, wall_of
