@@ -8,8 +8,8 @@
     dialect = "fedora"              # a name, or a TOML file beside this one; recognised from each file where absent
     profile = "release"             # from which size a deviation matters: release, training or strict (any)
     fail_on = "failed"              # or "warned"
-    memory = "1GB"
-    jobs = 1                        # tasks at once, each in a process of its own; they share the memory
+    memory = "1GB"                  # of all jobs together; 500MB for each job where absent, and 1GB at least
+    jobs = 2                        # tasks at once, each in a process of its own; as many as cores where absent
     false_alarm_rate = 1e-4         # a file, shared by all its comparisons
     canary = false                  # whether each check must detect a fault that is planted for it in memory
     allow_external = []             # folders in which other files may be read that a file links to; none where absent
@@ -53,6 +53,12 @@ _BYTES_PER_UNIT: Final[Mapping[str, int]] = {
     "mib": 2**20,
     "gib": 2**30,
 }
+DEFAULT_MEMORY: Final = "1GB"
+"""Of one or two jobs."""
+
+JOB_MEMORY_BYTES: Final = 500 * 10**6
+"""Memory of each of more jobs, where only their number is stated; docs/full-size.md has what less memory costs."""
+
 LEAST_MEMORY_BYTES: Final = 64 * 2**20
 """A decoded colour and depth frame with two flow fields at 1440x1080 take 35 MiB."""
 
@@ -85,14 +91,14 @@ class CheckConfig:
     """From which size a deviation matters: to publish the data, to train on them, or any size."""
     fail_on: Literal["failed", "warned"] = "failed"
     """From which outcome on a check counts as a finding."""
-    memory: str = "1GB"
-    """Memory to aim at, such as 1GB or 512MiB."""
+    memory: str | None = None
+    """Memory to aim at, such as 1GB, of all jobs together; where absent, 500MB for each job, and 1GB at least."""
     false_alarm_rate: Annotated[float, Field(gt=0, lt=1)] = DEFAULT_FALSE_ALARM_RATE
     """Probability that a correct file fails; shared by all comparisons of a file."""
     canary: bool = False
     """Whether each check must detect a fault that is planted for it in memory."""
-    jobs: Annotated[int, Field(ge=1)] = 1
-    """Tasks at once, each in a process of its own; they share the memory."""
+    jobs: Annotated[int, Field(ge=1)] | None = None
+    """Tasks at once, each in a process of its own; they share the memory. Where absent, as the machine allows."""
     allow_external: tuple[str, ...] = ()
     """Folders, beside this file, in which other files may be read that a file links to or is made of; none if empty."""
     required_coverage: Mapping[str, Share] = field(default_factory=dict)
@@ -101,6 +107,8 @@ class CheckConfig:
     @property
     def memory_bytes(self) -> int:
         """The memory limit in bytes; raises ``MisuseError`` where it is not an amount."""
+        if self.memory is None:
+            return max(parse_bytes(DEFAULT_MEMORY), (self.jobs or 1) * JOB_MEMORY_BYTES)
         return parse_bytes(self.memory)
 
     @property
@@ -112,6 +120,8 @@ class CheckConfig:
             del deciding["allow_external"]  # as when there was no such key
         if self.metadata is None:
             del deciding["metadata"]
+        # The default follows the number of jobs, which is that of the machine.
+        deciding["memory"] = self.memory or DEFAULT_MEMORY
         # Sorted keys and fixed separators, so that equal configurations give equal bytes.
         canonical = json.dumps(deciding, sort_keys=True, separators=(",", ":"))
         return hashlib.sha256(canonical.encode()).hexdigest()
@@ -130,7 +140,7 @@ def read_config(path: Path) -> CheckConfig:
     """
     config = read_toml(path, CONFIG_READER, "configuration")
     # For what it raises: an illegal amount is reported when the file is read, not when memory is first used.
-    parse_bytes(config.memory)
+    _ = config.memory_bytes
     return files_beside(config, path)
 
 
@@ -141,7 +151,7 @@ def with_options(config: CheckConfig, options: Mapping[str, Any]) -> CheckConfig
         changed = CONFIG_READER.validate_python({**values, **options})
     except ValidationError as error:
         raise MisuseError(f"Expected legal options, got {_first_problem(error)}") from None
-    parse_bytes(changed.memory)
+    _ = changed.memory_bytes
     return changed
 
 

@@ -14,7 +14,7 @@ from fedora_qa.cli.parameters import Budget
 from fedora_qa.cli.record import evidence_arrays, record_of
 from fedora_qa.cli.resume import resume_folder
 from fedora_qa.cli.sequences import sequences_of
-from fedora_qa.cli.settings import check_options, settings_from
+from fedora_qa.cli.settings import check_options, settings_from, with_jobs
 from fedora_qa.cli.startup import START_TIME
 from fedora_qa.cli.summary import Detail, print_record
 from fedora_qa.config import CheckConfig
@@ -45,6 +45,9 @@ def run_check(
     # Misuse is reported before hours of measuring, not after them.
     files = sequences_of(files, options.dialect)
     outputs.require_writable([file for file in files if isinstance(file, Path)])
+    # A cluster has workers of its own, and the memory is that of one.
+    settings = replace(settings, jobs=None) if dask else with_jobs(settings, files)
+    options = replace(options, memory_bytes=settings.memory_bytes)
     started = datetime.now(UTC).isoformat(timespec="seconds")
     stored = resume_folder(resume, settings, options) if resume else None
     executor = executor_for(settings, dask)

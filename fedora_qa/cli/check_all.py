@@ -58,16 +58,15 @@ def executor_for(settings: CheckConfig, dask: str | None = None, *, in_process: 
     """
     if dask is not None:
         return DaskExecutor(dask)
-    if settings.jobs == 1 and (in_process or os.environ.get(IN_PROCESS_VARIABLE)):
+    jobs = settings.jobs or 1
+    if jobs == 1 and (in_process or os.environ.get(IN_PROCESS_VARIABLE)):
         return InProcess()
     # A single job has the least memory by `parse_bytes`; here the share of each of several is tested.
-    if settings.jobs > 1 and settings.memory_bytes // settings.jobs < LEAST_MEMORY_BYTES:
-        least = f"{settings.jobs * LEAST_MEMORY_BYTES >> 20}MiB"
-        raise MisuseError(
-            f"Expected memory of at least {least} for {settings.jobs} jobs, got {settings.memory}; use fewer jobs"
-        )
+    if jobs > 1 and settings.memory_bytes // jobs < LEAST_MEMORY_BYTES:
+        least = f"{jobs * LEAST_MEMORY_BYTES >> 20}MiB"
+        raise MisuseError(f"Expected memory of at least {least} for {jobs} jobs, got {settings.memory}; use fewer jobs")
     # Jobs times threads stays within the cores; more threads than cores slow each other down.
-    return ProcessExecutor(settings.jobs, threads=max(1, usable_cores() // settings.jobs))
+    return ProcessExecutor(jobs, threads=max(1, usable_cores() // jobs))
 
 
 def check_all(files: Sequence[Place], request: Request, executor: Executor) -> list[FileRun]:

@@ -12,7 +12,7 @@ from fedora_qa.cli.check_all import Request, check_all, executor_for
 from fedora_qa.cli.exit_codes import CLEAN, exit_code
 from fedora_qa.cli.record import evidence_arrays, record_of
 from fedora_qa.cli.sequences import sequences_of
-from fedora_qa.cli.settings import check_options
+from fedora_qa.cli.settings import check_options, with_jobs
 from fedora_qa.engine.options import FileRun
 from fedora_qa.evidence.options import EvidenceOptions
 from fedora_qa.gating.baseline import Baseline, baseline_of
@@ -118,8 +118,9 @@ def gate_release(plan: GatePlan, *, evidence: bool, with_digests: bool, in_proce
     MisuseError
         A sequence is not HDF5, or an option has an illegal value.
     """
-    policy, release, settings = plan.policy, plan.release, plan.policy.check
+    policy, release = plan.policy, plan.release
     paths = [sequence.path for sequence in release.sequences]
+    settings = policy.check if in_process else with_jobs(policy.check, paths)
     options = replace(check_options(settings), evidence=EvidenceOptions() if evidence else None)
     sequences_of(paths, options.dialect)
     now = datetime.now(UTC)

@@ -11,7 +11,7 @@ from fedora_qa.cli.exit_codes import CLEAN, INCOMPLETE
 from fedora_qa.cli.html import require_renderer
 from fedora_qa.cli.outputs import Outputs
 from fedora_qa.cli.progress import progress_bar
-from fedora_qa.cli.settings import check_options, settings_from
+from fedora_qa.cli.settings import check_options, settings_from, with_jobs
 from fedora_qa.errors import MisuseError
 from fedora_qa.power.detection_power import detection_power_of, write_detection_power
 from fedora_qa.power.manifest import MANIFEST, read_manifest, require_files, require_other_names
@@ -26,7 +26,7 @@ from fedora_qa.record.power_types import POWER
 def run_power(
     corpora: tuple[Path, ...],
     config: Path | None,
-    jobs: int,
+    jobs: int | None,
     state: Path | None,
     json_path: Path | None,
     html_path: Path | None,
@@ -38,7 +38,7 @@ def run_power(
 ) -> int:
     """Do what the command says and return its exit code."""
     # Detection is measured: whether a size matters is asked of the tables, not of the study.
-    settings = replace(settings_from(config, overrides), profile="strict")
+    settings = replace(settings_from(config, {**overrides, "jobs": jobs}), profile="strict")
     # A study counts outcomes; evidence of thousands of files would only cost time and space.
     options = replace(check_options(settings), evidence=None)
     manifests = {corpus: read_manifest(corpus) for corpus in corpora}
@@ -52,6 +52,10 @@ def run_power(
     # All files of all corpora are looked for before the first is measured: a study may run for hours.
     for corpus, manifest in manifests.items():
         require_files(corpus, manifest)
+    settings = with_jobs(settings, [corpus / each.file for corpus in corpora for each in manifests[corpus].items])
+    jobs = settings.jobs or 1
+    # Each process checks whole files, with an equal share of the memory.
+    options = replace(options, memory_bytes=settings.memory_bytes // jobs)
     started = datetime.now(UTC).isoformat(timespec="seconds")
     trials: list[Trial] = []
     for corpus, manifest in manifests.items():

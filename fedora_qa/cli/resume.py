@@ -109,5 +109,7 @@ def resume_folder(folder: Path, settings: CheckConfig, options: CheckOptions) ->
         raise MisuseError(f"Expected to be able to write into {folder}, got no permission; choose another folder")
     # Another version of NumPy or OpenCV may change a measurement in its last digits, and so an outcome at a limit.
     libraries = [package_version(name) for name in PACKAGES]
-    parts = [__version__, RULESET_VERSION, code_digest(), libraries, settings.digest, repr(options)]
+    # Memory decides how often an image is decoded, and nothing that is found; its default follows the number of jobs.
+    deciding = repr(replace(options, memory_bytes=0))
+    parts = [__version__, RULESET_VERSION, code_digest(), libraries, settings.digest, deciding]
     return ResumeFolder(folder, settings, hashlib.sha256(json.dumps(parts).encode()).hexdigest())

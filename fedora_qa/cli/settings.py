@@ -1,15 +1,24 @@
-"""The configuration of a command, and the options of the engine that follow from it."""
+"""The configuration of a command, what the machine adds to it, and the options of the engine that follow from it."""
 
+import os
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Final
 
-from fedora_qa.config import CheckConfig, read_config
+from fedora_qa.cli.host import memory_mib, usable_cores
+from fedora_qa.cli.startup import IN_PROCESS_VARIABLE
+from fedora_qa.config import JOB_MEMORY_BYTES, CheckConfig, read_config
 from fedora_qa.engine.options import CheckOptions
 from fedora_qa.errors import MisuseError
+from fedora_qa.storage.place import Place
+from fedora_qa.storage.version import local_version
 
 if TYPE_CHECKING:  # the process that distributes the work loads no measuring code
     from fedora_qa.layout.dialect import DialectChoice
+
+_JOB_FILE_BYTES: Final = 64_000_000
+"""Bytes of files that occupy another job: each surveys a file and loads compiled loops for itself (docs/jobs.md)."""
 
 
 def settings_from(config: Path | None, overrides: dict[str, Any]) -> CheckConfig:
@@ -17,6 +26,30 @@ def settings_from(config: Path | None, overrides: dict[str, Any]) -> CheckConfig
     settings = read_config(config) if config else CheckConfig()
     # An option that was not given must not override the file; click states that by None, or () if it may be repeated.
     return replace(settings, **{name: value for name, value in overrides.items() if value not in {None, ()}})
+
+
+def with_jobs(settings: CheckConfig, files: Sequence[Place]) -> CheckConfig:
+    """Return the configuration with a number of jobs: where none is stated, as many as the machine and files occupy.
+
+    That is the number of usable cores, as far as the stated memory, or else half of the machine's, has room for each;
+    and of local files one job a file, and one more for each 64 MB.
+    """
+    if settings.jobs is not None:
+        return settings
+    # One job can do all in the process of the command; several cannot.
+    if os.environ.get(IN_PROCESS_VARIABLE):
+        return replace(settings, jobs=1)
+    jobs = usable_cores()
+    machine_mib = memory_mib()
+    if settings.memory is not None:
+        jobs = min(jobs, settings.memory_bytes // JOB_MEMORY_BYTES)
+    elif machine_mib is not None:
+        jobs = min(jobs, (machine_mib << 19) // JOB_MEMORY_BYTES)
+    sizes = [local_version(file).size for file in files if isinstance(file, Path)]
+    # A far server is read faster by several jobs, whatever the size: each waits for its own requests.
+    if len(sizes) == len(files):
+        jobs = min(jobs, len(sizes) + sum(sizes) // _JOB_FILE_BYTES)
+    return replace(settings, jobs=max(1, jobs))
 
 
 def check_options(settings: CheckConfig) -> CheckOptions:

@@ -10,7 +10,7 @@ from typing import ClassVar, Final, Literal
 
 from pydantic import ConfigDict, TypeAdapter
 
-from fedora_qa.config import RULESET_CHANGES, RULESET_VERSION, CheckConfig, files_beside, parse_bytes, read_toml
+from fedora_qa.config import RULESET_CHANGES, RULESET_VERSION, CheckConfig, files_beside, read_toml
 from fedora_qa.engine.run import select_checks
 from fedora_qa.errors import MisuseError
 from fedora_qa.gating.release import is_plain
@@ -144,7 +144,7 @@ def read_policy(path: Path) -> Policy:
         re.compile(policy.naming or "")
     except re.error as problem:
         raise MisuseError(f"Expected a regular expression in 'naming', got {policy.naming!r}: {problem}") from None
-    parse_bytes(policy.check.memory)
+    _ = policy.check.memory_bytes  # raises where it is no amount
     return replace(policy, check=files_beside(policy.check, path))
 
 

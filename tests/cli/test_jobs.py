@@ -12,7 +12,11 @@ import pytest
 
 from fedora_qa.cli import check_all as cli_check_all
 from fedora_qa.cli.progress import counts_words
+from fedora_qa.cli.settings import with_jobs
+from fedora_qa.cli.startup import IN_PROCESS_VARIABLE
+from fedora_qa.config import CheckConfig
 from fedora_qa.engine.progress import ProgressTally
+from fedora_qa.storage.place import place_of
 from tests.cli.conftest import Command, Outcome
 from tests.support.killers import Counts
 
@@ -51,6 +55,28 @@ def test_memory_for_many(fedora_qa: Command, sequence: Path) -> None:
     done = fedora_qa("check", sequence, "--jobs", "20", "--memory", "1GB")
     assert done.code == 2
     assert "1280MiB for 20 jobs" in done.err
+
+
+def test_as_many_jobs_as_the_machine_and_the_files_occupy(
+    sequence: Path, two: tuple[Path, Path], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Where no number is stated: cores, memory and files each bound it, and the memory follows; a stated one stands."""
+    monkeypatch.setattr(f"{with_jobs.__module__}.usable_cores", lambda: 8)
+    monkeypatch.setattr(f"{with_jobs.__module__}.memory_mib", lambda: 64 << 10)
+    afar = [place_of("https://example.org/a.h5")]
+    assert with_jobs(CheckConfig(), afar).jobs == 1  # in the process of the command
+    monkeypatch.delenv(IN_PROCESS_VARIABLE)
+    assert with_jobs(CheckConfig(jobs=3), [sequence]).jobs == 3
+    every_core = with_jobs(CheckConfig(), afar)
+    assert (every_core.jobs, every_core.memory_bytes) == (8, 4 * 10**9)
+    assert every_core.digest == CheckConfig().digest == CheckConfig(memory="1GB").digest
+    assert [with_jobs(CheckConfig(), files).jobs for files in ([sequence], two)] == [1, 2]
+    os.truncate(sequence, 130_000_000)
+    assert with_jobs(CheckConfig(), [sequence]).jobs == 3
+    assert with_jobs(CheckConfig(memory="1GB"), afar).jobs == 2
+    assert with_jobs(CheckConfig(memory="100MB"), afar).jobs == 1
+    monkeypatch.setattr(f"{with_jobs.__module__}.memory_mib", lambda: 4 << 10)
+    assert with_jobs(CheckConfig(), afar).jobs == 4
 
 
 def test_jobs_or_dask(fedora_qa: Command, sequence: Path) -> None:
@@ -117,10 +143,10 @@ def test_an_interrupt_keeps_what_is_done(watch: Watch, resumed: Resumed, fedora_
 
 
 def test_what_is_known_is_not_checked_again(watch: Watch, resumed: Resumed) -> None:
-    """A second run checks nothing, whatever the number of jobs, and finds the same."""
+    """A second run checks nothing, whatever the number of jobs and their memory, and finds the same."""
     resumed()
     first = facts_of(resumed.out)
-    resumed("--jobs", "2")
+    resumed("--jobs", "3")
     assert watch.checked == ["seq.h5", "other.h5"]
     assert facts_of(resumed.out) == first
 

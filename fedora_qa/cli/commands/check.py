@@ -46,12 +46,12 @@ from fedora_qa.cli.startup import loading_modules
 @click.option(
     "--memory",
     metavar="AMOUNT",
-    help="Memory to aim at, such as 1GB, of all processes together; a peak may exceed it.",
+    help="Memory to aim at, of all processes together; a peak may exceed it.  [default: 500MB a job, and 1GB at least]",
 )
 @click.option(
     "--jobs",
     type=click.IntRange(min=1),
-    help="Files, and windows of a file, checked at once; 1 unless configured otherwise. They share the memory.",
+    help="Files, and windows of a file, checked at once; they share the memory.  [default: as many as cores]",
 )
 @click.option("--dask", metavar="ADDRESS", help="Do the work on a Dask cluster, such as tcp://host:8786.")
 @click.option(

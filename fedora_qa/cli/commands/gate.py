@@ -14,7 +14,11 @@ from fedora_qa.cli.startup import loading_modules
 @click.option(
     "--baseline", "baseline_path", type=PATH, metavar="RECORD", help="Accept the findings of an earlier gate's record."
 )
-@click.option("--jobs", type=click.IntRange(min=1), help="Files, and windows of a file, checked at once.")
+@click.option(
+    "--jobs",
+    type=click.IntRange(min=1),
+    help="Files, and windows of a file, checked at once.  [default: as many as cores]",
+)
 @click.option("--certificate", type=PATH, metavar="OUT", help="Certify what was checked, where the release is clean.")
 @allow_external_option
 @detail_options

@@ -14,7 +14,7 @@ from fedora_qa.cli.startup import loading_modules
 @select_option
 @ignore_option
 @config_option
-@click.option("--jobs", type=click.IntRange(min=1), default=1, show_default=True, help="Files checked at once.")
+@click.option("--jobs", type=click.IntRange(min=1), help="Files checked at once.  [default: as many as cores]")
 @click.option(
     "--state", type=PATH, metavar="DIR", help="Where to keep results of files.  [default: beside each CORPUS]"
 )
