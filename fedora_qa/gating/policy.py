@@ -92,8 +92,9 @@ class Policy:
 
     @property
     def digest(self) -> str:
-        """SHA-256 of all keys of the policy, equal for equal policies."""
-        canonical = json.dumps(POLICY_READER.dump_python(self, mode="json"), sort_keys=True, separators=(",", ":"))
+        """SHA-256 of all keys of the policy that may change the record, equal for equal policies."""
+        keys = {**POLICY_READER.dump_python(self, mode="json"), "check": self.check.digest}
+        canonical = json.dumps(keys, sort_keys=True, separators=(",", ":"))
         return hashlib.sha256(canonical.encode()).hexdigest()
 
 

@@ -86,7 +86,9 @@ def test_the_digest_is_of_what_the_policy_says(tmp_path: Path) -> None:
     """Comments and order change nothing; any value does."""
     policy = read_policy(written(tmp_path, EXAMPLE))
     assert policy.digest == read_policy(written(tmp_path, EXAMPLE + "# a remark\n")).digest
+    assert policy.digest == replace(policy, check=replace(policy.check, jobs=7)).digest
     assert policy.digest != replace(policy, naming=None).digest
+    assert policy.digest != replace(policy, check=replace(policy.check, effort="quick")).digest
 
 
 def test_flow_is_every_rate() -> None:
