@@ -105,6 +105,8 @@ class PlainRun:
         inner
             As for ``judged``: a pass of ``affected`` with the fault undone.
         """
+        # Both runs are kept: only the one that measures holds decoded rows.
+        self.ready.decoder.leases.forget()
         ready = self.altered(undoing)
         facts, spans = ready.facts, self.planned(ready)
         states = self._measured(affected, spans, ready, inner)
@@ -112,6 +114,7 @@ class PlainRun:
         observations = {**self.observations, **conclude(affected, states, facts)}
         strict = {each.result.check: each.result for each in judge(observations, checks, self.false_alarm_rate)}
         view = FaultySequence(self.sequence, undoing)
+        ready.decoder.leases.forget()
         return replace(self, sequence=view, ready=ready, observations=observations, strict=strict)
 
     def judged(

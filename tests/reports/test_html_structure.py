@@ -10,6 +10,7 @@ import pytest
 from fedora_qa.record.types import Canary, FileRecord, Outcome, Record, Result
 from fedora_qa.record.wording import cause_sentence
 from fedora_reports.html import render_html, report_script
+from fedora_reports.verdict import TITLES
 from tests.reports.evidence_samples import all_kinds
 from tests.reports.page_reader import ReadPage, complaints_about, read_page
 from tests.support.records import crashed, failed, file_record, late_events, not_observable, passed, record
@@ -153,10 +154,11 @@ def test_a_gate_opens_with_the_verdict_of_the_release() -> None:
     page = read_page(render_html(release(clean, late, unnamed), {}))
     assert complaints_about(page) == []
     (opening, *_) = page.all("div", kind="verdict")
-    assert "is-findings" in (opening.attributes["class"] or "")
-    assert "Findings" in opening.text
+    words, classes = opening.text, opening.attributes["class"] or ""
+    assert "is-findings" in classes
+    assert TITLES["findings"] in words
     assert page.all("h1")[0].text == "Release v2"
-    assert "3 sequences: 2 with findings, 1 clean. The release itself: 1 passed." in opening.text
+    assert "3 sequences: 2 with findings, 1 clean. The release itself: 1 passed." in words
     (overview,) = page.all("table", kind="files")
     names = [part.text for part in overview.inside if part.tag == "a"]
     assert names == ["test/one.h5", "train/two.h5", "train/three.h5", "the release itself"]
