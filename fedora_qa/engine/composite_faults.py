@@ -1,10 +1,10 @@
 """Name the causes of a file's findings, one fault after the other: undo the first, and look at what is left.
 
 Faults of one stream hide each other: events of inverted polarity have no delay that could be measured. Where the causes
-that were named, each tested alone, do not clear all findings, the first that a trial supports is undone in all windows,
-and causes are named for what then still fails, in the same way. This explanation counts if undoing its causes one after
-the other clears more findings than undoing each of them alone, and leaves no finding that only undoing has brought
-about.
+that were named, each tested alone, leave findings, or undoing brings some about, the first that a trial supports is
+undone in all windows, and causes are named for what then still fails, in the same way. This explanation counts if
+undoing its causes one after the other clears more findings than undoing each of them alone, and leaves no finding that
+only undoing has brought about.
 """
 
 from collections.abc import Collection, Mapping, Sequence
@@ -108,7 +108,7 @@ def _explain(bench: TrialBench, materiality: Materiality, progress: Progress) ->
     apart = alone.explanation()
     cleared = {finding for diagnosis in apart.diagnoses for finding in diagnosis.cleared}
     first = next((d for d in apart.diagnoses if d.id in apart.trials and apart.trials[d.id].reduces), None)
-    if first is None or len(cleared) == len(bench.alarms):
+    if first is None or not _leaves_some(apart.trials[first.id], first, cleared, bench.alarms):
         return apart
     without = bench.without(apart.trials[first.id], materiality)
     if without is None:
@@ -131,6 +131,15 @@ def _explain(bench: TrialBench, materiality: Materiality, progress: Progress) ->
     if key_of(first) not in map(key_of, amended.diagnoses):
         return apart
     return _in_turn(key_of(first), amended, rest, counterparts)
+
+
+def _leaves_some(trial: UndoTrial, cause: Diagnosis, cleared: Collection[str], alarms: Sequence[Alarm]) -> bool:
+    """Whether a trial leaves or brings about findings, beside those that no cause clears and this one does not explain.
+
+    What the windows of the trial did not show counts as explained.
+    """
+    undecided = set(cause.explains) - trial.left.keys()
+    return bool(trial.caused) or any(a.finding.id not in cleared and a.finding.id not in undecided for a in alarms)
 
 
 def _with_others_undone(trial: UndoTrial, explained: Collection[str], windows: int) -> UndoTrial:
