@@ -3,8 +3,8 @@
 Faults of one stream hide each other: events of inverted polarity have no delay that could be measured. Where the causes
 that were named, each tested alone, leave findings, or undoing brings some about, the first that a trial supports is
 undone in all windows, and causes are named for what then still fails, in the same way. This explanation counts if
-undoing its causes one after the other clears more findings than undoing each of them alone, and leaves no finding that
-only undoing has brought about.
+undoing its causes one after the other clears more findings than undoing each of them alone, or findings that the first
+had hidden, and leaves no finding that only undoing has brought about.
 """
 
 from collections.abc import Collection, Mapping, Sequence
@@ -106,7 +106,7 @@ class _Round:
 def _explain(bench: TrialBench, materiality: Materiality, progress: Progress) -> CauseExplanation:
     alone = _Round.tried(bench, progress)
     apart = alone.explanation()
-    cleared = {finding for diagnosis in apart.diagnoses for finding in diagnosis.cleared}
+    cleared = _settled(apart)
     first = next((d for d in apart.diagnoses if d.id in apart.trials and apart.trials[d.id].reduces), None)
     if first is None or not _leaves_some(apart.trials[first.id], first, cleared, bench.alarms):
         return apart
@@ -120,10 +120,12 @@ def _explain(bench: TrialBench, materiality: Materiality, progress: Progress) ->
     # Identifiers of findings are those of each run; a measurement keeps its code and name.
     identifiers = {_question(alarm): alarm.finding.id for alarm in bench.alarms}
     counterparts = {alarm.finding.id: identifiers.get(_question(alarm)) for alarm in without.alarms}
-    cleared_after = {finding for diagnosis in rest.diagnoses for finding in diagnosis.cleared}
+    cleared_after = _settled(rest)
     remaining = {counterparts[finding] for finding in counterparts if finding not in cleared_after}
     # None: a finding without a counterpart, which only undoing has brought about, is left.
-    if None in remaining or len(identifiers) - len(remaining) <= len(cleared):
+    gained = len(identifiers) - len(remaining) - len(cleared)
+    is_hidden = None in counterparts.values()
+    if None in remaining or gained < 0 or (gained == 0 and not is_hidden):
         return apart
     windows = len(without.run.planned(without.run.ready))
     trial = _with_others_undone(apart.trials[first.id], set(first.explains) - remaining, windows)
@@ -131,6 +133,17 @@ def _explain(bench: TrialBench, materiality: Materiality, progress: Progress) ->
     if key_of(first) not in map(key_of, amended.diagnoses):
         return apart
     return _in_turn(key_of(first), amended, rest, counterparts)
+
+
+def _settled(explanation: CauseExplanation) -> set[str]:
+    """Return the findings that trials clear, and those that a cause explains of which its windows showed nothing."""
+    settled: set[str] = set()
+    for diagnosis in explanation.diagnoses:
+        settled.update(diagnosis.cleared)
+        # Trials of causes that were looked for later name the findings of their own run.
+        if diagnosis.cleared and not diagnosis.after:
+            settled.update(set(diagnosis.explains) - explanation.trials[diagnosis.id].left.keys())
+    return settled
 
 
 def _leaves_some(trial: UndoTrial, cause: Diagnosis, cleared: Collection[str], alarms: Sequence[Alarm]) -> bool:
