@@ -67,7 +67,7 @@ def name_causes(
     materiality
         By which the file was judged.
     progress
-        Is told what is tried.
+        Called with each cause that is tried.
     with_trials
         False: causes are named by what the checks measured, and nothing is undone.
     """

@@ -146,7 +146,7 @@ def _worst_by_size(sizes: NDArray[np.float64], ratios: NDArray[np.float64]) -> N
     sizes
         (s,) in the unit of the cause.
     ratios
-        (s, d) deviations over their limits, NaN where they cannot be told.
+        (s, d) deviations over their limits, NaN where the checks state none.
     """
     # Deviations that are told at most sizes, so that all points compare the same ones.
     finite = np.isfinite(ratios)

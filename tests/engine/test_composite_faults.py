@@ -1,7 +1,5 @@
 """Several faults in one file are named one after the other."""
 
-import shutil
-from collections.abc import Callable
 from pathlib import Path
 
 import h5py
@@ -13,39 +11,13 @@ from fedora_qa.engine.progress import quiet
 from fedora_qa.engine.run import check_file
 from fedora_qa.record.wording import status_sentence
 from fedora_qa.repairs.repair import choose, repair
+from tests.support.planters import TIMES, bias_gyro, delay_events, flip_polarity, planted
 
 OPTIONS = CheckOptions(evidence=None, profile="release")
-TIMES = "path/events/t"
-
-Planter = Callable[[h5py.File], None]
-
-
-def delay_events(file: h5py.File) -> None:
-    """Make events 3 ms late; the index maps are those of the events as they are stored."""
-    events_us = file[TIMES][()] + 3000
-    file[TIMES][...] = events_us
-    for stream in ("rgb", "depth"):
-        file[f"metadata/{stream}_to_event"][...] = np.searchsorted(events_us, file[f"path/{stream}_ts"][()], "left")
-
-
-def flip_polarity(file: h5py.File) -> None:
-    file["path/events/p"][...] = 1 - file["path/events/p"][()]
 
 
 def delay_imu(file: h5py.File) -> None:
     file["path/imu/ts"][...] += 6000
-
-
-def bias_gyro(file: h5py.File) -> None:
-    file["path/imu/angular_velocity"][...] += np.array([0.02, -0.03, 0.01])
-
-
-def planted(clean: Path, target: Path, *faults: Planter) -> Path:
-    shutil.copyfile(clean, target)
-    with h5py.File(target, "r+") as file:
-        for plant in faults:
-            plant(file)
-    return target
 
 
 def test_two_faults_of_a_stream_have_two_names(park_day: Path, tmp_path: Path) -> None:

@@ -31,30 +31,14 @@ from fedora_qa.faults.pixels import Mirroring
 from fedora_qa.faults.reversible import ReversibleFault
 from fedora_qa.judgement.judge import judge
 from fedora_qa.record.wording import status_sentence
+from tests.support.planters import TIMES, bias_gyro, delay_events, flip_polarity, planted
 
 OPTIONS = CheckOptions(evidence=None, profile="release")
-TIMES = "path/events/t"
-
-
-def delay_events(file: h5py.File) -> None:
-    """Make events 3 ms late; the index maps are those of the events as they are stored."""
-    events_us = file[TIMES][()] + 3000
-    file[TIMES][...] = events_us
-    for stream in ("rgb", "depth"):
-        file[f"metadata/{stream}_to_event"][...] = np.searchsorted(events_us, file[f"path/{stream}_ts"][()], "left")
-
-
-def flip_polarity(file: h5py.File) -> None:
-    file["path/events/p"][...] = 1 - file["path/events/p"][()]
 
 
 def negate_flow(file: h5py.File) -> None:
     for rate in ("10hz", "25hz", "50hz"):
         file[f"path/flow/{rate}"][...] *= -1
-
-
-def bias_gyro(file: h5py.File) -> None:
-    file["path/imu/angular_velocity"][...] += np.array([0.02, -0.03, 0.01])
 
 
 def reverse_quaternions(file: h5py.File) -> None:
@@ -70,10 +54,7 @@ def lose_events(file: h5py.File) -> None:
 
 
 def checked(clean: Path, target: Path, plant: Callable[[h5py.File], None]) -> FileRun:
-    shutil.copyfile(clean, target)
-    with h5py.File(target, "r+") as file:
-        plant(file)
-    return check_file(target, OPTIONS)
+    return check_file(planted(clean, target, plant), OPTIONS)
 
 
 @pytest.mark.parametrize(
