@@ -50,8 +50,8 @@ class Bench:
 
 @pytest.fixture(scope="module")
 def bench(tmp_path_factory: pytest.TempPathFactory) -> Any:
-    """Half a second in windows of a tenth: enough edges, at half the time."""
-    path = make_sequence(tmp_path_factory.mktemp("merging") / "park-day.h5", "park-day", duration_s=0.5)
+    """Half a second in windows of a tenth, as small as gives every check something to merge."""
+    path = make_sequence(tmp_path_factory.mktemp("merging") / "park-day.h5", "park-day", 0.5, 120, 90)
     with open_sequence(path) as sequence:
         yield Bench(sequence)
 

@@ -101,12 +101,14 @@ def test_broken_file_is_named(
     code: int,
     said: str,
     clean_sequence: CleanSequence,
+    tiny_park_day: Path,
     tmp_path: Path,
     capsys: pytest.CaptureFixture[str],
 ) -> None:
     """The exit code is right, the message or a diagnosis says what is wrong, and only whole outputs are left."""
     target, record = tmp_path / "seq.h5", tmp_path / "record.json"
-    mutate(clean_sequence("park-day"), target)
+    # Only where enough changes in the frames is it certain that events are missing.
+    mutate(clean_sequence("park-day") if said.startswith("events") else tiny_park_day, target)
     assert run(["check", str(target), "--json", str(record)]) == code
     output = "".join(capsys.readouterr())
     assert "Traceback" not in output
@@ -130,12 +132,11 @@ def shift_to_epoch(file: h5py.File) -> None:
     file.visititems(shift)
 
 
-def test_epoch_timestamps_are_as_good_as_any(clean_sequence: CleanSequence, tmp_path: Path) -> None:
+def test_epoch_timestamps_are_as_good_as_any(tiny_park_day: Path, tmp_path: Path) -> None:
     """Any int64 origin is legal: the same outcomes, to the last finding."""
     shifted, records = tmp_path / "epoch.h5", []
-    clean = clean_sequence("park-day")
-    edited(shift_to_epoch)(clean, shifted)
-    for path in (clean, shifted):
+    edited(shift_to_epoch)(tiny_park_day, shifted)
+    for path in (tiny_park_day, shifted):
         out = tmp_path / f"{path.stem}.json"
         assert run(["check", str(path), "--json", str(out)]) == 0
         records.append(json.loads(out.read_text())["files"][0])

@@ -27,14 +27,17 @@ def wide_linear_thresholds() -> Scene:
 
 
 @pytest.mark.parametrize(
-    ("scene", "check"),
-    [(yaw_to_and_fro(), "alignment.events"), (wide_linear_thresholds(), "event_response.alignment")],
+    ("scene", "duration_s", "check"),
+    [
+        (yaw_to_and_fro().with_size(180, 136), 1.0, "alignment.events"),
+        (wide_linear_thresholds().with_size(270, 200), 0.4, "event_response.alignment"),
+    ],
     ids=["yaw", "linear"],
 )
-def test_events_in_place_are_said_to_be(scene: Scene, check: str, tmp_path: Path) -> None:
+def test_events_in_place_are_said_to_be(scene: Scene, duration_s: float, check: str, tmp_path: Path) -> None:
     """Whatever turned, or passed unseen, the check neither fails nor gives up."""
     target = tmp_path / "clean.h5"
-    generate_sequence(scene.with_size(270, 200), target, Request(duration_s=1.0, quality="draft", streams=LIGHT))
+    generate_sequence(scene, target, Request(duration_s=duration_s, quality="draft", streams=LIGHT))
     (result,) = check_file(target, CheckOptions(evidence=None, select=(check,))).record.results
     assert result.outcome == "passed", result
 

@@ -16,14 +16,15 @@ DAT_HEADER = "% Data file containing CD events\n% Version 2\n% Width 640\n% Heig
 
 def evt2_words(events: Iterable[Event], period_us: int = 1 << 34) -> bytes:
     """EVT 2.0: a word of time before the events of each 64 us."""
-    data, high = b"", None
+    words: list[int] = []
+    high = None
     for x, y, t, p in events:
         upper = (t % period_us) >> 6
         if upper != high:
-            data += struct.pack("<I", 0x8 << 28 | upper)
+            words.append(0x8 << 28 | upper)
             high = upper
-        data += struct.pack("<I", p << 28 | (t & 0x3F) << 22 | x << 11 | y)
-    return data
+        words.append(p << 28 | (t & 0x3F) << 22 | x << 11 | y)
+    return struct.pack(f"<{len(words)}I", *words)
 
 
 def evt3_words(events: Iterable[Event], *, vectors: bool = True) -> bytes:
@@ -66,10 +67,7 @@ def evt3_words(events: Iterable[Event], *, vectors: bool = True) -> bytes:
 
 def dat_words(events: Iterable[Event]) -> bytes:
     """DAT 2: the type and size of an event, and events of eight bytes."""
-    data = b"\x0c\x08"
-    for x, y, t, p in events:
-        data += struct.pack("<II", t % (1 << 32), p << 28 | y << 14 | x)
-    return data
+    return b"\x0c\x08" + b"".join(struct.pack("<II", t % (1 << 32), p << 28 | y << 14 | x) for x, y, t, p in events)
 
 
 def write_evt2(path: Path, events: Iterable[Event], header: str = RAW_HEADER) -> Path:
