@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from fedora_qa.api.explain import ExplainedChecks, explain
     from fedora_qa.api.gate import gate
     from fedora_qa.api.repair import RepairedFile, repair
+    from fedora_qa.api.score import ScoredPredictions, score
     from fedora_qa.api.sequence import open_sequence
     from fedora_qa.api.stats import MeasuredStatistics, stats
 
@@ -33,6 +34,7 @@ __all__ = [
     "ExplainedChecks",
     "MeasuredStatistics",
     "RepairedFile",
+    "ScoredPredictions",
     "__version__",
     "check",
     "compare",
@@ -41,6 +43,7 @@ __all__ = [
     "open_sequence",
     "read_record",
     "repair",
+    "score",
     "stats",
 ]
 
@@ -50,6 +53,7 @@ _HOMES: Final = {
     "ExplainedChecks": "fedora_qa.api.explain",
     "MeasuredStatistics": "fedora_qa.api.stats",
     "RepairedFile": "fedora_qa.api.repair",
+    "ScoredPredictions": "fedora_qa.api.score",
     "check": "fedora_qa.api.check",
     "compare": "fedora_qa.api.compare",
     "explain": "fedora_qa.api.explain",
@@ -57,6 +61,7 @@ _HOMES: Final = {
     "open_sequence": "fedora_qa.api.sequence",
     "read_record": "fedora_qa.api.check",
     "repair": "fedora_qa.api.repair",
+    "score": "fedora_qa.api.score",
     "stats": "fedora_qa.api.stats",
 }
 

@@ -14,12 +14,12 @@ from fedora_qa.comparison.compare import compare as compare_subjects
 from fedora_qa.comparison.conclusions import conclusions_of
 from fedora_qa.comparison.paper_tables import paper_tables
 from fedora_qa.comparison.tables import false_alarm_sentence, headline, pair_tables
-from fedora_qa.comparison.text_table import TextTable
 from fedora_qa.comparison.types import COMPARISON, Comparison, Design
 from fedora_qa.errors import MisuseError
 from fedora_qa.layout.dialect import split_choice
 from fedora_qa.record.atomic import write_text
 from fedora_qa.record.notebook import html_table, html_text
+from fedora_qa.record.text_table import TextTable
 
 
 @dataclass(frozen=True, slots=True, repr=False)

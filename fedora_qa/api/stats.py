@@ -10,10 +10,10 @@ from fedora_qa.api.options import AnyPath, folder_texts, path_text
 from fedora_qa.cli.measured_file import measured_file, reading_of
 from fedora_qa.cli.sequences import sequences_of
 from fedora_qa.cli.stats import NOTES, tables_of, tables_to_markdown
-from fedora_qa.comparison.text_table import TextTable
 from fedora_qa.errors import MisuseError
 from fedora_qa.record.notebook import html_table, html_text
 from fedora_qa.record.tables import statistics_table
+from fedora_qa.record.text_table import TextTable
 from fedora_qa.statistics.collector import Statistics
 
 if TYPE_CHECKING:

@@ -8,7 +8,7 @@ from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
-from fedora_qa.comparison.text_table import SOURCE, TextTable
+from fedora_qa.record.text_table import SOURCE, TextTable
 from fedora_qa.record.wording import unobeyed
 
 if TYPE_CHECKING:  # loads pydantic, which most commands that print need not

@@ -11,6 +11,7 @@ from fedora_qa.comparison.types import Comparison
 from fedora_qa.errors import MisuseError
 from fedora_qa.record.atomic import write_text
 from fedora_qa.record.types import Record
+from fedora_qa.scoring.types import Score
 
 
 def require_renderer() -> None:
@@ -39,6 +40,15 @@ def render_comparison_or_none(comparison: Comparison) -> str | None:
     except ImportError:
         return None
     return render_comparison(comparison)
+
+
+def render_score_or_none(score: Score) -> str | None:
+    """Draw the page of a score; None where ``fedora_reports`` is not installed."""
+    try:
+        from fedora_reports.score import render_score  # noqa: PLC0415 - an extra
+    except ImportError:
+        return None
+    return render_score(score)
 
 
 def write_html(target: Path, record: Record, arrays: Mapping[str, NDArray[Any]]) -> None:

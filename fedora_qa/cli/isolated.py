@@ -14,14 +14,14 @@ from fedora_qa.storage.place import Place
 
 
 def run_isolated(
-    task: Task, path: Place, opening: Task | None, progress: Progress = quiet, *, in_process: bool = False
+    task: Task, path: Place | str, opening: Task | None, progress: Progress = quiet, *, in_process: bool = False
 ) -> Any:
     """Do a task that reads a file in a process of its own, and return its result.
 
     Parameters
     ----------
     path
-        The file.
+        The file, or the names of several, for messages.
     opening
         Tests first whether the file opens at all (``opening_test``).
     in_process

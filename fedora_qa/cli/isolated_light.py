@@ -41,7 +41,7 @@ def run_isolated_light(function: Callable[..., Any], arguments: tuple[Any, ...],
         processes.join()
 
 
-def process_ended(path: Place) -> MisuseError:
+def process_ended(path: Place | str) -> MisuseError:
     """Return the error of a file over which the process that read it has ended."""
     return MisuseError(f"Expected a file that HDF5 can read, got {path}, over which the process that read it has ended")
 

@@ -30,6 +30,7 @@ COMMANDS: Final[Mapping[str, tuple[str, str]]] = MappingProxyType(
         "verify": ("commands.verify:verify", "Verify that a release is still the one that was certified."),
         "stats": ("commands.stats:stats", "Print the sequence and flow tables of files."),
         "compare": ("commands.compare:compare", "Compare sequences, datasets or two versions of a release."),
+        "score": ("commands.score:score", "Score predictions of flow, depth or pose against a sequence."),
         "extract": ("commands.extract:extract", "Cut out the smallest file that shows a finding."),
         "repair": ("commands.repair:repair", "Write a copy in which confirmed faults are undone."),
         "import": ("commands.import_:import_", "Write a canonical file from a recording of an event camera."),

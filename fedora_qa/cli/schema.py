@@ -11,6 +11,7 @@ SCHEMAS: Final[Mapping[str, tuple[str, str, str]]] = MappingProxyType(
     {
         "record": ("fedora_qa.record", "record.schema.json", "what `check --json` and `gate --json` write"),
         "comparison": ("fedora_qa.comparison", "comparison.schema.json", "what `compare --json` writes"),
+        "score": ("fedora_qa.scoring", "score.schema.json", "what `score --json` writes"),
         "power": ("fedora_qa.record", "power.schema.json", "what `power --json` writes"),
         "certificate": ("fedora_qa.gating", "certificate.schema.json", "what `gate --certificate` writes"),
         "config": ("fedora_qa", "config.schema.json", "what a fedora-qa.toml may say"),

@@ -20,8 +20,9 @@ from fedora_qa.record.documents import DocumentKind
 from fedora_qa.record.json_io import RECORD
 from fedora_qa.record.power_types import POWER
 from fedora_qa.record.schemas import schema_of, schema_text
+from fedora_qa.scoring.types import SCORE
 
-_DOCUMENTS: tuple[DocumentKind[Any], ...] = (RECORD, COMPARISON, POWER, CERTIFICATE)
+_DOCUMENTS: tuple[DocumentKind[Any], ...] = (RECORD, COMPARISON, SCORE, POWER, CERTIFICATE)
 _READERS: Mapping[str, TypeAdapter[Any]] = {"config": CONFIG_READER, "policy": POLICY_READER}
 
 

@@ -10,9 +10,9 @@ from fedora_qa.cli.console import print_table, stdout_console, text
 from fedora_qa.cli.measured_file import measured_file, reading_of
 from fedora_qa.cli.outputs import Outputs
 from fedora_qa.cli.sequences import sequences_of
-from fedora_qa.comparison.text_table import ABSENT, TextTable
 from fedora_qa.record.atomic import write_text
 from fedora_qa.record.markdown import escape, table
+from fedora_qa.record.text_table import ABSENT, TextTable
 from fedora_qa.record.types import Scalar
 from fedora_qa.record.wording import number, with_error
 from fedora_qa.statistics.collector import Statistics

@@ -6,7 +6,6 @@ from typing import Final
 
 from fedora_qa.comparison.conclusions import conclusions_of
 from fedora_qa.comparison.paper_tables import paper_tables
-from fedora_qa.comparison.text_table import ABSENT, TextTable
 from fedora_qa.comparison.types import (
     Comparison,
     Conclusion,
@@ -16,6 +15,7 @@ from fedora_qa.comparison.types import (
     Versions,
 )
 from fedora_qa.record.markdown import escape, table
+from fedora_qa.record.text_table import ABSENT, TextTable
 from fedora_qa.record.wording import OUTCOME_WORDS, number, with_error
 
 CONCLUSION_WORDS: Final[dict[Conclusion, str]] = {

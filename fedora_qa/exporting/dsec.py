@@ -19,9 +19,9 @@ import yaml
 from numpy.typing import NDArray
 
 from fedora_qa.errors import MisuseError
-from fedora_qa.exporting.sequence_time import file_times_us, row_blocks
 from fedora_qa.layout.canonical import flow_rate_hz, is_flow_stream
 from fedora_qa.sequence.declared import Camera
+from fedora_qa.sequence.file_time import file_times_us, row_blocks
 from fedora_qa.sequence.sequence import Sequence
 
 Report = Callable[[str, int, int], None]
