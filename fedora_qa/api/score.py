@@ -79,8 +79,8 @@ def score(
     Returns
     -------
     ScoredPredictions
-        Errors in the units at the ends of their names, over the values whose truth is valid and which are predicted, and
-        the share of these, ``coverage``.
+        Errors in the units at the ends of their names, over the values whose truth is valid and which are predicted,
+        and the share of these, ``coverage``.
 
     Raises
     ------

@@ -55,7 +55,7 @@ def depth_errors(truth_m: NDArray[Any], predicted_m: NDArray[Any]) -> tuple[dict
         "squared_error_m2": (predicted - truth) ** 2,
         "log_error": log_error,
         "squared_log_error": log_error**2,
-        # delta = max(Z_predicted / Z, Z / Z_predicted)
+        # The ratio is max(Z_predicted / Z, Z / Z_predicted).
         "within_factor": (scored & (np.maximum(predicted / truth, truth / predicted) < WITHIN_FACTOR)).astype(
             np.float64
         ),
@@ -86,7 +86,7 @@ def depth_accuracy(key: PartKey, totals: Mapping[str, float]) -> DepthAccuracy:
 
 def is_depth(depth: NDArray[Any]) -> NDArray[np.bool_]:
     """Return where depth is finite and above 0."""
-    return np.isfinite(depth) & (depth > 0)
+    return np.asarray(np.isfinite(depth) & (depth > 0))
 
 
 def _root(mean_square: float | None) -> float | None:

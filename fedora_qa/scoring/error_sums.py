@@ -1,8 +1,9 @@
 """Sums of errors over the pixels of parts of an image, which merge exactly and depend on no order."""
 
 import math
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from math import prod
 from typing import Final, get_args
 
 import numpy as np
@@ -47,7 +48,7 @@ class ErrorSums:
         self._fields: dict[PartKey, list[tuple[float, ...]]] = {}
         self._quantities: tuple[str, ...] = ()
 
-    def add(self, values: Mapping[str, Float64], valid: NDArray[np.bool_], partitions: Iterable[Partition]) -> None:
+    def add(self, values: Mapping[str, Float64], valid: NDArray[np.bool_], partitions: Sequence[Partition]) -> None:
         """Add a field.
 
         Parameters
@@ -57,21 +58,23 @@ class ErrorSums:
         valid
             (H, W) which pixels these are.
         partitions
-            Ways to divide the pixels.
+            Ways to divide the pixels, each by another split.
         """
         self._quantities = tuple(values)
-        for partition in partitions:
-            labels = partition.labels[valid]
-            inside = labels >= 0
-            # Slot 0 takes what is of no part.
-            slots = np.where(inside, labels + 1, 0).astype(np.intp)
-            sums = [np.bincount(slots, value, len(partition.parts) + 1)[1:] for value in values.values()]
-            counts = np.bincount(slots, minlength=len(partition.parts) + 1)[1:]
-            for place, part in enumerate(partition.parts):
+        # One cell for each combination of parts; along each axis the first cells are of what is of no part. Every
+        # quantity is summed once over the cells, and the cells then along each axis.
+        cells = tuple(len(partition.parts) + 1 for partition in partitions)
+        places = np.ravel_multi_index([partition.labels[valid].clip(-1) + 1 for partition in partitions], cells)
+        counts = np.bincount(places, minlength=prod(cells)).reshape(cells)
+        sums = np.stack([np.bincount(places, value, prod(cells)).reshape(cells) for value in values.values()], axis=-1)
+        for axis, partition in enumerate(partitions):
+            others = tuple(other for other in range(len(cells)) if other != axis)
+            part_counts, part_sums = counts.sum(axis=others)[1:], sums.sum(axis=others)[1:]
+            for part, count, totals in zip(partition.parts, part_counts, part_sums, strict=True):
                 # Also of a part without pixels, so that parts keep their order.
                 fields = self._fields.setdefault((partition.split, part), [])
-                if counts[place]:
-                    fields.append(tuple(float(total[place]) for total in sums))
+                if count:
+                    fields.append(tuple(totals.tolist()))
 
     def merged(self, other: "ErrorSums") -> "ErrorSums":
         """Return the sums over the fields of both."""

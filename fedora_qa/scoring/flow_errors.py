@@ -46,9 +46,9 @@ def flow_errors(truth_px: NDArray[Any], predicted_px: NDArray[Any]) -> tuple[dic
     scored = np.isfinite(u_predicted) & np.isfinite(v_predicted)
     # What is not scored counts nowhere: truth and prediction are 0 there.
     u, v, u_predicted, v_predicted = (np.where(scored, part, 0.0) for part in (u, v, u_predicted, v_predicted))
-    length_px = np.hypot(u, v)
+    length_px = np.sqrt(u**2 + v**2)
     # EE = |f_predicted - f|
-    error_px = np.hypot(u_predicted - u, v_predicted - v)
+    error_px = np.sqrt((u_predicted - u) ** 2 + (v_predicted - v) ** 2)
     # AE is the angle between (u, v, 1) and (u_predicted, v_predicted, 1). Its arctangent keeps small angles exact,
     # which the usual arccosine of the normalised product loses.
     cross = np.sqrt(error_px**2 + (u * v_predicted - v * u_predicted) ** 2)
@@ -58,7 +58,7 @@ def flow_errors(truth_px: NDArray[Any], predicted_px: NDArray[Any]) -> tuple[dic
         "scored": scored.astype(np.float64),
         "error_px": error_px,
         "length_px": length_px,
-        "predicted_length_px": np.hypot(u_predicted, v_predicted),
+        "predicted_length_px": np.sqrt(u_predicted**2 + v_predicted**2),
         "above_1px": (error_px > 1).astype(np.float64),
         "above_2px": (error_px > 2).astype(np.float64),
         "above_3px": (error_px > 3).astype(np.float64),

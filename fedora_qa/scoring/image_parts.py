@@ -1,5 +1,6 @@
 """Parts of an image of which errors are stated apart: near and far, beside edges of depth, on moving objects."""
 
+from itertools import pairwise
 from typing import Any, Final
 
 import cv2
@@ -14,7 +15,7 @@ DEPTH_EDGES_M: Final = (1.0, 2.0, 4.0, 8.0, 16.0, 32.0)
 
 _DEPTH_PARTS: Final = (
     "below 1 m",
-    *(f"{near:g} to {far:g} m" for near, far in zip(DEPTH_EDGES_M, DEPTH_EDGES_M[1:], strict=False)),
+    *(f"{near:g} to {far:g} m" for near, far in pairwise(DEPTH_EDGES_M)),
     "32 m and beyond",
 )
 
@@ -55,7 +56,7 @@ def near_edges(depth_m: NDArray[np.float32], farthest_m: float) -> Partition:
     else:
         distances_px = cv2.distanceTransform(apart, cv2.DIST_L2, cv2.DIST_MASK_PRECISE)
     labels = np.where(distances_px < NEAR_EDGE_PX, 0, 1).astype(np.int8)
-    return Partition("edges", ("near an edge of depth", "elsewhere"), labels)
+    return Partition("edges", ("near an edge of depth", "away from edges"), labels)
 
 
 def by_motion(moving: NDArray[Any]) -> Partition:

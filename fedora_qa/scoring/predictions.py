@@ -85,7 +85,7 @@ class FilePredictions:
         # A dataset that is there, and is of no use, must not be taken for one that was not predicted.
         for problem in layout.problems:
             if problem.stream in layout.absent and can_be_scored(problem.stream):
-                raise MisuseError(f"Expected predictions that can be read in {path}, got: {problem.message}")
+                raise MisuseError(f"{problem.message}, in {path}; write the predictions as the format has them")
 
     def shape(self, key: str) -> tuple[int, ...]:
         """Return the shape of a dataset."""
@@ -117,7 +117,7 @@ class FolderPredictions:
     def __init__(self, path: Path) -> None:
         self.path = path
         self.streams = frozenset({DSEC_STREAM})
-        self.others = ()
+        self.others: tuple[str, ...] = ()
         for inside in _IMAGE_FOLDERS:
             folder = path / inside
             names = [image.name for image in folder.glob("*.png")] if folder.is_dir() else []
@@ -212,8 +212,8 @@ def open_predictions(path: Path, form: PredictionsForm | None) -> Iterator[Predi
         predictions = FilePredictions(path, sequence)
         if not predictions.streams:
             raise MisuseError(
-                f"Expected predictions at path/flow/<rate>hz, path/depth or path/pose in {path}, got none; write them in "
-                "the keys of the format"
+                f"Expected predictions at path/flow/<rate>hz, path/depth or path/pose in {path}, got none; write them "
+                "at the keys of the format"
             )
         yield predictions
 
@@ -240,11 +240,11 @@ def matched_rows(truth_us: Int64, predicted_us: Int64, of: str) -> Int64:
     """
     truth, predicted = truth_us.reshape(len(truth_us), -1), predicted_us.reshape(len(predicted_us), -1)
     order = np.argsort(truth[:, 0], kind="stable")
-    starts = truth[order, 0]
     # The first start that is not earlier than the prediction's by more than rounding.
-    places = np.searchsorted(starts, predicted[:, 0] - _SAME_INSTANT_US)
-    rows = np.append(order, 0)[places]
-    fits = (places < len(starts)) & np.all(np.abs(np.append(truth, truth[:1], 0)[rows] - predicted) <= _SAME_INSTANT_US, 1)
+    places = np.searchsorted(truth[order, 0], predicted[:, 0] - _SAME_INSTANT_US)
+    fits = places < len(truth)
+    rows = order[places[fits]]
+    fits[fits] = np.all(np.abs(truth[rows] - predicted[fits]) <= _SAME_INSTANT_US, axis=1)
     if not fits.all():
         first = int(np.argmin(fits))
         raise MisuseError(
@@ -256,8 +256,8 @@ def matched_rows(truth_us: Int64, predicted_us: Int64, of: str) -> Int64:
     matched[rows] = np.arange(len(rows))
     if len(np.unique(rows)) < len(rows):
         raise MisuseError(
-            f"Expected one prediction of {of} for each timestamp, got {len(rows)} for {len(np.unique(rows))}; leave one "
-            "of each"
+            f"Expected one prediction of {of} for each timestamp, got {len(rows)} at {len(np.unique(rows))} timestamps; "
+            "keep one of each"
         )
     return matched
 
@@ -277,12 +277,13 @@ def _image_times_us(table: Path, images: Images) -> Int64:
         numbers = source.rows(0, source.shape[0])
     if numbers.dtype.kind != "i" or numbers.shape[1] not in {2, 3}:
         raise MisuseError(
-            f"Expected a line for each image in {table}: start and end in whole us, and perhaps the number of the image, "
-            f"got {numbers.shape[1]} columns"
+            f"Expected a line for each image in {table}: start and end in whole us, and perhaps the number of the image; "
+            f"got {numbers.shape[1]} columns of {numbers.dtype}; write whole numbers"
         )
     if numbers.shape[1] == 3:
         lines = {int(number): place for place, number in enumerate(numbers[:, 2])}
-        places = [lines.get(int(number_in(name) or 0), -1) for name in images.names]
+        in_names = (number_in(name) for name in images.names)
+        places = [-1 if number is None else lines.get(int(number), -1) for number in in_names]
         if -1 in places:
             name = images.names[places.index(-1)]
             raise MisuseError(f"Expected the number of each image in {table}, got none for {name}; name images by it")
@@ -299,5 +300,7 @@ def _readable(path: Path) -> Iterator[None]:
     """Raise ``MisuseError`` where what is read of predictions cannot be."""
     try:
         yield
-    except (UnreadableRowsError, SourceError, OSError) as error:
-        raise MisuseError(f"Expected predictions that can be read in {path}, got: {error}; write them again") from error
+    except (UnreadableRowsError, SourceError) as error:
+        raise MisuseError(f"{error}, in {path}; write the predictions again") from error
+    except OSError as error:
+        raise MisuseError(f"Expected predictions that can be read, got {error.strerror or error}: {path}") from error

@@ -1,6 +1,6 @@
 """A score as tables of text, the same in the terminal, in markdown and in the report."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from typing import Final
 
 from fedora_qa.record.markdown import escape, table
@@ -15,16 +15,16 @@ ALIGNMENT_WORDS: Final[dict[Alignment, str]] = {
 }
 
 _FLOW_NOTE: Final = (
-    "AEE: average endpoint error. NAEE: AEE / mean length of true flow; zero flow has 1. Shares of the scored pixels that "
-    "err by more than 1, 2, 3 px, and by more than 3 px and 5% of the true flow. Angle between (u, v, 1) of both."
+    "AEE: average endpoint error. NAEE: AEE / mean length of true flow; zero flow has 1. Shares of the scored pixels "
+    "that err by more than 1, 2, 3 px, and by more than 3 px and 5% of the true flow. Angle between (u, v, 1) of both."
 )
 _DEPTH_NOTE: Final = (
-    "ADE: average error of disparity, 1/Z. NADE: ADE / mean true disparity; the same for disparity in px. AbsRel, RMSE and "
-    "log RMSE of depth; share within a factor of 1.25."
+    "ADE: average error of disparity, 1/Z. NADE: ADE / mean true disparity; the same for disparity in px. AbsRel, RMSE "
+    "and log RMSE of depth; share within a factor of 1.25."
 )
 _POSE_NOTE: Final = (
-    "ATE of poses, RPE of the motion from each pose to one of a later row, as evo computes them. Moved as a whole: by the "
-    "rotation and translation that bring the paths together."
+    "ATE of poses, RPE of the motion from each pose to one of a later row, as evo computes them. Moved as a whole: by "
+    "the rotation and translation that bring the paths together."
 )
 _NORMALISED_NOTE: Final = (
     "NAE: average error / mean true value. That of poses depends on the origin and axes of the world; that of motions, "
@@ -54,7 +54,7 @@ def headlines(score: Score) -> tuple[str, ...]:
 
 def score_tables(score: Score) -> tuple[TextTable, ...]:
     """Return the tables of every stream that was predicted."""
-    tables = [flow_table(flow) for flow in score.flow]
+    tables = list(flow_tables(score.flow))
     if score.depth:
         tables.append(depth_table(score.depth))
     if score.pose:
@@ -64,7 +64,11 @@ def score_tables(score: Score) -> tuple[TextTable, ...]:
 
 def score_to_markdown(score: Score) -> str:
     """Return a score as GitHub-flavoured markdown."""
-    parts = ["# Score", f"{escape(score.predictions)} against {escape(score.sequence)}", f"**{escape(headline(score))}**"]
+    parts = [
+        "# Score",
+        f"{escape(score.predictions)} against {escape(score.sequence)}",
+        f"**{escape(headline(score))}**",
+    ]
     parts += [f"- {escape(note)}" for note in score.notes]
     parts += [
         f"## {escape(source.title)}\n\n{table(source.head, source.rows)}\n\n{escape(source.note)}"
@@ -73,27 +77,39 @@ def score_to_markdown(score: Score) -> str:
     return "\n\n".join([*parts, f"<sub>{escape(f'{score.tool.name} {score.tool.version}')}</sub>"]) + "\n"
 
 
-def flow_table(flow: FlowScore) -> TextTable:
-    """Return flow at one rate, a row for each part of the pixels."""
+def flow_tables(flows: Sequence[FlowScore]) -> Iterator[TextTable]:
+    """Yield a table for each rate of flow, a row for each part of the pixels; the first has the definitions."""
     head = ("pixels", "covered (%)", "AEE (px)", "mean (px)", "NAEE", "> 1 px (%)", "> 2 px (%)", "> 3 px (%)",
             "> 3 px, 5% (%)", "angle (deg)")  # fmt: skip
-    rows = tuple(
-        (
-            part.part,
-            _percent(part.coverage),
-            *map(_number, (part.aee_px, part.mean_flow_px, part.naee)),
-            *map(_percent, (part.above_1px, part.above_2px, part.above_3px, part.outliers)),
-            _number(part.angular_error_deg),
+    for place, flow in enumerate(flows):
+        rows = tuple(
+            (
+                part.part,
+                _percent(part.coverage),
+                *map(_number, (part.aee_px, part.mean_flow_px, part.naee)),
+                *map(_percent, (part.above_1px, part.above_2px, part.above_3px, part.outliers)),
+                _number(part.angular_error_deg),
+            )
+            for part in flow.parts
         )
-        for part in flow.parts
-    )
-    counted = f"{flow.predicted_fields} of {flow.fields} fields are predicted."
-    return TextTable(f"Flow at {flow.rate_hz:g} Hz", head, rows, f"{counted} {_FLOW_NOTE}", words=1)
+        counted = f"{flow.predicted_fields} of {flow.fields} fields are predicted."
+        note = counted if place else f"{counted} {_FLOW_NOTE}"
+        yield TextTable(f"Flow at {flow.rate_hz:g} Hz", head, rows, note, words=1)
 
 
 def depth_table(depth: DepthScore) -> TextTable:
     """Return depth and disparity, a row for each part of the pixels."""
-    head = ("pixels", "covered (%)", "ADE (1/m)", "mean (1/m)", "NADE", "AbsRel", "RMSE (m)", "log RMSE", "δ < 1.25 (%)")
+    head = (
+        "pixels",
+        "covered (%)",
+        "ADE (1/m)",
+        "mean (1/m)",
+        "NADE",
+        "AbsRel",
+        "RMSE (m)",
+        "log RMSE",
+        "δ < 1.25 (%)",
+    )
     rows = tuple(
         (
             part.part,
@@ -126,7 +142,11 @@ def pose_tables(pose: PoseScore) -> Iterator[TextTable]:
         tuple(
             (
                 f"{error.metric} of {error.relation}, "
-                + (ALIGNMENT_WORDS[error.alignment] if error.delta_poses is None else f"over {_steps(error.delta_poses)}"),
+                + (
+                    ALIGNMENT_WORDS[error.alignment]
+                    if error.delta_poses is None
+                    else f"over {_steps(error.delta_poses)}"
+                ),
                 error.unit,
                 *map(number, (error.rmse, error.mean, error.median, error.std, error.min, error.max)),
             )

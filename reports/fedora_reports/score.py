@@ -7,7 +7,7 @@ from pathlib import PurePath
 import numpy as np
 
 from fedora_qa.record.text_table import TextTable
-from fedora_qa.scoring.tables import depth_table, flow_table, headline, headlines, pose_tables
+from fedora_qa.scoring.tables import depth_table, flow_tables, headline, headlines, pose_tables
 from fedora_qa.scoring.types import SCORE, ErrorAtTime, Score
 from fedora_reports.charts import Chart, series_chart
 from fedora_reports.html import environment
@@ -54,7 +54,7 @@ def score_page(score: Score) -> ScorePage:
             _error_chart(flow.over_time, first_us, f"Endpoint error at {flow.rate_hz:g} Hz", "AEE [px]")
             for flow in score.flow
         )
-        sections.append(_section("flow", "Flow", charts, map(flow_table, score.flow)))
+        sections.append(_section("flow", "Flow", charts, flow_tables(score.flow)))
     if score.depth:
         chart = _error_chart(score.depth.over_time, first_us, "Normalised error of disparity", "NADE")
         sections.append(_section("depth", "Depth and disparity", [chart], [depth_table(score.depth)]))
@@ -72,9 +72,7 @@ def score_page(score: Score) -> ScorePage:
     )
 
 
-def _section(
-    anchor: str, title: str, charts: Iterable[Chart | None], tables: Iterable[TextTable]
-) -> StreamSection:
+def _section(anchor: str, title: str, charts: Iterable[Chart | None], tables: Iterable[TextTable]) -> StreamSection:
     shown = tuple(Table(source.title, source.note, source.head, source.rows, numeric=True) for source in tables)
     return StreamSection(anchor, title, tuple(chart for chart in charts if chart is not None), shown)
 
