@@ -142,8 +142,8 @@ def score_flow(pair: PairedSequence, stream: str, progress: Progress) -> FlowSco
         # At about 1 Hz both units are the same.
         if rate_hz > _SAME_RATIO**2 and rate_hz / _SAME_RATIO < ratio < rate_hz * _SAME_RATIO:
             pair.notes.append(
-                f"{stream}: predicted flow is {ratio:.3g} times as long as true flow, as if it were in px/s; flow is in "
-                "px over its interval."
+                f"{stream}: predicted flow is {ratio:.3g} times as long as true flow, as if it were in px/s; flow is "
+                "in px over its interval."
             )
     return FlowScore(
         stream=stream,
