@@ -254,10 +254,10 @@ def matched_rows(truth_us: Int64, predicted_us: Int64, of: str) -> Int64:
         )
     matched = np.full(len(truth), -1, np.int64)
     matched[rows] = np.arange(len(rows))
-    if len(np.unique(rows)) < len(rows):
+    distinct = len(np.unique(rows))
+    if distinct < len(rows):
         raise MisuseError(
-            f"Expected one prediction of {of} for each timestamp, got {len(rows)} at {len(np.unique(rows))}; keep one of "
-            "each"
+            f"Expected one prediction of {of} for each timestamp, got {len(rows)} at {distinct}; keep one of each"
         )
     return matched
 
@@ -277,7 +277,7 @@ def _image_times_us(table: Path, images: Images) -> Int64:
         numbers = source.rows(0, source.shape[0])
     if numbers.dtype.kind != "i" or numbers.shape[1] not in {2, 3}:
         raise MisuseError(
-            f"Expected start and end in whole us in {table}, and perhaps the number of the image, for each image, got "
+            f"Expected start and end in whole us, and perhaps the number of the image, for each image in {table}, got "
             f"{numbers.shape[1]} columns of {numbers.dtype}; write whole numbers"
         )
     if numbers.shape[1] == 3:

@@ -117,7 +117,9 @@ def distributions_of(evidence: Evidence) -> tuple[Chart, ...]:
     return tuple(charts)
 
 
-def series_chart(points: Array, title: str, before: Array | None = None, level: float | None = None) -> Chart | None:
+def series_chart(
+    points: Array, title: str, before: Array | None = None, level: float | None = None, *, from_zero: bool = False
+) -> Chart | None:
     """Draw a series as a line.
 
     Parameters
@@ -130,6 +132,8 @@ def series_chart(points: Array, title: str, before: Array | None = None, level: 
         (m, 2): the same series before a fault was undone, on the same axes, from 0 on.
     level
         Height that a line marks, on an axis from 0 on.
+    from_zero
+        Whether the axis up begins at 0 without these as well.
 
     Returns
     -------
@@ -145,7 +149,7 @@ def series_chart(points: Array, title: str, before: Array | None = None, level: 
     parts = _TITLE.match(title)
     name, across, up = (parts["title"], parts["x"], parts["y"]) if parts else (title, None, None)
     x_axis, y_axis = (Axis(float(of_axes[:, k].min()), float(of_axes[:, k].max())) for k in (0, 1))
-    if level is not None or before is not None:
+    if from_zero or level is not None or before is not None:
         y_axis = Axis(min(y_axis.low, 0.0), max(y_axis.high, level or 0.0))
     line, dots = _line(values, x_axis, y_axis)
     return Chart(

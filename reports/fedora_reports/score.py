@@ -78,7 +78,7 @@ def _section(anchor: str, title: str, charts: Iterable[Chart | None], tables: It
 
 
 def _error_chart(points: Sequence[ErrorAtTime], first_us: int, title: str, label: str) -> Chart | None:
-    """Draw errors at the middle of the time of each, in s; None without any. The axis up begins at 0."""
+    """Draw errors at the middle of the time of each, in s; None without any."""
     middles_s = [((point.start_us - first_us) + (point.stop_us - first_us)) / 2e6 for point in points]
     series = np.array([middles_s, [point.error for point in points]], np.float64).T
-    return series_chart(series, f"{title}; time [s]; {label}", before=np.empty((0, 2)))
+    return series_chart(series, f"{title}; time [s]; {label}", from_zero=True)

@@ -55,7 +55,7 @@ def test_check_takes_every_key_of_the_configuration() -> None:
     assert {parameters[key].default for key in keys} == {None}
 
 
-@pytest.mark.parametrize("name", ["check", "compare", "explain", "gate", "open_sequence", "repair", "stats"])
+@pytest.mark.parametrize("name", ["check", "compare", "explain", "gate", "open_sequence", "repair", "score", "stats"])
 def test_keywords_are_spelt_out(name: str) -> None:
     """An unknown keyword is Python's own error, and every argument is described."""
     function = getattr(fedora_qa, name)

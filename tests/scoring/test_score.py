@@ -29,6 +29,7 @@ Array = np.ndarray[Any, Any]
 OFFSET_PX = np.float32([0.375, 0.5])
 FLOW = truth()["path/flow/50hz"]
 INTERVALS = truth()["path/flow/50hz_ts"]
+LONGER = np.array([[0, 0], [0, 0], [0, 0], [0, 5]])
 
 
 @pytest.fixture
@@ -159,7 +160,7 @@ def test_what_a_sequence_lacks_is_noted(tmp_path: Path) -> None:
 REFUSED: dict[str, tuple[dict[str, Array], str]] = {
     "times": (of_stream("flow", **{"50hz_ts": INTERVALS + 5}),
               "4 from 0 to 80000 us, got 4 of 4 .* 5 to 20005 us; copy"),
-    "one interval": (of_stream("flow", **{"50hz_ts": INTERVALS + [[0, 0], [0, 0], [0, 0], [0, 5]]}),
+    "one interval": (of_stream("flow", **{"50hz_ts": INTERVALS + LONGER}),
                      "got 1 of 4 at others, the first at 60000 to 80005 us"),
     "twice": (of_stream("flow", **{"50hz_ts": INTERVALS[[0, 1, 2, 2]]}), "got 4 at 3; keep one"),
     "size": (of_stream("flow", **{"50hz": FLOW[:, ::2, ::2]}), "32 x 24 px as in the sequence, got 16 x 12 px; resize"),
@@ -193,7 +194,7 @@ def test_rows_that_cannot_be_decoded(tmp_path: Path) -> None:
     with damaged.open("r+b") as raw:
         raw.seek(place + 100)
         raw.write(b"\x55" * 8)
-    with pytest.raises(MisuseError, match="damaged.h5; write the predictions again"):
+    with pytest.raises(MisuseError, match=r"damaged\.h5; write the predictions again"):
         score_sequence(damaged, sound, None, None, (), quiet)
     with pytest.raises(UnreadableRowsError, match="rows 2 to 3"):
         score_sequence(sound, damaged, None, None, (), quiet)
@@ -262,7 +263,7 @@ def test_images_with_times(ten_hz: Path, tmp_path: Path) -> None:
     flow = score_sequence(folder, ten_hz, "dsec", None, (), quiet).flow[0]
     assert (flow.predicted_fields, flow.parts[0].coverage, flow.parts[0].aee_px) == (2, 0.5, 0.0)
     (folder / "000007.png").rename(folder / "000011.png")
-    with pytest.raises(MisuseError, match="none for 000011.png; name images by it"):
+    with pytest.raises(MisuseError, match=r"none for 000011\.png; name images by it"):
         score_sequence(folder, ten_hz, None, None, (), quiet)
 
 

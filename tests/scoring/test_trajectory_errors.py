@@ -66,7 +66,7 @@ def test_relative_errors_are_those_of_evo(delta: int) -> None:
 def test_relative_errors_do_not_see_a_motion_of_the_whole() -> None:
     """A path that is turned and moved as a whole has no relative error; too few poses have none."""
     turn = Rotation.from_euler("ZYX", [0.5, -0.2, 0.1])
-    moved = turn.apply(TRUE[0]) + [3.0, -1.0, 0.5], (turn * Rotation.from_quat(TRUE[1])).as_quat()
+    moved = turn.apply(TRUE[0]) + np.array([3.0, -1.0, 0.5]), (turn * Rotation.from_quat(TRUE[1])).as_quat()
     assert [error.max for error in relative_errors(TRUE, moved, 1)] == pytest.approx([0, 0], abs=1e-6)
     assert [error.max for error in absolute_errors(TRUE, moved, "rigid")] == pytest.approx([0, 0], abs=1e-6)
     assert list(relative_errors(TRUE, moved, len(TIMES_S))) == []
