@@ -73,8 +73,12 @@ def score_page(score: Score) -> ScorePage:
 
 
 def _section(anchor: str, title: str, charts: Iterable[Chart | None], tables: Iterable[TextTable]) -> StreamSection:
-    shown = tuple(Table(source.title, source.note, source.head, source.rows, numeric=True) for source in tables)
-    return StreamSection(anchor, title, tuple(chart for chart in charts if chart is not None), shown)
+    return StreamSection(
+        anchor,
+        title,
+        tuple(chart for chart in charts if chart is not None),
+        tuple(Table(source.title, source.note, source.head, source.rows, numeric=True) for source in tables),
+    )
 
 
 def _error_chart(points: Sequence[ErrorAtTime], first_us: int, title: str, label: str) -> Chart | None:

@@ -3,13 +3,15 @@
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
 import fedora_qa
 from fedora_qa.cli.parquet import write_parquet
 from fedora_qa.comparison.types import COMPARISON
+from fedora_qa.scoring.types import SCORE
 from tests.support.documented import blocks
-from tests.support.handmade import write_handmade
+from tests.support.handmade import HEIGHT, WIDTH, write_handmade
 
 EXAMPLES = blocks("python.md", "python")
 
@@ -47,7 +49,7 @@ def results_of(example: str) -> dict[str, Any]:
 
 def test_no_example_is_left_out() -> None:
     """The tests of this module run every example of the page."""
-    assert len(EXAMPLES) == 8
+    assert len(EXAMPLES) == 9
 
 
 def test_gate(folder: Path) -> None:
@@ -91,6 +93,21 @@ def test_rows(folder: Path) -> None:
     names = results_of(EXAMPLES[7])
     assert names["timestamps_ns"].shape == (10,)
     assert names["angular_velocity"].shape == (10, 3)
+
+
+def test_score(folder: Path) -> None:
+    """A file as a prediction of itself: no error, and what is saved is what the command writes."""
+    scored = results_of(EXAMPLES[8])["scored"]
+    assert [flow.parts[0].aee_px for flow in scored.flow] == [0.0, 0.0, 0.0]
+    assert SCORE.from_json((folder / "score.json").read_text("utf-8")).flow == scored.flow
+
+
+def test_written_predictions(folder: Path) -> None:
+    """The example of the page on scores writes predictions that fit the sequence."""
+    write_handmade(folder / "seq.h5")
+    exec(blocks("score.md", "python")[0], {"predict": lambda start_us, stop_us: np.full((HEIGHT, WIDTH, 2), 0.25)})
+    (flow,) = fedora_qa.score("predictions.h5", "seq.h5").flow
+    assert (flow.parts[0].coverage, flow.parts[0].aee_px) == (1.0, pytest.approx(0.25 * 2**0.5))
 
 
 def test_tables(folder: Path) -> None:
