@@ -11,7 +11,7 @@ from fedora_qa.errors import MisuseError
 from fedora_qa.layout.canonical import timestamps_of
 from fedora_qa.scoring.error_sums import Partition
 from fedora_qa.scoring.image_parts import by_depth, near_edges
-from fedora_qa.scoring.predictions import Predictions, RowReader, matched_rows
+from fedora_qa.scoring.predictions import Predictions, RowReader, canonical_shape, matched_rows
 from fedora_qa.sequence.file_time import file_times_us
 from fedora_qa.sequence.sequence import Sequence as OpenSequence
 
@@ -34,6 +34,7 @@ class PairedSequence:
         self.truth = truth
         self.predicted = predicted
         self.notes: list[str] = []
+        self._shapes: dict[str, tuple[int, ...]] = {}
         bounds_m = truth.declared.depth_range_m
         self._farthest_m = bounds_m[1] if bounds_m else None
         self._depth = self.true_rows("path/depth") if "depth" in truth.layout.streams else None
@@ -81,8 +82,10 @@ class PairedSequence:
         return times_us, np.arange(len(times_us))
 
     def shape(self, key: str) -> tuple[int, ...]:
-        """Return the shape of a dataset of the truth."""
-        return self.truth.layout.bindings[key].shape
+        """Return the shape of a dataset of the truth in canonical form, which a dialect may store in another."""
+        if key not in self._shapes:
+            self._shapes[key] = canonical_shape(self.truth, key)
+        return self._shapes[key]
 
     def true_rows(self, key: str) -> RowReader:
         """Return a reader of the rows of the truth."""
@@ -110,7 +113,7 @@ class PairedSequence:
 
     def _times_us(self, stream: str) -> Int64:
         key = timestamps_of(stream)
-        return file_times_us(self.truth, key, 0, self.shape(key)[0])
+        return file_times_us(self.truth, key, 0, self.truth.layout.bindings[key].rows)
 
 
 def depth_in_m(depth_mm: NDArray[Any]) -> Float32:

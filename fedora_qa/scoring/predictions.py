@@ -89,7 +89,8 @@ class FilePredictions:
 
     def shape(self, key: str) -> tuple[int, ...]:
         """Return the shape of a dataset."""
-        return self._sequence.layout.bindings[key].shape
+        with _readable(self.path):
+            return canonical_shape(self._sequence, key)
 
     def times_us(self, stream: str) -> Int64 | None:
         """Return the timestamps of a stream."""
@@ -174,6 +175,14 @@ class RowReader:
             self._block = self._source.rows(self._key, self._first, min(self._first + self._together, self._count))
         row: NDArray[Any] = self._block[place - self._first]
         return row
+
+
+def canonical_shape(sequence: Sequence, key: str) -> tuple[int, ...]:
+    """Return the shape of a dataset, rows first, as rows are returned; raises ``UnreadableRowsError``."""
+    binding = sequence.layout.bindings[key]
+    if not binding.rows:
+        return (0, *binding.shape[1:])
+    return (binding.rows, *sequence.rows(key, 0, 1).shape[1:])
 
 
 def can_be_scored(stream: str) -> bool:

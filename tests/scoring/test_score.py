@@ -12,7 +12,10 @@ from fedora_qa.errors import MisuseError, UnreadableRowsError
 from fedora_qa.scoring.predictions import PredictionsForm, RowReader
 from fedora_qa.scoring.score import MOST_POINTS, errors_over_time, score_sequence
 from fedora_qa.scoring.types import Score
-from tests.support.dsec_folder import encode_flow, write_png
+from fedora_qa.sequence.file_time import file_times_us
+from fedora_qa.sequence.sequence import open_sequence
+from tests.support.dsec_folder import encode_flow, write_dsec_folder, write_png
+from tests.support.handmade import write_handmade
 from tests.support.predictions import (
     FIELDS,
     HEIGHT,
@@ -286,3 +289,18 @@ def test_images_that_do_not_fit(ten_hz: Path, tmp_path: Path) -> None:
     ):
         with pytest.raises(MisuseError, match=words):
             score_sequence(path, ten_hz, form, None, (), quiet)  # type: ignore[arg-type]
+
+
+def test_a_sequence_in_another_dialect(tmp_path: Path) -> None:
+    """A folder of DSEC stores three channels of flow and another form of depth: what it holds is its own prediction."""
+    folder = write_dsec_folder(write_handmade(tmp_path / "handmade.h5"), tmp_path / "dsec")
+    images = score_sequence(folder / "optical_flow/forward", folder, None, None, (), quiet)
+    assert [(part.part, part.coverage, part.aee_px) for part in images.flow[0].parts] == [
+        ("all", 1.0, 0.0), ("4 to 8 m", 1.0, 0.0)
+    ]  # fmt: skip
+    with open_sequence(folder) as opened:
+        depth_mm = opened.rows("path/depth", 0, 2)
+        times_us = file_times_us(opened, "path/depth_ts", 0, 2)
+    depth = scored(folder, {"path/depth": depth_mm, "path/depth_ts": times_us}).depth
+    assert depth is not None
+    assert (depth.parts[0].coverage, depth.parts[0].rmse_m) == (1.0, 0.0)
