@@ -20,8 +20,8 @@ _DEPTH_PARTS: Final = (
 )
 
 NEAR_EDGE_PX: Final = 10.0
-"""A pixel closer than this to a step of depth is near an edge, as in the parts of MPI-Sintel (D. Butler et al., A
-naturalistic open source movie for optical flow evaluation, ECCV 2012)."""
+"""A pixel closer than this to a step of depth is near an edge: the distance that MPI-Sintel has for boundaries of
+occlusion (D. Butler et al., A naturalistic open source movie for optical flow evaluation, ECCV 2012)."""
 
 
 def whole_image(height: int, width: int) -> Partition:

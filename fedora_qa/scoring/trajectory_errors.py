@@ -1,9 +1,9 @@
 """Errors of a trajectory: absolute (ATE), relative (RPE), and the normalised error of the paper (NAE).
 
 ATE and RPE are those of evo 1.38 (``evo_ape``, ``evo_rpe``; M. Grupp, evo: Python package for the evaluation of
-odometry and SLAM), which follow J. Sturm et al., A benchmark for the evaluation of RGB-D SLAM systems (IROS 2012). The
-paper (A. Joshi et al., FEDORA) states NAE as average pose error / mean ground-truth pose, and not by which numbers it
-represents a pose; here they are positions in the world and rotation vectors from the world's axes.
+odometry and SLAM), which follow J. Sturm et al., A benchmark for the evaluation of RGB-D SLAM systems (IROS 2012). NAE
+is that of the paper (A. Joshi et al., FEDORA): average pose error / mean ground-truth pose. The definition leaves open
+by which numbers a pose is represented; here they are positions in the world, and rotation vectors from the world's axes.
 """
 
 from collections.abc import Iterator
