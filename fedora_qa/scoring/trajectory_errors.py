@@ -3,7 +3,7 @@
 ATE and RPE are those of evo 1.38 (``evo_ape``, ``evo_rpe``; M. Grupp, evo: Python package for the evaluation of
 odometry and SLAM), which follow J. Sturm et al., A benchmark for the evaluation of RGB-D SLAM systems (IROS 2012). NAE
 is that of the paper (A. Joshi et al., FEDORA): average pose error / mean ground-truth pose. The definition leaves open
-by which numbers a pose is represented; here they are positions in the world, and rotation vectors from the world's axes.
+by which numbers a pose is represented; here they are positions in the world, and rotation vectors from its axes.
 """
 
 from collections.abc import Iterator
