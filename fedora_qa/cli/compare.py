@@ -16,7 +16,13 @@ from fedora_qa.comparison.conclusions import conclusions_of
 from fedora_qa.comparison.paper_tables import paper_tables
 from fedora_qa.comparison.sampled import sampled_counts_of
 from fedora_qa.comparison.subjects import FileInput, SubjectInput, labels
-from fedora_qa.comparison.tables import comparison_to_markdown, false_alarm_sentence, headline, pair_tables
+from fedora_qa.comparison.tables import (
+    comparison_to_markdown,
+    false_alarm_sentence,
+    headline,
+    pair_tables,
+    tables_to_latex,
+)
 from fedora_qa.comparison.types import COMPARISON, Design
 from fedora_qa.errors import MisuseError
 from fedora_qa.layout.dialect import Dialect, split_choice
@@ -38,18 +44,22 @@ def run_compare(
     json_path: Path | None,
     html_path: Path | None,
     markdown_path: Path | None,
+    latex_path: Path | None,
 ) -> int:
     """Do what the command says and return its exit code."""
     reading = reading_of(dialect, metadata, memory, allow_external)
     sources = sources_of(paths, split_choice(reading.dialect)[0])
     read = [path for source in sources for path in source.paths]
     # The arrays beside each record are inputs as well: no output may overwrite them.
-    Outputs(json_path, markdown_path, html_path).require_writable([*read, *map(arrays_beside, read)])
+    Outputs(json_path, markdown_path, html_path, (latex_path,)).require_writable([*read, *map(arrays_beside, read)])
     comparison = compare_subjects(read_sources(sources, reading), design, false_alarm_rate)
     if json_path:
         write_text(json_path, COMPARISON.to_json(comparison))
     if markdown_path:
         write_text(markdown_path, comparison_to_markdown(comparison))
+    if latex_path:
+        of_pairs = (table for pair in pair_tables(comparison) for table in pair.tables)
+        write_text(latex_path, tables_to_latex([*paper_tables(comparison), *of_pairs]))
     if html_path:
         from fedora_reports.comparison import render_comparison  # noqa: PLC0415 - an extra
 

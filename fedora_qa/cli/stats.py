@@ -10,6 +10,7 @@ from fedora_qa.cli.console import print_table, stdout_console, text
 from fedora_qa.cli.measured_file import measured_file, reading_of
 from fedora_qa.cli.outputs import Outputs
 from fedora_qa.cli.sequences import sequences_of
+from fedora_qa.comparison.tables import tables_to_latex
 from fedora_qa.record.atomic import write_text
 from fedora_qa.record.markdown import escape, table
 from fedora_qa.record.text_table import ABSENT, TextTable
@@ -33,11 +34,12 @@ def run_stats(
     allow_external: tuple[str, ...],
     json_path: Path | None,
     markdown_path: Path | None,
+    latex_path: Path | None,
 ) -> int:
     """Do what the command says and return its exit code."""
     reading = reading_of(dialect, metadata, memory, allow_external)
     sequences = [place for place in sequences_of(files, reading.dialect, needs_rows=True) if isinstance(place, Path)]
-    Outputs(json_path, markdown_path).require_writable(sequences)
+    Outputs(json_path, markdown_path, own=(latex_path,)).require_writable(sequences)
     by_file = {str(path): measured_file(path, reading).statistics for path in sequences}
     tables = tables_of(by_file)
     if json_path:
@@ -47,6 +49,8 @@ def run_stats(
         write_text(json_path, json.dumps({"tool": tool, "files": measured}, indent=1, allow_nan=False) + "\n")
     if markdown_path:
         write_text(markdown_path, f"{tables_to_markdown(tables)}\n\n{escape(NOTES)}\n")
+    if latex_path:
+        write_text(latex_path, tables_to_latex(tables))
     console = stdout_console()
     for source in tables:
         print_table(console, source)

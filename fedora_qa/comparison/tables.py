@@ -1,6 +1,6 @@
 """A comparison as tables of text, the same in the terminal, in markdown and in the report."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Final
 
@@ -14,6 +14,7 @@ from fedora_qa.comparison.types import (
     Pair,
     Versions,
 )
+from fedora_qa.record.latex import LATEX_NEEDS, latex_table
 from fedora_qa.record.markdown import escape, table
 from fedora_qa.record.text_table import ABSENT, TextTable
 from fedora_qa.record.wording import OUTCOME_WORDS, number, with_error
@@ -103,6 +104,12 @@ def comparison_to_markdown(comparison: Comparison) -> str:
         parts += [f"## {escape(pair.title)}", escape(pair.summary), *(_section(source) for source in pair.tables)]
     parts += ["## Tables of the paper", *(_section(source) for source in paper_tables(comparison))]
     return "\n\n".join([*parts, f"<sub>{escape(f'{comparison.tool.name} {comparison.tool.version}')}</sub>"]) + "\n"
+
+
+def tables_to_latex(tables: Iterable[TextTable]) -> str:
+    """Return tables as LaTeX, to be put into a paper."""
+    parts = [latex_table(source.title, source.head, source.rows, source.note) for source in tables]
+    return "\n\n".join([LATEX_NEEDS, *parts]) + "\n"
 
 
 def _section(source: TextTable) -> str:

@@ -2,6 +2,8 @@
 
 import csv
 import io
+import re
+from collections.abc import Iterable, Sequence
 from typing import Final
 
 from fedora_qa.record.tables import TABLE_NAMES, tables_of
@@ -10,6 +12,9 @@ from fedora_qa.record.wording import printable
 
 _FORMULA_STARTS: Final = ("=", "+", "-", "@", "\uff1d", "\uff0b", "\uff0d", "\uff20")
 """Characters that start a formula, also after spaces; with their full-width forms of East Asian keyboards."""
+
+_NUMBER: Final = re.compile(r"-?\d+(\.\d+)?(e[+-]?\d+)?")
+_ABSENT: Final = frozenset({"-", "–"})
 
 CSV_NAMES: Final = tuple(f"{name}.csv" for name in TABLE_NAMES)
 """The files that hold the tables."""
@@ -34,11 +39,27 @@ def record_to_csv(record: Record) -> dict[str, str]:
                 elif isinstance(plain, bool):  # before `str`, which would write True: the words are those of the JSON
                     cells.append("true" if plain else "false")
                 elif isinstance(plain, str):
-                    text = printable(plain)
-                    # Spreadsheets calculate what starts like a formula (CWE-1236); an apostrophe marks it as text.
-                    cells.append(f"'{text}" if text.lstrip().startswith(_FORMULA_STARTS) else text)
+                    cells.append(_uncalculated(plain))
                 else:
                     cells.append(str(plain))
             writer.writerow(cells)
         texts[name] = output.getvalue()
     return texts
+
+
+def table_to_csv(head: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
+    """Return a table of text as CSV; numbers stay numbers, and a dash, which marks an absent value, an empty cell."""
+    output = io.StringIO()
+    writer = csv.writer(output)
+    for row in (head, *rows):
+        writer.writerow(
+            "" if cell in _ABSENT else cell if _NUMBER.fullmatch(cell) else _uncalculated(cell) for cell in row
+        )
+    return output.getvalue()
+
+
+def _uncalculated(plain: str) -> str:
+    """Return text that a spreadsheet shows as it is."""
+    text = printable(plain)
+    # Spreadsheets calculate what starts like a formula (CWE-1236); an apostrophe marks it as text.
+    return f"'{text}" if text.lstrip().startswith(_FORMULA_STARTS) else text

@@ -15,7 +15,7 @@ from fedora_qa.comparison.types import COMPARISON, Comparison, Overlay
 from fedora_qa.record.text_table import TextTable
 from fedora_qa.record.wording import number, with_error
 from fedora_reports.charts import HEIGHT, WIDTH
-from fedora_reports.html import environment
+from fedora_reports.html import rendered
 from fedora_reports.scales import Axis, Tick
 from fedora_reports.statistics import Table
 
@@ -73,9 +73,9 @@ class ComparisonPage:
 
 
 def render_comparison(comparison: Comparison) -> str:
-    """Return a comparison as one HTML document, which runs no script and loads no other file."""
+    """Return a comparison as one HTML document, which runs the script of the reports alone and loads no other file."""
     page = page_of(COMPARISON.from_json(COMPARISON.to_json(comparison)))
-    return environment().get_template("comparison.html.j2").render(page=page)
+    return rendered("comparison.html.j2", page)
 
 
 def page_of(comparison: Comparison) -> ComparisonPage:

@@ -12,13 +12,16 @@ from jinja2 import Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup, escape
 from numpy.typing import NDArray
 
+from fedora_qa.record.csv_tables import table_to_csv
 from fedora_qa.record.json_io import record_from_json, record_to_json
+from fedora_qa.record.latex import LATEX_NEEDS, latex_table
 from fedora_qa.record.types import Record
 from fedora_qa.record.wording import printable
 from fedora_reports.detection_power import NOTHING_KNOWN, PassDetectionPower
 from fedora_reports.page import page_of
+from fedora_reports.statistics import Table
 
-_SCRIPTS: Final = ("listing.js", "frames.js", "space.js", "start.js")
+_SCRIPTS: Final = ("listing.js", "frames.js", "space.js", "copy.js", "start.js")
 
 
 def render_html(
@@ -43,13 +46,15 @@ def render_html(
         A document that loads no other file and runs one script of its own: its policy allows the script by its digest,
         and forbids all else. The document can be read without the script. Everything from a file is shown as text.
     """
-    page = page_of(record_from_json(record_to_json(record)), arrays, detection_power)
+    return rendered("report.html.j2", page_of(record_from_json(record_to_json(record)), arrays, detection_power))
+
+
+def rendered(template: str, page: object) -> str:
+    """Return a page with the script of the reports, which its policy allows by its digest."""
     script = report_script()
     digest = base64.b64encode(hashlib.sha256(script.encode()).digest()).decode("ascii")
     return (
-        environment()
-        .get_template("report.html.j2")
-        .render(page=page, script=Markup(script), script_digest=f"sha256-{digest}")
+        environment().get_template(template).render(page=page, script=Markup(script), script_digest=f"sha256-{digest}")
     )
 
 
@@ -75,6 +80,8 @@ def environment() -> Environment:
     environment.filters["percent"] = _percent
     environment.filters["wrapping"] = _wrapping
     environment.filters["sentence"] = _sentence
+    environment.filters["csv"] = _csv
+    environment.filters["latex"] = _latex
     return environment
 
 
@@ -94,6 +101,16 @@ def _wrapping(name: str) -> Markup:
     """Return an identifier, escaped, that may be broken after its dots, slashes and underscores."""
     text = str(escape(printable(name)))  # a plain string: joined as Markup, what is added would be escaped
     return Markup(re.sub(r"([._/])", r"\1<wbr>", text))
+
+
+def _csv(table: Table) -> Markup:
+    """Return a table as CSV, escaped, with its lines."""
+    return Markup(escape(table_to_csv(table.head, table.rows)))
+
+
+def _latex(table: Table) -> Markup:
+    """Return a table as LaTeX, escaped, with its lines."""
+    return Markup(escape(f"{LATEX_NEEDS}\n{latex_table(table.title, table.head, table.rows, table.note)}\n"))
 
 
 def _sentence(text: str) -> str:

@@ -181,6 +181,24 @@ def test_path_is_turned_when_asked_for(tab: Tab) -> None:
     assert len(set(pictures)) == 4
 
 
+@pytest.mark.parametrize(
+    ("number", "said", "lines"),
+    [
+        (1, "CSV copied", ["sequence,T (s),", f"{HOSTILE_NAME}.h5,2,"]),
+        (2, "LaTeX copied", ["% needs", r"\begin{table}"]),
+    ],
+)
+def test_paper_tables_are_copied(browser: Browser, tab: Tab, number: int, said: str, lines: list[str]) -> None:
+    """A button puts the table into the clipboard as text, without a network, and the page says so."""
+    browser.call("Browser.grantPermissions", permissions=["clipboardReadWrite"])
+    tab.click(f".statistics .copy button:nth-of-type({number})")
+    assert tab.evaluate("document.querySelector('.statistics .copy output').textContent") == said
+    copied = tab.evaluate("navigator.clipboard.readText()").splitlines()
+    assert [line[: len(start)] for line, start in zip(copied, lines, strict=False)] == lines
+    name = f"document.querySelector('.statistics .copy button:nth-of-type({number})').textContent"
+    assert tab.evaluate(name) == f"{said.split(maxsplit=1)[0]}: Sequence"
+
+
 def test_hostile_names_are_text(tab: Tab) -> None:
     """What a file calls its streams or itself is shown letter by letter, wherever scripts copy it to."""
     assert tab.evaluate("document.querySelector('h1').textContent") == f"{HOSTILE_NAME}.h5"

@@ -20,7 +20,7 @@ def test_a_planted_fault_is_a_new_finding(fedora_qa: Command, sequence: Path, tm
     records = [tmp_path / "before.json", tmp_path / "after.json"]
     for path, record in zip((sequence, faulty), records, strict=True):
         fedora_qa("check", path, "--select", "clocks.order", "--json", record)
-    outputs = {kind: tmp_path / f"out.{kind}" for kind in ("json", "html", "markdown")}
+    outputs = {kind: tmp_path / f"out.{kind}" for kind in ("json", "html", "markdown", "latex")}
     done = fedora_qa("compare", *records, *(part for kind, path in outputs.items() for part in (f"--{kind}", path)))
     assert (done.code, done.err) == (0, "")
     assert "1 new, 0 gone" in done.out
@@ -29,7 +29,7 @@ def test_a_planted_fault_is_a_new_finding(fedora_qa: Command, sequence: Path, tm
     jsonschema.validate(document, COMPARISON.schema())
     assert document["pairs"][0]["design"] == "versions"
     assert [one["change"] for one in document["pairs"][0]["versions"]["findings"]] == ["new"]
-    for kind in ("html", "markdown"):
+    for kind in ("html", "markdown", "latex"):
         assert "new" in outputs[kind].read_text(encoding="utf-8")
 
 

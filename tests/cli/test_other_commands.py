@@ -63,12 +63,14 @@ def test_explain_a_subject(fedora_qa: Command) -> None:
 
 
 def test_stats_tables(fedora_qa: Command, sequence: Path, tmp_path: Path) -> None:
-    """The tables name the file and its numbers; JSON and markdown hold the same."""
-    done = fedora_qa("stats", sequence, "--json", tmp_path / "out.json", "--markdown", tmp_path / "out.md")
+    """The tables name the file and its numbers; JSON, markdown and LaTeX hold the same."""
+    outputs = ("--json", tmp_path / "out.json", "--markdown", tmp_path / "out.md", "--latex", tmp_path / "out.tex")
+    done = fedora_qa("stats", sequence, *outputs)
     assert done.code == 0
     for title in ("Sequences", "Flow", "Depth and light", "Rates"):
         assert title in done.out
         assert f"## {title}" in (tmp_path / "out.md").read_text(encoding="utf-8")
+        assert rf"\caption{{{title}." in (tmp_path / "out.tex").read_text(encoding="utf-8")
     (file,) = json.loads((tmp_path / "out.json").read_text(encoding="utf-8"))["files"]
     assert file["path"] == str(sequence)
     assert file["statistics"]["motion"]["distance_m"] == pytest.approx(0.0, abs=1e-9)

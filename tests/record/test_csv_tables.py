@@ -7,7 +7,7 @@ import pandas as pd
 import pytest
 from hypothesis import given
 
-from fedora_qa.record.csv_tables import CSV_NAMES, record_to_csv
+from fedora_qa.record.csv_tables import CSV_NAMES, record_to_csv, table_to_csv
 from fedora_qa.record.types import Record
 from tests.support.random_records import records, unhurried
 from tests.support.records import file_record, record
@@ -48,6 +48,12 @@ def test_pandas_reads_numbers() -> None:
 def test_no_cell_is_a_formula(path: str) -> None:
     """A name that a spreadsheet would calculate is marked as text."""
     assert rows_of(record(file_record(path=path)), "files.csv")[0]["file"] == f"'{path}"
+
+
+def test_tables_of_text_keep_their_numbers() -> None:
+    """Negative numbers stay numbers, absent ones leave their cells empty, and what is calculated is marked."""
+    text = table_to_csv(("name", "a, b"), [("-2.5", "–"), ("=1", "1.5 ± 0.2")])
+    assert text.splitlines() == ['name,"a, b"', "-2.5,", "'=1,1.5 ± 0.2"]
 
 
 @unhurried

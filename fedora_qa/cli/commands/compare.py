@@ -33,6 +33,7 @@ DEFAULT_FALSE_ALARM_RATE: Final = 0.01
 @click.option("--json", "json_path", type=PATH, metavar="OUT", help="Write every number.")
 @click.option("--html", "html_path", type=PATH, metavar="OUT", help="Write tables and plots, in one HTML file.")
 @click.option("--markdown", "markdown_path", type=PATH, metavar="OUT", help="Write the tables.")
+@click.option("--latex", "latex_path", type=PATH, metavar="OUT", help="Write the tables for a paper.")
 def compare(**arguments: Any) -> int:
     """Compare B and the others with A: sequences, folders of them, or records that `check --json` wrote.
 

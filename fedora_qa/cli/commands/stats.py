@@ -16,6 +16,7 @@ from fedora_qa.cli.startup import loading_modules
 @allow_external_option
 @click.option("--json", "json_path", type=PATH, metavar="OUT", help="Write the numbers.")
 @click.option("--markdown", "markdown_path", type=PATH, metavar="OUT", help="Write the tables.")
+@click.option("--latex", "latex_path", type=PATH, metavar="OUT", help="Write the tables for a paper.")
 def stats(**arguments: Any) -> int:
     """Print statistics of FILES or folders: duration, distance, greatest speeds, event rate, flow, depth, light."""
     with loading_modules():

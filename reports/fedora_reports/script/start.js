@@ -5,6 +5,7 @@ document.documentElement.classList.add("js");
 document.addEventListener("DOMContentLoaded", () => {
   for (const root of document.querySelectorAll("[data-listing]")) listing(root);
   for (const canvas of document.querySelectorAll("[data-space]")) space(canvas);
+  for (const button of document.querySelectorAll("[data-copy]")) button.addEventListener("click", () => copy(button));
   const viewers = [...document.querySelectorAll(".file")].map(frames);
 
   // A link may lead to what is folded, filtered out, or shown elsewhere.
