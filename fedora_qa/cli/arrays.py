@@ -41,8 +41,8 @@ def write_arrays(target: Path, arrays: Mapping[str, NDArray[Any]]) -> None:
                 np.lib.format.write_array(entry, np.asanyarray(array), allow_pickle=False)
 
 
-def read_arrays(path: Path) -> dict[str, NDArray[Any]]:
-    """Read the arrays that ``write_arrays`` wrote.
+def read_arrays(path: Path, beginnings: tuple[str, ...] = ("",)) -> dict[str, NDArray[Any]]:
+    """Read the arrays that ``write_arrays`` wrote, or those whose names begin with one of ``beginnings``.
 
     Raises
     ------
@@ -57,7 +57,7 @@ def read_arrays(path: Path) -> dict[str, NDArray[Any]]:
             # before anything is unpacked.
             if sum(entry.file_size for entry in packed.infolist()) > MOST_BYTES:
                 raise MisuseError(f"Expected evidence of {MOST_BYTES >> 20} MiB at most, got more in {path}")
-            return {name: stored[name] for name in stored.files}
+            return {name: stored[name] for name in stored.files if name.startswith(beginnings)}
     # MemoryError as well: a damaged header may state a shape that no memory holds.
     except (OSError, ValueError, MemoryError, EOFError, KeyError, zipfile.BadZipFile, zlib.error) as problem:
         raise MisuseError(f"Expected the evidence of the record at {path}, got a damaged file: {problem}") from None

@@ -1,10 +1,12 @@
 """``fedora-qa compare``: sequences, datasets, or two versions of a release side by side."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Final
+from typing import Any, Final
+
+from numpy.typing import NDArray
 
 from fedora_qa.cli.arrays import arrays_beside, read_arrays
 from fedora_qa.cli.console import print_table, stdout_console, text
@@ -15,7 +17,7 @@ from fedora_qa.comparison.compare import compare as compare_subjects
 from fedora_qa.comparison.conclusions import conclusions_of
 from fedora_qa.comparison.paper_tables import paper_tables
 from fedora_qa.comparison.sampled import sampled_counts_of
-from fedora_qa.comparison.subjects import FileInput, SubjectInput, labels
+from fedora_qa.comparison.subjects import FileInput, KeptArrays, SharedEvidence, SubjectInput, labels, shared_files
 from fedora_qa.comparison.tables import (
     comparison_to_markdown,
     false_alarm_sentence,
@@ -28,9 +30,13 @@ from fedora_qa.errors import MisuseError
 from fedora_qa.layout.dialect import Dialect, split_choice
 from fedora_qa.layout.folder import is_sequence
 from fedora_qa.record.atomic import write_text
+from fedora_qa.record.evidence import MOMENTS, TRAJECTORY
 from fedora_qa.record.json_io import read_record
 
 _RECORD: Final = ".json"
+
+_MOST_SHARED: Final = 4
+"""Most files of which a page shows pictures and paths: with more it would be too large to be sent."""
 
 
 def run_compare(
@@ -52,7 +58,8 @@ def run_compare(
     read = [path for source in sources for path in source.paths]
     # The arrays beside each record are inputs as well: no output may overwrite them.
     Outputs(json_path, markdown_path, html_path, (latex_path,)).require_writable([*read, *map(arrays_beside, read)])
-    comparison = compare_subjects(read_sources(sources, reading), design, false_alarm_rate)
+    inputs = read_sources(sources, reading)
+    comparison = compare_subjects(inputs, design, false_alarm_rate)
     if json_path:
         write_text(json_path, COMPARISON.to_json(comparison))
     if markdown_path:
@@ -63,7 +70,7 @@ def run_compare(
     if html_path:
         from fedora_reports.comparison import render_comparison  # noqa: PLC0415 - an extra
 
-        write_text(html_path, render_comparison(comparison))
+        write_text(html_path, render_comparison(comparison, shared_evidence_of(inputs)))
     console = stdout_console()
     for sentence in conclusions_of(comparison):
         console.print(text(sentence, "bold"))
@@ -147,8 +154,9 @@ def read_sources(sources: Sequence[Source], reading: Reading) -> tuple[SubjectIn
                 # Names of arrays start with the number of the file, from 0, if a record holds several (`record_of`).
                 has_several = len(record.files) > 1
                 for i, file in enumerate(record.files):
-                    sampled = sampled_counts_of(arrays, f"{i}/" if has_several else "")
-                    files.append(FileInput(file.path, file.statistics, sampled, file))
+                    kept = KeptArrays(arrays_beside(path), f"{i}/" if has_several else "")
+                    sampled = sampled_counts_of(arrays, kept.prefix)
+                    files.append(FileInput(file.path, file.statistics, sampled, file, kept if arrays else None))
                 continue
             counted = measured_file(path, reading, with_distributions=True)
             # As a record holds them: values that are not finite become None, which means unknown.
@@ -159,3 +167,23 @@ def read_sources(sources: Sequence[Source], reading: Reading) -> tuple[SubjectIn
             files.append(FileInput(str(path), statistics, sampled_counts_of(counted.arrays)))
         subjects.append(SubjectInput(name, tuple(files)))
     return tuple(subjects)
+
+
+def shared_evidence_of(inputs: Sequence[SubjectInput]) -> tuple[SharedEvidence, ...]:
+    """Read pictures and paths of the first files that several subjects have; raises as ``read_arrays``.
+
+    Files of which nobody kept anything are left out.
+    """
+    kept = [each for each in shared_files(inputs) if any(file and file.kept for file in each.files)]
+    shared = []
+    for each in kept[:_MOST_SHARED]:
+        arrays: list[Mapping[str, NDArray[Any]] | None] = []
+        for file in each.files:
+            if file is None or file.kept is None:
+                arrays.append(None if file is None else {})
+                continue
+            prefix = file.kept.prefix
+            read = read_arrays(file.kept.path, (f"{prefix}{MOMENTS}/", f"{prefix}{TRAJECTORY}/"))
+            arrays.append({name.removeprefix(prefix): array for name, array in read.items()})
+        shared.append(SharedEvidence(each.name, tuple(arrays)))
+    return tuple(shared)

@@ -2,7 +2,10 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from pathlib import PurePath
+from pathlib import Path, PurePath
+from typing import Any
+
+from numpy.typing import NDArray
 
 from fedora_qa.comparison.sampled import SampledCounts
 from fedora_qa.comparison.types import ComparedFile, Design, Subject
@@ -10,13 +13,26 @@ from fedora_qa.record.types import FileRecord, Scalar
 
 
 @dataclass(frozen=True, slots=True)
+class KeptArrays:
+    """Where the evidence of a file lies: in the file ``path``, under names that begin with ``prefix``."""
+
+    path: Path
+    prefix: str
+
+
+@dataclass(frozen=True, slots=True)
 class FileInput:
-    """One file. ``record`` is None where it was not checked, ``sampled`` where its distributions are unknown."""
+    """One file.
+
+    ``record`` is None where it was not checked, ``sampled`` where its distributions are unknown, ``kept`` where no
+    evidence lies beside its record.
+    """
 
     path: str
     statistics: Mapping[str, Mapping[str, Scalar]]
     sampled: SampledCounts | None
     record: FileRecord | None = None
+    kept: KeptArrays | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -67,6 +83,38 @@ def matches(before: SubjectInput, after: SubjectInput) -> tuple[Match, ...]:
         return (Match(" → ".join(dict.fromkeys(names)), before.files[0], after.files[0]),)
     others = after.by_name
     return tuple(Match(name, file, others[name]) for name, file in before.by_name.items() if name in others)
+
+
+@dataclass(frozen=True, slots=True)
+class SharedFile:
+    """A file that several subjects have, None for those that lack it; in the order of the subjects."""
+
+    name: str
+    files: tuple[FileInput | None, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class SharedEvidence:
+    """The evidence of a shared file by the names of ``fedora_qa.record.evidence``, for each subject.
+
+    None for a subject that lacks the file, and nothing for one that kept no evidence of it.
+    """
+
+    name: str
+    arrays: tuple[Mapping[str, NDArray[Any]] | None, ...]
+
+
+def shared_files(inputs: Sequence[SubjectInput]) -> tuple[SharedFile, ...]:
+    """Return the files of the first subject that another has as well; single files are one, whatever their names."""
+    if all(len(subject.files) == 1 for subject in inputs):
+        name = " · ".join(dict.fromkeys(name for subject in inputs for name in subject.by_name))
+        return (SharedFile(name, tuple(subject.files[0] for subject in inputs)),)
+    by_name = [subject.by_name for subject in inputs]
+    return tuple(
+        SharedFile(name, tuple(files.get(name) for files in by_name))
+        for name in by_name[0]
+        if any(name in files for files in by_name[1:])
+    )
 
 
 def labels(paths: Sequence[str]) -> tuple[str, ...]:

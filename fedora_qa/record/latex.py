@@ -57,7 +57,7 @@ def _row(cells: Iterable[str]) -> str:
 
 def _cell(text: str) -> str:
     if not _WITH_ERROR.fullmatch(text):
-        return _escape(text)
+        return "--" if text == "-" else _escape(text)  # a dash stands for an absent value
     # 1.2e-05 is written as a power of ten.
     powers = _NUMBER.sub(lambda part: part[1] + (rf" \times 10^{{{int(part[2])}}}" if part[2] else ""), text)
     mathematics = powers.replace("±", r"\pm")

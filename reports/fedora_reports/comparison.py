@@ -3,6 +3,7 @@
 Distributions are laid over each other in the box of ``charts``: 1000 by 100, stretched; the axis across is logarithmic.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Final
 
@@ -10,6 +11,7 @@ import numpy as np
 
 from fedora_qa.comparison.conclusions import conclusions_of
 from fedora_qa.comparison.paper_tables import paper_tables
+from fedora_qa.comparison.subjects import SharedEvidence
 from fedora_qa.comparison.tables import CONCLUSION_WORDS, false_alarm_sentence, headline, pair_tables
 from fedora_qa.comparison.types import COMPARISON, Comparison, Overlay
 from fedora_qa.record.text_table import TextTable
@@ -17,6 +19,7 @@ from fedora_qa.record.wording import number, with_error
 from fedora_reports.charts import HEIGHT, WIDTH
 from fedora_reports.html import rendered
 from fedora_reports.scales import Axis, Tick
+from fedora_reports.side_by_side import SharedView, shared_view
 from fedora_reports.statistics import Table
 
 MOST_DRAWN: Final = 6
@@ -68,20 +71,39 @@ class ComparisonPage:
     drawn: tuple[str, ...]
     undrawn: tuple[str, ...]
     charts: tuple[OverlayChart, ...]
+    shared: tuple[SharedView, ...]
+    shared_note: str
     pairs: tuple[PairSection, ...]
     paper: tuple[Table, ...]
 
 
-def render_comparison(comparison: Comparison) -> str:
-    """Return a comparison as one HTML document, which runs the script of the reports alone and loads no other file."""
-    page = page_of(COMPARISON.from_json(COMPARISON.to_json(comparison)))
+def render_comparison(comparison: Comparison, shared: Sequence[SharedEvidence] = ()) -> str:
+    """Return a comparison as one HTML document, which runs the script of the reports alone and loads no other file.
+
+    Parameters
+    ----------
+    comparison
+        The document.
+    shared
+        Pictures and paths of files that several subjects have, to be shown beside each other.
+    """
+    page = page_of(COMPARISON.from_json(COMPARISON.to_json(comparison)), shared)
     return rendered("comparison.html.j2", page)
 
 
-def page_of(comparison: Comparison) -> ComparisonPage:
+def page_of(comparison: Comparison, shared: Sequence[SharedEvidence] = ()) -> ComparisonPage:
     """Return the page of a comparison."""
     names = tuple(subject.name for subject in comparison.subjects)
     charts = (overlay_chart(source, comparison) for source in comparison.overlays)
+    matched = max((pair.versions.matched for pair in comparison.pairs if pair.versions), default=0)
+    shared_note = ""
+    if not shared:
+        shared_note = (
+            "Pictures and paths are shown of files that several have, from records of fedora-qa check --json with the "
+            "arrays beside them; none was given."
+        )
+    elif matched > len(shared):
+        shared_note = f"Of {len(shared)} of {matched} files that are in both."
     return ComparisonPage(
         title=" · ".join(names[:3]) + (f" and {len(names) - 3} more" if len(names) > 3 else ""),
         tool=f"{comparison.tool.name} {comparison.tool.version}",
@@ -92,6 +114,8 @@ def page_of(comparison: Comparison) -> ComparisonPage:
         drawn=names[:MOST_DRAWN],
         undrawn=names[MOST_DRAWN:],
         charts=tuple(chart for chart in charts if chart is not None),
+        shared=tuple(shared_view(evidence, names[:MOST_DRAWN]) for evidence in shared),
+        shared_note=shared_note,
         pairs=tuple(
             PairSection(source.title, source.summary, tuple(map(_table, source.tables)))
             for source in pair_tables(comparison)

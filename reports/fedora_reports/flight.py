@@ -11,14 +11,14 @@ from markupsafe import Markup
 from fedora_qa.record.evidence import TRAJECTORY, named
 from fedora_qa.record.wording import printable
 from fedora_reports import trajectory
-from fedora_reports.evidence import Evidence
+from fedora_reports.evidence import Array, Evidence
 from fedora_reports.pictures import png_uri
 from fedora_reports.timeline import AnchoredFinding
 from fedora_reports.trajectory import TrajectoryPicture
 from fedora_reports.trajectory_path import box_around, flown_path, speed_colours
 from fedora_reports.trajectory_views import Mark
 
-_MOST_POINTS: Final = 600
+MOST_POINTS: Final = 600
 _MOST_MARKS: Final = 80
 _LEVELS: Final = 12
 
@@ -54,14 +54,10 @@ def flight_of(evidence: Evidence, findings: Sequence[AnchoredFinding]) -> Flight
     Flight or None
         None where no path was kept.
     """
-    times_us = evidence.numbers(named(TRAJECTORY, "times_us"), None)
-    count = 0 if times_us is None else len(times_us)
-    positions = evidence.numbers(named(TRAJECTORY, "positions_world_m"), count, 3)
-    speeds = evidence.numbers(named(TRAJECTORY, "speeds_m_s"), count)
-    forward = evidence.numbers(named(TRAJECTORY, "forward_world"), count, 3)
-    if times_us is None or positions is None or speeds is None or forward is None:
+    poses = poses_of(evidence)
+    if poses is None:
         return None
-    path = flown_path(times_us, positions, speeds, forward, most=_MOST_POINTS)
+    path = flown_path(*poses, most=MOST_POINTS)
     # A mark stands for a grave finding whose time lies within the flight. One of most of the flight has no place on it.
     order = np.argsort(path.times_us, kind="stable")
     sorted_us = path.times_us[order]
@@ -79,7 +75,7 @@ def flight_of(evidence: Evidence, findings: Sequence[AnchoredFinding]) -> Flight
     marks = marks[:: max(1, -(-len(marks) // _MOST_MARKS))]
     views, views_caption = trajectory.flat_views(path, marks)
     try:
-        picture = trajectory.render_trajectory(times_us, positions, speeds, forward)
+        picture = trajectory.render_trajectory(*poses)
     except Exception as problem:  # noqa: BLE001 - no failure of a graphics library may spoil the report
         picture = TrajectoryPicture(b"", "", f"No picture in space: {type(problem).__name__}: {problem}")
     # The path about the middle of its box, in units of its longest side, with a colour for each point.
@@ -109,6 +105,18 @@ def flight_of(evidence: Evidence, findings: Sequence[AnchoredFinding]) -> Flight
         note=picture.note,
         space=space,
     )
+
+
+def poses_of(evidence: Evidence) -> tuple[Array, Array, Array, Array] | None:
+    """Return times, positions, speeds and directions, as ``flown_path`` takes them; None where no path was kept."""
+    times_us = evidence.numbers(named(TRAJECTORY, "times_us"), None)
+    count = 0 if times_us is None else len(times_us)
+    positions = evidence.numbers(named(TRAJECTORY, "positions_world_m"), count, 3)
+    speeds = evidence.numbers(named(TRAJECTORY, "speeds_m_s"), count)
+    forward = evidence.numbers(named(TRAJECTORY, "forward_world"), count, 3)
+    if times_us is None or positions is None or speeds is None or forward is None:
+        return None
+    return times_us, positions, speeds, forward
 
 
 def _rounded(values: Any) -> Any:

@@ -1,6 +1,6 @@
 """The path of a flight as two flat views, from above and from the side, in SVG that follows the page's colours."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from html import escape
 from itertools import pairwise
@@ -18,6 +18,8 @@ _WIDTH: Final = 860
 _SPACE_BESIDE: Final = (640.0, 360.0)
 _SPACE_BELOW: Final = (740.0, 480.0)
 """Largest size of both views together, px across and down, beside and below each other."""
+_SPACE_ABOVE: Final = (460.0, 400.0)
+"""Largest size of a view of several paths, px: on a phone its words stay legible."""
 _MARGIN: Final = (70.0, 44.0)
 """Px left and below each view, for the labels of its axes."""
 _ABOVE: Final = 30.0
@@ -118,15 +120,39 @@ def draw_views(path: FlownPath, marks: Sequence[Mark] = ()) -> str:
     return _svg(height, parts)
 
 
+def draw_paths(path_by_place: Mapping[int, FlownPath]) -> str:
+    """Return several paths from above in one picture, of one scale in both directions.
+
+    Parameters
+    ----------
+    path_by_place
+        Paths of at least one pose, by the place of their subject, which gives a line its colour.
+    """
+    box = box_around(np.concatenate([path.positions_world_m for path in path_by_place.values()]))
+    sides_m = box.high_m - box.low_m
+    scale_px_m = min(_SPACE_ABOVE[0] / float(sides_m[0]), _SPACE_ABOVE[1] / float(sides_m[1]))
+    bottom = _ABOVE + float(sides_m[1]) * scale_px_m
+    view = _View("from above", 0, 1, _MARGIN[0], bottom, scale_px_m, box)
+    parts = [_axes(view)]
+    for place, path in path_by_place.items():
+        places = view.places_px(path.positions_world_m)
+        line = "".join(_line(places[start:stop]) for start, stop in path.runs)
+        x, y = places[0]
+        ring = f'<circle class="overlay s{place}" cx="{x:.1f}" cy="{y:.1f}" r="6"/>'
+        parts.append(f'<path class="overlay s{place}" d="{line}"/>{ring}')
+    width = _MARGIN[0] + float(sides_m[0]) * scale_px_m + _ABOVE
+    return _svg(bottom + _MARGIN[1], parts, width, "Paths from above")
+
+
 def without_path() -> str:
     """Return a picture that states that there is no path."""
     return _svg(70.0, [_text(_WIDTH / 2, 40, "No finite position", "middle")])
 
 
-def _svg(height: float, parts: list[str]) -> str:
+def _svg(height: float, parts: list[str], width: float = _WIDTH, label: str = "Two views of the path") -> str:
     return (
-        f'<svg viewBox="0 0 {_WIDTH} {height:.0f}" role="group" aria-label="Two views of the path" fill="none" '
-        f'stroke="currentColor" font-size="14" style="max-width: {_WIDTH}px" '
+        f'<svg viewBox="0 0 {width:.0f} {height:.0f}" role="group" aria-label="{label}" fill="none" '
+        f'stroke="currentColor" font-size="14" style="max-width: {width:.0f}px" '
         f'xmlns="http://www.w3.org/2000/svg">{"".join(parts)}</svg>'
     )
 

@@ -74,3 +74,18 @@ def test_records_without_their_arrays(fedora_qa: Command, sequence: Path, tmp_pa
     done = fedora_qa("compare", *records)
     assert done.code == (0 if arrays == "missing" else 2)
     assert ("b.json: nothing is known" in done.out.replace("\n", " ")) == (arrays == "missing")
+
+
+def test_the_page_shows_what_both_records_kept(fedora_qa: Command, sequence: Path, tmp_path: Path) -> None:
+    """Frames and paths come from the arrays beside the records; without those of one, the page says so."""
+    records = [tmp_path / "before.json", tmp_path / "after.json"]
+    for record in records:
+        fedora_qa("check", sequence, "--select", "images", "--select", "pose", "--json", record)
+    page = tmp_path / "out.html"
+    assert fedora_qa("compare", *records, "--html", page).code == 0
+    text = page.read_text(encoding="utf-8")
+    assert text.count("<b>Colour frame</b>") > text.count('class="legend"')
+    assert '<figure class="paths">' in text
+    (tmp_path / "after.json.arrays.npz").unlink()
+    assert fedora_qa("compare", *records, "--html", page).code == 0
+    assert "No pictures and no path of this file were kept in after.json" in page.read_text(encoding="utf-8")

@@ -16,6 +16,7 @@ from fedora_qa.record.latex import latex_table
         ("1.2e-05", r"$1.2 \times 10^{-5}$"),
         ("3.1e+07 ± 2e+06", r"$3.1 \times 10^{7} \pm 2 \times 10^{6}$"),
         ("–", "--"),
+        ("-", "--"),
         ("2 to 30", "2 to 30"),
         ("day_1 & 50% #2", r"day\_1 \& 50\% \#2"),
         (r"\input{secret}~^$", r"\textbackslash{}input\{secret\}\textasciitilde{}\textasciicircum{}\$"),
