@@ -2,12 +2,12 @@
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import cast
+from typing import Final, cast
 
 import numpy as np
 from numpy.typing import NDArray
 
-from fedora_qa.causes import in_families
+from fedora_qa.causes import in_families, stream_family
 from fedora_qa.conventions import NS_PER_US
 from fedora_qa.errors import UnreadableRowsError
 from fedora_qa.evidence.histograms import (
@@ -23,11 +23,14 @@ from fedora_qa.evidence.snapshot_arrays import keep_snapshots
 from fedora_qa.evidence.snapshot_times import fitting_width_px, snapshot_times_ns
 from fedora_qa.evidence.titled_arrays import TitledArrays, merged
 from fedora_qa.layout.canonical import timestamps_of
-from fedora_qa.record.evidence import MOMENTS, TIMELINE, named
+from fedora_qa.record.evidence import MOMENTS, TIMELINE, UNMEASURED, named
 from fedora_qa.sequence.facts import Facts
 from fedora_qa.sequence.window import Span, Window
 
 Int64 = NDArray[np.int64]
+
+_READ_WHOLE: Final = frozenset({"imu", "pose"})
+"""Streams that are a thousandth of a file, and are read in full at every effort."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -116,6 +119,8 @@ class EvidenceState:
         Start and stop of each window whose events were counted, ns from the file's origin.
     events
         Events in each bin of the timeline, by number of the window.
+    decoded
+        Numbers of the windows that were decoded.
     """
 
     plan: EvidencePlan
@@ -124,6 +129,7 @@ class EvidenceState:
     pixels: NDArray[np.uint32] | None = None
     counted_ns: list[tuple[int, int]] = field(default_factory=list)
     events: dict[int, Int64] = field(default_factory=dict)
+    decoded: list[int] = field(default_factory=list)
 
 
 class EvidenceCollector:
@@ -174,6 +180,7 @@ class EvidenceCollector:
         window
             Decoded by the plan.
         """
+        state.decoded.append(window.span.index)
         times_ns = state.plan.snapshot_times_ns.get(window.span.index, ())
         width_px, families = state.plan.width_px, self._families
         state.snapshots += [take_snapshot(window, time_ns, width_px, families=families) for time_ns in times_ns]
@@ -206,6 +213,7 @@ class EvidenceCollector:
             pixels=state.pixels,
             counted_ns=state.counted_ns + later.counted_ns,
             events={**state.events, **later.events},
+            decoded=state.decoded + later.decoded,
         )
         _add_values(both.values, later.values)
         if later.pixels is not None:
@@ -238,6 +246,17 @@ class EvidenceCollector:
                 for stream, samples in stream_counts(timeline, facts, self._spans, state.events).items()
             },
         }
+        # Events of a window that was decoded without them could not be read.
+        of_events = {span.index for span in self._spans if range(*span.owned.get("events", (0, 0)))}
+        unread = of_events - state.events.keys()
+        for stream in sorted(facts.streams):
+            if stream_family(stream) in _READ_WHOLE:
+                continue
+            measured = frozenset(state.decoded if in_families(stream, self._families) else ())
+            stretches_ns = unmeasured_ns(self._spans, measured - unread if stream == "events" else measured)
+            if len(stretches_ns):
+                title = f"Stretches of which no {stream} was looked at, us on the file's clock"
+                over_time[named(TIMELINE, UNMEASURED, stream)] = (facts.origin_us + stretches_ns / NS_PER_US, title)
         histograms = keep_histograms(state.values, state.pixels, seconds_of(facts, state.counted_ns))
         return merged([snapshots, TitledArrays.titled(over_time), histograms])
 
@@ -280,6 +299,19 @@ def timeline_of(facts: Facts, spans: Sequence[Span], bins: int) -> Timeline:
         ends += [end for end in (facts.events.first_ns, facts.events.last_ns) if low <= end < high]
     start_ns, stop_ns = (min(ends), max(ends)) if ends else (low, high)
     return Timeline(start_ns, max(stop_ns, start_ns + 1), bins if stop_ns > start_ns else 1)
+
+
+def unmeasured_ns(spans: Sequence[Span], measured: frozenset[int]) -> NDArray[np.float64]:
+    """Return start and stop (k, 2) of each stretch of windows that are not among the numbers of those measured."""
+    stretches: list[list[int]] = []
+    for span in spans:
+        if span.index in measured:
+            continue
+        if stretches and stretches[-1][1] == span.start_ns:
+            stretches[-1][1] = span.stop_ns
+        else:
+            stretches.append([span.start_ns, span.stop_ns])
+    return np.array(stretches, dtype=np.float64).reshape(-1, 2)
 
 
 def stream_counts(

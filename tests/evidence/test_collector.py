@@ -73,6 +73,23 @@ def test_timeline_counts_every_sample() -> None:
     assert len(arrays["timeline/edges_us"]) == 51
 
 
+def test_time_that_was_not_looked_at_is_kept() -> None:
+    """Of all windows but the second and third, one stretch; IMU and poses are read whole; of all windows, nothing."""
+    file = memory()
+    collector = EvidenceCollector(file.spans, file.spans, OPTIONS, frozenset({"rgb", "events"}))
+    state = collector.start(file.facts)
+    for number in (0, *range(3, len(file.spans))):
+        collector.update(state, file.window(number))
+    arrays = collector.conclude(state, file.facts).arrays
+    stretch_us = [[file.spans[1].start_ns / 1e3, file.spans[2].stop_ns / 1e3]]
+    for stream in ("rgb", "events"):
+        np.testing.assert_allclose(arrays[f"timeline/unmeasured/{stream}"] - file.facts.origin_us, stretch_us)
+    whole_us = [[file.spans[0].start_ns / 1e3, file.spans[-1].stop_ns / 1e3]]
+    np.testing.assert_allclose(arrays["timeline/unmeasured/depth"] - file.facts.origin_us, whole_us)
+    assert not any(name.startswith(("timeline/unmeasured/imu", "timeline/unmeasured/pose")) for name in arrays)
+    assert not any("unmeasured" in name for name in collect(file).arrays)
+
+
 def test_histograms_count_every_sampled_pixel() -> None:
     """Small images are counted whole: depths of frame i are i metres; events come at 1000/12 Hz a pixel."""
     arrays = collect(memory()).arrays

@@ -31,6 +31,21 @@ def test_rows_are_the_streams_with_their_samples() -> None:
     assert "L300.0 100.0H400.0" in frames.path
 
 
+def test_what_was_not_looked_at_is_hatched_and_empty() -> None:
+    """Of events in such a stretch no rate is drawn, and no greatest rate taken; frames have stamps there."""
+    stretches_us = {f"timeline/unmeasured/{stream}": np.array([[1e6, 2e6]]) for stream in ("events", "rgb")}
+    found = timeline_of(Evidence(timeline() | stretches_us, {}), [])
+    assert found is not None
+    events, frames = found.rows
+    assert events.unmeasured == frames.unmeasured == "M500.0 50H1000.0"
+    assert events.path.endswith("L400.0 0.0H500.0L500.0 100.0H600.0L600.0 100.0H700.0"
+                                "L700.0 100.0H800.0L800.0 100.0H900.0L900.0 100.0H1000.0V100Z")  # fmt: skip
+    assert (events.peak, events.count) == ("up to 2 k events/s", "4\u202f500")
+    assert frames.path == drawn().rows[1].path
+    assert "Hatched" in found.caption
+    assert "Hatched" not in drawn().caption
+
+
 def test_finding_lies_at_its_time() -> None:
     """Half a second into two is a quarter of the width."""
     (mark,) = drawn(Where("rgb", 500e3, 1500e3)).rows[1].marks
