@@ -10,6 +10,7 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
+from fedora_qa.conventions import NS_PER_US
 from fedora_qa.engine.executor import Executor, Task
 from fedora_qa.engine.progress import quiet
 from fedora_qa.engine.tasks import opening_test
@@ -17,7 +18,7 @@ from fedora_qa.engine.worker import Worker
 from fedora_qa.errors import UnreadableFileError, UnreadableRowsError, WorkerLostError
 from fedora_qa.gating.policy import Policy, each_stream
 from fedora_qa.gating.release import Release
-from fedora_qa.layout.canonical import datasets_of
+from fedora_qa.layout.canonical import datasets_of, timestamps_of
 from fedora_qa.layout.dialect import DialectChoice, load_choice
 from fedora_qa.record.types import FileRecord, Result
 from fedora_qa.sequence.declared import Camera
@@ -44,7 +45,8 @@ class Contents:
     digests
         SHA-256 of a stream's content, by stream; streams that are absent, unreadable, or never change have none.
     poses
-        Digests of the distinct poses, to find segments of one flight in two files.
+        When each distinct pose first occurs, us on the file's clock, by its digest: to find segments of one flight in
+        two files. NaN where the timestamps cannot be read.
     sequence, world, illumination
         Names of the sequence, of its world and of the light, as declared; empty where they are not.
     """
@@ -53,7 +55,7 @@ class Contents:
     absent: Mapping[str, str]
     cameras: Mapping[str, Camera]
     digests: Mapping[str, str]
-    poses: frozenset[bytes]
+    poses: Mapping[bytes, float]
     sequence: str = ""
     world: str = ""
     illumination: str = ""
@@ -83,21 +85,27 @@ def read_contents(
     with sequence:
         looked_for = {*sequence.layout.streams, *sequence.layout.absent}
         digests = {stream: _stream_digest(sequence, stream) for stream in each_stream(streams, looked_for)}
-        pose_digests: frozenset[bytes] = frozenset()
+        first_us: dict[bytes, float] = {}
         if poses and "pose" in sequence.layout.streams:
             rows = sequence.layout.bindings["path/pose/position"].rows
             with suppress(UnreadableRowsError):
                 positions_world_m = sequence.rows("path/pose/position", 0, rows)
                 orientations_xyzw = sequence.rows("path/pose/orientation", 0, rows)
-                distinct = np.unique(np.hstack([positions_world_m, orientations_xyzw]), axis=0)
+                poses_in_rows = np.hstack([positions_world_m, orientations_xyzw])
+                distinct, first_rows = np.unique(poses_in_rows, axis=0, return_index=True)
+                times_us = np.full(rows, np.nan)
+                with suppress(UnreadableRowsError):
+                    times_ns = sequence.rows(timestamps_of("pose"), 0, rows)
+                    times_us = (sequence.origin_ns + times_ns) / NS_PER_US
                 # 16 bytes a pose: enough that two poses do not share a digest by chance.
-                pose_digests = frozenset(hashlib.sha256(pose.tobytes()).digest()[:16] for pose in distinct)
+                digests_of_poses = (hashlib.sha256(pose.tobytes()).digest()[:16] for pose in distinct)
+                first_us = dict(zip(digests_of_poses, times_us[first_rows].tolist(), strict=True))
         return Contents(
             streams=sequence.layout.streams,
             absent=sequence.layout.absent,
             cameras=sequence.declared.cameras,
             digests={stream: digest for stream, digest in digests.items() if digest},
-            poses=pose_digests,
+            poses=first_us,
             sequence=sequence.declared.sequence,
             world=sequence.declared.world,
             illumination=sequence.declared.illumination,

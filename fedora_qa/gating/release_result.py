@@ -10,12 +10,14 @@ from fedora_qa.record.types import FileRecord, Finding, Result, Where
 
 @dataclass(frozen=True, slots=True)
 class Violation:
-    """A rule that the file of this name breaks; ``code`` is the last part of the finding's code."""
+    """A rule that the file of this name breaks, and when; ``code`` is the last part of the finding's code."""
 
     name: str
     code: str
     message: str
     stream: str | None = None
+    start_us: float | None = None
+    stop_us: float | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -55,7 +57,11 @@ def with_release_results(name: str, file: FileRecord, release_results: Iterable[
         # Numbers go on over all rules, so that the findings of a file have different ids.
         findings = tuple(
             Finding(
-                f"R{number}", f"{rule}.{violation.code}", "error", violation.message, Where(stream=violation.stream)
+                f"R{number}",
+                f"{rule}.{violation.code}",
+                "error",
+                violation.message,
+                Where(violation.stream, violation.start_us, violation.stop_us),
             )
             for number, violation in enumerate(broken, start=count + 1)
         )

@@ -4,6 +4,7 @@ import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from fnmatch import fnmatchcase
 from itertools import combinations
+from math import isfinite
 from pathlib import Path
 from typing import Final
 
@@ -15,8 +16,8 @@ from fedora_qa.gating.policy import Bounds, Documents, Policy, Total, each_strea
 from fedora_qa.gating.release import Release, inside
 from fedora_qa.gating.release_result import ReleaseResult, Violation
 from fedora_qa.record.several_files import FOLDER
-from fedora_qa.record.types import FileRecord
-from fedora_qa.record.wording import number
+from fedora_qa.record.types import FileRecord, Where
+from fedora_qa.record.wording import number, place
 from fedora_qa.sequence.declared import Camera, Lens
 from fedora_qa.storage.digest import whole_digest
 from fedora_qa.storage.folder import list_files
@@ -187,15 +188,28 @@ def rule_on_splits(
         mine, theirs = contents_by_name[first], contents_by_name[other]
         same = [stream for stream, digest in mine.digests.items() if theirs.digests.get(stream) == digest]
         shared = [f"the same {', '.join(same)}"] if same else []
-        poses = len(mine.poses & theirs.poses)
-        if poses >= _SHARED_POSES:
-            shared.append(f"{poses} of the poses")
+        poses = mine.poses.keys() & theirs.poses.keys()
+        here, lie = Where(), ""
+        if len(poses) >= _SHARED_POSES:
+            shared.append(f"{len(poses)} of the poses")
+            there, here = (_stretch([contents.poses[pose] for pose in poses]) for contents in (mine, theirs))
+            if there != Where() != here:
+                lie = f"; these lie from {place(there)} there, and from {place(here)} here"
         if shared:
             split = " and ".join(homes[first]) or "no split"
-            message = f"Expected splits that do not leak, got {' and '.join(shared)} of {first}, which is in {split}"
-            violations.append(Violation(other, "leak", message))
+            message = (
+                f"Expected splits that do not leak, got {' and '.join(shared)} of {first}, which is in {split}{lie}"
+            )
+            violations.append(Violation(other, "leak", message, start_us=here.start_us, stop_us=here.stop_us))
     return ReleaseResult(
         "release.splits", "Is the sequence in one split, and unlike all in others?", "each", tuple(violations)
+    )
+
+
+def _stretch(times_us: Sequence[float]) -> Where:
+    """Return the first and the last of some times; no time where one of them is unknown."""
+    return (
+        Where(start_us=min(times_us), stop_us=max(times_us)) if times_us and all(map(isfinite, times_us)) else Where()
     )
 
 

@@ -33,10 +33,13 @@ from fedora_reports.provenance import Provenance, file_provenance, run_provenanc
 from fedora_reports.statistics import Table, all_statistics, paper_tables
 from fedora_reports.strip import Strip, pictures_of
 from fedora_reports.subjects import Subject, subjects_of
-from fedora_reports.timeline import AnchoredFinding, Timeline, timeline_of
+from fedora_reports.timeline import AnchoredFinding, Sparkline, Timeline, sparkline_of, timeline_of
 from fedora_reports.verdict import TITLES, VerdictText, verdict_of
 
 _KEPT_BY_THE_PASS = (MOMENTS, PLACES, TRIALS, AGREEMENT, TRAJECTORY, TIMELINE, HISTOGRAMS, DISTRIBUTIONS)
+
+_LEAK: Final = "release.splits.leak"
+"""The rule by which two splits share data."""
 
 _VERDICT_WORDS: Final[Mapping[Verdict, str]] = {
     "incomplete": "incomplete",
@@ -79,6 +82,7 @@ class OverviewRow:
     word: str
     tally: str
     cause: str
+    sparkline: Sparkline | None
 
 
 @dataclass(frozen=True, slots=True)
@@ -92,6 +96,14 @@ class ReleaseVerdict:
 
 
 @dataclass(frozen=True, slots=True)
+class Leak:
+    """What a sequence shares with one of another split: the finding that states both places."""
+
+    file: Link
+    message: str
+
+
+@dataclass(frozen=True, slots=True)
 class Page:
     """The whole report; ``release`` is None where no gate judged one."""
 
@@ -102,6 +114,7 @@ class Page:
     profile: str
     release: ReleaseVerdict | None
     overview: tuple[OverviewRow, ...]
+    leaks: tuple[Leak, ...]
     overview_tables: tuple[Table, ...]
     files: tuple[FileSection, ...]
     run: Provenance
@@ -130,12 +143,19 @@ def page_of(
         title = names[0]
     else:
         title = f"{len(record.files)} files" if record.files else "No file was checked"
-    overview = []
+    sections = tuple(_section(record, k, name, arrays, detection_power) for k, name in enumerate(names))
+    overview, leaks = list[OverviewRow](), list[Leak]()
     if len(record.files) != 1:
-        for k, (name, file) in enumerate(zip(names, record.files, strict=True)):
-            link = Link(Anchors(k).top, name)
-            verdict = TITLES[file.verdict]
-            overview.append(OverviewRow(link, file.verdict, verdict, tally(file.results), _first_cause(file)))
+        for file, section in zip(record.files, sections, strict=True):
+            link = Link(section.anchors.top, section.name)
+            line = sparkline_of(section.timeline) if section.timeline else None
+            words = TITLES[file.verdict], tally(file.results), _first_cause(file)
+            overview.append(OverviewRow(link, file.verdict, *words, line))
+            leaks += [
+                Leak(Link(section.anchors.finding(place), section.name), finding.message)
+                for place, (_, finding) in enumerate(findings_of(file))
+                if finding.code == _LEAK
+            ]
     return Page(
         title=title,
         started=record.run.started,
@@ -144,8 +164,9 @@ def page_of(
         profile=record.profile,
         release=release,
         overview=tuple(overview),
+        leaks=tuple(leaks),
         overview_tables=paper_tables(record.files, names) if len(record.files) != 1 else (),
-        files=tuple(_section(record, k, name, arrays, detection_power) for k, name in enumerate(names)),
+        files=sections,
         run=run_provenance(record),
         detection_power_source=detection_power.source,
     )

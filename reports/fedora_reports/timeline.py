@@ -92,6 +92,32 @@ class Timeline:
     high_us: float
 
 
+@dataclass(frozen=True, slots=True)
+class Sparkline:
+    """A timeline in the height of a line: samples, what was not looked at, and grave findings, as SVG paths."""
+
+    path: str
+    unmeasured: str
+    findings: str
+    alt: str
+
+
+def sparkline_of(timeline: Timeline) -> Sparkline | None:
+    """Return a timeline as one line: of events, else of its first stream; None where no stream has samples."""
+    drawn = [row for row in timeline.rows if row.path]
+    if not drawn:
+        return None
+    row = next((row for row in drawn if row.stream == "events"), drawn[0])
+    spans = {
+        f"M{mark.left * WIDTH:.0f} {HEIGHT}V0M{mark.left * WIDTH:.0f} {HEIGHT}h{mark.width * WIDTH:.0f}"
+        for each in timeline.rows
+        for mark in each.marks
+        if mark.grave
+    }
+    marked = "; upright lines: where failures begin" if spans else ""
+    return Sparkline(row.path, row.unmeasured, "".join(sorted(spans)), f"{row.stream} over time{marked}")
+
+
 def timeline_of(
     evidence: Evidence, findings: Sequence[AnchoredFinding], snapshots: Sequence[SnapshotRow] = ()
 ) -> Timeline | None:

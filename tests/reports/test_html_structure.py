@@ -7,11 +7,11 @@ from itertools import pairwise
 
 import pytest
 
-from fedora_qa.record.types import Canary, FileRecord, Outcome, Record, Result
+from fedora_qa.record.types import Canary, FileRecord, Finding, Outcome, Record, Result, Where
 from fedora_qa.record.wording import cause_sentence
 from fedora_reports.html import render_html, report_script
 from fedora_reports.verdict import TITLES
-from tests.reports.evidence_samples import all_kinds
+from tests.reports.evidence_samples import all_kinds, timeline
 from tests.reports.page_reader import ReadPage, complaints_about, read_page
 from tests.support.records import crashed, failed, file_record, late_events, not_observable, passed, record
 
@@ -165,6 +165,24 @@ def test_a_gate_opens_with_the_verdict_of_the_release() -> None:
     rows = [part.text for part in overview.inside if part.tag == "tr"]
     assert cause_sentence(late_events()) in rows[2]
     assert failed().findings[0].message in rows[3]
+
+
+def test_sequences_have_sparklines_and_leaks_both_places() -> None:
+    """A row shows the sequence over time with its failures; a leak is stated before any sequence, with a link."""
+    message = "Expected splits that do not leak, got 12 of the poses of train/two.h5"
+    leak = Finding("R1", "release.splits.leak", "error", message, Where(start_us=0.0, stop_us=1e6))
+    sequence = file_record(failed(), Result("release.splits", "failed", "Leak?", findings=(leak,)), path="out/v2/a.h5")
+    arrays = {f"0/{name}": array for name, array in timeline().items()}
+    page = read_page(render_html(release(sequence, file_record(path="out/v2/train/two.h5")), arrays))
+    assert complaints_about(page) == []
+    (line,) = page.all("svg", kind="sparkline")
+    assert line.attributes["aria-label"] == "events over time; upright lines: where failures begin"
+    # The failure of F1 spans all of it, the leak the first half.
+    (marks,) = (part.attributes["d"] for part in line.inside if part.attributes.get("class") == "crowd")
+    assert marks == "M0 100V0M0 100h1000M0 100V0M0 100h500"
+    (leaks,) = page.all("ul", kind="leaks")
+    assert message in leaks.text
+    assert [part.attributes["href"] for part in leaks.inside if part.tag == "a"] == ["#file-0-finding-1"]
 
 
 @pytest.mark.parametrize(("rule", "verdict"), [("passed", "clean"), ("failed", "findings")])
