@@ -97,8 +97,8 @@ class Tab:
         )
 
     def pdf(self) -> bytes:
-        """Return the page as it would be printed."""
-        return base64.b64decode(self.call("Page.printToPDF")["data"])
+        """Return the page as it would be printed on A4."""
+        return base64.b64decode(self.call("Page.printToPDF", paperWidth=8.27, paperHeight=11.69)["data"])
 
     @property
     def complaints(self) -> list[str]:

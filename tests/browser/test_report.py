@@ -1,5 +1,6 @@
 """The report in a real browser: it complains about nothing, asks for nothing, and shows everything at any width."""
 
+import re
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -9,10 +10,13 @@ import pytest
 from fedora_generator.faults import plant_fault
 from fedora_qa.cli.main import run
 from tests.browser.devtools import Browser
+from tests.browser.tab import Tab
 from tests.browser.visit import visit
 from tests.support.graphics import without_opengl
 
 WIDTHS_PX = (390, 820, 1000, 1200, 1440)
+
+MOST_PAGES = 8
 
 LEAST_LINE_PX = 150
 """In less, a question is a column of single words."""
@@ -103,6 +107,16 @@ def test_report_follows_the_colour_scheme(browser: Browser, report: Report) -> N
     assert brightness(light["colour"]) < 100
     assert brightness(dark["background"]) < 60
     assert brightness(dark["colour"]) > 180
+
+
+def test_a_clean_file_prints_on_few_pages(browser: Browser, report: Report) -> None:
+    """At most eight pages of A4 for a clean file; ten instants are printed, whatever the verdict."""
+    with Tab(browser, report.page) as tab:
+        tab.show_as("light", "print")
+        instants = "[...document.querySelectorAll('.instants .instant')].filter(e => e.checkVisibility()).length"
+        assert tab.evaluate(instants) == 10
+        pages = len(re.findall(rb"/Type\s*/Page\b", tab.pdf()))
+    assert pages <= (MOST_PAGES if report.verdict == "clean" else 2 * MOST_PAGES)
 
 
 def test_findings_are_named(browser: Browser, report: Report) -> None:
