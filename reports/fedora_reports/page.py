@@ -28,6 +28,7 @@ from fedora_reports.detection_power import NOTHING_KNOWN, DetectionPowerRow, Pas
 from fedora_reports.evidence import evidence_of
 from fedora_reports.flight import Flight, flight_of
 from fedora_reports.maps import Exhibits, exhibits
+from fedora_reports.pass_limits import PassLimits, pass_limits_of
 from fedora_reports.problems import Link, Problems, problems_of
 from fedora_reports.provenance import Provenance, file_provenance, run_provenance
 from fedora_reports.statistics import Table, all_statistics, paper_tables
@@ -67,6 +68,7 @@ class FileSection:
     paper: tuple[Table, ...]
     statistics: tuple[Table, ...]
     distributions: tuple[Chart, ...]
+    pass_limits: PassLimits | None
     detection_power: tuple[DetectionPowerRow, ...]
     exhibits: Exhibits
     provenance: Provenance
@@ -231,6 +233,7 @@ def _section(
     elif evidence.missing:
         missing = f"{len(evidence.missing)} arrays that lay beside the record are missing; what needs them is left out."
 
+    check_anchors = [anchors.check(k) for k in range(len(file.results))]
     return FileSection(
         anchors=anchors,
         name=name,
@@ -246,9 +249,8 @@ def _section(
         paper=paper_tables((file,), (name,)),
         statistics=all_statistics(file),
         distributions=distributions_of(evidence),
-        detection_power=detection_power_rows(
-            detection_power, file.results, [anchors.check(k) for k in range(len(file.results))]
-        ),
+        pass_limits=pass_limits_of(file.results, check_anchors),
+        detection_power=detection_power_rows(detection_power, file.results, check_anchors),
         exhibits=exhibits(evidence, others),
         provenance=file_provenance(file, evidence),
         missing=missing,

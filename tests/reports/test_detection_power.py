@@ -1,7 +1,11 @@
 """What a pass is worth stands in the report, as it was handed in, with what came of each check here."""
 
+from dataclasses import replace
+
 from fedora_reports.detection_power import DetectableCause, PassDetectionPower, detection_power_rows
 from fedora_reports.html import render_html
+from fedora_reports.pass_limits import pass_limits_of
+from fedora_reports.problems import Link
 from tests.reports.page_reader import complaints_about, read_page
 from tests.support.records import failed, file_record, not_observable, passed, record
 
@@ -37,8 +41,22 @@ def test_page_says_what_a_pass_is_worth_and_whence_that_is_known() -> None:
     assert "rgb:unsorted found 13 of 13 (100.0%); imu:time_offset 95% at 900 (700 to ?) ms." in order.text
 
 
-def test_without_a_table_nothing_is_claimed() -> None:
-    """Where nothing was measured the section is left out."""
+def test_without_a_table_nothing_is_claimed_of_other_files() -> None:
+    """Where no study is published the section states the limits of this file alone; without a pass it is left out."""
     page = read_page(render_html(record(file_record(passed())), {}))
-    assert not page.all("section", kind="worth")
-    assert "What a pass is worth" not in page.text
+    (section,) = page.all("section", kind="worth")
+    assert "other files" not in section.text
+    assert not read_page(render_html(record(file_record(failed())), {})).all("section", kind="worth")
+
+
+def test_limits_are_those_of_the_file() -> None:
+    """Of passed checks alone: what would have been seen, with its unit; exact ones and those silent apart."""
+    measured = [replace(failed().measurements[1], name=f"m{k}", least_detectable=0.1 * k) for k in range(1, 6)]
+    timing = replace(failed(), outcome="passed", findings=(), measurements=tuple(measured))
+    limits = pass_limits_of((timing, passed(), not_observable()), ("a", "b", "c"))
+    assert limits is not None
+    (row,) = limits.rows
+    assert (row.check, row.limit, row.more) == (Link("a", timing.check), "m1 ≥ 0.1 ms", 4)
+    assert limits.exact == (Link("b", "clocks.order"),)
+    assert limits.unobserved == ((Link("c", "imu.timing"), "the vehicle hovers"),)
+    assert pass_limits_of((failed(), not_observable()), ("a", "b")) is None
