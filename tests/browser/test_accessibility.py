@@ -5,10 +5,17 @@ from pathlib import Path
 
 import pytest
 
+from fedora_qa.comparison.subjects import SharedEvidence
+from fedora_qa.record.types import Finding, Result, Where
+from fedora_reports.comparison import render_comparison
+from fedora_reports.html import render_html
 from tests.browser.audit import axe_script, violations
 from tests.browser.devtools import Browser
 from tests.browser.sample_page import write_sample
 from tests.browser.tab import Tab
+from tests.comparison.test_compare import versions
+from tests.reports.evidence_samples import all_kinds
+from tests.support.records import failed, file_record, record
 
 
 @pytest.fixture(scope="module")
@@ -40,6 +47,29 @@ def test_report_breaks_no_rule_seriously(
         tab.evaluate(f"document.documentElement.className = '{look}'")
         tab.evaluate("for (const part of document.querySelectorAll('details')) part.open = true")
         assert violations(tab, script) == {}
+
+
+@pytest.mark.parametrize(("width", "scheme"), [(390, "dark"), (1440, "light")])
+def test_comparison_and_release_break_no_rule_seriously(
+    browser: Browser, tmp_path: Path, script: str, width: int, scheme: str
+) -> None:
+    """Frames and paths beside each other, and a release with sparklines and a leak, everything unfolded."""
+    shared = [SharedEvidence("a.h5", (all_kinds(), all_kinds()))]
+    leak = Finding("R1", "release.splits.leak", "error", "Got the same rgb.", Where(start_us=0.0, stop_us=1e6))
+    results = (failed(), Result("release.splits", "failed", "Is it unlike the others?", findings=(leak,)))
+    sequences = [file_record(*results, path=f"v2/{name}.h5") for name in "ab"]
+    itself = file_record(Result("release.totals", "passed", "Is it all there?"), path="v2")
+    arrays = {f"{k}/{name}": array for k in (0, 1) for name, array in all_kinds().items()}
+    pages = {
+        "comparison.html": render_comparison(versions(), shared),
+        "release.html": render_html(record(*sequences, itself), arrays),
+    }
+    for name, html in pages.items():
+        (tmp_path / name).write_text(html, encoding="utf-8")
+        with Tab(browser, tmp_path / name, width=width, scheme=scheme) as tab:
+            tab.evaluate("for (const part of document.querySelectorAll('details')) part.open = true")
+            assert violations(tab, script) == {}
+            assert tab.complaints == []
 
 
 def test_the_audit_can_fail(browser: Browser, tmp_path: Path, script: str) -> None:
