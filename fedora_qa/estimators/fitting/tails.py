@@ -130,11 +130,8 @@ def log_chance_of_hits(hits: ArrayLike, trials: ArrayLike, share: float) -> NDAr
     beta function.
     """
     hits, trials = np.asarray(hits, dtype=np.float64), np.asarray(trials, dtype=np.float64)
-    any_hit = hits > 0
     # P(X >= k) = I_p(k, n - k + 1) for k > 0 (26.5.24), and P(X >= 0) = 1.
-    chances = np.where(
-        any_hit, betainc(np.where(any_hit, hits, 1.0), np.where(any_hit, trials - hits, trials) + 1.0, share), 1.0
-    )
+    chances = np.where(hits > 0, betainc(np.maximum(hits, 1.0), trials - hits + 1.0, share), 1.0)
     with np.errstate(divide="ignore"):
         return np.asarray(np.log(chances), dtype=np.float64)
 

@@ -14,6 +14,7 @@ from fedora_qa.estimators.clocks.grid import (
     crowded_step_ns,
     is_on_comb,
     single_precision_spacing_us,
+    surely_no_chance,
 )
 
 
@@ -39,6 +40,24 @@ def test_whole_microseconds_are_not_taken_for_it(origin_us: int, seed: int) -> N
 def test_early_timestamps_tell_nothing() -> None:
     """Below 16 s single precision is as fine as a microsecond."""
     assert single_precision_spacing_us(np.arange(0.0, 15e6, 1e5)) == 0.0
+
+
+@pytest.mark.parametrize(("grid_us", "fewest"), [(2.0, 20), (10.0, 7), (1000.0, 3)])
+def test_chance_is_excluded_below_one_in_a_million(grid_us: float, fewest: int) -> None:
+    """Of n timestamps all lie on a grid of g us with the chance g^-n, which 1e-6 itself does not exclude."""
+    assert surely_no_chance(np.full(fewest, grid_us))
+    assert not surely_no_chance(np.full(fewest - 1, grid_us))
+
+
+def test_as_many_timestamps_are_needed_as_chance_asks_for() -> None:
+    """At 64 s the spacing is 7.6 us: six such timestamps have the chance 5e-6, and seven the chance 7e-7."""
+    times_us = in_single_precision(64_000_000 + 5_000 * np.arange(7.0))
+    assert single_precision_spacing_us(times_us[:6]) == 0.0
+    assert single_precision_spacing_us(times_us) == pytest.approx(1e6 * 2.0**-17)
+    # Timestamps before 16 s are on every grid, and say nothing for or against.
+    early_us = np.arange(100.0, 1e6, 1e5)
+    assert single_precision_spacing_us(np.append(early_us, times_us)) == pytest.approx(1e6 * 2.0**-17)
+    assert single_precision_spacing_us(np.append(early_us, times_us[:6])) == 0.0
 
 
 WINDOW_US = 200_000

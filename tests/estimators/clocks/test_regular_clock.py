@@ -64,6 +64,24 @@ def test_a_late_part_is_found_with_its_rows_and_size(late_us: int, first: int, c
     assert (found.offset_ns, found.drift) == (late_us * US, 0.0)
 
 
+@pytest.mark.parametrize("first", [40, 300, 399])
+def test_a_part_that_lasts_to_the_end_is_found(first: int) -> None:
+    """It has one jump, into it; of the last row alone as well."""
+    times_us = timestamps_us()
+    times_us[first:] += 70
+    found = displaced_part(times_us * US, resolution_ns=US)
+    assert found is not None
+    assert (found.first, found.last, found.offset_ns) == (first, 399, 70 * US)
+
+
+def test_a_tenth_of_the_timestamps_must_lie_outside() -> None:
+    """Of 400 timestamps at most 360 can be displaced in part."""
+    for count, is_part in ((360, True), (361, False)):
+        times_us = timestamps_us()
+        times_us[20 : 20 + count] += 70
+        assert (displaced_part(times_us * US, resolution_ns=US) is not None) == is_part
+
+
 @pytest.mark.parametrize("rate", [60e-6, -120e-6])
 def test_a_fast_part_is_found_with_its_rate(rate: float) -> None:
     """A clock that runs fast for a while and is set right again."""

@@ -9,6 +9,7 @@ from scipy.interpolate import BSpline
 from fedora_qa.estimators.depth.edge_profiles import (
     FARTHEST_PX,
     RADIUS_PX,
+    REACH,
     EdgeShift,
     edge_shift,
     find_peaks,
@@ -36,6 +37,34 @@ def test_place_of_a_spline_is_exact(shift_px: float, before: float, after: float
     found = peaks_near(profile, np.array(middle))
     assert find_peaks(profile) in (middle - 1, middle, middle + 1)
     assert float(found.positions_px) == pytest.approx(shift_px, abs=1e-9)
+    # The samples of a B-spline add up to 1, so that its share is 1 over the sum of the profile.
+    assert float(found.fractions) == pytest.approx(1.0 / profile.sum())
+
+
+def test_peaks_are_those_of_the_spline_as_matched_filter() -> None:
+    """Of any profile, by SciPy's spline and NumPy's correlation; only places with surroundings count."""
+    profiles = np.random.default_rng(1).random((200, len(OFFSETS)))
+    inner = slice(RADIUS_PX - FARTHEST_PX, RADIUS_PX + FARTHEST_PX + 1)
+    due = [inner.start + np.argmax(np.correlate(one, quadratic(np.arange(-1, 2)), "same")[inner]) for one in profiles]
+    assert find_peaks(profiles).tolist() == due
+
+
+@pytest.mark.parametrize("reach", [REACH, REACH + 1])
+def test_a_mirrored_profile_has_the_mirrored_peak(reach: int) -> None:
+    """Of any profile: the position changes its sign and stays near the sample, and the share stays the same."""
+    profiles = np.random.default_rng(2).random((200, len(OFFSETS)))
+    samples = find_peaks(profiles)
+    found, mirrored = peaks_near(profiles, samples, reach), peaks_near(profiles[:, ::-1], 2 * RADIUS_PX - samples, reach)
+    np.testing.assert_allclose(mirrored.positions_px, -found.positions_px, atol=1e-12)
+    np.testing.assert_allclose(mirrored.fractions, found.fractions, atol=1e-12)
+    off_px = np.abs(found.positions_px - (samples - RADIUS_PX))
+    assert off_px.max() == pytest.approx(reach)
+
+
+def test_an_even_profile_has_no_peak() -> None:
+    """What does not rise above its background is left at its sample, with no share."""
+    found = peaks_near(np.ones(len(OFFSETS)), np.array(RADIUS_PX + 3))
+    assert (float(found.positions_px), float(found.fractions)) == (3.0, 0.0)
 
 
 def test_profile_of_averaged_steps_is_the_spline() -> None:

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from fedora_qa.estimators.depth.edge_steps import depth_steps
+from fedora_qa.estimators.depth.edge_steps import LEAST_STEP, depth_steps
 
 FAR_M = 30.0
 
@@ -57,6 +57,21 @@ def test_a_slanted_wall_before_nothing_has_its_outline() -> None:
     assert set(steps.columns) == {19.5}
     assert len(steps) == 30
     assert np.all(steps.near_first)
+
+
+@pytest.mark.parametrize(("share", "is_step"), [(1.01, True), (0.99, False)])
+@pytest.mark.parametrize("axis", [0, 1])
+@pytest.mark.parametrize("slope", [0.0, -0.5])
+def test_a_step_is_a_tenth_of_the_nearer_inverse_depth_beyond_the_slope(
+    share: float, is_step: bool, axis: int, slope: float
+) -> None:
+    """From a plane to a parallel one: slopes against the step are added to what is seen of it."""
+    size, near = share * LEAST_STEP, 0.5
+    columns = np.arange(20.0)
+    per_m = near * (1 + slope * size * (columns - 10)) - near * size * (columns < 10)
+    depth_m = (1.0 / per_m)[np.newaxis].repeat(20, axis=0)
+    steps = depth_steps(depth_m if axis == 0 else depth_m.T, axis, farthest_m=FAR_M)
+    assert len(steps) == (20 if is_step else 0)
 
 
 @pytest.mark.parametrize("shape", [(1, 1), (3, 3), (0, 5)])
