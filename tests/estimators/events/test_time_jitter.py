@@ -153,6 +153,27 @@ def test_jitter_above_all_intervals_gives_a_lower_bound() -> None:
     assert found.bound_s + 5 * found.standard_error_s < found.sigma_s < 5e-3
 
 
+@pytest.mark.parametrize("sigma_s", [1e-3, 2e-3])
+def test_longer_durations_show_the_jitter_that_short_ones_limit(sigma_s: float) -> None:
+    """Edges that pass in a millisecond limit what they show; beside them, slow edges show all of it."""
+    rng = np.random.default_rng(11)
+    times_s = np.concatenate([0.05 * ramps(2000, 0.2, rng), ramps(2000, 0.2, rng)])
+    found = estimate(times_s + sigma_s * rng.normal(size=times_s.shape), 0.2)
+    assert found is not None
+    assert found.duration_s > 0.015
+    assert not found.saturated
+    assert found.sigma_s == pytest.approx(sigma_s, abs=5 * found.standard_error_s)
+
+
+def test_short_regular_durations_need_no_longer_ones() -> None:
+    """Fast edges without jitter show that there is none, whatever slow events at random times are like."""
+    rng = np.random.default_rng(12)
+    chance = np.sort(rng.uniform(0, 0.025, (4000, 4)), axis=1)
+    found = estimate(np.concatenate([0.1 * ramps(2000, 0.2, rng), chance]), 0.2)
+    assert found is not None
+    assert found.sigma_s < 1e-6
+
+
 def test_edges_in_succession_are_no_jitter() -> None:
     """Of two pairs of events with a gap between, half of the quadruples: the lower quartile of |w| is of the others."""
     rng = np.random.default_rng(6)

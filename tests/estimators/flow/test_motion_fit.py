@@ -6,6 +6,7 @@ from scipy.spatial.transform import Rotation
 
 from fedora_qa.estimators.flow.motion_fit import (
     FlowSample,
+    fit_most,
     fit_motion,
     parallel_sum,
     sum_of,
@@ -44,6 +45,22 @@ def test_nonsense_is_refused() -> None:
     rng = np.random.default_rng(1)
     wild = FlowSample(garbage.columns, garbage.rows, garbage.depths_m, 5000 * rng.standard_normal((300, 2)), SIGMA_PX)
     assert fit_motion(K, MOTION, wild) is None
+
+
+@pytest.mark.parametrize("share", [0.25, 0.45])
+def test_motion_of_most_pixels_is_recovered_exactly(share: float) -> None:
+    """Pixels that move by themselves, anywhere in the image, have no effect as long as they are less than half."""
+    twist = np.array([0.01, -0.015, 0.02, 0.05, -0.02, 0.03])
+    whole = sample(MOTION.corrected(twist))
+    moving = np.random.default_rng(3).random(300) < share
+    whole.flow_px[moving] += [8.0, -5.0]
+    fit = fit_motion(K, MOTION, whole)
+    assert fit is not None
+    assert np.abs(fit.twist - twist).max() > 1e-3
+    most = fit_most(K, MOTION, whole, fit)
+    np.testing.assert_allclose(most.twist, twist, atol=1e-9)
+    np.testing.assert_allclose(most.residual_px[moving], np.tile([8.0, -5.0], (moving.sum(), 1)), atol=1e-6)
+    np.testing.assert_allclose(most.residual_px[~moving], 0.0, atol=1e-6)
 
 
 def test_correction_is_chi_square_under_its_noise() -> None:

@@ -1,11 +1,21 @@
 """All fields of one rate fitted together."""
 
+from collections.abc import Sequence
+
 import numpy as np
 import pytest
+from scipy.stats import chi2
 
+from fedora_qa.estimators.fitting.group_scatter import student_factor
 from fedora_qa.estimators.flow.field_fit import GAIN, MEAN
 from fedora_qa.estimators.flow.motion_fit import Evidence
-from fedora_qa.estimators.flow.rate_fit import error_scales, fit_rate, gain_on_true_flow
+from fedora_qa.estimators.flow.rate_fit import (
+    error_scales,
+    fit_rate,
+    gain_on_true_flow,
+    have_common_gain,
+    own_mean_share,
+)
 
 TEMPLATES = 15
 
@@ -61,6 +71,67 @@ def test_a_field_that_scatters_more_has_its_own_scale() -> None:
     assert scales[:9] == [scales[0]] * 9
     assert scales[0] == pytest.approx(1.0, rel=0.05)
     assert scales[9] == pytest.approx(10.0, rel=0.05)
+
+
+@pytest.mark.parametrize("freedom", [3, 10, 300])
+def test_median_scatter_of_noise_has_the_scale_of_noise(freedom: int) -> None:
+    """Where the scatter is the median of chi squared over its degrees of freedom, only Student's factor is left."""
+    scales = error_scales([float(chi2.median(freedom)) / freedom] * 5 + [0.0], [freedom] * 5 + [0])
+    assert scales == pytest.approx([student_factor(5 * freedom)] * 6, rel=5e-3)
+
+
+def gains(values: Sequence[float]) -> list[Evidence]:
+    """Fields whose residual is the flow times a gain, of a hundred tiles of unit flow each."""
+    made = []
+    for value in values:
+        matrix, vector = np.zeros((TEMPLATES, TEMPLATES)), np.zeros(TEMPLATES)
+        matrix[GAIN, GAIN], vector[GAIN] = 100.0, 100.0 * value
+        made.append(Evidence(matrix, vector, 100.0 * value**2, 100))
+    return made
+
+
+def test_a_gain_that_most_fields_have_is_common() -> None:
+    """Of either sign, and from half a percent on; a gain of single fields, or of one field alone, is not."""
+    assert have_common_gain(gains([0.02] * 5 + [0.0, 0.5]))
+    assert have_common_gain(gains([-0.02, -0.02]))
+    assert have_common_gain(gains([0.0051] * 5))
+    assert not have_common_gain(gains([0.0049] * 5))
+    assert not have_common_gain(gains([0.02] * 2 + [0.0] * 5))
+    assert not have_common_gain(gains([0.02]))
+
+
+def test_gains_at_random_are_not_common() -> None:
+    """The median of ten normal gains exceeds five of its errors by the errors' own scatter only: seldom."""
+    rng = np.random.default_rng(4)
+    alike = [have_common_gain(gains(rng.normal(0, 0.1, 10))) for _ in range(300)]
+    assert np.mean(alike) < 0.02
+    # A gain of ten of its standard errors, 1.25 sigma / sqrt(n), is common.
+    common = [have_common_gain(gains(rng.normal(0.4, 0.1, 10))) for _ in range(300)]
+    assert np.mean(common) > 0.95
+
+
+def means(values: Sequence[float], gain: float = 0.0) -> list[Evidence]:
+    """Fields of a hundred tiles each with a mean along the columns, and a gain, of orthogonal templates."""
+    made = []
+    for value in values:
+        sizes = np.zeros(TEMPLATES)
+        sizes[MEAN.start], sizes[GAIN] = value, gain
+        made.append(Evidence(100.0 * np.eye(TEMPLATES), 100.0 * sizes, 100.0 * float(sizes @ sizes), 100))
+    return made
+
+
+def test_means_of_their_own_are_those_that_fields_do_not_share() -> None:
+    """Means of opposite signs are shared by none; equal ones by all; of 1 and 3 a fifth of the squares is not.
+
+    The squares of 1 and 3 about their common mean 2 are 2 of 10.
+    """
+    assert own_mean_share(means([1.0, -1.0])) == pytest.approx(1.0)
+    assert own_mean_share(means([2.0, 2.0])) == pytest.approx(0.0, abs=1e-12)
+    assert own_mean_share(means([1.0, 3.0])) == pytest.approx(0.2)
+    # A common gain of 1 explains 2 of 4 squares, as much as the means of their own.
+    assert own_mean_share(means([1.0, -1.0], gain=1.0)) == pytest.approx(0.0, abs=1e-12)
+    assert own_mean_share(means([0.0, 0.0])) == 0.0
+    assert own_mean_share([]) == 0.0
 
 
 def test_fields_without_a_fit_keep_their_errors() -> None:

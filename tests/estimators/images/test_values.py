@@ -10,6 +10,7 @@ from fedora_qa.estimators.images.values import (
     add_up,
     count_codes,
     count_not_finite,
+    is_of_one_code,
     tally_depth,
     tally_flow,
     tally_samples,
@@ -54,6 +55,17 @@ def test_codes_are_counted_as_numpy_counts_them(shape: tuple[int, int, int], eve
     some = rgb[::every_px, ::every_px]
     assert count_codes(rgb, every_px, counts) == np.count_nonzero(some.max(axis=2) == 255)
     np.testing.assert_array_equal(counts - 1, np.bincount(some.ravel(), minlength=256))
+
+
+def test_an_image_of_one_code_is_told_by_every_value() -> None:
+    """One other value anywhere, in one channel, is enough; without values there is no code."""
+    image = np.full((3, 4, 3), 7, np.uint8)
+    assert is_of_one_code(image)
+    for place in range(image.size):
+        other = image.copy()
+        other.flat[place] = 8
+        assert not is_of_one_code(other)
+    assert not is_of_one_code(image[:0])
 
 
 def test_samples_that_are_not_finite_are_counted_by_row() -> None:
