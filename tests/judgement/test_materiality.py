@@ -12,6 +12,7 @@ from hypothesis import strategies as st
 
 from fedora_qa.checks.imu.agreement import ROTATION_TEXTS, TIMING_TEXTS, TRANSLATION_TEXTS
 from fedora_qa.checks.protocol import Observation, Statistic
+from fedora_qa.conventions import NS_PER_S
 from fedora_qa.judgement.judge import Judged, judge
 from fedora_qa.judgement.materiality import (
     MATERIALITY,
@@ -139,6 +140,19 @@ def test_a_timestamp_without_a_place_in_time_makes_no_file_longer() -> None:
     times_ns[0] = INVALID_TIMESTAMP_NS
     absurd = replace(facts, clocks={**facts.clocks, "rgb": clock_of(times_ns, None)})
     assert materiality_of("release", absurd).duration_s == pytest.approx(materiality_of("release", facts).duration_s)
+
+
+def test_a_file_lasts_from_its_first_timestamp_to_its_last() -> None:
+    """Of any stream, events as well; without any timestamp it has no length."""
+    facts = exact_facts()
+    assert facts.events is not None
+    events = replace(facts.events, first_ns=-NS_PER_S, last_ns=5 * NS_PER_S)
+    empty = replace(events, count=0)
+    assert materiality_of("release", replace(facts, events=None)).duration_s == 2.0
+    assert materiality_of("release", replace(facts, events=empty)).duration_s == 2.0
+    assert materiality_of("release", replace(facts, events=events)).duration_s == 6.0
+    assert materiality_of("release", replace(facts, clocks={}, events=events)).duration_s == 6.0
+    assert materiality_of("release", replace(facts, clocks={}, events=None)).duration_s == 0.0
 
 
 def test_a_share_of_what_is_expected() -> None:

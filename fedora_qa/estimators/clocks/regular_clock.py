@@ -268,8 +268,8 @@ def displaced_part(times_ns: Int64, *, resolution_ns: int) -> DisplacedSegment |
     if not len(rows) or len(times_ns) - (rows[-1] - rows[0] + 1) < _LEAST_OUTSIDE * len(times_ns):
         return None
     first, last = int(rows[0]), int(rows[-1])
-    # Steps of the deviation into the segment and out of it; a segment that lasts to the end has no second jump. The first
-    # row lies on the line, and so outside of the segment.
+    # Steps of the deviation into the segment and out of it; a segment that lasts to the end has no second jump. The
+    # first row lies on the line, and so outside of the segment.
     jumps = np.abs(np.diff(deviation_ns))[[first - 1, min(last, len(deviation_ns) - 2)]]
     if jumps.max() <= _ROUNDINGS * resolution_ns:
         return None

@@ -178,7 +178,8 @@ def _segments(samples: InertialSamples, noise: InertialNoise, comparison: Inerti
     for segment in segments_of(times_s, noise.shortest_segment_s):
         first_s, last_s = times_s[segment.start], times_s[segment.stop - 1]
         nearby = samples.between(first_s - _MARGIN_S, last_s + _MARGIN_S)
-        if len(nearby.imu_times_s) < FEWEST_ROWS or len(nearby.pose_times_s) < 3:
+        # Each row belongs to a pose.
+        if min(len(nearby.imu_times_s), len(nearby.pose_times_s)) < FEWEST_ROWS:
             continue
         nearby = comparison.prepared(nearby)
         rows = with_scatter(comparison.rows_of(nearby, noise), nearby, noise, comparison.effects_of)

@@ -54,7 +54,10 @@ def test_a_mirrored_profile_has_the_mirrored_peak(reach: int) -> None:
     """Of any profile: the position changes its sign and stays near the sample, and the share stays the same."""
     profiles = np.random.default_rng(2).random((200, len(OFFSETS)))
     samples = find_peaks(profiles)
-    found, mirrored = peaks_near(profiles, samples, reach), peaks_near(profiles[:, ::-1], 2 * RADIUS_PX - samples, reach)
+    found, mirrored = (
+        peaks_near(profiles, samples, reach),
+        peaks_near(profiles[:, ::-1], 2 * RADIUS_PX - samples, reach),
+    )
     np.testing.assert_allclose(mirrored.positions_px, -found.positions_px, atol=1e-12)
     np.testing.assert_allclose(mirrored.fractions, found.fractions, atol=1e-12)
     off_px = np.abs(found.positions_px - (samples - RADIUS_PX))

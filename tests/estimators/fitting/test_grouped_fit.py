@@ -222,3 +222,44 @@ def test_a_barred_group_stays_out() -> None:
     free = GroupedFit(blocks(values), PARAMETERS, AT_ZERO).free
     assert free[0] == "offset"
     assert GroupedFit(blocks(values), PARAMETERS, AT_ZERO, barred=("offset",)).free == ("slope",)
+
+
+AXES = FitParameters(
+    ("bias_x", "bias_y", "offset"), {"bias": (0, 1), "offset": (2,)}, (1e4,) * 3, (1e4,) * 3
+)  # fmt: skip
+
+
+def on_axes(values: NDArray[np.float64], number: int = 8, count: int = 50) -> list[BlockEquations]:
+    """Segments without noise, each of whose three parameters acts on one axis by its own size."""
+    jacobians, white = np.tile(np.eye(3), (count, 1, 1)), np.ones((3, 1, count))
+    return [block_equations(jacobians @ values, jacobians, white, np.zeros((count, 3))) for _ in range(number)]
+
+
+def test_orthogonal_groups_explain_their_own_squares() -> None:
+    """Of values 2, 1 and 3 on three axes the squares are 5 and 9 of 14; what the first leaves, the second explains."""
+    fit = GroupedFit(on_axes(np.array([2.0, 1.0, 3.0])), AXES, np.zeros(3))
+    fitted = fit.fitted()
+    assert fit.free == ("offset", "bias")
+    assert fitted["offset"].explained == pytest.approx({"offset": 9 / 14, "bias": 5 / 14})
+    assert fitted["bias_x"].explained == pytest.approx({"offset": 9 / 14, "bias": 1.0})
+
+
+def test_groups_that_are_not_free_leave_their_rivals_all_they_explain() -> None:
+    fitted = GroupedFit(on_axes(np.array([0.0, 0.0, 3.0])), AXES, np.zeros(3)).fitted()
+    assert fitted["bias_y"].explained == pytest.approx({"offset": 1.0})
+    silent = GroupedFit(on_axes(np.zeros(3)), AXES, np.zeros(3)).fitted()
+    assert silent["bias_y"].explained == {}
+
+
+@pytest.mark.parametrize("values", [(0.0, 0.0, 0.0), (2.0, 1.0, 0.0)], ids=["nothing free", "bias free"])
+def test_biases_of_segments_move_their_own_parameter_at_most_by_their_mean(values: tuple[float, ...]) -> None:
+    """Bounds of segments add up whatever their signs; a segment itself deviates by its own, and from a free mean."""
+    bounds = np.zeros((8, 2))
+    bounds[:, 0], bounds[3, 1] = np.arange(8.0), 4.0
+    fit = GroupedFit(on_axes(np.array(values)), AXES, np.zeros(3), segment_biases=bounds)
+    fitted = fit.fitted()
+    assert [fitted[name].model_error for name in AXES.names] == pytest.approx([28 / 8, 4 / 8, 0.0], abs=1e-6)
+    mean_bounds = bounds.mean(axis=0) if fit.free else np.zeros(2)
+    for axis, name in enumerate(AXES.names[:2]):
+        np.testing.assert_allclose(fit.local(name).model_errors, bounds[:, axis] + mean_bounds[axis], atol=1e-6)
+    np.testing.assert_allclose(fit.local("offset").model_errors, 0.0, atol=1e-6)

@@ -36,6 +36,13 @@ def test_chance_of_so_many_hits(one: int, other: int, share: float) -> None:
         assert found == pytest.approx(expected, rel=1e-9, abs=1e-9)
 
 
+@pytest.mark.parametrize("share", [1e-6, 0.3, 0.9])
+def test_chance_of_a_hit_in_any_trial_and_in_all(share: float) -> None:
+    """At least one of n has the chance 1 - (1 - p)^n, all of n have p^n, and one of one has p."""
+    found = tails.log_chance_of_hits([1, 20, 1], [20, 20, 1], share)
+    assert found == pytest.approx([np.log(-np.expm1(20 * np.log1p(-share))), 20 * np.log(share), np.log(share)])
+
+
 def test_no_hits_are_certain_and_no_trial_has_none() -> None:
     assert tails.log_chance_of_hits([0, 0], [0, 10], 0.0).tolist() == [0.0, 0.0]
 

@@ -7,12 +7,13 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from fedora_qa.estimators.imu.conventions import InertialConvention, explain_forces, explain_rates
+from fedora_qa.estimators.imu.conventions import InertialConvention, explain_forces, explain_rates, signed_permutations
 from fedora_qa.estimators.imu.samples import InertialSamples
 from tests.support.motion_world import GRAVITY_M_S2, NOISY, RESTLESS, sample_motion
 
 Plant = Callable[[InertialSamples], InertialSamples]
 
+IMU_FIELDS = ("imu_times_s", "angular_velocities_body_rad_s", "specific_forces_body_m_s2")
 IDENTITY = ((1, 0, 0), (0, 1, 0), (0, 0, 1))
 SWAP_XY = ((0, 1, 0), (1, 0, 0), (0, 0, 1))
 Y_Z_REVERSED = ((1, 0, 0), (0, -1, 0), (0, 0, -1))
@@ -103,6 +104,55 @@ def test_a_quarter_of_a_second_of_exact_poses_tells_the_reading(case: str) -> No
     assert is_like(explain_forces(plant(sample_motion(duration_s=0.25)), GRAVITY_M_S2, 1e-9), expected)
 
 
+@pytest.mark.parametrize("case", ["clean", "degrees", "wxyz", "swapped", "right-down"])
+def test_a_quarter_of_a_second_of_exact_orientations_tells_the_reading(case: str) -> None:
+    """The same for rotations."""
+    plant, expected = RATE_CASES[case]
+    assert is_like(explain_rates(plant(sample_motion(duration_s=0.25)), 1e-9), expected)
+
+
+def test_readings_by_axes_are_ordered_by_how_much_they_exchange() -> None:
+    """Of 48, one is as declared, three exchange two axes (they undo themselves), one reverses Y and Z."""
+    for axes in signed_permutations():
+        matrix = np.array(axes)
+        exchanges = bool(np.all(matrix >= 0) and np.array_equal(matrix @ matrix, np.eye(3)))
+        due = 0.0 if axes == IDENTITY else 1.0 if exchanges or axes == Y_Z_REVERSED else 2.0
+        assert InertialConvention(sensor_axes=axes).complexity == due
+        assert InertialConvention(world_axes=axes, gravity="missing").complexity == due + 0.5
+    assert len(set(signed_permutations())) == 48
+    assert InertialConvention("inverse", rate_unit=2.0).complexity == 2.0
+    assert InertialConvention("wxyz inverse", length_unit=2.0).complexity == 3.0
+
+
+@pytest.mark.parametrize(
+    ("residual", "declared", "share"),
+    [(1.0, 101.0, 1.0), (51.0, 101.0, 0.5), (101.0, 101.0, 0.0), (0.5, 101.0, 1.0), (0.5, 0.9, 0.0), (9.0, 1.0, 0.0)],
+)
+def test_a_reading_explains_what_it_removes_beyond_noise(residual: float, declared: float, share: float) -> None:
+    """Noise alone leaves 1 of either residual."""
+    found = InertialConvention(residual=residual, declared_residual=declared, count=100)
+    assert found.explained == pytest.approx(share)
+
+
+def test_disagreement_of_noise_scatters_as_stated() -> None:
+    """The rms of 20 comparisons of three axes, over many draws."""
+    squares = np.mean(np.random.default_rng(0).standard_normal((4000, 60)) ** 2, axis=1)
+    stated = [InertialConvention(declared_residual=float(square), count=20).disagreement for square in squares]
+    assert np.std([rms for rms, _ in stated]) == pytest.approx(stated[0][1], rel=0.05)
+
+
+def test_three_rates_are_no_curve() -> None:
+    """A steady turn fits whatever curve is drawn through its rates; a cubic one needs four of them."""
+    times_s, rate_rad_s = np.arange(101) / 200, np.array([0.3, -0.5, 0.9])
+    for count, is_enough in ((3, False), (4, True)):
+        zeros = np.zeros((count, 3))
+        turning = InertialSamples(
+            np.linspace(0, 0.5, count), zeros + rate_rad_s, zeros, times_s, np.zeros((101, 3)),
+            Rotation.from_rotvec(np.outer(times_s, rate_rad_s)).as_quat(),
+        )  # fmt: skip
+        assert (explain_rates(turning, 1e-9) is not None) == is_enough
+
+
 def test_streams_that_nothing_reconciles_are_left_unexplained() -> None:
     """Another flight's gyro fits no reading."""
     samples = sample_motion()
@@ -114,5 +164,10 @@ def test_streams_that_nothing_reconciles_are_left_unexplained() -> None:
 def test_too_few_samples_explain_nothing() -> None:
     """A twentieth of a second is not enough to choose among hundreds of readings."""
     samples = sample_motion(duration_s=0.05)
-    assert explain_rates(samples, 1e-9) is None
-    assert explain_forces(samples, GRAVITY_M_S2, 1e-9) is None
+    whole = sample_motion(duration_s=0.5)
+    still = whole.between(0.1, 0.1)
+    few_poses = replace(still, **{name: getattr(whole, name) for name in IMU_FIELDS})
+    few_rates = replace(whole, **{name: getattr(whole, name)[::250] for name in IMU_FIELDS})
+    for few in (samples, few_poses, few_rates):
+        assert explain_rates(few, 1e-9) is None
+        assert explain_forces(few, GRAVITY_M_S2, 1e-9) is None

@@ -90,7 +90,7 @@ def test_a_gap_is_not_bridged_by_differences() -> None:
 @pytest.mark.parametrize(("half_width", "degree"), [(4, 5), (6, 7), (12, 3)])
 def test_a_jump_is_found_to_size_and_place(times_ns: NDArray[np.int64], half_width: int, degree: int) -> None:
     """On a motion of the filter's degree the jump is exact, and nothing else is seen."""
-    values = polynomial(times_ns, [0.3] * (degree - 1))
+    values = polynomial(times_ns, [0.3] * (degree + 1))
     values[300:] += [0.002, 0.0, -0.01]
     steps = find_steps(times_ns, VectorSamples(values), half_width=half_width, degree=degree, sigma=1e-9)
     place = int(np.argmax(np.abs(steps.sizes).max(axis=1)))
@@ -98,6 +98,26 @@ def test_a_jump_is_found_to_size_and_place(times_ns: NDArray[np.int64], half_wid
     np.testing.assert_allclose(steps.sizes[place], [0.002, 0.0, -0.01], atol=1e-9)
     far = np.abs(steps.before - 299) > 2 * half_width
     assert np.abs(steps.sizes[far]).max() < 1e-9
+
+
+@pytest.mark.parametrize("times_ns", [TIMES_NS, uneven_ns(601)], ids=["even", "uneven"])
+@pytest.mark.parametrize(("half_width", "degree"), [(4, 5), (6, 7), (12, 3)])
+def test_motion_of_the_degree_of_a_filter_does_not_pass_it(
+    times_ns: NDArray[np.int64], half_width: int, degree: int
+) -> None:
+    """A power of the time in half widths passes the next lower filter, and the difference is stated as motion."""
+    count = 2 * half_width + 8
+    values = ((times_ns[:count] * 1e-9 / 0.005 - count / 2) / half_width)[:, None] ** degree * [1.0, -0.5, 2.0]
+    steps, lower = (
+        find_steps(times_ns[:count], VectorSamples(values), half_width=half_width, degree=each, sigma=1e-9)
+        for each in (degree, degree - 2)
+    )
+    assert len(steps.before) == 9
+    assert np.abs(steps.sizes).max() < 1e-9
+    passed = np.abs(lower.sizes).max(axis=1)
+    assert passed.max() > 0.01
+    # The bound is the largest difference within reach, here of all nine steps.
+    np.testing.assert_allclose(steps.motion[4], passed.max(), atol=1e-9)
 
 
 def test_the_gain_is_that_of_the_noise() -> None:

@@ -119,3 +119,14 @@ def test_errors_at_rest_are_those_of_what_is_stored(noise: InertialNoise) -> Non
     pose_variance = noise.rotation_rounding_rad**2 + 1e-30
     np.testing.assert_allclose(own, 2 * pose_variance + noise.gyro_density**2 / 200, rtol=1e-9)
     np.testing.assert_allclose(shared[1:], -pose_variance, rtol=1e-9)
+
+
+def test_no_interval_spans_a_gap_of_the_poses() -> None:
+    """Where poses are missing, the intervals on either side are compared, and none across."""
+    samples = sample_motion(duration_s=0.5)
+    kept = np.r_[0:40, 60:101]
+    poses = {name: getattr(samples, name)[kept] for name in ("pose_times_s", "positions_world_m", "orientations_xyzw")}
+    rows = rotation_rows(replace(samples, **poses), EXACT)
+    assert rows.poses.tolist() == [*range(39), *range(40, 80)]
+    assert rows.covariance_bands[0, 0, 39] == 0.0
+    np.testing.assert_allclose(rows.spans_s, 0.005)

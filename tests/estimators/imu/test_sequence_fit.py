@@ -177,8 +177,19 @@ def test_streams_of_different_motions_do_not_settle_or_leave_residuals() -> None
         assert found.rms > 100 * found.expected_rms
 
 
-def test_too_little_in_common_is_said() -> None:
-    """Streams that hardly overlap give None."""
+@pytest.mark.parametrize("comparison", [ROTATION, TRANSLATION], ids=["rotation", "translation"])
+@pytest.mark.parametrize("late_s", [0.49, 0.597, 0.7])
+def test_too_little_in_common_is_said(comparison: InertialComparison, late_s: float) -> None:
+    """Streams that hardly overlap, or do not at all, give None."""
     samples = sample_motion(duration_s=0.5)
-    apart = replace(samples, imu_times_s=samples.imu_times_s + 0.49)
-    assert fit_inertial(apart, EXACT, ROTATION, bias_walk=0.0) is None
+    apart = replace(samples, imu_times_s=samples.imu_times_s + late_s)
+    assert fit_inertial(apart, EXACT, comparison, bias_walk=0.0) is None
+
+
+@pytest.mark.parametrize("comparison", [ROTATION, TRANSLATION], ids=["rotation", "translation"])
+@pytest.mark.parametrize("count", [0, 1, 2, 3, 8])
+def test_few_poses_have_no_fit(comparison: InertialComparison, count: int) -> None:
+    samples = sample_motion(duration_s=0.5)
+    names = ("pose_times_s", "positions_world_m", "orientations_xyzw")
+    few = replace(samples, **{name: getattr(samples, name)[20 : 20 + count] for name in names})
+    assert fit_inertial(few, EXACT, comparison, bias_walk=0.0) is None
