@@ -5,6 +5,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from fedora_qa.estimators.flow.motion_fit import (
+    Evidence,
     FlowSample,
     fit_most,
     fit_motion,
@@ -133,6 +134,20 @@ def test_small_fault_is_found_under_pose_noise(cause: str) -> None:
     sizes, share = sum_of(evidences).explained_by(own.columns)
     assert own.size(sizes) == pytest.approx(size, rel=0.02)
     assert share > 0.99
+
+
+def test_evidence_states_sizes_and_what_they_leave() -> None:
+    """Orthogonal templates of information 4 and 25 with the sizes 3 and 2 explain 136 squares of 181, or of 544."""
+    matrix, sizes = np.diag([4.0, 25.0]), np.array([3.0, 2.0])
+    for total, count, error in ((181.0, 10**4, 0.5), (544.0, 100, 0.5 * np.sqrt(4.08))):
+        evidence = Evidence(matrix, matrix @ sizes, total, count)
+        fit = evidence.fit(slice(0, 2))
+        assert fit.sizes == pytest.approx(sizes)
+        assert fit.removed_share == pytest.approx(1 - np.sqrt(1 - 136 / total))
+        assert fit.standard_error == pytest.approx(error)
+        alone = evidence.along(np.array([1.0, 0.0])).fit(slice(0, 1))
+        assert (*alone.sizes, alone.removed_share) == pytest.approx((3.0, 1 - np.sqrt(1 - 36 / total)))
+    assert Evidence(matrix, np.zeros(2), 0.0, 10).explained_by(slice(0, 2))[1] == 0.0
 
 
 def test_parallel_sum_is_that_of_the_inverses() -> None:

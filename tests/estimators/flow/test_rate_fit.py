@@ -80,6 +80,19 @@ def test_median_scatter_of_noise_has_the_scale_of_noise(freedom: int) -> None:
     assert scales == pytest.approx([student_factor(5 * freedom)] * 6, rel=5e-3)
 
 
+@pytest.mark.parametrize(("share", "gain", "slope"), [(0.0, 0.0, 1.0), (0.2, 0.25, 1 / 0.64), (-1.0, -0.5, 0.25)])
+def test_a_share_of_the_stored_flow_is_a_gain_on_the_true_flow(share: float, gain: float, slope: float) -> None:
+    """G = g / (1 - g) and its derivative; where little is known, the error is that of g times the derivative."""
+    (few,) = gains([share])
+    few = Evidence(few.matrix * 1e-8, few.vector * 1e-8, few.total * 1e-8, few.count)
+    found, error, explained = gain_on_true_flow(few)
+    assert found == pytest.approx(gain)
+    assert error == pytest.approx(slope * 1e3, rel=1e-6)
+    assert explained == pytest.approx(float(share != 0))
+    fit = fit_rate([few] * 10, [1.0] * 10)
+    assert fit.gain.sizes == pytest.approx([gain], abs=1e-6)
+
+
 def gains(values: Sequence[float]) -> list[Evidence]:
     """Fields whose residual is the flow times a gain, of a hundred tiles of unit flow each."""
     made = []
