@@ -1,12 +1,15 @@
 """The verdict of a file follows from the outcomes of its checks."""
 
+from dataclasses import replace
 from typing import get_args
 
 import pytest
 
 from fedora_qa.catalogue import CHECKS
-from fedora_qa.judgement.verdict import comparisons_of, crossing_streams, verdict_of
+from fedora_qa.judgement.verdict import comparisons_of, crossing_streams, verdict_of, with_required_coverage
 from fedora_qa.record.types import Outcome, Result, Verdict
+from fedora_qa.record.wording import SHORT_OF_COVERAGE
+from tests.support.records import crashed, failed, file_record, passed
 
 CROSSING = frozenset({"a.crossing"})
 
@@ -67,3 +70,18 @@ def test_comparisons_are_counted() -> None:
     counted = results(first="passed", second="warned", third="failed", fourth="not_observable", own="passed")
     crossing = frozenset({"a.first", "a.second", "a.third", "a.fourth"})
     assert comparisons_of(counted, crossing) == 2
+
+
+def test_less_coverage_than_required_is_incomplete() -> None:
+    """A check meets its own requirement, else that of its subject, else none; one that measured nothing meets none."""
+    timing, response = failed(), replace(failed(), check="event_response.model")
+    file = file_record(timing, response, passed(), crashed())
+    share = 12 / 101
+    assert with_required_coverage(file, {}) is file
+    assert with_required_coverage(file, {"event_response": share, "clocks": 1.0}) is file
+    short = with_required_coverage(file, {"event_response": 0.5, "event_response.model": 0.1, "imu": 0.0})
+    assert short.verdict == "incomplete"
+    assert short.results == (replace(timing, reason=short.results[0].reason), *file.results[1:])
+    assert short.results[0].reason == f"saw 0.119 of its stream {SHORT_OF_COVERAGE} 0.5"
+    broken = with_required_coverage(file, {"imu": 1e-3}).results[-1]
+    assert broken.reason == f"{crashed().reason}; saw 0 of its stream {SHORT_OF_COVERAGE} 0.001"

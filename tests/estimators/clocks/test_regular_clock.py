@@ -6,7 +6,13 @@ from hypothesis import given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from fedora_qa.estimators.clocks.regular_clock import displaced_part, fit_regular_clock, rounding_grid_ns
+from fedora_qa.estimators.clocks.regular_clock import (
+    displaced_part,
+    fit_regular_clock,
+    has_odd_grid_above_period,
+    is_rounded,
+    rounding_grid_ns,
+)
 
 
 @given(st.integers(3, 400), st.integers(1, 10**9), st.integers(-(10**15), 10**15))
@@ -159,3 +165,66 @@ def test_jitter_is_no_grid() -> None:
 def test_too_few() -> None:
     """A short stream shows no grid."""
     assert rounding_grid_ns(timestamps_ns(5000.0, 10), resolution_ns=US) == 0
+
+
+def test_jumps_of_an_exact_clock_are_stated_to_size() -> None:
+    """Two jumps are taken off the line; three are jitter of the steps, and a step of two periods is a gap."""
+    times_ns = 5_000_000 * np.arange(100)
+    times_ns[30:] += 70_000
+    times_ns[60:] -= 20_000
+    fit = fit_regular_clock(times_ns)
+    assert fit is not None
+    assert (fit.jump_after.tolist(), fit.jumps_ns.tolist()) == ([29, 59], [70_000.0, -20_000.0])
+    assert (fit.period_ns, fit.period_error_ns, fit.irregular_steps) == pytest.approx((5e6, 0.0, 0), abs=1e-6)
+    times_ns[80:] += 5_000
+    thrice = fit_regular_clock(times_ns)
+    assert thrice is not None
+    assert (len(thrice.jump_after), thrice.irregular_steps) == (0, 3)
+    gap = fit_regular_clock(np.delete(5_000_000 * np.arange(100), [40, 41]))
+    assert gap is not None
+    assert (gap.gap_after.tolist(), gap.missing, len(gap.jump_after)) == ([39], 2, 0)
+
+
+def test_jumps_are_few_and_beyond_rounding() -> None:
+    """One of eleven steps is a jump, one of nine is not, and none of a microsecond."""
+    for count, jump_ns, jumps in ((12, 1001, 1), (12, 1000, 0), (10, 5000, 0)):
+        times_ns = 5_000_000 * np.arange(count)
+        times_ns[5:] += jump_ns
+        fit = fit_regular_clock(times_ns)
+        assert fit is not None
+        assert len(fit.jump_after) == jumps
+
+
+@pytest.mark.parametrize("grid_us", [1300, 1900])
+def test_double_steps_of_a_rounded_clock_are_no_gaps(grid_us: int) -> None:
+    """A grid a little above the period repeats timestamps, and one below skips teeth; neither loses a sample."""
+    skipping = rounded(timestamps_ns(2000.0), grid_us)
+    fit = fit_regular_clock(skipping)
+    assert fit is not None
+    assert fit.missing == 0
+    assert fit.grid_ns == grid_us * US
+    assert fit.period_ns == pytest.approx(2e6, rel=1e-3)
+
+
+@pytest.mark.parametrize("grid_us", [1100, 1700, 3000])
+def test_repeats_of_a_rounded_clock_are_no_samples_written_twice(grid_us: int) -> None:
+    """Rounded to a grid above its period, a clock repeats evenly; a sample written twice delays all later ones."""
+    assert is_rounded(rounded(timestamps_ns(1000.0), grid_us))
+    twice = np.sort(np.concatenate([timestamps_ns(1000.0), timestamps_ns(1000.0)[10:90:10]]))
+    assert not is_rounded(twice)
+    assert not is_rounded(timestamps_ns(1000.0))
+
+
+def test_few_repeats_are_rounding_where_the_grid_is_the_period_of_no_whole_rate() -> None:
+    """300 Hz on a grid of 3.4 ms repeats now and then; 3 repeats of 250 Hz on its own period are samples twice."""
+    few = rounded(timestamps_ns(1e6 / 300, 120), 3400)
+    assert 0 < np.count_nonzero(np.diff(few) == 0) < 6
+    assert has_odd_grid_above_period(few)
+    assert is_rounded(few)
+    whole = np.sort(np.concatenate([timestamps_ns(4000.0, 120), timestamps_ns(4000.0, 120)[[20, 60, 100]]]))
+    assert not has_odd_grid_above_period(whole)
+    assert not is_rounded(whole)
+    odd = np.sort(np.concatenate([timestamps_ns(3400.0, 120), timestamps_ns(3400.0, 120)[[20, 21, 22, 23, 24]]]))
+    assert not has_odd_grid_above_period(odd)
+    for without in (timestamps_ns(3400.0), np.zeros(9, np.int64), np.append(few, few[-1] + 1000)):
+        assert not has_odd_grid_above_period(without)

@@ -7,13 +7,17 @@ from hypothesis import strategies as st
 from scipy.ndimage import gaussian_filter
 
 from fedora_qa.estimators.events.orientation import (
+    DEPENDENT,
     SYMMETRIES,
     ChangeMoments,
     add_events_beyond,
     event_blocks,
     level_blocks,
+    most_reoriented,
+    other_correlations,
     span_moments,
     step_moments,
+    transformation,
 )
 
 SHAPE = (24, 36)
@@ -100,3 +104,46 @@ def test_block_means_are_those_of_the_signal(shape: tuple[int, int], dark: float
     assert np.isnan(found[0, 0])
     assert np.count_nonzero(np.isnan(found)) == 1
     assert found.ravel()[1:] == pytest.approx(expected.ravel()[1:], rel=1e-7)
+
+
+def test_each_other_orientation_has_its_transform() -> None:
+    """Inverted polarity negates the correlation: of the sixteen, all but the declared one, each once."""
+    correlations = np.arange(1.0, 9.0)
+    others = other_correlations(correlations)
+    for number, value in enumerate(others):
+        inverted, symmetry = transformation(number)
+        assert value == (-1 if inverted else 1) * correlations[SYMMETRIES.index(symmetry)]
+    assert len({transformation(number) for number in range(len(others))}) == 15
+    assert (False, SYMMETRIES[0]) not in {transformation(number) for number in range(len(others))}
+
+
+def moments(best: int | None, count: int = 400, correlation: float = 0.9) -> ChangeMoments:
+    """Blocks of unit variance that correlate as declared, or, where a symmetry is named, under it instead."""
+    sums = np.tile([count, 0.0, 0.0, count, count, 0.0], (8, 1))
+    sums[0 if best is None else best, 5] = correlation * count
+    return ChangeMoments(sums)
+
+
+def test_parts_of_another_orientation_are_named() -> None:
+    """Two of eight parts are mirrored; blocks too few, and without contrast beyond noise, are not compared."""
+    parts = [*(moments(None) for _ in range(5)), moments(3), moments(3, count=900), moments(5, count=99)]
+    found = most_reoriented(parts, noise=0.1)
+    assert found is not None
+    assert transformation(found.orientation) == (False, SYMMETRIES[3])
+    assert found.parts.tolist() == [False] * 5 + [True, True, False]
+    assert (found.declared, found.other, found.compared) == pytest.approx((0.0, 0.9, 7))
+    assert found.standard_error == pytest.approx(DEPENDENT / np.sqrt(400))
+
+
+def test_where_few_parts_agree_as_declared_none_is_an_outlier() -> None:
+    """Two of eight parts are a quarter, three are more; half of the correlation that noise allows must be reached."""
+    for upright, is_told in ((2, False), (3, True)):
+        parts = [*(moments(None) for _ in range(upright)), *(moments(3) for _ in range(8 - upright))]
+        assert (most_reoriented(parts, noise=0.1) is not None) == is_told
+    # With as much noise as signal sqrt(1/2) is due.
+    for correlation, is_told in ((0.36, True), (0.35, False)):
+        parts = [moments(None, correlation=correlation) for _ in range(8)]
+        assert (most_reoriented(parts, noise=1.0) is not None) == is_told
+    # Noise that leaves less than 0.3 makes a part worthless: sqrt(1 / (1 + 10.2)) is less.
+    assert most_reoriented([moments(None)] * 8, noise=10.2) is None
+    assert most_reoriented([moments(None)] * 8, noise=10.0) is not None

@@ -15,11 +15,14 @@ from fedora_qa.estimators.events.shift import (
     RADIUS_PX,
     IntervalChanges,
     ShiftSums,
+    bracketed_level_errors,
     cross_correlation,
     lattice_peak,
     lattice_spread,
     most_shifted,
+    open_level_errors,
     peak,
+    peak_spread,
     slope_sums,
 )
 from fedora_qa.estimators.events.shift_kernels import KNOWN, USABLE
@@ -337,3 +340,37 @@ def test_no_peak_where_nothing_agrees() -> None:
     """Blank images, or opposite ones, have none within reach."""
     assert peak(cross_correlation(0 * TEXTURE, TEXTURE, ALL)) is None
     assert peak(cross_correlation(TEXTURE, TEXTURE, ~ALL)) is None
+
+
+def gaussian(right_px: float, down_px: float) -> NDArray[np.float64]:
+    """A patch with a peak at an offset, of a width of 5 px: nearly a parabola."""
+    offsets = np.arange(-RADIUS_PX, RADIUS_PX + 1)
+    return np.exp(-((offsets - right_px) ** 2 + (offsets[:, np.newaxis] - down_px) ** 2) / 50)
+
+
+def test_spread_of_a_peak_is_that_of_its_intervals() -> None:
+    """Patches as wide and high as each other move the peak of their sum to the mean of theirs, for small shifts."""
+    shifts = 0.05 * np.random.default_rng(5).normal(size=(20, 2))
+    patches = np.array([gaussian(right, down) for right, down in shifts])
+    spread = peak_spread(patches, patches.sum(axis=0))
+    assert spread == pytest.approx(shifts.std(axis=0, ddof=1) / np.sqrt(20), rel=0.03)
+    lonely = np.array([gaussian(0.0, 0.0), np.zeros_like(patches[0])])
+    assert peak_spread(lonely, lonely.sum(axis=0)) is None
+
+
+def test_levels_between_events_err_as_uniform_ones() -> None:
+    """A regression on slopes h has the error s / sqrt(sum h^2), with s that of a difference of two uniform levels.
+
+    Open levels are uniform over 2 C. The lag is half a threshold over the slope.
+    """
+    rng = np.random.default_rng(6)
+    sums = np.array([[30.0, 50.0], [20.0, 70.0], [4.0, 9.0]])
+    errors, lags = open_level_errors(sums, THRESHOLD)
+    uniform = THRESHOLD * rng.uniform(-1, 1, (2, 200_000))
+    assert errors == pytest.approx(np.std(uniform[1] - uniform[0]) / np.sqrt(sums[2]), rel=0.01)
+    assert lags == pytest.approx(0.5 * THRESHOLD * np.array([30 / 20, 50 / 70]))
+    # Between two events of one polarity, f C on average: at most f (1 - f) C^2, as of a level that is 0 or C.
+    shares = rng.random((2, 200_000))
+    bracketed = THRESHOLD * (rng.random(shares.shape) < shares) - THRESHOLD * shares
+    due = np.std(bracketed[1] - bracketed[0]) / np.sqrt(sums[2])
+    assert bracketed_level_errors(sums, THRESHOLD) == pytest.approx(due, rel=0.01)

@@ -1,5 +1,7 @@
 """Fits of the event response from normal equations whose solution is known in closed form."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from numpy.typing import NDArray
@@ -9,7 +11,10 @@ from fedora_qa.estimators.events.threshold_fit import (
     FEWEST_PAIRS,
     FEWEST_TIMES,
     NormalBlocks,
+    concatenate,
     fit_interpolation,
+    fit_response,
+    normal_blocks,
 )
 from fedora_qa.estimators.fitting.group_scatter import student_factor
 
@@ -116,3 +121,40 @@ def test_one_polarity_is_not_fitted() -> None:
     matrices[:, 1] = matrices[:, :, 1] = 0.0
     single = NormalBlocks(matrices, blocks.vectors, blocks.squares, blocks.weights, blocks.counts, blocks.times_s)
     assert fit_interpolation(single) is None
+
+
+def test_blocks_hold_the_equations_of_their_rows() -> None:
+    """By NumPy's products of the rows of each block; blocks without rows are dropped where sums are joined."""
+    rng = np.random.default_rng(2)
+    X, y, weights, times_s = rng.normal(size=(60, 4)), rng.normal(size=60), rng.random(60), rng.random(60)
+    block_of_row = rng.choice([0, 2], 60)
+    found = normal_blocks(X, y, weights, block_of_row, 3, times_s)
+    assert found.counts[1] == found.weights[1] == found.times_s[1] == 0.0
+    for block in (0, 2):
+        rows = block_of_row == block
+        W = np.diag(weights[rows])
+        np.testing.assert_allclose(found.matrices[block], X[rows].T @ W @ X[rows])
+        np.testing.assert_allclose(found.vectors[block], X[rows].T @ W @ y[rows])
+        assert found.squares[block] == pytest.approx(y[rows] @ W @ y[rows])
+        assert (found.weights[block], found.counts[block]) == pytest.approx((weights[rows].sum(), rows.sum()))
+        assert found.times_s[block] == pytest.approx(times_s[rows].mean())
+    joined = concatenate([found, found])
+    np.testing.assert_array_equal(joined.matrices, found.matrices[[0, 2, 0, 2]])
+    np.testing.assert_array_equal(joined.times_s, found.times_s[[0, 2, 0, 2]])
+
+
+def test_residuals_of_a_block_are_those_of_its_pairs() -> None:
+    """Of level pairs, whose rates count with the delay at the time of the block."""
+    rng = np.random.default_rng(3)
+    X, times_s, block_of_row = rng.normal(size=(4000, 4)), np.repeat(np.arange(8.0), 500), np.repeat(np.arange(8), 500)
+    steps, delay_s = np.array([0.21, 0.19]), 0.05 + 0.01 * (times_s - 3.5)
+    sizes = 0.02 * (1 + block_of_row)
+    y = X[:, :2] @ steps + delay_s * (X[:, 2:] @ steps) + sizes * rng.normal(size=4000)
+    blocks = normal_blocks(X, y, np.ones(4000), block_of_row, 8, times_s)
+    fit = fit_response(blocks)
+    assert fit is not None
+    assert (fit.delay_s, fit.delay_rate) == pytest.approx((0.05, 0.01), abs=0.02)
+    exact = replace(fit, threshold_on=0.21, threshold_off=0.19, delay_s=0.05, delay_rate=0.01, middle_s=3.5)
+    residuals = (y - X[:, :2] @ steps - delay_s * (X[:, 2:] @ steps)).reshape(8, 500)
+    np.testing.assert_allclose(exact.block_sigmas(blocks), np.sqrt(np.mean(residuals**2, axis=1)))
+    assert (fit.threshold, fit.relative_sigma) == pytest.approx((0.2, fit.sigma / 0.2), abs=0.05)

@@ -6,7 +6,7 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from fedora_qa.estimators.images.gain import brightness_gain, gain_after_rounding
+from fedora_qa.estimators.images.gain import brightness_gain, gain_after_rounding, is_informative
 
 Floats = NDArray[np.float64]
 
@@ -46,6 +46,21 @@ def test_what_changes_in_a_third_of_the_image_does_not_matter() -> None:
     found = brightness_gain(before, after)
     assert found is not None
     assert found.log_gain == pytest.approx(np.log(1.1), abs=1e-9)
+
+
+def test_a_histogram_tells_where_neighbours_of_codes_are_frequent() -> None:
+    """Forty codes with fifty values each beside them are enough; the ends, which clipping fills, do not count."""
+    counts = np.zeros(256, np.int64)
+    counts[10:52] = 50
+    assert is_informative(counts)
+    counts[10] = 49
+    assert not is_informative(counts)
+    ends = np.zeros(256, np.int64)
+    ends[:42] = 50  # code 1 has no neighbour that counts
+    assert not is_informative(ends)
+    ends[42] = 50
+    assert is_informative(ends)
+    assert is_informative(ends[::-1])
 
 
 def test_standard_error_is_that_of_repetition() -> None:

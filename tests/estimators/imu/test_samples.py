@@ -1,8 +1,11 @@
 """Bookkeeping of samples, stretches and rows."""
 
+from dataclasses import replace
+
 import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
+from scipy.spatial.transform import Rotation
 
 from fedora_qa.estimators.imu.samples import (
     ComparisonRows,
@@ -85,3 +88,24 @@ def test_no_more_stretches_than_rows_however_far_a_timestamp_lies() -> None:
     """One absurd stamp would ask for billions of stretches of five seconds."""
     segments = segments_of(np.array([0.0, 0.1, 1e12]), 0.5)
     assert [index for one in segments for index in range(one.start, one.stop)] == [0, 1, 2]
+
+
+def test_a_lever_is_carried_by_the_body() -> None:
+    """Points of the body move as SciPy's rotations move them; no lever changes nothing."""
+    samples = sample_motion(duration_s=0.1)
+    arm = np.array([0.3, -0.2, 0.1])
+    carried = Rotation.from_quat(samples.orientations_xyzw).apply(arm)
+    np.testing.assert_allclose(samples.at_lever(arm).positions_world_m, samples.positions_world_m + carried)
+    assert samples.at_lever(np.zeros(3)) is samples
+
+
+def test_bounds_of_rows_add_the_bias_of_rounding() -> None:
+    """A bias of any sign on each axis adds the absolute derivative by it times its size."""
+    rows = replace(
+        rows_of(2),
+        model_errors=np.array([[0.1, -0.2, 0.0]] * 2),
+        bias_jacobians=np.array([np.diag([1.0, -2.0, 0.0]), np.full((3, 3), -1.0)]),
+        rounding_bias=np.array([0.01, 0.02, 0.04]),
+    )
+    np.testing.assert_allclose(rows.error_bounds, [[0.11, 0.24, 0.0], [0.17, 0.27, 0.07]])
+    np.testing.assert_allclose(rows.sigmas, np.sqrt(6.0))
