@@ -8,7 +8,9 @@ import pytest
 from scipy.stats import binomtest
 
 from fedora_qa.checks.protocol import FactsCheck, Notice, Observation, Statistic
-from fedora_qa.judgement.judge import Judged, judge
+from fedora_qa.judgement.judge import Judged, exceeds_limit, judge
+from fedora_qa.judgement.materiality import Materiality
+from fedora_qa.judgement.tolerances import tolerance_for
 from fedora_qa.record.types import Coverage
 from fedora_qa.sequence.facts import Facts
 
@@ -170,3 +172,44 @@ def test_all_comparisons_of_a_file_keep_its_rate() -> None:
     due = rate * (41 / 81 + 40 / 81 / 2)
     assert binomtest(alarms, files, due).pvalue > 1e-3
     assert alarms < rate * files
+
+
+class OtherToy(Toy):
+    """Is the other toy whole?"""
+
+    name = "toy.other"
+
+
+def test_findings_are_numbered_over_all_checks() -> None:
+    """Of a check the material ones first, then the immaterial, then its notices; checks without an observation lack."""
+    offset = measured(value=0.02, standard_error=0.001, code="event_response.timing.offset")
+    notices = tuple(Notice("toy.whole.odd", f"odd {i}") for i in range(4))
+    values = (offset, replace(offset, value=9.0), measured(value=9.0))
+    observations = {"toy.other": Observation(SEEN, values, notices), "toy.whole": Observation(SEEN, values[2:])}
+    first, second = judge(observations, [OtherToy(), Toy()], 1e-4, Materiality("release"))
+    assert [finding.id for finding in (*first.result.findings, *second.result.findings)] == [
+        f"F{i}" for i in range(1, 9)
+    ]
+    assert [finding.severity for finding in first.result.findings] == ["error"] * 2 + ["info"] + ["warning"] * 4
+    assert [alarm.statistic for alarm in first.alarms] == list(values[1:])
+    assert judge({"toy.whole": observations["toy.whole"]}, [OtherToy(), Toy()], 1e-4)[0].result.check == "toy.whole"
+    warned = judge({"toy.other": Observation(SEEN, (), notices)}, [OtherToy()], 1e-4)[0].result
+    assert (warned.outcome, warned.reason) == ("warned", "odd 0; odd 1; odd 2")
+
+
+def test_what_does_not_vary_takes_no_share_of_the_rate() -> None:
+    """Limits beside a thousand counts that must be zero are those of one value alone."""
+    count = measured(name="lost", standard_error=0.0, resolution=1.0, tests=1000)
+    alone = judged(Observation(SEEN, (measured(),))).result.measurements[0]
+    beside = judged(Observation(SEEN, (measured(), count))).result.measurements[0]
+    assert beside.limit == alone.limit
+
+
+def test_sides_and_sizes_of_a_deviation() -> None:
+    """A deviation of just its limit and the material size passes, on the side that counts."""
+    tolerance = tolerance_for(1, 1e-4)
+    limit = tolerance.limit(1.0, 0.5)
+    for side, sign in (("upper", 1), ("lower", -1), ("both", 1), ("both", -1)):
+        just = measured(value=7.0 + sign * (limit + 0.25), expected=7.0, model_error_bound=0.5, side=side)
+        assert exceeds_limit(just, tolerance, 0.2499)
+        assert not exceeds_limit(just, tolerance, 0.2501)

@@ -97,3 +97,22 @@ def test_places_without_a_rate_are_named_by_time() -> None:
     ]
     (result,), _ = join_places([judged(*placed)], [])
     assert result.result.findings[0].message.endswith("Likewise at 1 more place: imu, at 0 s.")
+
+
+def test_of_many_places_three_are_named() -> None:
+    """All stand in the record; the deviation without any scatter is the largest, and equal places are one."""
+    rates = [alarm(f"F{i}", f"flow/{i}hz", 10.0 * i) for i in range(1, 6)]
+    exact = replace(rates[1], statistic=replace(rates[1].statistic, value=1.0, standard_error=0.0))
+    twice = alarm("F6", "flow/3hz", 1.0)
+    (result,), _ = join_places([judged(rates[0], exact, *rates[2:], twice)], [])
+    head = result.result.findings[0]
+    assert head.where.stream == "flow/2hz"
+    assert [where.stream for where in head.places] == ["flow/1hz", "flow/3hz", "flow/4hz", "flow/5hz"]
+    assert head.message.endswith("Likewise at 4 more places: flow/1hz, flow/3hz, flow/4hz, ....")
+
+
+def test_equal_places_add_none() -> None:
+    """A rule that is broken twice at one place is one finding, which says nothing of places."""
+    (result,), _ = join_places([judged(alarm("F1", "rgb", 5.0), alarm("F2", "rgb", 9.0))], [])
+    head = result.result.findings[0]
+    assert (head.places, head.message) == ((), "rgb is off.")
