@@ -11,9 +11,11 @@ from fedora_qa.estimators.depth.edge_profiles import (
     RADIUS_PX,
     REACH,
     EdgeShift,
+    difference_profiles,
     edge_shift,
     find_peaks,
     peaks_near,
+    root_counts,
     tile_profiles,
 )
 from fedora_qa.estimators.depth.edge_steps import DepthSteps, depth_steps
@@ -94,6 +96,31 @@ def test_reads_between_pixels_are_linear() -> None:
     expected = 3.0 * 14.5 + 2.0 * (20.25 + OFFSETS) + 1.0
     np.testing.assert_allclose(along.sum(axis=(0, 1)), expected / expected.sum())
     np.testing.assert_allclose(across.sum(axis=(0, 1)), expected / expected.sum())
+
+
+@pytest.mark.parametrize("axis", [0, 1])
+@pytest.mark.parametrize("mirrored", [(False, False), (True, False), (False, True), (True, True)])
+def test_differences_are_those_of_the_mirrored_image(mirrored: tuple[bool, bool], axis: int) -> None:
+    """Profiles of the differences that NumPy takes of the image that it has mirrored."""
+    rng = np.random.default_rng(3)
+    picture = rng.random((50, 60)).astype(np.float32)
+    columns, rows = rng.uniform(13, 45, (2, 40))
+    steps = DepthSteps(columns, rows, np.ones(40), rng.random(40) < 0.5)
+    turned = picture[:: -1 if mirrored[1] else 1, :: -1 if mirrored[0] else 1]
+    differences = np.abs(np.diff(turned.astype(np.float64), axis=1 - axis))
+    found = difference_profiles(picture, steps, axis, (columns, rows), mirrored)
+    due = tile_profiles(differences, steps, axis, (columns, rows), first_px=0.5)
+    # Tiles of the differences are narrower by a part of a pixel: all of them together are compared.
+    np.testing.assert_allclose(found.sum(axis=1), due.sum(axis=1), rtol=1e-6)
+
+
+def test_roots_of_counts_are_those_of_a_histogram() -> None:
+    """Points in each pixel, counted by NumPy; points outside do not count."""
+    columns, rows = np.random.default_rng(4).integers(-2, 9, (2, 300))
+    inside = (rows >= 0) & (rows < 5) & (columns >= 0) & (columns < 7)
+    due = np.zeros((5, 7))
+    np.add.at(due, (rows[inside], columns[inside]), 1.0)
+    np.testing.assert_allclose(root_counts(columns, rows, 5, 7), np.sqrt(due), rtol=1e-6)
 
 
 def test_steps_near_the_border_are_left_out() -> None:
