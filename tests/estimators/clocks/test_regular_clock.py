@@ -80,6 +80,14 @@ def test_a_part_that_lasts_to_the_end_is_found(first: int) -> None:
     assert (found.first, found.last, found.offset_ns) == (first, 399, 70 * US)
 
 
+@pytest.mark.parametrize(("count", "is_exact"), [(150, True), (300, False)])
+def test_a_clock_most_of_whose_steps_differ_is_not_exact(count: int, is_exact: bool) -> None:
+    """Timestamps that are late and early in turn change each step: the clock is exact by the other steps, or not."""
+    times_us = timestamps_us()
+    times_us[50 : 50 + count] += 70 * (-1) ** np.arange(count)
+    assert (displaced_part(times_us * US, resolution_ns=US) is not None) == is_exact
+
+
 def test_a_tenth_of_the_timestamps_must_lie_outside() -> None:
     """Of 400 timestamps at most 360 can be displaced in part."""
     for count, is_part in ((360, True), (361, False)):
