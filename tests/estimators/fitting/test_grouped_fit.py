@@ -263,3 +263,32 @@ def test_biases_of_segments_move_their_own_parameter_at_most_by_their_mean(value
     for axis, name in enumerate(AXES.names[:2]):
         np.testing.assert_allclose(fit.local(name).model_errors, bounds[:, axis] + mean_bounds[axis], atol=1e-6)
     np.testing.assert_allclose(fit.local("offset").model_errors, 0.0, atol=1e-6)
+
+
+def with_means(means: NDArray[np.float64], noise: float, count: int = 50) -> GroupedFit:
+    """One offset of segments of 50 rows of three axes, which differ by their means and by steps up and down."""
+    offset = FitParameters(("offset",), {"offset": (0,)}, (1e4,), (1e4,))
+    made = []
+    for mean in means:
+        residuals = np.tile(mean + noise * (-1.0) ** np.arange(count), (3, 1)).T
+        made.append(block_equations(residuals, np.ones((count, 3, 1)), np.ones((3, 1, count)), np.zeros((count, 3))))
+    return GroupedFit(made, offset, np.zeros(1))
+
+
+def test_segments_that_scatter_give_the_error_of_their_mean() -> None:
+    """Of eight means about 0 it is their standard deviation over the root of eight; three are too few to tell."""
+    means = np.array([0.5, -0.7, 0.1, 0.9, -0.4, -0.8, 0.6, -0.2])
+    error = with_means(means, 0.1).fitted()["offset"].standard_error
+    assert error == pytest.approx(means.std(ddof=1) / np.sqrt(8), rel=1e-6)
+    few = with_means(np.array([0.5, -0.7, 0.2]), 0.1)
+    assert few.fitted()["offset"].standard_error == pytest.approx(max(1.0, few.misfit) / np.sqrt(3 * 150), rel=1e-6)
+
+
+@pytest.mark.parametrize("noise", [0.5, 1.0, 3.0])
+def test_segments_that_agree_have_the_error_of_their_rows(noise: float) -> None:
+    """The rms of 1200 rows over their root, never less than declared; one parameter was fitted."""
+    fit = with_means(np.zeros(8), noise)
+    assert fit.misfit == pytest.approx(noise * np.sqrt(1200 / 1199), rel=1e-6)
+    assert fit.fitted()["offset"].standard_error == pytest.approx(max(1.0, fit.misfit) / np.sqrt(1200), rel=1e-6)
+    local = fit.local("offset")
+    np.testing.assert_allclose(local.standard_errors, max(1.0, fit.misfit) / np.sqrt(150), rtol=1e-6)
