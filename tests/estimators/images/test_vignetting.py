@@ -1,5 +1,7 @@
 """Fall-off of the brightness from ratios of cells: exact where they are, with an error that their scatter confirms."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -86,9 +88,21 @@ def test_one_dn_is_the_step() -> None:
     assert fit_of(cells).step == pytest.approx(0.02)
 
 
+def test_bound_is_the_change_by_the_logarithms_of_noisy_sums() -> None:
+    """The mean of ln(1 + e) is -sigma^2 / 2: at worst all cells that move inward err so, and no others."""
+    exact, variance = cells_of(0.2, 0.1, 4), 1e-3
+    cells = replace(exact, rounding_variances=np.full(300, variance))
+    inward = np.sign(cells.inward - cells.inward.mean())
+    wrong = replace(cells, log_ratios=cells.log_ratios + inward * variance / 2)
+    bound = fit_of(cells).model_error_bound
+    # Huber's weights discount a part of the change.
+    assert 0.9 * bound < fit_of(wrong).a - fit_of(cells).a <= bound
+
+
 def test_too_few_cells_or_no_motion_give_nothing() -> None:
     """Cells that all move alike determine the constant of the pair alone."""
     assert pair_equations(cells_of(0.1, 0.0, 1, count=FEWEST_CELLS - 1)) is None
+    assert pair_equations(cells_of(0.1, 0.0, 1, count=FEWEST_CELLS)) is not None
     still = cells_of(0.1, 0.0, 1)
     still.inward[:] = 0.0
     assert pair_equations(still) is None
