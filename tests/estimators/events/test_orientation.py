@@ -147,3 +147,11 @@ def test_where_few_parts_agree_as_declared_none_is_an_outlier() -> None:
     # Noise that leaves less than 0.3 makes a part worthless: sqrt(1 / (1 + 10.2)) is less.
     assert most_reoriented([moments(None)] * 8, noise=10.2) is None
     assert most_reoriented([moments(None)] * 8, noise=10.0) is not None
+
+
+@given(st.floats(-100, 100), st.integers(1, 50))
+def test_equal_changes_have_no_variance(change: float, count: int) -> None:
+    """Sums of rounded numbers may differ by their last digits, and never in the wrong direction."""
+    numbers = np.full(count, change)
+    sums = np.array([[count, numbers.sum(), 0.0, (numbers**2).sum(), 0.0, 0.0]])
+    assert 0.0 <= ChangeMoments(sums).frame_variance() <= 1e-13 * change**2

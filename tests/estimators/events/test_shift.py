@@ -86,6 +86,33 @@ def test_the_shifted_parts_may_be_the_most() -> None:
     assert not found.alike.reshape(GRID, GRID)[:2, :2].any()
 
 
+def test_other_assumptions_and_spreads_widen_errors() -> None:
+    """The distance of a peak under another assumption is added in squares; a larger spread counts, and none excludes.
+
+    Peaks of all parts lie at the middle; under the other assumption that of the first part lies at (1, 2).
+    """
+    rng = np.random.default_rng(7)
+    parts = 6
+    at_rest, moved = gaussian_lattices(0.0, 0.0, 3.0), gaussian_lattices(1.0, 2.0, 3.0)
+    slopes = np.ones((parts, 3, 2)) * rng.uniform(1.0, 2.0, (parts, 1, 1))
+    sums = ShiftSums(np.array([at_rest] * parts), np.full((parts, 2), at_rest.max()), slopes)
+    own = np.array([bracketed_level_errors(each / 3, THRESHOLD) for each in slopes])
+    plain = most_shifted(sums, 3, THRESHOLD, 0.0)
+    assert plain is not None
+    np.testing.assert_allclose(plain.errors_px, own)
+    other = np.array([moved, *[at_rest] * (parts - 1)])
+    widened = most_shifted(sums, 3, THRESHOLD, 0.0, variants=[other, other])
+    assert widened is not None
+    due = np.hypot(own[0], np.sqrt(2) * np.array([1.0, 2.0]))
+    np.testing.assert_allclose(widened.errors_px[0], due, rtol=0.05)
+    np.testing.assert_allclose(widened.errors_px[1:], own[1:])
+    spreads = [np.array([9.0, 0.0]), None, *[np.zeros(2)] * (parts - 2)]
+    spread = most_shifted(sums, 3, THRESHOLD, 0.0, spreads=spreads)
+    assert spread is not None
+    assert spread.compared == parts - 1
+    np.testing.assert_allclose(spread.errors_px, [[9.0, own[0, 1]], *own[2:]])
+
+
 def test_parts_of_another_scene_have_no_shift() -> None:
     """Events of unrelated texture correlate too little for a peak of their own."""
     unrelated = tile_sums(scene(), inner(scene(seed=1)), np.ones(SHAPE, np.bool_))

@@ -79,3 +79,11 @@ def test_few_values_tell_nothing() -> None:
     values[0] = 9.0
     values[FEWEST_VALUES - 1 :] = np.nan
     assert chance_of_largest(values, np.ones((20, 2))) == 1.0
+
+
+@pytest.mark.parametrize(("outliers", "is_rare"), [(10, True), (11, False)])
+def test_many_outliers_are_another_distribution(outliers: int, is_rare: bool) -> None:
+    """Of forty values a quarter may lie far off; of more of them none is rare."""
+    values = np.random.default_rng(3).normal(0, 1, (40, 1))
+    values[:outliers] = 1e3
+    assert (chance_of_largest(values, np.full((40, 1), 0.01)) < 1e-4) == is_rare

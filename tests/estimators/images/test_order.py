@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from fedora_qa.estimators.images.luma import LUMA_ROUNDING_VARIANCE_DN2
 from fedora_qa.estimators.images.order import flow_ratio, flow_ratios_of_parts
 
 Float32 = NDArray[np.float32]
@@ -43,6 +44,22 @@ def test_share_is_found(share: float, flow_px: Float32) -> None:
     assert found is not None
     assert found.ratio == pytest.approx(share, abs=0.05 + 0.3 * abs(share))
     assert found.rounding_error < 0.01
+
+
+def test_rounding_error_is_that_of_repetition() -> None:
+    """White noise of the variance of rounded luma, in both frames, scatters the ratio as stated."""
+    flow_px = pan(1.0, 0.5)
+    rng, sigma_dn = np.random.default_rng(5), LUMA_ROUNDING_VARIANCE_DN2**0.5
+    frames = [frame(share, flow_px) for share in (0.0, 1.0)]
+    ratios, errors = [], []
+    for _ in range(60):
+        noisy = [(each + rng.normal(0, sigma_dn, each.shape)).astype(np.float32) for each in frames]
+        found = flow_ratio(noisy[0], noisy[1], flow_px)
+        assert found is not None
+        ratios.append(found.ratio)
+        errors.append(found.rounding_error)
+        assert found.standard_error >= found.rounding_error
+    assert np.std(ratios) == pytest.approx(np.mean(errors), rel=0.35)
 
 
 def test_exposure_is_no_motion() -> None:

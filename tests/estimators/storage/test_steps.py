@@ -90,6 +90,16 @@ def test_few_levels_show_their_step(seed: int, step: float, sway: float, single:
     assert found == pytest.approx(step, rel=1e-5)
 
 
+@settings(max_examples=30, deadline=None)
+@given(seed=seeds, step=st.floats(1e-5, 1.0), first=st.sampled_from([0, -300, 10_000]))
+def test_levels_that_never_return_show_their_step_by_their_distances(seed: int, step: float, first: int) -> None:
+    """A drift by one to four steps at a time, each level of which is held for twenty samples."""
+    rises = np.random.default_rng(seed).integers(1, 5, 60)
+    rises[7] = 1
+    values = step * (first + np.repeat(np.cumsum(rises), 20))
+    assert level_step(values) == pytest.approx(step, rel=1e-5)
+
+
 def test_levels_of_other_origin_have_no_step() -> None:
     """Samples that change each time, a constant, one change, and a slow stream whose samples are held for ten rows."""
     random = np.random.default_rng(5)
