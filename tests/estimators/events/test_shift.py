@@ -26,6 +26,7 @@ from fedora_qa.estimators.events.shift import (
     slope_sums,
 )
 from fedora_qa.estimators.events.shift_kernels import KNOWN, USABLE
+from fedora_qa.estimators.fitting.robust import MAD_TO_SIGMA
 from fedora_qa.views.event_camera import GRID, tile_around
 
 TEXTURE = gaussian_filter(np.random.default_rng(0).normal(0, 1, (24, 36)), 1.5)
@@ -111,6 +112,24 @@ def test_other_assumptions_and_spreads_widen_errors() -> None:
     assert spread is not None
     assert spread.compared == parts - 1
     np.testing.assert_allclose(spread.errors_px, [[9.0, own[0, 1]], *own[2:]])
+
+
+@pytest.mark.parametrize(("parts", "is_widened"), [(9, False), (10, True)])
+def test_the_scatter_of_many_parts_is_their_error(parts: int, is_widened: bool) -> None:
+    """Ten parts that scatter by more than their errors have their scatter as error, 1.4826 times the median deviation.
+
+    Shifts to the right grow evenly from part to part, none is downward.
+    """
+    shifts = 0.5 * (np.arange(parts) - (parts - 1) / 2)
+    patches = np.array([gaussian_lattices(right, 0.0, 3.0) for right in shifts])
+    sums = ShiftSums(patches, np.ones((parts, 2)), np.full((parts, 3, 2), 100.0))
+    found = most_shifted(sums, 1, THRESHOLD, 0.0)
+    assert found is not None
+    own = bracketed_level_errors(sums.slopes[0], THRESHOLD)
+    # Half of all scores are of the axis without a shift: the median is that of both axes.
+    scores = np.abs(np.concatenate([shifts, np.zeros(parts)])) / own[0]
+    due = own * max(1.0, MAD_TO_SIGMA * np.median(scores)) if is_widened else own
+    np.testing.assert_allclose(found.errors_px, np.tile(due, (parts, 1)), rtol=0.1)
 
 
 def test_parts_of_another_scene_have_no_shift() -> None:
@@ -373,6 +392,23 @@ def gaussian(right_px: float, down_px: float) -> NDArray[np.float64]:
     """A patch with a peak at an offset, of a width of 5 px: nearly a parabola."""
     offsets = np.arange(-RADIUS_PX, RADIUS_PX + 1)
     return np.exp(-((offsets - right_px) ** 2 + (offsets[:, np.newaxis] - down_px) ** 2) / 50)
+
+
+def test_peaks_are_positive_and_inside() -> None:
+    """A correlation that nowhere exceeds 0 has no peak; one at the border can be of a farther shift."""
+    assert peak(gaussian(0.0, 0.0) - 1.0) is None
+    barely = peak(gaussian(0.0, 0.0) - 0.999)
+    assert barely is not None
+    assert (barely.right_px, barely.down_px) == pytest.approx((0.0, 0.0), abs=1e-9)
+    for row, column in ((0, 5), (5, 0), (2 * RADIUS_PX, 5), (5, 2 * RADIUS_PX), (1, 5), (5, 2 * RADIUS_PX - 1)):
+        single = np.zeros((2 * RADIUS_PX + 1, 2 * RADIUS_PX + 1))
+        single[row, column] = 1.0
+        found = peak(single)
+        if {row, column} & {0, 2 * RADIUS_PX}:
+            assert found is None
+        else:
+            assert found is not None
+            assert (found.right_px, found.down_px) == (column - RADIUS_PX, row - RADIUS_PX)
 
 
 def test_spread_of_a_peak_is_that_of_its_intervals() -> None:

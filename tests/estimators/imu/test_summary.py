@@ -58,11 +58,17 @@ def test_rms_is_that_of_the_rows_that_were_fitted() -> None:
     assert found.worst.value == 99.0
 
 
-def test_error_of_the_rms_is_that_of_second_differences() -> None:
-    """Over many draws of second differences of white noise, the correlation of whose neighbours is -2/3."""
-    noise = np.diff(np.random.default_rng(0).standard_normal((600, 102, 3)), 2, axis=1)
-    measured = np.sqrt(np.mean(noise**2, axis=(1, 2)))
-    assert np.std(measured) == pytest.approx(summary([rows_of(noise[0], sigma=np.sqrt(6))]).rms_error, rel=0.1)
+@pytest.mark.parametrize("size", [1.0, 5.0])
+def test_error_of_the_rms_is_that_of_second_differences(size: float) -> None:
+    """Over many draws of second differences of white noise, the correlation of whose neighbours is -2/3.
+
+    Of two segments, the second has noise of another size.
+    """
+    noise = np.diff(np.random.default_rng(0).standard_normal((600, 2, 102, 3)), 2, axis=2)
+    noise[:, 1] *= size
+    measured = np.sqrt(np.mean(noise**2, axis=(1, 2, 3)))
+    segments = [rows_of(rows, sigma=of * np.sqrt(6)) for rows, of in zip(noise[0], (1.0, size), strict=True)]
+    assert np.std(measured) == pytest.approx(summary(segments).rms_error, rel=0.1)
 
 
 def test_smoothness_is_the_correlation_of_neighbours() -> None:
