@@ -62,12 +62,13 @@ def test_rms_is_that_of_the_rows_that_were_fitted() -> None:
 def test_error_of_the_rms_is_that_of_second_differences(size: float) -> None:
     """Over many draws of second differences of white noise, the correlation of whose neighbours is -2/3.
 
-    Of two segments, the second has noise of another size.
+    Of eight segments, the last has noise of another size.
     """
-    noise = np.diff(np.random.default_rng(0).standard_normal((600, 2, 102, 3)), 2, axis=2)
-    noise[:, 1] *= size
+    noise = np.diff(np.random.default_rng(0).standard_normal((600, 8, 42, 3)), 2, axis=2)
+    noise[:, -1] *= size
     measured = np.sqrt(np.mean(noise**2, axis=(1, 2, 3)))
-    segments = [rows_of(rows, sigma=of * np.sqrt(6)) for rows, of in zip(noise[0], (1.0, size), strict=True)]
+    sizes = (*[1.0] * 7, size)
+    segments = [rows_of(rows, sigma=of * np.sqrt(6)) for rows, of in zip(noise[0], sizes, strict=True)]
     assert np.std(measured) == pytest.approx(summary(segments).rms_error, rel=0.1)
 
 
