@@ -90,18 +90,18 @@ def test_the_shifted_parts_may_be_the_most() -> None:
 def test_other_assumptions_and_spreads_widen_errors() -> None:
     """The distance of a peak under another assumption is added in squares; a larger spread counts, and none excludes.
 
-    Peaks of all parts lie at the middle; under the other assumption that of the first part lies at (1, 2).
+    Peaks of all parts lie at (1, -1); under the other assumption that of the first part lies at (2, 1).
     """
     rng = np.random.default_rng(7)
     parts = 6
-    at_rest, moved = gaussian_lattices(0.0, 0.0, 3.0), gaussian_lattices(1.0, 2.0, 3.0)
+    alike, moved = gaussian_lattices(1.0, -1.0, 3.0), gaussian_lattices(2.0, 1.0, 3.0)
     slopes = np.ones((parts, 3, 2)) * rng.uniform(1.0, 2.0, (parts, 1, 1))
-    sums = ShiftSums(np.array([at_rest] * parts), np.full((parts, 2), at_rest.max()), slopes)
+    sums = ShiftSums(np.array([alike] * parts), np.full((parts, 2), alike.max()), slopes)
     own = np.array([bracketed_level_errors(each / 3, THRESHOLD) for each in slopes])
     plain = most_shifted(sums, 3, THRESHOLD, 0.0)
     assert plain is not None
     np.testing.assert_allclose(plain.errors_px, own)
-    other = np.array([moved, *[at_rest] * (parts - 1)])
+    other = np.array([moved, *[alike] * (parts - 1)])
     widened = most_shifted(sums, 3, THRESHOLD, 0.0, variants=[other, other])
     assert widened is not None
     due = np.hypot(own[0], np.sqrt(2) * np.array([1.0, 2.0]))

@@ -120,6 +120,9 @@ def test_blocks_without_samples_are_left_out() -> None:
     columns = np.random.default_rng(0).normal(size=(100, 5))
     sums = colour_blocks(columns, columns @ np.ones(5), np.zeros(100, np.intp), 4)
     assert len(concatenate_colours([sums, sums])) == 2
+    # A quarter of the image without events tells that nothing changes there.
+    still = colour_blocks(columns, np.zeros(100), np.zeros(100, np.intp), 4)
+    assert len(concatenate_colours([still])) == 1
 
 
 def test_error_of_the_exponent_is_that_of_repetition_whatever_the_scale() -> None:
