@@ -87,3 +87,10 @@ def test_many_outliers_are_another_distribution(outliers: int, is_rare: bool) ->
     values = np.random.default_rng(3).normal(0, 1, (40, 1))
     values[:outliers] = 1e3
     assert (chance_of_largest(values, np.full((40, 1), 0.01)) < 1e-4) == is_rare
+
+
+def test_freedom_is_that_of_the_scatter_of_the_median_absolute_deviation() -> None:
+    """The relative variance of its square is that of a variance, two over the degrees of freedom."""
+    deviations = np.abs(np.random.default_rng(6).standard_normal((6000, 400)))
+    squares = np.median(deviations, axis=1) ** 2
+    assert np.var(squares) / np.mean(squares) ** 2 == pytest.approx(2 / (tails._FREEDOM * 400), rel=0.08)

@@ -40,6 +40,8 @@ def test_blocks_cut_rows_without_loss(span_s: float, count: int, shortest_s: flo
     blocks = segments_of(times_s, shortest_s)
     assert [row for block in blocks for row in range(block.start, block.stop)] == list(range(count))
     assert len(blocks) <= max(1, round(span_s / min(max(span_s / 8, shortest_s), 5.0)))
+    lengths = [block.stop - block.start for block in blocks]
+    assert max(lengths) - min(lengths) <= 2  # one by what does not divide, one by rounding
 
 
 def test_rows_left_out_tear_the_covariance() -> None:
