@@ -33,6 +33,7 @@ from fedora_qa.layout.external_files import ExternalFiles
 from fedora_qa.layout.folder import OpenFolder
 from fedora_qa.layout.links import RefusedError, damaged_name, find_object, has_group, names_in
 from fedora_qa.layout.metadata import Supplied, supplied_declarations
+from fedora_qa.layout.similar_names import similar_path
 from fedora_qa.sources.images import Images, left_out, numbers_of
 
 _LIKE_A_RATE: Final = re.compile(r".*hz|[+-]?[0-9.]+", re.IGNORECASE)
@@ -226,6 +227,7 @@ class _Finder:
                     if damaged is not None:
                         message = f"Expected {path}, or names of text in {group or '/'}, got a damaged one: {damaged}"
                         self.binder.report(stream, "", RefusedError("unreadable", "corrupt_chunk", message))
+                self._report_similar_name(stream, path)
                 return
             if missing:
                 present = next(key for key, dataset in datasets.items() if dataset is not None)
@@ -262,9 +264,18 @@ class _Finder:
                 continue
             self.bindings.update(bound)
 
+    def _report_similar_name(self, stream: str, path: str) -> None:
+        """Note a name that is nearly that of an absent stream; rates of flow are nearly those of one another."""
+        if not self.dialect.canonical_elsewhere or is_flow_stream(stream) or not isinstance(self.file, h5py.File):
+            return
+        similar = similar_path(self.file, path, self.external_files)
+        if similar is not None:
+            message = f"Expected {path}, or no name like it, got {similar}; rename it if it is meant"
+            self.binder.report(stream, "", RefusedError("similar_name", "missing_stream", message), is_lossless=True)
+
     def report_declared_streams(self) -> None:
         """Report streams that metadata, a group or an index map declare and of which the file holds nothing."""
-        reported = {problem.stream for problem in self.binder.problems}
+        reported = {problem.stream for problem in self.binder.problems if not problem.is_lossless}
         groups = ((s, g) for s, g in (*PROMISED_BY.items(), *STREAM_GROUPS.items()) if self._has_group(g))
         maps = [key for key in (f"metadata/{name}" for name in FRAMES_OF_MAP) if key in self.bindings]
         of_maps = ((s, key) for key in maps for s in (FRAMES_OF_MAP[key.removeprefix("metadata/")], "events"))

@@ -44,6 +44,37 @@ def test_handmade_file_is_whole(file: h5py.File) -> None:
     assert not layout.inferred
 
 
+@pytest.mark.parametrize(
+    ("key", "name", "stream"),
+    [
+        ("metadata/depth_to_event", "metadata/depth_to_eve(t", "depth_to_event"),
+        ("metadata/rgb_to_event", "metadata/rgb_to_events", "rgb_to_event"),
+        ("path/events", "path/event", "events"),
+    ],
+)
+def test_misspelt_name_is_noted(file: h5py.File, key: str, name: str, stream: str) -> None:
+    """A name that is nearly that of an absent stream is a note beside whatever else its absence is."""
+    file.move(key, name)
+    notes = [problem for problem in resolve(file).problems if problem.is_lossless]
+    assert [(note.code, note.stream) for note in notes] == [("integrity.layout.similar_name", stream)]
+    assert f"got {name}; rename it" in notes[0].message
+
+
+def test_misspelt_stream_that_is_declared_is_missing(file: h5py.File) -> None:
+    """The note takes nothing from the finding that a declared stream is missing."""
+    file.move("path/events", "path/event")
+    rules = {problem.code for problem in resolve(file).problems if problem.stream == "events"}
+    assert rules == {"integrity.layout.missing_stream", "integrity.layout.similar_name"}
+
+
+@pytest.mark.parametrize("name", ["metadata/depth_to_frame", "metadata/event_to_depth", "metadata/rgb_to_depth", "x"])
+def test_other_names_are_not_noted(file: h5py.File, name: str) -> None:
+    """Names of their own beside an absent map, and the names of the layout, are nobody's misspelling."""
+    del file["metadata/depth_to_event"]
+    file[name] = np.arange(3)
+    assert not resolve(file).problems
+
+
 def test_masks_of_what_moves_are_read_where_they_are(file: h5py.File) -> None:
     """They are bound beside their flow, and no stream of their own; one that does not fit is a problem of its flow."""
     flow = file["path/flow/10hz"]

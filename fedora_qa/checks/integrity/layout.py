@@ -43,7 +43,7 @@ class IntegrityLayout(FactsCheck):
     by its metadata, by its group, and by an index map. Flow is looked for at every rate that a name in its
     group states; a name that states no rate, and a second name of one rate, are counted as broken. Other types that
     hold the same values (depth in float64, IMU in float32, polarity as bool or as -1 and 1, columns in uint32) are
-    read, and noted.
+    read, and noted. So is a name that is nearly that of an absent stream, and that the layout lacks.
 
     Noise model
     -----------
