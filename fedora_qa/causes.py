@@ -9,12 +9,11 @@ from dataclasses import dataclass
 from types import MappingProxyType
 from typing import Final
 
-STREAMS: Final = ("rgb", "depth", "events", "imu", "pose", "flow", "rgb_to_event", "depth_to_event", "metadata")
-"""Streams by name. ``flow`` is every rate together; one rate is ``flow/10hz`` and so on."""
-
 FRAMES: Final = ("rgb", "depth")
 TIMED: Final = ("rgb", "depth", "events", "imu", "pose", "flow")
 INDEX_MAPS: Final = ("rgb_to_event", "depth_to_event")
+STREAMS: Final = (*TIMED, *INDEX_MAPS, "ms_to_event", "metadata")
+"""Streams by name. ``flow`` is every rate together; one rate is ``flow/10hz`` and so on."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -61,8 +60,8 @@ _ALL: Final = (
           "Store the values as they are computed: float32 for images, float64 for samples."),
     Cause("time_unit", TIMED, "1", "stamps are in another unit than microseconds",
           "Write int64 microseconds."),
-    Cause("index_off_by_one", INDEX_MAPS, "events", "indices are shifted by a constant",
-          "Use searchsorted(t_event, t_frame, side='left'), counting from 0."),
+    Cause("index_off_by_one", (*INDEX_MAPS, "ms_to_event"), "events", "indices are shifted by a constant",
+          "Use searchsorted(t_event, t, side='left'), counting from 0; t of each frame or millisecond."),
     Cause("index_side", INDEX_MAPS, "", "indices point behind equal stamps",
           "Use side='left': the earliest event with t >= t_frame."),
     Cause("polarity_inverted", ("events",), "", "polarity is inverted",

@@ -1,4 +1,4 @@
-"""Hypotheses for wrong entries in the index maps from frames to events."""
+"""Hypotheses for wrong entries in the index maps from frames and milliseconds to events."""
 
 from collections.abc import Iterator
 from typing import Final
@@ -75,13 +75,17 @@ def propose_frame_to_event(alarm: Alarm, facts: Facts) -> tuple[Hypothesis, ...]
 
 
 def propose_milliseconds(alarm: Alarm, facts: Facts) -> tuple[Hypothesis, ...]:
-    """Return the causes of events whose timestamps changed after the map; none where the map itself is wrong.
+    """Return the causes of a constant shift, and of events whose timestamps changed after the map; else none.
 
     The milliseconds are no stream, so that nothing but events can be late or fast.
     """
     hypotheses = propose_frame_to_event(alarm, facts)
-    is_of_events = only_feature(alarm.statistic.features, MapRule).rule in {"delayed_events", "drifting_events"}
-    return hypotheses[:1] if is_of_events else ()
+    match only_feature(alarm.statistic.features, MapRule).rule:
+        case "shifted":
+            return hypotheses
+        case "delayed_events" | "drifting_events":
+            return hypotheses[:1]
+    return ()
 
 
 def _of_changed_timestamps(entries: WrongEntries) -> Iterator[Hypothesis]:

@@ -1,4 +1,4 @@
-"""Faults of the maps from frames to events, and maps that follow altered timestamps."""
+"""Faults of the maps from frames and milliseconds to events, and maps that follow altered timestamps."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
@@ -26,7 +26,7 @@ class IndexShift:
     Attributes
     ----------
     stream
-        The index map: ``rgb_to_event`` or ``depth_to_event``.
+        The index map: ``rgb_to_event``, ``depth_to_event`` or ``ms_to_event``.
     events
         Number of events; positive: indices too large.
     rows

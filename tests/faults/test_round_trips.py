@@ -51,6 +51,7 @@ from tests.support.memory_sequence import FLOW_STRIDES, MS, MemorySequence, all_
 
 FLOWS = ("flow", *(f"flow/{rate}" for rate in FLOW_STRIDES))
 TIMED = ("rgb", "depth", "events", "imu", "pose", *FLOWS)
+MAPS = ("rgb_to_event", "depth_to_event", "ms_to_event")
 
 Tolerance = Callable[[str, NDArray[Any], NDArray[Any]], None]
 
@@ -123,7 +124,7 @@ CASES: list[tuple[Any, Tolerance]] = [
     (st.builds(DuplicatedSamples, st.sampled_from(TIMED[:5]), st.integers(0, 3), few_or_all, st.booleans()), exact),
     (st.builds(DuplicatedSamples, flows), exact),
     (st.builds(SwappedFrames, st.sampled_from(["rgb", "depth", "flow/50hz"]), st.just(((0, 2), (1, 3)))), exact),
-    (st.builds(IndexShift, st.sampled_from(["rgb_to_event", "depth_to_event"]), st.integers(-9, 9), ranges), exact),
+    (st.builds(IndexShift, st.sampled_from(MAPS), st.integers(-9, 9), ranges), exact),
     (st.builds(IndexSide, st.sampled_from(["rgb_to_event", "depth_to_event"])), exact),
     (st.just(PolarityInversion()), exact),
     (st.builds(SwappedPixelAxes, st.sampled_from(["events", *FLOWS])), exact),

@@ -204,6 +204,7 @@ EXACT: list[Truth] = [
     (DuplicatedSamples("imu"), packet_twice),
     (SwappedFrames("depth", ((1, 4),)), on(lambda images: images[[0, 4, 2, 3, 1, 5]], "path/depth")),
     (IndexShift("rgb_to_event", 1), on(lambda index: index + 1, "metadata/rgb_to_event")),
+    (IndexShift("ms_to_event", -2), on(lambda index: index - 2, "metadata/ms_to_event")),
     (IndexSide("rgb_to_event"), lambda arrays: {"metadata/rgb_to_event": np.array(
         [np.sum(arrays[T] <= at) for at in arrays["path/rgb_ts"]])}),
     (PolarityInversion(), on(lambda p: np.choose(np.minimum(p, 2), [1, 0, 255]).astype(np.uint8), P)),

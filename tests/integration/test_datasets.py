@@ -223,7 +223,8 @@ FAULTS: dict[str, tuple[str, str, Callable[[Array], Array], str, str]] = {
         "m3ed", "falcon_data.h5:ovc/ts_map_prophesee_left_t", lambda k: k + 1, "index_maps.rgb", "index_off_by_one",
     ),
     "a map of M3ED from milliseconds that is off by one": (
-        "m3ed", "falcon_data.h5:prophesee/left/ms_map_idx", lambda k: k + 1, "index_maps.milliseconds", "unknown",
+        "m3ed", "falcon_data.h5:prophesee/left/ms_map_idx", lambda k: k + 1, "index_maps.milliseconds",
+        "index_off_by_one",
     ),
     "depth of M3ED that is 2% too large": (
         "m3ed", "falcon_depth_gt.h5:depth/prophesee/left", lambda z: 1.02 * z, "depth.scale", "unknown",

@@ -169,7 +169,7 @@ def move_the_map(folder: Path) -> None:
 @pytest.mark.parametrize(
     ("plant", "check_name", "cause"),
     [
-        (point_to_the_next_event, "index_maps.milliseconds", "unknown"),
+        (point_to_the_next_event, "index_maps.milliseconds", "index_off_by_one"),
         (exchange_coordinates_of_the_map, "metadata.cameras", "unknown"),
         (move_the_map, "metadata.cameras", "unknown"),
         (swap_components_of_flow, "flow_photometric.residual", "axes_swapped"),

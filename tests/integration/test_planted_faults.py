@@ -73,7 +73,7 @@ PLANTED = {
     "clocks.resolution": Planted("quantised_time", "events", 1, "ms", within=0.0),
     "index_maps.rgb": Planted("index_off_by_one", "rgb_to_event", 1, within=0.0),
     "index_maps.depth": Planted("index_off_by_one", "depth_to_event", -2, within=0.0),
-    "index_maps.milliseconds": Planted("unknown", "events", edit=index_next_event),
+    "index_maps.milliseconds": Planted("index_off_by_one", "ms_to_event", 1, within=0.0, edit=index_next_event),
     "event_stream.bounds": Planted("axes_swapped", "events"),
     "event_stream.duplicates": Planted("duplicated_samples", "events", 5, "ms"),
     "event_stream.gaps": Planted("dropped_samples", "events", 5, "ms", scene="fast-turn", start_s=0.5),

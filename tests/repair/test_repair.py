@@ -107,6 +107,25 @@ def test_a_fault_of_each_sort_is_repaired_and_checked(
     assert not [each.check for each in result.after.results if each.outcome in {"failed", "crashed"}]
 
 
+def test_a_map_of_milliseconds_is_diagnosed_and_repaired(tiny_park_day: Path, tmp_path: Path) -> None:
+    """It names the event after the next: the diagnosis of the engine is confirmed, and the map is right again."""
+    faulty, out = tmp_path / "faulty.h5", tmp_path / "out.h5"
+    faulty.write_bytes(tiny_park_day.read_bytes())
+    with h5py.File(faulty, "r+") as file:
+        times_us = file["path/events/t"][()]
+        entries = np.searchsorted(times_us, np.arange(0, times_us[-1], 1000))
+        file["metadata/ms_to_event"] = entries + 1
+    options = CheckOptions(select=("index_maps", "event_stream"), profile="release")
+    result = repair(faulty, out, options, quiet)
+    assert not result.refusal
+    assert [step.done for step in result.steps] == ["ms_to_event back by 1 events"]
+    assert result.after is not None
+    assert result.after.verdict != "findings"
+    with h5py.File(out) as repaired, h5py.File(tiny_park_day) as clean:
+        np.testing.assert_array_equal(repaired["metadata/ms_to_event"], entries)
+        np.testing.assert_array_equal(repaired["path/events/t"], clean["path/events/t"])
+
+
 @pytest.mark.parametrize("offset_ms", [-3, 1])
 def test_a_wrong_fault_leaves_nothing_behind(offset_ms: int, park_day: Path, tmp_path: Path) -> None:
     """Events are 3 ms late; neither the other sign nor a third of it clears the finding."""

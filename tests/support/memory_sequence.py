@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fedora_qa.layout.binding import INVALID_POLARITY, Binding
-from fedora_qa.layout.canonical import DATASETS
+from fedora_qa.layout.canonical import DATASETS, MS_TO_EVENT
 from fedora_qa.layout.resolve import Layout
 from fedora_qa.sequence.declared import Camera, Declared, EventModel, ImuModel, PoseModel
 from fedora_qa.sequence.facts import Facts
@@ -32,7 +32,7 @@ class MemorySequence:
         for array in self.arrays.values():
             array.flags.writeable = False
         bindings = {key: Binding(key, key, len(array), array.shape, array.dtype) for key, array in arrays.items()}
-        streams = frozenset(DATASETS[key].stream for key in arrays)
+        streams = frozenset(DATASETS[key].stream for key in arrays if key in DATASETS)
         self.layout = Layout("fedora", bindings, streams, {})
         self.declared = declared
         self.origin_ns = origin_ns
@@ -106,6 +106,8 @@ def memory_sequence(seed: int = 0, origin_ns: int = 0) -> MemorySequence:
         arrays |= {f"path/flow/{rate}": flow, f"path/flow/{rate}_ts": intervals}
     index = np.array([np.count_nonzero(t < frame) for frame in frames_ns])
     arrays |= {"metadata/rgb_to_event": index, "metadata/depth_to_event": index}
+    # Milliseconds count on the clock of the file.
+    arrays[MS_TO_EVENT] = np.array([np.count_nonzero(t + origin_ns < k * MS) for k in range(101)])
     return MemorySequence(arrays, declared_model(), origin_ns)
 
 

@@ -49,5 +49,5 @@ class IndexMapsMilliseconds(FactsCheck):
         milliseconds = facts.millisecond_map
         if milliseconds is None:
             raise ValueError("Expected a map from milliseconds to events, got none; ask not_applicable first")
-        words = MapWords(self.name, "events", "events", "millisecond")
+        words = MapWords(self.name, "ms_to_event", "events", "millisecond")
         return map_observation(facts, milliseconds.index_map, milliseconds.instants_ns, words)

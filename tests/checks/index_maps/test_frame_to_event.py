@@ -11,6 +11,7 @@ import pytest
 from fedora_qa.catalogue import hypotheses_of
 from fedora_qa.checks.index_maps.depth import IndexMapsDepth
 from fedora_qa.checks.index_maps.rgb import IndexMapsRgb
+from fedora_qa.engine.run import CheckOptions, check_file
 from fedora_qa.judgement.judge import Judged, judge
 from fedora_qa.sequence.facts import Facts
 from tests.support.checked import diagnoses_of, run_check
@@ -95,14 +96,49 @@ def test_the_other_cameras_map_is_named() -> None:
     ("change", "words", "cause"),
     [
         (lambda left: left, "", ""),
-        (lambda left: left + 2, "they are off by +2", "unknown"),
-        (lambda left: np.where(left > 0, left - 1, 0), "they are off by -1", "unknown"),
-        (lambda left: left + 2 * EVENTS_PER_MS + left % 7, "events that are +2", "time_offset"),
+        (lambda left: left + 2, "they are off by +2", "ms_to_event:index_off_by_one"),
+        (lambda left: np.where(left > 0, left - 1, 0), "they are off by -1", "ms_to_event:index_off_by_one"),
+        (lambda left: left + 2 * EVENTS_PER_MS + left % 7, "events that are +2", "events:time_offset"),
+        (lambda left: left + left // EVENTS_PER_MS % 2 * 5, "they are off by +5", "ms_to_event:index_off_by_one"),
+        (lambda left: left + left // EVENTS_PER_MS % 3 * 5, "no known deviation", "ms_to_event:unknown"),
+        (lambda left: left * 0, "they are zero", "ms_to_event:unknown"),
     ],
 )
 def test_milliseconds_are_held_to_their_own_instants(change: Any, words: str, cause: str, tmp_path: Path) -> None:
     """Entry k counts the events before k ms of the stored clock, whatever frames there are."""
-    path = write_handmade(tmp_path / "milliseconds.h5")
+    path = write_milliseconds(tmp_path / "milliseconds.h5", change)
+    result = run_check(path, "index_maps.milliseconds")
+    assert result.outcome == ("failed" if words else "passed")
+    assert all(words in finding.message and "Millisecond" in finding.message for finding in result.findings)
+    diagnoses = diagnoses_of(path, "index_maps.milliseconds")
+    assert [f"{diagnosis.stream}:{diagnosis.cause}" for diagnosis in diagnoses] == [cause] * bool(words)
+
+
+@pytest.mark.parametrize(
+    ("change", "cause", "magnitude", "status"),
+    [
+        (lambda left: left + 2, "index_off_by_one", 2.0, "confirmed"),
+        (lambda left: left - 3, "index_off_by_one", -3.0, "confirmed"),
+        # With one event added to all entries, the first would be 1.
+        (lambda left: np.maximum(left - 1, 0), "index_off_by_one", -1.0, "suggested"),
+        (lambda left: left + left // EVENTS_PER_MS % 2 * 5, "unknown", None, "unidentified"),
+    ],
+)
+def test_a_shift_of_milliseconds_is_confirmed_where_undoing_clears_it(
+    change: Any, cause: str, magnitude: float | None, status: str, tmp_path: Path
+) -> None:
+    """A constant shift of all entries is undone exactly; of every other entry it is none."""
+    path = write_milliseconds(tmp_path / "milliseconds.h5", change)
+    # Trials measure as much as the run itself did: of several checks.
+    options = CheckOptions(select=("index_maps.milliseconds", "event_stream"), evidence=None)
+    (diagnosis,) = check_file(path, options).record.diagnoses
+    assert (diagnosis.cause, diagnosis.stream) == (cause, "ms_to_event")
+    assert (diagnosis.magnitude, diagnosis.status) == (magnitude, status)
+
+
+def write_milliseconds(path: Path, change: Any) -> Path:
+    """A file with an event each microsecond, and the changed map of its milliseconds."""
+    write_handmade(path)
     with h5py.File(path, "a") as file:
         times_us = np.arange(0, 100_000)
         for name, values in {"t": times_us, "x": times_us % 16, "y": times_us % 12, "p": times_us % 2}.items():
@@ -110,10 +146,7 @@ def test_milliseconds_are_held_to_their_own_instants(change: Any, words: str, ca
             del file[f"path/events/{name}"]
             file[f"path/events/{name}"] = values.astype(kept)
         file["metadata/ms_to_event"] = change(np.arange(90) * EVENTS_PER_MS)
-    result = run_check(path, "index_maps.milliseconds")
-    assert result.outcome == ("failed" if words else "passed")
-    assert all(words in finding.message and "Millisecond" in finding.message for finding in result.findings)
-    assert [diagnosis.cause for diagnosis in diagnoses_of(path, "index_maps.milliseconds")] == [cause] * bool(words)
+    return path
 
 
 def test_maps_of_no_frame_are_not_judged() -> None:
