@@ -93,8 +93,8 @@ def with_following_maps(facts: Facts, sequence: SequenceRows, fault: Fault) -> F
     """Let the index maps follow the timestamps that an undone fault alters.
 
     A recorder may have made the maps from the faulty timestamps or from correct ones. Entries that equal the number of
-    events before their frame, by the timestamps with the fault, get that number by the timestamps without it. Others
-    stay.
+    events before their frame or millisecond, by the timestamps with the fault, get that number by the timestamps
+    without it. Others stay.
 
     Parameters
     ----------
@@ -112,11 +112,12 @@ def with_following_maps(facts: Facts, sequence: SequenceRows, fault: Fault) -> F
     """
     view = FaultySequence(sequence, fault)
     # The length of cells has no influence on the maps.
-    index_maps = cache(lambda: scan(view, NS_PER_S).facts.index_maps)
+    index_maps = cache(lambda: scan(view, NS_PER_S).facts.maps_to_events)
     rows = dict(fault.rows)
-    for name, index_map in facts.index_maps.items():
+    for name, index_map in facts.maps_to_events.items():
         key = f"metadata/{name}"
-        if {timestamps_of(FRAMES_OF_MAP[name]), timestamps_of("events")} & fault.rows.keys():
+        # Milliseconds have no timestamps of their own.
+        if {timestamps_of(FRAMES_OF_MAP.get(name, "events")), timestamps_of("events")} & fault.rows.keys():
             rows[key] = _following(name, index_map, index_maps, fault.rows.get(key))
     return replace(fault, rows=rows)
 

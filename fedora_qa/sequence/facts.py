@@ -249,6 +249,12 @@ class Facts:
         return self.origin_us + time_ns / NS_PER_US
 
     @property
+    def maps_to_events(self) -> Mapping[str, IndexMap]:
+        """The index maps of frames and, as ``ms_to_event``, that of milliseconds."""
+        milliseconds = self.millisecond_map
+        return {**self.index_maps, **({"ms_to_event": milliseconds.index_map} if milliseconds else {})}
+
+    @property
     def flow_streams(self) -> tuple[str, ...]:
         """The flow streams of the file, the lowest rate first."""
         return tuple(stream for stream in in_file_order(self.streams) if stream.startswith("flow/"))

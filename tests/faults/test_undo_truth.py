@@ -70,8 +70,9 @@ GYRO, ACCEL = "path/imu/angular_velocity", "path/imu/linear_acceleration"
 
 def counted(arrays: Arrays) -> Arrays:
     """Index maps of a recorder that makes them from these timestamps."""
-    return {f"metadata/{frames}_to_event": np.array([np.sum(arrays[T] < at) for at in arrays[f"path/{frames}_ts"]])
-            for frames in ("rgb", "depth")}  # fmt: skip
+    instants = {frames: arrays[f"path/{frames}_ts"] for frames in ("rgb", "depth")} | {"ms": MS * np.arange(101)}
+    return {f"metadata/{name}_to_event": np.array([np.sum(arrays[T] < at) for at in instants[name]])
+            for name in instants}  # fmt: skip
 
 
 def on(planter: Callable[[np.ndarray], np.ndarray], *keys: str) -> Planter:

@@ -129,6 +129,19 @@ def test_unsigned_microseconds_count_from_their_offset(tmp_path: Path) -> None:
     assert "got uint32 for numbers from -990" in result.refusal
 
 
+def test_milliseconds_follow_the_repaired_events(tmp_path: Path) -> None:
+    """DSEC: ``ms_to_idx`` counts from ``t_offset``; made of late events it follows, made of the true ones it stays."""
+    file, true = write_dsec(tmp_path / "events.h5"), [0, 1, 1, 2, 2]
+    replace_rows(file, "events/t", np.array([1500, 3500], np.uint32))
+    for entries in ([0, 0, 1, 1, 2], true):
+        replace_rows(file, "ms_to_idx", np.array(entries, np.uint64))
+        result, out = repaired(file, ClockShift("events", 1 * MS))
+        assert not result.refusal
+        np.testing.assert_array_equal(values(out, "events/t"), [500, 2500])
+        assert values(out, "ms_to_idx").tolist() == true
+        out.unlink()
+
+
 def test_axes_are_exchanged_in_other_places(tmp_path: Path) -> None:
     """M3ED: columns and rows of events, by their own names."""
     file = write_m3ed(tmp_path / "data.h5")

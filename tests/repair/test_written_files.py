@@ -10,11 +10,12 @@ import pytest
 from fedora_generator.faults.plant import plant_fault
 from fedora_qa.engine.options import CheckOptions
 from fedora_qa.engine.progress import quiet
+from fedora_qa.faults.clocks import ClockShift
 from fedora_qa.faults.declarations import NoiseMisdeclared
 from fedora_qa.faults.images import TransferMisdeclared
 from fedora_qa.faults.index_maps import IndexSide
 from fedora_qa.faults.reversible import ReversibleFault
-from fedora_qa.faults.row_order import SwappedFrames
+from fedora_qa.faults.row_order import DuplicatedSamples, SwappedFrames, Unsorted
 from fedora_qa.faults.table import FAULTS, WithoutInverse
 from fedora_qa.layout.canonical import DATASETS
 from fedora_qa.repairs.mechanical import MECHANICAL, why_not_mechanical
@@ -102,6 +103,31 @@ def test_every_fault_that_can_be_undone_is_mechanical_or_not_for_a_reason() -> N
     beside = {SwappedFrames, TransferMisdeclared, IndexSide, NoiseMisdeclared}  # tests of their own below
     mechanical = {each for each in MECHANICAL if MECHANICAL[each] == "" or callable(MECHANICAL[each])}
     assert mechanical == {type(case.undoing) for case in MECHANICAL_CASES} | beside
+
+
+@pytest.mark.parametrize(
+    ("cause", "magnitude", "fault"),
+    [
+        ("time_offset", 3.0, ClockShift("events", 3_000_000)),
+        ("unsorted", 20, Unsorted("events", 0, 20)),
+        ("duplicated_samples", 5.0, DuplicatedSamples("events")),
+    ],
+)
+def test_milliseconds_follow_the_repaired_events(
+    cause: str, magnitude: float, fault: ReversibleFault, clean: Path, tmp_path: Path
+) -> None:
+    """A recorder made the map from the faulty events: the repaired file has that of the clean ones."""
+    mapped, faulty = tmp_path / "mapped.h5", tmp_path / "faulty.h5"
+    mapped.write_bytes(clean.read_bytes())
+    with h5py.File(mapped, "r+") as file:
+        instants_us = np.arange(0, int(file["path/events/t"][-1]), 1000)
+        file["metadata/ms_to_event"] = np.searchsorted(file["path/events/t"][()], instants_us)
+    plant_fault(mapped, faulty, cause, "events", magnitude)
+    with h5py.File(faulty, "r+") as file:
+        times_us = np.sort(file["path/events/t"][()])
+        file["metadata/ms_to_event"][...] = np.searchsorted(times_us, instants_us)
+    assert not repaired(faulty, fault).refusal
+    require_equal(tmp_path / "repaired.h5", mapped)
 
 
 def test_exchanged_frames_return(clean: Path, tmp_path: Path) -> None:
