@@ -91,7 +91,6 @@ def repair(
         raise MisuseError("Expected a file to write, or dry_run=True, got neither")
     if isinstance(only, str):
         raise MisuseError(f"Expected diagnoses in a list, got {only!r}; pass only=[{only!r}]")
-    require_writable(file, output, [Path(config)] if config else [], force=force)
     options = {
         "effort": effort,
         "select": select,
@@ -103,7 +102,9 @@ def repair(
         "false_alarm_rate": false_alarm_rate,
         "allow_external": folder_texts(allow_external),
     }
-    engine_options = check_options(settings_of(config, options))
+    settings = settings_of(config, options)
+    require_writable(file, output, Path(config) if config else None, settings.metadata, force=force)
+    engine_options = check_options(settings)
     require_hdf5([file])
     target = None if dry_run else output
     result = repair_file(file, target, engine_options, quiet, only=tuple(only))

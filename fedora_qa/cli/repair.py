@@ -40,8 +40,9 @@ def run_repair(
         raise MisuseError(f"Expected a file on this machine, got {file}; copy it first")
     if output is None and not dry_run:
         raise MisuseError("Expected -o OUT, the file to write, or --dry-run, got neither")
-    require_writable(file, output, [config] if config else [], force=force)
-    options = check_options(settings_from(config, overrides))
+    settings = settings_from(config, overrides)
+    require_writable(file, output, config, settings.metadata, force=force)
+    options = check_options(settings)
     require_hdf5([file])
     named = tuple(name.strip() for names in only for name in names.split(",") if name.strip())
     opening = opening_test(file, options.dialect, options.allow_external)
@@ -61,9 +62,11 @@ def run_repair(
     return FINDINGS if result.refusal else CLEAN
 
 
-def require_writable(file: Path, output: Path | None, others: list[Path], *, force: bool) -> None:
+def require_writable(
+    file: Path, output: Path | None, config: Path | None, metadata: str | None, *, force: bool
+) -> None:
     """Raise ``MisuseError`` where the output is an input under any name, exists, or cannot be written."""
-    Outputs(own=(output,)).require_writable([file, *others])
+    Outputs(own=(output,)).require_writable([file, *(Path(each) for each in (config, metadata) if each)])
     if output is None or not output.exists():
         return
     # Hard links: two names of one file, neither of which leads to the other.

@@ -1,5 +1,6 @@
 """Write the declarations that a repair changes to the attributes from which they are read."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass, fields
 from typing import Any, Final
 
@@ -7,6 +8,7 @@ import h5py
 import numpy as np
 
 from fedora_qa.layout.canonical import ATTRIBUTES
+from fedora_qa.layout.metadata import Supplied
 from fedora_qa.layout.resolve import Layout
 from fedora_qa.repairs.not_repairable import NotRepairableError
 from fedora_qa.sequence.declared import Declared
@@ -35,13 +37,22 @@ class Declaration:
     value: Any
 
 
-def changed_declarations(before: Declared, after: Declared) -> tuple[Declaration, ...]:
+def changed_declarations(
+    before: Declared, after: Declared, supplied: Mapping[str, Supplied]
+) -> tuple[Declaration, ...]:
     """Return the declarations that differ, in the order of the layout.
+
+    Parameters
+    ----------
+    before, after
+        Without and with the repair.
+    supplied
+        What the dialect, or a file beside the sequence, declares, by canonical key.
 
     Raises
     ------
     NotRepairableError
-        One differs that lies in no attribute of the layout.
+        One differs that lies in no attribute of the layout, or that the file does not make itself.
     """
     old, new = _attributes(before), _attributes(after)
     changed = {place for place, value in new.items() if place not in old or not np.array_equal(old[place], value)}
@@ -50,6 +61,13 @@ def changed_declarations(before: Declared, after: Declared) -> tuple[Declaration
         raise NotRepairableError(
             f"Expected declarations that are attributes, got {', '.join(unknown) or 'a range of depth'}"
         )
+    # What is supplied takes precedence over what would be written into the file.
+    for owner, name in ATTRIBUTES:
+        if (owner, name) in changed and (made := supplied.get(f"{owner}/{name}".lstrip("/"))):
+            raise NotRepairableError(
+                f"Expected declarations that the file makes itself, got {owner or '/'}.{name} by {made.origin}; change "
+                f"it to {np.asarray(new[owner, name]).tolist()} there, or leave the diagnosis out with --only"
+            )
     return tuple(Declaration(owner, name, new[owner, name]) for owner, name in ATTRIBUTES if (owner, name) in changed)
 
 

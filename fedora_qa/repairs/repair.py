@@ -21,6 +21,7 @@ from fedora_qa.faults.clocks import TimeUnit
 from fedora_qa.faults.fault import FaultySequence
 from fedora_qa.faults.reversible import InapplicableError, ReversibleFault
 from fedora_qa.layout.canonical import spec_of
+from fedora_qa.layout.dialect import DialectChoice, split_choice
 from fedora_qa.layout.walk import walk
 from fedora_qa.record.atomic import replacing
 from fedora_qa.record.types import Diagnosis
@@ -90,7 +91,7 @@ def repair(
             with open_copy(temporary) as copy:
                 done = _undo(source, copy, options, chosen, progress)
                 with writing(PROVENANCE):
-                    _write_provenance(copy, source, digest, done)
+                    _write_provenance(copy, source, digest, options.dialect, done)
             result = _with(result, done)
             if local_version(source) != version:
                 raise NotRepairableError(
@@ -201,7 +202,7 @@ def _undo(
         if moved:
             require_known_rows(file, sequence.layout, moved)
         datasets = rewrite(file, sequence, view, keys, copy, progress)
-        declared = changed_declarations(sequence.declared, view.declared)
+        declared = changed_declarations(sequence.declared, view.declared, sequence.layout.supplied)
         if not datasets and not declared:
             raise NotRepairableError("Expected undoing to change a stored value, but it changes none.")
         # A label of another unit was true of the values as they were.
@@ -225,12 +226,14 @@ def _undo(
     return _Changes(tuple(steps), datasets, tuple(attributes), beside)
 
 
-def _write_provenance(copy: h5py.File, source: Path, digest: str, done: _Changes) -> None:
+def _write_provenance(copy: h5py.File, source: Path, digest: str, choice: DialectChoice, done: _Changes) -> None:
     """Add what was done to the file: one text for each repair, in JSON."""
+    _, side = split_choice(choice)
     document = {
         "tool": {"name": "fedora-qa", "version": __version__},
         "repaired": datetime.now(UTC).isoformat(timespec="seconds"),
         "source": {"name": source.name, "sha256": digest},
+        **({"metadata": side.name} if side else {}),
         "steps": [
             {
                 "done": step.done,

@@ -1,5 +1,6 @@
 """``fedora-qa repair`` from end to end: what it refuses before any work, what it prints, and its exit codes."""
 
+import json
 import os
 from collections.abc import Callable
 from functools import partial
@@ -169,6 +170,30 @@ def test_a_fault_is_found_confirmed_and_repaired(park_day: Path, tmp_path: Path,
             key = f"path/flow/{rate}"
             assert clean[key][()].tobytes() == file[key][()].tobytes()
         assert len(file["provenance/repairs"]) == 1
+
+
+def test_metadata_that_the_file_lacks_are_supplied(tiny_park_day: Path, tmp_path: Path, fedora_qa: Command) -> None:
+    """Flow is held against depth with the declared camera alone; what is supplied is named, and not written."""
+    faulty, repaired, side = (tmp_path / name for name in ("backwards.h5", "repaired.h5", "side.toml"))
+    faulty.write_bytes(tiny_park_day.read_bytes())
+    with h5py.File(faulty, "r+") as file:
+        for rate in ("10hz", "25hz", "50hz"):
+            file[f"path/flow/{rate}"][...] *= -1
+        declared = dict(file["metadata/cameras/depth"].attrs)
+        del file["metadata/cameras/depth"]
+    names = ("width", "height", "K", "T_body_camera")
+    lines = [f'"metadata/cameras/depth/{name}" = {declared[name].tolist()}' for name in names]
+    side.write_text("\n".join(["[metadata]", *lines]))
+    command = ("repair", faulty, "-o", repaired, "--select", "flow_geometry")
+    assert fedora_qa(*command).code == 1
+    done = fedora_qa(*command, "--metadata", side)
+    assert (done.code, "flow points backwards" in done.out) == (0, True), done.out + done.err
+    with h5py.File(tiny_park_day) as clean, h5py.File(repaired) as file:
+        assert clean["path/flow/25hz"][()].tobytes() == file["path/flow/25hz"][()].tobytes()
+        assert json.loads(file["provenance/repairs/1"][()])["metadata"] == "side.toml"
+        assert "depth" not in file["metadata/cameras"]
+    assert fedora_qa("repair", faulty, "-o", side, "--force", "--metadata", side).code == 2
+    assert side.read_text().startswith("[metadata]")
 
 
 def test_index_maps_are_those_of_the_repaired_timestamps(park_day: Path, tmp_path: Path, fedora_qa: Command) -> None:

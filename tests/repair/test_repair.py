@@ -23,6 +23,7 @@ from fedora_qa.faults.pixels import PolarityInversion
 from fedora_qa.faults.reversible import ReversibleFault
 from fedora_qa.faults.row_order import DuplicatedSamples, Unsorted
 from fedora_qa.faults.units import LengthUnit
+from fedora_qa.layout.dialect import load_choice
 from fedora_qa.record.types import Measurement, Outcome
 from fedora_qa.repairs.repair import PROVENANCE, choose, repair
 from fedora_qa.repairs.result import Repair, RepairStep
@@ -258,6 +259,23 @@ def test_rows_that_cannot_be_decoded_are_refused(park_day: Path, tmp_path: Path)
     swapped = VectorAxes("imu", ((0, 1, 0), (1, 0, 0), (0, 0, 1)))
     assert "of path/imu/linear_acceleration to decode" in given(faulty, swapped).refusal
     require_nothing_left(faulty)
+
+
+def test_a_declaration_of_the_side_file_is_not_changed(file: Path) -> None:
+    """It would take precedence over what is written. All else is repaired, and the side file is named."""
+    side = file.with_name("side.toml")
+    side.write_text('[metadata]\n"metadata/imu/gravity" = 9.9\n')
+    options = CheckOptions(dialect=load_choice(None, str(side)))
+    out = file.with_name("out.h5")
+    gravity = repair(file, out, options, quiet, check=given_check(file, GravityMisdeclared(0.1)))
+    assert gravity.refusal.startswith(
+        "Expected declarations that the file makes itself, got metadata/imu.gravity by side.toml; change it to 9.8 "
+    )
+    assert not out.exists()
+    assert not repair(file, out, options, quiet, check=given_check(file, LATE)).refusal
+    with h5py.File(out) as repaired, h5py.File(file) as before:
+        assert json.loads(repaired[f"{PROVENANCE}/1"][()])["metadata"] == "side.toml"
+        assert repaired["metadata/imu"].attrs["gravity"] == before["metadata/imu"].attrs["gravity"]
 
 
 def test_a_file_made_of_several_is_refused(file: Path) -> None:

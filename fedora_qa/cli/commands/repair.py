@@ -4,7 +4,7 @@ from typing import Any
 
 import click
 
-from fedora_qa.cli.options import PATH, config_option, dialect_option, ignore_option, select_option
+from fedora_qa.cli.options import PATH, config_option, dialect_option, ignore_option, metadata_option, select_option
 from fedora_qa.cli.parameters import PlaceParam
 from fedora_qa.cli.startup import loading_modules
 
@@ -24,6 +24,7 @@ from fedora_qa.cli.startup import loading_modules
 @ignore_option
 @config_option
 @dialect_option
+@metadata_option
 @click.option("--profile", type=click.Choice(["release", "training", "strict"]), help="As `check` has it.")
 @click.option("--memory", metavar="AMOUNT", help="Memory to aim at, such as 1GB.")
 @click.option("--force", is_flag=True, help="Write over OUT where it exists.")
