@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from fedora_qa.cli.arrays import arrays_beside, write_arrays
 from fedora_qa.cli.html import require_renderer, write_html
 from fedora_qa.cli.parquet import PARQUET_NAMES, require_parquet, write_parquet
+from fedora_qa.cli.rule_help import rule_helps
 from fedora_qa.errors import MisuseError
 from fedora_qa.record.atomic import write_text
 from fedora_qa.record.csv_tables import CSV_NAMES, record_to_csv
@@ -95,7 +96,7 @@ class Outputs:
         if self.junit:
             write_text(self.junit, record_to_junit(record))
         if self.sarif:
-            write_text(self.sarif, record_to_sarif(record))
+            write_text(self.sarif, record_to_sarif(record, rule_helps()))
         if self.csv:
             self.csv.mkdir(exist_ok=True)
             for name, table in record_to_csv(record).items():

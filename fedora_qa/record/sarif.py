@@ -1,32 +1,63 @@
 """The record as SARIF 2.1.0 (OASIS standard, errata 01), as code-scanning systems read it.
 
 Findings are results; what makes a file incomplete is a notification of a run whose execution was not successful. A
-waived finding is a suppressed result; where there is one, every result of the run states whether it is (3.27.23).
+waived finding is a suppressed result; where there is one, every result of the run states whether it is (3.27.23). A
+rule has the level of its gravest result, which is the default of all that it reports (3.50.3).
 """
 
 import hashlib
 import json
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from typing import Any, Final
 from urllib.parse import quote
 
-from fedora_qa.record.problems import INCOMPLETE, Problem, problems_of
+from fedora_qa.record.markdown import escape
+from fedora_qa.record.problems import INCOMPLETE, Level, Problem, problems_of
 from fedora_qa.record.types import Record
 from fedora_qa.record.wording import cause_sentence, place, printable, status_sentence
 
 SCHEMA: Final = "https://docs.oasis-open.org/sarif/sarif/v2.1.0/errata01/os/schemas/sarif-schema-2.1.0.json"
 
+_LEVELS: Final[tuple[Level, ...]] = ("error", "warning", "note")
+"""The gravest first."""
 
-def record_to_sarif(record: Record) -> str:
-    """Return the record as a SARIF 2.1.0 document with one run."""
+
+@dataclass(frozen=True, slots=True)
+class RuleHelp:
+    """What people read of a rule beside its results.
+
+    Attributes
+    ----------
+    description
+        What is measured, in plain text.
+    text, markdown
+        What is checked, why it matters and what to do, in plain text and in Markdown.
+    """
+
+    description: str
+    text: str
+    markdown: str
+
+
+def record_to_sarif(record: Record, helps: Mapping[str, RuleHelp]) -> str:
+    """Return the record as a SARIF 2.1.0 document with one run.
+
+    Parameters
+    ----------
+    helps
+        By the name of a check the help of its rules. The rules of other checks have the question as their help.
+    """
     problems = [problem for file in record.files for problem in problems_of(file)]
     findings = [problem for problem in problems if problem.code != INCOMPLETE]
     missing = [problem for problem in problems if problem.code == INCOMPLETE]
-    # By their printable text: two codes that differ only in what XML and JSON cannot show are one rule.
-    rules = sorted({printable(problem.code) for problem in findings})
     questions = {result.check: result.question for file in record.files for result in file.results}
-    question_of_rule = {printable(problem.code): questions.get(problem.check, "") for problem in findings}
+    # By their printable text: two codes that differ only in what XML and JSON cannot show are one rule.
+    problems_of_rule: dict[str, list[Problem]] = {}
+    for problem in findings:
+        problems_of_rule.setdefault(printable(problem.code), []).append(problem)
+    rules = sorted(problems_of_rule)
     artifacts: list[dict[str, Any]] = []
     for file in record.files:
         artifact: dict[str, Any] = {
@@ -53,9 +84,7 @@ def record_to_sarif(record: Record) -> str:
             "driver": {
                 "name": printable(record.tool.name),
                 "version": printable(record.tool.version),
-                "rules": [
-                    {"id": rule, "shortDescription": {"text": printable(question_of_rule[rule])}} for rule in rules
-                ],
+                "rules": [_rule(rule, problems_of_rule[rule], questions, helps) for rule in rules],
             }
         },
         "columnKind": "unicodeCodePoints",
@@ -91,6 +120,23 @@ def artifact_uri(path: str) -> str:
     quoted = quote(path.encode("utf-8", "backslashreplace"))
     # Code scanning resolves a relative reference against the root of the repository.
     return f"file://{quoted}" if path.startswith("/") else quoted
+
+
+def _rule(
+    rule: str, problems: Sequence[Problem], questions: Mapping[str, str], helps: Mapping[str, RuleHelp]
+) -> dict[str, Any]:
+    """Return a rule with its help and level; its problems are one at least."""
+    check = problems[-1].check
+    question = printable(questions[check])
+    rule_help = helps.get(check) or RuleHelp(question, question, escape(question))
+    levels = {problem.level for problem in problems}
+    return {
+        "id": rule,
+        "shortDescription": {"text": question},
+        "fullDescription": {"text": rule_help.description},
+        "help": {"text": rule_help.text, "markdown": rule_help.markdown},
+        "defaultConfiguration": {"level": next(level for level in _LEVELS if level in levels)},
+    }
 
 
 def _results(findings: Sequence[Problem], rules: Sequence[str]) -> list[dict[str, Any]]:

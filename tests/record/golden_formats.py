@@ -13,7 +13,17 @@ from fedora_qa.record.junit import record_to_junit
 from fedora_qa.record.markdown import record_to_markdown
 from fedora_qa.record.sarif import record_to_sarif
 from tests.support.certificates import CERTIFIED
-from tests.support.records import crashed, failed, file_record, late_events, not_observable, passed, record, waived
+from tests.support.records import (
+    HELPS,
+    crashed,
+    failed,
+    file_record,
+    late_events,
+    not_observable,
+    passed,
+    record,
+    waived,
+)
 
 GOLDEN = Path(__file__).with_name("golden")
 
@@ -25,11 +35,11 @@ def formats() -> dict[str, str]:
     return {
         "record.json": record_to_json(shown),
         "record.xml": record_to_junit(shown),
-        "record.sarif": record_to_sarif(shown),
+        "record.sarif": record_to_sarif(shown, HELPS),
         "record.github.txt": record_to_github(shown),
         "record.md": record_to_markdown(shown),
         **record_to_csv(shown),
-        "waived.sarif": record_to_sarif(record(file_record(waived(), path="waived.h5"))),
+        "waived.sarif": record_to_sarif(record(file_record(waived(), path="waived.h5")), HELPS),
         "certificate.json": CERTIFICATE.to_json(CERTIFIED),
     }
 

