@@ -102,6 +102,18 @@ def test_no_input_becomes_a_command() -> None:
     assert not any("${{" in script for script in scripts)
 
 
+def test_the_report_becomes_an_artifact() -> None:
+    """The folder of all outputs is uploaded under the name that is given, unless nothing was checked."""
+    action = loaded(ACTION)
+    (upload,) = (step for step in action["runs"]["steps"] if "upload-artifact" in step.get("uses", ""))
+    assert upload["with"]["path"] == "${{ inputs.out }}"
+    assert upload["with"]["name"] == "${{ inputs.artifact }}"
+    assert "inputs.artifact != ''" in upload["if"]
+    assert "exit-code != '2'" in upload["if"]
+    (install,) = (step for step in action["runs"]["steps"] if step.get("name") == "Install fedora-qa")
+    assert '"$SOURCE[reports]"' in install["run"]
+
+
 def gated(folder: Path, **inputs: str) -> tuple[int, dict[str, str], str]:
     """Run the action's gate as GitHub does; return its exit code, outputs and summary."""
     (step,) = (step for step in loaded(ACTION)["runs"]["steps"] if step.get("id") == "gate")
@@ -143,7 +155,7 @@ def test_the_action_lets_a_clean_release_pass(release: Path) -> None:
     assert (code, outputs["exit-code"]) == (0, "0")
     assert "CLEAN" in summary
     assert (release.parent / "certificate.json").is_file()
-    assert all((release.parent / outputs[name]).is_file() for name in ("record", "junit", "sarif"))
+    assert all((release.parent / outputs[name]).is_file() for name in ("html", "record", "junit", "sarif"))
 
 
 def test_the_action_fails_with_the_gate(release: Path) -> None:
