@@ -61,6 +61,7 @@ _OPTIONS: Final = (
     click.option("--markdown", type=PATH, metavar="OUT", help="Write a summary for a pull request."),
     click.option("--junit", type=PATH, metavar="OUT", help="Write JUnit XML, for the test pages of CI systems."),
     click.option("--sarif", type=PATH, metavar="OUT", help="Write SARIF 2.1.0, for code scanning."),
+    click.option("--badge", type=PATH, metavar="OUT", help="Write the verdict as JSON for a badge of shields.io."),
     click.option("--csv", type=PATH, metavar="DIR", help="Write tables as CSV files into a folder."),
     click.option("--parquet", type=PATH, metavar="DIR", help="Write the same tables as Parquet files into a folder."),
     click.option("--github", is_flag=True, help="Print annotations for GitHub Actions after the summary."),
@@ -95,6 +96,7 @@ def output_options(command: Callable[..., int]) -> Callable[..., int]:
         markdown: Path | None,
         junit: Path | None,
         sarif: Path | None,
+        badge: Path | None,
         csv: Path | None,
         parquet: Path | None,
         github: bool,
@@ -104,7 +106,8 @@ def output_options(command: Callable[..., int]) -> Callable[..., int]:
         from fedora_qa.cli.outputs import Outputs  # noqa: PLC0415 - loads NumPy, which no help needs
 
         outputs = Outputs(
-            json=json, markdown=markdown, html=html, junit=junit, sarif=sarif, csv=csv, parquet=parquet, github=github
+            json=json, markdown=markdown, html=html, junit=junit, sarif=sarif, badge=badge, csv=csv, parquet=parquet,
+            github=github,
         )  # fmt: skip
         return command(outputs=outputs, **others)
 

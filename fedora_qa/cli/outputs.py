@@ -14,6 +14,7 @@ from fedora_qa.cli.parquet import PARQUET_NAMES, require_parquet, write_parquet
 from fedora_qa.cli.rule_help import rule_helps
 from fedora_qa.errors import MisuseError
 from fedora_qa.record.atomic import write_text
+from fedora_qa.record.badge import record_to_badge
 from fedora_qa.record.csv_tables import CSV_NAMES, record_to_csv
 from fedora_qa.record.json_io import write_record
 from fedora_qa.record.junit import record_to_junit
@@ -36,6 +37,7 @@ class Outputs:
     own: tuple[Path | None, ...] = ()
     junit: Path | None = None
     sarif: Path | None = None
+    badge: Path | None = None
     csv: Path | None = None
     parquet: Path | None = None
     github: bool = False
@@ -52,7 +54,7 @@ class Outputs:
 
     def require_writable(self, inputs: Sequence[Path]) -> None:
         """Raise ``MisuseError`` where an output cannot be written, or would overwrite an input or another output."""
-        alone = (self.json, self.arrays, self.markdown, self.html, *self.own, self.junit, self.sarif)
+        alone = (self.json, self.arrays, self.markdown, self.html, *self.own, self.junit, self.sarif, self.badge)
         targets = [path for path in alone if path is not None]
         for folder, names in ((self.csv, CSV_NAMES), (self.parquet, PARQUET_NAMES)):
             if not folder:
@@ -97,6 +99,8 @@ class Outputs:
             write_text(self.junit, record_to_junit(record))
         if self.sarif:
             write_text(self.sarif, record_to_sarif(record, rule_helps()))
+        if self.badge:
+            write_text(self.badge, record_to_badge(record))
         if self.csv:
             self.csv.mkdir(exist_ok=True)
             for name, table in record_to_csv(record).items():

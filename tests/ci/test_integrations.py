@@ -155,7 +155,7 @@ def test_the_action_lets_a_clean_release_pass(release: Path) -> None:
     assert (code, outputs["exit-code"]) == (0, "0")
     assert "CLEAN" in summary
     assert (release.parent / "certificate.json").is_file()
-    assert all((release.parent / outputs[name]).is_file() for name in ("html", "record", "junit", "sarif"))
+    assert all((release.parent / outputs[name]).is_file() for name in ("html", "record", "junit", "sarif", "badge"))
 
 
 def test_the_action_fails_with_the_gate(release: Path) -> None:

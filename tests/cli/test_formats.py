@@ -30,6 +30,7 @@ def formats(folder: Path) -> tuple[str | Path, ...]:
     folder.mkdir()
     return (
         "--junit", folder / "out.xml", "--sarif", folder / "out.sarif", "--csv", folder / "tables",
+        "--badge", folder / "badge.json",
         "--markdown", folder / "out.md", "--github", "--parquet", folder / "tables",
     )  # fmt: skip
 
@@ -43,7 +44,7 @@ def test_report_writes_what_check_wrote(fedora_qa: Command, unsorted: Path, tmp_
         {p.relative_to(f): p.read_bytes() for p in f.rglob("*.*")} for f in (tmp_path / "one", tmp_path / "two")
     )
     assert one == two
-    assert len(one) == 3 + len(CSV_NAMES) + len(PARQUET_NAMES)
+    assert len(one) == 4 + len(CSV_NAMES) + len(PARQUET_NAMES)
     assert checked.out.splitlines()[1:-4] == reported.out.splitlines()[1:-4]
 
 

@@ -6,6 +6,7 @@
 from pathlib import Path
 
 from fedora_qa.gating.certificate import CERTIFICATE
+from fedora_qa.record.badge import record_to_badge
 from fedora_qa.record.csv_tables import record_to_csv
 from fedora_qa.record.github import record_to_github
 from fedora_qa.record.json_io import record_to_json
@@ -36,6 +37,7 @@ def formats() -> dict[str, str]:
         "record.json": record_to_json(shown),
         "record.xml": record_to_junit(shown),
         "record.sarif": record_to_sarif(shown, HELPS),
+        "badge.json": record_to_badge(shown),
         "record.github.txt": record_to_github(shown),
         "record.md": record_to_markdown(shown),
         **record_to_csv(shown),

@@ -9,6 +9,7 @@ from hypothesis import given
 from junitparser import JUnitXml
 
 from fedora_qa.cli.exit_codes import exit_code
+from fedora_qa.record.badge import record_to_badge
 from fedora_qa.record.csv_tables import record_to_csv
 from fedora_qa.record.github import record_to_github
 from fedora_qa.record.json_io import record_to_json
@@ -53,9 +54,16 @@ def told_by_csv(record: Record) -> int:
     return code_of(dict.fromkeys((row["verdict"] for row in rows), True))
 
 
+def told_by_badge(record: Record) -> int:
+    return CODES[json.loads(record_to_badge(record))["message"]]
+
+
+TELLERS = (told_by_json, told_by_junit, told_by_sarif, told_by_github, told_by_csv, told_by_badge)
+
+
 @unhurried
 @given(records())
 def test_one_verdict(record: Record) -> None:
-    """JSON, JUnit, SARIF, annotations and CSV tell the verdict that the exit code tells."""
-    told = {tell(record) for tell in (told_by_json, told_by_junit, told_by_sarif, told_by_github, told_by_csv)}
+    """JSON, JUnit, SARIF, annotations, CSV and badge tell the verdict that the exit code tells."""
+    told = {tell(record) for tell in TELLERS}
     assert told == {exit_code(record.files, "failed")}
