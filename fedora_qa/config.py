@@ -29,7 +29,7 @@ from typing import Annotated, Any, ClassVar, Final, Literal, TypeVar
 
 from pydantic import ConfigDict, Field, TypeAdapter, ValidationError
 
-from fedora_qa.errors import MisuseError
+from fedora_qa.errors import MisuseError, did_you_mean
 from fedora_qa.judgement.false_alarm_rate import DEFAULT_FALSE_ALARM_RATE
 
 T = TypeVar("T")
@@ -150,7 +150,7 @@ def with_options(config: CheckConfig, options: Mapping[str, Any]) -> CheckConfig
     try:
         changed = CONFIG_READER.validate_python({**values, **options})
     except ValidationError as error:
-        raise MisuseError(f"Expected legal options, got {_first_problem(error)}") from None
+        raise MisuseError(f"Expected legal options, got {_first_problem(error, CONFIG_READER)}") from None
     _ = changed.memory_bytes
     return changed
 
@@ -174,7 +174,7 @@ def read_toml(path: Path, reader: TypeAdapter[T], noun: str) -> T:
     try:
         return reader.validate_python(values)
     except ValidationError as error:
-        raise MisuseError(f"Expected a legal {noun} in {path}, got {_first_problem(error)}") from None
+        raise MisuseError(f"Expected a legal {noun} in {path}, got {_first_problem(error, reader)}") from None
 
 
 def files_beside(config: CheckConfig, path: Path) -> CheckConfig:
@@ -201,10 +201,21 @@ def parse_bytes(text: str) -> int:
     return amount
 
 
-def _first_problem(error: ValidationError) -> str:
+def _first_problem(error: ValidationError, reader: TypeAdapter[Any]) -> str:
     first = error.errors()[0]
     key = ".".join(str(part) for part in first["loc"])
     # pydantic reports an unknown key as a keyword argument, a term that the writer of a TOML file does not expect.
     if first["type"] == "unexpected_keyword_argument":
-        return f"the key {key!r}, which does not exist"
-    return f"for the key {key!r}: {first['msg']}"
+        name = str(first["loc"][-1])
+        return f"the key {key!r}, which does not exist{did_you_mean(name, _keys_of(reader) - {name})}"
+    hint = ""
+    if first["type"] == "literal_error":
+        # pydantic gives the legal values as one text, each between quotes.
+        hint = did_you_mean(str(first["input"]), re.findall("'([^']+)'", first["ctx"]["expected"]))
+    return f"for the key {key!r}: {first['msg']}{hint}"
+
+
+def _keys_of(reader: TypeAdapter[Any]) -> set[str]:
+    """Return the keys of all tables of a TOML file."""
+    schema = reader.json_schema()
+    return {key for table in (schema, *schema.get("$defs", {}).values()) for key in table.get("properties", {})}

@@ -12,6 +12,18 @@
         └── EndlessError       the task exceeded its limit of time (the task is not done again)
 """
 
+from collections.abc import Iterable
+from difflib import get_close_matches
+
+
+def did_you_mean(name: str, names: Iterable[str]) -> str:
+    """Return a clause that proposes the name nearest to one that does not exist; empty where none is near.
+
+    Nearest is the largest ratio of Ratcliff and Obershelp 1988, at least 0.6, as ``difflib`` recommends.
+    """
+    nearest = get_close_matches(name, names, n=1)
+    return f"; did you mean {nearest[0]!r}?" if nearest else ""
+
 
 class FedoraError(Exception):
     """Base of every error with a message meant for people."""

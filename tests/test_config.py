@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from fedora_qa.config import CheckConfig, parse_bytes, read_config
-from fedora_qa.errors import MisuseError
+from fedora_qa.errors import MisuseError, did_you_mean
 
 FULL = """
 effort = "quick"
@@ -76,6 +76,28 @@ def test_what_is_refused(text: str, named: str, tmp_path: Path) -> None:
     with pytest.raises(MisuseError, match="Expected") as refused:
         read_config(path)
     assert named in str(refused.value)
+
+
+MISSPELT = {
+    "key": ('efort = "full"', "did you mean 'effort'?"),
+    "value": ('effort = "ful"', "did you mean 'full'?"),
+}
+
+
+@pytest.mark.parametrize(("text", "hint"), MISSPELT.values(), ids=MISSPELT.keys())
+def test_the_nearest_name_is_proposed(text: str, hint: str, tmp_path: Path) -> None:
+    """A key or value that is nearly right is refused with the right one."""
+    path = tmp_path / "fedora-qa.toml"
+    path.write_text(text)
+    with pytest.raises(MisuseError) as refused:
+        read_config(path)
+    assert str(refused.value).endswith(hint)
+
+
+def test_nothing_far_is_proposed() -> None:
+    """A name that is like none gets no proposal."""
+    assert did_you_mean("heroic", ["quick", "standard", "full"]) == ""
+    assert did_you_mean("", ["quick"]) == ""
 
 
 def test_a_missing_file_is_refused(tmp_path: Path) -> None:

@@ -3,9 +3,10 @@
 from collections.abc import Sequence
 from dataclasses import dataclass, fields
 from pathlib import Path
+from typing import get_args
 
 from fedora_qa.api.frame import isolated_frame
-from fedora_qa.api.options import AnyPath, folder_texts, path_text
+from fedora_qa.api.options import AnyPath, folder_texts, path_text, require_choice
 from fedora_qa.cli.commands.compare import DEFAULT_FALSE_ALARM_RATE
 from fedora_qa.cli.compare import read_sources, sources_of
 from fedora_qa.cli.html import render_comparison_or_none
@@ -109,6 +110,7 @@ def compare(
         raise MisuseError(
             f"Expected a false-alarm rate between 0 and 1, got {false_alarm_rate}; pass 0.01, for example"
         )
+    require_choice("design", design, get_args(Design))
     external = folder_texts(allow_external) or ()
     reading = reading_of(path_text(dialect), path_text(metadata), memory, external, in_process=not apart)
     sources = sources_of([Path(path) for path in paths], split_choice(reading.dialect)[0])

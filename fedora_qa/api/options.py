@@ -5,7 +5,7 @@ from os import PathLike, fspath
 from pathlib import Path
 
 from fedora_qa.config import CheckConfig, read_config, with_options
-from fedora_qa.errors import MisuseError
+from fedora_qa.errors import MisuseError, did_you_mean
 
 AnyPath = str | PathLike[str]
 
@@ -25,6 +25,13 @@ def settings_of(config: AnyPath | None, options: Mapping[str, object]) -> CheckC
     """
     given = {key: value for key, value in options.items() if value is not None}
     return with_options(read_config(Path(config)) if config else CheckConfig(), given)
+
+
+def require_choice(option: str, value: str | None, choices: Sequence[str]) -> None:
+    """Raise ``MisuseError`` where a value is none of the choices; None is not given."""
+    if value is not None and value not in choices:
+        hint = did_you_mean(value, choices)
+        raise MisuseError(f"Expected {option} to be one of {', '.join(map(repr, choices))}, got {value!r}{hint}")
 
 
 def path_text(path: AnyPath | None) -> str | None:

@@ -3,9 +3,10 @@
 from collections.abc import Sequence
 from dataclasses import dataclass, fields
 from pathlib import Path
+from typing import get_args
 
 from fedora_qa.api.frame import isolated_frame
-from fedora_qa.api.options import AnyPath, folder_texts, path_text
+from fedora_qa.api.options import AnyPath, folder_texts, path_text, require_choice
 from fedora_qa.cli.html import render_score_or_none
 from fedora_qa.cli.score import require_readable, scored_isolated
 from fedora_qa.cli.settings import external_folders
@@ -89,6 +90,7 @@ def score(
     FedoraError
         The sequence cannot be opened or decoded.
     """
+    require_choice("form", form, get_args(PredictionsForm))
     paths = Path(predictions), Path(sequence)
     choice = load_choice(path_text(dialect), path_text(metadata))
     folders = external_folders(folder_texts(allow_external) or ())

@@ -7,10 +7,10 @@ import click
 from rich.table import Table
 from rich.text import Text
 
+from fedora_qa.check_names import require_check_names
 from fedora_qa.checks.explanation import Explanation, published_explanations
 from fedora_qa.cli.completion import complete_check
 from fedora_qa.cli.console import stdout_console
-from fedora_qa.errors import MisuseError
 
 
 @click.command()
@@ -53,11 +53,8 @@ def explanations_of(name: str) -> tuple[Explanation, ...]:
     MisuseError
         There is no such check or subject.
     """
+    require_check_names([name])
     explanations = [each for each in published_explanations() if name in {each.check, each.check.split(".")[0]}]
-    if not explanations:
-        raise MisuseError(
-            f"Expected a check or subject, got {name!r}; `fedora-qa checks` and `fedora_qa.explain()` list them"
-        )
     from fedora_qa.cli.detection_power import TITLE, detection_power_text  # noqa: PLC0415 - `checks` needs none
 
     powers = [(each, detection_power_text(each.check)) for each in explanations]

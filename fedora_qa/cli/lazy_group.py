@@ -8,6 +8,7 @@ import click
 from click.shell_completion import CompletionItem
 
 from fedora_qa.cli.startup import loading_modules
+from fedora_qa.errors import did_you_mean
 
 
 class LazyGroup(click.Group):
@@ -37,6 +38,15 @@ class LazyGroup(click.Group):
         module, name = self._table[cmd_name][0].split(":")
         with loading_modules():
             return cast(click.Command, getattr(import_module(f"{self._package}.{module}"), name))
+
+    def resolve_command(
+        self, ctx: click.Context, args: list[str]
+    ) -> tuple[str | None, click.Command | None, list[str]]:
+        """Return the command that the arguments name, and what follows; an unknown name is a usage error."""
+        hint = did_you_mean(args[0], self._table)
+        if hint and args[0] not in self._table and not ctx.resilient_parsing:
+            ctx.fail(f"No such command {args[0]!r}{hint}")
+        return super().resolve_command(ctx, args)
 
     def shell_complete(self, ctx: click.Context, incomplete: str) -> list[CompletionItem]:
         """Return the commands and options that begin so, without importing any command."""

@@ -10,9 +10,10 @@ from typing import ClassVar, Final, Literal
 
 from pydantic import ConfigDict, TypeAdapter
 
+from fedora_qa.check_names import require_check_names
 from fedora_qa.config import RULESET_CHANGES, RULESET_VERSION, CheckConfig, files_beside, read_toml
 from fedora_qa.engine.run import select_checks
-from fedora_qa.errors import MisuseError
+from fedora_qa.errors import MisuseError, did_you_mean
 from fedora_qa.gating.release import is_plain
 from fedora_qa.gating.waivers import Waiver
 from fedora_qa.layout.canonical import FLOW_STREAMS, STREAMS, in_file_order, is_flow_stream
@@ -123,9 +124,12 @@ def read_policy(path: Path) -> Policy:
     ):
         for name in names:
             if name not in {*STREAMS, "flow"} and not is_flow_stream(name):
-                raise MisuseError(f"Expected a stream in {key!r}, got {name!r}; there are {', '.join(STREAMS)}")
-    # Raises ``MisuseError`` for a name that is no check, no subject and no rule.
-    select_checks(tuple(name for name in policy.severity if name not in RULES), ())
+                raise MisuseError(
+                    f"Expected a stream in {key!r}, got {name!r}; there are {', '.join(STREAMS)}"
+                    f"{did_you_mean(name, STREAMS)}"
+                )
+    require_check_names(policy.severity, also=RULES)
+    require_check_names([*policy.required_checks, *policy.check.select, *policy.check.ignore])
     # Every required check is among those that the policy runs.
     running = {check.name for check in select_checks(policy.check.select, policy.check.ignore)}
     for name in policy.required_checks:

@@ -14,7 +14,7 @@ from pathlib import Path, PurePosixPath
 from typing import Any, ClassVar, Final, Literal
 
 from fedora_qa.conventions import MM_PER_M, NS_PER_S, NS_PER_US, STANDARD_GRAVITY_M_S2
-from fedora_qa.errors import MisuseError
+from fedora_qa.errors import MisuseError, did_you_mean
 from fedora_qa.layout.binding import Polarity
 from fedora_qa.layout.canonical import (
     ATTRIBUTES,
@@ -300,8 +300,11 @@ def load_dialect(name_or_path: str | Path) -> Dialect:
     if is_packaged:
         text = (resources.files("fedora_qa.layout") / "dialects" / f"{name_or_path}.toml").read_text("utf-8")
         return _packaged(tomllib.loads(text))
-    names = ", ".join(DIALECT_NAMES)
-    document = _read_document(name_or_path, f"a dialect ({names}) or a TOML file", "the dialect")
+    expected = f"a dialect ({', '.join(DIALECT_NAMES)}) or a TOML file"
+    hint = did_you_mean(str(name_or_path), DIALECT_NAMES)
+    if hint and not Path(name_or_path).exists():
+        raise MisuseError(f"Expected {expected}, got {str(name_or_path)!r}{hint}")
+    document = _read_document(name_or_path, expected, "the dialect")
     document = _spelt_out(document)
     try:
         from pydantic import TypeAdapter, ValidationError  # noqa: PLC0415 - slow to load, and dialects of the package need none

@@ -10,6 +10,7 @@ from fedora_generator.choices import MOST_SEED
 from fedora_generator.errors import SceneError
 from fedora_generator.flights.choice import resolve_flight
 from fedora_generator.scene_names import SCENE_NAMES, SCENES
+from fedora_qa.errors import did_you_mean
 
 _WORLDS: Final = SCENES / "worlds"
 
@@ -31,6 +32,7 @@ def scene_path(name_or_path: str) -> Path:
         return Path(name_or_path)
     raise SceneError(
         f"Expected one of the scenes {', '.join(SCENE_NAMES)}, or the path of a TOML file, got {name_or_path!r}"
+        f"{did_you_mean(name_or_path, SCENE_NAMES)}"
     )
 
 

@@ -6,6 +6,7 @@ from collections.abc import Callable
 from dataclasses import fields
 from importlib.util import find_spec
 from pathlib import Path
+from typing import Any, cast
 
 import h5py
 import pytest
@@ -138,7 +139,30 @@ REFUSED: dict[str, tuple[Callable[[Path], object], str]] = {
     "a rate of 2": (lambda path: fedora_qa.compare(path, path, false_alarm_rate=2), "pass 0.01"),
     "nothing to measure": (lambda path: fedora_qa.stats(), "at least one file"),
     "no amount": (lambda path: fedora_qa.stats(path, memory="much"), "such as 1GB"),
-    "no check": (lambda path: fedora_qa.explain("clock"), r"fedora_qa.explain\(\)"),
+    "no check": (lambda path: fedora_qa.explain("heroic"), r"fedora_qa.explain\(\)"),
+    "a misspelt check to explain": (lambda path: fedora_qa.explain("clock.order"), r"did you mean 'clocks\.order'\?"),
+    "a misspelt check": (lambda path: fedora_qa.check(path, select=["clock"]), r"did you mean 'clocks'\?"),
+    "a misspelt coverage": (
+        lambda path: fedora_qa.check(path, required_coverage={"imo": 1.0}),
+        r"did you mean 'imu'\?",
+    ),
+    "a misspelt effort": (lambda path: fedora_qa.check(path, effort=cast("Any", "ful")), r"did you mean 'full'\?"),
+    "a misspelt profile": (
+        lambda path: fedora_qa.check(path, profile=cast("Any", "trainin")),
+        r"did you mean 'training'\?",
+    ),
+    "a misspelt design": (
+        lambda path: fedora_qa.compare(path, path, design=cast("Any", "version")),
+        r"did you mean 'versions'\?",
+    ),
+    "a misspelt form": (
+        lambda path: fedora_qa.score(path, path, form=cast("Any", "canonic")),
+        r"did you mean 'canonical'\?",
+    ),
+    "a misspelt dialect": (
+        lambda path: fedora_qa.open_sequence(path, dialect="fedra"),
+        r"did you mean 'fedora'\?",
+    ),
     "no policy": (lambda path: fedora_qa.gate(path.parent, "none.toml"), "none.toml"),
     "no jobs": (lambda path: fedora_qa.gate(path.parent, "none.toml", jobs=0), "pass jobs=1"),
     "no output": (fedora_qa.repair, "dry_run=True"),

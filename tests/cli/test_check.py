@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from fedora_qa.catalogue import CHECKS
+from fedora_qa.checks.explanation import explanation
 from fedora_qa.checks.protocol import Check, Notice, Observation
 from fedora_qa.record.json_io import read_record
 from fedora_qa.record.types import Coverage
@@ -74,10 +75,17 @@ class CannotSay(Answers):
         raise ZeroDivisionError("focal length of zero")
 
 
+def replace_checks(monkeypatch: pytest.MonkeyPatch, *checks: Check[Any]) -> None:
+    """Run these checks in place of the real ones, by names that options may name."""
+    explanations = tuple(explanation(check) for check in checks)
+    monkeypatch.setattr("fedora_qa.engine.run.CHECKS", checks)
+    monkeypatch.setattr("fedora_qa.check_names.published_explanations", lambda: explanations)
+
+
 @pytest.fixture
 def test_checks(monkeypatch: pytest.MonkeyPatch) -> None:
     """Run these checks in place of the real ones."""
-    monkeypatch.setattr("fedora_qa.engine.run.CHECKS", (Answers(), Crashes()))
+    replace_checks(monkeypatch, Answers(), Crashes())
 
 
 def damage_clock(path: Path) -> None:
@@ -178,7 +186,7 @@ def test_required_coverage(required: float, code: int, fedora_qa: Command, seque
 
 def test_incomplete_comes_before_findings(fedora_qa: Command, sequence: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """With a finding and a crash the exit code is 3."""
-    monkeypatch.setattr("fedora_qa.engine.run.CHECKS", (*CHECKS, Crashes()))
+    replace_checks(monkeypatch, *CHECKS, Crashes())
     damage_clock(sequence)
     assert fedora_qa("check", *TIMESTAMPS, "--select", "test", sequence).code == 3
 

@@ -43,12 +43,13 @@ def test_only_the_ruleset_must_be_there(tmp_path: Path) -> None:
 WAIVER = '[[waivers]]\nfile = "a.h5"\ncheck = "imu.noise"\nreason = "r"\nowner = "o"\nexpires = 2099-01-01\n'
 REFUSED = {
     "unknown key": ("requird = 1", "'requird', which does not exist"),
-    "unknown key of check": ("[check]\nefort = 1", "'check.efort', which does not exist"),
+    "unknown key of check": ("[check]\nefort = 1", "'check.efort', which does not exist; did you mean 'effort'?"),
     "unknown key of a waiver": (f'{WAIVER}code = "x"\nuntil = 1', "'waivers.0.until', which does not exist"),
     "unknown total": ("[totals.frames]\nleast = 1", "'totals.frames"),
     "unknown severity": ('[severity]\nimu = "grave"', "'severity.imu'"),
-    "unknown check": ('[severity]\nimo = "error"', "'imo'"),
-    "unknown stream": ('required_streams = ["rbg"]', "'rbg'"),
+    "unknown check": ('[severity]\nimo = "error"', "did you mean 'imu'?"),
+    "unknown rule": ('[severity]\n"release.split" = "error"', "did you mean 'release.splits'?"),
+    "unknown stream": ('required_streams = ["rbg"]', "did you mean 'rgb'?"),
     "unknown camera": ('same_intrinsics = ["left"]', "'same_intrinsics.0'"),
     "required and left out": ('required_checks = ["imu.noise"]\n[check]\nignore = ["imu"]', "imu.noise, left out"),
     "no expression": ('naming = "("', "'naming'"),

@@ -78,6 +78,8 @@ def test_force_replaces_a_file(
     [
         ((), "Missing command"),
         (("frobnicate",), "No such command 'frobnicate'"),
+        (("sequense",), "did you mean 'sequence'?"),
+        (("sequence", "park-dy", "-o", "{target}"), "did you mean 'park-day'?"),
         (("sequence", "park-day"), "Missing option '-o'"),
         (("sequence", "moon", "-o", "{target}"), "Expected one of the scenes park-day"),
         (("sequence", "park-day", "-o", "{target}", "--size", "720"), "such as 720x540, got '720'"),

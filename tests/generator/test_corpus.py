@@ -146,6 +146,7 @@ def test_an_interrupt_leaves_whole_files_and_the_next_run_goes_on(
     ("arguments", "message"),
     [
         (("--causes", "gyro_bais"), "choose from time_offset"),
+        (("--causes", "gyro_bais"), "did you mean 'gyro_bias'?"),
         (("--scenes", "nowhere"), "Expected one of the scenes"),
         (("--duration", "-1"), "duration above 0"),
     ],

@@ -169,6 +169,7 @@ def test_a_base_beside_the_scene_is_found(tmp_path: Path, monkeypatch: pytest.Mo
         (("fault", "{clean}", "time_offset", "--magnitude", "nan", "-o", "{out}"), "finite"),
         (("fault", "{clean}", "time_offset", "--magnitude", "inf", "-o", "{out}"), "finite"),
         (("fault", "{clean}", "no_such", "-o", "{out}"), "choose from"),
+        (("fault", "{clean}", "time_ofset", "-o", "{out}"), "did you mean 'time_offset'?"),
         (("fault", "{clean}", "time_offset", "--magnitude", "2", "--stream", "smell", "-o", "{out}"), "choose from"),
         (("fault", "{clean}", "flow_sign", "--stream", "flow", "-o", "{clean}"), "which exists"),
         (("fault", "{clean}", "flow_sign", "--stream", "flow", "-o", "{clean}", "--force"), "other than the source"),

@@ -30,6 +30,7 @@ from fedora_generator.faults import (
 )
 from fedora_generator.faults.fault import default_unit
 from fedora_generator.scene import Scene
+from fedora_qa.errors import did_you_mean
 
 Pair = tuple[str, str]
 """Cause and stream."""
@@ -165,7 +166,10 @@ def _pairs_of(causes: tuple[str, ...]) -> tuple[Pair, ...]:
     unknown = [cause for cause in causes if cause not in names]
     if unknown:
         legal = ", ".join(dict.fromkeys(cause for cause, _ in table))
-        raise FaultError(f"Expected causes that can be planted, got {', '.join(unknown)}; choose from {legal}")
+        raise FaultError(
+            f"Expected causes that can be planted, got {', '.join(unknown)}; choose from {legal}"
+            f"{did_you_mean(unknown[0], sorted(names))}"
+        )
     return tuple(
         (cause, stream) for cause, stream in table if not causes or cause in causes or f"{stream}:{cause}" in causes
     )

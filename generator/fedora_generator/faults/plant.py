@@ -24,6 +24,7 @@ from fedora_generator.faults.table import (
 )
 from fedora_generator.partial_file import partial_file
 from fedora_qa.causes import stream_family
+from fedora_qa.errors import did_you_mean
 from fedora_qa.layout.canonical import is_flow_stream
 
 _COPY_BLOCK_BYTES: Final = 1 << 20
@@ -86,6 +87,7 @@ def plant_fault(
     if cause not in legal_causes():
         raise FaultError(
             f"Expected a cause that can be planted, got {cause!r}; choose from {', '.join(legal_causes())}"
+            f"{did_you_mean(cause, legal_causes())}"
         )
     if ("flow" if is_flow_stream(stream) else stream) not in legal_streams(cause):
         streams = ", ".join(legal_streams(cause))
