@@ -1,5 +1,6 @@
 """Pages of the documentation: each is in the navigation of the site, and every link leads to something."""
 
+import re
 import tomllib
 from collections.abc import Iterator
 from pathlib import Path
@@ -108,9 +109,12 @@ def test_the_reference_has_every_public_name() -> None:
 
 
 def test_all_files_state_the_same_version() -> None:
-    """Package, citation, and the versions that the examples pin agree."""
+    """Package, citation, the newest section of the changelog, and every version that an example pins agree."""
     project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
     assert project["version"] == fedora_qa.__version__
     assert yaml.safe_load((ROOT / "CITATION.cff").read_text(encoding="utf-8"))["version"] == fedora_qa.__version__
     for name in ("ci.md", "examples/gate.yml", "examples/pre-commit-config.yaml"):
-        assert f"v{fedora_qa.__version__}" in (DOCS / name).read_text(encoding="utf-8"), name
+        pinned = re.findall(r"\bv\d+\.\d+\.\d+", (DOCS / name).read_text(encoding="utf-8"))
+        assert set(pinned) == {f"v{fedora_qa.__version__}"}, name
+    sections = re.findall(r"^## \[(.+?)\]", (ROOT / "CHANGELOG.md").read_text(encoding="utf-8"), re.MULTILINE)
+    assert sections[0] == fedora_qa.__version__
