@@ -6,10 +6,15 @@ from fedora_qa.checks.explanation import published_explanations
 from fedora_qa.errors import MisuseError, did_you_mean
 
 
+def check_names() -> tuple[str, ...]:
+    """Return the subjects, each followed by its checks, in the order in which they run."""
+    checks = [explained.check for explained in published_explanations()]
+    return tuple(dict.fromkeys(name for check in checks for name in (check.split(".")[0], check)))
+
+
 def require_check_names(names: Iterable[str], also: Iterable[str] = ()) -> None:
     """Raise ``MisuseError`` for a name that is no check, no subject and none of ``also``; it proposes the nearest."""
-    checks = [explained.check for explained in published_explanations()]
-    legal = dict.fromkeys([*checks, *(check.split(".")[0] for check in checks), *also])
+    legal = (*check_names(), *also)
     for name in names:
         if name not in legal:
             raise MisuseError(
