@@ -14,6 +14,7 @@ from fedora_generator.commands.fault import fault as fault_command
 from fedora_generator.errors import GeneratorError, OutputError
 from fedora_generator.faults import BYTE_FAULTS, FAULTS, FaultError, legal_causes, legal_streams, plant_fault
 from fedora_generator.faults.fault import default_unit
+from fedora_generator.faults.table import usual_stream
 from fedora_qa.causes import CAUSES, allowed
 from fedora_qa.layout.canonical import FLOW_STREAMS, datasets_of
 from tests.generator.tiny_sequence import declare_noise, write_tiny_sequence
@@ -114,6 +115,16 @@ def test_one_flow_rate_can_be_named(clean: Path, tmp_path: Path) -> None:
     """``flow/25hz`` breaks that rate alone."""
     plant_fault(clean, tmp_path / "faulty.h5", "flow_sign", "flow/25hz")
     assert changed(content(clean), content(tmp_path / "faulty.h5")) == {"path/flow/25hz"}
+
+
+def test_the_only_stream_need_not_be_named(clean: Path, tmp_path: Path) -> None:
+    """A cause of one stream befalls it; the help of the command lists every cause."""
+    assert usual_stream("time_offset") == "events"
+    done = CliRunner().invoke(fault_command, [str(clean), "quaternion_order", "-o", str(tmp_path / "faulty.h5")])
+    assert done.exit_code == 0, done.output
+    assert changed(content(clean), content(tmp_path / "faulty.h5")) == {"path/pose/orientation"}
+    listed = (fault_command.epilog or "").removeprefix("Causes: ").removesuffix(".").split(", ")
+    assert listed == list(legal_causes())
 
 
 @pytest.mark.parametrize(

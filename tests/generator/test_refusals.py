@@ -175,6 +175,7 @@ def test_a_base_beside_the_scene_is_found(tmp_path: Path, monkeypatch: pytest.Mo
         (("fault", "{clean}", "flow_sign", "--stream", "flow", "-o", "{clean}", "--force"), "other than the source"),
         (("fault", "{clean}", "flow_sign", "--stream", "flow", "-o", "{pipe}", "--force"), "a device or a pipe"),
         (("fault", "{clean}", "flow_sign", "--stream", "flow", "-o", "{out}/no/x.h5"), "Expected an existing folder"),
+        (("fault", "{clean}", "index_side", "-o", "{out}"), "choose from rgb_to_event, depth_to_event"),
         (("fault", "{clean}.none", "flow_sign", "-o", "{out}"), "Expected"),
         (("fault", "{scene}", "flow_sign", "--stream", "flow", "-o", "{out}"), "Expected an HDF5 file"),
         (("fault", "{clean}", "hot_pixels", "--magnitude", "3", "--seed", "-1", "-o", "{out}"), "-1"),

@@ -2,9 +2,13 @@
 
 import re
 from pathlib import Path
-from typing import Any
+from typing import Any, Final
 
 import click
+
+from fedora_qa.causes import CAUSES
+
+_CAUSES: Final = ", ".join(cause for cause in CAUSES if cause != "unknown")
 
 
 def _read_region(_: click.Context, __: click.Parameter, value: str | None) -> tuple[int, int, int, int] | None:
@@ -18,10 +22,10 @@ def _read_region(_: click.Context, __: click.Parameter, value: str | None) -> tu
     return left, top, right, bottom
 
 
-@click.command()
+@click.command(epilog=f"Causes: {_CAUSES}.")
 @click.argument("file", type=click.Path(path_type=Path))
 @click.argument("cause")
-@click.option("--stream", default="events", show_default=True, help="Stream that the fault befalls.")
+@click.option("--stream", help="Stream that the fault befalls; events, or the only one that it can befall.")
 @click.option("--magnitude", type=float, help="Size; positive is too late, or too large. Needed where it has a unit.")
 @click.option("--unit", help="Unit of the magnitude; for a time ms unless given.")
 @click.option("--seed", type=click.IntRange(min=0), default=0, show_default=True, help="For what is placed at random.")

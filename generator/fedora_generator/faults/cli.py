@@ -7,12 +7,13 @@ import click
 from fedora_generator.errors import OutputError
 from fedora_generator.faults.fault import Region
 from fedora_generator.faults.plant import plant_fault
+from fedora_generator.faults.table import usual_stream
 
 
 def run_fault(
     file: Path,
     cause: str,
-    stream: str,
+    stream: str | None,
     magnitude: float | None,
     unit: str | None,
     seed: int,
@@ -32,7 +33,7 @@ def run_fault(
         file,
         output,
         cause,
-        stream,
+        stream or usual_stream(cause),
         magnitude=magnitude,
         unit=unit,
         seed=seed,

@@ -188,7 +188,19 @@ def legal_causes() -> tuple[str, ...]:
     return tuple(cause for cause in CAUSES if cause in causes)
 
 
+def usual_stream(cause: str) -> str:
+    """Return the only stream in which a cause can be planted, and ``events`` for a cause that has several or none."""
+    families = _families_of(cause)
+    return families[0] if len(families) == 1 else "events"
+
+
 def legal_streams(cause: str) -> tuple[str, ...]:
     """Return the streams that a cause can be planted in, ``flow`` with each of its rates."""
-    families = [stream for fault_cause, stream in (*FAULTS, *BYTE_FAULTS) if fault_cause == cause]
-    return tuple(name for family in families for name in ((family, *FLOW_STREAMS) if family == "flow" else (family,)))
+    return tuple(
+        name for family in _families_of(cause) for name in ((family, *FLOW_STREAMS) if family == "flow" else (family,))
+    )
+
+
+def _families_of(cause: str) -> list[str]:
+    """Return the streams that a cause can be planted in, all rates of ``flow`` as one."""
+    return [stream for fault_cause, stream in (*FAULTS, *BYTE_FAULTS) if fault_cause == cause]
