@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from fedora_qa.causes import in_families, stream_family
 from fedora_qa.conventions import NS_PER_US
 from fedora_qa.errors import UnreadableRowsError
+from fedora_qa.evidence.event_cloud import EventCloud, keep_event_clouds, take_event_cloud
 from fedora_qa.evidence.histograms import (
     keep_histograms,
     padded_sum,
@@ -109,7 +110,7 @@ class EvidenceState:
     ----------
     plan
         The same for all windows.
-    snapshots
+    snapshots, event_clouds
         In the order of time.
     values
         Counts of sampled pixels by quantity.
@@ -125,6 +126,7 @@ class EvidenceState:
 
     plan: EvidencePlan
     snapshots: list[Snapshot] = field(default_factory=list)
+    event_clouds: list[EventCloud] = field(default_factory=list)
     values: dict[str, Int64] = field(default_factory=dict)
     pixels: NDArray[np.uint32] | None = None
     counted_ns: list[tuple[int, int]] = field(default_factory=list)
@@ -133,7 +135,7 @@ class EvidenceState:
 
 
 class EvidenceCollector:
-    """Snapshots, timeline and histograms of a file.
+    """Snapshots, event clouds, timeline and histograms of a file.
 
     Parameters
     ----------
@@ -185,8 +187,11 @@ class EvidenceCollector:
         width_px, families = state.plan.width_px, self._families
         state.snapshots += [take_snapshot(window, time_ns, width_px, families=families) for time_ns in times_ns]
         _add_values(state.values, window_values(window, self._families))
-        counted = "events" in window.facts.streams and in_families("events", self._families)
-        if counted and (rows := window.owned("events")):
+        if not in_families("events", self._families):
+            return
+        clouds = (take_event_cloud(window, time_ns, self._options.cloud_events) for time_ns in times_ns)
+        state.event_clouds += [cloud for cloud in clouds if cloud is not None]
+        if "events" in window.facts.streams and (rows := window.owned("events")):
             try:
                 events_ns = window.rows(timestamps_of("events"), rows.start, rows.stop)
                 state.pixels = with_events(state.pixels, window)
@@ -209,6 +214,7 @@ class EvidenceCollector:
         both = EvidenceState(
             state.plan,
             snapshots=state.snapshots + later.snapshots,
+            event_clouds=state.event_clouds + later.event_clouds,
             values=dict(state.values),
             pixels=state.pixels,
             counted_ns=state.counted_ns + later.counted_ns,
@@ -258,7 +264,8 @@ class EvidenceCollector:
                 title = f"Stretches of which no {stream} was looked at, us on the file's clock"
                 over_time[named(TIMELINE, UNMEASURED, stream)] = (facts.origin_us + stretches_ns / NS_PER_US, title)
         histograms = keep_histograms(state.values, state.pixels, seconds_of(facts, state.counted_ns))
-        return merged([snapshots, TitledArrays.titled(over_time), histograms])
+        clouds = keep_event_clouds(state.event_clouds, facts, self._options.event_clouds)
+        return merged([snapshots, clouds, TitledArrays.titled(over_time), histograms])
 
 
 def timeline_of(facts: Facts, spans: Sequence[Span], bins: int) -> Timeline:

@@ -13,7 +13,7 @@ class EvidenceOptions:
     ----------
     size_bytes
         Uncompressed size of the pictures that the pass keeps, and again of the pictures of and beside the worst
-        locations. All other evidence (series, histograms, distributions, trajectory) takes less than 3 MiB.
+        locations. All other evidence (series, histograms, distributions, trajectory, clouds) takes less than 3 MiB.
     picture_width_px
         Largest width of pictures, px; they are smaller where the size requires it.
     snapshots, worst_locations, beside
@@ -23,6 +23,8 @@ class EvidenceOptions:
         Largest number of diagnoses of which is kept what undoing their fault changes.
     timeline_bins, trajectory_points
         Number of bins of the timeline, and largest number of poses.
+    event_clouds, cloud_events
+        Largest number of snapshots of which single events are kept, and largest number of events of each.
     """
 
     size_bytes: int = 28 * MEBIBYTE
@@ -33,3 +35,5 @@ class EvidenceOptions:
     trials: int = 3
     timeline_bins: int = 200
     trajectory_points: int = 4000
+    event_clouds: int = 3
+    cloud_events: int = 4000

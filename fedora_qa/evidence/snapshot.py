@@ -12,7 +12,8 @@ from fedora_qa.causes import in_families
 from fedora_qa.errors import UnreadableRowsError
 from fedora_qa.estimators.images.luma import LUMA_WEIGHTS
 from fedora_qa.evidence.pictures import block_px, events_of_pixels, mean_codes, mean_values
-from fedora_qa.sequence.window import Window
+from fedora_qa.sequence.facts import Facts
+from fedora_qa.sequence.window import Events, Window
 
 T = TypeVar("T")
 
@@ -249,17 +250,43 @@ def _events(window: Window, time_ns: int, width_px: int, events_ns: int) -> Pict
     """
     if "events" not in window.facts.streams:
         return None
-    events = window.events(events_ns // 2, events_ns // 2)
+    events = events_around(window, time_ns, events_ns)
+    shape = sensor_shape(window.facts, events)
+    block = block_px(shape[1], width_px) if "events" in window.facts.declared.cameras else 1
     start_ns, stop_ns = time_ns - events_ns // 2, time_ns + events_ns // 2
-    first, last = np.searchsorted(events.times_ns, [start_ns, stop_ns])
-    x, y, p = events.x[first:last], events.y[first:last], events.p[first:last]
-    declared = window.facts.declared.cameras.get("events")
+    return Picture(events_of_pixels(events.x, events.y, events.p, shape, block), "events", 0, block, start_ns, stop_ns)
+
+
+def events_around(window: Window, time_ns: int, events_ns: int) -> Events:
+    """Return the events around an instant of a window.
+
+    Parameters
+    ----------
+    window
+        Reads its events with a margin of half of ``events_ns``, once for all instants.
+    time_ns
+        The instant, ns from the file's origin.
+    events_ns
+        Length of the interval, ns, half before and half after the instant.
+
+    Raises
+    ------
+    UnreadableRowsError
+        Where they cannot be decoded.
+    """
+    events = window.events(events_ns // 2, events_ns // 2)
+    first, last = np.searchsorted(events.times_ns, [time_ns - events_ns // 2, time_ns + events_ns // 2])
+    rows = slice(first, last)
+    return Events(events.x[rows], events.y[rows], events.times_ns[rows], events.p[rows])
+
+
+def sensor_shape(facts: Facts, events: Events) -> tuple[int, int]:
+    """Return height and width of the event camera, px: as declared, or else as far as these events lie."""
+    declared = facts.declared.cameras.get("events")
     if declared is not None:
-        size, block = (declared.height, declared.width), block_px(declared.width, width_px)
-    else:  # as far as these events lie
-        height, width = (min(int(values.max(initial=0)) + 1, _LARGEST_SENSOR_PX) for values in (y, x))
-        size, block = (height, width), 1
-    return Picture(events_of_pixels(x, y, p, size, block), "events", 0, block, start_ns, stop_ns)
+        return declared.height, declared.width
+    height, width = (min(int(values.max(initial=0)) + 1, _LARGEST_SENSOR_PX) for values in (events.y, events.x))
+    return height, width
 
 
 def _small_codes(window: Window, frame: int, width_px: int) -> tuple[NDArray[Any], int]:

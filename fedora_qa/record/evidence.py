@@ -20,6 +20,12 @@ title in the record that can serve as its caption. Times are on the file's clock
     of the picture, 0 to 1, (0, 0, 1, 1) where the finding is of the whole picture. Findings at one place share the
     pictures of the first of them. Under ``places/<finding id>/before/...`` and ``.../after/...`` lie the same arrays of
     one frame earlier and later, without a box, as far as the limit of images of the follow-up allows.
+``event_clouds/...``
+    Single events around c of the moments, those with most events, in the order of time. ``times_us`` (c,) float64 ·
+    ``intervals_us`` (c, 2) float64: start and end of 20 ms around each · ``counts`` (c,) int64: events within them ·
+    ``shapes_px`` (c, 2) int64: height and width of the sensor. Of these events at most 4000 a moment are kept, evenly
+    thinned in the order of time, m in all: ``instant`` (m,) uint8, the row of ``times_us`` · ``x``, ``y`` (m,) uint16
+    px · ``offsets_us`` (m,) int16, from that instant on · ``polarities`` (m,) uint8: 1 brighter, 0 darker.
 ``trajectory/...``
     n poses: ``times_us`` (n,) float64 · ``positions_world_m`` (n, 3) float64 as stored · ``speeds_m_s`` (n,) float64,
     smoothed as the statistics are, NaN where too few poses are there · ``forward_world`` (n, 3) float64: the body's X
@@ -61,6 +67,7 @@ from typing import Final
 
 MOMENTS: Final = "moments"
 PLACES: Final = "places"
+EVENT_CLOUDS: Final = "event_clouds"
 TRAJECTORY: Final = "trajectory"
 TIMELINE: Final = "timeline"
 UNMEASURED: Final = "unmeasured"

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from fedora_qa.record.evidence import (
     AGREEMENT,
     DISTRIBUTIONS,
+    EVENT_CLOUDS,
     HISTOGRAMS,
     MOMENTS,
     PLACES,
@@ -25,6 +26,7 @@ from fedora_reports.agreement import Agreement, agreement_of
 from fedora_reports.anchors import Anchors
 from fedora_reports.charts import Chart, distributions_of
 from fedora_reports.detection_power import NOTHING_KNOWN, DetectionPowerRow, PassDetectionPower, detection_power_rows
+from fedora_reports.event_clouds import EventCloud, event_clouds_of
 from fedora_reports.evidence import evidence_of
 from fedora_reports.flight import Flight, flight_of
 from fedora_reports.maps import Exhibits, exhibits
@@ -37,7 +39,17 @@ from fedora_reports.subjects import Subject, subjects_of
 from fedora_reports.timeline import AnchoredFinding, Sparkline, Timeline, sparkline_of, timeline_of
 from fedora_reports.verdict import TITLES, VerdictText, verdict_of
 
-_KEPT_BY_THE_PASS = (MOMENTS, PLACES, TRIALS, AGREEMENT, TRAJECTORY, TIMELINE, HISTOGRAMS, DISTRIBUTIONS)
+_KEPT_BY_THE_PASS = (
+    MOMENTS,
+    PLACES,
+    TRIALS,
+    AGREEMENT,
+    EVENT_CLOUDS,
+    TRAJECTORY,
+    TIMELINE,
+    HISTOGRAMS,
+    DISTRIBUTIONS,
+)
 
 _LEAK: Final = "release.splits.leak"
 """The rule by which two splits share data."""
@@ -63,6 +75,7 @@ class FileSection:
     agreement: Agreement | None
     timeline: Timeline | None
     strip: Strip | None
+    event_clouds: tuple[EventCloud, ...]
     flight: Flight | None
     subjects: tuple[Subject, ...]
     paper: tuple[Table, ...]
@@ -244,6 +257,7 @@ def _section(
         agreement=agreement_of(evidence),
         timeline=timeline_of(evidence, findings, snapshots),
         strip=pictures.strip,
+        event_clouds=event_clouds_of(evidence),
         flight=flight_of(evidence, findings),
         subjects=subjects_of(file, evidence, anchors, links, detection_power),
         paper=paper_tables((file,), (name,)),

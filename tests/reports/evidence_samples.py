@@ -65,6 +65,24 @@ def trial(diagnosis: str) -> dict[str, NDArray[Any]]:
     }
 
 
+def event_clouds() -> dict[str, NDArray[Any]]:
+    """Two clouds of an edge that crosses a sensor of 9 x 6; the second has half of the events of the first."""
+    x, y = (values.ravel() for values in np.meshgrid(np.arange(9), np.arange(6)))
+    count = len(x)
+    times_us = np.array([500e3, 1e6])
+    return {
+        "event_clouds/times_us": times_us,
+        "event_clouds/intervals_us": times_us[:, None] + [-10e3, 10e3],
+        "event_clouds/counts": np.array([70_000, count // 2]),
+        "event_clouds/shapes_px": np.array([[6, 9], [6, 9]]),
+        "event_clouds/instant": np.repeat([0, 1], [count, count // 2]).astype(np.uint8),
+        "event_clouds/x": np.concatenate([x, x[::2]]).astype(np.uint16),
+        "event_clouds/y": np.concatenate([y, y[::2]]).astype(np.uint16),
+        "event_clouds/offsets_us": np.concatenate([x, x[::2]]).astype(np.int16) * 2000 - 8000,
+        "event_clouds/polarities": (np.arange(count + count // 2) % 2).astype(np.uint8),
+    }
+
+
 def distributions() -> dict[str, NDArray[Any]]:
     """Times between events of a pixel, in two blocks; one of them shorter than what a logarithm can show."""
     edges = np.array([0.0, 1.0, 2.0, 4.0, 8.0])
@@ -95,6 +113,7 @@ def all_kinds() -> dict[str, NDArray[Any]]:
     series = np.array([[0.0, 1.0], [1.0, np.nan], [2.0, 3.0]])
     return {
         **moments(),
+        **event_clouds(),
         **place("F1"),
         **beside("F1"),
         **trial("D1"),

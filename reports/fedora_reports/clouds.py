@@ -1,0 +1,142 @@
+"""Clouds of points in a box, in parallel projection: as a static picture in SVG that follows the page's colours.
+
+The space of a drawing has Z up, the middle of the box at its origin, and the longest side of the box as its unit.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from html import escape
+from itertools import combinations, product
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fedora_reports.scales import Tick
+
+Float64 = NDArray[np.float64]
+
+WIDTH_PX: Final = 360
+"""Width of a picture: on a phone its words keep nearly their size."""
+
+_MARGINS_PX: Final = (50.0, 16.0, 24.0, 22.0)
+"""Left, above, right and below the box, for the labels of its axes."""
+
+_BANDS: Final = 6
+"""Points are drawn in so many layers, the farthest first."""
+
+_FINER: Final = 2
+"""Points lie on a grid of half a pixel of the picture."""
+
+
+@dataclass(frozen=True, slots=True)
+class CloudAxis:
+    """An axis of a box: its name with the unit, and its ticks as shares of the side."""
+
+    name: str
+    ticks: tuple[Tick, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class CloudView:
+    """Direction of a parallel projection: turned about Z by ``yaw_rad``, seen from ``pitch_rad`` above the ground."""
+
+    yaw_rad: float
+    pitch_rad: float
+
+    def project(self, points: Float64) -> Float64:
+        """Return points (..., 3) as right, down and toward the eye (..., 3), in the unit of the points."""
+        x, y, z = np.moveaxis(points, -1, 0)
+        c, s = np.cos(self.yaw_rad), np.sin(self.yaw_rad)
+        up, over = np.cos(self.pitch_rad), np.sin(self.pitch_rad)
+        away = c * y - s * x
+        return np.stack([c * x + s * y, -(up * z + over * away), over * z - up * away], axis=-1)
+
+
+def draw_cloud(
+    points: Float64,
+    paint: NDArray[np.intp],
+    paints: Sequence[str],
+    sides: Float64,
+    axes: tuple[CloudAxis, CloudAxis, CloudAxis],
+    view: CloudView,
+    label: str,
+) -> str:
+    """Return a picture of points in their box, with labelled axes.
+
+    Parameters
+    ----------
+    points
+        (n, 3) in the space of the drawing.
+    paint
+        (n,) indices of ``paints``.
+    paints
+        Attributes of SVG that give points their colour.
+    sides
+        (3,) of the box, the longest of them 1.
+    axes
+        X, Y and Z.
+    view
+        With a yaw between 0 and a right angle, so that X and Y both lead to the right.
+    label
+        Its content in words.
+    """
+    corners = np.array(list(product((-0.5, 0.5), repeat=3))) * sides
+    outline = view.project(corners)[:, :2]
+    left, above, right, below = _MARGINS_PX
+    low, high = outline.min(axis=0), outline.max(axis=0)
+    scale_px = (WIDTH_PX - left - right) / (high[0] - low[0])
+    height = above + below + (high[1] - low[1]) * scale_px
+
+    def places_px(of: Float64) -> Float64:
+        places: Float64 = (view.project(of)[..., :2] - low) * scale_px + (left, above)
+        return places
+
+    parts = []
+    # Edges join corners that differ in one axis. Those of the nearest corner would cross the points.
+    nearest = int(view.project(corners)[:, 2].argmax())
+    edges = [(a, b) for a, b in combinations(range(8), 2) if (a ^ b) in (1, 2, 4) and nearest not in (a, b)]
+    ends = places_px(corners)
+    lines = "".join(f"M{ends[a, 0]:.1f} {ends[a, 1]:.1f}L{ends[b, 0]:.1f} {ends[b, 1]:.1f}" for a, b in edges)
+    parts.append(f'<path class="edges" d="{lines}"/>')
+    parts += _points(places_px(points), view.project(points)[:, 2], paint, paints)
+    # X along the near edge on the left, Y along the near edge on the right, Z along the leftmost edge.
+    x_high, y_low, z_low = sides[0] / 2, -sides[1] / 2, -sides[2] / 2
+    for axis, (dx, dy), anchor in zip(axes, ((-5, 12), (5, 12), (-6, 4)), ("end", "start", "end"), strict=True):
+        edge = np.array([x_high if axis is axes[1] else -x_high, y_low, z_low])
+        k = axes.index(axis)
+        for tick in axis.ticks:
+            edge[k] = (tick.share - 0.5) * sides[k]
+            x, y = places_px(edge)
+            parts.append(_text(x + dx, y + dy, tick.label, anchor))
+        # Names stand at the middle of the edge, below its ticks; that of Z above the edge.
+        edge[k] = sides[k] / 2 if axis is axes[2] else 0.0
+        x, y = places_px(edge)
+        parts.append(
+            _text(2.0, y - 8, axis.name, "start") if k == 2 else _text(x + 5 * dx, y + 34, axis.name, "middle")
+        )
+    return (
+        f'<svg viewBox="0 0 {WIDTH_PX} {height:.0f}" role="img" aria-label="{escape(label)}" fill="none" '
+        f'xmlns="http://www.w3.org/2000/svg">{"".join(parts)}</svg>'
+    )
+
+
+def _points(places_px: Float64, toward: Float64, paint: NDArray[np.intp], paints: Sequence[str]) -> list[str]:
+    """Return the points layer by layer, each place of a colour once a layer, as dots of relative coordinates."""
+    if not len(places_px):
+        return []
+    places = np.rint(places_px * _FINER).astype(int)
+    order = np.argsort(toward, kind="stable")
+    drawn = []
+    for band in np.array_split(order, _BANDS):
+        for k in np.unique(paint[band]):
+            # In the order of columns steps are small, and short to write.
+            dots = np.unique(places[band[paint[band] == k]], axis=0)
+            steps = np.diff(dots, axis=0, prepend=[[0, 0]])
+            path = "".join(f"m{dx}{dy if dy < 0 else f' {dy}'}h0" for dx, dy in steps.tolist())
+            drawn.append(f'<path {paints[k]} d="{path}"/>')
+    return [f'<g class="points" transform="scale({1 / _FINER:g})">{"".join(drawn)}</g>']
+
+
+def _text(x: float, y: float, text: str, anchor: str) -> str:
+    return f'<text x="{x:.1f}" y="{y:.1f}" text-anchor="{anchor}">{escape(text)}</text>'

@@ -1,0 +1,97 @@
+"""Event clouds in the report: every event in its place and colour, small, and nothing where arrays do not fit."""
+
+import re
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from fedora_qa.evidence.options import EvidenceOptions
+from fedora_reports.clouds import CloudView
+from fedora_reports.event_clouds import EventCloud, event_clouds_of
+from fedora_reports.evidence import Evidence
+from tests.reports.evidence_samples import event_clouds
+
+MOST_BYTES = 60_000
+
+
+def drawn(**changed: NDArray[Any]) -> tuple[EventCloud, ...]:
+    """The clouds of the samples, some arrays of which are others."""
+    arrays = event_clouds() | {f"event_clouds/{name}": array for name, array in changed.items()}
+    return event_clouds_of(Evidence(arrays, {}))
+
+
+def places_of(svg: str, kind: str) -> set[tuple[int, int]]:
+    """The places of all dots of a class, half px."""
+    places = set()
+    for path in re.findall(f'class="{kind}" d="([^"]*)"', svg):
+        steps = np.array(re.findall(r"m(-?\d+) ?(-?\d+)h0", path), dtype=int)
+        places |= set(map(tuple, np.cumsum(steps, axis=0).tolist()))
+    return places
+
+
+def test_every_event_is_drawn_in_its_colour() -> None:
+    """54 events at places of their own: those of each polarity, and none twice."""
+    first, second = drawn()
+    assert len(places_of(first.view, "brighter")) == len(places_of(first.view, "darker")) == 27
+    assert len(places_of(second.view, "brighter") | places_of(second.view, "darker")) == 27
+
+
+def test_events_lie_where_the_projection_puts_them() -> None:
+    """The last events in the last column are the rightmost; that of the upper row lies above that of the lower one."""
+    (first,) = drawn(
+        offsets_us=np.array([10_000, 10_000, -10_000], np.int16),
+        x=np.array([9, 9, 0], np.uint16),
+        y=np.array([0, 6, 3], np.uint16),
+        polarities=np.array([1, 0, 1], np.uint8),
+        instant=np.zeros(3, np.uint8),
+    )
+    (upper, left), (lower,) = sorted(places_of(first.view, "brighter"), reverse=True), places_of(first.view, "darker")
+    assert upper[0] == lower[0] > left[0]
+    assert upper[1] < lower[1]
+
+
+def test_axes_are_labelled_with_units() -> None:
+    """Milliseconds from the instant on, pixels of the sensor, rows from above."""
+    (first, _) = drawn()
+    words = re.findall(r"<text[^>]*>([^<]*)</text>", first.view)
+    assert {"t, ms", "x, px", "y, px", "-10", "10", "0"} <= set(words)
+    assert first.caption == "54 of 70000 events within 20 ms; t is counted from 0.500 s"
+
+
+def test_as_many_events_as_are_ever_kept_stay_small() -> None:
+    """Noise, which has no two events at one place."""
+    rng, count = np.random.default_rng(1), EvidenceOptions().cloud_events
+    (cloud,) = drawn(
+        instant=np.zeros(count, np.uint8),
+        shapes_px=np.array([[720, 1280], [720, 1280]]),
+        x=rng.integers(0, 1280, count).astype(np.uint16),
+        y=rng.integers(0, 720, count).astype(np.uint16),
+        offsets_us=rng.integers(-10_000, 10_000, count).astype(np.int16),
+        polarities=rng.integers(0, 2, count).astype(np.uint8),
+    )
+    assert len(cloud.view.encode()) < MOST_BYTES
+
+
+@pytest.mark.parametrize(
+    "changed",
+    [
+        {"x": np.zeros(3, np.uint16)},
+        {"times_us": np.zeros((2, 2))},
+        {"shapes_px": np.array([[0, 9], [6, -1]])},
+        {"intervals_us": np.full((2, 2), np.nan)},
+        {"intervals_us": np.array([[1.0, 1.0], [1.0, 1.0]])},
+        {"instant": np.full(81, 7, np.uint8)},
+        {"polarities": np.array(["1"] * 81)},
+    ],
+)
+def test_arrays_that_do_not_fit_draw_nothing(changed: dict[str, NDArray[Any]]) -> None:
+    """Of other lengths, without a sensor, without a time, of no instant, or without numbers."""
+    assert drawn(**changed) == ()
+
+
+def test_projection_keeps_lengths() -> None:
+    """Right, down and toward the eye are a rotation of the space."""
+    axes = CloudView(0.6, 0.5).project(np.eye(3))
+    np.testing.assert_allclose(axes @ axes.T, np.eye(3), atol=1e-12)
