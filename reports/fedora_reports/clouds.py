@@ -1,13 +1,14 @@
-"""Clouds of points in a box, in parallel projection: as a static picture in SVG that follows the page's colours.
+"""Clouds of points in a box, in parallel projection: a static picture in SVG, and a scene that a reader can turn.
 
 The space of a drawing has Z up, the middle of the box at its origin, and the longest side of the box as its unit.
 """
 
+import base64
 from collections.abc import Sequence
 from dataclasses import dataclass
 from html import escape
 from itertools import combinations, product
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,6 +22,13 @@ WIDTH_PX: Final = 360
 
 _MARGINS_PX: Final = (50.0, 16.0, 24.0, 22.0)
 """Left, above, right and below the box, for the labels of its axes."""
+
+_LABELS: Final = ((-5, 12, "end"), (5, 12, "start"), (-6, 4, "end"))
+"""Right and down from a tick of X, Y and Z to its label, px, and the end of the label that lies there."""
+
+_NEAR_PX: Final = 14
+_FAR_PX: Final = 36
+"""From the edge of a scene to the labels of its ticks, and to the name of its axis."""
 
 _BANDS: Final = 6
 """Points are drawn in so many layers, the farthest first."""
@@ -100,17 +108,14 @@ def draw_cloud(
     lines = "".join(f"M{ends[a, 0]:.1f} {ends[a, 1]:.1f}L{ends[b, 0]:.1f} {ends[b, 1]:.1f}" for a, b in edges)
     parts.append(f'<path class="edges" d="{lines}"/>')
     parts += _points(places_px(points), view.project(points)[:, 2], paint, paints)
-    # X along the near edge on the left, Y along the near edge on the right, Z along the leftmost edge.
-    x_high, y_low, z_low = sides[0] / 2, -sides[1] / 2, -sides[2] / 2
-    for axis, (dx, dy), anchor in zip(axes, ((-5, 12), (5, 12), (-6, 4)), ("end", "start", "end"), strict=True):
-        edge = np.array([x_high if axis is axes[1] else -x_high, y_low, z_low])
-        k = axes.index(axis)
+    for k, (axis, (dx, dy, anchor)) in enumerate(zip(axes, _LABELS, strict=True)):
+        edge = _labelled_edge(k, sides)
         for tick in axis.ticks:
             edge[k] = (tick.share - 0.5) * sides[k]
             x, y = places_px(edge)
             parts.append(_text(x + dx, y + dy, tick.label, anchor))
         # Names stand at the middle of the edge, below its ticks; that of Z above the edge.
-        edge[k] = sides[k] / 2 if axis is axes[2] else 0.0
+        edge[k] = sides[k] / 2 if k == 2 else 0.0
         x, y = places_px(edge)
         parts.append(
             _text(2.0, y - 8, axis.name, "start") if k == 2 else _text(x + 5 * dx, y + 34, axis.name, "middle")
@@ -119,6 +124,58 @@ def draw_cloud(
         f'<svg viewBox="0 0 {WIDTH_PX} {height:.0f}" role="img" aria-label="{escape(label)}" fill="none" '
         f'xmlns="http://www.w3.org/2000/svg">{"".join(parts)}</svg>'
     )
+
+
+def box_scene(sides: Float64, view: CloudView, axes: tuple[CloudAxis, CloudAxis, CloudAxis]) -> dict[str, Any]:
+    """Return the box of a scene that a reader can turn, as ``script/space.js`` takes it: for JSON.
+
+    Parameters
+    ----------
+    sides
+        (3,) of the box, the longest of them 1.
+    view
+        From which it is seen at first.
+    axes
+        X, Y and Z. Their labels stand at the edges that a picture labels.
+    """
+    names, ticks = [], []
+    for k, axis in enumerate(axes):
+        edge = _labelled_edge(k, sides)
+        for tick in axis.ticks:
+            edge[k] = (tick.share - 0.5) * sides[k]
+            ticks.append([*edge.round(4).tolist(), tick.label, _NEAR_PX])
+        edge[k] = sides[k] / 2 if k == 2 else 0.0
+        names.append([*edge.round(4).tolist(), axis.name, _FAR_PX])
+    return {
+        "low": (-sides / 2).round(4).tolist(),
+        "high": (sides / 2).round(4).tolist(),
+        "yaw": view.yaw_rad,
+        "pitch": view.pitch_rad,
+        "labels": [*names, *ticks],
+    }
+
+
+def packed_points(points: Float64, paint: NDArray[np.integer[Any]]) -> str:
+    """Return points of a scene in base64: four int16 a point, least byte first.
+
+    Parameters
+    ----------
+    points
+        (n, 3) in the space of the drawing, -1 to 1, kept to a 32767th.
+    paint
+        (n,) indices of the paints of the scene, or colours of five bits each for red, green and blue.
+    """
+    numbers = np.column_stack([np.rint(points * 32767), paint]).astype("<i2")
+    return base64.b64encode(numbers.tobytes()).decode("ascii")
+
+
+def _labelled_edge(axis: int, sides: Float64) -> Float64:
+    """Return a point (3,) of the edge with the labels of an axis; its coordinate along that axis is free.
+
+    X along the near edge on the left, Y along the near edge on the right, Z along the leftmost edge.
+    """
+    x_high, y_high, z_high = sides / 2
+    return np.array([x_high if axis == 1 else -x_high, -y_high, -z_high])
 
 
 def _points(places_px: Float64, toward: Float64, paint: NDArray[np.intp], paints: Sequence[str]) -> list[str]:

@@ -1,5 +1,6 @@
 """Event clouds: single events in x, y and t around the busiest instants."""
 
+import json
 from dataclasses import dataclass, replace
 from typing import Final
 
@@ -8,7 +9,7 @@ from markupsafe import Markup
 
 from fedora_qa.record.evidence import EVENT_CLOUDS, named
 from fedora_qa.record.wording import number
-from fedora_reports.clouds import CloudAxis, CloudView, draw_cloud
+from fedora_reports.clouds import CloudAxis, CloudView, box_scene, draw_cloud, packed_points
 from fedora_reports.evidence import Array, Evidence
 from fedora_reports.panels import seconds
 from fedora_reports.scales import Axis
@@ -18,15 +19,17 @@ _TIME_SHARE: Final = 1.25
 """Length of the axis of time as a share of the longer side of the sensor."""
 
 _PAINTS: Final = ('class="darker"', 'class="brighter"')
-"""By polarity."""
+_VARIABLES: Final = ("--darker", "--brighter")
+"""By polarity, of the picture and of the scene."""
 
 
 @dataclass(frozen=True, slots=True)
 class EventCloud:
-    """A cloud of events: its instant, its picture in SVG, and how many events it shows."""
+    """A cloud of events: its instant, its picture in SVG, the same as JSON to be turned, and how many it shows."""
 
     time: str
     view: Markup
+    space: str
     caption: str
 
 
@@ -87,4 +90,8 @@ def _cloud(
     caption = f"{thinned} within {number((high_us - low_us) / 1e3)} ms; t is counted from {time}"
     paint = (polarities[within] > 0).astype(np.intp)
     view = draw_cloud((shares - 0.5) * sides, paint, _PAINTS, sides, axes, _VIEW, f"Events at {time}: {caption}")
-    return EventCloud(time, Markup(view), caption)
+    scene = box_scene(sides, _VIEW, axes) | {
+        "paints": _VARIABLES,
+        "cloud": packed_points((shares - 0.5) * sides, paint),
+    }
+    return EventCloud(time, Markup(view), json.dumps(scene, allow_nan=False, separators=(",", ":")), caption)

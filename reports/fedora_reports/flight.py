@@ -9,10 +9,12 @@ import numpy as np
 from markupsafe import Markup
 
 from fedora_qa.record.evidence import TRAJECTORY, named
-from fedora_qa.record.wording import printable
+from fedora_qa.record.wording import number, printable
 from fedora_reports import trajectory
+from fedora_reports.clouds import CloudAxis, CloudView, box_scene
 from fedora_reports.evidence import Array, Evidence
 from fedora_reports.pictures import png_uri
+from fedora_reports.scales import Tick
 from fedora_reports.timeline import AnchoredFinding
 from fedora_reports.trajectory import TrajectoryPicture
 from fedora_reports.trajectory_path import box_around, flown_path, speed_colours
@@ -21,6 +23,12 @@ from fedora_reports.trajectory_views import Mark
 MOST_POINTS: Final = 600
 _MOST_MARKS: Final = 80
 _LEVELS: Final = 12
+_VIEW: Final = CloudView(yaw_rad=0.6, pitch_rad=0.5)
+_AXES: Final = (
+    CloudAxis("", (Tick(1.0, "X east"),)),
+    CloudAxis("", (Tick(1.0, "Y north"),)),
+    CloudAxis("", (Tick(1.0, "Z up"),)),
+)
 
 
 @dataclass(frozen=True, slots=True)
@@ -91,9 +99,8 @@ def flight_of(evidence: Evidence, findings: Sequence[AnchoredFinding]) -> Flight
             "levels": levels.tolist(),
             "colours": list(speed_colours(_LEVELS)),
             "runs": [list(run) for run in path.runs],
-            "low": _rounded((box.low_m - box.centre_m) / box.span_m),
-            "high": _rounded((box.high_m - box.centre_m) / box.span_m),
-            "span_m": round(box.span_m, 3),
+            **box_scene((box.high_m - box.low_m) / box.span_m, _VIEW, _AXES),
+            "note": f"longest side of the box {number(box.span_m)} m",
             "marks": [[*_rounded((mark.position_world_m - box.centre_m) / box.span_m), mark.word] for mark in marks],
         }
         space = json.dumps(scene, allow_nan=False, separators=(",", ":"))

@@ -74,6 +74,15 @@ class Tab:
         self.call("Input.dispatchMouseEvent", type="mouseMoved", x=x + by[0], y=y + by[1], **held)
         self.call("Input.dispatchMouseEvent", type="mouseReleased", x=x + by[0], y=y + by[1], button="left")
 
+    def swipe(self, selector: str, by: tuple[float, float]) -> None:
+        """Put a finger on the middle of an element, move it, and lift it."""
+        x, y = self.place_of(selector)
+        self.call("Emulation.setTouchEmulationEnabled", enabled=True)
+        for kind, share in (("touchStart", 0.0), ("touchMove", 0.5), ("touchMove", 1.0)):
+            point = {"x": x + share * by[0], "y": y + share * by[1]}
+            self.call("Input.dispatchTouchEvent", type=kind, touchPoints=[point])
+        self.call("Input.dispatchTouchEvent", type="touchEnd", touchPoints=[])
+
     def point_at(self, selector: str, across: float, down: float) -> None:
         """Move the mouse to a place in an element."""
         x, y = self.place_of(selector, across, down)

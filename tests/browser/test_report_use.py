@@ -168,17 +168,44 @@ def test_a_link_reaches_what_is_filtered_out_or_folded(tab: Tab) -> None:
 
 def test_path_is_turned_when_asked_for(tab: Tab) -> None:
     """Nothing is drawn until it is unfolded; then the mouse and the keys turn it."""
-    tab.evaluate("window.drawn = () => document.querySelector('canvas').toDataURL()")
+    tab.evaluate("window.drawn = () => document.querySelector('.space canvas').toDataURL()")
     blank = tab.evaluate("drawn()")
     tab.click(".space > summary")
     tab.evaluate("new Promise(done => setTimeout(done, 100))")
     pictures = [blank, tab.evaluate("drawn()")]
-    tab.drag("canvas", (80, 20))
+    tab.drag(".space canvas", (80, 20))
     pictures.append(tab.evaluate("drawn()"))
-    tab.evaluate("document.querySelector('canvas').focus()")
+    tab.evaluate("document.querySelector('.space canvas').focus()")
     tab.press("ArrowUp", 38)
     pictures.append(tab.evaluate("drawn()"))
     assert len(set(pictures)) == 4
+
+
+def test_event_cloud_is_turned(tab: Tab) -> None:
+    """It is drawn at once and does not move by itself; the mouse, a finger and keys turn it, and plus comes closer."""
+    canvas = "document.querySelector('.clouds canvas')"
+    drawn = f"{canvas}.toDataURL()"
+    pictures = [tab.evaluate(drawn)]
+    assert tab.evaluate(f"new Promise(done => setTimeout(() => done({drawn}), 300))") == pictures[0]
+    tab.drag(".clouds canvas", (60, 15))
+    pictures.append(tab.evaluate(drawn))
+    tab.swipe(".clouds canvas", (60, 0))
+    pictures.append(tab.evaluate(drawn))
+    tab.evaluate(f"{canvas}.focus()")
+    tab.press("ArrowLeft", 37)
+    pictures.append(tab.evaluate(drawn))
+    tab.press("+", 187)
+    pictures.append(tab.evaluate(drawn))
+    assert len(set(pictures)) == 5
+    assert tab.complaints == []
+
+
+def test_still_clouds_are_for_paper(tab: Tab) -> None:
+    """On the screen the picture that can be turned takes the place of the still one; on paper it is the other way."""
+    visible = "['.still', '.clouds canvas'].map(name => document.querySelector(name).checkVisibility())"
+    assert tab.evaluate(visible) == [False, True]
+    tab.show_as("light", "print")
+    assert tab.evaluate(visible) == [True, False]
 
 
 @pytest.mark.parametrize(

@@ -13,7 +13,8 @@ _UNFOLD = "for (const part of document.querySelectorAll('details')) part.open = 
 _MEASURE = """
 (async () => {
   // With scripts one moment is shown at a time, and the rows of all of them are not; what needs scripts is not without.
-  const shown = e => !e.closest('.js .instants') && !e.closest('html:not(.js) .with-script');
+  // A still picture gives way to one that can be turned.
+  const shown = e => !e.closest('.js .instants, .js .still') && !e.closest('html:not(.js) .with-script');
   const pictures = [...document.images].filter(shown);
   await Promise.all(pictures.map(picture => picture.decode().catch(() => null)));
   await document.fonts.ready;

@@ -1,5 +1,7 @@
 """Event clouds in the report: every event in its place and colour, small, and nothing where arrays do not fit."""
 
+import base64
+import json
 import re
 from typing import Any
 
@@ -89,6 +91,21 @@ def test_as_many_events_as_are_ever_kept_stay_small() -> None:
 def test_arrays_that_do_not_fit_draw_nothing(changed: dict[str, NDArray[Any]]) -> None:
     """Of other lengths, without a sensor, without a time, of no instant, or without numbers."""
     assert drawn(**changed) == ()
+
+
+def test_scene_holds_every_event_once() -> None:
+    """The points that a reader turns are those of the picture, to a 32767th of the box, each with its polarity."""
+    first, _ = drawn()
+    scene = json.loads(first.space)
+    numbers = np.frombuffer(base64.b64decode(scene["cloud"]), "<i2").reshape(-1, 4)
+    arrays = event_clouds()
+    shares = (numbers[:, :3] / 32767 - scene["low"]) / np.subtract(scene["high"], scene["low"])
+    offsets_us, x, y = (arrays[f"event_clouds/{name}"][:54].astype(float) for name in ("offsets_us", "x", "y"))
+    expected = np.stack([(offsets_us + 10e3) / 20e3, x / 9, 1 - y / 6], axis=1)
+    np.testing.assert_allclose(shares, expected, atol=2e-4)
+    np.testing.assert_array_equal(numbers[:, 3], arrays["event_clouds/polarities"][:54])
+    assert scene["paints"] == ["--darker", "--brighter"]
+    assert {"t, ms", "x, px", "y, px"} <= {label[3] for label in scene["labels"]}
 
 
 def test_projection_keeps_lengths() -> None:

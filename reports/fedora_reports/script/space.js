@@ -1,9 +1,10 @@
-// The path in space, that can be turned: parallel projection, Z up. Points are about the middle of the box, in units of
-// its longest side.
+// A drawing in space that can be turned: parallel projection, Z up, a cloud of points, a path, or both. Places are about
+// the middle of the box, in units of its longest side. Nothing moves by itself.
 
 function space(canvas) {
   const scene = JSON.parse(canvas.dataset.space);
-  const view = { yaw: 0.6, pitch: 0.5, zoom: 1 };
+  scene.cloud = cloudPoints(scene.cloud ?? "");
+  const view = { yaw: scene.yaw, pitch: scene.pitch, zoom: 1 };
   const draw = () => drawSpace(canvas, scene, view);
   const turn = (yaw, pitch) => {
     view.yaw += yaw;
@@ -32,23 +33,35 @@ function space(canvas) {
     event.preventDefault();
     act();
   });
-  canvas.closest("details").addEventListener("toggle", draw);
+  canvas.closest("details")?.addEventListener("toggle", draw);
   matchMedia("(prefers-color-scheme: dark)").addEventListener("change", draw);
   addEventListener("resize", draw);
+  draw();
+}
+
+// Four whole numbers of 16 bits a point: its place, a 32767th of the longest side, and its paint.
+function cloudPoints(base64) {
+  const numbers = new Int16Array(Uint8Array.from(atob(base64), letter => letter.charCodeAt(0)).buffer);
+  const points = [];
+  for (let k = 0; k < numbers.length; k += 4) {
+    points.push({ place: [0, 1, 2].map(axis => numbers[k + axis] / 32767), paint: numbers[k + 3] });
+  }
+  return points;
 }
 
 function drawSpace(canvas, scene, view) {
   const { clientWidth: width, clientHeight: height } = canvas;
-  if (!width) return; // folded
+  if (!canvas.checkVisibility()) return; // folded
   const density = devicePixelRatio || 1, ink = getComputedStyle(canvas);
   canvas.width = width * density;
   canvas.height = height * density;
   const pen = canvas.getContext("2d");
   pen.scale(density, density);
-  pen.font = `13px ${ink.fontFamily}`;
+  pen.font = `12px ${ink.fontFamily}`;
   const size = 0.62 * Math.min(width, 1.5 * height) * view.zoom;
   const [c, s, up, over] = [Math.cos(view.yaw), Math.sin(view.yaw), Math.cos(view.pitch), Math.sin(view.pitch)];
   const place = ([x, y, z]) => [width / 2 + size * (c * x + s * y), height / 2 - size * (up * z + over * (c * y - s * x))];
+  const toward = ([x, y, z]) => over * z - up * (c * y - s * x);
   const line = (points, colour, thick) => {
     pen.beginPath();
     for (const point of points) pen.lineTo(...place(point));
@@ -56,37 +69,72 @@ function drawSpace(canvas, scene, view) {
     pen.lineWidth = thick;
     pen.stroke();
   };
-  const [[x0, y0, z0], [x1, y1, z1]] = [scene.low, scene.high], pale = ink.getPropertyValue("--line");
-  line([[x0, y0, z0], [x1, y0, z0], [x1, y1, z0], [x0, y1, z0], [x0, y0, z0], [x0, y0, z1]], pale, 1.5);
-  pen.fillStyle = ink.getPropertyValue("--muted");
-  pen.fillText("X east", ...place([x1, y0, z0]));
-  pen.fillText("Y north", ...place([x0, y1, z0]));
-  pen.fillText("Z up", ...place([x0, y0, z1]));
-  pen.fillText(`longest side of the box ${scene.span_m} m`, 8, height - 8);
-  for (const [start, stop] of scene.runs) {
+
+  // The box, without the edges of its nearest corner, which would cross what is in it.
+  const ends = [scene.low, scene.high], floor = scene.low[2];
+  const corners = [...Array(8).keys()].map(k => [0, 1, 2].map(axis => ends[(k >> axis) & 1][axis]));
+  const nearest = corners.map(toward).reduce((best, depth, k, all) => (depth > all[best] ? k : best), 0);
+  const pale = ink.getPropertyValue("--line"), muted = ink.getPropertyValue("--muted");
+  pen.globalAlpha = 0.5;
+  for (let a = 0; a < 8; a++) {
+    for (const b of [a | 1, a | 2, a | 4]) {
+      if (a !== b && a !== nearest && b !== nearest) line([corners[a], corners[b]], muted, 1);
+    }
+  }
+  pen.globalAlpha = 1;
+
+  // Points of the cloud, the nearest last.
+  const paints = scene.paints?.map(name => ink.getPropertyValue(name));
+  const paintOf = paint => paints?.[paint] ?? `rgb(${[10, 5, 0].map(shift => ((paint >> shift) & 31) * 8 + 4)})`;
+  const dots = scene.cloud.map(point => ({ ...point, depth: toward(point.place) })).sort((p, q) => p.depth - q.depth);
+  const side = 2 * Math.sqrt(view.zoom);
+  for (const dot of dots) {
+    const [left, top] = place(dot.place);
+    pen.fillStyle = paintOf(dot.paint);
+    pen.fillRect(left - side / 2, top - side / 2, side, side);
+  }
+
+  for (const [start, stop] of scene.runs ?? []) {
     const run = scene.points.slice(start, stop);
-    line(run.map(([x, y]) => [x, y, z0]), pale, 2); // its shadow on the ground
+    line(run.map(([x, y]) => [x, y, floor]), pale, 2); // its shadow on the ground
     for (let k = 1; k < run.length; k++) line([run[k - 1], run[k]], scene.colours[scene.levels[start + k]], 3);
   }
-  const dot = (point, radius, colour) => {
+  const mark = (point, word, colour) => {
+    const [left, top] = place(point);
     pen.beginPath();
-    pen.arc(...place(point), radius, 0, 2 * Math.PI);
+    pen.arc(left, top, 5, 0, 2 * Math.PI);
     pen.fillStyle = colour;
     pen.fill();
+    pen.fillStyle = ink.color;
+    pen.fillText(word, left + 8, top + 14);
   };
-  pen.fillStyle = ink.color;
-  const ends = [[scene.points[0], "start"], [scene.points.at(-1), "end"]];
-  for (const [point, word] of ends) {
-    dot(point, 5, ink.color);
-    const [x, y] = place(point);
-    pen.fillText(word, x + 8, y + 14);
+  if (scene.points?.length) {
+    mark(scene.points[0], "start", ink.color);
+    mark(scene.points.at(-1), "end", ink.color);
   }
-  const labels = [];
-  for (const [x, y, z, word] of scene.marks) {
-    dot([x, y, z], 5, ink.getPropertyValue("--bad"));
+  let words = [];
+  for (const [x, y, z, word] of scene.marks ?? []) {
     const [left, top] = place([x, y, z]);
-    if (labels.some(([other, above]) => Math.abs(other - left) < 34 && Math.abs(above - top) < 15)) continue;
-    labels.push([left, top]);
-    pen.fillText(word, left + 8, top - 6);
+    const free = words.every(([other, above]) => Math.abs(other - left) >= 34 || Math.abs(above - top) >= 15);
+    if (free) words.push([left, top]);
+    mark([x, y, z], free ? word : "", ink.getPropertyValue("--bad"));
   }
+
+  // Labels of axes stand off the middle of the drawing; those that would touch another are left out.
+  pen.fillStyle = muted;
+  pen.textBaseline = "middle";
+  pen.textAlign = "center";
+  words = [];
+  for (const [x, y, z, word, distance] of scene.labels) {
+    const [left, top] = place([x, y, z]);
+    const across = left - width / 2, down = top - height / 2, far = Math.hypot(across, down) || 1;
+    const half = pen.measureText(word).width / 2 + 3;
+    const middle = Math.min(Math.max(left + (distance * across) / far, half), width - half);
+    const line = Math.min(Math.max(top + (distance * down) / far, 8), height - 8);
+    if (words.some(other => Math.abs(other.middle - middle) < other.half + half && Math.abs(other.line - line) < 12)) continue;
+    words.push({ middle, line, half });
+    pen.fillText(word, middle, line);
+  }
+  pen.textAlign = "left";
+  pen.fillText(scene.note ?? "", 8, height - 12);
 }
