@@ -19,6 +19,7 @@ from fedora_qa.evidence.histograms import (
     with_events,
 )
 from fedora_qa.evidence.options import EvidenceOptions
+from fedora_qa.evidence.point_cloud import PointCloud, cloud_times_ns, keep_point_cloud, take_point_cloud
 from fedora_qa.evidence.snapshot import Snapshot, take_snapshot
 from fedora_qa.evidence.snapshot_arrays import keep_snapshots
 from fedora_qa.evidence.snapshot_times import fitting_width_px, snapshot_times_ns
@@ -91,6 +92,8 @@ class EvidencePlan:
     ----------
     snapshot_times_ns
         Times of snapshots, ns from the file's origin, by the number of their window.
+    point_cloud_times_ns
+        Those of the snapshots whose depth is carried into the world.
     width_px
         Largest width of pictures, px.
     timeline
@@ -98,6 +101,7 @@ class EvidencePlan:
     """
 
     snapshot_times_ns: Mapping[int, tuple[int, ...]]
+    point_cloud_times_ns: frozenset[int]
     width_px: int
     timeline: Timeline
 
@@ -110,7 +114,7 @@ class EvidenceState:
     ----------
     plan
         The same for all windows.
-    snapshots, event_clouds
+    snapshots, event_clouds, point_clouds
         In the order of time.
     values
         Counts of sampled pixels by quantity.
@@ -127,6 +131,7 @@ class EvidenceState:
     plan: EvidencePlan
     snapshots: list[Snapshot] = field(default_factory=list)
     event_clouds: list[EventCloud] = field(default_factory=list)
+    point_clouds: list[PointCloud] = field(default_factory=list)
     values: dict[str, Int64] = field(default_factory=dict)
     pixels: NDArray[np.uint32] | None = None
     counted_ns: list[tuple[int, int]] = field(default_factory=list)
@@ -135,7 +140,7 @@ class EvidenceState:
 
 
 class EvidenceCollector:
-    """Snapshots, event clouds, timeline and histograms of a file.
+    """Snapshots, clouds, timeline and histograms of a file.
 
     Parameters
     ----------
@@ -164,9 +169,11 @@ class EvidenceCollector:
     def start(self, facts: Facts) -> EvidenceState:
         """Return the state of no windows."""
         options = self._options
+        times_ns = snapshot_times_ns(self._chosen, facts, options.snapshots)
         return EvidenceState(
             EvidencePlan(
-                snapshot_times_ns=snapshot_times_ns(self._chosen, facts, options.snapshots),
+                snapshot_times_ns=times_ns,
+                point_cloud_times_ns=cloud_times_ns(times_ns, options.point_clouds),
                 width_px=fitting_width_px(facts, options, options.snapshots),
                 timeline=timeline_of(facts, self._spans, options.timeline_bins),
             )
@@ -187,6 +194,11 @@ class EvidenceCollector:
         width_px, families = state.plan.width_px, self._families
         state.snapshots += [take_snapshot(window, time_ns, width_px, families=families) for time_ns in times_ns]
         _add_values(state.values, window_values(window, self._families))
+        most_points = self._options.cloud_points // self._options.point_clouds
+        for time_ns in times_ns:
+            if time_ns in state.plan.point_cloud_times_ns:
+                points = take_point_cloud(window, time_ns, most_points, families)
+                state.point_clouds += [points] if points is not None else []
         if not in_families("events", self._families):
             return
         clouds = (take_event_cloud(window, time_ns, self._options.cloud_events) for time_ns in times_ns)
@@ -215,6 +227,7 @@ class EvidenceCollector:
             state.plan,
             snapshots=state.snapshots + later.snapshots,
             event_clouds=state.event_clouds + later.event_clouds,
+            point_clouds=state.point_clouds + later.point_clouds,
             values=dict(state.values),
             pixels=state.pixels,
             counted_ns=state.counted_ns + later.counted_ns,
@@ -265,7 +278,8 @@ class EvidenceCollector:
                 over_time[named(TIMELINE, UNMEASURED, stream)] = (facts.origin_us + stretches_ns / NS_PER_US, title)
         histograms = keep_histograms(state.values, state.pixels, seconds_of(facts, state.counted_ns))
         clouds = keep_event_clouds(state.event_clouds, facts, self._options.event_clouds)
-        return merged([snapshots, clouds, TitledArrays.titled(over_time), histograms])
+        points = keep_point_cloud(state.point_clouds, facts)
+        return merged([snapshots, clouds, points, TitledArrays.titled(over_time), histograms])
 
 
 def timeline_of(facts: Facts, spans: Sequence[Span], bins: int) -> Timeline:

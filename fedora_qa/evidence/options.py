@@ -25,6 +25,8 @@ class EvidenceOptions:
         Number of bins of the timeline, and largest number of poses.
     event_clouds, cloud_events
         Largest number of snapshots of which single events are kept, and largest number of events of each.
+    point_clouds, cloud_points
+        Largest number of snapshots whose depth is carried into the world, and largest number of all points.
     """
 
     size_bytes: int = 28 * MEBIBYTE
@@ -37,3 +39,5 @@ class EvidenceOptions:
     trajectory_points: int = 4000
     event_clouds: int = 3
     cloud_events: int = 4000
+    point_clouds: int = 5
+    cloud_points: int = 6000

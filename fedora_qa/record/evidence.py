@@ -26,6 +26,12 @@ title in the record that can serve as its caption. Times are on the file's clock
     ``shapes_px`` (c, 2) int64: height and width of the sensor. Of these events at most 4000 a moment are kept, evenly
     thinned in the order of time, m in all: ``instant`` (m,) uint8, the row of ``times_us`` · ``x``, ``y`` (m,) uint16
     px · ``offsets_us`` (m,) int16, from that instant on · ``polarities`` (m,) uint8: 1 brighter, 0 darker.
+``point_cloud/...``
+    Points of the depth frames nearest to k of the moments, evenly chosen, carried into the world by depth, pose and the
+    depth camera with its lens: p_world = T_world_body T_body_camera p_camera. ``times_us`` (k,) float64 of the frames ·
+    ``origin_world_m`` (3,) float64: position of the body at the first of them · ``offsets_m`` (n, 3) float32: points
+    relative to it, axes of the world · ``rgb`` (n, 3) uint8 as stored, 128 where colour and depth have no common grid.
+    At most 6000 points, on a grid of the pixels of each frame.
 ``trajectory/...``
     n poses: ``times_us`` (n,) float64 · ``positions_world_m`` (n, 3) float64 as stored · ``speeds_m_s`` (n,) float64,
     smoothed as the statistics are, NaN where too few poses are there · ``forward_world`` (n, 3) float64: the body's X
@@ -68,6 +74,7 @@ from typing import Final
 MOMENTS: Final = "moments"
 PLACES: Final = "places"
 EVENT_CLOUDS: Final = "event_clouds"
+POINT_CLOUD: Final = "point_cloud"
 TRAJECTORY: Final = "trajectory"
 TIMELINE: Final = "timeline"
 UNMEASURED: Final = "unmeasured"

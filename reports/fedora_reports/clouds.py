@@ -30,7 +30,7 @@ _NEAR_PX: Final = 14
 _FAR_PX: Final = 36
 """From the edge of a scene to the labels of its ticks, and to the name of its axis."""
 
-_BANDS: Final = 6
+_BANDS: Final = 4
 """Points are drawn in so many layers, the farthest first."""
 
 _FINER: Final = 2
@@ -69,6 +69,7 @@ def draw_cloud(
     axes: tuple[CloudAxis, CloudAxis, CloudAxis],
     view: CloudView,
     label: str,
+    lines: Sequence[tuple[Float64, str]] = (),
 ) -> str:
     """Return a picture of points in their box, with labelled axes.
 
@@ -88,6 +89,8 @@ def draw_cloud(
         With a yaw between 0 and a right angle, so that X and Y both lead to the right.
     label
         Its content in words.
+    lines
+        Places (m, 3) along each line that is drawn over the points, and its attributes of SVG.
     """
     corners = np.array(list(product((-0.5, 0.5), repeat=3))) * sides
     outline = view.project(corners)[:, :2]
@@ -105,9 +108,12 @@ def draw_cloud(
     nearest = int(view.project(corners)[:, 2].argmax())
     edges = [(a, b) for a, b in combinations(range(8), 2) if (a ^ b) in (1, 2, 4) and nearest not in (a, b)]
     ends = places_px(corners)
-    lines = "".join(f"M{ends[a, 0]:.1f} {ends[a, 1]:.1f}L{ends[b, 0]:.1f} {ends[b, 1]:.1f}" for a, b in edges)
-    parts.append(f'<path class="edges" d="{lines}"/>')
+    outline_px = "".join(f"M{ends[a, 0]:.1f} {ends[a, 1]:.1f}L{ends[b, 0]:.1f} {ends[b, 1]:.1f}" for a, b in edges)
+    parts.append(f'<path class="edges" d="{outline_px}"/>')
     parts += _points(places_px(points), view.project(points)[:, 2], paint, paints)
+    for places, attributes in lines:
+        line = "L".join(f"{x:.1f} {y:.1f}" for x, y in places_px(places))
+        parts.append(f'<path {attributes} d="M{line}"/>')
     for k, (axis, (dx, dy, anchor)) in enumerate(zip(axes, _LABELS, strict=True)):
         edge = _labelled_edge(k, sides)
         for tick in axis.ticks:
@@ -118,7 +124,7 @@ def draw_cloud(
         edge[k] = sides[k] / 2 if k == 2 else 0.0
         x, y = places_px(edge)
         parts.append(
-            _text(2.0, y - 8, axis.name, "start") if k == 2 else _text(x + 5 * dx, y + 34, axis.name, "middle")
+            _text(2.0, y - 8, axis.name, "start") if k == 2 else _text(x + 8 * dx, y + 34, axis.name, "middle")
         )
     return (
         f'<svg viewBox="0 0 {WIDTH_PX} {height:.0f}" role="img" aria-label="{escape(label)}" fill="none" '

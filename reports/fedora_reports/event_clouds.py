@@ -19,6 +19,9 @@ _TIME_SHARE: Final = 1.25
 """Length of the axis of time as a share of the longer side of the sensor."""
 
 _PAINTS: Final = ('class="darker"', 'class="brighter"')
+_LARGEST: Final = 1e12
+"""No sensor and no interval has as many px or us."""
+
 _VARIABLES: Final = ("--darker", "--brighter")
 """By polarity, of the picture and of the scene."""
 
@@ -67,12 +70,15 @@ def _cloud(
     time_us: float, interval_us: Array, count: float, shape_px: Array, offsets_us_x_y: Array, polarities: Array
 ) -> EventCloud | None:
     """Draw a cloud; None where its numbers describe no box, or no event lies in it."""
-    low_us, high_us = interval_us - time_us
+    with np.errstate(invalid="ignore", over="ignore"):
+        low_us, high_us = interval_us - time_us
+        length_us = high_us - low_us
     height, width = shape_px
-    if not (np.isfinite([low_us, high_us, count, height, width]).all() and high_us > low_us and min(height, width) > 0):
-        return None
+    if not (0 < length_us < _LARGEST and 0 < height < _LARGEST and 0 < width < _LARGEST and 0 <= count < _LARGEST):
+        return None  # also for NaN
     # Shares of the box: time along X, columns along Y, rows down Z.
-    shares = (offsets_us_x_y - (low_us, 0.0, 0.0)) / (high_us - low_us, width, height)
+    with np.errstate(invalid="ignore", over="ignore"):
+        shares = (offsets_us_x_y - (low_us, 0.0, 0.0)) / (length_us, width, height)
     within = ((shares >= 0) & (shares <= 1)).all(axis=1)  # False for NaN
     if not within.any():
         return None
@@ -87,7 +93,7 @@ def _cloud(
     )
     time, drawn = seconds(time_us), int(within.sum())
     thinned = f"{drawn} of {count:.0f} events" if drawn < count else f"{drawn} events"
-    caption = f"{thinned} within {number((high_us - low_us) / 1e3)} ms; t is counted from {time}"
+    caption = f"{thinned} within {number(length_us / 1e3)} ms; t is counted from {time}"
     paint = (polarities[within] > 0).astype(np.intp)
     view = draw_cloud((shares - 0.5) * sides, paint, _PAINTS, sides, axes, _VIEW, f"Events at {time}: {caption}")
     scene = box_scene(sides, _VIEW, axes) | {

@@ -19,6 +19,7 @@ from fedora_reports.timeline import AnchoredFinding
 from fedora_reports.trajectory import TrajectoryPicture
 from fedora_reports.trajectory_path import box_around, flown_path, speed_colours
 from fedora_reports.trajectory_views import Mark
+from fedora_reports.world import draw_world, world_of, world_scene
 
 MOST_POINTS: Final = 600
 _MOST_MARKS: Final = 80
@@ -36,7 +37,8 @@ class Flight:
     """The path in two flat views, in SVG, with marks of findings; and in space.
 
     ``uri`` is a picture in space. Where none could be drawn it is empty, and ``note`` gives the reason. ``space`` is
-    the path as JSON, for a drawing that a reader can turn; empty where there is no path.
+    the path as JSON, for a drawing that a reader can turn; empty where there is no path. ``world`` is the still picture
+    of the path among the points of the world, which are then also in ``space``; empty where no points were kept.
     """
 
     views: Markup
@@ -45,6 +47,8 @@ class Flight:
     caption: str
     note: str
     space: str
+    world: Markup
+    world_caption: str
 
 
 def flight_of(evidence: Evidence, findings: Sequence[AnchoredFinding]) -> Flight | None:
@@ -87,9 +91,12 @@ def flight_of(evidence: Evidence, findings: Sequence[AnchoredFinding]) -> Flight
     except Exception as problem:  # noqa: BLE001 - no failure of a graphics library may spoil the report
         picture = TrajectoryPicture(b"", "", f"No picture in space: {type(problem).__name__}: {problem}")
     # The path about the middle of its box, in units of its longest side, with a colour for each point.
-    space = ""
+    space, world_view, world_caption = "", Markup(), ""
+    world = world_of(evidence, path)
+    if world is not None:
+        world_view, world_caption = draw_world(world, path)
     if path.runs:
-        box = box_around(path.positions_world_m)
+        box = box_around(path.positions_world_m) if world is None else world.box
         low_m_s, high_m_s = path.speed_range_m_s or (0.0, 0.0)
         span_m_s = (high_m_s - low_m_s) if path.speed_varies else np.inf
         shares = (np.nan_to_num(path.speeds_m_s, nan=low_m_s) - low_m_s) / span_m_s
@@ -99,10 +106,13 @@ def flight_of(evidence: Evidence, findings: Sequence[AnchoredFinding]) -> Flight
             "levels": levels.tolist(),
             "colours": list(speed_colours(_LEVELS)),
             "runs": [list(run) for run in path.runs],
-            **box_scene((box.high_m - box.low_m) / box.span_m, _VIEW, _AXES),
-            "note": f"longest side of the box {number(box.span_m)} m",
             "marks": [[*_rounded((mark.position_world_m - box.centre_m) / box.span_m), mark.word] for mark in marks],
         }
+        if world is None:
+            sides = (box.high_m - box.low_m) / box.span_m
+            scene |= box_scene(sides, _VIEW, _AXES) | {"note": f"longest side of the box {number(box.span_m)} m"}
+        else:
+            scene |= world_scene(world)
         space = json.dumps(scene, allow_nan=False, separators=(",", ":"))
     return Flight(
         views=Markup(views),  # the views are numbers, and words of findings that are escaped where they are written
@@ -111,6 +121,8 @@ def flight_of(evidence: Evidence, findings: Sequence[AnchoredFinding]) -> Flight
         caption=picture.caption,
         note=picture.note,
         space=space,
+        world=world_view,
+        world_caption=world_caption,
     )
 
 

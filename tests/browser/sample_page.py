@@ -12,7 +12,7 @@ from fedora_qa.record.types import Finding, Measurement, Record, Where
 from fedora_reports import trajectory
 from fedora_reports.detection_power import DetectableCause, PassDetectionPower
 from fedora_reports.html import render_html
-from tests.reports.evidence_samples import all_kinds
+from tests.reports.evidence_samples import all_kinds, point_cloud
 from tests.support.records import crashed, failed, file_record, late_events, not_observable, passed, record
 
 FINDINGS: Final = 40
@@ -55,10 +55,16 @@ def sample_arrays() -> dict[str, NDArray[Any]]:
     }
 
 
-def write_sample(target: Path) -> Path:
-    """Write the report, without a picture in space, which would need OpenGL."""
+def sample_world() -> dict[str, NDArray[Any]]:
+    """Points of a wall beside the path."""
+    return point_cloud() | {"point_cloud/origin_world_m": np.zeros(3)}
+
+
+def write_sample(target: Path, *, with_world: bool = True) -> Path:
+    """Write the report, without a picture in space, which would need OpenGL; perhaps with points of the world."""
+    arrays = sample_arrays() | (sample_world() if with_world else {})
     with pytest.MonkeyPatch.context() as patch:
         nothing = trajectory.TrajectoryPicture(b"", "", "")
         patch.setattr(trajectory, "render_trajectory", lambda *_: nothing)
-        target.write_text(render_html(sample_record(), sample_arrays(), WORTH), encoding="utf-8")
+        target.write_text(render_html(sample_record(), arrays, WORTH), encoding="utf-8")
     return target

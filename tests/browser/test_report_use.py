@@ -166,19 +166,39 @@ def test_a_link_reaches_what_is_filtered_out_or_folded(tab: Tab) -> None:
     assert tab.evaluate(f"{VISIBLE}.length") == FINDINGS - 1
 
 
-def test_path_is_turned_when_asked_for(tab: Tab) -> None:
-    """Nothing is drawn until it is unfolded; then the mouse and the keys turn it."""
-    tab.evaluate("window.drawn = () => document.querySelector('.space canvas').toDataURL()")
-    blank = tab.evaluate("drawn()")
-    tab.click(".space > summary")
-    tab.evaluate("new Promise(done => setTimeout(done, 100))")
-    pictures = [blank, tab.evaluate("drawn()")]
-    tab.drag(".space canvas", (80, 20))
-    pictures.append(tab.evaluate("drawn()"))
-    tab.evaluate("document.querySelector('.space canvas').focus()")
-    tab.press("ArrowUp", 38)
-    pictures.append(tab.evaluate("drawn()"))
-    assert len(set(pictures)) == 4
+def test_path_is_turned_when_asked_for(browser: Browser, tmp_path: Path) -> None:
+    """Without points of the world nothing is drawn until it is unfolded; then the mouse and the keys turn it."""
+    bare = write_sample(tmp_path / "path.html", with_world=False)
+    with Tab(browser, bare) as tab:
+        drawn = "document.querySelector('.space canvas').toDataURL()"
+        blank = tab.evaluate(drawn)
+        tab.click(".space > summary")
+        tab.evaluate("new Promise(done => setTimeout(done, 100))")
+        pictures = [blank, tab.evaluate(drawn)]
+        tab.drag(".space canvas", (80, 20))
+        pictures.append(tab.evaluate(drawn))
+        tab.evaluate("document.querySelector('.space canvas').focus()")
+        tab.press("ArrowUp", 38)
+        pictures.append(tab.evaluate(drawn))
+        assert len(set(pictures)) == 4
+        assert tab.complaints == []
+
+
+def test_world_is_in_sight_and_turned(tab: Tab) -> None:
+    """Points of the world, in their colours, and the path are in one picture, unfolded, which the mouse turns."""
+    canvas = "document.querySelector('.world canvas')"
+    assert tab.evaluate(f"{canvas}.checkVisibility()")
+    assert tab.evaluate("document.querySelectorAll('.space canvas').length") == 0
+    pictures = [tab.evaluate(f"{canvas}.toDataURL()")]
+    brown = (
+        f"(c => [...Array(c.width * c.height).keys()].filter(k => (p => p[4 * k] > 180 && p[4 * k + 2] < 90)"
+        f"(c.pixels)).length)(Object.assign({canvas}, {{pixels: {canvas}.getContext('2d')"
+        f".getImageData(0, 0, {canvas}.width, {canvas}.height).data}}))"
+    )
+    assert tab.evaluate(brown) >= 50
+    tab.drag(".world canvas", (60, 15))
+    pictures.append(tab.evaluate(f"{canvas}.toDataURL()"))
+    assert len(set(pictures)) == 2
 
 
 def test_event_cloud_is_turned(tab: Tab) -> None:

@@ -101,11 +101,12 @@ def test_histograms_count_every_sampled_pixel() -> None:
 
 
 def test_unreadable_rows_cost_their_own_arrays() -> None:
-    """Depth that cannot be decoded leaves its pictures and histogram out, and nothing else."""
+    """Depth that cannot be decoded leaves its pictures, histogram and points out, and nothing else."""
     clean, file = collect(memory()).arrays, memory()
     file.unreadable = {"path/depth"}
     left = collect(file).arrays
     lost = {"moments/depth_m", "moments/depth_times_us", "histograms/depth_m/edges", "histograms/depth_m/counts"}
+    lost |= {f"point_cloud/{name}" for name in ("times_us", "origin_world_m", "offsets_m", "rgb")}
     assert clean.keys() - left.keys() == lost
     assert all(identical(left[name], clean[name]) for name in left)
 

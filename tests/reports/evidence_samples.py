@@ -83,6 +83,20 @@ def event_clouds() -> dict[str, NDArray[Any]]:
     }
 
 
+def point_cloud() -> dict[str, NDArray[Any]]:
+    """A coloured wall that two frames show, 12 m north of a far origin, and a point far beyond it."""
+    east_m, up_m = (values.ravel() for values in np.meshgrid(np.linspace(-6.0, 6.0, 13), np.linspace(0.0, 4.0, 9)))
+    wall_m = np.stack([east_m, np.full(len(east_m), 12.0), up_m], axis=1)
+    offsets_m = np.concatenate([wall_m, wall_m, [[0.0, 900.0, 0.0]]])
+    rgb = np.tile(np.array([120, 60, 30], np.uint8), (len(offsets_m), 1))
+    return {
+        "point_cloud/times_us": np.array([0.0, 1e6]),
+        "point_cloud/origin_world_m": np.array([5e6, 0.0, 0.0]),
+        "point_cloud/offsets_m": offsets_m.astype(np.float32),
+        "point_cloud/rgb": rgb,
+    }
+
+
 def distributions() -> dict[str, NDArray[Any]]:
     """Times between events of a pixel, in two blocks; one of them shorter than what a logarithm can show."""
     edges = np.array([0.0, 1.0, 2.0, 4.0, 8.0])

@@ -13,6 +13,7 @@ from fedora_qa.evidence.options import EvidenceOptions
 from fedora_reports.clouds import CloudView
 from fedora_reports.event_clouds import EventCloud, event_clouds_of
 from fedora_reports.evidence import Evidence
+from tests.reports.drawn_dots import dots_of
 from tests.reports.evidence_samples import event_clouds
 
 MOST_BYTES = 60_000
@@ -24,20 +25,11 @@ def drawn(**changed: NDArray[Any]) -> tuple[EventCloud, ...]:
     return event_clouds_of(Evidence(arrays, {}))
 
 
-def places_of(svg: str, kind: str) -> set[tuple[int, int]]:
-    """The places of all dots of a class, half px."""
-    places = set()
-    for path in re.findall(f'class="{kind}" d="([^"]*)"', svg):
-        steps = np.array(re.findall(r"m(-?\d+) ?(-?\d+)h0", path), dtype=int)
-        places |= set(map(tuple, np.cumsum(steps, axis=0).tolist()))
-    return places
-
-
 def test_every_event_is_drawn_in_its_colour() -> None:
     """54 events at places of their own: those of each polarity, and none twice."""
     first, second = drawn()
-    assert len(places_of(first.view, "brighter")) == len(places_of(first.view, "darker")) == 27
-    assert len(places_of(second.view, "brighter") | places_of(second.view, "darker")) == 27
+    assert len(dots_of(first.view, 'class="brighter"')) == len(dots_of(first.view, 'class="darker"')) == 27
+    assert len(dots_of(second.view, 'class="brighter"') | dots_of(second.view, 'class="darker"')) == 27
 
 
 def test_events_lie_where_the_projection_puts_them() -> None:
@@ -49,7 +41,10 @@ def test_events_lie_where_the_projection_puts_them() -> None:
         polarities=np.array([1, 0, 1], np.uint8),
         instant=np.zeros(3, np.uint8),
     )
-    (upper, left), (lower,) = sorted(places_of(first.view, "brighter"), reverse=True), places_of(first.view, "darker")
+    (upper, left), (lower,) = (
+        sorted(dots_of(first.view, 'class="brighter"'), reverse=True),
+        dots_of(first.view, 'class="darker"'),
+    )
     assert upper[0] == lower[0] > left[0]
     assert upper[1] < lower[1]
 
@@ -84,6 +79,8 @@ def test_as_many_events_as_are_ever_kept_stay_small() -> None:
         {"shapes_px": np.array([[0, 9], [6, -1]])},
         {"intervals_us": np.full((2, 2), np.nan)},
         {"intervals_us": np.array([[1.0, 1.0], [1.0, 1.0]])},
+        {"intervals_us": np.array([[-np.inf, np.inf], [-1.7e308, 1.7e308]])},
+        {"counts": np.full(2, np.inf)},
         {"instant": np.full(81, 7, np.uint8)},
         {"polarities": np.array(["1"] * 81)},
     ],

@@ -94,10 +94,12 @@ function drawSpace(canvas, scene, view) {
     pen.fillRect(left - side / 2, top - side / 2, side, side);
   }
 
+  // Beside colours of the world the path has one of its own.
+  const single = scene.cloud.length ? ink.getPropertyValue("--here") : "";
   for (const [start, stop] of scene.runs ?? []) {
     const run = scene.points.slice(start, stop);
     line(run.map(([x, y]) => [x, y, floor]), pale, 2); // its shadow on the ground
-    for (let k = 1; k < run.length; k++) line([run[k - 1], run[k]], scene.colours[scene.levels[start + k]], 3);
+    for (let k = 1; k < run.length; k++) line([run[k - 1], run[k]], single || scene.colours[scene.levels[start + k]], 3);
   }
   const mark = (point, word, colour) => {
     const [left, top] = place(point);
