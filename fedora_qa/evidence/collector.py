@@ -194,9 +194,9 @@ class EvidenceCollector:
         width_px, families = state.plan.width_px, self._families
         state.snapshots += [take_snapshot(window, time_ns, width_px, families=families) for time_ns in times_ns]
         _add_values(state.values, window_values(window, self._families))
-        most_points = self._options.cloud_points // self._options.point_clouds
         for time_ns in times_ns:
             if time_ns in state.plan.point_cloud_times_ns:
+                most_points = self._options.cloud_points // self._options.point_clouds
                 points = take_point_cloud(window, time_ns, most_points, families)
                 state.point_clouds += [points] if points is not None else []
         if not in_families("events", self._families):
