@@ -126,7 +126,7 @@ def keep_event_clouds(clouds: Sequence[EventCloud], facts: Facts, most: int) -> 
         "offsets_us": (np.concatenate([cloud.offsets_us for cloud in kept]), "Their times from their instant on, us"),
         "polarities": (
             np.concatenate([cloud.polarities for cloud in kept]),
-            "Their polarities: 1 tells of brightening, 0 of darkening",
+            "Their polarities: 1 brighter, 0 darker",
         ),
     }
     return TitledArrays.titled({named(EVENT_CLOUDS, name): entry for name, entry in entries.items()})

@@ -40,7 +40,7 @@ class PointCloud:
     points_world_m
         (n, 3) m; all finite.
     rgb
-        (n, 3) codes of the colour frame; grey where it does not tell.
+        (n, 3) codes of the colour frame; grey where there is none of the same view.
     """
 
     time_ns: int
