@@ -44,6 +44,7 @@ def s3_address() -> Iterator[str]:
 def bucket(s3_address: str, folder: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Any]:
     """An S3 client and, in its bucket, the small file."""
     import boto3  # noqa: PLC0415 - slow to load
+    from s3fs import S3FileSystem  # noqa: PLC0415 - slow to load
 
     for name, value in (
         ("AWS_ENDPOINT_URL", s3_address),
@@ -52,6 +53,8 @@ def bucket(s3_address: str, folder: Path, monkeypatch: pytest.MonkeyPatch) -> It
         ("AWS_DEFAULT_REGION", "us-east-1"),
     ):
         monkeypatch.setenv(name, value)
+    # One that another test left was made in the environment of that test.
+    S3FileSystem.clear_instance_cache()
     client = boto3.client("s3")
     client.create_bucket(Bucket=BUCKET)
     client.put_object(Bucket=BUCKET, Key="seq.h5", Body=(folder / "seq.h5").read_bytes())
