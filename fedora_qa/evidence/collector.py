@@ -272,10 +272,10 @@ class EvidenceCollector:
             if stream_family(stream) in _READ_WHOLE:
                 continue
             measured = frozenset(state.decoded if in_families(stream, self._families) else ())
-            stretches_ns = unmeasured_ns(self._spans, measured - unread if stream == "events" else measured)
-            if len(stretches_ns):
-                title = f"Stretches of which no {stream} was looked at, us on the file's clock"
-                over_time[named(TIMELINE, UNMEASURED, stream)] = (facts.origin_us + stretches_ns / NS_PER_US, title)
+            segments_ns = unmeasured_ns(self._spans, measured - unread if stream == "events" else measured)
+            if len(segments_ns):
+                title = f"Segments of time in which no {stream} was measured, us on the file's clock"
+                over_time[named(TIMELINE, UNMEASURED, stream)] = (facts.origin_us + segments_ns / NS_PER_US, title)
         histograms = keep_histograms(state.values, state.pixels, seconds_of(facts, state.counted_ns))
         clouds = keep_event_clouds(state.event_clouds, facts, self._options.event_clouds)
         points = keep_point_cloud(state.point_clouds, facts)
@@ -323,16 +323,16 @@ def timeline_of(facts: Facts, spans: Sequence[Span], bins: int) -> Timeline:
 
 
 def unmeasured_ns(spans: Sequence[Span], measured: frozenset[int]) -> NDArray[np.float64]:
-    """Return start and stop (k, 2) of each stretch of windows that are not among the numbers of those measured."""
-    stretches: list[list[int]] = []
+    """Return start and stop (k, 2) of each segment of windows that are not among the numbers of those measured."""
+    segments: list[list[int]] = []
     for span in spans:
         if span.index in measured:
             continue
-        if stretches and stretches[-1][1] == span.start_ns:
-            stretches[-1][1] = span.stop_ns
+        if segments and segments[-1][1] == span.start_ns:
+            segments[-1][1] = span.stop_ns
         else:
-            stretches.append([span.start_ns, span.stop_ns])
-    return np.array(stretches, dtype=np.float64).reshape(-1, 2)
+            segments.append([span.start_ns, span.stop_ns])
+    return np.array(segments, dtype=np.float64).reshape(-1, 2)
 
 
 def stream_counts(

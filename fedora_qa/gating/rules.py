@@ -192,7 +192,7 @@ def rule_on_splits(
         here, lie = Where(), ""
         if len(poses) >= _SHARED_POSES:
             shared.append(f"{len(poses)} of the poses")
-            there, here = (_stretch([contents.poses[pose] for pose in poses]) for contents in (mine, theirs))
+            there, here = (_segment_of([contents.poses[pose] for pose in poses]) for contents in (mine, theirs))
             if there != Where() != here:
                 lie = f"; these lie from {place(there)} there, and from {place(here)} here"
         if shared:
@@ -206,7 +206,7 @@ def rule_on_splits(
     )
 
 
-def _stretch(times_us: Sequence[float]) -> Where:
+def _segment_of(times_us: Sequence[float]) -> Where:
     """Return the first and the last of some times; no time where one of them is unknown."""
     return (
         Where(start_us=min(times_us), stop_us=max(times_us)) if times_us and all(map(isfinite, times_us)) else Where()

@@ -39,8 +39,8 @@ title in the record that can serve as its caption. Times are on the file's clock
 ``timeline/...``
     ``edges_us`` (b + 1,) float64, and ``<stream>`` (b,) int64 (``timeline/flow/10hz``): samples of the stream within
     each bin. Samples far outside the time that most streams share are in no bin. Events of windows that were not
-    measured are spread evenly over them. ``unmeasured/<stream>`` (k, 2) float64: start and stop of each stretch of
-    which nothing of the stream was looked at but its timestamps, us; kept of colour, depth, events and flow, where
+    measured are spread evenly over them. ``unmeasured/<stream>`` (k, 2) float64: start and stop of each segment
+    of time in which only the timestamps of the stream were read, us; kept of colour, depth, events and flow, where
     there is one.
 ``histograms/<quantity>/...``
     ``edges`` (b + 1,) float64 and ``counts`` (b,) int64; bins of equal width from 0 on. The title of ``counts`` states

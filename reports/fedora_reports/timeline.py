@@ -19,7 +19,7 @@ _LABEL_SHARE = 0.08
 """Width of a label as a share of the narrowest page."""
 
 _ROUNDING = 1e-9
-"""Bins and stretches that end at one time do so but for rounding, as a share of the width."""
+"""Bins and segments that end at one time do so but for rounding, as a share of the width."""
 
 _FAR_US = 1e10
 """Times beyond some hours count from the beginning of the timeline: all their digits would not fit."""
@@ -54,7 +54,7 @@ class TimelineRow:
     """One stream: the density of its samples, and its findings.
 
     ``count`` is the number of its samples; ``peak`` the greatest rate of events, empty for other streams.
-    ``unmeasured`` are the stretches of which nothing was looked at but timestamps, as an SVG path. For ``more``
+    ``unmeasured`` are the segments of time in which only timestamps were read, as an SVG path. For ``more``
     findings, and for ``more_places`` of findings that are worst elsewhere, no lane was free; ``ticks`` marks their
     beginnings, as an SVG path in the width of the drawing.
     """
@@ -94,7 +94,7 @@ class Timeline:
 
 @dataclass(frozen=True, slots=True)
 class Sparkline:
-    """A timeline in the height of a line: samples, what was not looked at, and grave findings, as SVG paths."""
+    """A timeline in the height of a line: samples, what was not measured, and grave findings, as SVG paths."""
 
     path: str
     unmeasured: str
@@ -152,9 +152,9 @@ def timeline_of(
         samples_by_stream.setdefault(stream, None)
     rows = []
     for stream, samples in samples_by_stream.items():
-        stretches_us = evidence.numbers(named(TIMELINE, UNMEASURED, stream), None, 2)
+        segments_us = evidence.numbers(named(TIMELINE, UNMEASURED, stream), None, 2)
         of_stream = [located for located in findings if located.finding.where.stream == stream]
-        rows.append(_row(stream, samples, axis, bin_s, of_stream, stretches_us))
+        rows.append(_row(stream, samples, axis, bin_s, of_stream, segments_us))
     without_stream = [located for located in findings if not located.finding.where.stream]
     if without_stream:
         rows.append(_row(WHOLE_FILE, None, axis, bin_s, without_stream))
@@ -173,7 +173,7 @@ def timeline_of(
         snapshots=marks,
         ticks=Axis((axis.low - origin_us) / 1e6, (axis.high - origin_us) / 1e6).ticks(5),
         caption=f"Samples within bins of {number(bin_s * 1e3)} ms, each row to its own greatest count. {clock}"
-        + (" Hatched: nothing was looked at but timestamps." if any(row.unmeasured for row in rows) else ""),
+        + (" Hatched: only timestamps were read." if any(row.unmeasured for row in rows) else ""),
         low_us=axis.low,
         high_us=axis.high,
     )
@@ -212,16 +212,16 @@ def _row(
     places = sum(is_further for _, is_further in without_lane)
     starts = sorted({round(left, 3) for left, _ in without_lane})
     count, peak, path = "", "", ""
-    stretches = np.empty((0, 2))
+    segments = np.empty((0, 2))
     if unmeasured_us is not None and np.isfinite(unmeasured_us).all():
-        stretches = axis.shares(np.clip(unmeasured_us, axis.low, axis.high))
+        segments = axis.shares(np.clip(unmeasured_us, axis.low, axis.high))
     if samples is not None and np.isfinite(samples).all():
         count = f"{int(samples.sum()):,}".replace(",", "\N{NARROW NO-BREAK SPACE}")
         if stream == "events":
             # Of events that were not looked at only the number in each window is known: spread over its bins they would
             # look like a rate that never changes.
             edges = np.linspace(0.0, 1.0, len(samples) + 1)[:, None]
-            low, high = stretches.T
+            low, high = segments.T
             is_flat = ((edges[:-1] >= low - _ROUNDING) & (edges[1:] <= high + _ROUNDING)).any(axis=1)
             samples = np.where(is_flat, 0, samples)
         most = float(samples.max())
@@ -237,7 +237,7 @@ def _row(
         count=count,
         peak=peak,
         path=path,
-        unmeasured="".join(f"M{left:.1f} 50H{right:.1f}" for left, right in WIDTH * stretches),
+        unmeasured="".join(f"M{left:.1f} 50H{right:.1f}" for left, right in WIDTH * segments),
         marks=tuple(marks),
         lanes=max((mark.lane + 1 for mark in marks), default=0),
         more=len(without_lane) - places,

@@ -92,7 +92,7 @@ def world_of(evidence: Evidence, path: FlownPath) -> World | None:
     within = ((points_m >= box.low_m) & (points_m <= box.high_m)).all(axis=1)
     points = (points_m[within] - box.centre_m) / box.span_m
     brightest_dn = max(float(np.percentile(rgb.max(axis=1), 95)), 1.0)
-    # Grey tells of no colour, and stays.
+    # Grey stands for an unknown colour, and stays.
     gain = min(max(_BRIGHT_DN / brightest_dn, 1.0), _MOST_GAIN) if _is_coloured(rgb) else 1.0
     bright = np.rint(np.minimum(rgb[within] * gain, 255.0)).astype(np.uint8)
     return World(box, points, bright, gain, len(times_us), int((~within).sum()))

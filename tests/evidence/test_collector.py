@@ -74,16 +74,16 @@ def test_timeline_counts_every_sample() -> None:
 
 
 def test_time_that_was_not_looked_at_is_kept() -> None:
-    """Of all windows but the second and third, one stretch; IMU and poses are read whole; of all windows, nothing."""
+    """Of all windows but the second and third, one segment; IMU and poses are read whole; of all windows, nothing."""
     file = memory()
     collector = EvidenceCollector(file.spans, file.spans, OPTIONS, frozenset({"rgb", "events"}))
     state = collector.start(file.facts)
     for number in (0, *range(3, len(file.spans))):
         collector.update(state, file.window(number))
     arrays = collector.conclude(state, file.facts).arrays
-    stretch_us = [[file.spans[1].start_ns / 1e3, file.spans[2].stop_ns / 1e3]]
+    segment_us = [[file.spans[1].start_ns / 1e3, file.spans[2].stop_ns / 1e3]]
     for stream in ("rgb", "events"):
-        np.testing.assert_allclose(arrays[f"timeline/unmeasured/{stream}"] - file.facts.origin_us, stretch_us)
+        np.testing.assert_allclose(arrays[f"timeline/unmeasured/{stream}"] - file.facts.origin_us, segment_us)
     whole_us = [[file.spans[0].start_ns / 1e3, file.spans[-1].stop_ns / 1e3]]
     np.testing.assert_allclose(arrays["timeline/unmeasured/depth"] - file.facts.origin_us, whole_us)
     assert not any(name.startswith(("timeline/unmeasured/imu", "timeline/unmeasured/pose")) for name in arrays)
@@ -146,7 +146,7 @@ def test_moments_of_some_streams(families: set[str], shown: set[str]) -> None:
 
 @pytest.mark.parametrize("cut", range(1, 6))
 def test_merging_changes_no_bit(cut: int) -> None:
-    """Two stretches of windows, kept apart and merged, are what one stretch keeps."""
+    """Two segments of windows, kept apart and merged, are what one segment keeps."""
     file = memory()
     spans = file.spans
     collector = EvidenceCollector(spans, spans, OPTIONS)

@@ -32,9 +32,9 @@ def test_rows_are_the_streams_with_their_samples() -> None:
 
 
 def test_what_was_not_looked_at_is_hatched_and_empty() -> None:
-    """Of events in such a stretch no rate is drawn, and no greatest rate taken; frames have stamps there."""
-    stretches_us = {f"timeline/unmeasured/{stream}": np.array([[1e6, 2e6]]) for stream in ("events", "rgb")}
-    found = timeline_of(Evidence(timeline() | stretches_us, {}), [])
+    """Of events in such a segment no rate is drawn, and no greatest rate taken; frames have stamps there."""
+    segments_us = {f"timeline/unmeasured/{stream}": np.array([[1e6, 2e6]]) for stream in ("events", "rgb")}
+    found = timeline_of(Evidence(timeline() | segments_us, {}), [])
     assert found is not None
     events, frames = found.rows
     assert events.unmeasured == frames.unmeasured == "M500.0 50H1000.0"
