@@ -5,6 +5,7 @@
 #   make bench-costs  what each stream, effect, wind and world costs: docs/costs.md
 #   make bench-flow   what reading frames between pixels costs, and how far it errs: docs/flow-interpolation.md
 #   make bench-files  what checking files of 1440x1080 takes, against decoding them: docs/full-size.md; three quarters of an hour, 10 GB
+#   make bench-releases what releases of known length cost to check: docs/release-costs.md; half an hour, 10 GB
 #   make bench-readings how many events are read, against time and limits: docs/event-readings.md
 #   make bench-imu    what IMU against pose can tell, and whether its errors hold: docs/inertial-limits.md
 #   make study-presets  the scenes called after the paper's sequences beside its tables: docs/presets.md; half an hour
@@ -46,7 +47,7 @@ kernels: $(READY)
 	$(BIN)/fedora-generate sequence park-day -o $(OUT)/kernels.h5 --duration 0.5 --size 180x136 --force
 	$(BIN)/python -m fedora_qa.cli.kernel_list $(OUT)/kernels.h5
 
-.PHONY: demo test lint compiled-generator compiled-checks docs fuzz lock same-results test-lowest test-newest audit sbom wheel study-causes study-composites study-false-alarms study-foreign study-named-foreign study-blind-spots study-mesh study-presets study-trade mutation bench bench-costs bench-files bench-flow bench-imu bench-readings site clean
+.PHONY: demo test lint compiled-generator compiled-checks docs fuzz lock same-results test-lowest test-newest audit sbom wheel study-causes study-composites study-false-alarms study-foreign study-named-foreign study-blind-spots study-mesh study-presets study-trade mutation bench bench-costs bench-files bench-flow bench-imu bench-readings bench-releases site clean
 
 demo: $(READY_TO_USE)
 	@mkdir -p $(OUT)
@@ -70,6 +71,9 @@ bench-flow: $(READY)
 
 bench-files: $(READY)
 	$(BIN)/python -m tests.benchmarks.full_size.study
+
+bench-releases: $(READY)
+	$(BIN)/python -m tests.benchmarks.release_costs.study
 
 bench-readings: $(READY)
 	OMP_NUM_THREADS=1 NUMBA_NUM_THREADS=1 $(BIN)/python -m tests.benchmarks.event_readings

@@ -35,6 +35,7 @@ KEPT: Final = ROOT / "out" / "full-size"
 SCENE: Final = "park-day"
 SIZE: Final = (1440, 1080)
 TINY: Final = (48, 36)
+TINY_S: Final = 0.4
 LENGTHS_S: Final = (1.0, 2.0, 4.0, 8.0)
 JOBS: Final = 2
 TIMES: Final = 3
@@ -56,8 +57,8 @@ MEMORIES: Final = ("1GB", "1.3GB", "2GB")
 def main(lengths: str, size: str, times: int) -> None:
     """Generate what is not there, measure, and write docs/full-size.md."""
     width, height = map(int, size.split("x"))
-    paths = {length: _sequence(length, (width, height)) for length in map(float, lengths.split(","))}
-    tiny = _sequence(0.4, TINY)
+    paths = {length: full_size_sequence(length, (width, height)) for length in map(float, lengths.split(","))}
+    tiny = full_size_sequence(TINY_S, TINY)
     shortest = next(iter(paths.values()))
     run_measured(fedora_qa("check", str(tiny)))  # compiled, for good
     efforts = [effort for effort in get_args(Effort) if effort != "exhaustive"]
@@ -87,8 +88,8 @@ def main(lengths: str, size: str, times: int) -> None:
     click.echo(text)
 
 
-def _sequence(length_s: float, size: tuple[int, int]) -> Path:
-    """Return a clean sequence, generated if it is not there."""
+def full_size_sequence(length_s: float, size: tuple[int, int] = SIZE) -> Path:
+    """Return a clean sequence in out/full-size, generated if it is not there."""
     target = KEPT / f"{SCENE}-{size[0]}x{size[1]}-{length_s:g}s.h5"
     if not target.exists():
         KEPT.mkdir(parents=True, exist_ok=True)

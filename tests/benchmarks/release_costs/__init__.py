@@ -1,0 +1,1 @@
+"""What releases cost to check: ``make bench-releases`` writes docs/release-costs.md."""
