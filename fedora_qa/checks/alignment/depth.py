@@ -42,7 +42,7 @@ class AlignmentDepth(WindowCheck[DepthEdges]):
     Noise model
     -----------
     Edges of texture are the noise. They differ from place to place, and hardly over time, so the standard error is the
-    jackknife over tiles of the image, with that over stretches of time. Texture is not alike on both sides of an
+    jackknife over tiles of the image, with that over segments of time. Texture is not alike on both sides of an
     outline, which draws left and right outlines apart: half their distance is measured, and bounds the error of the
     mean where both sides lean alike. Where they lean the same way in the image, peaks are skewed: by how much the mean
     moves when peaks are taken a pixel wider is measured too. Both together are the allowance

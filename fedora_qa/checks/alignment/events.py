@@ -98,7 +98,7 @@ class AlignmentEvents(WindowCheck[IntervalCorrelations]):
     -----------
     The size of a step, C, is taken from the data: the change of all pixels that fire over their events. What a level
     leaves open between two events has a variance of 2/3 C^2, from which the standard error follows; the spread when
-    stretches of time are left out in turn counts where it is larger. The allowance is the lag: a level that has risen
+    segments of time are left out in turn counts where it is larger. The allowance is the lag: a level that has risen
     lies above its reference by C/2 on average, so that events follow an even drift by at most C/2 mean|g| / mean g^2,
     with g the slope of the level where pixels fire.
 
@@ -196,7 +196,7 @@ class AlignmentEvents(WindowCheck[IntervalCorrelations]):
             fitted_px = [(each.right_px, each.down_px) for each in partial if each is not None]
             # A peak that does not exist without one group depends on that group alone.
             if len(fitted_px) < len(partial):
-                return Observation(coverage, unobservable="the peak depends on single stretches of time")
+                return Observation(coverage, unobservable="the peak depends on single segments of time")
             spread_px = jackknife_errors(fitted_px)
         else:
             shift, spread_px = far.shift, far.errors_px

@@ -112,7 +112,7 @@ class EventResponseOrientation(WindowCheck[OrientationMoments]):
     4 x 4 px blocks, which forgives small shifts. Where frames change too little from one to the next, the change over
     a window is taken. The declared orientation must correlate by at least half of what is due, and better than all
     fifteen others; the orientation that correlates best names the cause. The same is asked of each window, and of
-    each tile over all windows, so that a stretch or a region that was written differently is found and placed, where
+    each tile over all windows, so that a segment or a region that was written differently is found and placed, where
     at least a quarter agrees.
 
     Noise model

@@ -223,7 +223,7 @@ class FlowEventsSharpness(WindowCheck[tuple[FieldSharpness, ...]]):
 
     Noise model
     -----------
-    The gain's standard error leaves out stretches of time in turn; a rival's advantage has that of counting events.
+    The gain's standard error leaves out segments of time in turn; a rival's advantage has that of counting events.
     The allowance has two parts. An edge that is at u when pixel m fires was m + s, with s uniform in the pixel: of the
     ways u the positions m know all but s, which all pixels share alike, so that the regression of m on u, and with it
     the gain, errs by at most var(s) / var(u) = 1 / (12 w^2), w the root mean square way in px. And a path that turns

@@ -13,7 +13,7 @@ class ImuRotation(WindowCheck[WindowMotion]):
     """Does the gyro, integrated, give the rotation between poses?
 
     The scatter of rotation residuals between neighbouring poses (mrad), the worst of them, and the gyro's bias (rad/s),
-    misalignment (deg) and gain (percent), and the stretch where the bias differs most, each with its error. Where the
+    misalignment (deg) and gain (percent), and the segment where the bias differs most, each with its error. Where the
     two streams disagree grossly: by how much, and which reading reconciles them, of the whole or of a part.
 
     Why it matters
@@ -28,7 +28,7 @@ class ImuRotation(WindowCheck[WindowMotion]):
     quaternion are tried where the fit does not settle. Then weighted least squares over the whole sequence, iterated in
     the stamps; a group of parameters (bias, axes, gain, clocks) is freed only where it explains the residuals far
     beyond chance, and every other is tested alone beside those. Rows far out are left out of the fit, and stated. The
-    sequence is cut into stretches of 0.5 to 5 s, and each is asked for its own bias: one that steps does not average
+    sequence is cut into segments of 0.5 to 5 s, and each is asked for its own bias: one that steps does not average
     out. Where the streams differ in a way that no parameter describes, such as smoothed poses, nearly collinear
     parameters would take values of any size: a parameter whose detection limit the difference makes useless is not
     stated as a fault, is not freed, and leaves the difference to the residuals. Bias and gain of a recorded IMU that
@@ -38,8 +38,8 @@ class ImuRotation(WindowCheck[WindowMotion]):
     -----------
     Pose noise as declared, which neighbours share with opposite sign, the gyro's white noise (of a stream of which
     nobody declares any, as pose.noise and imu.noise measure it within that stream), stamps rounded to a microsecond
-    (0.29 us times the rate), stored digits; a declared walk of the bias as one unknown a stretch. Errors are formal
-    ones, scaled by a misfit above 1, widened where the spread over stretches exceeds them. Allowed for is the
+    (0.29 us times the rate), stored digits; a declared walk of the bias as one unknown a segment. Errors are formal
+    ones, scaled by a misfit above 1, widened where the spread over segments exceeds them. Allowed for is the
     integration's own error, from every second sample (Richardson: fourth order, a fifteenth of the difference). Gain
     and timing are told by the gyro's own samples: what their noise does to the fit is measured from two halves of them,
     taken off, and not counted as knowledge, so that quiet flight is uncertain rather than wrong. Samples in steps that

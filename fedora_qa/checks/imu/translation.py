@@ -13,7 +13,7 @@ class ImuTranslation(WindowCheck[WindowMotion]):
     """Does the specific force, integrated twice with gravity, give the path of the poses?
 
     The scatter of the residuals of neighbouring second differences (m/s), the worst of them, and the accelerometer's
-    bias (m/s^2), the size and slope of gravity (m/s^2), the lever arm between IMU and poses (m), and the stretch where
+    bias (m/s^2), the size and slope of gravity (m/s^2), the lever arm between IMU and poses (m), and the segment where
     the bias differs most, each with its error. Where the two streams disagree grossly: by how much, and which reading
     reconciles them, of the whole or of a part.
 
@@ -36,7 +36,7 @@ class ImuTranslation(WindowCheck[WindowMotion]):
     -----------
     Position noise as declared, or measured where it is not (imu.rotation), which three neighbours share (1, -2, 1);
     white noise of the accelerometer; noisy orientations, which turn the force and so disturb across it only; rounded
-    stamps (0.29 us times the speed), stored digits; a declared walk of the bias as one unknown a stretch. Errors and
+    stamps (0.29 us times the speed), stored digits; a declared walk of the bias as one unknown a segment. Errors and
     the integration's allowance as in imu.rotation, and so is the mean error of samples in steps.
 
     Cannot see
