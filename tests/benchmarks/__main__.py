@@ -17,20 +17,32 @@ HEIGHT, WIDTH, FRAMES, RUNS = 480, 640, 81, 9
 THROUGHPUT: Final = """\
 ## Event kernel
 
-One thread, {width}x{height}, C = 0.2, 1000 log frames (float64) a second given, whole events in order returned. The
-yardstick (`tests/benchmarks/plain_scan_kernels.py`) is the plainest correct compiled scan: a loop over all pixels and
-their crossings, keys sorted by NumPy. Both see the same frames, ten in turn, and must give identical events. A row is
-one run of {frames} frames: medians over the frames, of thread time. What counts is the ratio, the median of the frames'
-own: both read memory most of the time, and share it with whatever else the machine does.
+The kernel turns log frames into events. It is measured with one thread, {width}x{height}, C = 0.2, and 1000 frames
+(float64) a second; it returns whole events in order. The reference (`tests/benchmarks/plain_scan_kernels.py`) is the
+simplest correct compiled scan: a loop over all pixels and their crossings, with keys sorted by NumPy. Both process
+the same frames, ten at a time in turn, and must return identical events. A row is one run of {frames} frames, with
+medians over the frames of thread time. The ratio matters most, which is the median of the ratios of single frames:
+both spend most of their time on reading memory, which other work on the machine uses as well.
 
-What helped: middles of the quiet intervals in float32 beside the references (12 bytes read a quiet pixel instead of
-16), half the comparisons with half-widths, fetching ahead for the crossings of one band of rows while the next is
-compared, stamping a band's crossings together, unsigned indices and no views of rows, sorting and decoding in one call.
-What did not, or helped one movie at the other's cost: the upper half of the reference's bits instead of a middle
-(as little memory, more arithmetic), one interval for 64 pixels that are calm (sparse +8%, dense -7%), fetching signals
-ahead (the processor does), scattering events into columns while sorting, and thresholds packed into one array.
+These changes made the kernel faster:
 
-| movie | events a frame | kernel, frames/s | kernel, M events/s | yardstick, frames/s | ratio |
+- the middles of the quiet intervals in float32 beside the reference levels: 12 bytes are read of a quiet pixel
+  instead of 16;
+- half the comparisons, with half-widths of the intervals;
+- prefetching the crossings of a band of rows while the next band is compared;
+- computing the timestamps of all crossings of a band together;
+- unsigned indices, and no views of rows;
+- sorting and decoding in one call.
+
+These did not, or made one movie faster and the other slower:
+
+- the upper half of the reference's bits instead of a middle: as little memory, but more arithmetic;
+- one interval for 64 quiet pixels (sparse +8%, dense -7%);
+- prefetching the signals, which the processor does already;
+- scattering events into columns while sorting;
+- thresholds packed into one array.
+
+| movie | events a frame | kernel, frames/s | kernel, M events/s | reference, frames/s | ratio |
 | --- | --- | --- | --- | --- | --- |
 """
 

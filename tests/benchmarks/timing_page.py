@@ -29,11 +29,12 @@ SCENE_NS: Final = 100_000_000
 WALLS: Final = """\
 ## Event timing
 
-Stamps on the internal clock against float64 bisection of the closed form, 0.1 s of a wall that sways before a camera of
-40x30 pixels: 48 pixels, less those with a turning point within 1e-9 of a threshold. A wrong pixel has another sequence
-of polarities; the errors are of all others. *Rendered* is how often each pixel was, on average. *Fixed* shows the
-sensor images at equal steps, with a straight line between, as other simulators do. What the bounds mean says `Fidelity`
-in `sampling.py`, how light is followed `adaptive/README.md`, both in `generator/fedora_generator`.
+Timestamps on the internal clock are compared with float64 bisection of the closed form, for 0.1 s of a wall that
+sways before a camera of 40x30 pixels. 48 pixels are compared, less those with a turning point within 1e-9 of a
+threshold. A wrong pixel has another sequence of polarities; the errors are those of all other pixels. *Rendered* is
+the mean number of renders of a pixel. *Fixed* interpolates linearly between images at equal steps, as other
+simulators do. `Fidelity` in `sampling.py` defines the bounds, and `adaptive/README.md` describes the sampling; both
+are in `generator/fedora_generator`.
 
 | scene | sampling | motion, px | caution | tolerance, us | rendered | s | wrong pixels | RMS, us | largest, us |
 | --- | --- | --- | --- | --- | --- | --- | --- | --- | --- |
@@ -41,10 +42,11 @@ in `sampling.py`, how light is followed `adaptive/README.md`, both in `generator
 
 SCENES_HEAD: Final = """\
 
-Whole scenes have what the walls do not: edges of things, corners, grazing planes. There is no closed form of their
-events; the yardstick is the same algorithm at a bound of 0.125 px, caution 128 and a tolerance of 0.5 us. Frames of
-{width}x{height}, 0.1 s, C = 0.2; stamps in whole microseconds. Where a turning point is missed and the sequence is
-right all the same, another one was reached instead, milliseconds away: these few make the RMS.
+Whole scenes have what the walls lack: edges of objects, corners, planes at grazing angles. Their events have no
+closed form. The reference is the same algorithm with a bound of 0.125 px, caution 128 and a tolerance of 0.5 us.
+Frames have {width}x{height} pixels; 0.1 s, C = 0.2, timestamps in whole microseconds. A sequence of polarities can be
+right although a turning point was missed, if another turning point was reached milliseconds away. These few pixels
+determine the RMS.
 
 | scene | sampling | motion, px | caution | rendered | events | wrong pixels | of | RMS, us | largest, us |
 | --- | --- | --- | --- | --- | --- | --- | --- | --- | --- |
@@ -71,13 +73,13 @@ def walls(plot: Path) -> Iterator[str]:
             f"{_times_fewer(ours[LADDER.index(FIDELITY['standard'])], fixed):.0f} times fewer pixels ({texture})"
         )
         _draw(axis, texture, ours, fixed)
-    axes[0].set_ylabel("RMS error of stamps, us")
+    axes[0].set_ylabel("RMS error of timestamps, us")
     figure.savefig(plot, metadata={"Date": None})
     plt.close(figure)
     yield f"\nFor the timing error of `standard`, a fixed rate would have to render {' and '.join(notes)}.\n".replace(
         "times fewer pixels", "times the pixels"
     )
-    yield f"\n![RMS error of stamps against pixels rendered]({plot.name})\n"
+    yield f"\n![RMS error of timestamps against pixels rendered]({plot.name})\n"
 
 
 def scenes() -> Iterator[str]:
