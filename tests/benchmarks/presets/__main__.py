@@ -34,17 +34,17 @@ HEAD: Final = """\
 
 Written by `make study-presets`, {date}.
 
-Five scenes are called after the sequences of the FEDORA paper. Where they go and what stands there is our own; length,
-distance, greatest speeds and mean event rate are those of the paper's table, as far as the tables below say.
-`fedora-generate sequence baylands-day1 -o day1.h5` writes the whole flight at full size; with `--start 40 --duration 2`
-two seconds of it.
+Five scenes are named after the sequences of the FEDORA paper. Their paths and worlds were designed for this project.
+Length, distance, greatest speeds and mean event rate agree with the paper's table, as the tables below show.
+`fedora-generate sequence baylands-day1 -o day1.h5` writes the whole flight at full size. With
+`--start 40 --duration 2` it writes two seconds of it.
 
 """
 
 FLIGHT: Final = """\
 ## Flight
 
-Ours over the whole flight, in closed form at 500 Hz, with its difference from the paper.
+Figures of our whole flights, in closed form at 500 Hz. The difference from the paper is in brackets.
 
 | sequence | length, s | distance, m | greatest speed, m/s | greatest angular speed, rad/s |
 | --- | --- | --- | --- | --- |
@@ -53,11 +53,11 @@ Ours over the whole flight, in closed form at 500 Hz, with its difference from t
 EVENTS: Final = """\
 ## Events
 
-Linear model, threshold {threshold:g} DN, {width}x{height} pixels, a render each {step_us} us. Mean rates over {windows}
-windows of {counted:g} s a sequence, spread over the flight more densely where the image moves faster, and weighted with
-the time that each stands for. A window runs {warm:g} s before it counts, and looks at {strips} strips of {strip}
-columns. One number of each scene's light was chosen to give the paper's rate: `sun_strength` by day, `lamp_scale` by
-night.
+Linear model, threshold {threshold:g} DN, {width}x{height} pixels, a render each {step_us} us. The rates are means
+over {windows} windows of {counted:g} s a sequence. The windows are spread over the flight, more densely where the
+image moves faster, and each is weighted with the time that it represents. A window starts {warm:g} s before its
+events are counted, and covers {strips} strips of {strip} columns. A single parameter of the light of each scene was
+chosen to give the paper's rate: `sun_strength` by day, `lamp_scale` by night.
 
 | sequence | paper, million/s | ours | standard error | difference | brighter | mean luma, DN |
 | --- | --- | --- | --- | --- | --- | --- |
@@ -66,18 +66,19 @@ night.
 FLOW: Final = """\
 ## Mean flow
 
-Mean of |flow| over valid pixels, px over the interval at 1440x1080, at {instants} instants of each flight.
+Mean of |flow| over valid pixels, in px over the interval at 1440x1080, at {instants} times of each flight.
 
 | sequence | {rates} |
 | --- | {dashes} |
 """
 
 FLOW_NOTE: Final = """
-The paper's means go as 3.06 : 1.69 : 1. A displacement grows with its interval, so that smooth motion gives nearly
-5 : 2 : 1, whatever the scene, as ours does. No smooth flight has the paper's three means at once; something that
-does not grow with the interval is in them, as noise of the poses from which the flow was computed would be (0.2 degrees
-are 4.4 px at any rate). Nothing was tuned to them. The mean of baylands-ngt1 at 10 Hz is not well known: it hangs on a
-few turns of 10 rad/s, in which the image moves by a radian in an interval.
+The ratios of the paper's means are 3.06 : 1.69 : 1. A displacement is proportional to its interval where motion is
+smooth. So smooth motion gives nearly 5 : 2 : 1 in any scene, as it does in ours. No smooth flight can have the
+paper's three means at once. They must contain something that does not grow with the interval. Noise of the poses from
+which the flow was computed would have this effect (0.2 degrees are 4.4 px at any rate). Nothing was tuned to these
+means. The mean of baylands-ngt1 at 10 Hz is uncertain: it depends on a few turns of 10 rad/s, in which the image
+moves by a radian in an interval.
 """
 
 
