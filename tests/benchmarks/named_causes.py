@@ -32,15 +32,15 @@ SIZE: Final = (270, 200)
 OPTIONS: Final = CorpusOptions(clean=1, ladder=1)
 
 HEAD: Final = """\
-# Are faults found, and named?
+# Are planted faults detected and named?
 
-Written by `make study-causes`, {date}. {each} is planted in each of {scenes} ({width}x{height} pixels, one second)
-at its nominal size: what a good tool should just see in so short and small a file (docs/corpus.md). *Found*: some check
-failed. *Named*: the first diagnosis has the right cause and the right stream.
+Written by `make study-causes`, {date}. {each} is planted in each of {scenes} ({width}x{height} pixels, one second).
+It has its nominal size, which a good tool should just detect in so short and small a file ([corpora](corpus.md)).
+*Detected*: at least one check failed. *Named first*: the first diagnosis has the right cause and the right stream.
 
-{found} of {of} faults are found ({found_share:.1%}); {named} of those are named first ({named_share:.1%}).
+{found} of {of} faults are detected ({found_share:.1%}). {named} of those are named first ({named_share:.1%}).
 
-| faults | planted | found | named first |
+| faults | planted | detected | named first |
 | --- | --- | --- | --- |
 """
 
@@ -160,13 +160,13 @@ def page(found: Sequence[Named], every: int = 1) -> Iterator[str]:
     )
     for title, of in (("whole file", "single"), ("part of it", "local")):
         yield from _rows([one for one in found if one.kind == of], lambda _, title=title: title)
-    yield "\n## By scene\n\n| scene | planted | found | named first |\n| --- | --- | --- | --- |\n"
+    yield "\n## By scene\n\n| scene | planted | detected | named first |\n| --- | --- | --- | --- |\n"
     yield from _rows(found, lambda one: one.scene)
-    yield "\n## By stream\n\n| stream | planted | found | named first |\n| --- | --- | --- | --- |\n"
+    yield "\n## By stream\n\n| stream | planted | detected | named first |\n| --- | --- | --- | --- |\n"
     yield from _rows(found, lambda one: one.stream)
-    yield "\n## By cause\n\n| cause | planted | found | named first |\n| --- | --- | --- | --- |\n"
+    yield "\n## By cause\n\n| cause | planted | detected | named first |\n| --- | --- | --- | --- |\n"
     yield from _rows(found, lambda one: one.cause)
-    yield "\n## What is not named\n\n"
+    yield "\n## Faults that are not named first\n\n"
     for one in sorted(found, key=lambda one: (one.truth, one.scene, one.kind)):
         if not one.is_first:
             yield f"- {_sentence(one)}\n"

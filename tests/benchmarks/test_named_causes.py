@@ -21,7 +21,7 @@ def test_shares_are_counted() -> None:
     missed = replace(FAULT, found=False, diagnoses=())
     blamed = replace(FAULT, kind="local", notes="half of the time", diagnoses=("rgb:time_offset", "events:time_offset"))
     text = "".join(page([FAULT, missed, blamed]))
-    assert "2 of 3 faults are found (66.7%); 1 of those are named first (50.0%)." in text
+    assert "2 of 3 faults are detected (66.7%). 1 of those are named first (50.0%)." in text
     assert "| whole file | 2 | 1 | 1 |" in text
     assert "| part of it | 1 | 1 | 0 |" in text
     assert "| time_offset | 3 | 2 | 1 |" in text

@@ -1,4 +1,4 @@
-"""Whether honest files alarm as rarely as is said, and whether standard errors are as large as the scatter."""
+"""Whether correct files alarm as rarely as is said, and whether standard errors are as large as the scatter."""
 
 from collections import defaultdict
 from collections.abc import Iterable, Sequence
@@ -62,7 +62,7 @@ class Calibration:
         return self.spread / (2.0 * (len(self.pulls) - 1)) ** 0.5
 
     def beyond(self, level: float) -> Share:
-        """Pulls that an honest Gaussian value exceeds with probability ``level``."""
+        """Pulls that an correct Gaussian value exceeds with probability ``level``."""
         z = norm.isf(level / 2)
         return Share(int(np.sum(np.abs(self.pulls) > z)), len(self.pulls), level)
 

@@ -1,4 +1,4 @@
-"""Kinds of honest files: each a scene, a place in its flight, streams, a length, and what is done to the stamps.
+"""Kinds of correct files: each a scene, a place in its flight, streams, a length, and what is done to the stamps.
 
 Worlds without noise are the same for every seed, so that the files of a combination begin at different places of the
 flight as well.

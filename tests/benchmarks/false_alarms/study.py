@@ -1,4 +1,4 @@
-"""Checks some hundred honest files: ``python -m tests.benchmarks.false_alarms.study``, about an hour on two cores.
+"""Checks some hundred correct files: ``python -m tests.benchmarks.false_alarms.study``, about an hour on two cores.
 
 Writes docs/false-alarms.md. What was found of a file is kept in out/false-alarms, so that an interrupted study goes on
 where it was; ``--fresh`` forgets it, as it must be after a change to the checks.
@@ -28,12 +28,12 @@ NOISY: Final = "noisy"
 HEAD: Final = """\
 # False alarms
 
-Written by `make study-false-alarms`, {date}: {files} honest files of {kinds} kinds, each checked with all checks at
-effort `full`. Files of one kind begin at different places of their flight and have different noise. Images have
-{width}x{height} pixels and a file is a second long unless its name says otherwise.
+Written by `make study-false-alarms`, {date}: {files} correct files of {kinds} kinds. Each was checked with all checks
+at effort `full`. Files of one kind begin at different places of their flight and have different noise. Images have
+{width}x{height} pixels and a file lasts a second, unless its name states otherwise.
 
-{count} of {of} files failed a check; the rate that checks are judged at, {rate:g} a file, gives at most {most} with
-probability {confidence:.0%}. The true rate lies below {high:.2%} ({confidence:.0%}, Clopper and Pearson).
+{count} of {of} files failed a check. At the nominal rate of {rate:g} a file, at most {most} fail with probability
+{confidence:.0%}. The true rate lies below {high:.2%} ({confidence:.0%}, Clopper and Pearson).
 
 """
 
@@ -47,12 +47,15 @@ KINDS: Final = """\
 PULLS: Final = """\
 ## Are standard errors right?
 
-The pull of a value is its distance from what is expected in standard errors. Over honest files it has mean 0 and
-spread 1 where the standard error is that of a noise which the file really has. It is smaller where nothing is random:
-without noise the standard error is a floor, what rounding and the finite image may do, and a bound on the model's
-error (`limit` less z standard errors) stands beside it. What is the worst of several values, or counts to one
-side only, is left out. *Noisy* are files with declared noise of IMU, pose and events; a count beyond is set in
-bold where it is more than the binomial gives with probability {confidence:.0%}.
+The pull of a value is its deviation from the expected value, divided by its standard error. Over correct files it has
+mean 0 and spread 1, if the standard error describes noise that the file really has. It is smaller where nothing is
+random. Without noise the standard error is a floor: what rounding and the finite image may cause. A bound on the
+error of the model is then added to the limit (`limit` less z standard errors). Values that are the worst of several,
+or whose deviation counts to one side only, are left out.
+
+*Noisy* are files with declared noise of IMU, pose and events. *Beyond 1%* counts values that a correct standard error
+gives with a probability of 1% or less. A count is bold if it is larger than the binomial distribution gives with
+probability {confidence:.0%}.
 
 | measurement | files | mean | spread | noisy: files | mean | spread | beyond 1% | beyond 0.1% |
 | --- | --- | --- | --- | --- | --- | --- | --- | --- |
