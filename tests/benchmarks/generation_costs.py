@@ -1,8 +1,8 @@
 """What each stream, effect, wind and world costs: ``python -m tests.benchmarks.generation_costs``, some minutes.
 
-Writes docs/costs.md and docs/costs.svg. Times are CPU times of one process, so that what else runs costs little; each
-is a difference of two lengths, so that what a run takes before its first frame is told apart. What counts are ratios
-within one round of runs.
+Writes docs/costs.md and docs/costs.svg. Times are CPU times of one process, so that other work on the machine affects
+them little. Each is a difference between two lengths, so that the time before the first frame is separate. Ratios
+within one round of runs are compared.
 """
 
 import os
@@ -34,12 +34,13 @@ INERTIAL: Final = frozenset({"imu", "pose"})
 
 
 INTRODUCTION: Final = """\
-# What a sequence costs, by what it holds
+# What a sequence costs, by its content
 
-Written by `make bench-costs`. A stream that is left out is not rendered, and an effect or a wind that is 0 is not
-there: its row says what it adds where it is asked for. CPU seconds of one process with one thread, before the first
-frame and for each generated second. The ratio is that of the generated second to the first row of its table, the median
-of the rounds' own: clock and caches are shared with whatever else runs, so ratios hold where seconds do not.
+Written by `make bench-costs`. A stream that is left out is not rendered. An effect or a wind that is 0 costs nothing;
+its row states what it adds if it is switched on. CPU seconds are those of one process with one thread, before the
+first frame and for each generated second. The ratio compares the generated second with the first row of the table. It
+is the median of the ratios of single rounds. Clock and caches are shared with other work on the machine, so that
+ratios are reliable where seconds are not.
 
 """
 
@@ -107,9 +108,9 @@ def by_effect() -> Group:
 
     return Group(
         "Effects of the event camera",
-        "Events of `park-day` alone, with one effect of `park-noisy` at a time. The second row is the first once\n"
-        "more: how far it is from 1 is what the others cannot be told apart by.\n"
-        "With a bandwidth the camera does not follow the light but is shown images, which costs less and times worse.",
+        "Events of `park-day` alone, with one effect of `park-noisy` at a time. The second row repeats\n"
+        "the first: its difference from 1 is the resolution of the other ratios. With a bandwidth the camera\n"
+        "gets images instead of adaptive samples, which costs less and gives less accurate times.",
         (
             case("none", clean.events),
             case("none, again", clean.events),
@@ -127,7 +128,7 @@ def by_wind() -> Group:
     flights = {"calm": calm, "wind of 4 m/s": windy}
     return Group(
         "Wind",
-        "IMU and pose of a hovering quadrotor: all that follows from the flight alone.",
+        "IMU and pose of a hovering quadrotor, which follow from the flight alone.",
         tuple(Case(name, replace(park, flight=flight), INERTIAL) for name, flight in flights.items()),
     )
 
@@ -137,8 +138,8 @@ def by_world() -> Group:
     named = {"`park-day` (exact)": "park-day", "`park-mesh-day` (OpenGL)": "park-mesh-day"}
     return Group(
         "Worlds",
-        "RGB, depth and flow; OpenGL in software where there is no card. A place is built and painted before\n"
-        "its first frame.",
+        "RGB, depth and flow; OpenGL runs in software where there is no graphics card. A world is built and painted\n"
+        "before its first frame.",
         tuple(
             Case(title, load_scene(name).with_size(*SIZE), frozenset({"rgb", "depth", "flow"}))
             for title, name in named.items()

@@ -1,4 +1,4 @@
-"""What the checks say of one honest file."""
+"""What the checks report of one correct file."""
 
 import json
 from dataclasses import asdict, dataclass
@@ -19,7 +19,7 @@ class Pull:
 
 @dataclass(frozen=True, slots=True)
 class Checked:
-    """Outcomes and pulls of one file. ``verdict`` of a file that is honest should be ``clean``."""
+    """Outcomes and pulls of one file. ``verdict`` of a correct file should be ``clean``."""
 
     combination: str
     number: int

@@ -30,7 +30,7 @@ SceneOf = Callable[[int], Scene]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Combination:
-    """One kind of honest file.
+    """One kind of correct file.
 
     Attributes
     ----------

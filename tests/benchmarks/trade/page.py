@@ -12,69 +12,76 @@ from tests.benchmarks.trade.traded import BASES, BUDGETS, DURATION_S, EFFORTS, L
 CONFIDENCE: Final = 0.95
 
 HEAD: Final = """\
-# What each effort costs, and what it finds
+# What each effort costs, and what it detects
 
-Written by `make study-trade`, {date}: {bases} sequences of {duration:g} s and {width}x{height} pixels of each scene. A
-fault is planted at 1, 2 and 4 times what `full` states as its limit in that file, and sought by the check whose limit
-it is. Seconds are of processor time, as a ratio to reading the file once by plain h5py; they are of all checks
-together.
+Written by `make study-trade`, {date}: {bases} sequences of {duration:g} s and {width}x{height} pixels of each scene.
+Each fault is planted at 1, 2 and 4 times the limit that `full` states for that file. It counts as detected if the
+check that states the limit detects it. Time is processor time of all checks together, as a ratio to reading the file
+once by plain h5py.
 
 ![Detection against cost](trade.svg)
 
-| effort | windows seen | time / reading | share of full's time | decoded | at 1x | at 2x | at 4x |
+| effort | windows measured | time / reading | share of full's time | decoded | at 1x | at 2x | at 4x |
 | --- | --- | --- | --- | --- | --- | --- | --- |
 """
 
 LARGER_HEAD: Final = """
-What an effort reads whatever the windows (IMU, poses, stamps, the digest) is a large part of so small a file. The same
-sequence with frames of {width}x{height}, again by processor time:
+IMU, poses, timestamps and the digest are read at every effort, whatever the windows. This is a large part of so small
+a file. The same sequence with frames of {width}x{height} takes, again in processor time:
 
 | effort | time / reading | share of full's time |
 | --- | --- | --- |
 """
 
 SEEN_HEAD: Final = """
-## What is seen of each stream
+## What is measured of each stream
 
-Rows of a stream that lie in the windows of an effort, and the share of their tiles that dense checks look at in frames
-of this size.
+Share of the rows of a stream that lie in the windows of an effort, and share of their tiles that dense checks measure
+in frames of this size.
 
-| effort | {streams} | tiles of frames and flow | stamps, maps, IMU, poses |
+| effort | {streams} | tiles of frames and flow | timestamps, maps, IMU, poses |
 | --- |{rules} --- | --- |
 """
 
 BUDGET_HEAD: Final = """
 ## Budgets
 
-Of one process, by the clock on the wall, its start of two seconds among them, on a machine that did nothing else. What
-a budget reaches was measured with a clean sequence of each scene and all checks; faults were then sought in the same
-windows. Another machine reaches further, or less far.
+Budgets are wall-clock time of one process, including two seconds for its start, on a machine without other work. What
+a budget reaches was measured with a clean sequence of each scene and all checks. The planted faults were then
+measured in the same windows. Another machine may reach more windows, or fewer.
 
-| budget | budget / reading | windows seen | as densely as | at 1x | at 2x | at 4x |
+| budget | budget / reading | windows measured | as densely as | at 1x | at 2x | at 4x |
 | --- | --- | --- | --- | --- | --- | --- |
 """
 
 FOOT: Final = """
 ## How the settings were chosen
 
-`full` is the default: it is the only effort whose stated limits are of every event, sample and frame, and releases
-are checked once. `quick` is for a look at a download. Its standard errors grow with the root of the share of windows
-that it sees, and few windows know their own scatter badly, so that a fault of a whole stream is seen from some four
-times the limit of `full` on; a fault of an instant may lie between its windows. Stamps, IMU and poses are read whole
-at every effort. Small frames make checks look slow beside reading: decoding grows with pixels, the fixed work of a
-window does not.
+`full` is the default. It is the only effort whose stated limits rest on every event, sample and frame, and a release
+is checked only once.
 
-How `quick` was chosen, from this curve: with 5% of the windows, 5% of the tiles and every fourth field, its time was
-half of what it is, but events were timed to 5.0 ms instead of 0.8, and flow against frames told nothing. A tenth of
-the windows with every third field found 75% of the faults of four times the limit (36 of 48), 8% with every field 43
-of 48: of a rate few fields have texture enough to tell anything, and those must not be missed. So it is every field,
-of as many windows as a tenth of the time allows in frames of a usual size. Thinning out the tiles of small frames
-saves nothing. How frames are read between pixels and how many events are read is chosen from measurements of [the
-one](flow-interpolation.md) and [the other](event-readings.md).
+`quick` is for a first look at a download. Its standard errors grow with the inverse root of the share of windows that
+it measures, and few windows give a poor estimate of their own scatter. So it detects a fault of a whole stream from
+about four times the limit of `full` on. A fault at a single time may lie between its windows. Timestamps, IMU and
+poses are read completely at every effort. In small frames, checks seem slow in comparison with reading: decoding
+grows with the number of pixels, but each window has a fixed cost.
+
+The settings of `quick` were chosen from these measurements:
+
+- With 5% of the windows, 5% of the tiles and every fourth flow field, it took half of its present time. But then the
+  time offset of events was uncertain by 5.0 ms instead of 0.8 ms, and flow could not be compared with frames.
+- A tenth of the windows with every third field detected 75% of the faults of four times the limit (36 of 48).
+- 8% of the windows with every field detected 43 of 48. Few fields of a rate have enough texture to be compared, and
+  these must not be left out.
+
+So `quick` measures every field, in as many windows as a tenth of the time of `full` allows in frames of a usual size.
+Fewer tiles of small frames save no time. How frames are interpolated between pixels, and how many events are used,
+was chosen from two other studies: [flow interpolation](flow-interpolation.md) and [event
+readings](event-readings.md).
 
 ## By fault
 
-Sequences in which the fault was found, of those in which `full` states a limit.
+Sequences in which the fault was detected, of those for which `full` states a limit.
 
 """
 
