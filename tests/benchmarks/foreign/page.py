@@ -16,12 +16,13 @@ MOST_FAILURES: Final = 1e-3
 """The share of correct files that may fail."""
 
 HEAD: Final = """\
-# Correct files that others make
+# Correct files in the forms that others write
 
-Written by `make study-foreign`, {date}: {files} correct files of {kinds} kinds, over {scenes} scenes and {seeds} seeds
-of {width}x{height} pixels and {duration:g} s. A kind is a transformation of the reference generator's file that
-publishers make and that leaves it correct. `tests/benchmarks/foreign` holds each, and
-`tests/benchmarks/test_foreign_transformations.py` shows that it does.
+Written by `make study-foreign`, {date}: {files} correct files of {kinds} kinds, over {scenes} scenes and {seeds}
+seeds of {width}x{height} pixels and {duration:g} s. Each kind is a transformation of a file of the reference
+generator. Publishers apply such transformations, and the file remains correct. `tests/benchmarks/foreign` implements
+them, and `tests/benchmarks/test_foreign_transformations.py` tests that each leaves a file correct. Nobody looks at
+the outcomes of held-out kinds while the checks are built.
 
 | transformations | kinds | files | failed | share | true share, {confidence:.0%} | kinds that failed more than once |
 | --- | --- | --- | --- | --- | --- | --- |
@@ -30,7 +31,7 @@ publishers make and that leaves it correct. `tests/benchmarks/foreign` holds eac
 TABLE: Final = """
 ## {title}
 
-| transformation | who makes it, and why it stays correct | files | clean | warned | failed |
+| transformation | who applies it, and why the file remains correct | files | clean | warned | failed |
 | --- | --- | --- | --- | --- | --- |
 """
 
@@ -59,7 +60,7 @@ def page(transformations: Sequence[Transformation], outcomes: Sequence[Outcome],
     for title, kinds in groups.items():
         if kinds:
             yield _total(title, [files[kind.name] for kind in kinds])
-    yield f"\nWanted: at most {MOST_FAILURES:g} of the files, and no kind more than once.\n"
+    yield f"\nGoal: at most {MOST_FAILURES:g} of the files fail, and no kind fails more than once.\n"
     for title, kinds in {"control": [kind for kind in transformations if kind == UNCHANGED], **groups}.items():
         if kinds:
             yield TABLE.format(title=title[0].upper() + title[1:])
@@ -89,7 +90,7 @@ def _row(kind: Transformation, files: Sequence[Outcome]) -> str:
 def _failures(outcomes: Sequence[Outcome]) -> Iterator[str]:
     failed = [outcome for outcome in outcomes if outcome.alarms]
     if failed:
-        yield "\n## What failed, with the first finding\n\n"
+        yield "\n## Failures, with the first finding\n\n"
     for outcome in failed:
         words = " ".join(outcome.alarms[0].split())[:300]
         yield f"- {outcome.transformation}, {outcome.scene}, seed {outcome.seed} ({len(outcome.alarms)}): {words}\n"

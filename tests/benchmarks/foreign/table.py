@@ -18,7 +18,7 @@ UNIX_US: Final = 1_790_000_000_000_000
 """September 2026."""
 
 _STEP: Final = "; no value moves by more than half a step"
-_LOSSLESS: Final = "; every value stays"
+_LOSSLESS: Final = "; no value changes"
 
 _STORAGE: Final = (
     Transformation("depth in whole mm", rounded(["path/depth"], 1.0), DEPTH[:1], "Writers of depth sensors" + _STEP),
@@ -66,7 +66,9 @@ _STORAGE: Final = (
     Transformation("IMU of 16 bits", storage.imu_16_bit, IMU, "Every real IMU: 2000 deg/s and 16 g" + _STEP),
     Transformation("IMU as float32", stored_as(IMU, "f4"), IMU, "Game engines, AirSim" + _STEP),
     Transformation("IMU with 4 decimals", storage.imu_four_decimals, IMU, "Logs of text" + _STEP),
-    Transformation("gzip", storage.gzip_shuffle, ALL, "Whoever must be read without plugins" + _LOSSLESS),
+    Transformation(
+        "gzip", storage.gzip_shuffle, ALL, "Publishers whose files must be readable without plugins" + _LOSSLESS
+    ),
     Transformation("LZF, guessed chunks", storage.lzf, ALL, "h5py with its own defaults" + _LOSSLESS),
     Transformation("bitshuffle, 8 frames a chunk", storage.bitshuffle, ALL, "Detectors at light sources" + _LOSSLESS),
     Transformation("contiguous", storage.contiguous, ALL, "h5py without options" + _LOSSLESS),
@@ -90,7 +92,10 @@ _STORAGE: Final = (
 
 _GEOMETRY: Final = (
     Transformation(
-        "colour cropped", geometry.crop_colour, (*COLOUR, *CAMERAS), "Colour that sees the middle of what depth sees"
+        "colour cropped",
+        geometry.crop_colour,
+        (*COLOUR, *CAMERAS),
+        "Colour cameras that show the middle of the depth image",
     ),
     Transformation(
         "colour cropped off centre",
@@ -102,7 +107,7 @@ _GEOMETRY: Final = (
         "depth and flow cropped off centre",
         geometry.crop_depth_off_centre,
         ("path/depth", *FLOW, *CAMERAS),
-        "Depth that sees less than colour; K moves by as many pixels",
+        "Depth cameras with a smaller field of view than colour; K moves by as many pixels",
     ),
     Transformation(
         "events cropped", geometry.crop_events, (*EVENTS, *CAMERAS), "A sensor's region of interest; K moves with it"
@@ -144,7 +149,7 @@ _SAMPLING: Final = (
     Transformation("no frame at the end", sampling.half_open_span, ALL, "np.arange, without its end"),
     Transformation("ends cut between frames", sampling.cut_between_frames, ALL, "Cuts at take-off and landing"),
     Transformation("middle third", sampling.middle_third, ALL, "Splits of a recording for training and test"),
-    Transformation("middle third from zero", sampling.middle_third_from_zero, ALL, "Splits that count time anew"),
+    Transformation("middle third from zero", sampling.middle_third_from_zero, ALL, "Splits whose time starts at zero"),
 )
 
 _GAUGE: Final = (
@@ -179,7 +184,9 @@ _DECLARATIONS: Final = (
     ),
     Transformation("text of fixed length", declarations.text_of_fixed_length, ALL, "C and MATLAB" + _LOSSLESS),
     Transformation("numbers as arrays of one", declarations.arrays_of_one, ALL, "MATLAB" + _LOSSLESS),
-    Transformation("defaults left out", declarations.defaults_left_out, ALL, "Whoever writes what the format requires"),
+    Transformation(
+        "defaults left out", declarations.defaults_left_out, ALL, "Publishers who write only what the format requires"
+    ),
     Transformation("provenance left out", declarations.provenance_left_out, ("@",), "Blind benchmarks"),
     Transformation(
         "wider depth range",
@@ -197,11 +204,11 @@ UNCHANGED: Final = Transformation("unchanged", lambda file: None, (), "The refer
 """The control: the clean sequence itself."""
 
 LEFT_OUT: Final = {
-    "depth as 16-bit millimetres": "0 stands for invalid where the format has NaN: a dialect",
-    "polarity of -1 and +1": "the format has 0 and 1: a dialect",
-    "positions in whole mm": "a noise that the file would have to declare",
-    "a tilted world": "world gravity is (0, 0, -g) by the format",
+    "depth as 16-bit millimetres": "0 stands for invalid where the format has NaN; a dialect reads such files",
+    "polarity of -1 and +1": "the format has 0 and 1; a dialect reads such files",
+    "positions in whole mm": "this is noise, which the file would have to declare",
+    "a tilted world": "the format defines world gravity as (0, 0, -g)",
     "colour through JPEG, colour with read noise": "the format has no declaration for them",
-    "colour binned 2x2": "the mean of clipped values is not the clipped mean",
+    "colour binned 2x2": "the mean of clipped values differs from the clipped mean",
     "events that begin late": "the format has no declaration for it",
 }

@@ -14,17 +14,18 @@ from tests.benchmarks.foreign_faults.outcome import Outcome
 
 CONFIDENCE: Final = 0.95
 HEAD: Final = """\
-# Real faults by other code: found, and named?
+# Real faults planted by other code
 
 Written by `make study-named-foreign`, {date}: {files} files with {kinds} kinds of faults, over {scenes},
 {width}x{height} pixels, {duration:g} s, {seeds} sequence(s) of a scene. `tests/benchmarks/foreign_faults` shares no
-code, place or size with the faults that the generator plants. Sizes are log-uniform within the range of their kind.
-A third of the kinds, by a hash of their names, is held out: nobody looks at their outcomes while the diagnosis is
+code, place or size with the faults that the generator plants. Sizes are log-uniform within the range of their kind. A
+third of the kinds, by a hash of their names, is held out: nobody looks at their outcomes while the diagnosis is
 built.
 
-*Found*: a check failed. *Named first*: the first diagnosis is that of cause and stream; a share of the files that were
-found. *No name*: no cause of the tool is that fault, and right is to name none.
-*Two faults* are named first where the first diagnosis is one of both; *all with a name* and *whole-file* count them.
+- *Found*: at least one check failed.
+- *Named first*: the first diagnosis has the right cause and stream. The share is of the files that were found.
+- *No name*: none of the tool's causes describes the fault. To name none is then right.
+- *Two faults*: named first if the first diagnosis is one of the two. *All with a name* and *whole-file* include them.
 
 | kinds | | kinds | files | found | share | named first | share | true share, {confidence:.0%} | first or second |
 | --- | --- | --- | --- | --- | --- | --- | --- | --- | --- |
@@ -38,7 +39,7 @@ TABLE: Final = """
 """
 
 BY_STATUS: Final = """
-## How the first cause is known
+## How often each status is right
 
 First diagnoses of all files that name a cause, by their status.
 
@@ -70,7 +71,7 @@ def page(kinds: Sequence[Kind], outcomes: Sequence[Outcome], size: Size) -> Iter
     }
     for title, group in groups.items():
         yield from _totals(title, group, files)
-    yield "\nWanted: 90% of what was found are named first.\n"
+    yield "\nGoal: 90% of the faults that are found are named first.\n"
     for title, group in groups.items():
         for suffix, rows in {
             "": [kind for kind in group if kind.truth and not kind.composite],
