@@ -102,11 +102,11 @@ def test_page_tells_ratios_to_decoding_beside_the_start() -> None:
     assert "| `exhaustive`, one job's time / two jobs', start included | 1.82 | 1.7 |" in rows
     assert "| `full`, one job's time / two jobs', start included | 1.80 | |" in rows
     assert "| processors that one job keeps busy, as it has OpenCV's threads for itself | 2.00 | |" in rows
-    assert "| Dask's time / two jobs', first check of a cluster, whose workers load all | 1.60 | |" in rows
+    assert "| Dask's time / two jobs', first check of a cluster, whose workers load all libraries | 1.60 | |" in rows
     assert "| Dask's time / two jobs', later checks | 1.10 | 1.15 |" in rows
     assert "| plain decoding of 4 s, MB/s (into new arrays) | 500 (400) | |" in rows
-    assert "| copying memory: one process's time / two processes', each half of it | 1.25 |" in rows
-    assert "take 0.62 of what one takes: of the 1.5 that are asked of `full`, 0.88 are left" in "".join(rows)
+    assert "| copying memory: one process's time / two processes' with half of it each | 1.25 |" in rows
+    assert "take 0.62 of the time of one. So of the goal of 1.5 for `full`, 0.88 remain" in "".join(rows)
     assert "| memory written for the first time, GB/s | 0.4 |" in rows
     assert "| 1GB | 900 | 200% | 16.0 | 6.0 |" in rows
     assert "| `depth.range` | 0.75 | 0.75 |" in rows

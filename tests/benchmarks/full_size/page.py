@@ -21,14 +21,18 @@ _MOST: Final = 0.5
 HEAD: Final = """\
 # What checking a full-size file costs
 
-Written by `make bench-files`, {date}, {cores} cores: `park-day` of {width}x{height}, in the canonical codec. Decoding
-is by plain h5py, one thread, every dataset once, the file in memory, all chunks of a dataset into the same array; into
-new arrays, as `dataset[i]` gives them, it takes longer, by how much depends on how much of them is fresh memory, and is
-told beside it. An effort's time is that of two processes (`--jobs 2`), less the start: what the same command takes on a
-file of 48x36. The machine's own speed varies, so all three are measured right after one another, {times} times: ratios
-are medians of those within such a turn, every other number in this table is that of the fastest run.
+Written by `make bench-files`, {date}, {cores} cores: `park-day` of {width}x{height}, in the canonical codec.
 
-| effort | length, s | start, s | time, s | time / decoding | asked | new arrays | processor, s | memory, MB | decoded |
+- *Decoding* is the time of plain h5py with one thread, which reads every dataset once from a file in memory. All
+  chunks of a dataset are decoded into the same array. *New arrays* decodes each chunk into a new array, as
+  `dataset[i]` does. This takes longer, by an amount that depends on how much of it is fresh memory.
+- *Time* is that of two processes (`--jobs 2`) without the start. *Start* is the time of the same command for a file
+  of 48x36.
+- The speed of the machine varies. So decoding, start and check are measured directly one after another, {times}
+  times. Ratios are medians of the ratios within such a turn. All other numbers of this table are those of the fastest
+  run.
+
+| effort | length, s | start, s | time, s | time / decoding | goal | new arrays | processor, s | memory, MB | decoded |
 | --- | --- | --- | --- | --- | --- | --- | --- | --- | --- |
 """
 
@@ -42,14 +46,14 @@ FIRST: Final[Mapping[str, tuple[float, float]]] = {
     "alignment.depth": (0.29, 0.37), "images.repeats": (0.28, 0.3), "alignment.events": (0.22, 0.26),
     "together": (12.51, 108.09),
 }  # fmt: skip
-"""Seconds by check as the first study told them, before anything was changed for it; the slowest sixteen."""
+"""Seconds by check in the first study, before any optimisation; the slowest sixteen."""
 
 QUICK: Final = """
-What is asked of `quick` here does not go with what is asked of it elsewhere, to find nine in ten of the faults that are
-four times as large as `full`'s limits ([trade](trade.md)). Errors grow with the root of the share of windows that is
-looked at, so that this takes a sixteenth of them at the least: 0.09 where `full` takes 1.5, as is asked of it, and more
-where it takes more. Finding faults is what `quick` is for. In files this short a part of its time is fixed besides:
-stamps, four stretches, judgement.
+The goal for `quick` contradicts another goal for it: to detect nine in ten of the faults that are four times as large
+as the limits of `full` ([trade](trade.md)). Standard errors grow with the inverse root of the share of windows that
+is measured. So nine in ten require at least a sixteenth of the windows. That takes 0.09 where `full` takes 1.5, which
+is its goal, and more where `full` takes more. Detecting faults takes precedence. In files this short, a part of the
+time is also fixed: timestamps, four segments, judgement.
 """
 
 
@@ -80,8 +84,8 @@ def _effort_row(one: OfEffort) -> str:
 def _figures(study: Study) -> Iterator[str]:
     longest = max(study.readings)
     yield (
-        "\nMemory is the largest sum over all processes of their proportional set sizes, looked at twice a "
-        f"second (asked: {MEMORY_TARGET_BYTES / 1e6:.0f} MB).\n\n| figure | measured | asked |\n| --- | --- | --- |\n"
+        "\nMemory is the largest sum over all processes of their proportional set sizes, sampled twice a "
+        f"second (goal: {MEMORY_TARGET_BYTES / 1e6:.0f} MB).\n\n| figure | measured | goal |\n| --- | --- | --- |\n"
     )
     first, last = study.full[0], study.full[-1]
     times_longer = last.length_s / first.length_s
@@ -100,7 +104,7 @@ def _figures(study: Study) -> Iterator[str]:
     first, later = (
         measured.run.wall_s / study.together.run.wall_s for measured in (study.on_cluster.first, study.on_cluster.later)
     )
-    yield f"| Dask's time / two jobs', first check of a cluster, whose workers load all | {first:.2f} | |\n"
+    yield f"| Dask's time / two jobs', first check of a cluster, whose workers load all libraries | {first:.2f} | |\n"
     yield f"| Dask's time / two jobs', later checks | {later:.2f} | {CLUSTER_TARGET} |\n"
     for length, reading in study.readings.items():
         kept, new = (reading.decoded_bytes / seconds / 1e6 for seconds in (reading.wall_s, reading.new_arrays_wall_s))
@@ -119,27 +123,27 @@ def _figures(study: Study) -> Iterator[str]:
 def _machine(study: Study) -> Iterator[str]:
     machine = study.machine
     yield (
-        "\n## What the machine gives\n\nTwo processes share memory and caches. The figures above hold for a machine "
-        "that gives what is told\nhere: two jobs gain no more than the work does that they spend their time with, and "
-        "what a process takes from the system\nanew, it waits for.\n\n| of the machine | measured |\n| --- | --- |\n"
+        "\n## Speed of the machine\n\nTwo processes share memory and caches. The figures above hold for a machine with "
+        "the speeds of this table. Two\njobs gain at most what two processes gain at the work that takes most of the "
+        "time. A process has to wait for\nmemory that it gets from the system for the first time.\n\n"
+        "| property of the machine | measured |\n| --- | --- |\n"
     )
     for work, gain in machine.gains.items():
-        yield f"| {work}: one process's time / two processes', each half of it | {gain:.2f} |\n"
+        yield f"| {work}: one process's time / two processes' with half of it each | {gain:.2f} |\n"
     yield f"| memory written for the first time, GB/s | {machine.fresh_bytes_s / 1e9:.1f} |\n"
     yield f"| memory written again, GB/s | {machine.held_bytes_s / 1e9:.1f} |\n"
     alone = 1 / machine.gains[DECODING]
     yield (
-        f"\nTwo processes that do nothing but decode the file take {alone:.2f} of what one takes: of the "
-        f"{TARGETS['full']:g} that are asked of `full`, {TARGETS['full'] - alone:.2f} are left for all that it looks "
-        "at.\n"
+        f"\nTwo processes that only decode the file take {alone:.2f} of the time of one. So of the goal of "
+        f"{TARGETS['full']:g} for `full`, {TARGETS['full'] - alone:.2f} remain for all checks.\n"
     )
 
 
 def _memories(study: Study) -> Iterator[str]:
     reading, start_s = study.readings[min(study.readings)], study.full[0].start_s
     yield (
-        "\n## Memory against time\n\n`full` on the shortest file with two jobs, by `--memory`. Images for which "
-        "there is no room are decoded again.\n\n| `--memory` | memory, MB | decoded | processor, s | time, s |\n"
+        "\n## Memory against time\n\n`full` on the shortest file with two jobs, by `--memory`. Images that "
+        "do not fit are decoded again.\n\n| `--memory` | memory, MB | decoded | processor, s | time, s |\n"
         "| --- | --- | --- | --- | --- |\n"
     )
     for memory, measured in study.memories.items():
@@ -151,9 +155,9 @@ def _memories(study: Study) -> Iterator[str]:
 
 def _where_time_goes(study: Study) -> Iterator[str]:
     yield (
-        "\n## Where the time goes\n\nSeconds of one process for the shortest file, the slowest checks first. What is "
-        "decoded counts for the check that asks first. In brackets what the first study told, on a machine of the same "
-        "kind, before anything was changed for it.\n\n| check | `full` | `exhaustive` |\n| --- | --- | --- |\n"
+        "\n## Where the time goes\n\nSeconds of one process for the shortest file, the slowest checks first. Decoding "
+        "counts for the check that first asks for the data. In brackets: the first study, on a machine of the same "
+        "kind, before any optimisation.\n\n| check | `full` | `exhaustive` |\n| --- | --- | --- |\n"
     )
     full, exhaustive = study.alone.seconds, study.exhaustive.seconds
     slowest = sorted((name for name in full if name.startswith("check ")), key=lambda name: -full[name])
@@ -173,11 +177,11 @@ def _first(check: str, effort: int) -> str:
 def _selections(study: Study) -> Iterator[str]:
     reading = study.readings[min(study.readings)]
     yield (
-        "\n## What is decoded for what\n\nOne subject of checks at a time (`--select`), on the shortest file: share of "
-        "its bytes that is decoded, and the streams that the checks ask for.\n\n"
+        "\n## What each subject decodes\n\nOne subject of checks at a time (`--select`), on the shortest file: the "
+        "share of its bytes that is decoded, and the streams that the checks read.\n\n"
         "| subject | decoded | time, s | streams |\n| --- | --- | --- | --- |\n"
     )
     for one in study.selections:
         share = one.measured.decoded_bytes / reading.decoded_bytes
-        streams = ", ".join(one.needs) or ("all, row by row" if share > _MOST else "stamps and declarations alone")
+        streams = ", ".join(one.needs) or ("all, row by row" if share > _MOST else "timestamps and declarations alone")
         yield f"| `{one.subject}` | {share:.1%} | {one.measured.run.wall_s:.1f} | {streams} |\n"
