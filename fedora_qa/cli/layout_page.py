@@ -9,9 +9,9 @@ from fedora_qa.layout.canonical import ATTRIBUTES, DATASETS, AttributeSpec, Data
 _INTRODUCTION = """\
 # Datasets and attributes
 
-The canonical layout, version 1.0. [The file format](format.md) explains it; `make docs` writes this page. A letter in
-a shape stands for a size that all datasets of a file share: `N` colour frames, `D` depth frames, `E` events, `M` IMU
-samples, `P` poses. Flow of another rate than 10, 25 and 50 Hz has the same form.
+This page lists the canonical layout, version 1.0. [The file format](format.md) explains it, and `make docs` writes
+this page. A letter in a shape stands for a size that all datasets of a file share: `N` colour frames, `D` depth
+frames, `E` events, `M` IMU samples, `P` poses. Flow of another rate than 10, 25 and 50 Hz has the same form.
 
 ## Datasets
 

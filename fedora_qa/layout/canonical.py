@@ -104,21 +104,21 @@ _DATASETS: Final = (
     DatasetSpec("path/rgb", "rgb", "uint8", ("N", "H_rgb", "W_rgb", 3), "DN", 1, "colour frames, R, G, B"),
     DatasetSpec("path/rgb_ts", "rgb", "int64", ("N",), "us", SAMPLE_CHUNK_ROWS, "middle of the exposure"),
     DatasetSpec("path/depth", "depth", "float32", ("D", "H", "W"), "mm", 1, "z-depth, NaN invalid"),
-    DatasetSpec("path/depth_ts", "depth", "int64", ("D",), "us", SAMPLE_CHUNK_ROWS, "instant of the depth frame"),
+    DatasetSpec("path/depth_ts", "depth", "int64", ("D",), "us", SAMPLE_CHUNK_ROWS, "time of the depth frame"),
     DatasetSpec("path/events/x", "events", "uint16", ("E",), "px", EVENT_CHUNK_ROWS, "column"),
     DatasetSpec("path/events/y", "events", "uint16", ("E",), "px", EVENT_CHUNK_ROWS, "row"),
-    DatasetSpec("path/events/t", "events", "int64", ("E",), "us", EVENT_CHUNK_ROWS, "instant, non-decreasing"),
+    DatasetSpec("path/events/t", "events", "int64", ("E",), "us", EVENT_CHUNK_ROWS, "time, non-decreasing"),
     DatasetSpec("path/events/p", "events", "uint8", ("E",), "1", EVENT_CHUNK_ROWS, "1 brighter, 0 darker"),
     DatasetSpec("path/imu/angular_velocity", "imu", "float64", ("M", 3), "rad/s", SAMPLE_CHUNK_ROWS, "body frame"),
     # f = R_body_world (a - g), world gravity g = (0, 0, -9.81) m/s^2: at rest the sensor measures +9.81 along body Z.
     DatasetSpec("path/imu/linear_acceleration", "imu", "float64", ("M", 3), "m/s^2", SAMPLE_CHUNK_ROWS,
                 "specific force, body frame (+g on Z at rest)"),
-    DatasetSpec("path/imu/ts", "imu", "int64", ("M",), "us", SAMPLE_CHUNK_ROWS, "instant of the sample"),
+    DatasetSpec("path/imu/ts", "imu", "int64", ("M",), "us", SAMPLE_CHUNK_ROWS, "time of the sample"),
     DatasetSpec("path/pose/position", "pose", "float64", ("P", 3), "m", SAMPLE_CHUNK_ROWS,
                 "body origin in the world (ENU)"),
     DatasetSpec("path/pose/orientation", "pose", "float64", ("P", 4), "1", SAMPLE_CHUNK_ROWS,
                 "unit quaternion x, y, z, w, body to world"),
-    DatasetSpec("path/pose/ts", "pose", "int64", ("P",), "us", SAMPLE_CHUNK_ROWS, "instant of the pose"),
+    DatasetSpec("path/pose/ts", "pose", "int64", ("P",), "us", SAMPLE_CHUNK_ROWS, "time of the pose"),
     *(spec for rate_hz in FLOW_RATES_HZ for spec in _flow_datasets(f"{rate_hz}")),
     # Entry i counts the events with t < t_frame[i] (``np.searchsorted``, side left).
     DatasetSpec("metadata/rgb_to_event", "rgb_to_event", "int64", ("N",), "1", SAMPLE_CHUNK_ROWS,
@@ -152,9 +152,13 @@ def _camera(name: str) -> tuple[AttributeSpec, ...]:
         AttributeSpec(owner, "height", "int", "px", True, "rows"),
         AttributeSpec(owner, "K", "matrix3", "px", True, "intrinsics; integer coordinates are pixel centres"),
         AttributeSpec(owner, "T_body_camera", "matrix4", "m", True, "p_body = T_body_camera p_optical"),
-        AttributeSpec(owner, "exposure_us", "float", "us", False, "global exposure around the stamp, 0 by default"),
+        AttributeSpec(
+            owner, "exposure_us", "float", "us", False, "global exposure centred on the timestamp, 0 by default"
+        ),
         AttributeSpec(owner, "camera_model", "text", "", False, "pinhole by default"),
-        AttributeSpec(owner, "distortion_model", "text", "", False, "of the lens, none by default", DISTORTION_MODELS),
+        AttributeSpec(
+            owner, "distortion_model", "text", "", False, "model of the lens, none by default", DISTORTION_MODELS
+        ),
         AttributeSpec(owner, "distortion", "numbers", "1", False, "coefficients of the distortion, in OpenCV's order"),
     )
 
@@ -177,8 +181,8 @@ _ATTRIBUTES: Final = (
     AttributeSpec("", "created_by", "text", "", False, "the program that wrote the file"),
     AttributeSpec("", "scene_digest", "text", "", False, "digest of the scene's description"),
     AttributeSpec("", "seed", "int", "", False, "seed of every random stream"),
-    AttributeSpec("", "kind", "text", "", False, "whether sensors made the sequence", ("recorded", "synthetic")),
-    AttributeSpec("", "profile", "text", "", False, "numbers that the file promises besides", ("fedora-paper",)),
+    AttributeSpec("", "kind", "text", "", False, "recorded by sensors or rendered", ("recorded", "synthetic")),
+    AttributeSpec("", "profile", "text", "", False, "further figures that the file promises", ("fedora-paper",)),
     AttributeSpec("path/rgb", "transfer", "text", "", False, "transfer curve, linear by default",
                   ("linear", "srgb", "gamma2.2")),
     *_camera("rgb"), *_camera("depth"), *_camera("events"),
@@ -199,12 +203,13 @@ _ATTRIBUTES: Final = (
     AttributeSpec("metadata/imu", "gyro_bias_walk", "float", "rad/s^2/sqrt(Hz)", True, "random walk of the bias"),
     AttributeSpec("metadata/imu", "accel_bias_walk", "float", "m/s^3/sqrt(Hz)", True, "random walk of the bias"),
     AttributeSpec("metadata/imu", "gravity", "float", "m/s^2", True, "g; world gravity is (0, 0, -g)"),
-    AttributeSpec("metadata/imu", "sampling", "text", "", False, "instant by default",
+    AttributeSpec("metadata/imu", "sampling", "text", "", False, "what a sample is, instant by default",
                   ("instant", "interval_mean")),
     AttributeSpec("metadata/pose", "position_sigma", "float", "m", True, "noise per axis, world"),
     AttributeSpec("metadata/pose", "rotation_sigma", "float", "rad", True, "noise per axis, body"),
     AttributeSpec("metadata/flow", "unit", "text", "", True, "unit of the flow", ("px",)),
-    AttributeSpec("metadata/flow", "model", "text", "", False, "rigid by default", ("rigid", "scene")),
+    AttributeSpec("metadata/flow", "model", "text", "", False, "motion that the flow contains, rigid by default",
+                  ("rigid", "scene")),
 )  # fmt: skip
 
 ATTRIBUTES: Final[Mapping[tuple[str, str], AttributeSpec]] = MappingProxyType(
