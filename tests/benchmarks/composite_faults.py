@@ -75,7 +75,7 @@ def main() -> None:
     print(share)
     parts = [
         "# Two faults in one file",
-        "One sequence of park-day (270x200, 1 s) with two faults that the generator planted one after the other, "
+        "The generator planted two faults, one after the other, in a sequence of park-day (270x200, 1 s). Each file was "
         "checked with the profile `release` (`make study-composites`).",
         f"**{share}.**",
         table(("first", "second", "named", "diagnoses"), rows),

@@ -1,7 +1,7 @@
-"""How many events are read, against time and limits: ``make bench-readings`` writes docs/event-readings.md.
+"""How many events are used, against time and limits: ``make bench-readings`` writes docs/event-readings.md.
 
-Each bound is set to less and to more than it is, the others left as they are, and one clean file is checked by what
-reads events against light. Seconds are of the processor, decoding apart, all as a ratio to those of the bounds as set.
+Each bound is set below and above its present value, with the others unchanged, and one clean file is checked by what
+compares events with light. Seconds are processor time without decoding, as a ratio to the present bounds.
 """
 
 import tempfile
@@ -34,7 +34,7 @@ class Bound:
 
     module: object
     name: str
-    said: str
+    description: str
     tried: tuple[int, ...]
 
     @property
@@ -48,44 +48,44 @@ BOUNDS: Final = (
     Bound(
         frame_interpolation,
         "MOST_INTERPOLATED",
-        "events read for timing, a window",
+        "events used for timing, a window",
         (3_750, 7_500, 15_000, 30_000, 60_000),
     ),
-    Bound(levels, "MOST_EVENTS", "events followed for thresholds, a window", (12_500, 25_000, 50_000, 400_000)),
-    Bound(levels, "MOST_PAIRS", "pairs of readings taken for thresholds, a window", (1_250, 5_000, 20_000)),
+    Bound(levels, "MOST_EVENTS", "events used for thresholds, a window", (12_500, 25_000, 50_000, 400_000)),
+    Bound(levels, "MOST_PAIRS", "pairs of samples used for thresholds, a window", (1_250, 5_000, 20_000)),
 )
 
 HEAD: Final = """\
-# How many events are read
+# How many events are used
 
-What compares events with frames reads a bounded number of them in a window of 0.2 s: beyond it, every second, third,
-... pixel. `make bench-readings` measures what each bound costs and what it leaves to be seen: {scene} of
-{width}x{height}, {duration:g} s, {events:.0f} events a window in the mean, the density of `full`. Times are of the
-processor, decoding apart, of `{timing}` and `{threshold}` together, in units of what they
-take with the bounds as they are set (**bold**); limits are the `least_detectable` that they state.
+Checks that compare events with frames use a limited number of events in a window of 0.2 s. Above this bound they use
+every second, third, ... pixel. `make bench-readings` measures the cost of each bound and its effect on the detection
+limits. The file is {scene} of {width}x{height}, {duration:g} s, with a mean of {events:.0f} events a window, at the
+density of `full`. Times are processor time without decoding, of `{timing}` and `{threshold}` together, as a ratio to
+the time with the present bounds (**bold**). Limits are the `least_detectable` that both checks state.
 
 | bound | value | time | {limits} |
 | --- | --- | --- |{rules}
 """
 
 TAIL: Final = """
-Of a window that holds fewer events than a bound all are read. Readings for timing pay for what they cost: with a
-quarter of them, limits are a third larger for three fifths of the time; so their bound lies where windows of usual
-density end. Pairs for thresholds are bounded by frames, not by chance, and events followed for them cost next to
-nothing: those bounds are there for windows of millions of events. Which pixels are left out follows from numbers of
-events alone, so that records stay the same.
+A window with fewer events than a bound uses all of them. For timing, more events are worth their time: with a quarter
+of them, limits are a third larger for three fifths of the time. So this bound is the number of events in windows of
+usual density. For thresholds, the frames limit the accuracy, and not the number of pairs. Their events cost almost
+nothing. Those two bounds exist for windows of millions of events. The numbers of events alone decide which pixels are
+left out, so that records are reproducible.
 """
 
 
 @dataclass(frozen=True, slots=True)
-class Told:
+class Measurement:
     """What checking took, and the limits that were stated, in the order of ``LIMITS``."""
 
     seconds: float
     limits: tuple[float | None, ...]
 
 
-def page(told: Mapping[tuple[str, int], Told], events_a_window: float) -> Iterator[str]:
+def page(measurements: Mapping[tuple[str, int], Measurement], events_a_window: float) -> Iterator[str]:
     """Yield the page: a row for each value of each bound."""
     limits = " | ".join(f"{name.replace('_', ' ')}, {unit}" for _, name, unit in LIMITS)
     yield HEAD.format(
@@ -93,21 +93,21 @@ def page(told: Mapping[tuple[str, int], Told], events_a_window: float) -> Iterat
         threshold=THRESHOLD, limits=limits, rules=" --- |" * len(LIMITS),
     )  # fmt: skip
     for bound in BOUNDS:
-        whole = told[bound.name, bound.chosen].seconds
+        whole = measurements[bound.name, bound.chosen].seconds
         for value in bound.tried:
-            one = told[bound.name, value]
+            measurement = measurements[bound.name, value]
             shown = f"**{value}**" if value == bound.chosen else f"{value}"
-            stated = " | ".join("-" if limit is None else f"{limit:.3g}" for limit in one.limits)
-            yield f"| {bound.said} | {shown} | {one.seconds / whole:.2f} | {stated} |\n"
+            stated = " | ".join("-" if limit is None else f"{limit:.3g}" for limit in measurement.limits)
+            yield f"| {bound.description} | {shown} | {measurement.seconds / whole:.2f} | {stated} |\n"
     yield TAIL
 
 
-def told_by(path: Path) -> Told:
-    """Check a file by what reads events against light: the fastest of some runs, and the limits that are stated."""
+def measure_file(path: Path) -> Measurement:
+    """Check a file by what compares events with light: the fastest of some runs, and the limits that are stated."""
     seconds = min(sum(cost_of(path).by_check_s[name] for name in (TIMING, THRESHOLD)) for _ in range(REPEATS))
     results = check_file(path, CheckOptions(evidence=None, select=(TIMING, THRESHOLD))).record.results
-    stated = {(result.check, one.name): one.least_detectable for result in results for one in result.measurements}
-    return Told(seconds, tuple(stated.get((check, name)) for check, name, _ in LIMITS))
+    stated = {(result.check, value.name): value.least_detectable for result in results for value in result.measurements}
+    return Measurement(seconds, tuple(stated.get((check, name)) for check, name, _ in LIMITS))
 
 
 def main() -> None:
@@ -115,13 +115,13 @@ def main() -> None:
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / f"{SCENE}.h5"
         generate_sequence(load_scene(SCENE).with_size(*SIZE), path, Request(duration_s=DURATION_S, quality="draft"))
-        told = {}
+        measurements = {}
         for bound in BOUNDS:
             for value in bound.tried:
                 with patch.object(bound.module, bound.name, value):
-                    told[bound.name, value] = told_by(path)
+                    measurements[bound.name, value] = measure_file(path)
         events = cost_of(path).events
-    TARGET.write_text("".join(page(told, events * WINDOW_NS / NS_PER_S / DURATION_S)), encoding="utf-8")
+    TARGET.write_text("".join(page(measurements, events * WINDOW_NS / NS_PER_S / DURATION_S)), encoding="utf-8")
 
 
 if __name__ == "__main__":

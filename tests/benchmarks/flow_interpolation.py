@@ -26,25 +26,27 @@ _RUNS: Final = 5
 PAGE: Final = Path("docs/flow-interpolation.md")
 
 HEAD: Final = """\
-# Reading frames between their pixels
+# Interpolation of frames between pixels
 
-`flow_photometric.residual` warps a frame back by the flow. How a frame is read between its pixels decides how far an
-honest flow seems off, and so what the check can see. `make bench-flow` measures it: frames of 720x540 of a texture in
-closed form whose amplitudes fall as 1/frequency, 8-bit, all tiles of 32 px, true flow of up to 3.6 px. *Median* and
-*95%* are of the tiles' residual flow, *locking* is the amplitude of the bias that follows sin(2 pi flow), *read* is the
-time of smoothing and reading both frames once, one thread.
+`flow_photometric.residual` warps a frame back by the flow. The interpolation between pixels causes an error of the
+residual even where the flow is correct, and so limits what the check can detect. `make bench-flow` measures this
+error. The frames have 720x540 pixels and 8 bits, and show a texture in closed form whose amplitudes fall as
+1/frequency. All tiles of 32 px are compared, with a true flow of up to 3.6 px. *Median* and *95%* are quantiles of
+the residual flow of the tiles. *Locking* is the amplitude of the bias that follows sin(2 pi flow). *Read* is the time
+to smooth and interpolate both frames once with one thread.
 
 | kernel | sigma, px | median, px | 95%, px | locking, px | read, ms |
 | --- | --- | --- | --- | --- | --- |
 """
 
 TAIL: Final = """
-The spline is a Gaussian and a cubic B-spline that was not prefiltered, together as wide as sigma says: what it reads is
-the exact value of the image smoothed so. It errs six times less than a bilinear read. On sampled tiles its cost, some
-ten nanoseconds a pixel, is small beside the mask's and the fit's; so all efforts use it, with sigma 1: what a narrower
-kernel gains in resolution it loses to aliases of texture that the pixels do not resolve. The cubic of OpenCV is another
-kernel and errs most; its Lanczos rounds positions to 1/32 px, and version 4 does so with every kernel. Tests hold the
-installed version to that.
+The spline kernel is a Gaussian and a cubic B-spline without prefilter. Sigma is the width of both together. Its
+result is the exact value of the image after this smoothing. Its error is six times smaller than that of bilinear
+interpolation. On sampled tiles it costs some ten nanoseconds a pixel, which is little in comparison with the mask and
+the fit. So all efforts use it, with sigma 1. A narrower kernel gains resolution, but loses it again to aliases of
+texture that the pixels do not resolve. The cubic of OpenCV is a different kernel and has the largest error. OpenCV's
+Lanczos rounds positions to 1/32 px, and version 4 does so with every kernel. Tests verify this for the installed
+version.
 """
 
 

@@ -49,29 +49,30 @@ REACHED: Final = {
 """The analytic test bed that this is to be held against (slow / fast, of other flights): exact and noisy poses."""
 
 HEAD: Final = """\
-# What IMU against pose can tell
+# What the comparison of IMU and pose can detect
 
-Written by `make bench-imu`. Gyro {gyro:g} rad/s/sqrt(Hz), accelerometer {accel:g} m/s^2/sqrt(Hz), biases that walk
-by {gyro_walk:g} and {accel_walk:g} a root second; 1000 samples/s, poses at 200/s. The slow flight turns with
-{slow:.2f} rad/s rms and accelerates by {slow_a:.2f} m/s^2 rms, the fast one with {fast:.2f} rad/s and
-{fast_a:.2f} m/s^2.
+Written by `make bench-imu`. Gyro {gyro:g} rad/s/sqrt(Hz), accelerometer {accel:g} m/s^2/sqrt(Hz), random walks of the
+biases {gyro_walk:g} and {accel_walk:g} a root second; 1000 samples/s, poses at 200/s. The slow flight turns with
+{slow:.2f} rad/s rms and accelerates by {slow_a:.2f} m/s^2 rms, the fast flight with {fast:.2f} rad/s and {fast_a:.2f}
+m/s^2.
 
-## Least detectable faults, {duration:g} s
+## Detection limits, {duration:g} s
 
-The fault that would have been seen with 95% probability at one false alarm in 10 000 files, all comparisons of the
-three checks together; of three axes the worst. Slow / fast flight. The test bed's figures are of flights of its own.
+The fault that would have been detected with 95% probability, at one false alarm in 10 000 files for all comparisons
+of the three checks together. Of three axes the table has the worst. Each cell is: slow / fast flight. The figures of
+the test bed are from its own flights.
 
 | | exact poses | test bed | poses with 5 mm, 0.2 deg | test bed |
 | --- | --- | --- | --- | --- |
 """
 
 SPREADS: Final = """
-## Errors that hold
+## Are standard errors right?
 
-Root mean square of value over standard error, over {draws} files of {seconds:g} s without a fault: 1 where errors are
-right. Of the axes and both flights together; {values} values a group at least, so that {interval:.2f} is two standard
-errors. With exact poses it may lie below 1: stamps are held to be rounded to a microsecond, and of these files they
-are exact.
+Root mean square of value over standard error, over {draws} files of {seconds:g} s without a fault. It is 1 where
+standard errors are right. The axes and both flights are taken together. A group has at least {values} values, so that
+{interval:.2f} is two standard errors. With exact poses it may lie below 1: the noise model assumes timestamps that
+are rounded to a microsecond, but in these files they are exact.
 
 | | {columns} |
 | --- | --- | --- |

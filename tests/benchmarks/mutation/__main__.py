@@ -30,13 +30,13 @@ COPIED: Final = ("fedora_qa", "generator", "reports", "tests", "pyproject.toml")
 Fate = Literal["killed", "timed out", "survived"]
 
 HEAD: Final = """\
-# Would the unit tests notice?
+# Do the unit tests detect small changes?
 
-Written by `make mutation`, {date}. Of {of} possible small changes of the estimators and of judgement (a comparison
-turned, a number off by one, an operator exchanged, a condition negated, a loop left out) {count} were drawn at random
-(seed {seed}). For each the unit tests of both packages that can reach the module were run: {killed} were noticed,
-{timed_out} never ended, {survived} passed unnoticed ({share:.0%} noticed). Compiled kernels are left out, since each
-change would be compiled anew.
+Written by `make mutation`, {date}. There are {of} possible small changes of the estimators and of judgement: a
+comparison reversed, a number off by one, an operator exchanged, a condition negated, a loop left out. {count} were
+drawn at random (seed {seed}). For each, the unit tests of both packages that can reach the module were run. {killed}
+changes were detected, {timed_out} never ended, and {survived} were not detected ({share:.0%} detected). Compiled
+kernels are left out, because each change would have to be compiled again.
 
 """
 
@@ -125,8 +125,8 @@ def _page(tried: Sequence[Tried], of: int, seed: int) -> str:
     )
     notes = tomllib.loads(NOTES.read_text(encoding="utf-8"))
     rows = [f"| {one.place} | `{_cell(one.before)}` | `{_cell(one.after)}` | {_note(one, notes)} |" for one in survived]
-    table = ["| survivor | before | after | looked at |", "| --- | --- | --- | --- |", *rows]
-    return head + ("\n".join(table) if rows else "None survived.") + "\n"
+    table = ["| change that was not detected | before | after | assessment |", "| --- | --- | --- | --- |", *rows]
+    return head + ("\n".join(table) if rows else "All changes were detected.") + "\n"
 
 
 def _note(one: Tried, notes: dict[str, str]) -> str:
