@@ -54,11 +54,11 @@ def tables_of(power: Power) -> tuple[PowerTable, ...]:
     """Return the tables of a study that have rows."""
     false = power.false_alarms
     note = (
-        f"One-sided 95% bound of the rate {false.upper:.2%}, stated {false.stated:.2g}: so many or more would come "
-        f"with probability {false.chance:.2g}."
+        f"One-sided 95% bound of the rate {false.upper:.2%}, stated rate {false.stated:.2g}. If that is true, as many "
+        f"or more fail with probability {false.chance:.2g}."
     )
     if power.set_aside:
-        note += f" {power.set_aside} faulty copies of files that failed are set aside, and count nowhere below."
+        note += f" {power.set_aside} faulty copies of files that failed are set aside, and not counted below."
     rows: list[tuple[str, ...]] = [(ANY_CHECK, share_words(false.files), interval_words(false.files))]
     rows += [(check, share_words(share), interval_words(share)) for check, share in false.by_check.items()]
     alarms = PowerTable("False alarms on clean files", ("check", "failed", "95% interval"), tuple(rows), note=note)
@@ -88,10 +88,10 @@ def tables_of(power: Power) -> tuple[PowerTable, ...]:
     ]
     more = len(wrong) - len(rows)
     note = f"And {more} more, in the JSON." if more else ""
-    confusions = PowerTable("Named otherwise", ("planted", "named first", "kind", "files"), tuple(rows), 3, note)
+    confusions = PowerTable("Wrong names", ("planted", "named first", "kind", "files"), tuple(rows), 3, note)
 
     head_of_sizes = (
-        "cause", "told", "median relative error", "with error", "median pull", "spread of pulls", "within 2",
+        "cause", "files", "median relative error", "with error", "median pull", "spread of pulls", "within 2",
     )  # fmt: skip
     rows = [
         (error.cause, str(error.count), f"{error.median_relative_error:.1%}", str(error.with_error),
@@ -116,12 +116,13 @@ def power_to_markdown(power: Power, drawing: str = "") -> str:
     """Return a study as a page: its headline, which code it belongs to, the ``drawing`` beside it, and its tables."""
     code = f"{power.tool.name} {power.tool.version}, rules {power.ruleset_version}, {power.started[:10]}"
     head = (
-        f"# What the checks can see\n\n{escape(headline(power))}. {escape(code)}. How to read it: [power.md](power.md)."
+        f"# Detection power of the checks\n\n{escape(headline(power))}. {escape(code)}. "
+        "How to read it: [power.md](power.md)."
     )
     crashed = (
         f"A check crashed in {len(power.crashed)} files: {escape(', '.join(power.crashed))}." if power.crashed else ""
     )
-    picture = f"![Detection against size, and stated limits against what is found]({drawing})" if drawing else ""
+    picture = f"![Detection against size, and stated limits against measured ones]({drawing})" if drawing else ""
     sections = [
         f"## {table_source.title}\n\n{table(table_source.head, table_source.rows)}\n\n{escape(table_source.note)}"
         for table_source in tables_of(power)
@@ -176,8 +177,9 @@ def _detections(power: Power) -> PowerTable:
             )
     head = ("cause", "check", "found", "found 95% of the time", "fails a release", "fails it 95% of the time")
     note = (
-        "Faults of whole files; sizes with 95% intervals. Of each cause the checks that find it most often. Found is "
-        "what is significant (profile strict); a release is failed by what is material besides (profile release)."
+        "Faults of whole files; sizes with 95% intervals. Each cause has the checks that find it most often. A fault "
+        "is found if its deviation is significant (profile strict). It fails a release if the deviation is also "
+        "material (profile release)."
     )
     return PowerTable("Detection", head, tuple(rows), words=2, note=note)
 
@@ -198,9 +200,10 @@ def _limits(power: Power) -> PowerTable:
     # None in older studies; what the check finds itself is then a lower bound.
     by_any = sum((limit.found_from_twice_by_any or limit.found_from_twice).count for limit in power.stated)
     note = (
-        f"{true} of {tested} that could be tested are true: at least 90% found from the stated size on, and 95% not "
-        f"below half of it. Compared is the planted size, or the response: what the fault moved the measurement by. "
-        f"From twice the stated size on {count} of {of} are found by the check that states it, {by_any} by any. "
-        f"{len(power.not_comparable)} pairs of cause and check cannot be compared; the JSON says why."
+        f"{true} of {tested} limits that could be tested are true: at least 90% of the faults are found from the "
+        f"stated size on, and 95% are not reached below half of it. The stated limit is compared with the planted "
+        f"size, or with the response, which is the effect of the fault on the measurement. From twice the stated "
+        f"size on, the check that states it finds {count} of {of}, and any check {by_any}. "
+        f"{len(power.not_comparable)} pairs of cause and check cannot be compared; the JSON has the reasons."
     )
     return PowerTable("Limits that the checks state, against what they find", head, tuple(rows), words=4, note=note)

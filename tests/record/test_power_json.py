@@ -41,7 +41,7 @@ def test_tables_say_what_was_measured() -> None:
     first = tables["Detection"].rows[0]
     assert first[:2] == ("events:time_offset", "any check")
     assert first[3] == estimate_words(POWER.detections[0].curve.at_95, "ms")
-    assert "Named otherwise" not in tables
+    assert "Wrong names" not in tables
     assert tables["Limits that the checks state, against what they find"].rows[0][2] == "true"
 
 

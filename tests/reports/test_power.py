@@ -71,7 +71,7 @@ def test_what_cannot_be_drawn_is_left_out() -> None:
     page = page_of(power_of([clean(), *sizeless], ORIGIN))
     assert (page.charts, page.limits) == ((), None)
     assert limits_chart(()) is None
-    assert "What the checks can see" in render_power(power_of([clean()], ORIGIN))
+    assert "Detection power of the checks" in render_power(power_of([clean()], ORIGIN))
 
 
 def test_limits_in_units_of_what_is_stated(power: Power) -> None:

@@ -140,7 +140,7 @@ _SAMPLING: Final = (
         "IMU at 500 Hz",
         sampling.imu_every_second,
         ("path/imu", "metadata/imu"),
-        "Real IMUs; densities are declared anew",
+        "Real IMUs; the declared densities are adapted",
     ),
     Transformation("pose at 100 Hz", sampling.every_nth(2, "pose"), ("path/pose",), "Motion capture"),
     Transformation("pose at 50 Hz", sampling.every_nth(4, "pose"), ("path/pose",), "A pose for each frame"),
