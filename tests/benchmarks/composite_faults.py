@@ -75,8 +75,8 @@ def main() -> None:
     print(share)
     parts = [
         "# Two faults in one file",
-        "The generator planted two faults, one after the other, in a sequence of park-day (270x200, 1 s). Each file was "
-        "checked with the profile `release` (`make study-composites`).",
+        "The generator planted two faults, one after the other, in a sequence of park-day (270x200, 1 s). Each file "
+        "was checked with the profile `release` (`make study-composites`).",
         f"**{share}.**",
         table(("first", "second", "named", "diagnoses"), rows),
     ]
