@@ -17,7 +17,7 @@ _INDEX = """\
 # Causes
 
 A cause is the name of what is wrong with a stream, with its size and a remedy. `fedora-qa check` lists the probable
-causes below the findings. [How a cause is tested](../trials.md) says when a cause is `confirmed`. `make docs` writes
+causes below the findings. [How a cause is tested](../trials.md) states when a cause is `confirmed`. `make docs` writes
 these pages.
 
 A size is positive where timestamps are too late, or values too large. `fedora-generate fault FILE CAUSE -o OUT` plants

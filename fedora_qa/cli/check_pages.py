@@ -33,7 +33,8 @@ def check_pages() -> Mapping[str, str]:
     for each in explanations():
         explanations_of.setdefault(each.check.split(".")[0], []).append(each)
     index = (
-        "# Checks\n\nEach page holds what `fedora-qa explain` says of a subject's checks; `make docs` writes them.\n"
+        "# Checks\n\nEach page has the text of `fedora-qa explain` for the checks of a subject. "
+        "`make docs` writes these pages.\n"
     )
     pages: dict[str, str] = {}
     for subject, explained in explanations_of.items():
