@@ -224,11 +224,11 @@ CASES: Final = (
     *(Case(f"flow stored in float32, {degrees} degrees, depth {depth:g} m", "its rounding bound", "of the bound", 1.0,
            lambda d=degrees, m=depth: single_precision_flow(d, m))
       for degrees in (5, 60, 170) for depth in (0.1, 30.0)),
-    *(Case(f"int64 stamps from {name}", "fractions, longdouble", "ns", 0.0, lambda o=origin: timestamps("i8", o))
+    *(Case(f"int64 timestamps from {name}", "fractions, longdouble", "ns", 0.0, lambda o=origin: timestamps("i8", o))
       for name, origin in {"-1e15 us": -(10**15), "0": 0, "2^53 us": 2**53, "2^62 us": 2**62}.items()),
     Case("uint64 from 2^63 us on", "the rule: 73 years, then no farther", "ns beyond", 1000.0, saturated_timestamps),
-    Case("float64 stamps from 2^53 us", "fractions of what is stored", "ns", 0.0, lambda: timestamps("f8", 2**53)),
-    Case("float32 stamps from 2^24 us", "fractions of what is stored", "ns", 0.0, lambda: timestamps("f4", 2**24)),
+    Case("float64 timestamps from 2^53 us", "fractions of what is stored", "ns", 0.0, lambda: timestamps("f8", 2**53)),
+    Case("float32 timestamps from 2^24 us", "fractions of what is stored", "ns", 0.0, lambda: timestamps("f4", 2**24)),
     *(Case(f"an hour of a clock of {rate:g} Hz, rounded to 1 us", "closed form", "of the period", 1e-12,
            lambda r=rate: an_hour_of_clock(r)) for rate in (30.0, 200.0, 1000.0)),
     Case("distance on a circle of 10 m at 20 m/s, 60 s", "closed form", "of the distance", 1e-6,
