@@ -226,7 +226,8 @@ CASES: Final = (
       for degrees in (5, 60, 170) for depth in (0.1, 30.0)),
     *(Case(f"int64 timestamps from {name}", "fractions, longdouble", "ns", 0.0, lambda o=origin: timestamps("i8", o))
       for name, origin in {"-1e15 us": -(10**15), "0": 0, "2^53 us": 2**53, "2^62 us": 2**62}.items()),
-    Case("uint64 timestamps from 2^63 us on", "the rule: 73 years, then no farther", "ns beyond", 1000.0, saturated_timestamps),
+    Case("uint64 timestamps from 2^63 us on", "the rule: 73 years, then no farther", "ns beyond", 1000.0,
+         saturated_timestamps),
     Case("float64 timestamps from 2^53 us", "fractions of what is stored", "ns", 0.0, lambda: timestamps("f8", 2**53)),
     Case("float32 timestamps from 2^24 us", "fractions of what is stored", "ns", 0.0, lambda: timestamps("f4", 2**24)),
     *(Case(f"an hour of a clock of {rate:g} Hz, rounded to 1 us", "closed form", "of the period", 1e-12,
