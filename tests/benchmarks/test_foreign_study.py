@@ -101,7 +101,7 @@ def test_the_page_counts_failures_apart() -> None:
         Outcome(apart.name, "park-day", 1, "findings", ("a.b.rule: it is so",), ()),
     ]
     text = "".join(page([other, apart], outcomes, Size()))
-    assert "4 correct files of 2 kinds, over 1 scenes and 2 seeds" in text
+    assert "4 correct files of 2 kinds, over 1 scenes and 2 seeds" in " ".join(text.split())
     assert "| looked at while the checks were built | 1 | 2 | 0 | 0.00%" in text
     # Clopper and Pearson: both of two files, the lower bound solves p^2 = 0.005.
     assert "| held out | 1 | 2 | 2 | 100.00% | 7.07% to 100.00% | 1 |" in text
