@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from fedora_qa.conventions import MM_PER_M
 from fedora_qa.estimators.depth.inverse_depth import DepthImage, depth_image
-from fedora_qa.estimators.depth.pair_fit import DepthFit, fit_depth, noise_directions
+from fedora_qa.estimators.depth.pair_fit import DepthFit, Family, fit_depth, noise_directions
 from fedora_qa.estimators.depth.warp import DepthLattice, DepthModel, lattice_stride, lattice_values
 from fedora_qa.estimators.images.values import positive_extremes
 from fedora_qa.geometry.camera import RigidMotion
@@ -114,11 +114,18 @@ class DepthPair:
         """Return the declared model with depths that are lengths of the ray (1), z (0), or between."""
         return replace(self.model(), ray=share)
 
-    def with_path(self, factor: float) -> DepthModel | None:
-        """Return the declared model with positions that are too small by a factor; None without poses at both ends."""
-        track = self.track.transformed(lambda poses: replace(poses, positions_world_m=factor * poses.positions_world_m))
-        motion = track.motion(self.start_ns, self.end_ns)
-        return None if motion is None else replace(self.model(), motion=motion)
+    def models_of_path(self) -> Family:
+        """Return the models whose positions are too small by a factor, by that factor; None without poses at both ends.
+
+        Interpolation is linear in the positions: the poses are interpolated once, and their positions multiplied.
+        """
+        (R_start, start_m), (R_end, end_m) = self.track.ends(self.start_ns, self.end_ns)
+
+        def model(factor: float) -> DepthModel | None:
+            motion = motion_between((R_start, factor * start_m), (R_end, factor * end_m), self.track.camera)
+            return None if motion is None else replace(self.model(), motion=motion)
+
+        return model
 
     def lattice(self) -> DepthLattice:
         """Return pixels of the first frame, as dense as the effort asks for."""

@@ -110,7 +110,7 @@ class DepthScale(FittedParameter):
             return float("nan")
         # Depths that are too large by a factor have the effect of positions that are too small by it.
         path_fit = fit_depth(
-            pair.with_path, pair.lattice_to_fit(), pair.image1, pair.noise,
+            pair.models_of_path(), pair.lattice_to_fit(), pair.image1, pair.noise,
             start=fit.value, step=_RELATIVE_STEP * abs(fit.value),
         )  # fmt: skip
         return 1 / path_fit.value if path_fit is not None and path_fit.value else float("nan")
