@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, Final
 from fedora_qa.check_names import require_check_names
 from fedora_qa.cli.host import memory_mib, usable_cores
 from fedora_qa.cli.startup import IN_PROCESS_VARIABLE
-from fedora_qa.config import JOB_MEMORY_BYTES, CheckConfig, read_config
+from fedora_qa.config import JOB_MEMORY_BYTES, LEAST_JOB_MEMORY_BYTES, CheckConfig, read_config
 from fedora_qa.engine.options import CheckOptions
 from fedora_qa.errors import MisuseError
 from fedora_qa.storage.place import Place
@@ -43,7 +43,7 @@ def with_jobs(settings: CheckConfig, files: Sequence[Place]) -> CheckConfig:
     jobs = usable_cores()
     machine_mib = memory_mib()
     if settings.memory is not None:
-        jobs = min(jobs, settings.memory_bytes // JOB_MEMORY_BYTES)
+        jobs = min(jobs, settings.memory_bytes // LEAST_JOB_MEMORY_BYTES)
     elif machine_mib is not None:
         jobs = min(jobs, (machine_mib << 19) // JOB_MEMORY_BYTES)
     sizes = [local_version(file).size for file in files if isinstance(file, Path)]

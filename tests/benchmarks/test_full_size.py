@@ -95,7 +95,7 @@ def test_page_tells_ratios_to_decoding_beside_the_start() -> None:
         frames=4,
     )
     rows = "".join(page(study)).splitlines()
-    assert "| quick | 4 | 2.0 | 0.4 | 0.05 | 0.05 | 0.04 | 4.8 | 900 | 25% |" in rows
+    assert "| quick | 4 | 2.0 | 0.4 | 0.05 | 0.2 | 0.04 | 4.8 | 900 | 25% |" in rows
     assert "| full | 1 | 2.0 | 3.0 | 1.50 | 1.5 | 1.20 | 10.0 | 900 | 100% |" in rows
     assert "| `full`, time of 4 times the length | 4.20 | 4.4 |" in rows
     assert "| `full`, fastest time / fastest decoding, 4 s | 1.6 | 1.5 |" in rows

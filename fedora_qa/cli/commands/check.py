@@ -46,7 +46,7 @@ from fedora_qa.cli.startup import loading_modules
 @click.option(
     "--memory",
     metavar="AMOUNT",
-    help="Memory to aim at, of all processes together; a peak may exceed it.  [default: 500MB a job, and 1GB at least]",
+    help="Memory to aim at, of all processes together; a peak may exceed it.  [default: 700MB a job, and 1GB at least]",
 )
 @click.option(
     "--jobs",

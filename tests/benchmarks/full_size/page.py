@@ -8,10 +8,10 @@ from typing import Final
 from tests.benchmarks.full_size.figures import OfEffort, Study
 from tests.benchmarks.full_size.machine import DECODING
 
-TARGETS: Final[Mapping[str, float]] = {"quick": 0.05, "standard": 0.5, "full": 1.5}
-"""Most time that an effort may take, as a share of decoding the file once."""
+TARGETS: Final[Mapping[str, float]] = {"quick": 0.2, "standard": 0.5, "full": 1.5}
+"""Most time that an effort may take, as a share of decoding the file once; of `quick` and `standard` for 8 s."""
 
-MEMORY_TARGET_BYTES: Final = 1_000_000_000
+MEMORY_TARGET_BYTES: Final = 2_000_000_000
 LENGTH_TARGET: Final = 4.4
 JOBS_TARGET: Final = 1.7
 CLUSTER_TARGET: Final = 1.15
@@ -49,11 +49,10 @@ FIRST: Final[Mapping[str, tuple[float, float]]] = {
 """Seconds by check in the first study, before any optimisation; the slowest sixteen."""
 
 QUICK: Final = """
-The goal for `quick` contradicts another goal for it: to detect nine in ten of the faults that are four times as large
-as the limits of `full` ([trade](trade.md)). Standard errors grow with the inverse root of the share of windows that
-is measured. So nine in ten require at least a sixteenth of the windows. That takes 0.09 where `full` takes 1.5, which
-is its goal, and more where `full` takes more. Detecting faults takes precedence. In files this short, a part of the
-time is also fixed: timestamps, four segments, judgement.
+`quick` has a second goal: to detect nine in ten of the faults that are four times as large as the limits of `full`
+([trade](trade.md)). Standard errors grow with the inverse root of the share of windows that is measured. So nine in ten
+require at least a sixteenth of the windows, which takes 0.09 where `full` takes 1.5. In files this short, a part of the
+time is fixed: timestamps, four segments, judgement.
 """
 
 
