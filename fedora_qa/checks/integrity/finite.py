@@ -1,4 +1,4 @@
-"""Values that are not finite: NaN, infinity, and the marks of invalid pixels."""
+"""Values that are not finite: NaN, infinity, and the codes of invalid pixels."""
 
 from collections.abc import Iterator, Sequence
 from contextlib import suppress
@@ -55,35 +55,36 @@ class OutOfRange(Feature):
 class IntegrityFinite(WindowCheck[tuple[DatasetCounts, ...]]):
     """Are all values finite where they must be, and invalid pixels NaN?
 
-    The values that no honest file holds, counted for each dataset, and the images that hold nothing among full ones.
+    For each dataset, the number of values that no correct file holds, and the number of images without any value
+    between images that are mostly valid.
 
     Why it matters
     --------------
-    One NaN ends an integral over IMU samples; a zero that stands for "no depth" is a surface at the camera, and pulls
-    every mean towards it.
+    One NaN makes every later value of an integral over IMU samples NaN. A zero that stands for "no depth" is a surface
+    at the camera, and biases every mean towards zero.
 
     How
     ---
-    Samples of IMU and pose must be finite; stamps too, and less than 73 years from the file's origin. Depth is finite
-    and within ``depth_range`` (above zero where none is declared) or NaN; flow is NaN or a displacement that a surface
-    in view can have; neither is ever infinite. Images that are NaN throughout although
-    those before and after are mostly valid are counted: half of a 60 degree view would have to leave it, and come
-    back, within an interval. When depth outside the range falls into it once multiplied by 1000, metres are
-    suspected; when it is all one number, a code for invalid pixels.
+    IMU and pose samples must be finite. Timestamps must be finite, and less than 73 years from the file's origin. Depth
+    must be NaN, or finite and within ``depth_range`` (above zero where no range is declared). Flow must be NaN, or a
+    displacement that a surface in view can have. Neither depth nor flow may be infinite. Images that are NaN throughout
+    are counted where the images before and after are more than half valid: within one interval of frames, half of a 60
+    degree view would have to leave the range and return. Where depth values outside the range fall into it after
+    multiplication by 1000, the suspected unit is metres. Where all of them are one number, the suspected cause is a
+    code for invalid pixels.
 
     Noise model
     -----------
-    None: counts are exact for what was decoded. Depth may exceed its range by the rounding of float32 to the stored
-    value and to the range itself, 2^-24 relative each, with two bits to spare. Flow grows without end for what comes
-    to lie beside the camera, by 1 over its depth: K fields of W x H pixels with diagonal D stay below
-    1e6 K (W + H) D^2 px in all files but one in a million.
+    None: counts are exact for the decoded rows. Depth may exceed its range by the float32 rounding of the stored value
+    and of the range, 2^-24 relative each, with a margin of a factor of 4. The flow of a point that ends beside the
+    camera is proportional to 1/Z and has no upper bound. With probability 1 - 1e-6, all K fields of W x H pixels with
+    diagonal D stay below 1e6 K (W + H) D^2 px.
 
     Cannot see
     ----------
-    A wrong value that is finite and in range, and flow below that bound (1e11 px in a file of 1000 pixels, 1e17 in one
-    of seconds at 1440 x 1080); whether NaN lie where they must (``flow_geometry.validity``). Images that are empty for
-    as long as the file is looked at are noted, and no fault: a camera may see nothing nearer than
-    30 m.
+    Wrong values that are finite and in range. Flow below the bound (1e11 px for a file with images of 1000 pixels, 1e17
+    px for seconds at 1440 x 1080). Whether NaN lie at the correct pixels (``flow_geometry.validity``). A stream whose
+    decoded images are all empty gives a notice and no finding, because a camera may have no surface within 30 m.
 
     Sources
     -------
@@ -114,7 +115,7 @@ class IntegrityFinite(WindowCheck[tuple[DatasetCounts, ...]]):
         return add_up(tallies)
 
     def conclude(self, state: Sequence[tuple[DatasetCounts, ...]], facts: Facts) -> Observation:
-        """Add up, in the order of time."""
+        """Add the counts of all windows, in the order of time."""
         totals = add_up(tally for window in state for tally in window)
         statistics = [m for total in totals for m in _statistics(total, facts)]
         for stream in sorted(facts.clocks):
@@ -139,7 +140,7 @@ class IntegrityFinite(WindowCheck[tuple[DatasetCounts, ...]]):
                 Notice("integrity.finite.void", f"{stream} holds no valid pixel at all", Where(stream=stream))
                 for stream in void
             ),
-            unobservable="" if statistics else "there is no stream whose values could be other than finite",
+            unobservable="" if statistics else "no stream has floating-point values",
         )
 
 
@@ -220,7 +221,7 @@ def empty_between_full(filled: Sequence[tuple[int, float]]) -> list[int]:
 def _unplaced(stream: str, count: int, first: int) -> Statistic:
     # 73 years are ``FARTHEST_TIMESTAMP_NS``.
     text = (
-        f"{count} stamps of {stream} are NaN, or 73 years or more from the others; these samples have no place in time"
+        f"{count} timestamps of {stream} are NaN, or 73 years or more from the others; these samples have no valid time"
     )
     where = Where(stream=stream, index_start=first if count else None)
     return _count(f"{stream}.stamps_not_finite", count, "samples", text, where)
@@ -243,10 +244,10 @@ def _statistics(total: DatasetCounts, facts: Facts) -> Iterator[Statistic]:
             where = replace(where, frame=row, pixel=(flat % width, flat // width))
     if not spec.is_image:
         name = total.key.removeprefix("path/")
-        text = f"{total.nan} of {total.values} samples of {name} are not finite; integration would end there"
+        text = f"{total.nan} of {total.values} samples of {name} are not finite; an integral over them is NaN"
         yield _count(f"{name}.not_finite", total.nan, "samples", text, where)
         return
-    text = f"{total.infinite} pixels of {stream} are infinite; where there is no value it must be NaN"
+    text = f"{total.infinite} pixels of {stream} are infinite; a pixel without a value must be NaN"
     yield _count(f"{stream}.infinite", total.infinite, "pixels", text, where)
     features: tuple[Feature, ...] = ()
     if total.key == "path/depth":
@@ -261,7 +262,7 @@ def _statistics(total: DatasetCounts, facts: Facts) -> Iterator[Statistic]:
     else:
         text = (
             f"{total.outside} of {total.values} pixels of {stream} are displaced by {total.low:.3g} to "
-            f"{total.high:.3g} px; beyond {_longest_px(facts, total.key):.3g} px no surface in view is"
+            f"{total.high:.3g} px; flow of surfaces in view stays below {_longest_px(facts, total.key):.3g} px"
         )
     yield _count(f"{stream}.outside_range", total.outside, "pixels", text, where, *features)
     rows = empty_between_full(total.filled)

@@ -26,33 +26,33 @@ class LayoutDefect(Feature):
 
 
 class IntegrityLayout(FactsCheck):
-    """Is everything that the file promises there, in the right shape and type?
+    """Does every stream that the file declares exist, with the right shape and type?
 
-    The problems that opening the file met, one finding each.
+    The problems that occurred when the file was opened, one finding each.
 
     Why it matters
     --------------
-    Loaders index what they expect. A stream that is missing, transposed or one row short is a crash on another
-    machine at best, and a silent misalignment of rows at worst.
+    Loaders rely on names, shapes and types. A stream that is missing, transposed or one row short causes an error on
+    another machine at best, and a silent misalignment of rows at worst.
 
     How
     ---
-    Every dataset of the layout is looked for where the file's dialect puts it. Counted as broken: a stream that the
-    metadata declare and that is absent or only partly there, shapes that contradict the layout or each other, types
-    that lose what it holds, links that leave the file or dangle, chunks that were never written. A stream is declared
-    by its metadata, by its group, and by an index map. Flow is looked for at every rate that a name in its
-    group states; a name that states no rate, and a second name of one rate, are counted as broken. Other types that
-    hold the same values (depth in float64, IMU in float32, polarity as bool or as -1 and 1, columns in uint32) are
-    read, and noted. So is a name that is nearly that of an absent stream, and that the layout lacks.
+    Every dataset of the layout is looked up at the path that the file's dialect states. A finding is: a stream that is
+    declared, and absent or incomplete; shapes that contradict the layout or each other; types that cannot represent the
+    values; links that leave the file or have no target; chunks that were never written. A stream is declared by its
+    metadata, by its group, or by an index map. Flow is looked up at every rate that a name in its group states. A name
+    that states no rate, and a second name for one rate, are findings. Other types that represent the same values (depth
+    in float64, IMU in float32, polarity as bool or as -1 and 1, columns in uint32) are read and noted. An extra name
+    that is nearly that of an absent stream is noted as well.
 
     Noise model
     -----------
-    None: a dataset is as promised or not. Nothing is sampled.
+    None: a dataset conforms or does not. Nothing is sampled.
 
     Cannot see
     ----------
-    Values: they are not looked at. A stream that the file neither holds nor declares is absent and no fault, unless a
-    profile or a policy promises it. Layouts that no dialect describes: see ``fedora-qa layout``.
+    Values: they are not read. A stream that the file neither holds nor declares is absent, and is a finding only if a
+    profile or a policy requires it. Layouts that no dialect describes: see ``fedora-qa layout``.
 
     Sources
     -------

@@ -56,31 +56,31 @@ class ReadSummary:
 
 
 class IntegrityReadable(WindowCheck[ReadSummary]):
-    """Does every stored chunk decode, and do the checksums hold?
+    """Does every stored chunk decode, and do the checksums match?
 
-    The chunks that cannot be decoded, counted for each stream.
+    For each stream, the number of chunks that cannot be decoded.
 
     Why it matters
     --------------
-    Bytes that were damaged by a disk or a broken copy come back as an error in the middle of a training run, or,
-    without a checksum, as values.
+    Bytes that a disk or a broken copy damaged cause an error in the middle of a training run. Without a checksum they
+    are read as values.
 
     How
     ---
-    The rows of each planned window are decoded from every dataset of every stream, through the codec and HDF5's
-    Fletcher-32 checksum where the file has one; samples and index maps are read in full with the first window. A
-    chunk that fails is counted once, with its rows, and the other checks go on without them. A stream whose stamps
-    cannot be read is lost as a whole.
+    The rows of each planned window are decoded from every dataset of every stream, through the codec and, where the
+    file has it, HDF5's Fletcher-32 checksum. Samples and index maps are read in full with the first window. A chunk
+    that fails is counted once, with its rows, and the other checks continue without these rows. A stream whose
+    timestamps cannot be read is not used at all.
 
     Noise model
     -----------
-    None: a chunk decodes or not. The coverage says how many of the file's chunks were read.
+    None: a chunk decodes or does not. The coverage states how many of the file's chunks were read.
 
     Cannot see
     ----------
-    Damage in a dataset without checksum or compression, which decodes whatever its bytes are: there only the values
-    tell. Fletcher-32 misses a change of 32 bits in 2^32 by chance, and words of 16 bits that were exchanged for zeros
-    or ones.
+    Damage in a dataset without checksum or compression: any bytes decode, so that only checks of the values can detect
+    it. Fletcher-32 misses a random change with probability 2^-32, and 16-bit words of zeros that were replaced by ones,
+    or ones by zeros.
 
     Sources
     -------

@@ -1,4 +1,4 @@
-"""The steps in which values are stored, against what rounding to them does to what is derived from the values."""
+"""The steps in which values are stored, and the error that rounding to them causes in derived quantities."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -28,7 +28,7 @@ MATERIAL: Final[Mapping[str, tuple[float, str, str]]] = MappingProxyType(
         "path/imu/linear_acceleration": (0.01, "m/s^2", "imu.translation.bias"),
     }
 )
-"""By dataset: from which size an error of what is derived matters, its unit, and the code whose material size it is."""
+"""By dataset: the size from which an error of the derived quantity is material, its unit, and the code of that size."""
 
 _LARGE_FLOW_PX: Final = 20.0
 """A large mean flow, px: the error of a mantissa is stated there."""
@@ -51,35 +51,34 @@ class CoarseStep(Feature):
 
 
 class IntegrityResolution(FactsCheck):
-    """Are values stored finely enough for what is derived from them?
+    """Are values stored with a fine enough step for the quantities that are derived from them?
 
     For each dataset of depth, flow, poses and IMU that is stored in steps: the error that rounding to the step alone
-    makes in what is derived from the values, as a multiple of the size from which such an error matters.
+    causes in a derived quantity, as a multiple of the size from which such an error is material.
 
     Why it matters
     --------------
-    All other checks count a step as noise, so that correct rounding is no fault. Values that were rounded to a quarter
-    of a pixel or to a decimetre would then pass everything, and are of no use as ground truth.
+    All other checks count the stored step as noise, so that correct rounding is no fault. Values that were rounded to a
+    quarter of a pixel or to a decimetre could therefore pass every other check, and are useless as ground truth.
 
     How
     ---
-    The step is inferred from the values (``fedora_qa/estimators/storage/steps.py``): decimal, binary, a mantissa, or
-    the full scale of a sensor over its integers, of each component alone. Flow: the endpoint error, ``sqrt((su^2 +
-    sv^2) / 12)``; of float16 at 20 px. Depth: the standard deviation of its rounding as a share of the median depth,
-    which is that of any parallax. Positions: the length of the error; orientations: twice that of the quaternion, an
-    angle.
-    IMU: the bias of a sensor at rest, half a step, or less by the noise that is declared
-    (``fedora_qa/estimators/imu/rounding.py``).
+    The step of each component is inferred from its values (``fedora_qa/estimators/storage/steps.py``): decimal, binary,
+    that of a mantissa, or the full scale of a sensor divided by its number of codes. The error is, for flow, the
+    endpoint error ``sqrt((su^2 + sv^2) / 12)`` (for float16 at 20 px); for depth, the standard deviation of its
+    rounding relative to the median depth, which is also the relative error of a parallax; for positions, the length of
+    the error vector; for orientations, twice the length of the quaternion's error, in rad; for the IMU, the bias of a
+    sensor at rest, which is half a step, or less where noise is declared (``fedora_qa/estimators/imu/rounding.py``).
 
     Noise model
     -----------
-    Rounding to a step s is uniform, of variance ``s^2/12``. The step is exact, or known to 0.1%. The limit is 1: the
-    error is stated in sizes that matter.
+    Rounding to a step s is uniform, with variance ``s^2/12``. The step is exact, or known to 0.1%. The limit is 1,
+    because the error is stated as a multiple of its material size.
 
     Cannot see
     ----------
-    Steps of a part of the stream; steps of which too few occur, as in a body at rest; colour and timestamps
-    (clocks.resolution).
+    Steps of a part of the stream. Steps of which too few occur, as for a body at rest. Steps of colour and of
+    timestamps (``clocks.resolution``).
 
     Sources
     -------
@@ -90,12 +89,12 @@ class IntegrityResolution(FactsCheck):
     looks_at = ("depth", "flow", "pose", "imu")
 
     def not_applicable(self, facts: Facts) -> str:
-        """Require a stream of values that are no whole numbers."""
+        """Require depth, flow, poses or IMU."""
         present = any(_material_key(spec.key) for spec in datasets_of_all(facts.streams))
         return "" if present else "the file has neither depth nor flow nor poses nor an IMU"
 
     def examine(self, facts: Facts) -> Observation:
-        """Compare each step with what matters."""
+        """Compare the error by each step with its material size."""
         statistics = []
         keys = [spec.key for spec in datasets_of_all(facts.streams) if _material_key(spec.key)]
         for key in keys:
@@ -113,8 +112,8 @@ class IntegrityResolution(FactsCheck):
                     standard_error=0.0,
                     model_error_bound=1.0,
                     side="upper",
-                    statement=f"{key} is stored in steps of {text}: rounding alone errs by {error:.2g} {unit}, "
-                    f"and {size:g} {unit} matters.",
+                    statement=f"{key} is stored in steps of {text}: rounding alone causes an error of "
+                    f"{error:.2g} {unit}, and {size:g} {unit} is material.",
                     code="integrity.resolution.step",
                     where=Where(stream=spec_of(key).stream),
                     features=(CoarseStep(text),),
@@ -124,7 +123,7 @@ class IntegrityResolution(FactsCheck):
         if not statistics:
             return Observation(
                 coverage,
-                unobservable="no values of depth, flow, poses or IMU can be read, or they hardly differ: no step shows",
+                unobservable="no step can be inferred: values of depth, flow, poses, IMU cannot be read, or hardly differ",
             )
         return Observation(coverage, with_flow_rate_deviations(statistics, set(facts.flow_streams)))
 
@@ -138,7 +137,7 @@ def _material_key(key: str) -> str:
 
 
 def _derived_error(key: str, step: StoredStep, facts: Facts) -> float:
-    """Return the error that rounding makes in what is derived from a dataset, in the unit of ``MATERIAL``."""
+    """Return the error that rounding causes in the quantity derived from a dataset, in the unit of ``MATERIAL``."""
     spec = spec_of(key)
     count = spec.shape[-1]
     # The last axis of depth is that of its columns.

@@ -15,16 +15,16 @@ from fedora_qa.sequence.declared import Camera
 from fedora_qa.sequence.facts import Facts
 
 _IMAGES_OF: Final = {"rgb": "path/rgb", "depth": "path/depth"}
-"""The images whose size a camera must have. Events have none; their bounds are a check of their own."""
+"""The images whose size a camera must have. Events have no images; ``event_stream.bounds`` checks their extent."""
 
 _ROUNDING: Final = 1e-6
 """Rounding of matrices that were stored in float32: 2^-24 an entry, three products and a sum, with a margin of 4."""
 
 _FARTHEST_MOUNT_M: Final = 10.0
-"""Distance from the body's origin, m, above which a camera was probably given in millimetres."""
+"""Distance from the body's origin, m, above which the unit was probably millimetres."""
 
 _PRINCIPAL_POINTS: Final = {0.5: "W/2, H/2", 1.0: "(W+1)/2, (H+1)/2"}
-"""Conventions other than (W-1)/2, by the distance from it, px: integer coordinates are then not pixel centres."""
+"""Conventions other than (W-1)/2, by the distance from it, px: integer coordinates are then no pixel centres."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -58,46 +58,47 @@ class PrincipalPoint(Feature):
 
 
 class MetadataCameras(FactsCheck):
-    """Are the declared cameras possible, and do they fit the images?
+    """Are the declared cameras possible, and do they match the images?
 
-    For each camera the departures of K from its form and of T_body_camera from a rigid motion, the size against that
-    of the images, and how far the centres of depth and events lie apart. Where there is a map that rectifies events:
-    the largest distance (px) of its entries from where the cameras put them.
+    For each camera: the deviation of K from its form, the deviation of T_body_camera from a rigid motion, and the
+    difference of the declared size from that of the images. The distance between the centres of the depth and event
+    cameras. Where the file has a map that rectifies events: the largest distance (px) of its entries from the positions
+    that follow from the cameras.
 
     Why it matters
     --------------
-    A transposed K or T_body_camera still multiplies. Flow, reprojection and odometry that are made with it are wrong
-    everywhere, and by amounts that look like noise where the camera looks straight ahead.
+    A transposed K or T_body_camera can still be multiplied. Flow, reprojection and odometry that use it are wrong
+    everywhere; near the optical axis the errors are as small as noise.
 
     How
     ---
-    K must be upper triangular without skew, its last row 0 0 1, and focal lengths positive; width and height are those
-    of the images; T_body_camera is a rotation of determinant +1 with a last row 0 0 0 1. Depth and events share one
-    centre, as the paper has it. A principal point outside of its image is that of a crop: the camera must then see some
-    of the directions that another camera with the same axes sees. A declared distortion must be one-to-one over the
-    whole image: pixels on its border that no ray reaches are counted. An entry of ``rectify_map`` is the place of a
-    pixel of the event camera in the view of the depth camera: its ray through the lens, turned by ``R_view^T R_events``
-    and projected there. All entries are compared. Noted as unusual: such a crop, principal points
-    of another convention than (W-1)/2, pixels that are not square, cameras without any rotation, cameras farther than
-    10 m from the body.
+    K must be upper triangular without skew, with the last row 0 0 1 and positive focal lengths. Width and height must
+    be those of the images. T_body_camera must be a rotation of determinant +1 with the last row 0 0 0 1. Depth and
+    events must have one centre, as in the paper. A principal point outside of its image is that of a crop: the camera
+    must then share directions of view with another camera with the same axes. A declared distortion must be one-to-one
+    over the whole image: pixels on its border that no ray reaches are counted. An entry of ``rectify_map`` is the
+    position of a pixel of the event camera in the view of the depth camera: its ray through the lens, rotated by
+    ``R_view^T R_events`` and projected there. All entries are compared. Noted as unusual are such a crop, principal
+    points of another convention than (W-1)/2, pixels that are not square, cameras without any rotation, and cameras
+    more than 10 m from the body.
 
     Noise model
     -----------
-    Matrices may have been float32 on their way: 2^-24 an entry, three products and a sum of R^T R, with a margin of
-    four, is the 1e-6 that is allowed. Entries of a map are rounded to float32. Everything else is exact.
+    Matrices may have been stored in float32: 2^-24 an entry, three products and a sum of R^T R, with a margin of four,
+    give the bound of 1e-6. Entries of a map are rounded to float32. Everything else is exact.
 
     Cannot see
     ----------
-    Whether K and T_body_camera are the ones that the images were made with: ``flow_geometry``, ``flow_photometric``,
-    ``depth.consistency`` and ``alignment`` measure that, and whether the distortion is that of the lens. Camera models
-    other than the pinhole with radial-tangential or equidistant distortion are not looked into. A map and a calibration
-    that are wrong alike.
+    Whether K and T_body_camera are those with which the images were made: ``flow_geometry``, ``flow_photometric``,
+    ``depth.consistency`` and ``alignment`` measure that. Whether the distortion is that of the lens. Camera models
+    other than the pinhole with radial-tangential or equidistant distortion. A map and a calibration with the same
+    error.
 
     Sources
     -------
     The canonical layout, version 1.0 (Pixels, Extrinsics); R. Hartley, A. Zisserman, "Multiple View Geometry", 6.1.
-    DSEC (dsec.ifi.uzh.ch/data-format; ``scripts/dataset/sequence.py`` of github.com/uzh-rpg/DSEC): the rectified place
-    of an event at (x, y) is rectify_map[y, x].
+    DSEC (dsec.ifi.uzh.ch/data-format; ``scripts/dataset/sequence.py`` of github.com/uzh-rpg/DSEC): the rectified
+    position of an event at (x, y) is rectify_map[y, x].
     """
 
     name = "metadata.cameras"
@@ -107,7 +108,7 @@ class MetadataCameras(FactsCheck):
         return "" if facts.declared.cameras else "the file declares no camera"
 
     def examine(self, facts: Facts) -> Observation:
-        """Measure each camera, then what the cameras share."""
+        """Measure each camera, then the relations between cameras."""
         cameras = facts.declared.cameras
         statistics = [m for name, camera in cameras.items() for m in _of_camera(name, camera, facts)]
         outside_px = {name: _outside_px(camera) for name, camera in cameras.items()}
@@ -126,7 +127,7 @@ class MetadataCameras(FactsCheck):
                 _statistic(f"{name}.principal_point_outside", 0.0 if is_crop else outside_px[name], "px",
                            features=(PrincipalPoint(from_centre_px),),
                            text=f"the principal point of the {name} camera ({cx:.6g}, {cy:.6g}) is so far outside of "
-                           f"its {width} x {height} image that no other camera with these axes sees what it sees")
+                           f"its {width} x {height} image that no other camera with these axes shares its view")
             )  # fmt: skip
         if "depth" in cameras and "events" in cameras:
             depth, events = cameras["depth"].T_body_camera, cameras["events"].T_body_camera
@@ -134,7 +135,7 @@ class MetadataCameras(FactsCheck):
             statistics.append(
                 _statistic("depth_to_events_centre", apart_m, "m", model_error_bound=_ROUNDING,
                            text=f"the centres of the depth and event cameras are {apart_m:.6g} m apart; they must be "
-                           "one point, or depth says nothing about events")
+                           "one point, or depth cannot be assigned to events")
             )  # fmt: skip
 
         if facts.declared.rectify_map_px is not None and {"depth", "events"} <= cameras.keys():
@@ -164,8 +165,8 @@ class MetadataCameras(FactsCheck):
             # The optical axis is Z; unrotated it is the body's Z, which points up.
             if np.array_equal(camera.T_body_camera[:3, :3], np.eye(3)):
                 message = (
-                    f"the {name} camera is not rotated: it looks up, unless optical axes were taken for those of the "
-                    "body"
+                    f"the {name} camera is not rotated: it points upwards, unless optical axes were taken for those of "
+                    "the body"
                 )
                 notices.append(Notice("metadata.cameras.unrotated", message, where))
             distance_m = float(np.linalg.norm(camera.T_body_camera[:3, 3]))
@@ -196,8 +197,8 @@ def _of_camera(name: str, camera: Camera, facts: Facts) -> Iterator[Statistic]:
         columns, rows = border_pixels(width, height)
         blind = int(np.count_nonzero(np.isnan(rays_of_pixels(K, camera.lens, columns, rows)[0])))
         yield _statistic(f"{name}.lens_blind", float(blind), "px", resolution=1.0,
-                         text=f"{blind} of the {len(columns)} pixels on the border of the {name} camera see nothing "
-                         f"through its {camera.lens.model} distortion, which folds over before; are the coefficients "
+                         text=f"{blind} of the {len(columns)} pixels on the border of the {name} camera have no "
+                         f"ray, because the {camera.lens.model} distortion is not one-to-one; are the coefficients "
                          "in OpenCV's order, and of this K?")  # fmt: skip
     binding = facts.layout.bindings.get(_IMAGES_OF.get(name, ""))
     if binding is not None:
@@ -221,7 +222,7 @@ def _of_camera(name: str, camera: Camera, facts: Facts) -> Iterator[Statistic]:
 
 
 def _of_rectify_map(map_px: NDArray[np.float32], events: Camera, view: Camera) -> Iterator[Statistic]:
-    """Yield by how much a map of the event camera's pixels differs from what both cameras are declared to see."""
+    """Yield the difference of a map of the event camera's pixels from the positions that follow from both cameras."""
     if events.model != "pinhole" or view.model != "pinhole":
         return
     columns, rows = np.meshgrid(np.arange(events.width), np.arange(events.height))
@@ -235,8 +236,8 @@ def _of_rectify_map(map_px: NDArray[np.float32], events: Camera, view: Camera) -
     defined, expected = np.isfinite(map_px).all(axis=-1), np.isfinite(expected_px).all(axis=-1)
     odd = int(np.count_nonzero(defined != expected))
     yield _statistic("events.rectify_map_defined", float(odd), "px", resolution=1.0,
-                     text=f"rectify_map and the declared cameras disagree about which of the {defined.size} pixels of "
-                     f"the event camera have a place in the view of depth, in {odd} of them")  # fmt: skip
+                     text=f"rectify_map and the declared cameras disagree for {odd} of {defined.size} pixels of the "
+                     "event camera about whether they have a position in the view of depth")  # fmt: skip
     both = defined & expected
     if not np.any(both):
         return

@@ -37,33 +37,33 @@ class DeclarationDefect(Feature):
 
 
 class MetadataComplete(FactsCheck):
-    """Does the file declare all that the format requires?
+    """Does the file declare everything that the format requires?
 
     The declarations that are missing or malformed, one finding each.
 
     Why it matters
     --------------
-    What a file does not say about itself cannot be checked, and cannot be used: flow without intrinsics, events
-    without a threshold, poses without their noise are numbers without a meaning.
+    A quantity that a file does not declare cannot be checked, and the data cannot be used without it: flow needs
+    intrinsics, events need a threshold, and poses need their noise.
 
     How
     ---
-    Every attribute of the layout is read. A required one that is missing or malformed, of a stream that is there,
-    is broken, and so is any number that nothing can have: one below zero, NaN, a range that ends before it begins.
-    An optional attribute that is malformed, or a whole group that is absent, is only noted: what needs it can be
-    tested weakly or not at all. Noted as well are a form that leaves the meaning plain, a width as a float or a name
-    in upper case, and a light that contradicts the name of the sequence or of its world. A file of the canonical
-    layout without any metadata is one finding, not thirty.
+    Every attribute of the layout is read. A required attribute of a stream that exists is a finding if it is missing or
+    malformed. Any impossible number is a finding as well: one below zero, NaN, or a range that ends before it begins.
+    An optional attribute that is malformed, or a whole group that is absent, is only noted: the checks that need it are
+    weaker, or cannot run. Also noted are forms whose meaning is clear, such as a width as a float or a name in upper
+    case, and a light (day or night) that contradicts the name of the sequence or of its world. A file of the canonical
+    layout without any metadata gives one finding, not thirty.
 
     Noise model
     -----------
-    None: an attribute is there and of its type, or not.
+    None: an attribute exists with its type, or does not.
 
     Cannot see
     ----------
-    Whether a declaration is true; that is for the checks that measure what it is about. Brightness does not distinguish
-    day from night, because exposure makes up for the light. Declarations of streams that the file does not hold are not
-    asked for.
+    Whether a declaration is true: the checks that measure the declared quantity test that. Brightness does not
+    distinguish day from night, because exposure compensates for the light. Declarations of streams that the file does
+    not hold are not required.
 
     Sources
     -------
@@ -83,8 +83,8 @@ class MetadataComplete(FactsCheck):
                 name="metadata.missing",
                 value=1,
                 unit="declarations",
-                statement="a file of the canonical layout has a group /metadata; nothing of it is there, so that "
-                "nothing that the file holds can be held to a declaration",
+                statement="a file of the canonical layout has a group /metadata; this file has none of it, so that "
+                "no stream can be compared with a declaration",
                 code="metadata.complete.missing",
                 where=Where(stream="metadata"),
             )
@@ -124,7 +124,7 @@ class MetadataComplete(FactsCheck):
         for name, text in (("sequence", declared.sequence), ("world", declared.world)):
             if light and _light(text) not in {"", light}:
                 # A name is no declaration: "day 3" may count days.
-                message = f"the {name} is named {text!r}, and its illumination {declared.illumination!r}"
+                message = f"the {name} is named {text!r}, and the declared illumination is {declared.illumination!r}"
                 notices.append(Notice("metadata.complete.contradiction", message, Where(stream="metadata")))
         if not statistics:
             statistics.append(no_faults("declaration_problems", "declarations", self.name))

@@ -1,4 +1,4 @@
-"""The numbers of the paper, for files that declare its profile."""
+"""The sizes, rates and thresholds of the paper, for files that declare its profile."""
 
 from math import atan, degrees
 from typing import Final
@@ -24,30 +24,29 @@ _LEAST_PACKET_US: Final = 200
 
 
 class MetadataProfile(FactsCheck):
-    """Does the file keep the profile that it promises?
+    """Does the file conform to the profile that it declares?
 
-    Each number of the file against the paper's; asked only of files with ``profile="fedora-paper"``.
+    The difference of each number of the file from the paper's, for files with ``profile="fedora-paper"`` only.
 
     Why it matters
     --------------
-    Whoever trains on the published sequences and tests on another file counts on the same sizes, rates and
-    thresholds.
+    Users who train on the published sequences and test on another file rely on the same sizes, rates and thresholds.
 
     How
     ---
-    Every stream is there; colour and depth are 1440x1080, events 640x480, all with a horizontal field of view of 60
-    degrees; frames come at 50 Hz, IMU at 1000, pose at 200, flow at 10, 25 and 50; depth is valid in 0.1 to 30 m;
-    events are of the linear model with threshold 30 and packets at least 0.2 ms apart. Periods are medians of the
-    steps.
+    Every stream must exist. Colour and depth are 1440x1080 px and events 640x480 px, all with a horizontal field of
+    view of 60 degrees. Frames have 50 Hz, IMU 1000 Hz, pose 200 Hz, and flow 10, 25 and 50 Hz. The range of depth is
+    0.1 to 30 m. Events follow the linear model with a threshold of 30 DN, in packets at least 0.2 ms apart. A period is
+    the median of the steps between timestamps.
 
     Noise model
     -----------
-    None at random. Allowed are the rounding of stamps to a microsecond, of the depth range to float32, and of a focal
-    length to whole pixels, which moves a field of view 2 atan(W / 2f) by W/2 / (f^2 + W^2/4) rad.
+    No random error. Allowed are the rounding of timestamps to a microsecond, of the depth range to float32, and of a
+    focal length to whole pixels. The last changes a field of view 2 atan(W / 2f) by W/2 / (f^2 + W^2/4) rad.
 
     Cannot see
     ----------
-    Anything that the paper does not fix. Whether what is declared is true is for the other checks.
+    Properties that the paper does not state. Other checks test whether the declarations are true.
 
     Sources
     -------
@@ -67,7 +66,7 @@ class MetadataProfile(FactsCheck):
                 f"{stream}.absent",
                 int(stream not in facts.streams),
                 "streams",
-                statement=f"the profile promises {stream}: {facts.absent.get(stream, 'it is absent')}",
+                statement=f"the profile requires {stream}: {facts.absent.get(stream, 'it is absent')}",
                 code="metadata.profile.stream",
                 where=Where(stream=stream),
             )
@@ -116,8 +115,8 @@ class MetadataProfile(FactsCheck):
                     "events.model",
                     int(model.model != "linear"),
                     "declarations",
-                    statement=f"the events are declared of the {model.model} model; the profile promises the linear "
-                    "one",
+                    statement=f"the events are declared of the {model.model} model; the profile requires the linear "
+                    "model",
                     code="metadata.profile.model",
                     where=Where(stream="events"),
                 ),
@@ -125,7 +124,7 @@ class MetadataProfile(FactsCheck):
                 _number("events.threshold_off", model.threshold_off, "DN", _THRESHOLD_DN),
                 _number("events.packet_too_short", short_us, "us", 0.0),
             ]
-        return Observation(Coverage(len(statistics), len(statistics), "promises"), tuple(statistics))
+        return Observation(Coverage(len(statistics), len(statistics), "requirements"), tuple(statistics))
 
 
 def _number(name: str, value: float, unit: str, expected: float, model_error_bound: float = 0.0) -> Statistic:
@@ -136,7 +135,7 @@ def _number(name: str, value: float, unit: str, expected: float, model_error_bou
         unit=unit,
         standard_error=0.0,
         statement=f"{quantity.replace('_', ' ')} of {stream} is {value:.6g} {unit}; "
-        f"the profile promises {expected:.6g}",
+        f"the profile requires {expected:.6g}",
         code=f"metadata.profile.{quantity}",
         where=Where(stream=stream),
         expected=expected,

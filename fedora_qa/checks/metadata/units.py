@@ -47,30 +47,29 @@ class UnitLabel(Feature):
 
 
 class MetadataUnits(FactsCheck):
-    """Do the labels of units agree with the layout that the values are read in?
+    """Do the labels of units agree with the units in which the values are read?
 
-    The datasets whose attribute ``units`` names another unit than their values are read in.
+    The datasets whose attribute ``units`` names another unit than that in which their values are read.
 
     Why it matters
     --------------
-    A reader who trusts the label converts, and a reader who trusts the layout does not: one of them is off by a
-    thousand.
+    A reader that follows the label converts the values, and a reader that follows the layout does not. Their results
+    differ by the factor of the units, often 1000.
 
     How
     ---
-    The attribute ``units`` of each dataset is compared with the unit of the layout, or of the dialect where the file
-    speaks another; common spellings are taken for the same. A label that contradicts it is broken; a missing one is
-    noted, and so is one in another case. The suspected fault is the one that the label, if it tells the truth,
-    confesses to.
+    The attribute ``units`` of each dataset is compared with the unit of the layout, or of the file's dialect. Common
+    spellings of a unit count as equal. A label that names another unit is a finding. A missing label is noted, and so
+    is one in another case. The suspected cause is the one that applies if the label is true.
 
     Noise model
     -----------
-    None: a label agrees or not.
+    None: a label agrees or does not.
 
     Cannot see
     ----------
-    Whether the values are in that unit: ``clocks.unit``, ``depth.scale``, ``flow_photometric`` and the inertial
-    checks infer units from the data.
+    Whether the values are in that unit: ``clocks.unit``, ``depth.scale``, ``flow_photometric`` and the checks of the
+    IMU infer units from the data.
 
     Sources
     -------
@@ -100,7 +99,7 @@ class MetadataUnits(FactsCheck):
                     name=f"{key}@units",
                     value=1,
                     unit="labels",
-                    statement=f"{key} is labelled {label!r}; the layout has it in {spec.units!r}",
+                    statement=f"{key} is labelled {label!r}; the unit of the layout is {spec.units!r}",
                     code="metadata.units.label",
                     where=Where(stream=spec.stream),
                     features=(UnitLabel(unit, spec.units, time_factor, SCALES.get((unit, spec.units))),),
@@ -117,8 +116,8 @@ class MetadataUnits(FactsCheck):
         if in_other_case:
             key = in_other_case[0]
             message = (
-                f"{len(in_other_case)} labels are in another case, first {labels[key]!r} of {key}; write them as the "
-                "layout does"
+                f"{len(in_other_case)} labels are in another case, first {labels[key]!r} of {key}; use the "
+                "spelling of the layout"
             )
             notices.append(Notice("metadata.units.case", message, Where(stream=spec_of(key).stream)))
         return Observation(Coverage(len(bindings) - len(missing), len(bindings), "labels"), statistics, tuple(notices))
