@@ -46,36 +46,37 @@ class ClockJump(Feature):
 class ClocksGaps(FactsCheck):
     """Are samples missing, or was a clock set?
 
-    Missing samples are counted from the steps between stamps, and steps that are no whole number of periods from a
-    clock that is otherwise exact.
+    The number of missing samples, estimated from the steps between timestamps. The number of steps that are no whole
+    number of periods, for a clock that is otherwise exact.
 
     Why it matters
     --------------
-    One IMU sample that is lost leaves 1 ms of motion out of every integral across it; a clock that was set by 6 ms
-    shifts all that follows against every other stream.
+    One lost IMU sample removes 1 ms of motion from every integral across it. A clock that was set by 6 ms shifts all
+    later samples relative to every other stream.
 
     How
     ---
     A regular clock is fitted to each stream (``fedora_qa/estimators/clocks/regular_clock.py``). A step of about k
-    periods (the median step) hides k - 1 samples. Double steps that are spread evenly, as those of m places in m equal
-    parts of the stream, are a clock rounded to a coarse grid: by chance that happens with probability m!/m^m, 4e-4 at
-    the ten steps that are asked for. Where at most two steps of an exact clock, and at most a tenth of all, are off by
-    more than the rounding of their two stamps to a microsecond, the clock was set, or one sample was stamped late.
+    periods (the median step) means k - 1 missing samples. Double steps that are spread evenly, m of them in m equal
+    parts of the stream, are a clock that was rounded to a coarse grid: by chance this has the probability m!/m^m, 4e-4
+    for the required ten steps. Where at most two steps of an exact clock, and at most a tenth of all steps, deviate by
+    more than the rounding of their two timestamps to a microsecond, the clock was set, or one sample has a late
+    timestamp.
 
     Noise model
     -----------
-    Counts are exact for regular streams. A gap differs from a step by a period; jitter of less than a tenth of it lies
-    five standard deviations from the half way at which one is taken for the other. Streams that jitter more are noted
-    and not judged.
+    Counts are exact for regular streams. A gap differs from a normal step by a period. Jitter of less than a tenth of
+    the period is five standard deviations away from half a period, at which a gap and a normal step would be confused.
+    Streams with more jitter are noted and not judged.
 
     Cannot see
     ----------
-    Samples lost at the ends (``clocks.span``), among events (``event_stream.gaps``), or from a stream whose stamps were
-    written anew after the loss: the content tells there (``images.order``, ``imu.timing``).
+    Samples lost at the ends (``clocks.span``), among events (``event_stream.gaps``), or from a stream whose timestamps
+    were written again after the loss: there the content is compared (``images.order``, ``imu.timing``).
 
     Sources
     -------
-    First principles; the derivations stand with the fit.
+    First principles; the derivations are in ``fedora_qa/estimators/clocks/regular_clock.py``.
     """
 
     name = "clocks.gaps"
@@ -89,7 +90,7 @@ class ClocksGaps(FactsCheck):
             # missing one.
             if not fit.regular:
                 jitter = f"jitter {fit.jitter_ns / NS_PER_US:.3g} us of a period of {fit.period_ns / NS_PER_US:.4g} us"
-                message = f"{stream} is irregular ({jitter}): gaps cannot be told"
+                message = f"{stream} is irregular ({jitter}): gaps cannot be detected"
                 notices.append(Notice("clocks.gaps.irregular", message, Where(stream)))
                 continue
             # Samples at another place leave a gap at their own place, as missing ones do. Rows that were written twice
@@ -102,7 +103,7 @@ class ClocksGaps(FactsCheck):
                 set_back = clock_set_back(clock, np.flatnonzero(np.diff(clock.times_ns) < 0))
                 features = (DisorderedTimestamps(distinct), *((set_back,) if set_back is not None else ()))
             first, where = _behind(facts, stream, fit.gap_after)
-            # Samples without a place in time are there, and counted by integrity.finite.
+            # Samples without a valid timestamp are not missing; integrity.finite counts them.
             missing = max(fit.missing - int(np.count_nonzero(~has_place(clock.times_ns))), 0)
             statistics.append(
                 count_of_faults(
@@ -110,7 +111,7 @@ class ClocksGaps(FactsCheck):
                     value=missing,
                     unit="samples",
                     statement=f"{missing} samples of {stream} are missing in {len(fit.gap_after)} gaps, "
-                    f"the first behind row {first}.",
+                    f"the first after row {first}.",
                     code="clocks.gaps.missing",
                     where=where,
                     features=features,
@@ -127,13 +128,13 @@ class ClocksGaps(FactsCheck):
                     value=len(fit.jump_after),
                     unit="steps",
                     statement=f"{len(fit.jump_after)} steps of {stream} are no whole number of periods, the first "
-                    f"behind row {first} is {jump_ms:+.4g} ms off; all others keep the period of {period_us:.6g} us.",
+                    f"after row {first} is {jump_ms:+.4g} ms off; all others keep the period of {period_us:.6g} us.",
                     code="clocks.gaps.jump",
                     where=where,
                     features=(ClockJump(jump_ms, rounding_ms),),
                 )
             )
-        empty = "" if statistics or notices else "no stream has three stamps in order"
+        empty = "" if statistics or notices else "no stream has three timestamps in order"
         return Observation(all_timestamps(facts), tuple(statistics), tuple(notices), unobservable=empty)
 
 

@@ -41,37 +41,38 @@ class RoundedRepeats(Feature):
 
 
 class ClocksOrder(FactsCheck):
-    """Do the stamps of every stream advance?
+    """Do the timestamps of every stream increase?
 
-    Steps backwards are counted in every stream, and repeated stamps in every stream but the events, which may share
-    one.
+    In every stream, the number of steps backwards. In every stream but the events, the number of repeated timestamps;
+    events may share a timestamp.
 
     Why it matters
     --------------
-    Whatever interpolates, searches or integrates over time takes stamps to increase. A binary search in stamps that do
-    not increase returns some row without complaint, and an integral over a negative step undoes itself.
+    Interpolation, search and integration over time assume that timestamps increase. A binary search in timestamps that
+    do not increase returns a wrong row without an error, and an integral over a negative step cancels a part of itself.
 
     How
     ---
-    Every stamp of the file is looked at, whatever the effort, and consecutive ones are compared as integers. What broke
-    the order is told from the pattern: a step back by nearly 2^31 or 2^32 us is a 32-bit counter that wrapped; one step
-    behind which more than two stamps lie before the latest one is a clock that was set back, by the size of that step;
-    otherwise samples were exchanged. Ten or more repeated stamps that never delay the rows behind them by more than a
-    step were rounded to a grid above the period (``fedora_qa/estimators/clocks/regular_clock.py``); others were
-    written twice.
+    Every timestamp of the file is read at any effort, and consecutive ones are compared as integers. The kind of
+    disorder is inferred from its pattern. A step back by nearly 2^31 or 2^32 us is a 32-bit counter that overflowed. If
+    more than two timestamps a step back are earlier than one before them, the clock was set back by the size of that
+    step. Otherwise samples were exchanged. Ten or more repeated timestamps that never delay later rows by more than a
+    step were rounded to a grid above the period (``fedora_qa/estimators/clocks/regular_clock.py``). Other repeated
+    timestamps are samples that were written twice.
 
     Noise model
     -----------
-    None: the counts are exact, and an honest file has none of either.
+    None: the counts are exact, and both are zero in a correct file.
 
     Cannot see
     ----------
-    Samples that were exchanged together with their stamps and sorted again, and events in a wrong order within one
-    stamp (``event_stream.duplicates``). Of events only counts, the first step back and the longest steps are kept.
+    Samples that were exchanged together with their timestamps and then sorted. Events in a wrong order within one
+    timestamp (``event_stream.duplicates``). Of events only the counts, the first step back and the longest steps are
+    kept.
 
     Sources
     -------
-    First principles. That 32-bit microseconds overflow after 2147 or 4295 s is from the list of traps of real files.
+    First principles. 32-bit microseconds overflow after 2147 s (signed) or 4295 s (unsigned).
     """
 
     name = "clocks.order"
@@ -114,8 +115,8 @@ class ClocksOrder(FactsCheck):
                     value=events.decreases,
                     unit="events",
                     statement=f"{events.decreases} events are earlier than the one before, first at row "
-                    f"{events.first_decrease}, by up to {events.largest_decrease_ns / NS_PER_US:.6g} us; they must be "
-                    "in the order of time.",
+                    f"{events.first_decrease}, by up to {events.largest_decrease_ns / NS_PER_US:.6g} us; timestamps of "
+                    "events must not decrease.",
                     code="clocks.order.backward_steps",
                     where=Where(stream="events", index_start=events.first_decrease if events.decreases else None),
                     severity="critical",
@@ -135,7 +136,7 @@ class ClocksOrder(FactsCheck):
             name=f"{stream}.{rule}",
             value=len(rows),
             unit="samples",
-            statement=f"{len(rows)} stamps of {stream} are {relation} the one before{place}; they must increase.",
+            statement=f"{len(rows)} timestamps of {stream} are {relation} the one before{place}; they must increase.",
             code=f"clocks.order.{rule}",
             where=Where(stream=stream, index_start=first, start_us=file_us(facts, times_ns, first)),
             severity="critical",

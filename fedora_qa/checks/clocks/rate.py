@@ -1,4 +1,4 @@
-"""The rate of each stream's clock."""
+"""The rate error of each stream's clock."""
 
 from dataclasses import dataclass
 from itertools import pairwise
@@ -83,34 +83,37 @@ class _RateSegment:
 
 
 class ClocksRate(FactsCheck):
-    """Does every stream run at its nominal rate?
+    """Does every stream have its nominal rate?
 
-    The error of each stream's period, in ppm of the nominal one.
+    For each stream, the relative error of its period, in ppm of the nominal one, and the change of its rate within the
+    file.
 
     Why it matters
     --------------
-    A clock that runs 100 ppm fast is 6 ms late after a minute: between IMU and camera that is a lever that no
-    calibration of a constant offset takes out.
+    A clock that runs 100 ppm fast is off by 6 ms after a minute. Calibration of a constant offset between IMU and
+    camera does not remove this error.
 
     How
     ---
-    The period is the least-squares slope of the stamps over their numbers; gaps are counted and jumps of an exact
-    clock taken out first (``fedora_qa/estimators/clocks/regular_clock.py``). Flow must keep the rate in its name. Any
-    other stream is held against the nearest nominal rate (a whole number of Hz, a period of whole microseconds, or the
-    1000/1001 of video) if another stream of the file keeps its own: all stamps are of one clock. Otherwise an odd
-    rate is noted. The same is fitted to each quarter of the stamps, and the fastest held against the slowest.
+    The period is the least-squares slope of timestamps over sample numbers. Gaps are counted, and jumps of an exact
+    clock are removed first (``fedora_qa/estimators/clocks/regular_clock.py``). Flow must have the rate in its name. Any
+    other stream is compared with the nearest nominal rate (a whole number of Hz, a period of whole microseconds, or
+    1000/1001 of a video rate), if another stream of the file has its nominal rate: all timestamps are of one clock.
+    Otherwise an uncommon rate is noted. The same fit is made to each quarter of the timestamps, and the fastest quarter
+    is compared with the slowest.
 
     Noise model
     -----------
-    Rounding to a grid g (a microsecond, or the coarser grid that the stamps betray) moves each stamp by at most g/2.
-    Over a span T, the slope of the regression moves by at most 3/2 g/T, with residuals of +-g/2 all against the same
-    half; that is the allowance. Jitter above the grid adds the slope's standard error, white over samples. Between
-    quarters 10 ppm are allowed besides, what a quartz oscillator without compensation moves by over 15 K.
+    Rounding to a grid g (a microsecond, or the coarser grid that is measured) moves each timestamp by at most g/2. Over
+    a span T, the slope of the regression moves by at most 3/2 g/T, which is reached where the residuals are +g/2 in one
+    half and -g/2 in the other. This is the model error bound. Jitter above the grid adds the standard error of the
+    slope, white over samples. Between quarters the bound has 10 ppm more, by which a quartz oscillator without
+    compensation changes over 15 K.
 
     Cannot see
     ----------
-    All clocks fast by the same ppm. Errors of a fast clock that are no larger than the allowance, 1.5 ppm over a
-    second: ``imu.timing`` and ``depth.consistency`` compare content instead.
+    The same ppm error of all clocks. Errors no larger than the bound, which is 1.5 ppm for one second: ``imu.timing``
+    and ``depth.consistency`` compare the content of streams instead.
 
     Sources
     -------
@@ -123,14 +126,14 @@ class ClocksRate(FactsCheck):
         """Measure each stream's rate error in ppm."""
         fits = dict(fits_of(facts))
         if not fits:
-            return Observation(all_timestamps(facts), unobservable="no stream has three stamps in order")
+            return Observation(all_timestamps(facts), unobservable="no stream has three timestamps in order")
         errors: dict[str, Statistic] = {}
         sparse: list[Notice] = []
         for stream, fit in fits.items():
             nominal_ns = _nominal_period_ns(stream, fit.period_ns, facts.clocks[stream])
             intervals = round(nominal_ns / _interval_ns(stream)) if stream in facts.flow_streams else 1
             if intervals > 1:
-                message = f"{stream} has a field for one of {intervals} intervals only"
+                message = f"{stream} has a field for only one of {intervals} intervals"
                 sparse.append(Notice("clocks.rate.sparse", message, Where(stream=stream)))
             deviation = fit.period_ns / nominal_ns - 1
             # More than 1% from every nominal rate is another rate, not an error of a nominal one.
@@ -181,7 +184,7 @@ class ClocksRate(FactsCheck):
             tuple(
                 Notice(
                     "clocks.rate.odd",
-                    f"{stream} runs at {NS_PER_S / fit.period_ns:.6g} Hz, no nominal rate",
+                    f"{stream} has {NS_PER_S / fit.period_ns:.6g} Hz, which is no nominal rate",
                     Where(stream=stream),
                 )
                 for stream, fit in fits.items()

@@ -1,4 +1,4 @@
-"""The grids that timestamps lie on."""
+"""The grids on which timestamps lie."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -83,39 +83,41 @@ class Comb:
 
 
 class ClocksResolution(WindowCheck[Comb]):
-    """Do stamps have the resolution that the file declares?
+    """Do timestamps have the resolution that the file declares?
 
-    The grid on which all stamps of a stream lie: the greatest common divisor of the steps between them, in us; and of
-    events the comb on which more of the stamps of a window lie than chance would put there, with the share of the
-    window's events on it.
+    For each stream, the grid of all its timestamps: the greatest common divisor of the steps between them, in us. For
+    events also the comb (multiples of a step) on which more timestamps of a window lie than by chance, with the share
+    of the window's events on it.
 
     Why it matters
     --------------
-    Stamps that went through milliseconds or through float32 seconds keep their order and their rate, and lose what
-    events and IMU are recorded for: at 2 px/ms a grid of 1 ms blurs what is warped along the flow by 2 px.
+    Timestamps that were rounded to milliseconds, or stored as float32 seconds, keep their order and their rate, and
+    lose their time resolution: at 2 px/ms, a grid of 1 ms displaces events that are warped along the flow by up to 2
+    px.
 
     How
     ---
     Events must lie on the grid of the declared packets, or of one microsecond for asynchronous events of the log model.
-    A sampled stream betrays its grid where its steps vary: all of them are then multiples of a number above 1 us. The
-    same stamps are held against single-precision seconds, whose spacing doubles at each power of two. Where all events
-    together lie on no coarse grid, each window of 0.2 s is held against every comb of 2 to 2000 ticks through the
-    clock's zero and against the steps of single-precision seconds, 7.6 to 122 us: they find the rounding of a part of
-    the image or of the time. Where the sequence is declared as recorded, the grid of its events is that in which the
-    sensor is read out: the record states it, and it is not judged.
+    The grid of a sampled stream can be measured where its steps vary: all of them are then multiples of a number above
+    1 us. The same timestamps are compared with single-precision seconds, whose spacing doubles at each power of two.
+    Where all events together lie on no coarse grid, each window of 0.2 s is compared with every comb of 2 to 2000 ticks
+    through the clock's zero, and with the steps of single-precision seconds, 7.6 to 122 us: these detect that a part of
+    the image or of the time was rounded. Where the sequence is declared as recorded, the grid of its events is that of
+    the sensor's readout: the record states it, and it is not judged.
 
     Noise model
     -----------
-    By chance alone n stamps at random microseconds all fall on a grid of g us with probability g^-n. Events are judged
-    from 1000 on; a sampled stream where its irregular steps make that probability less than one in a million. A comb's
-    teeth hit occupied ticks with the binomial chance of the share of ticks that are occupied; a tick counts once
-    however many events it holds, so that an edge which fires a whole column is one witness. The deviate of that chance
-    is the number of standard errors; all combs and windows are counted as tests.
+    By chance, n timestamps at random microseconds all lie on a grid of g us with probability g^-n. Events are judged if
+    there are 1000 or more; a sampled stream is judged where its irregular steps make that probability less than one in
+    a million. The number of ticks of a comb that hold an event is binomial, with the share of all ticks that hold one.
+    A tick counts once, however many events it holds, so that an edge that fires a whole column counts once. The
+    deviation from the binomial mean, in standard deviations, is the number of standard errors. All combs and windows
+    count as tests.
 
     Cannot see
     ----------
-    A grid that divides the period: an exact clock fits every such grid, and loses nothing by it. Events of the linear
-    model come once a rendered step, which the format does not declare: there a grid is honest. Grids of a
+    A grid that divides the period: an exact clock lies on every such grid, and loses nothing by it. Events of the
+    linear model have the grid of rendered steps, which the format does not declare: this grid is correct. Grids of a
     part of the events that do not pass through zero, or are coarser than 2 ms.
 
     Sources
@@ -127,10 +129,10 @@ class ClocksResolution(WindowCheck[Comb]):
 
     def not_applicable(self, facts: Facts) -> str:
         """Require timestamps."""
-        return "" if facts.events is not None or facts.clocks else "the file has no stamps"
+        return "" if facts.events is not None or facts.clocks else "the file has no timestamps"
 
     def measure(self, window: Window) -> Comb | None:
-        """Return the comb of a part of the events, which correct files do not have."""
+        """Return the least probable comb of the window's events; a correct file has only combs by chance."""
         facts, span = window.facts, window.span
         if facts.events is None or _why_events_show_none(facts):
             return None
@@ -162,7 +164,7 @@ class ClocksResolution(WindowCheck[Comb]):
         )
 
     def conclude(self, state: Sequence[Comb], facts: Facts) -> Observation:
-        """Measure the grid of each stream; where that of all events is as declared, also that of a part."""
+        """Measure the grid of each stream; where that of all events is the declared one, also that of a part."""
         observation = self.examine(facts)
         grids = observation.measurements
         # Where the grid of all events is not the declared one, combs only repeat that finding.
@@ -170,7 +172,7 @@ class ClocksResolution(WindowCheck[Comb]):
             return observation
         if facts.declared.kind == "recorded":
             return observation
-        # Of the combs that are no chance, the one that most events lie on; else the one that is least by chance.
+        # Of the significant combs, that with the largest excess of events; without one, the least probable comb.
         worst = max(state, key=lambda comb: (min(comb.deviate, _SIGNIFICANT), comb.share - comb.share_by_chance))
         start_us, stop_us = facts.to_file_us(worst.start_ns), facts.to_file_us(worst.stop_ns)
         reset = clock_reset(facts.events)
@@ -184,9 +186,9 @@ class ClocksResolution(WindowCheck[Comb]):
             side="upper",
             # Every comb was tried in every window.
             tests=len(state) * _combs(_declared_tick_us(facts)),
-            statement=f"Events keep to a grid of {worst.step_us:g} us around {start_us / 1e6:.3f} s: "
-            f"{worst.events_on} of {worst.events} lie on it, with {worst.timestamps_on} timestamps, where chance puts "
-            f"{worst.share_by_chance:.1%}.",
+            statement=f"Events lie on a grid of {worst.step_us:g} us around {start_us / 1e6:.3f} s: "
+            f"{worst.events_on} of {worst.events} do, with {worst.timestamps_on} timestamps, where "
+            f"{worst.share_by_chance:.1%} are expected by chance.",
             code="clocks.resolution.partial_grid",
             where=Where(stream="events", start_us=start_us, stop_us=stop_us),
             features=(
@@ -217,20 +219,20 @@ class ClocksResolution(WindowCheck[Comb]):
                     grid_us = spacing_us if is_single else 1.0
                     clause = f"are single-precision seconds, {spacing_us:.3g} us apart" if is_single else ""
                 period_us = fit.period_ns / NS_PER_US
-                text = f"All stamps of {stream} {clause}, and so do not keep their period of {period_us:.6g} us."
+                text = f"All timestamps of {stream} {clause}, and deviate from their period of {period_us:.6g} us."
                 grids.append(_grid(stream, grid_us, 1.0, text))
         count = sum(len(facts.clocks[grid.where.stream or ""].times_ns) for grid in grids)
-        unobservable = "" if grids else "all clocks are exact, and so lie on every grid that divides their periods"
+        unobservable = "" if grids else "all clocks are exact, and lie on every grid that divides their periods"
         if facts.events is not None:
             unobservable = _why_events_show_none(facts)
             count += facts.events.count
             if not unobservable:
                 expected_us, grid_us = _declared_tick_us(facts), event_scan(facts).grid_ns / NS_PER_US
-                text = f"All event stamps lie on a grid of {grid_us:g} us; {expected_us} us is declared."
+                text = f"All event timestamps lie on a grid of {grid_us:g} us; {expected_us} us is declared."
                 if facts.declared.kind == "recorded" and grid_us > expected_us:
                     inferred["events.grid_us"] = grid_us
                     unobservable = (
-                        "" if grids else "the grid of events is a property of the sensor, which none declares"
+                        "" if grids else "the grid of events is a property of the sensor, which is not declared"
                     )
                 else:
                     grids.append(_grid("events", grid_us, float(expected_us), text))
@@ -248,7 +250,7 @@ def _combs(tick_us: int) -> int:
 def _why_events_show_none(facts: Facts) -> str:
     events, declared = event_scan(facts), facts.declared.events
     if events.count < _ENOUGH_EVENTS or not events.grid_ns:
-        return f"only {events.count} events: their grid is left to chance"
+        return f"{events.count} events are too few to distinguish a grid from chance"
     if declared is not None and declared.model == "linear":
         return "events of the linear model lie on the grid of rendered steps"
     return ""

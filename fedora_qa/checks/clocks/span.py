@@ -1,4 +1,4 @@
-"""Where the streams begin and end."""
+"""The begin and end of each stream."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
@@ -79,35 +79,36 @@ class FewSamples(Feature):
 class ClocksSpan(FactsCheck):
     """Do the streams begin and end together?
 
-    How much later each sampled stream begins, and how much earlier it ends, than the median stream; and how many of its
-    samples are missing at either end.
+    For each sampled stream, in ms: how much later than the median stream it begins, and how much earlier it ends. The
+    number of its samples that are missing at either end.
 
     Why it matters
     --------------
-    A stream that stops early leaves the rest of the sequence without it, which shows only where it is first needed; one
-    that lies elsewhere as a whole has another origin: its stamps were counted from zero, or from another epoch.
+    A stream that ends early is absent from the rest of the sequence, which is noticed only where it is needed. A stream
+    that is shifted as a whole has another origin: its timestamps were counted from zero, or from another epoch.
 
     How
     ---
-    First and last instant of each stream (of flow, the start of the first and the end of the last interval) are held
-    against the median over all streams, which one stray stream cannot move. A stream that begins as much later as it
-    ends has an offset; any other is cut off. A sample is missing at an end where one would have been due at an instant
-    that at least half of the streams cover.
+    The first and last instant of each stream (for flow, the start of the first and the end of the last interval) are
+    compared with the median over all streams, on which one deviating stream has no influence. A stream that begins as
+    much later as it ends later has an offset; any other is cut off. A sample is missing at an end where one would have
+    been due at an instant that at least half of the streams cover.
 
-    A stream of two samples or fewer has no period of its own. Three are due within 0.3 s of the other streams, as
-    sampled streams have 10 Hz at least, and three fields of flow within four of their intervals.
+    The period of a stream of two samples or fewer cannot be fitted. Sampled streams have at least 10 Hz, so that three
+    samples are due within 0.3 s of the other streams, and three fields of flow within four of their intervals.
 
     Noise model
     -----------
-    None at random. A stream begins, and ends, less than a period P of its own inside the recording, since one more
-    sample would have been taken otherwise; so does the median stream, by its own period. The allowance is the sum of
-    both. It also leaves room for one sample that was under way when the recorder stopped: such a one is noted, by the
-    stricter rule, and does not fail.
+    No random error. A stream begins, and ends, less than its own period P inside the recording, because another sample
+    would have been taken otherwise. The same holds for the median stream and its period. The model error bound is the
+    sum of both periods. It includes one sample that was not yet written when the recorder stopped: such a sample is
+    noted by the stricter rule, and is no finding.
 
     Cannot see
     ----------
-    Streams that all begin late or end early together. Events may begin late and end early, since a still scene gives
-    none; only that any lie within the span of the other streams is required. A stream without any event is noted.
+    Streams that all begin late or end early together. Events may begin late and end early, because a still scene gives
+    none: it is only required that some of them lie within the span of the other streams. A stream without any event is
+    noted.
 
     Sources
     -------
@@ -120,10 +121,10 @@ class ClocksSpan(FactsCheck):
         """Require two sampled streams, or one of few samples beside another stream."""
         few_beside_others = streams_of_few_samples(facts) and _others_ns(facts)
         comparable = len(placed_streams(facts)) > 1 or few_beside_others
-        return "" if comparable else "fewer than two streams have three stamps in order"
+        return "" if comparable else "fewer than two streams have three timestamps in order"
 
     def examine(self, facts: Facts) -> Observation:
-        """Measure how much later each stream begins and how much earlier it ends."""
+        """Measure how much later each stream begins, and how much earlier it ends."""
         fits = dict(fits_of(facts))
         ends = {stream: extent_ns(facts.clocks[stream]) for stream in fits}
         # One stray stream does not move a median.
@@ -139,7 +140,7 @@ class ClocksSpan(FactsCheck):
         failed = {m.where.stream for m in statistics if abs(m.value) > m.model_error_bound}
         notices: list[Notice] = []
         if facts.events is not None and not facts.events.count:
-            message = f"there are no events in {(finish - begin) / NS_PER_S:.3g} s, as where nothing changes"
+            message = f"there are no events in {(finish - begin) / NS_PER_S:.3g} s, as in a scene without change"
             notices.append(Notice("clocks.span.no_events", message, Where(stream="events")))
         # Streams whose next sample would have been due before, or at, the instant where half of the streams end.
         for stream, (start, stop) in ends.items():
@@ -151,7 +152,7 @@ class ClocksSpan(FactsCheck):
                 # A sample is due within the jitter of its time; 1e-6 covers the rounding of the division.
                 if count >= 1 - fits[stream].jitter_ns / period_ns - 1e-6:
                     missing = f"{stream} lacks {int(count + 0.5)} of its samples at its {end}"
-                    message = f"{missing}: most other streams go on to where the {rule} one is due"
+                    message = f"{missing}: most other streams cover the time at which the {rule} one is due"
                     notices.append(Notice(f"clocks.span.{rule}_missing", message, Where(stream=stream)))
         return Observation(all_timestamps(facts), tuple(statistics), tuple(notices))
 
@@ -209,7 +210,7 @@ def _of_events(facts: Facts, begin: float, finish: float) -> Iterator[Statistic]
         name="events.apart",
         value=int(apart_ns > 0),
         unit="streams",
-        statement=f"no event lies within the span of the other streams: it is {abs(apart_ns) / NS_PER_S:.6g} s away.",
+        statement=f"no event lies within the span of the other streams: the gap is {abs(apart_ns) / NS_PER_S:.6g} s.",
         code="clocks.span.apart",
         where=Where(stream="events", start_us=facts.to_file_us(first_ns), stop_us=facts.to_file_us(last_ns)),
         features=(StreamEnds(first_ns - begin, finish - last_ns, finish - begin),),
@@ -242,7 +243,7 @@ def _of_ends(
             # Timestamps are whole microseconds; the value is in ms.
             resolution=1e-3,
             statement=f"{stream} {clause.format(value_ms)} the other streams"
-            f"{': its stamps begin at zero, theirs do not' if zero else ''}.",
+            f"{': its timestamps begin at zero, theirs do not' if zero else ''}.",
             code=f"clocks.span.{rule}",
             where=where,
             features=tuple(features),

@@ -1,4 +1,4 @@
-"""The unit of the timestamps."""
+"""The unit of timestamps."""
 
 import numpy as np
 
@@ -17,37 +17,35 @@ from fedora_qa.views.timestamp_unit import UNIT_FACTORS, unit_factor
 
 
 class ClocksUnit(FactsCheck):
-    """Are all stamps in microseconds of one clock?
+    """Are all timestamps in microseconds of one clock?
 
-    The factor by which each stream's stamps are too large, told from how long the stream lasts.
+    For each stream, the factor by which its timestamps are too large, estimated from the duration of the stream.
 
     Why it matters
     --------------
-    Every loader that trusts the unit places the whole stream elsewhere in time, and velocities are off by the factor.
+    Every loader that assumes the unit places the whole stream at another time, and velocities are wrong by the factor.
 
     How
     ---
-    The time from a stream's first to its last stamp is held against the median of all streams, or against what the
-    names of the flow rates promise (fields over Hz) where there is flow. The factors that real files hold are told
-    apart: seconds, milliseconds and nanoseconds written as microseconds, and the 32 of a simulation that was stamped
-    by the wall clock while it ran 32 times slower. Stamps that count up by exactly one while others span more than
-    twice as much are numbers of samples, not times; their factor is one microsecond over the period. Three or more
-    successive steps that are too long by one of the factors are a part in another unit.
+    The time from a stream's first to its last timestamp is compared with the median over all streams. Where there is
+    flow, it is compared with the duration that the rates in the names of flow imply (number of fields over Hz). The
+    factors considered are those of seconds, milliseconds and nanoseconds written as microseconds, and 32: a simulation
+    that runs 32 times slower than real time, with timestamps of the wall clock. Timestamps that increase by exactly
+    one, while other streams last more than twice as long, are sample numbers; their factor is one microsecond over the
+    period. Three or more successive steps that are too long by one of the factors are a part in another unit.
 
     Noise model
     -----------
-    None at random. A factor is taken where the ratio of durations lies within 20% of it: the factors lie 30 times
-    apart and farther, and streams that end early by less than a fifth are for ``clocks.span``. All else counts as 1.
+    No random error. A factor is assigned where the ratio of durations is within 20% of it: the factors differ by 30 and
+    more, and ``clocks.span`` detects streams that end early by less than a fifth. Any other ratio counts as 1.
 
     Cannot see
     ----------
-    All streams in one wrong unit, unless flow says how long they should last; a file with a single stream and no
-    flow.
+    A unit error of all streams together, unless flow implies the duration. A file with a single stream and no flow.
 
     Sources
     -------
-    First principles. The factors are from the list of traps that real files hold, the 32 from the simulation of the
-    dataset's paper.
+    First principles. The factors are errors of unit in real files; 32 is from the simulation of the dataset's paper.
     """
 
     name = "clocks.unit"
@@ -57,7 +55,7 @@ class ClocksUnit(FactsCheck):
         durations = durations_ns(facts)
         reference = reference_duration_ns(facts, durations)
         if reference is None:
-            return Observation(all_timestamps(facts), unobservable="no two streams have a duration to be compared")
+            return Observation(all_timestamps(facts), unobservable="fewer than two streams have a duration")
         factors: list[Statistic] = []
         for stream, duration_ns in durations.items():
             ratio = duration_ns / reference
@@ -70,8 +68,8 @@ class ClocksUnit(FactsCheck):
                 and bool(np.all(np.diff(clock.times_ns) == NS_PER_US))
             )
             factor = ratio if counts else unit_factor(ratio)
-            clause = "are numbers of samples, not times" if counts else UNIT_FACTORS[factor]
-            text = f"The stamps of {stream} span {ratio:.6g} times as long as the other streams: they {clause}."
+            clause = "are sample numbers, not times" if counts else UNIT_FACTORS[factor]
+            text = f"The timestamps of {stream} span {ratio:.6g} times as long as the other streams: they {clause}."
             factors.append(_factor(f"{stream}.unit_factor", factor, text, "clocks.unit.factor", Where(stream=stream)))
         # A stream in another unit as a whole has no part in another unit besides.
         agreeing = {statistic.where.stream for statistic in factors if statistic.value == 1.0}
@@ -82,7 +80,7 @@ class ClocksUnit(FactsCheck):
                 start_us = file_us(facts, facts.clocks[stream].times_ns, first)
                 where = Where(stream, start_us, None, index_start=first, index_stop=last + 1)
                 text = (
-                    f"From row {first} to {last} the stamps of {stream} {UNIT_FACTORS[part.factor]}: the steps "
+                    f"From row {first} to {last} the timestamps of {stream} {UNIT_FACTORS[part.factor]}: the steps "
                     f"between them are {part.factor:g} times as long as elsewhere."
                 )
                 factors.append(_factor(f"{stream}.unit_factor_of_a_part", part.factor, text, "clocks.unit.part", where))

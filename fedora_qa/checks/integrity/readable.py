@@ -125,7 +125,7 @@ class IntegrityReadable(WindowCheck[ReadSummary]):
         for start, stop in facts.events.unreadable if facts.events else ():
             if not any(chunk.start < stop and start < chunk.stop for chunk in reported):
                 number = start // _rows_in_chunk(bindings[key])
-                damaged[key, number] = DamagedChunk(key, number, start, stop, "their stamps do not decode")
+                damaged[key, number] = DamagedChunk(key, number, start, stop, "their timestamps do not decode")
         stored = sum(ceil(b.rows / _rows_in_chunk(b)) * _chunks_beside(b) for b in bindings.values())
         streams = sorted({spec_of(key).stream for key in bindings})
         unusable = facts.layout.streams - facts.streams - {spec_of(key).stream for key, _ in damaged}

@@ -123,7 +123,7 @@ class IntegrityResolution(FactsCheck):
         if not statistics:
             return Observation(
                 coverage,
-                unobservable="no step can be inferred: values of depth, flow, poses, IMU cannot be read, or hardly differ",
+                unobservable="values of depth, flow, poses and IMU cannot be read, or differ too little to infer a step",
             )
         return Observation(coverage, with_flow_rate_deviations(statistics, set(facts.flow_streams)))
 

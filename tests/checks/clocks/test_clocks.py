@@ -327,7 +327,7 @@ def test_timestamps_from_zero_beside_others_of_an_epoch_are_said_to_be() -> None
     late = {stream: clock(held.times_ns + epoch_us * 1000) for stream, held in facts.clocks.items() if stream != "imu"}
     from_zero = replace(facts, clocks={**late, "imu": facts.clocks["imu"]})
     alarm = judged("clocks.span", from_zero).alarms[0]
-    assert "its stamps begin at zero" in alarm.finding.message
+    assert "its timestamps begin at zero" in alarm.finding.message
     first = hypotheses_of(alarm, from_zero)[0]
     assert (first.cause, first.stream) == ("time_offset", "imu")
 
