@@ -70,27 +70,27 @@ class EventExtent(Feature):
 class EventStreamBounds(WindowCheck[BoundsCount]):
     """Does every event lie on the sensor, with a polarity of 0 or 1?
 
-    The number of events beyond the declared width and height, and of those with a polarity of neither code.
+    The number of events outside the declared width and height, and of events with another polarity than 0 or 1.
 
     Why it matters
     --------------
-    An event outside the image overruns the arrays of whoever accumulates events, or wraps round to another pixel;
-    exchanged x and y show first in this way.
+    An event outside the image is written beyond the array in which events are accumulated, or wraps round to another
+    pixel. Exchanged x and y are often noticed only by such events.
 
     How
     ---
-    Every event of the windows seen is compared with the declared event camera; the first offender is named by row,
-    stamp and pixel. Where all events would fit with x and y exchanged, that is said. A stream of one polarity alone is
-    noted, not failed.
+    Every event of the decoded windows is compared with the declared event camera. The finding states the row, timestamp
+    and pixel of the first event outside. Where all events lie on the sensor with x and y exchanged, it states that too.
+    A stream of only one polarity is noted and is no finding.
 
     Noise model
     -----------
-    None: counts are exact, and one is too many.
+    None: counts are exact, and a correct file has none.
 
     Cannot see
     ----------
-    Wrong places on the sensor (``event_response.orientation``), exchanged axes of a square sensor, and polarities that
-    are merely exchanged. A declaration that is too large hides events that should not be there.
+    Wrong positions within the sensor (``event_response.orientation``), exchanged axes of a square sensor, and inverted
+    polarity. A declared size that is too large hides wrong events.
 
     Sources
     -------
@@ -139,7 +139,7 @@ class EventStreamBounds(WindowCheck[BoundsCount]):
         # Columns and rows count from 0: the least size that holds them is one more.
         columns, rows = (1 + max(count.farthest[axis] for count in state) for axis in (0, 1))
         fits_exchanged = columns <= height and rows <= width
-        hint = "; with x and y exchanged all of them would fit" if fits_exchanged else ""
+        hint = "; with x and y exchanged all events lie inside" if fits_exchanged else ""
         statistics = (
             count_of_faults(
                 name="outside",
@@ -165,6 +165,6 @@ class EventStreamBounds(WindowCheck[BoundsCount]):
         off, on = (sum(count.polarities[p] for count in state) for p in (0, 1))
         notices: tuple[Notice, ...] = ()
         if total >= _ENOUGH_EVENTS and not (off and on):
-            text = f"every event is {'brighter' if on else 'darker'}"
+            text = f"every event has polarity {'1 (brighter)' if on else '0 (darker)'}"
             notices = (Notice("event_stream.bounds.one_polarity", text, Where(stream="events")),)
         return Observation(event_coverage(facts, total), statistics, notices)

@@ -1,4 +1,4 @@
-"""The event stream by itself: repeats."""
+"""Events that occur twice."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -33,7 +33,7 @@ from fedora_qa.views.event_camera import HALO_NS, own, pixel_events, sensor_even
 from fedora_qa.views.event_tick import local_tick_ns
 
 _MOST_TILES: Final = 32
-"""Number of tiles of a doubled tick from which on they are not told apart: the chance is nil."""
+"""Largest number of tiles of a doubled tick that is counted exactly: with more, the probability is negligible."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -86,41 +86,42 @@ class RepeatCount:
 class EventStreamDuplicates(WindowCheck[RepeatCount]):
     """Does every event occur once?
 
-    The number of events with pixel and stamp of another, and of ticks in which all events occur an even number of
-    times.
+    The number of events with the pixel and timestamp of another event, and the number of ticks in which every pixel
+    fires an even number of times.
 
     Why it matters
     --------------
-    A packet that is flushed twice doubles contrast for a moment: integrated brightness is off for the rest of the
-    sequence, and rates of events are wrong.
+    A packet that is written twice doubles the contrast for a moment. Integrated brightness is then wrong for the rest
+    of the sequence, and event rates are wrong.
 
     How
     ---
-    A pixel of a sensor that stamps to the microsecond fires at most once in it: twice would be a slope of a threshold a
-    microsecond. On a grid of packets or rendered steps, declared or measured, a pixel may fire several times a tick.
-    There, pairs of events of one pixel and polarity are counted by the ticks between them, at quiet pixels: no
-    neighbour has two events of that polarity fewer than nine ticks apart at that time. A tick is doubled where each
-    pixel fires an even number of times with each polarity, eight events at least.
+    A pixel whose timestamps have a resolution of a microsecond fires at most once in it: two events would be a slope of
+    one threshold per microsecond. On a grid of packets or rendered steps, declared or measured, a pixel may fire
+    several times a tick. There, pairs of events of one pixel and polarity are counted by the number of ticks between
+    them, at quiet pixels only: no neighbour has two events of that polarity fewer than nine ticks apart at that time. A
+    tick is doubled where each pixel fires an even number of times with each polarity, eight events at least.
 
     Noise model
     -----------
-    Ideal events never coincide, so that one repeat of a microsecond is too many. Declared spurious events fall on a
-    true one with the chance of their rate times the tick: that many are expected, with their Poisson error, and one
-    more is allowed.
+    Ideal events never coincide, so that one repeat within a microsecond exceeds the limit. Declared spurious events
+    coincide with another event with a probability of their rate times the tick: this number is expected, with its
+    Poisson error, and one more is allowed.
 
-    On a grid of any tick, intervals of random phase put ``n_0 <= n_k / 2`` pairs into one tick if their density does
-    not fall from zero on, where n_k pairs lie k ticks apart. Given all pairs, n_0 is binomial. At quiet pixels the
-    density does not fall, as an edge that crosses several thresholds within a tick does so at neighbours too; that of
-    noise falls by at most 1/16 a tick, which is in the binomial share (``fedora_qa/estimators/events/repeats.py``).
-    Nothing is declared: tick and n_k are the file's. Ticks are doubled by chance with the power of the share of even
-    tiles of 8 px, measured in the other ticks, to the number of their tiles; their number has a Poisson error.
+    On a grid of any tick, let n_k be the number of pairs k ticks apart. Intervals of random phase give ``n_0 <= n_k /
+    2``, if the density of intervals does not decrease from zero on. Given all pairs, n_0 is binomial. At quiet pixels
+    the density does not decrease, because an edge that crosses several thresholds within a tick does so at neighbours
+    too. The density of noise decreases by at most 1/16 a tick, which the binomial probability includes
+    (``fedora_qa/estimators/events/repeats.py``). No declaration is needed: tick and n_k are measured. A tick is doubled
+    by chance with probability s^n, where n is the number of its 8 px tiles, and s the share of even tiles in the other
+    ticks. The number of doubled ticks has a Poisson error.
 
     Cannot see
     ----------
-    Doubled events whose stamps were altered by as little as a microsecond, which ``event_response.conservation`` sees
-    where pixels show it. On a grid: doubled events where neighbours fire more often than every nine ticks, at the rim
-    of the sensor, at pixels that fire more often than every 16 ticks, and on grids coarser than 1.25 ms; there only
-    doubled ticks count.
+    Doubled events whose timestamps differ by a microsecond or more; ``event_response.conservation`` detects them where
+    pixels are observable. On a grid: doubled events where neighbours fire more often than every nine ticks, at the
+    border of the sensor, at pixels that fire more often than every 16 ticks, and on grids coarser than 1.25 ms. There
+    only doubled ticks are detected.
 
     Sources
     -------
@@ -141,7 +142,7 @@ class EventStreamDuplicates(WindowCheck[RepeatCount]):
         on_grid, start = tick > NS_PER_US, window.owned("events").start
         repeats, first, doubled, first_doubled = count_repeats(events.x, events.y, events.times_ns, shape), -1, 0, -1
         doubled_ticks, tiles, even_tiles = np.zeros(_MOST_TILES + 1, np.int64), 0, 0
-        # Rows of repeats cost a second pass, which only windows with repeats need.
+        # The rows of repeats take a second pass, which only windows with repeats need.
         if repeats:
             repeats, first, doubled, first_doubled = find_repeats(events.x, events.y, events.times_ns, events.p, shape)
         if doubled:
@@ -177,7 +178,7 @@ class EventStreamDuplicates(WindowCheck[RepeatCount]):
         )
 
     def conclude(self, state: Sequence[RepeatCount], facts: Facts) -> Observation:
-        """Sum over the windows; windows on a grid have repeats by chance."""
+        """Add up the windows; windows on a grid have repeats by chance."""
         total = sum(count.events for count in state)
         if not total:
             return Observation(event_coverage(facts, 0), unobservable=NO_EVENTS)
@@ -190,11 +191,11 @@ class EventStreamDuplicates(WindowCheck[RepeatCount]):
 
 
 def _doubled_ticks(state: Sequence[RepeatCount], facts: Facts) -> Statistic:
-    """Return the number of doubled ticks, with that of chance."""
+    """Return the number of doubled ticks, with the number expected by chance."""
     by_tiles = np.sum([count.doubled_ticks for count in state], axis=0)
     doubled = int(by_tiles.sum())
     tiles, even_tiles = sum(count.tiles for count in state), sum(count.even_tiles for count in state)
-    # The rule of succession, as no even tile among a few is no proof that there are none.
+    # Rule of succession: a small sample without even tiles does not prove a share of zero.
     share = (even_tiles + 1) / (tiles + 2)
     chance = chance_of_doubled_ticks(float(by_tiles @ share ** np.arange(len(by_tiles)))) if doubled else None
     first_doubled = next((count.first_doubled for count in state if count.first_doubled is not None), None)
@@ -206,7 +207,7 @@ def _doubled_ticks(state: Sequence[RepeatCount], facts: Facts) -> Statistic:
         standard_error=chance.standard_error if chance is not None else 0.0,
         side="upper",
         resolution=1.0,
-        statement=f"In {doubled} instants every event occurs twice: packets were written twice.",
+        statement=f"At {doubled} timestamps every event occurs twice: packets were written twice.",
         code="event_stream.duplicates.packet",
         where=where_of(facts, first_doubled),
         features=(RepeatedEvents(sum(count.repeats for count in state)),),
@@ -214,7 +215,7 @@ def _doubled_ticks(state: Sequence[RepeatCount], facts: Facts) -> Statistic:
 
 
 def _repeats_on_grid(state: Sequence[RepeatCount], facts: Facts) -> Statistic:
-    """Return the number of repeats at quiet pixels, with that of chance."""
+    """Return the number of repeats at quiet pixels, with the number expected by chance."""
     pairs = np.sum([count.pairs for count in state], axis=0)
     chance = chance_of_repeats(pairs)
     return Statistic(
@@ -226,8 +227,8 @@ def _repeats_on_grid(state: Sequence[RepeatCount], facts: Facts) -> Statistic:
         side="upper",
         resolution=1.0,
         tests=NEAR,
-        statement=f"{pairs[0]} events repeat pixel, polarity and stamp of another where neighbours are quiet; the grid "
-        f"of the stamps explains {chance.expected:.3g}.",
+        statement=f"{pairs[0]} events have the pixel, polarity and timestamp of another where neighbours are quiet; "
+        f"{chance.expected:.3g} are expected from the grid of timestamps.",
         code="event_stream.duplicates.event",
         where=where_of(facts, next((count.first for count in state if count.first is not None), None)),
         features=(RepeatedEvents(int(pairs[0])),),
@@ -235,7 +236,7 @@ def _repeats_on_grid(state: Sequence[RepeatCount], facts: Facts) -> Statistic:
 
 
 def _repeats(state: Sequence[RepeatCount], facts: Facts) -> Statistic:
-    """Return the number of repeats of a microsecond, with that of declared spurious events."""
+    """Return the number of repeats within a microsecond, with that expected from declared spurious events."""
     total, repeats = sum(count.events for count in state), sum(count.repeats for count in state)
     declared, spurious_hz = facts.declared.events, 0.0
     if declared is not None:
@@ -249,12 +250,12 @@ def _repeats(state: Sequence[RepeatCount], facts: Facts) -> Statistic:
         value=float(repeats),
         unit="events",
         expected=chance,
-        # A count of rare coincidences; where none is declared even one exceeds the limit.
+        # A count of rare coincidences; without declared spurious events even one exceeds the limit.
         standard_error=float(np.sqrt(chance)),
         model_error_bound=1.0 if chance > 0 else 0.0,
         side="upper",
         resolution=1.0,
-        statement=f"{repeats} events repeat pixel and stamp of another.",
+        statement=f"{repeats} events have the pixel and timestamp of another.",
         code="event_stream.duplicates.event",
         where=where_of(facts, next((count.first for count in state if count.first is not None), None)),
         features=(RepeatedEvents(repeats),),

@@ -1,4 +1,4 @@
-"""The event stream by itself: silences of the whole sensor."""
+"""Intervals in which no pixel of the sensor gives an event."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -56,34 +56,35 @@ class SilenceCount:
 
 
 class EventStreamGaps(WindowCheck[SilenceCount]):
-    """Does the stream of all pixels together fall silent where its neighbourhood does not?
+    """Is there an interval without any event of the whole sensor that its neighbourhood makes improbable?
 
-    The length, in ms, of the silence that its own neighbourhood makes least probable.
+    The length, in ms, of the interval without events (silence) that is least probable given its own neighbourhood.
 
     Why it matters
     --------------
-    A recorder or simulator that loses a packet leaves a hole of 0.2 to 2 ms, in which every edge jumps. Frames per
-    second, rates and histograms do not show it.
+    A recorder or simulator that loses a packet leaves a gap of 0.2 to 2 ms, across which every edge jumps. Frame rates,
+    event rates and histograms do not show it.
 
     How
     ---
-    The longest silences of a window are examined, those that began before it included. Each is held against the counts
-    in sixteen bins of its own length on either side, and the side that makes it more probable counts: motion that comes
-    to rest empties its neighbourhood as well and so excuses a silence, a packet that was lost does not. A silence that
-    a step back of the stamps matches (``clocks.order``) is a clock that was set, and no loss.
+    The longest silences of a window are examined, also those that began before it. Each is compared with the counts in
+    sixteen bins of its own length on either side, and the side that makes it more probable is used. Motion that comes
+    to rest therefore gives no finding, because the bins after it are empty as well; a lost packet leaves both sides
+    full. A silence that matches a step back of the timestamps (``clocks.order``) is a clock that was set, and no loss.
 
     Noise model
     -----------
-    Bins of a rate that itself fluctuates hold gamma-Poisson counts: with mean m and a rate of relative variance 1/r,
-    measured from the bins, an empty one has the chance (1 + m / r)^-r. The standard error is the length at which this
-    chance becomes that of one standard deviation; every silence is a test. The grid of stamps is taken off each
-    silence.
+    Counts in bins of a rate that itself fluctuates are gamma-Poisson. With mean m and a relative variance 1/r of the
+    rate, both measured from the bins, a bin is empty with probability (1 + m / r)^-r. The standard error is the length
+    at which this probability equals that of one standard deviation. Every silence counts as a test. The grid of
+    timestamps is subtracted from each silence.
 
     Cannot see
     ----------
-    Losses in a part of the image (``event_response.conservation``), losses shorter than the usual silence of the scene,
-    and those in quiet scenes: where 2 ms would pass unseen nothing is judged. A loss at the very end, after which no
-    event comes, or within four of its own lengths of the first event, when the sensor only begins to fire.
+    Losses in a part of the image (``event_response.conservation``). Losses shorter than the usual silences of the
+    scene. Losses in quiet scenes: where 2 ms could not be detected, nothing is judged. A loss at the very end, after
+    which no event comes. A loss within four of its own lengths after the first event, when the sensor only begins to
+    give events.
 
     Sources
     -------
@@ -112,7 +113,7 @@ class EventStreamGaps(WindowCheck[SilenceCount]):
         silences = [count.least_probable for count in state if count.least_probable is not None]
         if not silences:
             if not any(count.silences for count in state):
-                reason = "too few events to tell a gap from a quiet scene"
+                reason = "too few events to distinguish a gap from a quiet scene"
                 return Observation(coverage, unobservable=reason)
             # Every tick holds events.
             events = facts.events
@@ -145,7 +146,7 @@ class EventStreamGaps(WindowCheck[SilenceCount]):
             standard_error=length_ms / max(worst.z, 0.5),
             side="upper",
             tests=sum(count.silences for count in state),
-            statement=f"No event for {length_ms:.4g} ms from {start_us:.0f} us, where about {expected} are due.",
+            statement=f"No event for {length_ms:.4g} ms from {start_us:.0f} us, where about {expected} are expected.",
             code="event_stream.gaps.silence",
             where=Where(stream="events", start_us=start_us, stop_us=stop_us),
             features=(ExpectedEvents(expected), *((reset,) if reset is not None and of_reset else ())),

@@ -1,4 +1,4 @@
-"""The event stream by itself: pixels with events without cause."""
+"""Hot pixels: pixels with events that no change of light causes."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -64,40 +64,43 @@ class HotPixelCount(Feature):
 
 
 class EventStreamRates(Check[PixelCounts]):
-    """Does any pixel fire without cause?
+    """Does any pixel fire without a change of light?
 
-    The excess of the loudest pixel over its neighbourhood, in events a second, and the rate of declared hot pixels.
+    The largest excess of a pixel's rate over its neighbourhood, in Hz, and the mean rate of declared hot pixels.
 
     Why it matters
     --------------
-    One hot pixel of 200 Hz gives more events than hundreds of others; it draws optical flow and learned features to
-    itself. If its polarity alternates, it breaks no law of brightness either.
+    One hot pixel of 200 Hz gives more events than hundreds of other pixels, and biases optical flow and learned
+    features. If its polarity alternates, its events agree with the brightness constraint, so that conservation cannot
+    detect them.
 
     How
     ---
-    Events of every pixel are counted over the whole file, whatever their polarity, and held against the 24 neighbours:
-    what moves over a sensor moves over them as well. The excess is over the third largest neighbour, so that two hot
-    pixels side by side do not hide each other. Declared hot pixels are excused, and held to their declared rate. Hot
-    pixels that lie where mirroring, an exchange of axes or one shift would take the declared ones are no new ones:
-    all events were moved. Where the sequence is declared as recorded, hot pixels are a property of its sensor: the
-    record states them, and only declared ones are judged.
+    Events of every pixel are counted over the whole file, regardless of polarity, and compared with the 24 neighbours:
+    an edge that moves over a pixel moves over its neighbours as well. The excess is over the third largest neighbour,
+    so that two adjacent hot pixels do not hide each other. Declared hot pixels are excluded, and their rate is compared
+    with the declared one. Hot pixels at the positions of declared ones after mirroring, exchange of axes or one shift
+    are not new: all events were moved. Where the sequence is declared as recorded, hot pixels are a property of its
+    sensor: the record states them, and only declared ones are judged.
 
-    A scene that swings to and fro (hovering) makes neighbours differ alike in every swing: one just passes its
-    threshold each time, the others never do. One event a swing is therefore allowed for. Swings are counted as runs of
-    equal polarity that a pixel and three of its neighbours have all reached, wherever on the sensor that is most.
+    In a scene that oscillates (hovering), neighbours differ in the same way in every swing: one pixel just reaches its
+    threshold each time, and the others never do. One event a swing is therefore allowed. The number of swings is the
+    largest number of runs of equal polarity that a pixel and three of its neighbours have all reached anywhere on the
+    sensor.
 
     Noise model
     -----------
-    Standard error: Poisson's of the third largest neighbour and of the swings allowed for, with the distance of the
-    former from the neighbours' median, which measures how much edges and textures make neighbours differ (1.1 standard
-    deviations of a normal distribution), and of one event. A declared spread of thresholds allows the rate to be larger
-    by five sigma of it. All pixels are tests. Declared hot pixels have the Poisson error of their sum, and lose what
-    falls into refractory periods.
+    The variance is the sum of the Poisson variances of the third largest neighbour and of the allowed swings, the
+    square of the difference between the third largest neighbour and the neighbours' median, and that of one event. The
+    difference measures how much edges and textures make neighbours differ (1.1 standard deviations of a normal
+    distribution). A declared spread of thresholds allows the rate to be larger by five of its standard deviations. All
+    pixels count as tests. Declared hot pixels have the Poisson error of their sum, and lose events in refractory
+    periods.
 
     Cannot see
     ----------
-    Pixels that are hot for a short time only, or less than the scene itself is loud or swings; three and more hot
-    pixels side by side. Dead pixels and regions: without frames they are scenes at rest
+    Pixels that are hot for a short time only, or whose excess is below the rate of the scene or its swings. Three or
+    more adjacent hot pixels. Dead pixels and regions: without frames they cannot be distinguished from a scene at rest
     (``event_response.conservation``).
 
     Sources
@@ -167,7 +170,7 @@ class EventStreamRates(Check[PixelCounts]):
                 model_error_bound=float(excess.swings[row, column]) / seconds + rate_hz * threshold_spread,
                 side="upper",
                 tests=counts.size,
-                statement=f"{hot_count} pixels fire without cause: ({column}, {row}) at {rate_hz:.4g} Hz, "
+                statement=f"{hot_count} pixels fire without a change of light: ({column}, {row}) at {rate_hz:.4g} Hz, "
                 f"{excess_hz:.4g} Hz more than its neighbours.",
                 code="event_stream.rates.hot_pixel",
                 where=Where(stream="events", pixel=(column, row)),
@@ -185,7 +188,7 @@ class EventStreamRates(Check[PixelCounts]):
             return Observation(
                 coverage,
                 tuple(statistics[1:]),
-                unobservable="" if statistics[1:] else "hot pixels are a property of the sensor, which none declares",
+                unobservable="" if statistics[1:] else "hot pixels are a property of the sensor, and none are declared",
                 evidence=evidence,
                 titles=titles,
                 inferred={"events.hot_pixels": loudest} if hot_pixels else {},

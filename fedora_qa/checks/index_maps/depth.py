@@ -4,27 +4,28 @@ from fedora_qa.checks.index_maps.frame_to_event import _FrameToEvent
 
 
 class IndexMapsDepth(_FrameToEvent):
-    """Does depth_to_event name the earliest event not before each depth frame?
+    """Is each entry of depth_to_event the earliest event not before its depth frame?
 
-    The entries that differ from the definition are counted, and what made them is named.
+    The number of entries that differ from the definition, and the rule that reproduces them.
 
     Why it matters
     --------------
-    Loaders cut the events between two depth frames by these numbers alone. An entry that is off by one gives each slice
-    one event of its neighbour; a map of other stamps gives events of another time, and nothing else shows it.
+    Loaders select the events between two depth frames by these indices alone. An index that is off by one adds an event
+    of the neighbouring slice to each slice. A map of other timestamps selects events of another time, and no other
+    stream shows the error.
 
     How
     ---
-    As ``index_maps.rgb``, with the stamps of depth: exactly searchsorted(t_event, t_frame, "left"), and wrong entries
-    tried against the rules that makers of files follow by mistake.
+    As in ``index_maps.rgb``, with the timestamps of depth: entries must be exactly searchsorted(t_event, t_frame,
+    "left"), and wrong entries are compared with common wrong rules.
 
     Noise model
     -----------
-    None: an entry is right or wrong.
+    None: an entry is correct or wrong.
 
     Cannot see
     ----------
-    Whether the stamps themselves are right: a map that follows late stamps is right.
+    Wrong timestamps: a map that was made of late timestamps is correct.
 
     Sources
     -------

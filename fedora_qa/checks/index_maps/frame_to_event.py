@@ -121,7 +121,7 @@ class _FrameToEvent(FactsCheck):
 
     def not_applicable(self, facts: Facts) -> str:
         """Require the map and timestamps that could be read."""
-        return "" if self.stream in facts.index_maps else "the map or the stamps that it joins cannot be read"
+        return "" if self.stream in facts.index_maps else "the map or its timestamps cannot be read"
 
     def examine(self, facts: Facts) -> Observation:
         """Count entries that differ from the definition."""
@@ -144,7 +144,7 @@ class MapWords:
     check
         Name of the check.
     stream
-        Whose fault a wrong entry is.
+        Stream of the finding.
     instants
         Stream of the instants that the map points from.
     noun
@@ -186,7 +186,7 @@ def map_observation(
     whole = max(len(index_map.stored), len(index_map.expected_left))
     coverage = Coverage(length, whole, f"{words.noun}s")
     if events is None or events.unreadable:
-        return Observation(coverage, unobservable="event stamps cannot all be decoded, so that none can be counted")
+        return Observation(coverage, unobservable="event timestamps cannot be decoded, which the count needs")
     if not length:
         return Observation(coverage, unobservable=f"the map, or the stream of its {words.noun}s, is empty")
     wrong = np.flatnonzero(index_map.stored[:length] != index_map.expected_left[:length])
@@ -213,7 +213,7 @@ def map_observation(
             features.append(reset)
         place = (
             f": {text}. {words.noun.capitalize()} {first} points to event {index_map.stored[first]}, "
-            f"the first not before it is {index_map.expected_left[first]}"
+            f"expected {index_map.expected_left[first]}, the first event not before it"
         )
     wrong_entries = count_of_faults(
         name="wrong_entries",
@@ -239,7 +239,7 @@ def _rule_of(stored_map: _StoredMap, noun: str) -> tuple[str, MapRule]:
     shift = int(np.median(stored_map.deviations))
     # Each rule in words, the entries that it gives (n,), and the rule as a feature.
     candidates = [
-        ("they point behind equal stamps", right, MapRule("behind_equal_timestamps")),
+        ("they point after equal timestamps", right, MapRule("behind_equal_timestamps")),
         ("they are zero", np.zeros_like(left), MapRule("zero")),
         ("they stop at the last event", np.minimum(left, stored_map.event_count - 1), MapRule("last_event")),
         (f"they are off by {shift:+d}", left + shift, MapRule("shifted", float(shift), 0.0)),
@@ -261,8 +261,8 @@ def _rule_of(stored_map: _StoredMap, noun: str) -> tuple[str, MapRule]:
         return text, rule
     # The nearest event is the first not before the frame, or the one before that.
     if set(np.unique(stored_map.deviations)) <= {-1, 0}:
-        return "they point to the nearest event, before or behind", MapRule("nearest_event")
-    return _rule_in_time(stored_map) or ("no known deviation", MapRule("none"))
+        return "they point to the nearest event, before or after", MapRule("nearest_event")
+    return _rule_in_time(stored_map) or ("no common rule reproduces them", MapRule("none"))
 
 
 def _rule_in_time(stored_map: _StoredMap) -> tuple[str, MapRule] | None:
@@ -287,13 +287,13 @@ def _rule_in_time(stored_map: _StoredMap) -> tuple[str, MapRule] | None:
         return None
     delay_ms, spread_ms = _median_and_spread(shifts_ms)
     if spread_ms < _CLEAR * abs(delay_ms):
-        text = f"the entries fit events that are {delay_ms:+.4g} ms late"
+        text = f"they fit events that are {delay_ms:+.4g} ms late"
         return text, MapRule("delayed_events", delay_ms, spread_ms / np.sqrt(len(shifts_ms)))
     # A drift grows from the first frame on; 1 ms a second is 1000 ppm.
     elapsed_s = times_s - stored_map.frame_times_ns[0] / NS_PER_S
     ppm, spread_ppm = _median_and_spread(1e3 * shifts_ms[elapsed_s > 0] / elapsed_s[elapsed_s > 0])
     if spread_ppm < _CLEAR * abs(ppm):
-        text = f"the entries fit an event clock that runs {ppm:+.4g} ppm fast"
+        text = f"they fit an event clock that runs {ppm:+.4g} ppm fast"
         return text, MapRule("drifting_events", ppm, spread_ppm / np.sqrt(len(shifts_ms)))
     return None
 

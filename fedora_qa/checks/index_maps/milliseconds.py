@@ -6,29 +6,28 @@ from fedora_qa.sequence.facts import Facts
 
 
 class IndexMapsMilliseconds(FactsCheck):
-    """Does the map from milliseconds name the earliest event not before each millisecond?
+    """Is each entry of the map from milliseconds the earliest event not before its millisecond?
 
-    The entries that differ from the definition are counted, and what made them is stated.
+    The number of entries that differ from the definition, and the rule that reproduces them.
 
     Why it matters
     --------------
     Loaders of DSEC and M3ED read no timestamp to find a slice of events: they take the entries of its first and last
-    millisecond, and search between these alone. Events outside of a wrong entry are never returned.
+    millisecond, and search only between them. Events outside the range of a wrong entry are never returned.
 
     How
     ---
-    As ``index_maps.rgb``, with the instants 0, 1, 2 ... ms of the clock by which the events are stored, before an
-    offset such as ``t_offset`` is added: exactly searchsorted(t_event, k ms, "left"), the number of events where none
-    is left.
+    As in ``index_maps.rgb``, with the instants 0, 1, 2 ... ms of the clock of the stored events, before an offset such
+    as ``t_offset`` is added: entries must be exactly searchsorted(t_event, k ms, "left"), which is the number of events
+    where none is left.
 
     Noise model
     -----------
-    None: an entry is right or wrong.
+    None: an entry is correct or wrong.
 
     Cannot see
     ----------
-    Whether the stamps themselves are right: a map that follows late stamps is right. Milliseconds that the map lacks
-    at its end.
+    Wrong timestamps: a map that was made of late timestamps is correct. Milliseconds that the map lacks at its end.
 
     Sources
     -------

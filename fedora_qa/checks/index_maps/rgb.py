@@ -4,32 +4,34 @@ from fedora_qa.checks.index_maps.frame_to_event import _FrameToEvent
 
 
 class IndexMapsRgb(_FrameToEvent):
-    """Does rgb_to_event name the earliest event not before each colour frame?
+    """Is each entry of rgb_to_event the earliest event not before its colour frame?
 
-    The entries that differ from the definition are counted, and what made them is named.
+    The number of entries that differ from the definition, and the rule that reproduces them.
 
     Why it matters
     --------------
-    Loaders cut the events between two frames by these numbers alone. An entry that is off by one gives each slice one
-    event of its neighbour; a map of other stamps gives events of another time, and nothing else in the file shows it.
+    Loaders select the events between two frames by these indices alone. An index that is off by one adds an event of
+    the neighbouring slice to each slice. A map of other timestamps selects events of another time, and no other stream
+    shows the error.
 
     How
     ---
-    Exact: searchsorted(t_event, t_frame, "left") on the stamps as stored, the number of events where none is left.
-    Wrong entries are tried against the rules that makers of files follow by mistake: behind equal stamps, off by a
-    constant, the nearest event, the last event where none is left, zeros, the other camera's map, a neighbouring frame;
-    and else against events that are late by a time, or by one that grows (their deviation over the local event rate).
-    The rule is named that gives nine tenths of the wrong entries, and of several the one that gives most entries. Where
-    the clock of the events was set for a while (``clocks.order``), and all wrong entries lie where that tells, it is
-    suspected first: the map may be older.
+    Entries must be exactly searchsorted(t_event, t_frame, "left") of the stored timestamps, which is the number of
+    events where no later event exists. Wrong entries are compared with common wrong rules: after equal timestamps, off
+    by a constant, the nearest event, the last event where none is left, zero, the other camera's map, a neighbouring
+    frame. If none of them fits, a delay of the events is fitted, constant or growing with time (deviation of the
+    entries over the local event rate). A rule is named if it reproduces nine tenths of the wrong entries; of several
+    rules, the one that reproduces most entries is named. Where the clock of the events was set for some time
+    (``clocks.order``) and all wrong entries lie within that time, the clock is suspected first: the map may have been
+    made before.
 
     Noise model
     -----------
-    None: an entry is right or wrong.
+    None: an entry is correct or wrong.
 
     Cannot see
     ----------
-    Whether the stamps themselves are right: a map that follows late stamps is right.
+    Wrong timestamps: a map that was made of late timestamps is correct.
 
     Sources
     -------

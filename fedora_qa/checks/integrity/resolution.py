@@ -123,7 +123,7 @@ class IntegrityResolution(FactsCheck):
         if not statistics:
             return Observation(
                 coverage,
-                unobservable="values of depth, flow, poses and IMU cannot be read, or differ too little to infer a step",
+                unobservable="values of depth, flow, poses and IMU cannot be read, or differ too little for a step",
             )
         return Observation(coverage, with_flow_rate_deviations(statistics, set(facts.flow_streams)))
 

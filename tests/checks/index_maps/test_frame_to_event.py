@@ -100,7 +100,7 @@ def test_the_other_cameras_map_is_named() -> None:
         (lambda left: np.where(left > 0, left - 1, 0), "they are off by -1", "ms_to_event:index_off_by_one"),
         (lambda left: left + 2 * EVENTS_PER_MS + left % 7, "events that are +2", "events:time_offset"),
         (lambda left: left + left // EVENTS_PER_MS % 2 * 5, "they are off by +5", "ms_to_event:index_off_by_one"),
-        (lambda left: left + left // EVENTS_PER_MS % 3 * 5, "no known deviation", "ms_to_event:unknown"),
+        (lambda left: left + left // EVENTS_PER_MS % 3 * 5, "no common rule reproduces them", "ms_to_event:unknown"),
         (lambda left: left * 0, "they are zero", "ms_to_event:unknown"),
     ],
 )
