@@ -1,4 +1,4 @@
-"""Depth against colour: place in the image."""
+"""Depth against colour: position in the image."""
 
 from collections.abc import Sequence
 from typing import Final
@@ -22,37 +22,37 @@ _WHERE: Final = Where(stream="depth")
 class AlignmentDepth(WindowCheck[DepthEdges]):
     """Do steps of depth lie where colour frames have edges?
 
-    The shift of edges in colour frames against the steps of depth, in px to the right and down; and how much better
-    mirrored frames would fit.
+    The shift of edges in colour frames against the steps of depth, in px to the right and down; and the increase of the
+    agreement by mirrored frames.
 
     Why it matters
     --------------
-    Half a pixel between renderers is half a pixel at every outline: depth of the background on the rim of each thing,
-    and flow that belongs to the other side.
+    Half a pixel between renderers is an error of half a pixel at every outline: pixels on the rim of an object have the
+    depth of the background, and the flow of the other side.
 
     How
     ---
-    Around each place where depth steps from one surface to a nearer one (by a tenth of inverse depth at least; ground
-    that runs out of the range of depth has no outline there), the differences of neighbouring pixels of log luma are
-    read along the row, and along the column. Their mean profile peaks where the image has its edge: to the right and
-    down, for things whose left (upper) and right (lower) outlines are seen, each side by itself. Shifts of up to eight
-    pixels are found. A colour camera that sits elsewhere is looked at through depth, with the depth of the nearer
-    surface. The same is tried with mirrored frames. Events, where they are, tell which camera is off.
+    The profile of a step is measured at each position where depth changes to a nearer surface (by a tenth of inverse
+    depth at least; ground that leaves the range of depth has no outline there). It consists of the differences of
+    neighbouring pixels of log luma, along the row and along the column. The mean profile has its peak at the image
+    edge. Left (upper) and right (lower) outlines of objects are averaged separately. Shifts of up to eight pixels are
+    measured. For a colour camera at another position, pixels are transferred through depth, with the depth of the
+    nearer surface. The same is done with mirrored frames. Events, where they exist, determine which camera is shifted.
 
     Noise model
     -----------
-    Edges of texture are the noise. They differ from place to place, and hardly over time, so the standard error is the
-    jackknife over tiles of the image, with that over segments of time. Texture is not alike on both sides of an
-    outline, which draws left and right outlines apart: half their distance is measured, and bounds the error of the
-    mean where both sides lean alike. Where they lean the same way in the image, peaks are skewed: by how much the mean
-    moves when peaks are taken a pixel wider is measured too. Both together are the allowance
-    (``fedora_qa/estimators/depth/edge_profiles.py``), which grows where a line beside the outlines outshines them on
-    one side.
+    Edges of texture are the noise. They differ between positions, and hardly over time: the standard error is the
+    jackknife over tiles of the image, combined with that over segments of time. Texture differs on both sides of an
+    outline, which shifts the peaks of left and right outlines apart. Half their distance is measured, and bounds the
+    error of the mean if both peaks are shifted in one direction. If the peaks are skewed, the mean changes when peaks
+    are taken a pixel wider; this change is measured too. The sum of both is the model error bound
+    (``fedora_qa/estimators/depth/edge_profiles.py``). It is larger where an edge beside the outlines is stronger on one
+    side.
 
     Cannot see
     ----------
-    A shift along all edges of a scene, a smooth distortion, a shift of less than the texture's lean. Scenes without
-    steps of depth, or whose outlines do not stand out from the texture, where it says so.
+    A shift along all edges of a scene. A smooth distortion. A shift smaller than the bound by texture. Scenes without
+    steps of depth, or whose outlines are no stronger than the texture; these are reported as not_observable.
 
     Sources
     -------
@@ -69,14 +69,14 @@ class AlignmentDepth(WindowCheck[DepthEdges]):
         return why_depth_and_colour_do_not_meet(facts)
 
     def measure(self, window: Window) -> DepthEdges | None:
-        """Sum the edge profiles of some frames."""
+        """Add up the edge profiles of some frames."""
         return depth_edges(window)
 
     def conclude(self, state: Sequence[DepthEdges], facts: Facts) -> Observation:
         """Find the peaks of the summed profiles."""
         coverage = Coverage(sum(edges.frames for edges in state), len(facts.clocks["depth"].times_ns), "depth frames")
         if not state:
-            return Observation(coverage, unobservable="no depth frame has the stamp of a colour frame")
+            return Observation(coverage, unobservable="no depth frame has the timestamp of a colour frame")
         # VARIANTS begins with the frames as stored; the others are mirrored.
         stored, *mirrored_variants = colour_edges(state)
         best = max(range(len(mirrored_variants)), key=lambda i: mirrored_variants[i].peak_fraction)
@@ -84,7 +84,7 @@ class AlignmentDepth(WindowCheck[DepthEdges]):
         # A peak of either suffices: a mirrored camera has its peak in a mirrored variant only.
         if not stored.significant and not mirrored.significant:
             why = (
-                f"edges of colour frames do not stand out at steps of depth within {FARTHEST_PX} px: "
+                f"edges of colour frames are not concentrated at steps of depth within {FARTHEST_PX} px: "
                 f"a share of {stored.peak_fraction:.2g} +/- {stored.peak_fraction_error:.1g}"
             )
             return Observation(coverage, unobservable=why)
@@ -98,8 +98,8 @@ class AlignmentDepth(WindowCheck[DepthEdges]):
             blind_from=max(stored.peak_fraction, mirrored.peak_fraction),
             # The better of the mirrored variants was chosen.
             tests=len(VARIANTS) - 1,
-            statement=f"Steps of depth hold {mirrored.peak_fraction:.2g} of the edges around them in colour frames "
-            f"{VARIANTS[best + 1]}, {stored.peak_fraction:.2g} in frames as stored.",
+            statement=f"At steps of depth lie {mirrored.peak_fraction:.2g} of the edges around them in colour frames "
+            f"{VARIANTS[best + 1]}, and {stored.peak_fraction:.2g} in frames as stored.",
             code="alignment.depth.mirrored",
             where=_WHERE,
             features=(EventEdges(events.significant),),

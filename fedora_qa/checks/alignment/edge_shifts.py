@@ -80,7 +80,7 @@ class EdgeShifts:
         return self.peak_fraction > SIGNIFICANT * self.peak_fraction_error
 
     def against_depth(self, camera: str) -> CameraPairShift | None:
-        """Return the shift of a camera against the depth camera; None where no edges stand out."""
+        """Return the shift of a camera against the depth camera; None without significant edges."""
         if not self.significant:
             return None
         # Right, then down: px and its error.

@@ -1,4 +1,4 @@
-"""Events against colour: place in the image, for any polarity and thresholds."""
+"""Events against colour: position in the image, for any polarity and thresholds."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -32,8 +32,7 @@ Float64 = NDArray[np.float64]
 
 INTERVALS: Final = 3
 """Frame intervals of a window that are correlated, evenly spread; short windows use up to twice as many a second. The
-errors of more intervals are correlated: in 1 s of 1440x1080, 50 intervals constrain the shift no more than 30.
-"""
+errors of more intervals are correlated: in 1 s of 1440x1080, 50 intervals give no smaller error than 30."""
 
 FEWEST_INTERVALS: Final = 4
 
@@ -63,7 +62,7 @@ class IntervalCorrelations:
     far
         Correlations of the same pixels at half the resolution, for shifts beyond the reach of ``cross``.
     edges
-        Edges of colour and of events at steps of depth, which separate a shift of one camera from that of the other.
+        Edges of colour and of events at steps of depth, which separate shifts of both cameras.
     """
 
     auto: Float64
@@ -75,43 +74,42 @@ class IntervalCorrelations:
 
 
 class AlignmentEvents(WindowCheck[IntervalCorrelations]):
-    """Do events lie at the pixels where frames change, whatever their polarity, thresholds and sensor model?
+    """Do events lie at the pixels where frames change, for any polarity, thresholds and sensor model?
 
     The shift of events against colour frames, in px of the event camera, to the right and down.
 
     Why it matters
     --------------
-    Frames and events are used together, pixel by pixel: one wrong crop or half-pixel convention and edges of the one
-    lie beside edges of the other. It asks what ``event_response.alignment`` asks, without declared thresholds.
+    Frames and events are used together pixel by pixel. One wrong crop or half-pixel convention displaces all edges of
+    one against those of the other. The question is that of ``event_response.alignment``, without declared thresholds.
 
     How
     ---
-    The number of events between two frames is cross-correlated with the absolute change of log luma, and the sum over
-    intervals is registered on the autocorrelation of that change, to a hundredth of a pixel and up to four pixels; and
-    up to fourteen, to half a pixel, on blocks of 2 x 2 pixels.
-    Pixels with events of both signs are left out: what passed between the frames is not in their difference, and in
-    turns of tens of pixels a frame it comes from other rows.
-    Depth, where it is there, tells which camera is off: a shift must explain colour against depth and events against
-    depth too.
+    The number of events between two frames is cross-correlated with the absolute change of log luma. The sum over
+    intervals is registered on the autocorrelation of that change, to a hundredth of a pixel for shifts of up to four
+    pixels. Larger shifts, up to fourteen pixels, are measured to half a pixel on blocks of 2 x 2 pixels. Pixels with
+    events of both signs are left out: a change that reverses between the frames is not in their difference, and in
+    rotations of tens of pixels a frame it comes from other rows. Where depth exists, it determines which camera is
+    shifted: a shift must also explain colour against depth, and events against depth.
 
     Noise model
     -----------
-    The size of a step, C, is taken from the data: the change of all pixels that fire over their events. What a level
-    leaves open between two events has a variance of 2/3 C^2, from which the standard error follows; the spread when
-    segments of time are left out in turn counts where it is larger. The allowance is the lag: a level that has risen
-    lies above its reference by C/2 on average, so that events follow an even drift by at most C/2 mean|g| / mean g^2,
-    with g the slope of the level where pixels fire.
+    The size of a step, C, is estimated from the data: the change of all pixels with events over the number of these
+    events. Between two events the level has a variance of 2/3 C^2, from which the standard error follows. The spread
+    when segments of time are left out in turn is used where it is larger. The model error bound is the lag: a level
+    that has risen is above its reference by C/2 on average, so that events lag a constant drift by at most C/2 mean|g|
+    / mean g^2, with g the slope of the level at pixels with events.
 
     Cannot see
     ----------
-    A shift of less than the lag; a shift of a part of the time or of the image, except in the mean; shifts beyond
-    fourteen pixels, which leave no correlation. A late stream appears shifted along the mean motion and is suspected
+    A shift smaller than the lag. A shift of a part of the time or of the image, except in the mean. Shifts beyond
+    fourteen pixels, which leave no correlation. A late stream appears shifted along the mean motion, and is suspected
     as well.
 
     Sources
     -------
     M. Guizar-Sicairos, S. Thurman, J. Fienup, Opt. Lett. 33 (2008) for the registration; derivations in
-    ``shift``.
+    ``fedora_qa/estimators/events/shift.py``.
     """
 
     name = "alignment.events"
@@ -136,10 +134,10 @@ class AlignmentEvents(WindowCheck[IntervalCorrelations]):
         height = frames.uniform_dn.shape[1]
         auto, cross, sums, slopes, far = [], [], [], [], []
         for interval in chosen.tolist():
-            # In large frames each interval uses one quarter of the image, in turn. The uncertainty that events leave
-            # differs from place to place more than over time, so all quarters together have the error of the whole
-            # image. In 1 s of 1440x1080 standard errors are 0.014 and 0.030 px, against 0.011 and 0.018 px; limits,
-            # mostly due to the lag, are 9% and 23% larger.
+            # In large frames each interval uses one quarter of the image, in turn. The uncertainty between events
+            # differs more over the image than over time, so all quarters together have the error of the whole image. In
+            # 1 s of 1440x1080 standard errors are 0.014 and 0.030 px, against 0.011 and 0.018 px; limits, mostly due to
+            # the lag, are 9% and 23% larger.
             rows = slice(None)
             if by_quarters:
                 quarter = int(4 * turn_of(int(frames.frames[interval])))
@@ -153,8 +151,7 @@ class AlignmentEvents(WindowCheck[IntervalCorrelations]):
                 before, after, error_before_dn, error_after_dn, counts
             )
             slopes_of_interval = slope_sums(before, change, usable)
-            # Only pixels with events lag behind the level; the uncertainty that events leave concerns every usable
-            # pixel.
+            # Only pixels with events lag behind the level; the uncertainty between events concerns every usable pixel.
             slopes_of_interval[:2] = slope_sums(before, change, events > 0)[:2]
             # Slopes are sums over pixels: those of a quarter are extrapolated to all rows.
             slopes_of_interval *= height / len(before)
@@ -186,7 +183,7 @@ class AlignmentEvents(WindowCheck[IntervalCorrelations]):
             strength = float(all_cross.max() / max(np.sqrt(change_squares * event_squares), 1e-300))
             shift = registered_shift(all_auto, all_cross)
             if strength < LEAST_CORRELATION or shift is None or events == 0:
-                why = f"events and frames correlate by no more than {strength:.2g} within {REACH_PX} px"
+                why = f"events and frames have a correlation of at most {strength:.2g} within {REACH_PX} px"
                 return Observation(coverage, unobservable=why)
             # Delete-one jackknife over groups of intervals.
             groups = np.array_split(np.arange(len(auto)), min(len(auto), _MOST_GROUPS))
@@ -227,8 +224,8 @@ class AlignmentEvents(WindowCheck[IntervalCorrelations]):
                     unit="px",
                     standard_error=float(error_px),
                     model_error_bound=float(lag_px),
-                    statement=f"Events lie {value_px:+.3g} +/- {error_px:.2g} px ({direction} positive) from where "
-                    "the frames change.",
+                    statement=f"Events lie {value_px:+.3g} +/- {error_px:.2g} px ({direction} positive) from the "
+                    "changes of the frames.",
                     code="alignment.events.shift",
                     where=Where(stream="events"),
                     features=tuple(pairs),

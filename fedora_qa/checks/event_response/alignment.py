@@ -1,4 +1,4 @@
-"""Events against log intensity: place in the image."""
+"""Events against log intensity: position in the image."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -117,41 +117,43 @@ class EventResponseAlignment(WindowCheck[ShiftCorrelations]):
 
     Why it matters
     --------------
-    A crop or a half-pixel convention that differs between both sensors displaces every label that is carried over from
-    frames to events, flow and depth above all.
+    A crop or a half-pixel convention that differs between both sensors displaces every label that is transferred from
+    frames to events, above all flow and depth.
 
     How
     ---
     The change of the signal between two frames is cross-correlated with the change by events, over shifts of up to
-    eight pixels, of three intervals each 0.2 s (one or two of large sensors). Frames are resampled at the centres and
-    at the corners of the event camera's pixels, which gives whole and half shifts; the peak of the smoothed sum is not
-    drawn to whole pixels. Each product is divided by the root of both energies at its shift, and the events of a tile
-    are paired with frames beyond it: otherwise small tiles peak at their borders, or at stronger edges. Farther shifts,
-    up to fourteen pixels, are found to half a pixel on blocks of 2 x 2.
-    A sum of events lags behind the motion, most where brightness turns: it must first come back through both
-    thresholds. The level at a frame is therefore estimated from the last event before it and the first one after it.
-    Shift and delay are nearly one along the mean motion and are fitted alone, not jointly: a late stream appears
-    shifted here, by its delay times that motion, and event_response.timing tells which it is.
+    eight pixels, for three intervals in each 0.2 s (one or two for large sensors). Frames are resampled at the centres
+    and at the corners of the event camera's pixels, which gives whole and half shifts, so that the peak of the smoothed
+    sum is not biased towards whole pixels. Each product is divided by the root of both energies at its shift, and the
+    events of a tile are paired with frames beyond the tile. Otherwise small tiles would peak at their borders, or at
+    stronger edges. Larger shifts, up to fourteen pixels, are measured to half a pixel on blocks of 2 x 2.
+
+    A sum of events lags behind the motion, most where brightness reverses: the signal must first return through both
+    thresholds. The level at a frame is therefore estimated from the last event before it and the first event after it.
+    Shift and delay are nearly degenerate along the mean motion. The shift is fitted alone, not together with the delay:
+    a late stream appears shifted here, by its delay times that motion. ``event_response.timing`` separates the two.
 
     Noise model
     -----------
     The standard error is the spread of the peak when groups of intervals are left out in turn, or tiles of the image
-    where that is larger. Two errors of the level are systematic, and each is bounded by what the other extreme changes:
-    how far the level goes between two events before it turns (not at all, against the mean of all possible ways), and
-    pixels without an event before or after a frame (their reference stands for the level and lags; without them the
-    shift errs the other way). Each window and each of 4 x 4 tiles is also held against the median of all (tiles where
-    they correlate by a half at least). Its error is the spread over tiles or windows, or that of levels between two
-    events, C sqrt(1/3 / sum h^2) with h the slope of the change, whichever is larger; where there are ten or more,
-    their usual scatter counts if it exceeds the errors.
+    where that is larger. Two errors of the level are systematic. Each is bounded by the change of the peak under the
+    opposite assumption. The first is the excursion of the level between two events before it reverses: none, against
+    the mean of all possible ones. The second is due to pixels without an event before or after a frame: their reference
+    is used as the level and lags; without these pixels the error of the shift has the other sign. Each window and each
+    of 4 x 4 tiles is also compared with the median of all (tiles where their correlation is at least 0.5). The error of
+    a part is the larger of the spread over tiles or windows and the error by levels between two events, C sqrt(1/3 /
+    sum h^2), with h the slope of the change. Where there are ten or more parts, their scatter is used if it exceeds
+    these errors.
 
     Cannot see
     ----------
-    Shifts beyond fourteen pixels or of unrelated scenes (correlation below 0.1), shifts along edges all of one
-    direction, rotations and scales; parts with few edges. Hovering leaves the error too large: not_observable.
+    Shifts beyond fourteen pixels. Unrelated scenes (correlation below 0.1). Shifts along edges that all have one
+    direction. Rotations and scales. Parts with few edges. Hovering makes the error too large: not_observable.
 
     Sources
     -------
-    First principles (shift); delete-one jackknife: Efron and Stein 1981.
+    First principles (``fedora_qa/estimators/events/shift.py``); delete-one jackknife: Efron and Stein 1981.
     """
 
     name = "event_response.alignment"
@@ -177,7 +179,7 @@ class EventResponseAlignment(WindowCheck[ShiftCorrelations]):
         due, last = intervals_due(window, resampled, per_window), len(resampled) - 2
         if due <= 0:
             return None
-        # In the middle of equal parts of the window, where events are known for long before and after.
+        # In the middle of equal parts of the window, far from its ends, where events before and after are read.
         chosen = np.unique((np.arange(due) + 0.5) * (last + 1) // due).astype(int).tolist()
         sensor = sensor_shape(window.facts.declared)
         thresholds, events = (declared.threshold_off, declared.threshold_on), pixel_events(window)
@@ -232,7 +234,7 @@ class EventResponseAlignment(WindowCheck[ShiftCorrelations]):
             strength = float(total.max()) / max(float(np.sqrt(squares.prod())), 1e-300)
             near = lattice_peak(total)
             if near is None or strength < LEAST_CORRELATION:
-                why = f"events and frames correlate by no more than {strength:.2g} within {RADIUS_PX} px"
+                why = f"events and frames have a correlation of at most {strength:.2g} within {RADIUS_PX} px"
                 return Observation(coverage, unobservable=why)
             # Spread over time, and over the image, where the errors of neighbouring pixels on one edge are alike.
             tiles = np.sum([window.tiles.patches for window in state], axis=0)
@@ -262,7 +264,7 @@ class EventResponseAlignment(WindowCheck[ShiftCorrelations]):
     def _parts(
         self, state: Sequence[ShiftCorrelations], threshold: float, bounds: Float64, facts: Facts
     ) -> list[Statistic]:
-        """Return the segment of time and the region that are shifted most against the rest."""
+        """Return the segment of time and the region with the largest shift against the rest."""
         statistics = []
         windows = [ShiftSums(*(getattr(each, name).sum(axis=0) for name in ShiftSums.__slots__)) for each in state]
         usual = max(len(window.patches) for window in state)
@@ -301,8 +303,8 @@ class EventResponseAlignment(WindowCheck[ShiftCorrelations]):
             # Each part was compared along both axes.
             tests=2 * part.compared,
             sensitivity=sensitivity_range(part.errors_px, bounds),
-            statement=f"{place} events lie {part.shift_px:+.3g} +/- {error:.2g} px ({word} positive) from where they "
-            "lie in the rest.",
+            statement=f"{place} events lie {part.shift_px:+.3g} +/- {error:.2g} px ({word} positive) from their "
+            "position in the rest.",
             code=f"event_response.alignment.{rule}",
             where=where,
             features=(ShiftAxis(word),),
@@ -315,7 +317,7 @@ class EventResponseAlignment(WindowCheck[ShiftCorrelations]):
             unit="px",
             standard_error=error,
             model_error_bound=bound,
-            statement=f"Events lie {value:+.3g} +/- {error:.2g} px ({word} positive) from where the frames change.",
+            statement=f"Events lie {value:+.3g} +/- {error:.2g} px ({word} positive) from the changes of the frames.",
             code="event_response.alignment.shift",
             where=Where(stream="events"),
             features=(ShiftAxis(word),),

@@ -1,4 +1,4 @@
-"""Events against log intensity: what must be conserved."""
+"""Events against log intensity: conservation of the signal less the sum of its events."""
 
 from dataclasses import dataclass, field
 from math import ceil, expm1, pi, sqrt
@@ -70,7 +70,7 @@ class ViolationCluster(Feature):
 
 @dataclass(frozen=True, slots=True)
 class LoneEventRate(Feature):
-    """Events without company in space and time, of which noise leaves as many everywhere.
+    """Events without other events near them in space and time; noise gives equally many everywhere.
 
     Attributes
     ----------
@@ -79,7 +79,7 @@ class LoneEventRate(Feature):
     mean_hz
         Rate a pixel of the whole image.
     seconds
-        Length of what is compared at a time, at most 2 s.
+        Length of a group of frames, at most 2 s.
     """
 
     quiet_hz: float
@@ -98,7 +98,7 @@ class ConservationState:
     trials
         Inverse trials of windows that violate the law.
     lone
-        Events without company between the frames; None where no frames were compared.
+        Events without other events near them, between the frames; None where no frames were compared.
     """
 
     runs: FrameRuns
@@ -107,44 +107,49 @@ class ConservationState:
 
 
 class EventResponseConservation(Check[ConservationState]):
-    """Do events add up to what the frames show, in every pixel?
+    """Does the sum of events agree with the frames in every pixel?
 
-    The share of pixels whose events contradict the frames, in the worst two seconds, and the same in the worst tile of
-    8 x 8 pixels (tiles overlap by half). A contradiction is certain: no signal agrees with both, frames and events.
+    The share of pixels whose events contradict the frames, in the two seconds with the largest deviation, and the same
+    share in the worst tile of 8 x 8 pixels (tiles overlap by half). A contradiction is certain: no signal agrees with
+    both frames and events.
 
     Why it matters
     --------------
-    Lost packets, packets written twice and dead regions leave every other statistic of a stream as it was, and spoil
-    whatever integrates events: reconstruction, tracking, learned representations.
+    Lost packets, packets written twice and dead regions change no other statistic of a stream, and every method that
+    integrates events has wrong results: reconstruction, tracking, learned representations.
 
     How
     ---
-    Log model: E = L - C+ P + C- M varies by less than C+ + C-, however long (``excursions``). Where the first
-    reference is declared to be the signal at the first frame, and nine tenths of the pixels that could contradict that
-    do not, E also stays within C+ and C- of its start: in the first two seconds that sees a single event in most
-    pixels. Linear model: a silent pixel varies by at most C+ + C-, and P brighter events alone mean a rise of at least
-    P (C+ + 1) - C+ - C- (``linear_runs``); from a declared start its first run keeps to C+ and C-. Frames bound L at
-    their times; two seconds are followed at a time. The first windows that break the law, and some later ones, are
-    tried with faults undone: polarity, mirrored or exchanged axes, shifts, delays. What mends most pixels, less those
-    that it breaks, names the cause.
+    Log model: E = L - C+ P + C- M varies by less than C+ + C-, over any time (``excursions``). If the declared initial
+    phase is zero (the first reference is the signal at the first frame), and at least nine tenths of the pixels that
+    can contradict this agree with it, E also stays within C+ and C- of its start. In the first two seconds this detects
+    a single lost event in most pixels. Linear model: the signal of a pixel without events varies by at most C+ + C-,
+    and P brighter events alone imply a rise of at least P (C+ + 1) - C+ - C- (``linear_runs``); with a declared start
+    its first run stays within C+ and C-. Frames bound L at their times, and two seconds are compared at a time. In the
+    first windows that violate the law, and in some later ones, the inverses of suspected faults are applied: polarity,
+    mirrored or exchanged axes, shifts, delays. The inverse that resolves most pixels, less the pixels that it makes
+    violate the law, names the cause.
 
     Noise model
     -----------
-    Each frame bounds the value with certainty: half a step of the 8-bit code, which in L grows with 1/I, and what the
-    pixels that a footprint cuts may hold; dark and curved regions need no mask, they only show less. Thresholds of a
-    pixel are fixed: their declared spread widens the law by five sigma an event. Leak moves it, spurious events excuse
-    as many pixels as they may have hit, a low-pass those that fire around frame times.
+    Each frame gives a certain bound on the signal: half a step of the 8-bit code, which in L is proportional to 1/I,
+    plus the possible values of the pixels that a footprint cuts. Dark and curved regions need no mask: their bounds are
+    only wider. The thresholds of a pixel are constant: their declared spread widens the law by five sigma an event. A
+    declared leak moves the law. As many violations are allowed as declared spurious events may have caused; under a
+    declared low-pass, also the pixels with events around frame times.
 
-    What no bound covers is a renderer that samples its pixels too coarsely. Frames whose cut pixels alone leave the
-    signal open by C+ + C- or more are not believed: there the bound would have to hold to the last, and events tell as
-    much (``frame_runs``). How often antialiasing fails is measured on the file: pixels that break the law only if those
-    frames are believed. As many are allowed among the others, which are more even, with the Poisson error of so many
-    and one. A structure one pixel wide runs through an eighth of a tile.
+    No bound covers a renderer that samples its pixels too coarsely. Frames in which the cut pixels alone leave the
+    signal uncertain by C+ + C- or more are therefore not used: their bound would have to be exact, and events determine
+    the signal as well (``frame_runs``). The rate of antialiasing errors is measured on the file: it is the number of
+    pixels that violate the law only if those frames are used. The same number is allowed among the other frames, which
+    are more uniform, with the Poisson error of that number plus one. A structure one pixel wide covers an eighth of a
+    tile, which is the bound of the worst tile.
 
     Cannot see
     ----------
-    Events lost in pairs of opposite polarity; whatever keeps within the thresholds, a dead region without contrast
-    say; after two seconds or from an unknown start, a single event of a pixel that does not use its whole range.
+    Events lost in pairs of opposite polarity. Faults that keep the signal within the thresholds, such as a dead region
+    without contrast. After two seconds, or from an unknown start: a single event of a pixel that does not use its whole
+    range.
 
     Sources
     -------
@@ -184,7 +189,7 @@ class EventResponseConservation(Check[ConservationState]):
             state.lone = lone if state.lone is None else state.lone + lone
 
     def merge(self, state: ConservationState, later: ConservationState) -> ConservationState:
-        """Join the frame runs that meet."""
+        """Join adjacent frame runs."""
         lone = state.lone + later.lone if state.lone and later.lone else state.lone or later.lone
         return ConservationState(state.runs.then(later.runs), state.trials + later.trials, lone)
 
@@ -198,9 +203,7 @@ class EventResponseConservation(Check[ConservationState]):
         pixels = np.any([group.unpacked(shape) for group in groups], axis=0)
         # No pixel violates the law, and none changes enough to be able to.
         if not pixels.any() and not any(group.informative for group in groups):
-            return Observation(
-                coverage, unobservable="nowhere do frames show so much change that an event could be missed"
-            )
+            return Observation(coverage, unobservable="in no pixel do frames change enough to detect a lost event")
         # Tiles overlap by half, so that any region of five pixels a side lies wholly in one of them.
         side = min(TILE_PX, *pixels.shape)
         step = max(side // 2, 1)
@@ -209,7 +212,7 @@ class EventResponseConservation(Check[ConservationState]):
         tile_fraction = float(fractions[tile_row, tile_column])
         row, column = tile_row * step, tile_column * step
 
-        # How close together the violating pixels lie: around the worst tile, and in one square of twice their number.
+        # Concentration of the violating pixels: around the worst tile, and in one square of twice their number.
         count, everywhere = int(np.count_nonzero(pixels)), float(pixels.mean())
         side_px = sqrt(float(count))
         reach = int(side_px) + TILE_PX
@@ -244,8 +247,8 @@ class EventResponseConservation(Check[ConservationState]):
             # No more pixels of a tile can violate the law than are informative.
             blind_from=min(1.0, max(group.informative for group in groups) / side**2),
             tests=fractions.size,
-            statement=f"In {tile_fraction:.0%} of the pixels of the tile at ({column}, {row}) events do not add up; "
-            f"{everywhere:.2%} of all.",
+            statement=f"In {tile_fraction:.0%} of the pixels of the tile at ({column}, {row}) the sum of events "
+            f"contradicts the frames; in the whole image in {everywhere:.2%}.",
             code="event_response.conservation.region",
             where=Where(stream="events", tile=(column, row, column + side, row + side)),
             features=(Violations(count, everywhere), cluster, *state.trials),
@@ -258,15 +261,13 @@ class EventResponseConservation(Check[ConservationState]):
             coverage,
             (worst_group, tile),
             evidence={"conservation_violations": pixels.astype(np.uint8)},
-            titles={
-                "conservation_violations": "Pixels whose events do not add up to what the frames show [1: some do not]"
-            },
+            titles={"conservation_violations": "Pixels whose sum of events contradicts the frames [1: contradiction]"},
         )
 
     def _worst_group(
         self, groups: list[FrameRunSummary], declared: EventModel, facts: Facts, features: tuple[Feature, ...]
     ) -> Statistic:
-        """Return the fraction of violating pixels, of the two seconds where it deviates most from what is allowed."""
+        """Return the fraction of violating pixels, of the two seconds in which it exceeds its bound most."""
         height, width = sensor_shape(facts.declared)
         size = height * width
         times_ns = facts.clocks["rgb"].times_ns
@@ -286,7 +287,7 @@ class EventResponseConservation(Check[ConservationState]):
                 # in it.
                 lagging = group.events_per_pixel / max(seconds, 1e-9) * around_s * group.frames
             excused = min(spurious + lagging, 1.0)
-            # As many violations are allowed as uneven frames alone make, with the Poisson error of so many and one.
+            # As many violations are allowed as uneven frames alone cause, with the Poisson error of that number + 1.
             bounds.append(group.flawed / size + excused)
             # Shares of the image: (k + 1) / size^2 of k flawed pixels (Poisson), p / size of an excused share p
             # (binomial).
@@ -308,8 +309,8 @@ class EventResponseConservation(Check[ConservationState]):
             resolution=1 / size,
             blind_from=min(self._MOST_USEFUL, self._MOST * group.informative / size),
             tests=len(groups),
-            statement=f"In {counts[worst]} of {size} pixels events do not add up to what the frames "
-            f"{group.first_frame} to {group.last_frame} show, most of them across frame {first}.",
+            statement=f"In {counts[worst]} of {size} pixels the sum of events contradicts the frames "
+            f"{group.first_frame} to {group.last_frame}, in most of them across frame {first}.",
             code="event_response.conservation.pixels",
             where=Where(
                 stream="events",

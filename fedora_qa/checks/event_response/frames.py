@@ -1,4 +1,4 @@
-"""Events against log intensity: single frames."""
+"""Events against log intensity: changes between single frames."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -22,11 +22,10 @@ from fedora_qa.views.event_camera import why_frames_and_events_do_not_meet
 Float64 = NDArray[np.float64]
 
 LARGEST_NOISE: Final = 0.05
-"""Largest error of an interval's coefficient by the uncertainty that events leave: a tenth of the bound."""
+"""Largest error of an interval's coefficient by the uncertainty between events: a tenth of the bound."""
 
 LEAST_GAIN: Final = 0.3
-"""Least median coefficient: below it frames do not follow the events in most intervals, and no single interval
-deviates."""
+"""Least median coefficient: below it most intervals disagree with the events, and no single one is a deviation."""
 
 CHANGE_BOUND: Final = 0.5
 """Bound of the coefficient: halfway between a correct frame (1) and one that repeats the frame before (0)."""
@@ -67,35 +66,37 @@ class ChangeAnomalies(Feature):
 
 
 class EventResponseFrames(WindowCheck[IntervalMoments]):
-    """Does each frame show what the events since the frame before it say?
+    """Does the change between successive frames agree with the events between them?
 
-    The change of the signal between two successive frames over what the events in between say, relative to the usual
-    share of all intervals: 1 in an honest file. The interval that is farthest off is judged.
+    For each pair of successive frames: the change of the signal over the change that follows from the events in
+    between, relative to the median of all intervals. A correct file gives 1. The interval with the most significant
+    deviation is judged.
 
     Why it matters
     --------------
-    A repeated or exchanged frame is a wrong label for everything that is derived from images, and hardly shows to the
-    eye at 50 Hz. Events are an independent witness of each single interval.
+    A repeated or exchanged frame is a wrong label for every quantity that is derived from images, and is hardly visible
+    at 50 Hz. Events are an independent measurement of each single interval.
 
     How
     ---
     The change of the signal is regressed on the signed events in between, averaged over 4 x 4 px blocks. A frame that
-    repeats the one before gives 0 and the next one 2; exchanged frames give 2, -1, 2. Intervals in which events leave
-    the coefficient open by more than a twentieth are left out.
+    repeats the one before gives 0, and the next one 2. Exchanged frames give 2, -1, 2. Intervals in which the
+    uncertainty between events gives the coefficient an error of 0.05 or more are left out.
 
     Noise model
     -----------
-    The spread of all coefficients (median absolute deviation) together with what events leave open in the interval,
-    2/3 C+ C- a pixel. Half a frame's change is allowed for: halfway between a frame in its place and a repeated one.
+    The standard error combines the spread of all coefficients (median absolute deviation) with the uncertainty between
+    events in the interval, a variance of 2/3 C+ C- a pixel. The bound is half a frame's change: halfway between a
+    correct frame and a repeated one.
 
     Cannot see
     ----------
-    Fewer than five telling intervals (hovering, no texture): not_observable. A file most of whose frames are wrong
-    (event_response.orientation), or frames shown a fraction of an interval late (event_response.timing).
+    Fewer than five usable intervals (hovering, no texture): not_observable. A file most of whose frames are wrong
+    (``event_response.orientation``). Frames that are late by a fraction of an interval (``event_response.timing``).
 
     Sources
     -------
-    First principles (orientation).
+    First principles (``fedora_qa/estimators/events/orientation.py``).
     """
 
     name = "event_response.frames"
@@ -115,7 +116,7 @@ class EventResponseFrames(WindowCheck[IntervalMoments]):
         return IntervalMoments(np.stack([blocks.frames[:-1], blocks.frames[1:]], axis=1), upright)
 
     def conclude(self, state: Sequence[IntervalMoments], facts: Facts) -> Observation:
-        """Find the interval that is farthest from all others."""
+        """Find the interval with the most significant deviation from all others."""
         declared = facts.declared.events
         times_ns = facts.clocks["rgb"].times_ns
         intervals = max(len(times_ns) - 1, 0)
@@ -125,25 +126,23 @@ class EventResponseFrames(WindowCheck[IntervalMoments]):
         # Of each interval: the number of blocks, sums of squares of the frames' change d and of the events' change e,
         # and of d e.
         n, _, _, dd, ee, de = np.concatenate([window.sums for window in state]).T
-        # The uncertainty that events leave, a variance of 2/3 C+ C- a pixel, is an error of the coefficient de / ee by
+        # The uncertainty between events, a variance of 2/3 C+ C- a pixel, is an error of the coefficient de / ee by
         # regression on e.
         open_squares = n * 2 / 3 * declared.threshold_on * declared.threshold_off / BLOCK_PX**2
         noise = np.sqrt(open_squares / np.maximum(n * ee, 1e-300))
         clear = (n > 0) & (noise < LARGEST_NOISE)
         coverage = Coverage(int(np.count_nonzero(clear)), intervals, "frame intervals")
         if coverage.seen < FEWEST_INTERVALS:
-            return Observation(coverage, unobservable="too little changes between frames")
+            return Observation(coverage, unobservable="frames change too little")
         # Regression coefficient of the frames' change on the events' change: sum d e / sum e^2.
         gains = de[clear] / ee[clear]
         middle = float(np.median(gains))
         if middle < LEAST_GAIN:
-            reason = (
-                f"events do not follow the frames at all: {middle:.2g} of what they say (event_response.orientation)"
-            )
+            reason = f"the median change of frames is only {middle:.2g} of that by events (event_response.orientation)"
             return Observation(coverage, unobservable=reason)
         spread = MAD_TO_SIGMA * float(np.median(np.abs(gains - middle)))
         errors = np.hypot(spread, noise[clear])
-        # The most significant deviation beyond what is allowed, not the largest: quiet intervals scatter most.
+        # The most significant deviation beyond the bound, not the largest: quiet intervals scatter most.
         worst = int(np.argmax((np.abs(gains - middle) - CHANGE_BOUND * middle) / errors))
         earlier, later = (int(frame) for frame in frames[clear][worst])
         gain = float(gains[worst])
@@ -161,8 +160,8 @@ class EventResponseFrames(WindowCheck[IntervalMoments]):
             tests=len(gains),
             sensitivity=sensitivity_range(errors / middle, CHANGE_BOUND),
             # Between a repeated frame and one that comes too early, for any scatter of the others.
-            statement=f"Between the colour frames {earlier} and {later} the image changes by {gain:.2f} of what events "
-            f"say; {middle:.2f} is usual.",
+            statement=f"Between the colour frames {earlier} and {later} the image changes by {gain:.2f} of the change "
+            f"by events; the median is {middle:.2f}.",
             code="event_response.frames.change",
             where=Where(
                 stream="rgb",
@@ -177,5 +176,5 @@ class EventResponseFrames(WindowCheck[IntervalMoments]):
             coverage,
             (statistic,),
             evidence={"change_shown": np.stack([times_s, gains], axis=1)},
-            titles={"change_shown": "Change between frames over what events say; x time [s]; y change shown [1]"},
+            titles={"change_shown": "Change between frames over change by events; x time [s]; y ratio [1]"},
         )

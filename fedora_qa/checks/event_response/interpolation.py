@@ -1,4 +1,4 @@
-"""Events against the instants of the frames: interpolation between renders."""
+"""Events against the times of the frames: interpolation between renders."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -31,7 +31,7 @@ from fedora_qa.views.event_camera import (
 from fedora_qa.views.event_tick import local_tick_ns
 
 STEPS: Final = (1, 2, 3, 4, 5, 6, 8, 10)
-"""Renders in a frame interval that are tried."""
+"""Numbers of renders in a frame interval that are tested."""
 
 UNSEEN_LINES: Final = 10
 """Lines that are added to those across renders, for the error of their share.
@@ -42,7 +42,7 @@ is z sqrt(2 a) = 21 lines, of as many runs in either place.
 """
 
 CLEAR: Final = 3.0
-"""Standard errors from which the number of renders with the largest deviation is stated, in place of the first."""
+"""Standard errors from which the number of renders with the largest deviation is stated; else the first number."""
 
 
 INTERVALS_OF_LARGE: Final = 3
@@ -100,45 +100,45 @@ class RunCounts:
 
 
 class EventResponseInterpolation(WindowCheck[RunCounts]):
-    """Does the light between two frames follow the motion, or a straight line?
+    """Are events interpolated between frames, along straight lines in time?
 
-    The share of runs (three events or more of a pixel between two renders) that lie on a straight line from the first
-    render to the second, less the share in intervals that begin and end halfway between renders. Renders are supposed
-    at the frames, and at 2, 3, 4, 5, 6, 8 and 10 times their rate. 0 in a correct file; 1 where all events are
-    interpolated.
+    The share of runs (three or more events of a pixel between two renders) that lie on a straight line from the first
+    render to the second, minus the same share in intervals that begin and end halfway between renders. Renders are
+    assumed at the frames, and at 2, 3, 4, 5, 6, 8 and 10 times their rate. A correct file gives 0; a file whose events
+    are all interpolated gives 1.
 
     Why it matters
     --------------
-    Events that are made of frames have the time resolution of frames: within an interval their timestamps are off by up
-    to half of it, 10 ms at 50 Hz. A model that learns of them learns the interpolation. Such events agree with the
-    frames at all frame times, so no comparison at frames detects them.
+    Events that are made from frames have the time resolution of frames: within an interval, the error of a timestamp is
+    up to half the interval, 10 ms at 50 Hz. A model that is trained on them learns the interpolation. Such events agree
+    with the frames at all frame times, so that no comparison at frames detects them.
 
     How
     ---
-    A pixel whose signal is a straight line from one render to the next has events of one polarity at equal spacings,
-    to within the step of the timestamps, which fill the interval (``straight_runs``). Light of a moving texture is no
-    straight line, and an edge passes in a part of the interval. n > 1 renders in a frame interval are supposed only
-    where the image moves by more than n pixels in it (``tracked_motion_px``): simulators that render whenever the image
-    has moved by a pixel, as good ones do, interpolate on shorter paths and pass. A file without any render between its
-    frames fails at any motion. Of all numbers of renders the one that deviates most is stated. Of large sensors three
-    frame intervals each 0.2 s are used.
+    If the signal of a pixel is a straight line from one render to the next, its events have one polarity and equal
+    spacings, to within the step of the timestamps, and fill the interval (``straight_runs``). The light of a moving
+    texture is no straight line, and an edge passes in a part of the interval. More than one render a frame interval (n
+    > 1) is assumed only where the image moves by more than n pixels in it (``tracked_motion_px``): good simulators
+    render whenever the image has moved by a pixel, interpolate on shorter paths, and pass. A file without any render
+    between its frames fails at any motion. The number of renders with the largest deviation is stated. For large
+    sensors, three frame intervals in each 0.2 s are used.
 
     Noise model
     -----------
-    Nothing in a correct file is bound to the times of the frames: lines are as likely within as across, up to chance.
-    Where light changes so slowly and evenly that it is a straight line, it is one in both places. Both shares are
-    binomial with the probability of a line across; ten lines are added to it, as few or none occur (derivation beside
-    ``UNSEEN_LINES``). Allowance: the probability of a line by chance, tick / spacing, so that a file of coarse
-    timestamps does not fail by what it selects. Runs of less than ten ticks a spacing are left out.
+    Light in a correct file does not depend on the times of the frames: lines within and across renders are equally
+    probable. Light that changes slowly and evenly gives straight lines in both. Both shares are binomial with the
+    probability of a line across. Ten lines are added to this probability, because few or none occur (derivation beside
+    ``UNSEEN_LINES``). The model error bound is the probability of a line by chance, tick / spacing, so that coarse
+    timestamps do not cause a finding. Runs with spacings of less than ten ticks are left out.
 
     Cannot see
     ----------
-    Interpolation between n > 1 renders in a frame interval in which the image moves by n pixels or less, which is also
-    what adaptive simulators do; renders at a rate that is no multiple of that of the frames, or more than ten times as
-    high, or that are shifted against the frames. Changes of less than three thresholds from render to render
-    (hovering, no texture: not_observable). Timestamps so coarse that three events ten steps apart do not fit between
-    two frames: one event a step of a millisecond, as the simulated DVS plugin gives it (not_observable). Interpolation
-    whose timestamps were jittered by more than their step afterwards.
+    Interpolation between n > 1 renders a frame interval in which the image moves by n pixels or less, as adaptive
+    simulators also do it. Renders at a rate that is no multiple of the frame rate, or more than ten times as high, or
+    that are shifted against the frames. Changes of less than three thresholds from render to render (hovering, no
+    texture: not_observable). Timestamps so coarse that three events at ten steps do not fit between two frames, such as
+    one event each step of a millisecond in the simulated DVS plugin (not_observable). Interpolated events whose
+    timestamps were then jittered by more than their step.
 
     Sources
     -------
@@ -181,7 +181,7 @@ class EventResponseInterpolation(WindowCheck[RunCounts]):
                 edges_ns = ends_ns[0] + (ends_ns[1] - ends_ns[0]) * np.arange(steps + 1) // steps
                 middles_ns = edges_ns + (ends_ns[1] - ends_ns[0]) // (2 * steps)
                 halves_ns = np.stack([middles_ns[:-1], middles_ns[1:]], axis=1)
-                # Behind the last event there is nothing to compare with.
+                # After the last event no run can be compared.
                 halves_ns = halves_ns[halves_ns[:, 1] <= scan.last_ns]
                 indices.append(index)
                 parts_ns += [np.stack([edges_ns[:-1], edges_ns[1:]], axis=1), halves_ns]
@@ -204,7 +204,9 @@ class EventResponseInterpolation(WindowCheck[RunCounts]):
         tick_ns = max(counts.tick_ns for counts in state)
         period_ns = min(counts.period_ns for counts in state)
         if period_ns < FEWEST_EVENTS * LEAST_SPACING_TICKS * tick_ns:
-            reason = f"between two frames, timestamps in steps of {tick_ns / NS_PER_MS:g} ms show no equal spacings"
+            reason = (
+                f"timestamps in steps of {tick_ns / NS_PER_MS:g} ms are too coarse for three events between frames"
+            )
             return Observation(coverage, unobservable=reason)
         # Axes: number of renders, then runs, lines and events.
         within, across = (np.sum([getattr(counts, kind) for counts in state], axis=0) for kind in ("within", "across"))
@@ -213,7 +215,7 @@ class EventResponseInterpolation(WindowCheck[RunCounts]):
             return Observation(coverage, unobservable="no pixel has three events between two frames")
         statistics = [self._lines(state, facts, index, len(compared)) for index in compared]
         worst = max(statistics, key=_significance)
-        # The frames themselves where nothing deviates: of many renders there are few runs, whose limit is large.
+        # Renders at the frames where nothing deviates: for many renders there are few runs, with a large limit.
         return Observation(coverage, (worst if _significance(worst) > CLEAR else statistics[0],))
 
     def _lines(self, state: Sequence[RunCounts], facts: Facts, index: int, tests: int) -> Statistic:
@@ -263,5 +265,5 @@ class EventResponseInterpolation(WindowCheck[RunCounts]):
 
 
 def _significance(statistic: Statistic) -> float:
-    """Return the deviation of a statistic beyond its allowance, in standard errors."""
+    """Return the deviation of a statistic beyond its bound, in standard errors."""
     return (statistic.value - statistic.expected - statistic.model_error_bound) / statistic.standard_error

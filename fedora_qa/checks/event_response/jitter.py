@@ -1,4 +1,4 @@
-"""Events by themselves: scatter of their timestamps."""
+"""The scatter of event timestamps."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -69,44 +69,45 @@ class JitterSummary:
 
 
 class EventResponseJitter(WindowCheck[JitterSummary]):
-    """Are events stamped without jitter?
+    """Do timestamps of single events scatter?
 
     The standard deviation of the timestamps of single events about the times at which their pixels fired, in ms.
 
     Why it matters
     --------------
-    Events are used for their resolution in time. At 200 px/s a jitter of 2 ms blurs each edge that is warped along the
-    flow by 0.4 px; a method that orders events within a pixel, or takes the slope of light from their intervals, gets
-    noise. No offset, rate or order of the stream betrays it.
+    Events are used for their time resolution. At 200 px/s a jitter of 2 ms blurs each edge that is warped along the
+    flow by 0.4 px. A method that uses the order of events, or estimates the slope of light from their intervals, has
+    noisy input. Jitter changes neither the offset nor the rate nor the order of the stream.
 
     How
     ---
     While an edge crosses a pixel, events of one polarity follow each other in regular intervals: equal ones for the
     linear model, ones in the ratio exp(C) or exp(-C) for the log model. A third difference of the times of four
-    successive events vanishes for all of them; jitter makes it 4.5 times as large as itself, of either sign. Blur and
-    corners make it positive only. Its spread is therefore estimated by its lower quartile, or by that of its size where
-    this is smaller, from the shortest quadruples, as the light's share grows with their duration. The shortest eighth
-    is left to noise events. Where jitter exceeds the intervals, longer quadruples are used as well; where it exceeds
-    these too, a lower bound is stated.
+    successive events is zero for all of these. Jitter gives it 4.5 times its own standard deviation, with either sign.
+    Blur and corners make the difference positive only. Its spread is therefore estimated from its lower quartile, or
+    from the quartile of its absolute value if this is smaller. The shortest quadruples are used, because the
+    contribution of light grows with their duration; the shortest eighth is left out, because it may contain noise
+    events. Where jitter exceeds the intervals, longer quadruples are used as well. Where it exceeds these too, a lower
+    bound is stated.
 
     Noise model
     -----------
-    Expected is 0. Standard error: the largest of the formal one of a quartile, for normal noise and overlapping
-    quadruples, and those by leaving out tiles (4 x 4) and windows (delete-one jackknife); where the spread exceeds the
-    bounds, the error that it would have at the bounds, since the error of a spread is a share of it. Bounds, as a
-    jitter: 0.7% of the duration of the quadruples, for the shape of light, since the lower quartile of straight edges,
-    of edges with a Gaussian blur and of sine waves is not below -0.022 of it; for the linear model a thirteenth of the
-    duration over the threshold in DN, for whole grey values; and the scatter of a tick, tick / sqrt(12), declared or
-    measured. A spread of thresholds between pixels, a leak and a low-pass alter the intervals of a pixel smoothly.
-    Noise events lie in less than a tenth of the quadruples up to the rate at which the check is not observable;
-    declared hot pixels are left out, and each pixel gives four quadruples of a window at most.
+    The expected value is 0. The standard error is the largest of the formal one of a quartile, for normal noise and
+    overlapping quadruples, and those by leaving out tiles (4 x 4) and windows (delete-one jackknife). The error of a
+    spread is proportional to the spread; where the spread exceeds the bounds, the error at the bounds is therefore
+    used. The model error bound has three terms. Shape of light: 0.7% of the duration of the quadruples, because the
+    lower quartile of straight edges, of edges with a Gaussian blur and of sine waves is not below -0.022 of it. Whole
+    grey values of the linear model: a thirteenth of the duration over the threshold in DN. The scatter of a tick,
+    declared or measured: tick / sqrt(12). A spread of thresholds between pixels, a leak and a low-pass change the
+    intervals of a pixel smoothly. Noise events are in less than a tenth of the quadruples, up to the rate at which the
+    check is not observable. Declared hot pixels are left out, and each pixel gives at most four quadruples of a window.
 
     Cannot see
     ----------
-    Jitter that all events of an edge share (``clocks.resolution`` measures packets of other lengths than declared);
-    jitter of a small part of the events, of a short time or of a region; jitter below the bound. Near the detection
-    limit, blur hides up to a quarter of the size; where edges pass in a shorter time than the jitter lasts, the size is
-    a lower bound. Scenes whose edges have fewer than four thresholds within 30 ms, or pass within eight steps of the
+    Jitter that all events of an edge share (``clocks.resolution`` measures packets of another length than declared).
+    Jitter of a small part of the events, of a short time or of a region. Jitter below the bound. Near the detection
+    limit, blur hides up to a quarter of the size. Where edges pass in less time than the jitter, the size is a lower
+    bound. Scenes whose edges have fewer than four thresholds within 30 ms, or pass within eight steps of the
     timestamps.
 
     Sources
@@ -153,7 +154,7 @@ class EventResponseJitter(WindowCheck[JitterSummary]):
             return Observation(coverage, unobservable="the event sensor is not declared")
         noise_hz = declared.leak_rate_hz + declared.shot_rate_hz
         if noise_hz > _MOST_NOISE_HZ:
-            why = f"noise events of {noise_hz:g} Hz a pixel lie in more than a tenth of what is measured"
+            why = f"noise events of {noise_hz:g} Hz a pixel are in more than a tenth of the quadruples"
             return Observation(coverage, unobservable=why)
         durations_s = _joined([summary.quadruples.durations_ns for summary in state]) / NS_PER_S
         middles_s = _joined([summary.quadruples.middles_ns for summary in state]) / NS_PER_S
@@ -175,10 +176,10 @@ class EventResponseJitter(WindowCheck[JitterSummary]):
         if estimate is None:
             why = (
                 f"fewer than {FEWEST_PIXELS} pixels have four events of one polarity within 30 ms "
-                "(slow motion, little contrast, or large thresholds), or edges pass within few steps of the stamps"
+                "(slow motion, little contrast, or large thresholds), or edges pass within few steps of the timestamps"
             )
             return Observation(coverage, unobservable=why)
-        # The shape of light may hide a part of the jitter as well as show some.
+        # The shape of light may increase or decrease the estimate.
         sigma_ms, error_ms = 1e3 * estimate.sigma_s, 1e3 * hypot(estimate.standard_error_s, estimate.bound_s)
         size = f"at least {sigma_ms:.3g}" if estimate.saturated else f"{sigma_ms:.3g} +/- {error_ms:.2g}"
         jitter = Statistic(

@@ -13,29 +13,31 @@ from fedora_qa.views.level_samples import LevelSums, fit_thresholds, level_cover
 class EventResponseModel(WindowCheck[LevelSums]):
     """Do events follow the declared sensor model, of log intensity or of grey values?
 
-    The logarithm of the ratio of two residuals, in thresholds: of the declared domain over the other one. Negative
-    values favour what is declared.
+    The natural logarithm of the ratio of two residuals, each in thresholds: that in the declared domain over that in
+    the other one. Negative values favour the declared model.
 
     Why it matters
     --------------
-    A sensor of the linear model fires by contrast in bright places and hardly in dark ones; methods that integrate
-    events in the log domain fail on it silently. The simulated DVS plugin is linear, most data sheets mean log.
+    A sensor of the linear model gives many events in bright regions and few in dark ones. Methods that integrate events
+    in the log domain fail on it without an error. The simulated DVS plugin is linear; most data sheets describe the log
+    model.
 
     How
     ---
-    The same bracketed level samples as in event_response.threshold are regressed in L and in luma. The domain in
-    which events step by one constant leaves the smaller residual in units of its threshold. The comparison is made in
-    every quarter of the image and window, and averaged.
+    The bracketed level samples of ``event_response.threshold`` are regressed in L and in luma. In the domain in which
+    events have one constant step, the residual is smaller in units of its threshold. The comparison is made in every
+    quarter of the image and window, and averaged.
 
     Noise model
     -----------
-    The standard error is the spread between these blocks over the root of their number. There is no allowance: errors
-    of frames and of levels between events are the same in both domains, and an honest file lies far below zero.
+    The standard error is the spread between these blocks over the root of their number. There is no model error bound:
+    errors of frames, and of levels between events, are the same in both domains, and a correct file is far below zero.
 
     Cannot see
     ----------
-    A scene of one brightness, where both domains are proportional: not_observable beyond a ratio of e. Finer
-    differences of models: the number of events a step shows in event_response.threshold as an overshooting step.
+    A scene of one brightness, where both domains are proportional: not_observable beyond a ratio of e. Smaller
+    differences between models: the number of events a rendered step is visible in ``event_response.threshold`` as an
+    overshoot.
 
     Sources
     -------
@@ -55,7 +57,7 @@ class EventResponseModel(WindowCheck[LevelSums]):
         return level_sums(window)
 
     def conclude(self, state: Sequence[LevelSums], facts: Facts) -> Observation:
-        """State how much better the other domain fits."""
+        """State the ratio of the residuals in both domains."""
         declared, coverage = facts.declared.events, level_coverage(state)
         thresholds = fit_thresholds(state, facts)
         if isinstance(thresholds, str) or declared is None:

@@ -41,7 +41,7 @@ FEWEST_WINDOWS: Final = 4
 
 @dataclass(frozen=True, slots=True)
 class EventSymmetry(Feature):
-    """Transform of the events under which they agree with the frames clearly better than as declared.
+    """Transform of the events under which they correlate significantly better with the frames than as declared.
 
     Attributes
     ----------
@@ -66,7 +66,7 @@ class EventSymmetry(Feature):
     def text(self) -> str:
         """The transform in words."""
         words = (
-            (self.inverted, "of inverted polarity"),
+            (self.inverted, "with inverted polarity"),
             (self.swapped_axes, "with exchanged axes"),
             (self.mirrored_columns, "mirrored left to right"),
             (self.mirrored_rows, "mirrored top to bottom"),
@@ -98,37 +98,39 @@ class OrientationMoments:
 class EventResponseOrientation(WindowCheck[OrientationMoments]):
     """Do events and frames agree in axes, direction and sign?
 
-    The correlation of what frames and events say has changed, as declared and under the eight symmetries of the square
-    and both signs: over the file, in each window of 0.2 s, and in each of 4 x 4 tiles of the image.
+    The correlation of the changes by frames and by events, as declared and under the eight symmetries of the square
+    with both signs: over the file, in each window of 0.2 s, and in each of 4 x 4 tiles of the image.
 
     Why it matters
     --------------
-    Plugins and loaders differ in polarity codes, in the order of x and y and in where rows begin. Nothing else in a
-    file shows it, and a network trained on such events learns a world that moves the other way.
+    Plugins and loaders differ in polarity codes, in the order of x and y, and in the direction of rows. No other stream
+    of a file shows such a difference, and a network that is trained on such events learns motion in a wrong direction.
 
     How
     ---
-    The change of the signal between successive frames is correlated with the signed events in between, averaged over
-    4 x 4 px blocks, which forgives small shifts. Where frames change too little from one to the next, the change over
-    a window is taken. The declared orientation must correlate by at least half of what is due, and better than all
-    fifteen others; the orientation that correlates best names the cause. The same is asked of each window, and of
-    each tile over all windows, so that a segment or a region that was written differently is found and placed, where
-    at least a quarter agrees.
+    The change of the signal between successive frames is correlated with the signed events in between. Both are
+    averaged over 4 x 4 px blocks, so that small shifts hardly change the correlation. Where successive frames change
+    too little, the change over a window is used. The declared orientation must have at least half of the expected
+    correlation, and a higher one than all fifteen others. The orientation with the highest correlation names the cause.
+    The same comparison is made for each window, and for each tile over all windows, so that a segment or a region with
+    another convention is detected and located, where at least a quarter agrees.
 
     Noise model
     -----------
-    Events leave each pixel's level open by C+ and C-, a variance of 2/3 C+ C- of a change, averaged over a block; with
-    s the variance that frames show, a correlation of sqrt(s / (s + noise)) is due. Standard errors are by leaving
-    windows out in turn, of parts three times those of independent blocks, as blocks of one moving texture are not.
+    Between events, the level of a pixel is uncertain within C+ and C-, which gives a change a variance of 2/3 C+ C-,
+    averaged over a block (noise). With s the variance of the change by frames, the expected correlation is sqrt(s / (s
+    + noise)). The standard error over the file is the delete-one jackknife over windows. For parts it is three times
+    the error of independent blocks, because blocks of one moving texture are not independent.
 
     Cannot see
     ----------
-    Parts in which a correlation below 0.3 is due (hovering, no texture, night): not_observable where that is the whole
-    file. Shifts (event_response.alignment), small delays (event_response.timing), and symmetries of the scene itself.
+    Parts in which the expected correlation is below 0.3 (hovering, no texture, night): not_observable where this is the
+    whole file. Shifts (``event_response.alignment``), small delays (``event_response.timing``), and symmetries of the
+    scene itself.
 
     Sources
     -------
-    First principles (orientation); delete-one jackknife: Efron and Stein 1981.
+    First principles (``fedora_qa/estimators/events/orientation.py``); delete-one jackknife: Efron and Stein 1981.
     """
 
     name = "event_response.orientation"
@@ -153,8 +155,8 @@ class EventResponseOrientation(WindowCheck[OrientationMoments]):
         declared = facts.declared.events
         if not state or declared is None:
             return Observation(coverage, unobservable="no two frames with events around them")
-        # Events leave a variance of 2/3 C+ C- of the change of a pixel, and that over the number of pixels of the mean
-        # over a block.
+        # Between events, the change of a pixel has a variance of 2/3 C+ C-. The mean over a block has this variance
+        # divided by the number of its pixels.
         noise = 2 / 3 * declared.threshold_on * declared.threshold_off / BLOCK_PX**2
         by_change = [np.array([getattr(window, name).sums for window in state]) for name in ("steps", "span")]
         signals = [ChangeMoments(sums.sum(axis=0)).frame_variance() for sums in by_change]
@@ -168,10 +170,10 @@ class EventResponseOrientation(WindowCheck[OrientationMoments]):
         if predicted[best] < LEAST_PREDICTED:
             return Observation(
                 coverage,
-                unobservable=f"too little changes between frames: a correlation of only {predicted[best]:.2g} is due",
+                unobservable=f"frames change too little: the expected correlation is only {predicted[best]:.2g}",
             )
         statistics = [*_whole(by_change[best], predicted[best])]
-        # The segment of time and the region that gain most by another orientation.
+        # The segment of time and the region whose correlation increases most by another orientation.
         segment = most_reoriented([window.steps for window in state], noise)
         if segment is not None:
             chosen = [window for window, inside in zip(state, segment.parts, strict=True) if inside]
@@ -220,7 +222,7 @@ def _whole(sums: Float64, predicted: float) -> tuple[Statistic, Statistic]:
         side="lower",
         # With unrelated events the correlation falls from the predicted one, with an error of up to the bound, to 0.
         blind_from=1.5 * predicted,
-        statement=f"Events and frames correlate by {correlations[0]:.2g}; about {predicted:.2g} is due.",
+        statement=f"Events and frames have a correlation of {correlations[0]:.2g}; about {predicted:.2g} is expected.",
         code="event_response.orientation.unrelated",
         where=Where(stream="events"),
         features=features,
@@ -234,8 +236,8 @@ def _whole(sums: Float64, predicted: float) -> tuple[Statistic, Statistic]:
         # Excess of the correct orientation over an unrelated one, if another orientation is correct.
         blind_from=float(np.max(np.abs(correlations))),
         tests=len(alternatives),
-        statement=f"Events agree with the frames as {symmetry.text}: correlation {alternatives[orientation]:.2g}, "
-        f"as they stand {correlations[0]:.2g}.",
+        statement=f"Events agree better with the frames {symmetry.text}: correlation {alternatives[orientation]:.2g}, "
+        f"as stored {correlations[0]:.2g}.",
         code="event_response.orientation.other",
         where=Where(stream="events"),
         features=features,
@@ -252,8 +254,8 @@ def _part(name: str, rule: str, part: PartOrientation, where: Where, place: str)
         standard_error=part.standard_error,
         side="upper",
         tests=part.compared * _OTHERS,
-        statement=f"{place} events agree with the frames as {symmetry.text}: correlation {part.other:.2g}, "
-        f"as they stand {part.declared:.2g}.",
+        statement=f"{place} events agree better with the frames {symmetry.text}: correlation {part.other:.2g}, "
+        f"as stored {part.declared:.2g}.",
         code=f"event_response.orientation.{rule}",
         where=where,
         features=(symmetry,),

@@ -61,43 +61,45 @@ class DomainPreference(Feature):
 
 
 class EventResponseThreshold(WindowCheck[WeightedLevelSums]):
-    """Do events step by the declared thresholds?
+    """Do events have the declared contrast thresholds?
 
-    C+ and C- are estimated apart, in percent of what is declared: in nat for the log model, in DN for the linear one.
+    The differences of C+ and of C- from the declared thresholds, in percent. The unit of a threshold is nat for the log
+    model and DN for the linear one.
 
     Why it matters
     --------------
-    Reconstruction from events integrates them times the threshold, and simulators are compared by it: a threshold
-    that is 10% off makes every brightness change 10% off. Fault and cause are often a unit or a default that was not
-    written.
+    Reconstruction multiplies the sum of events by the threshold, and simulators are compared by it: a threshold that is
+    wrong by 10% makes every change of brightness wrong by 10%. Frequent reasons are a wrong unit, and a default value
+    that was not declared.
 
     How
     ---
-    Between two events of one polarity a pixel's level is known to a fraction of the threshold (a cubic through four
-    events). At frame times at which that holds, the change of L (of luma for the linear model) between two samples of
-    a pixel is regressed robustly on the events in between, fractions included, with the delay of events as a
-    nuisance. Frames are averaged over the footprints of the event camera's pixels in linear intensity. Where an edge
-    runs through a frame pixel that a footprint's border cuts, its share is not known, and contrast seems lost. So all
-    is fitted twice: all samples alike, those of the shortest gaps; and each weighed by how far two readings of it lie
-    apart, even and sharp frame pixels, straight lines and cubics between events (``sureness``). The fit of the
-    smaller error and bound is stated.
+    Between two events of one polarity, the level of a pixel is interpolated to a fraction of the threshold (a cubic
+    through four events). At frame times at which this is possible, the change of L (of luma for the linear model)
+    between two samples of a pixel is regressed robustly on the events in between, including fractions, with the delay
+    of events as a nuisance parameter. Frames are averaged over the footprints of the event camera's pixels in linear
+    intensity. Where an edge crosses a frame pixel that the border of a footprint cuts, its share is uncertain, and
+    contrast appears too small. The fit is therefore made twice. In the first fit, all samples of the shortest gaps have
+    equal weight. In the second, each sample is weighted by the difference between two estimates of it, with uniform and
+    edge-aware footprints and with straight lines and cubics between events (``precision_weights``). The fit with the
+    smaller sum of error and bound is stated.
 
     Noise model
     -----------
-    Standard errors are the larger of the formal one and the spread between quarters of the image and windows
-    (delete-one jackknife). Allowances, each on the samples as they are weighed: 0.7 of what the even reconstruction
-    of footprints moves (derivation beside ``LEFT_BY_SHARP``); what straight lines between events move in place of
-    cubics; attenuation if all residuals were errors of the counts (Fuller 1987); declared spread of thresholds, by up
-    to six times its relative square, as pixels of low threshold fire more; declared exposure. A step of the linear
-    model exceeds C by half a value and by half of what the signal moves in a rendered step. Measured on clean
-    sequences (270x200, 1 s, draft, C = 0.2; bias and limit): smooth wall 0.01 and 1%, wall of checkers of contrast
-    19:1 0.5 and 3%, park by day 1.3 and 3 to 5%, at C = 0.1 1.3 and 3%; park at 720x540, standard, 0.4 and 1.8%. In a
-    closed-form world of contrast 19:1 and C from 0.1 to 0.5 within 0.5%.
+    The standard error is the larger of the formal one and the spread between quarters of the image and windows
+    (delete-one jackknife). The model error bound is the sum of these terms, with the weights of the samples: 0.7 of the
+    change by uniform footprints (derivation beside ``LEFT_BY_SHARP``); the change by straight lines between events in
+    place of cubics; attenuation if all residuals were errors of the counts (Fuller 1987); up to six times the squared
+    relative spread of declared thresholds, because pixels of low threshold give more events; declared exposure. The
+    step of the linear model exceeds C by half a value, and by half of the change of the signal in a rendered step.
+    Measured on clean sequences (270x200, 1 s, draft, C = 0.2; bias and limit): smooth wall 0.01 and 1%; wall of
+    checkers of contrast 19:1, 0.5 and 3%; park by day 1.3 and 3 to 5%, at C = 0.1 1.3 and 3%; park at 720x540,
+    standard, 0.4 and 1.8%. In a closed-form world of contrast 19:1 and C from 0.1 to 0.5 the bias is at most 0.5%.
 
     Cannot see
     ----------
-    Gamma and threshold apart: gamma must be declared. Scenes of fewer than 100 level samples (hovering, night, slow
-    motion). Thresholds of single pixels.
+    Gamma and threshold separately: gamma must be declared. Scenes with fewer than 100 level samples (hovering, night,
+    slow motion). Thresholds of single pixels.
 
     Sources
     -------
@@ -117,7 +119,7 @@ class EventResponseThreshold(WindowCheck[WeightedLevelSums]):
         return weighted_level_sums(window)
 
     def conclude(self, state: Sequence[WeightedLevelSums], facts: Facts) -> Observation:
-        """State both thresholds in percent of what is declared, by the weighting of the smaller errors."""
+        """State both thresholds in percent of the declared ones, by the weighting with the smaller errors."""
         by_precision = [sums.by_precision for sums in state]
         declared, coverage = facts.declared.events, level_coverage(by_precision)
         fitted = lower_variance_fit(
@@ -145,7 +147,7 @@ class EventResponseThreshold(WindowCheck[WeightedLevelSums]):
                 # mean of tick over gap is the overshoot of all events within half its size.
                 beyond = 0.5 * fitted.overshoot * (nominal + 0.5)
                 expected, expectation_error = nominal + 0.5 + beyond, 0.5 + 0.5 * beyond
-            # The fit and the expected step may err in the same direction.
+            # The errors of the fit and of the expected step may have the same sign.
             bound = model_error + expectation_error
             # Exposure reduces contrast with the square of its time (EXPOSURE_BIAS).
             bound += (6 * spread**2 + EXPOSURE_BIAS * (exposure_us / EXPOSURE_OF_BIAS_US) ** 2) * expected
@@ -157,8 +159,8 @@ class EventResponseThreshold(WindowCheck[WeightedLevelSums]):
                     unit="%",
                     standard_error=percent * error,
                     model_error_bound=percent * bound,
-                    statement=f"{word} events step by {step:.4g} +/- {error:.2g} {unit}; {expected:.4g} {unit} is due "
-                    f"with the declared threshold of {nominal:.4g} {unit}.",
+                    statement=f"{word} events have a step of {step:.4g} +/- {error:.2g} {unit}; {expected:.4g} {unit} "
+                    f"follows from the declared threshold of {nominal:.4g} {unit}.",
                     code="event_response.threshold.size",
                     where=Where(stream="events"),
                     features=(

@@ -1,4 +1,4 @@
-"""Events against log intensity: time."""
+"""Events against log intensity: clock offset."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -113,51 +113,55 @@ TimingSummary = TimingSums | OffsetSearch
 
 
 class EventResponseTiming(WindowCheck[TimingSummary]):
-    """Are events and frames stamped by one clock?
+    """Do events and frames have timestamps of one clock?
 
-    The time by which events are stamped late against the colour frames (negative: early) is estimated in ms, with its
-    growth in ppm; then the stretch of windows and the rectangle of image tiles that differ most from the rest.
+    The clock offset of events against the colour frames, in ms (positive: timestamps of events too late), with its
+    growth in ppm; and the segment of windows and the rectangle of image tiles whose delay differs most from the rest.
 
     Why it matters
     --------------
-    A learned or fitted model takes events and frames of one stamp to show one instant. At 200 px/s an offset of 2 ms
-    displaces events by 0.4 px, which a network learns as a bias and an evaluation blames on the method.
+    Models that are trained or fitted assume that events and frames of one timestamp belong to one instant. At 200 px/s
+    an offset of 2 ms displaces events by 0.4 px. A network learns this as a bias, and an evaluation attributes it to
+    the method.
 
     How
     ---
-    Frames are read at events: where light changes slowly between frames, the polynomial through six of them gives a
-    pixel's level L and slope L' at the stamp of each event, and L = a + C+ P - C- M + delta L' + kappa |L'| over the
-    pixel's events so far, delta being the delay, and kappa what frames tell wrongly at the ends of edges, whichever way
-    the light goes. Where light changes fast, events are read at frames instead, by bracketed level
-    samples as in event_response.threshold. The one with the smaller standard error and bound is stated. Windows and
-    tiles (4 x 4) are fitted by themselves; every stretch and every rectangle is held against the rest. Where neither
-    tells, or an offset is so gross that one fit reads it too small, some windows are read again with the offset undone,
-    until none is left; offsets up to 100 ms are tried. After an alarm, offset,
-    clock rate and late stretch are compared by their Bayesian information criteria; where stamps step back, their steps
-    tell a stretch that is late from one whose clock gains (``clocks.order``).
+    Where light changes slowly between frames, frames are interpolated at events: the polynomial through six frames
+    gives the level L of a pixel and its slope L' at the timestamp of each event. Over the pixel's events so far, L = a
+    + C+ P - C- M + delta L' + kappa |L'|. Here delta is the delay. kappa is an error of the frames at the ends of
+    edges; it has one sign for rising and falling light. Where light changes fast, events are interpolated at frames
+    instead, by bracketed level samples as in ``event_response.threshold``. The estimate with the smaller sum of
+    standard error and bound is stated. Windows and tiles (4 x 4) are fitted separately, and every segment and every
+    rectangle is compared with the rest. Where neither method gives an estimate, or an offset is so large that one fit
+    underestimates it, some windows are measured again with the offset subtracted, until no offset remains. Offsets of
+    up to 100 ms are searched. After an alarm, three models are compared by their Bayesian information criteria: an
+    offset, a clock rate, and a late segment. Where timestamps step back, the steps separate a late segment from one in
+    which the clock gains (``clocks.order``).
 
     Noise model
     -----------
-    Standard errors are the largest of the formal one and those by leaving out cells, windows, tiles, and rows and
-    columns of tiles (delete-one jackknife): errors of frames are shared by neighbouring readings, and along a straight
-    edge. Where few groups scatter by more than their cells explain, theirs counts, widened as Student's distribution
-    says (``group_scatter``); so is the error of a region of few windows, and that of a delay that few cells determine.
-    How far windows scatter is estimated from all of them together. Expected is half a tick of the stamps (a stamp is
-    the first tick not before the crossing) and the delay of a declared low-pass. Allowances: what four frames in place
-    of six change, and 0.7 of what the even reconstruction of footprints changes (derivation beside ``LEFT_BY_SHARP``);
-    for bracketed samples those of the thresholds. A sensor of the linear model jumps at its events: its bracketed
-    levels may err by sqrt(3) times their scatter, all as one. Its steps are large, and many are made at crests of light
-    between two frames: the last event before each turn is not read.
+    The standard error is the largest of the formal one and those by leaving out cells, windows, tiles, and rows and
+    columns of tiles (delete-one jackknife): neighbouring samples, and samples along a straight edge, share errors of
+    the frames. If few groups scatter more than their cells imply, the error by groups is used, widened by Student's
+    distribution (``group_scatter``). The error of a region of few windows is widened likewise, and that of a delay from
+    few cells. The scatter of windows is estimated from all of them together. The expected delay is half a tick of the
+    timestamps (a timestamp is the first tick not before the crossing) plus the delay of a declared low-pass. The model
+    error bound is the change by four frames in place of six, plus 0.7 of the change by uniform footprints (derivation
+    beside ``LEFT_BY_SHARP``); for bracketed samples it is that of the thresholds. The signal of a linear sensor jumps
+    at its events: its bracketed levels may all have one common error of sqrt(3) times their scatter. Its steps are
+    large, and many lie at maxima and minima of light between two frames: the last event before each reversal is not
+    used.
 
     Cannot see
     ----------
-    Delays of whole pixels' histories alike in both streams; a delay in a still scene; offsets that are shorter than a
-    window (0.2 s) in time; which stream is late, unless depth or flow tell.
+    Delays that both streams share. A delay in a still scene. Offsets that last less than a window (0.2 s). Which stream
+    is late, unless depth or flow determine it.
 
     Sources
     -------
-    First principles (``estimators/events/frame_interpolation.py``, ``levels.py``). Lagrange interpolation; Huber 1964;
-    jackknife: Efron and Stein 1981; matched filter for a step; Schwarz 1978, "Estimating the dimension of a model".
+    First principles (``fedora_qa/estimators/events/frame_interpolation.py``, ``levels.py``). Lagrange interpolation;
+    Huber 1964; jackknife: Efron and Stein 1981; matched filter for a step; Schwarz 1978, "Estimating the dimension of a
+    model".
     """
 
     name = "event_response.timing"
@@ -180,7 +184,7 @@ class EventResponseTiming(WindowCheck[TimingSummary]):
         fitted, _ = _fitted_offset(sums, facts)
         if not sums or (fitted is not None and abs(fitted.offset_s) < CAPTURE_SHARE * fitted.capture_range_s):
             return ()
-        # Windows of most samples determine an offset with the least error.
+        # Windows with most samples give the smallest error of an offset.
         richest = sorted(sums, key=lambda of_window: -of_window.samples)[:WINDOWS_SEARCHED]
         return tuple(of_window.window for of_window in richest)
 
@@ -192,7 +196,7 @@ class EventResponseTiming(WindowCheck[TimingSummary]):
             state.append(search)
 
     def conclude(self, state: Sequence[TimingSummary], facts: Facts) -> Observation:
-        """State the offset by search where there was one, else that by one fit of all windows."""
+        """State the offset by a search where one was made, else that by one fit of all windows."""
         sums, declared = _sums(state), facts.declared.events
         interpolation = [of_window.interpolation for of_window in sums if of_window.interpolation is not None]
         pairs = level_coverage([of_window.levels for of_window in sums if of_window.levels is not None]).seen
@@ -223,7 +227,7 @@ class EventResponseTiming(WindowCheck[TimingSummary]):
             unit="ppm",
             standard_error=error_ppm,
             model_error_bound=1e6 * fitted.rate_bound,
-            statement=f"The clock of the events runs {abs(ppm):.3g} +/- {error_ppm:.2g} ppm too "
+            statement=f"The clock of the events is {abs(ppm):.3g} +/- {error_ppm:.2g} ppm too "
             f"{'fast' if ppm > 0 else 'slow'} against that of the colour frames.",
             code="event_response.timing.rate",
             where=Where(stream="events"),

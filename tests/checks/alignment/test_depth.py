@@ -73,4 +73,4 @@ def test_frames_of_other_instants_are_not_compared(tmp_path: Path) -> None:
     with h5py.File(path, "r+") as file:
         file["path/rgb_ts"][:] = file["path/rgb_ts"][:] + 7_000
     result = run_check(path, CHECK)
-    assert (result.outcome, result.reason) == ("not_observable", "no depth frame has the stamp of a colour frame")
+    assert (result.outcome, result.reason) == ("not_observable", "no depth frame has the timestamp of a colour frame")

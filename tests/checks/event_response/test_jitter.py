@@ -99,7 +99,7 @@ def test_edges_within_a_tick_are_not_observable(tmp_path: Path) -> None:
     """Walls of sharp contrast pass within a millisecond, the step of the stamps: their order within it is lost."""
     result = jitter_of(scattered(log_file(SHARP_WORLD), 0.0, 1 * MS), tmp_path / "ticks.h5")
     assert (result.outcome, result.measurements) == ("not_observable", ())
-    assert "within few steps of the stamps" in result.reason
+    assert "within few steps of the timestamps" in result.reason
 
 
 def test_without_quadruples_nothing_is_stated(tmp_path: Path) -> None:
