@@ -1,4 +1,4 @@
-"""Each depth frame against the next: the same surfaces from the viewpoint that the pose gives."""
+"""Each depth frame against the next: the same surfaces from the position that the pose gives."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -89,7 +89,7 @@ class DepthDeviation:
     def rank(self) -> tuple[float, float]:
         """Key by which the worst of several is chosen: by excess over the bound, within the bounds by their ratio.
 
-        Whether a deviation matters follows from its excess, and not from its ratio to a bound.
+        Whether a deviation is material follows from its excess, and not from its ratio to a bound.
         """
         return max(self.typical - self.bound, 0.0), self.excess
 
@@ -161,37 +161,38 @@ class WindowAgreement:
 
 
 class DepthConsistency(WindowCheck[WindowAgreement]):
-    """Does each depth frame, carried by the camera's motion, agree with the next?
+    """Does each depth frame, moved by the camera's motion, agree with the next?
 
-    The median deviation of the worst pair of frames, and of the worst of 48 tiles of any pair, in percent of the
-    depth; and how large a correction of the motion each pair asks for.
+    The median deviation of the worst pair of frames, and of the worst of 48 tiles of any pair, in percent of the depth;
+    and the size of the correction of the motion that fits each pair.
 
     Why it matters
     --------------
-    Flow, scene flow and every reprojection are made of depth and pose together. Where one of them belongs to another
-    instant, another unit or another camera, they contradict each other here first, without any image.
+    Flow, scene flow and every reprojection use depth and pose together. If one of them belongs to another time, another
+    unit or another camera, this comparison detects it without any image.
 
     How
     ---
-    Pixels of a frame are moved by the pose's relative motion into the next frame, whose inverse depth is read there
-    bilinearly (exact on planes). Compared are pixels clear of edges and of the border in both frames, by 4 px and by
-    as much as the nearest surface may have moved against them: what is hidden is left out without a look at the
-    residual. After an alarm, and only then, gross faults are undone one by one on pairs that are off: units, rays,
-    mirrors, shifts, exchanged and frozen frames, late stamps, conventions of the pose; the share of the residual that
-    undoing a fault removes is its weight.
+    Pixels of a frame are moved by the relative motion of the poses into the next frame, whose inverse depth is
+    interpolated bilinearly there (exact on planes). Pixels near edges and near the border are left out in both frames:
+    within 4 px, plus the distance by which the nearest surface may have moved against them. Occluded pixels are thereby
+    left out without use of the residual. Only after an alarm, the inverses of convention faults are applied one by one
+    to deviating pairs: units, rays, mirrors, shifts, exchanged and frozen frames, late timestamps, conventions of the
+    pose. The share of the residual that an inverse removes is its weight.
 
     Noise model
     -----------
-    Each pixel has a bound: rounding to float32, half a step where depths are quantised, a quarter of the second
-    differences of the inverse depth around it in both frames (twice Lagrange's bilinear error of a smooth surface; of
-    white noise about twice its spread), and the pose's interpolation where stamps fall between its samples. Medians
-    must not exceed the bounds' medians. Where the file declares pose noise, each pair may correct its motion; the
-    correction must then be as large as the declared noise makes it: chi-square, made normal by the cube root.
+    Each pixel has a bound, which is the sum of: rounding to float32; half a step where depths are quantised; a quarter
+    of the second differences of the inverse depth around the pixel in both frames (twice Lagrange's bilinear error of a
+    smooth surface; for white noise about twice its spread); the interpolation of the pose where timestamps lie between
+    its samples. A median must not exceed the median of its bounds. Where the file declares pose noise, a correction of
+    the motion is fitted to each pair. The correction must have the size that the declared noise implies: its square is
+    chi-square, and is made normal by the cube root.
 
     Cannot see
     ----------
-    A fault that moves depth and pose alike, such as one unit wrong in both; one of a few pixels; anything on pixels
-    beside edges, on moving objects, and in a camera that stands still.
+    An error that changes depth and pose consistently, such as one wrong unit in both. An error of a few pixels. Pixels
+    beside edges and on moving objects. A camera that does not move.
 
     Sources
     -------
@@ -226,7 +227,7 @@ class DepthConsistency(WindowCheck[WindowAgreement]):
         return tuple(chosen[:_MOST_FOLLOW_UPS])
 
     def follow_up(self, state: list[WindowAgreement], window: Window) -> None:
-        """Try inverse transforms on the middle one of the window's deviating pairs.
+        """Apply inverse transforms to the middle one of the window's deviating pairs.
 
         A fault may begin or end between the frames of the worst pair.
         """
@@ -236,14 +237,14 @@ class DepthConsistency(WindowCheck[WindowAgreement]):
         chosen = off[(len(off) - 1) // 2]
         for pair in owned_pairs(window):
             if pair is not None and pair.first == chosen.first:
-                # A single deviating tile, in frames that agree otherwise, is tried alone.
+                # A single deviating tile, in frames that agree otherwise, is used alone.
                 local = chosen.whole.excess <= 1 and chosen.noise_square <= 0
                 residual, tile = (chosen.worst_tile.typical, chosen.tile) if local else (chosen.whole.typical, None)
                 trials = try_conventions(pair.whole(), residual, tile)
                 state.append(WindowAgreement(window.span.index, trials=(trials,)))
 
     def conclude(self, state: Sequence[WindowAgreement], facts: Facts) -> Observation:
-        """State the worst deviations, and how large the corrections were."""
+        """State the worst deviations, and the size of the corrections."""
         pairs = sorted((pair for window in state for pair in window.pairs), key=lambda pair: pair.first)
         total = max(int(np.count_nonzero(facts.clocks["depth"].advancing)) - 1, 0)
         coverage = pixels_of_pairs(sum(pair.pixels_read for pair in pairs), total, facts)
@@ -253,7 +254,7 @@ class DepthConsistency(WindowCheck[WindowAgreement]):
                 "share too few pixels clear of edges": sum(window.too_few_pixels for window in state),
             }
             reasons = [f"{count} {reason}" for reason, count in pairs_by_reason.items() if count]
-            why = "there are no two depth frames, or it is not known what stands in them"
+            why = "the file has no two depth frames, or static pixels are not known"
             if reasons:
                 why = "of the pairs of depth frames " + ", ".join(reasons)
             return Observation(coverage, unobservable=why)
@@ -271,13 +272,13 @@ class DepthConsistency(WindowCheck[WindowAgreement]):
                 name="deviation",
                 value=_PERCENT * worst.whole.typical,
                 unit="percent",
-                # The bound covers the whole error of each pixel; no random part is left to the median.
+                # The bound covers the whole error of each pixel; the median has no random part beyond it.
                 standard_error=0.0,
                 model_error_bound=_PERCENT * worst.whole.bound,
                 sensitivity=sensitivity_range(0.0, [_PERCENT * pair.whole.bound for pair in pairs]),
                 side="upper",
                 statement=f"Depth frame {worst.first} differs from frame {worst.second} by "
-                f"{_deviation_text(worst.whole)}; {len(off_whole)} of {len(pairs)} pairs are off.",
+                f"{_deviation_text(worst.whole)}; {len(off_whole)} of {len(pairs)} pairs deviate.",
                 code="depth.consistency.frame",
                 where=_where(off_whole or [worst], facts),
                 features=features,
@@ -293,7 +294,7 @@ class DepthConsistency(WindowCheck[WindowAgreement]):
                 ),
                 side="upper",
                 statement=f"A tile of depth frame {worst_by_tile.first} differs from frame {worst_by_tile.second} by "
-                f"{_deviation_text(worst_by_tile.worst_tile)}; so it is in {len(off_in_tile)} of {len(pairs)} pairs.",
+                f"{_deviation_text(worst_by_tile.worst_tile)}; {len(off_in_tile)} of {len(pairs)} pairs deviate.",
                 code="depth.consistency.tile",
                 where=replace(_where(off_in_tile or [worst_by_tile], facts), tile=worst_by_tile.tile),
                 features=features,
@@ -304,8 +305,7 @@ class DepthConsistency(WindowCheck[WindowAgreement]):
             statistics += _corrections(pairs, facts, features)
         undeclared = Notice(
             "depth.consistency.undeclared",
-            "The pose's noise is not declared, so that each pair of depth frames was allowed any correction of its "
-            "motion.",
+            "The noise of the pose is not declared, so that the correction of the motion of each pair has no limit.",
         )
         notices = () if facts.declared.pose else (undeclared,)
         return Observation(coverage, tuple(statistics), notices)
@@ -329,11 +329,11 @@ def _corrections(pairs: Sequence[PairAgreement], facts: Facts, features: tuple[F
     worst = max(corrected, key=lambda pair: pair.noise_square / pair.noise_dof)
     features = (*features, MotionCorrections(ratio))
     return [
-        _correction("pose_correction", ratio, dof, "The corrections that depth asks of the pose are",
+        _correction("pose_correction", ratio, dof, "The corrections of the pose that fit depth are",
                     where_of_frames(facts, independent[0].first, independent[-1].second), features,
                     tests=1, side="both"),
         _correction("worst_pose_correction", worst.noise_square / worst.noise_dof, worst.noise_dof,
-                    f"The correction that depth frames {worst.first} and {worst.second} ask of the pose is",
+                    f"The correction of the pose that fits depth frames {worst.first} and {worst.second} is",
                     where_of_frames(facts, worst.first, worst.second), features,
                     tests=len(corrected), side="upper"),
     ]  # fmt: skip
@@ -354,7 +354,7 @@ def _correction(
         side=side,
         tests=tests,
         # The ratio is one of squares.
-        statement=f"{subject} {np.sqrt(ratio):.3g} times as large as the declared pose noise makes them.",
+        statement=f"{subject} {np.sqrt(ratio):.3g} times as large as the declared pose noise implies.",
         code=f"depth.consistency.{name}",
         where=where,
         features=features,
@@ -367,7 +367,7 @@ def _where(pairs: Sequence[PairAgreement], facts: Facts) -> Where:
 
 def _deviation_text(deviation: DepthDeviation) -> str:
     typical, bound = (_PERCENT * share for share in (deviation.typical, deviation.bound))
-    return f"{typical:.3g}% at the median pixel, where rounding explains {bound:.1g}%"
+    return f"{typical:.3g}% at the median pixel, where the bound by rounding is {bound:.1g}%"
 
 
 def compare(pair: DepthPair) -> PairAgreement | None:

@@ -86,9 +86,9 @@ class PooledParameter:
 
 
 class FittedParameter(WindowCheck[tuple[PairParameter, ...]]):
-    """What is the parameter that depth and pose agree on?
+    """For which value of a parameter do depth and pose agree?
 
-    What the checks of one parameter share: the fit of each pair, and the pooling over pairs.
+    Shared by the checks of one parameter: the fit of each pair, and the pooling over pairs.
     """
 
     needs = ("depth", "pose")
@@ -171,13 +171,13 @@ class FittedParameter(WindowCheck[tuple[PairParameter, ...]]):
 
     def conclude(self, state: Sequence[tuple[PairParameter, ...]], facts: Facts) -> Observation:
         """Pool the pairs."""
-        # In the order of frames: sums then do not depend on how windows were shared among workers.
+        # In the order of frames: sums then do not depend on the distribution of windows among workers.
         fits = sorted((fit for fits in state for fit in fits), key=lambda fit: fit.first)
         total = max(int(np.count_nonzero(facts.clocks["depth"].advancing)) - 1, 0)
         coverage = pixels_of_pairs(sum(fit.pixels_read for fit in fits), total, facts)
         pooled = self.pooled(fits)
         if pooled is None:
-            why = "no two depth frames show the same surfaces from places that poses tell apart"
+            why = "no two depth frames show the same surfaces from clearly different poses"
             return Observation(coverage, unobservable=why)
         where = where_of_frames(facts, fits[0].first, fits[-1].second)
         return Observation(coverage, (replace(self.statistic(pooled, fits), where=where),))
@@ -210,7 +210,7 @@ def pool(fits: Sequence[PairParameter]) -> PooledParameter | None:
     return PooledParameter(
         value=value,
         standard_error=float(max(np.sqrt(weights**2 @ errors**2), spread)),
-        # Bounds average linearly: one error of the model may push all pairs the same way.
+        # Bounds average linearly: an error of the model may have the same sign in all pairs.
         bound=float(weights @ bounds),
         residual_reduction=max(float(np.median(1.0 - residual_ratios)), 0.0),
     )

@@ -1,4 +1,4 @@
-"""Direction of depths: along the optical axis, or along the ray."""
+"""Definition of depths: along the optical axis, or along the ray."""
 
 from collections.abc import Sequence
 
@@ -11,28 +11,28 @@ from fedora_qa.views.depth_pairs import DepthPair
 class DepthProjection(FittedParameter):
     """Is depth measured along the optical axis, or along each pixel's ray?
 
-    The exponent c with which depths are ``z |m|^c``, m = (x/z, y/z, 1): 0 for z, 1 for the length of the ray.
+    The exponent c with which stored depths are ``z |m|^c``, m = (x/z, y/z, 1): 0 for z, 1 for the length of the ray.
 
     Why it matters
     --------------
-    Ray lengths taken for z bend every plane into a bowl: 15% at the edge of a 60 degree view. Both are called depth,
-    and simulators deliver either.
+    Ray lengths that are used as z bend every plane into a bowl: by 15% at the edge of a 60 degree view. Both are called
+    depth, and simulators write either.
 
     How
     ---
-    The exponent is fitted to each pair of frames: a turning camera carries surfaces to other |m|, where a length that
-    should have stayed changes; what passes by is bent. The motion may err within its declared noise. Pairs are pooled
-    by their errors.
+    The exponent is fitted to each pair of frames. A rotating camera moves surfaces to another |m|, where the wrong
+    exponent changes lengths that should be constant; under translation it bends the surfaces. The motion may have an
+    error within its declared noise. Pairs are averaged with weights by their errors.
 
     Noise model
     -----------
-    As for ``depth.scale``: the bounds of ``depth.consistency`` propagated in the worst direction (allowance), the
-    declared pose noise (standard error; the spread over pairs where that is larger).
+    As in ``depth.scale``: the bounds of ``depth.consistency``, propagated in the worst direction (model error bound),
+    and the declared pose noise (standard error; the spread over pairs where that is larger).
 
     Cannot see
     ----------
-    Anything where the camera neither turns nor moves; where half of the way from 0 to 1 would not be seen, it says
-    so. A distortion of the lens that depth frames still have looks like a part of the way.
+    Any exponent where the camera neither rotates nor moves: the check is not observable where an exponent of 0.5 could
+    not be detected. A lens distortion that depth frames still contain appears as an exponent between 0 and 1.
 
     Sources
     -------

@@ -23,7 +23,7 @@ _NEIGHBOURHOOD: Final = 64 * RANGE_ROUNDING
 """Depths between this and ``RANGE_ROUNDING`` of an end are its neighbourhood: 63 times as wide as the end itself."""
 
 _COARSE: Final = 1e-3
-"""Steps of this share of the depth move a parallax of 10 px by 0.01 px."""
+"""Steps of this share of the depth change a parallax of 10 px by 0.01 px."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -83,36 +83,36 @@ class WindowExtents:
 
 
 class DepthRange(WindowCheck[WindowExtents]):
-    """Do depths keep to the declared range without being cut off at it?
+    """Do depths lie in the declared range, without being clipped to its ends?
 
-    The nearest and the farthest valid depth of all frames against ``depth_range``, the pixels that lie exactly on
-    either end, and the steps in which depths were stored.
+    The nearest and the farthest valid depth of all frames compared with ``depth_range``, the number of pixels that lie
+    exactly on either end, and the step in which depths are stored.
 
     Why it matters
     --------------
-    A sensor that writes its limit where it sees nothing builds a wall at 30 m: planners avoid it, and scene flow on
-    it is wrong. Steps of a thousandth of the depth move a parallax of 10 px by 0.01 px, which flow is held to.
+    A sensor that writes its limit where it has no return creates a wall at 30 m: planners avoid it, and scene flow on
+    it is wrong. Steps of a thousandth of the depth change a parallax of 10 px by 0.01 px, which is relevant for flow.
 
     How
     ---
-    Every decoded frame is tallied. Pixels that equal an end, to the rounding of float32, are counted against those in
-    a neighbourhood of it that is 63 times as wide, where surfaces would leave one in 63. Steps are inferred from the
-    values (``fedora_qa/estimators/storage/steps.py``) or, where they are of an unknown size or of 1/z, from second
-    differences along rows and columns, which vanish on planes and are multiples of one number where depths, or their
-    inverses, were rounded (``fedora_qa/estimators/depth/stored_step.py``). Steps above a thousandth of the depth are
-    noted (16-bit millimetres near by, half floats, disparities, a z-buffer of few bits), finer ones are stated among
-    what was inferred.
+    Every decoded frame is read. Pixels that equal an end, to the rounding of float32, are counted and compared with
+    those in a neighbourhood of it that is 63 times as wide: surfaces have one pixel on the end for 63 there. Steps are
+    inferred from the values (``fedora_qa/estimators/storage/steps.py``). Where their size is unknown, or they are steps
+    of 1/z, second differences along rows and columns are used: they vanish on planes, and are multiples of one number
+    where depths, or their inverses, were rounded (``fedora_qa/estimators/depth/stored_step.py``). Steps above a
+    thousandth of the depth are noted (16-bit millimetres at near range, half floats, disparities, a z-buffer of few
+    bits). Finer steps are stated among the inferred facts.
 
     Noise model
     -----------
-    The ends are exact but for the rounding of float32, 2^-24, of the depths and of the range, with two bits to spare.
-    The excess on an end is a Poisson count: its variance is what the neighbourhood predicts, plus one. One frame is
-    allowed one line of just that depth, as many pixels as its width and height together.
+    The ends are exact except for the rounding of depths and range to float32, 2^-24, with a margin of a factor of 4.
+    The excess on an end is a Poisson count; its variance is the number that the neighbourhood implies, plus one. In one
+    frame, one line at exactly that depth is allowed: as many pixels as its width plus height.
 
     Cannot see
     ----------
-    Depths that are wrong within the range; a range that is declared too wide. How invalid pixels are marked is for
-    ``integrity.finite``. Steps in scenes without a plane or a smooth surface.
+    Wrong depths within the range. A declared range that is too wide. The code of invalid pixels (``integrity.finite``).
+    Steps in scenes without a plane or a smooth surface.
 
     Sources
     -------
@@ -168,7 +168,7 @@ class DepthRange(WindowCheck[WindowExtents]):
             inferred = {"depth_step_mm": MM_PER_M * share * at_m}
             if share >= _COARSE:
                 message = (
-                    f"Depths come in steps of {MM_PER_M * share * at_m:.3g} mm at {at_m:.3g} m, "
+                    f"Depths have steps of {MM_PER_M * share * at_m:.3g} mm at {at_m:.3g} m, "
                     f"{100 * share:.2g}% of the depth."
                 )
                 notices = (Notice("depth.range.steps", message, Where(stream="depth")),)
@@ -194,8 +194,8 @@ class DepthRange(WindowCheck[WindowExtents]):
                     model_error_bound=float(max(frame.contour for frame in frames)),
                     side="upper",
                     resolution=1.0,
-                    statement=f"{on_end} pixels lie exactly on the {name} end of the range, {end_m:g} m: depth was cut "
-                    "off there instead of being NaN.",
+                    statement=f"{on_end} pixels lie exactly on the {name} end of the range, {end_m:g} m: depth was "
+                    "clipped there instead of being NaN.",
                     code=f"depth.range.{name}_end",
                     where=where_of_frames(facts, worst.frame, worst.frame),
                 )

@@ -1,4 +1,4 @@
-"""The scale of depth, from the parallax of points under the camera's motion."""
+"""The scale of depth, by the parallax of points under the camera's motion."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -44,35 +44,36 @@ class PathScale(Feature):
 
 
 class DepthScale(FittedParameter):
-    """Are depths in the unit that makes them fit the camera's path?
+    """Is the unit of depth consistent with the camera's path?
 
-    The factor by which the stored depths are too large beside the positions.
+    The factor by which the stored depths are too large relative to the positions.
 
     Why it matters
     --------------
-    With depth in millimetres and translation in metres the flow made of them looks as if the camera only turned, and
-    still looks like flow.
+    With depth in millimetres and translation in metres, the flow computed from them looks like that of a pure rotation,
+    and is still plausible as flow.
 
     How
     ---
-    From one depth frame to the next surfaces come nearer and slide past each other by as much as the camera's path,
-    in metres, is long beside them. The factor is fitted to each pair of frames by Gauss-Newton, beginning from 1 where
-    they agree as declared, and else from infinite depth, so that wrong units need not be guessed; the motion may err
-    within its declared noise. Pairs are pooled by their errors, pairs far from the others weighing less. A wrong factor
-    is as well one of the positions: where depths lie far outside the declared range they are at fault, otherwise the
-    inertial checks tell. Where the factor is surely not 1, that of the positions is fitted as well, since the lever arm
-    of the camera does not scale with them.
+    From one depth frame to the next, surfaces come nearer and move against each other in proportion to the length of
+    the camera's path, in metres, over their depth. The factor is fitted to each pair of frames by Gauss-Newton. The
+    start is 1 where the frames agree as declared, and otherwise infinite depth, so that no list of wrong units is
+    needed. The motion may have an error within its declared noise. Pairs are averaged with weights by their errors;
+    pairs far from the others have less weight. A wrong factor may also be one of the positions: where depths lie far
+    outside the declared range, depth is suspected, otherwise the checks of the IMU decide. Where the factor differs
+    significantly from 1, that of the positions is fitted as well, because the lever arm of the camera does not scale
+    with them.
 
     Noise model
     -----------
-    The bounds of ``depth.consistency``, propagated through the fit in the worst direction (allowance), and the
-    declared pose noise, which moves the motion of each pair (standard error; the spread over pairs where that is
+    The bounds of ``depth.consistency``, propagated through the fit in the worst direction (model error bound), and the
+    declared pose noise, which changes the motion of each pair (standard error; the spread over pairs where that is
     larger).
 
     Cannot see
     ----------
-    Depths and positions that are wrong by one factor, which gravity tells (``imu.translation``). Where the camera
-    hovers the factor is known to no better than a half, and nothing is said.
+    Depths and positions that are wrong by one factor, which gravity determines (``imu.translation``). Where the camera
+    hovers, the error of the factor exceeds a half, and the check is not observable.
 
     Sources
     -------
@@ -139,7 +140,7 @@ class DepthScale(FittedParameter):
             standard_error=pooled.standard_error,
             expected=1.0,
             model_error_bound=pooled.bound,
-            statement=f"Depths are {pooled.value:.4g} times as large as the camera's path in metres makes them.",
+            statement=f"Depths are {pooled.value:.4g} times as large as the camera's path in metres implies.",
             code="depth.scale.factor",
             features=(ResidualReduction(pooled.residual_reduction), path_scale),
         )

@@ -204,9 +204,7 @@ class EventResponseInterpolation(WindowCheck[RunCounts]):
         tick_ns = max(counts.tick_ns for counts in state)
         period_ns = min(counts.period_ns for counts in state)
         if period_ns < FEWEST_EVENTS * LEAST_SPACING_TICKS * tick_ns:
-            reason = (
-                f"timestamps in steps of {tick_ns / NS_PER_MS:g} ms are too coarse for three events between frames"
-            )
+            reason = f"timestamps in steps of {tick_ns / NS_PER_MS:g} ms are too coarse for three events between frames"
             return Observation(coverage, unobservable=reason)
         # Axes: number of renders, then runs, lines and events.
         within, across = (np.sum([getattr(counts, kind) for counts in state], axis=0) for kind in ("within", "across"))

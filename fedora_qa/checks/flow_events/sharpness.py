@@ -1,4 +1,4 @@
-"""Flow against events: carried along the flow, the events of an edge meet in a line."""
+"""Flow against events: warped by the flow, the events of an edge lie on one line."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -39,13 +39,13 @@ LONGEST_NS: Final = 200_000_000
 """Longest interval of a measured field, ns: paths over longer intervals bend."""
 
 MOST_EVENTS: Final = 25_000
-"""Largest number of events of a field that are carried, evenly spread. At 720x540 with 700,000 events, standard errors
+"""Largest number of events of a field that are warped, evenly spread. At 720x540 with 700,000 events, standard errors
 of gains are 0.4% with 25,000 events and 0.3% with all; limits, dominated by the size of a pixel, are 16.9% and 16.6% at
 10 Hz."""
 
 LARGE_EVENTS: Final = 8_000
 LARGE_ROWS: Final = 0.25
-"""Number of events of a field that are carried in large frames, and share of the rows that they come from if it holds
+"""Number of events of a field that are warped in large frames, and share of the rows that contain them, if these have
 enough events.
 
 Bands of rows keep the events of an edge together; a regular selection of events would not. At 1440x1080 over 1 s,
@@ -56,15 +56,15 @@ detected.
 FEWEST_EVENTS: Final = 500
 
 TRANSFORMS: Final = MappingProxyType({
-    "negated": "turned round",
+    "negated": "negated",
     "transposed_axes": "with its axes exchanged",
-    "flipped_v": "with v upwards",
+    "flipped_v": "with v negated",
     "times_interval": "times the interval (as if it were px/s)",
     "divided_by_interval": "divided by the interval (as if it were px s)",
     "mirrored_columns": "mirrored left to right",
     "mirrored_rows": "mirrored top to bottom",
 })  # fmt: skip
-"""Transforms of a field that are compared with the one that is stored, in words; the first five keep the place of its
+"""Transforms of a field that are compared with the stored field, in words; the first five keep the position of its
 values."""
 
 _UNIT: Final = np.eye(2)
@@ -78,8 +78,8 @@ _RMS_OF_TIME: Final = 12**-0.5
 FEWEST_FIELDS: Final = 4
 
 ADVANTAGE: Final = 0.2
-"""Least logarithm of the ratio of sharpness for another flow. Smaller advantages occur on correct files: v upwards
-where all motion is sideways, or a uniform motion that fits a bent path slightly better."""
+"""Least logarithm of the ratio of sharpness for another flow. Smaller ratios occur on correct files: v negated where
+all motion is horizontal, or a uniform motion that fits a curved path slightly better."""
 
 PIXEL_VARIANCE_PX2: Final = 1 / 12
 """Variance of the position of an edge within its pixel at the time of an event, px^2: uniform."""
@@ -90,25 +90,25 @@ BEND: Final = 2.0
 _MOST_GROUPS: Final = 12
 _SIGNIFICANT_SIGMAS: Final = 5.0
 _SAME_EVENTS: Final = slice(0, 5)
-"""Transforms that carry the same events as the field itself."""
+"""Transforms that warp the same events as the field itself."""
 
 
 @dataclass(frozen=True, slots=True)
 class FieldSharpness:
-    """Sharpness of the events of one field after they are carried by it.
+    """Sharpness of the events of one field after they are warped by it.
 
     Attributes
     ----------
     interval
         Of the field.
     sharpness
-        (1 + gains,) of events that are not carried, and of events carried by the field times each of ``GAINS``.
+        (1 + gains,) of events that are not warped, and of events warped by the field times each of ``GAINS``.
     transformed
-        (transforms, 2) of events carried by the field, and by each of ``TRANSFORMS``; events with a flow in both.
+        (transforms, 2) of events warped by the field, and by each of ``TRANSFORMS``; events with a flow in both.
     carried
-        Number of events that were carried.
+        Number of events that were warped.
     way_px
-        Root mean square displacement of the carried events, px of the event camera.
+        Root mean square displacement of the warped events, px of the event camera.
     way_rad
         Root mean square displacement over the time of the events, over the focal length, rad.
     """
@@ -165,7 +165,7 @@ class RateSharpness:
     advantage, advantage_error
         Logarithm of the ratio of sharpness under the transform to that of the stored flow, and its standard error.
     sharpening
-        Largest relative gain of sharpness over events that are not carried.
+        Largest relative gain of sharpness over events that are not warped.
     """
 
     fields: tuple[FieldSharpness, ...]
@@ -186,12 +186,12 @@ class RateSharpness:
 
     @property
     def is_informative(self) -> bool:
-        """Whether events become surely sharper, by the field or by what it might be."""
+        """Whether events become significantly sharper, by the field or by a transform of it."""
         return self.sharpening > _SIGNIFICANT_SIGMAS * self.advantage_error
 
     @property
     def gain_deviates(self) -> bool:
-        """Whether the gain lies outside what a correct field gives, for naming only."""
+        """Whether the gain deviates significantly from 1, for naming only."""
         return abs(self.gain - 1) > self.gain_model_error_bound + _SIGNIFICANT_SIGMAS * self.gain_error
 
     @property
@@ -201,40 +201,41 @@ class RateSharpness:
 
 
 class FlowEventsSharpness(WindowCheck[tuple[FieldSharpness, ...]]):
-    """Does the stored flow carry the events of an edge onto one line?
+    """Are events sharpest under the stored flow?
 
-    The gain of each rate of flow in percent, that is by how much the stored flow is too large, and by how much sharper
-    the events would be under another flow, as a logarithm: turned round, with its axes exchanged, with v upwards, in
-    px/s, in px s, mirrored either way. All is measured in pixels and time of the event camera.
+    For each rate, the gain of the stored flow in percent (positive: flow too large). Also the logarithm of the ratio of
+    sharpness under another flow: negated, with exchanged axes, with v negated, in px/s, in px s, mirrored in either
+    direction. All is measured in pixels and time of the event camera.
 
     Why it matters
     --------------
-    Flow that has the wrong sign, unit or order of axes still looks like flow; a network that is trained on it with
-    events learns nonsense. Events are a witness that neither depth nor pose nor colour can spoil.
+    Flow with the wrong sign, unit or order of axes still looks like flow, and a network that is trained on it with
+    events learns wrong motion. Events are independent of depth, pose and colour.
 
     How
     ---
-    Events around the middle of a field's interval (60 ms, or up to the whole interval where that makes the allowance
-    below less) are carried along the stored flow to that middle, as if points moved evenly, and so along the flow times
-    several gains. Sharpness is the mean, over events, of the
-    density that they meet in the image of warped events; a parabola through the sharpest gain and its neighbours tells
-    the peak. Two events of one pixel are never of one place on a moving edge; what they contribute is taken off, or it
-    would draw gains towards 0. Rivals are compared on the same events.
+    Events around the middle of a field's interval (60 ms, or up to the whole interval where this makes the bound below
+    smaller) are warped along the stored flow to the middle, under uniform motion of each point, and along the flow
+    times several gains. Sharpness is the mean over events of the density at their positions in the image of warped
+    events. A parabola through the sharpest gain and its neighbours gives the peak. Two events of one pixel never belong
+    to one point of a moving edge: their contribution is subtracted, because it would bias gains towards 0. Other flows
+    are compared on the same events.
 
     Noise model
     -----------
-    The gain's standard error leaves out segments of time in turn; a rival's advantage has that of counting events.
-    The allowance has two parts. An edge that is at u when pixel m fires was m + s, with s uniform in the pixel: of the
-    ways u the positions m know all but s, which all pixels share alike, so that the regression of m on u, and with it
-    the gain, errs by at most var(s) / var(u) = 1 / (12 w^2), w the root mean square way in px. And a path that turns
-    the line of sight by an angle a is bent by tan's third order, up to 4/3 a^2 at 30 degrees off the axis; 2 a^2 is
-    allowed. A rival must be a fifth sharper, which even motion along a bent path never is.
+    The standard error of the gain is a jackknife over segments of time; that of a ratio of sharpness is the error of
+    counting. The bound of the gain has two parts. The first is the size of a pixel. An edge that is at u when pixel m
+    fires has u = m + s, with s uniform in the pixel. All pixels share s, so that the relative error of the regression
+    of m on u, and of the gain, is at most var(s) / var(u) = 1 / (12 w^2), with w the root mean square displacement in
+    px. The second is the curvature of a path: if the line of sight rotates by an angle a, the third order of tan is up
+    to 4/3 a^2 at 30 degrees off the axis; the bound is 2 a^2. Another flow must be sharper by a fifth, which uniform
+    motion along a curved path never is.
 
     Cannot see
     ----------
-    A shift in time, which moves all events alike. Small local faults: ``flow_photometric.residual`` sees them. Where
-    events become no surely sharper under any candidate (five standard errors of counting), edges cross too few pixels
-    and nothing is judged.
+    A time offset, which moves all events equally. Small local errors (``flow_photometric.residual`` detects them).
+    Where no candidate makes events significantly sharper (five standard errors of counting), edges cross too few
+    pixels, and nothing is judged.
 
     Sources
     -------
@@ -294,7 +295,7 @@ class FlowEventsSharpness(WindowCheck[tuple[FieldSharpness, ...]]):
             # reciprocal of the flow's gain.
             groups = np.array_split(by_gain, min(len(of_rate), _MOST_GROUPS))
             gains = np.array([1.0 / best_gain((summed - group.sum(axis=0))[1:]) for group in groups])
-            # Only transforms that carry the same events are comparable with those of events that are not carried.
+            # Only transforms that warp the same events are comparable with events that are not warped.
             sharpest = max(float(summed[1:].max()), float(of_transforms[_SAME_EVENTS, 1].max()))
             stored, best = of_transforms[transform]
             rates[stream] = RateSharpness(
@@ -313,8 +314,8 @@ class FlowEventsSharpness(WindowCheck[tuple[FieldSharpness, ...]]):
             largest = max(rate.sharpening for rate in rates.values())
             return Observation(
                 coverage,
-                unobservable=f"events become sharper by {100 * largest:.2g}% at most when they are carried by the flow "
-                "or by what it might be: edges cross too few pixels",
+                unobservable=f"events become sharper by at most {100 * largest:.2g}% when they are warped by the flow "
+                "or by a transform of it: edges cross too few pixels",
             )
         # A rate with an uncertain gain deviates too if the gain is closer to a deviating one than to 1.
         deviating_gains = [rate.gain for rate in informative.values() if rate.gain_deviates]
@@ -348,13 +349,13 @@ class FlowEventsSharpness(WindowCheck[tuple[FieldSharpness, ...]]):
             side="upper",
             # The best of all transforms was chosen.
             tests=len(TRANSFORMS),
-            statement=f"Events are {np.exp(sharpness.advantage):.3g} times as sharp when the {rate} flow that carries "
-            f"them is taken {text}.",
+            statement=f"Events warped by the {rate} flow are {np.exp(sharpness.advantage):.3g} times as sharp if it is "
+            f"{text}.",
             code="flow_events.sharpness.other",
             where=where,
             features=features,
         )
-        # Where another flow is sharper, the gain of the stored one means nothing.
+        # Where another flow is sharper, the gain of the stored one has no meaning.
         if sharpness.transform_is_sharper:
             return (advantage,)
         error_percent = 100 * sharpness.gain_error
@@ -379,7 +380,7 @@ def _measure_field(window: Window, interval: Interval, events: Events) -> FieldS
         stored_px = window.flow_px(interval.stream, interval.row)
     except UnreadableRowsError:
         return None
-    # How the event camera, which has the centre of the depth camera, maps onto the flow's grid.
+    # Mapping of the event camera, which has the centre of the depth camera, onto the flow's grid.
     K_flow, K_event = (window.facts.declared.cameras[name].K for name in ("depth", "events"))
     across, down = (float(K_flow[i, i] / K_event[i, i]) for i in range(2))
     left, top = (float(K_flow[i, 2] - K_event[i, 2] * K_flow[i, i] / K_event[i, i]) for i in range(2))
@@ -395,8 +396,8 @@ def _measure_field(window: Window, interval: Interval, events: Events) -> FieldS
         rows = bands(shape[0], max(LARGE_ROWS, most / max(nearby.stop - nearby.start, most)), interval.row)
     sensor_flow = view.of(stored_px, near(rows, round(MARGIN_PX)), shape[1])
 
-    # Events are taken over the time that makes the allowance least, up to the whole interval. With the root mean square
-    # way w it is 1 / (12 w^2) for the pixels and 2 a^2 = 24 (w / focal)^2 for bent paths, least at
+    # Events are taken over the time with the smallest bound, up to the whole interval. With the root mean square
+    # displacement w it is 1 / (12 w^2) for the pixels and 2 a^2 = 24 (w / focal)^2 for curved paths, smallest at
     # w^2 = focal / sqrt(288). w is the mean over some pixels: the choice need not be exact.
     stride = max(1, int(np.sqrt(sensor_flow.flow_px[..., 0].size / speed_pixels)))
     sampled_px = sensor_flow.flow_px[::stride, ::stride].astype(np.float64)
@@ -409,7 +410,7 @@ def _measure_field(window: Window, interval: Interval, events: Events) -> FieldS
     nearby = _around(events, interval, length_ns // 2)
     if nearby.stop - nearby.start < FEWEST_EVENTS:
         return None
-    # Every so many-th event, so that about as many as there may be lie in the rows.
+    # Step between events, so that about ``most`` of them lie in the rows.
     step = 1 + int(float(np.mean(rows)) * (nearby.stop - nearby.start)) // most
     chosen = on_rows(events.x, events.y, (nearby.start, nearby.stop, step), shape[1], rows)
     x, y = events.x[chosen].astype(np.uint16), events.y[chosen].astype(np.uint16)
@@ -417,7 +418,7 @@ def _measure_field(window: Window, interval: Interval, events: Events) -> FieldS
     tau = (events.times_ns[chosen] - interval.start_ns) / interval.length_ns
     ordered = WarpableEvents.pixel_by_pixel(x, y, tau)
 
-    # The transforms that keep the place of values, as in TRANSFORMS.
+    # The transforms that keep the position of values, as in TRANSFORMS.
     interval_s = interval.duration_s
     transforms = (-_UNIT, _UNIT[::-1], np.diag([1.0, -1.0]), interval_s * _UNIT, _UNIT / interval_s)
     matrices = [0.0 * _UNIT, *(gain * _UNIT for gain in GAINS), *transforms]
@@ -427,12 +428,12 @@ def _measure_field(window: Window, interval: Interval, events: Events) -> FieldS
     if count < FEWEST_EVENTS:
         return None
     own, by_matrix = as_stored.sharpness[1 + GAINS.index(1.0)], as_stored.sharpness[1 + len(GAINS) :]
-    # Mirrored fields have no flow at some events: both are compared on those that have one in either.
+    # Mirrored fields have no flow at some events: both are compared on events with a flow in both.
     ordered, flow = ordered.chosen(as_stored.carried), flow.chosen(as_stored.carried)
     mirrored = (view.mirrored(sensor_flow, axis, stored_px.shape).at(ordered) for axis in range(2))
     pairs = [sharpness_under(ordered, [(flow, [_UNIT]), (other, [_UNIT])]).sharpness for other in mirrored]
     transformed = np.array([*((own, sharpness) for sharpness in by_matrix), *pairs])
-    # The way is the rms over event times, 1/sqrt(12) of the displacement; over the focal length (px) it is an angle.
+    # ``way_px`` is the rms over event times, 1/sqrt(12) of the displacement; over the focal length (px) it is an angle.
     way_rad = as_stored.way_px / _RMS_OF_TIME / focal_px
     by_gain = as_stored.sharpness[: 1 + len(GAINS)]
     return FieldSharpness(interval, by_gain, transformed, count, as_stored.way_px, way_rad)

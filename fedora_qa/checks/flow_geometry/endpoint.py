@@ -1,4 +1,4 @@
-"""Flow against depth and pose: the paper's own equations, recomputed."""
+"""Flow against depth and pose: flow recomputed by the equations of the paper."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -184,46 +184,47 @@ class PoseCorrectionRatios(Feature):
 
 
 class FlowGeometryEndpoint(WindowCheck[WindowErrors]):
-    """Is the stored flow what depth, intrinsics and the camera's motion give?
+    """Is the stored flow equal to that of depth, intrinsics and the camera's motion?
 
-    On a lattice of pixels the flow is recomputed from the depth at the interval's start and the relative pose, and
-    compared with what is stored: the endpoint error in px, as root mean square and at the worst pixel of each rate;
-    with declared pose noise also how large the corrections of the pose are that the flow asks for.
+    On a lattice of pixels, flow is recomputed from the depth at the interval's start and the relative pose, and
+    compared with the stored flow. The endpoint error in px is stated as root mean square and at the worst pixel of each
+    rate. With declared pose noise, the size of the pose corrections that fit the flow is stated as well.
 
     Why it matters
     --------------
-    Flow, depth and pose are made from one another. Where they disagree, one of them belongs to another camera,
-    another instant, another unit or another frame of reference, and whoever uses two of them together inherits that.
+    Flow is computed from depth and pose. If they disagree, one of them belongs to another camera, another time, another
+    unit or another frame of reference, and every use of two of them together has that error.
 
     How
     ---
-    The effort states the lattice's density; its phase changes from field to field. The recomputation is format.md's
-    own definition, X1 = R X0 + t. With declared pose noise each field may correct its relative pose (Gauss-Newton
-    over six numbers). After an alarm, templates of small faults (gain, focal length, principal point, mounting, lever
-    arm, time, drift) are fitted to what disagrees, and inverse transforms are tried on fields that are off (sign, axes,
-    units, mirrors, shifts, other rates and intervals, ray lengths, quaternion conventions). Where only a part of the
-    image is off, all of that is done with this part, and causes that spoil the whole image are not named. Numbers of
-    the camera that look chosen (a round field of view, a centred principal point) are not blamed while flow could be.
+    The density of the lattice depends on the effort; its phase changes from field to field. Flow is recomputed by the
+    definition of format.md, X1 = R X0 + t. With declared pose noise, a correction of the relative pose of each field is
+    fitted (Gauss-Newton, six parameters). After an alarm, templates of small errors (gain, focal length, principal
+    point, mounting, lever arm, time, drift) are fitted to the deviation, and inverse transforms are applied to
+    deviating fields (sign, axes, units, mirrors, shifts, other rates and intervals, ray lengths, quaternion
+    conventions). Where only a part of the image deviates, all of this uses that part, and causes that change the whole
+    image are not named. Parameters of the camera that were probably set by hand (a round field of view, a centred
+    principal point) are not suspected while flow can be the cause.
 
     Noise model
     -----------
-    Without pose noise nothing but rounding may remain: a bound for each pixel from float32 flow, float32 depth and
-    single-precision arithmetic, 1e-4 to 1e-3 px; where stamps fall between poses, the interpolation's own error is
-    added. With pose noise what remains after the correction must be rounding again, and the correction must be as
-    large as the noise makes it: its Mahalanobis square over every second field (whose intervals share no pose) is
+    Without pose noise only rounding may remain. Its bound for each pixel follows from float32 flow, float32 depth and
+    single-precision arithmetic, 1e-4 to 1e-3 px; where timestamps lie between poses, the interpolation error is added.
+    With pose noise, only rounding may remain after the correction, and the correction must have the size that the noise
+    implies. Its squared Mahalanobis distance, summed over every second field (whose intervals share no pose), is
     chi-square; the cube root of its mean is normal. A correction of zero means that the flow was made from the noisy
     pose.
 
     Cannot see
     ----------
-    Faults that depth, pose and flow share; the scale of a translation while hovering; faults of time and mounting
-    that are smaller than the declared pose noise, and any where noise is not declared. What moves by itself is left
-    out.
+    Errors that depth, pose and flow share. The scale of a translation while hovering. Errors of time and mounting that
+    are smaller than the declared pose noise, and all such errors where the noise is not declared. Moving objects are
+    left out.
 
     Sources
     -------
-    The paper's flow equation x* = K pi(R z K^-1 x + T). Rounding: first principles, `geometry/rigid_flow.py`.
-    Elimination of the pose: Schur's complement, `estimators/flow/motion_fit.py`. E. B. Wilson, M. M. Hilferty, PNAS
+    The paper's flow equation x* = K pi(R z K^-1 x + T). Rounding: first principles, ``geometry/rigid_flow.py``.
+    Elimination of the pose: Schur's complement, ``estimators/flow/motion_fit.py``. E. B. Wilson, M. M. Hilferty, PNAS
     17 (1931) 684.
     """
 
@@ -236,7 +237,7 @@ class FlowGeometryEndpoint(WindowCheck[WindowErrors]):
         if camera is None:
             return "the depth camera's intrinsics and mounting are not declared"
         if camera.model != "pinhole":
-            return f"the depth camera is declared as {camera.model}, and only a pinhole is modelled"
+            return f"the depth camera is declared as {camera.model}; the check needs a pinhole"
         return why_no_static_depth(facts)
 
     def measure(self, window: Window) -> WindowErrors | None:
@@ -282,7 +283,7 @@ class FlowGeometryEndpoint(WindowCheck[WindowErrors]):
         state.append(WindowErrors(window.span.index, trials=tuple(trials)))
 
     def conclude(self, state: Sequence[WindowErrors], facts: Facts) -> Observation:
-        """State the endpoint error of each rate, and how large the corrections were."""
+        """State the endpoint error of each rate, and the size of the corrections."""
         fields = sorted(
             (f for errors in state for f in errors.fields), key=lambda f: (f.interval.stream, f.interval.row)
         )
@@ -300,7 +301,7 @@ class FlowGeometryEndpoint(WindowCheck[WindowErrors]):
                 "share too few valid pixels with the depth": sum(errors.too_few_pixels for errors in state),
             }
             reasons = [f"{count} {reason}" for reason, count in counts.items() if count]
-            none_why = "of the fields of flow " + ", ".join(reasons) if reasons else "there is no field of flow"
+            none_why = "of the fields of flow " + ", ".join(reasons) if reasons else "the file has no field of flow"
             return Observation(coverage, unobservable=none_why)
         by_stream = {s: [f for f in fields if f.interval.stream == s] for s in facts.flow_streams}
         by_stream = {stream: group for stream, group in by_stream.items() if group}
@@ -328,8 +329,8 @@ class FlowGeometryEndpoint(WindowCheck[WindowErrors]):
             return Observation(coverage, tuple(statistics))
         undeclared = Notice(
             "flow_geometry.endpoint.undeclared",
-            "The pose's noise is not declared, so that each field was allowed any correction of its relative pose: "
-            "faults of time and mounting cannot be seen.",
+            "The noise of the pose is not declared, so that the correction of each field's relative pose has no limit: "
+            "errors of time and mounting cannot be detected.",
         )
         return Observation(coverage, tuple(statistics), (undeclared,))
 
@@ -347,12 +348,12 @@ def _statistics(stream: str, fields: Sequence[FieldError], facts: Facts) -> list
         standard_error=0.0,
         model_error_bound=bound_px,
         side="upper",
-        statement=f"{stream} differs from the flow of depth and pose by {rms_px:.3g} px rms, and rounding explains "
-        f"{bound_px:.1g} px; {len(off)} of {len(fields)} fields are off.",
+        statement=f"{stream} differs from the flow of depth and pose by {rms_px:.3g} px rms; the bound by rounding is "
+        f"{bound_px:.1g} px; {len(off)} of {len(fields)} fields deviate.",
         code="flow_geometry.endpoint.error",
         where=_where(off or fields, facts),
     )
-    # By excess over its own bound, which differs over the image with depth and motion; within the bounds by the ratio.
+    # By excess over the bound of the pixel, which depends on depth and motion; within the bounds by the ratio.
     field = max(fields, key=lambda f: (max(f.worst_px - f.worst_bound_px, 0.0), f.worst_px / f.worst_bound_px))
     column, row = field.worst_pixel
     worst = Statistic(
@@ -363,7 +364,8 @@ def _statistics(stream: str, fields: Sequence[FieldError], facts: Facts) -> list
         model_error_bound=field.worst_bound_px,
         side="upper",
         statement=f"Field {field.interval.row} of {stream} differs from the flow of depth and pose by "
-        f"{field.worst_px:.3g} px at column {column}, row {row}; rounding explains {field.worst_bound_px:.1g} px.",
+        f"{field.worst_px:.3g} px at column {column}, row {row}; the bound by rounding is "
+        f"{field.worst_bound_px:.1g} px.",
         code="flow_geometry.endpoint.worst_pixel",
         where=place(facts, (field.interval, field.interval), frame=field.frame, pixel=field.worst_pixel),
     )
@@ -381,8 +383,8 @@ def _statistics(stream: str, fields: Sequence[FieldError], facts: Facts) -> list
         standard_error=float(np.sqrt(variance)),
         expected=1 - variance,
         # The statistic is the cube root of a ratio of squares; its power 3/2 is the ratio of lengths.
-        statement=f"The corrections of the pose that {stream} asks for are {ratio**1.5:.3g} times as large as the "
-        "declared pose noise makes them.",
+        statement=f"The corrections of the pose that fit {stream} are {ratio**1.5:.3g} times as large as the declared "
+        "pose noise implies.",
         code="flow_geometry.endpoint.pose_correction",
         where=_where(tested, facts),
     )
@@ -431,8 +433,8 @@ def _parameter_fits(fields: Sequence[FieldError], facts: Facts) -> list[Feature]
                 recomputed = float(total.matrix[template.columns.start, template.columns.start]) * 100.0**2
                 correlation = 1.0
                 # Where it is 0, corrections of the poses have the effect of a gain. Where the recomputed flow is far
-                # too large, a gain of -100% removes nearly all of the deviation and explains nothing. Where only
-                # rounding remains, a flow of zero is also a gain.
+                # too large, a gain of -100% removes nearly all of the deviation without being its cause. Where
+                # only rounding remains, a flow of zero is also a gain.
                 if not recomputed <= 0:
                     common = (1 + gain) ** 2 * recomputed
                     remaining = max(total.total - gain**2 * recomputed, 0.0)

@@ -1,4 +1,4 @@
-"""The intervals of flow against the timestamps of the frames that they lead from and to.
+"""The intervals of flow against the timestamps of the frames at their start and end.
 
 Timestamps may differ from the frames by a constant, by a drift, or by a grid. Each pattern is fitted to the offsets of
 the timestamps from their nearest frames; the share of the offset that it removes is a feature.
@@ -28,7 +28,7 @@ _NEXT_FRAME: Final = 0.75
 half a step."""
 
 _ROUNDING_NS: Final = 1_000
-"""Timestamps are whole microseconds: an offset of two rounded ones errs by at most one."""
+"""Timestamps are whole microseconds: a difference of two rounded ones has an error of at most one."""
 
 _FEWEST_ON_A_GRID: Final = 3
 """Least number of instants for a common divisor of their steps."""
@@ -129,7 +129,7 @@ class IntervalLengths(Feature):
 
 
 def timestamp_statistics(facts: Facts) -> list[Statistic]:
-    """Count, for each rate, intervals that lie on no depth frames, gaps, and wrong lengths."""
+    """Count, for each rate, intervals that lie on no depth frames, gaps, and intervals of wrong length."""
     statistics: list[Statistic] = []
     instants_ns = _frame_instants(facts)
     for stream in facts.flow_streams:
@@ -213,7 +213,8 @@ def _frame_instants(facts: Facts) -> Int64:
     """Return the instants at which flow may start and end, ns: depth frames, and colour frames where depth is sparse.
 
     Depth is sparse where all of its frames are colour frames, or ends of flow where there is no colour: it then has a
-    lower rate, begins later or ends earlier. Depth frames that have left the colour frames excuse no flow that stays.
+    lower rate, begins later or ends earlier. Depth frames that are no colour frames do
+    not make flow on other timestamps correct.
     """
     depth_ns, rgb = facts.clocks["depth"].times_ns, facts.clocks.get("rgb")
     others_ns = np.empty(0, np.int64) if rgb is None else rgb.times_ns
@@ -252,7 +253,7 @@ def _features_off_frames(facts: Facts, stream: str, clock: Clock, ends_ns: Int64
         return (IntervalsOffFrames(beyond_all_frames=False, at_missing_frame=True), *of_flow)
     rgb = facts.clocks.get("rgb")
     if rgb is not None and _on(rgb, instants_ns).all():
-        # Flow keeps to the colour frames: depth frames that do not are those that left them.
+        # Flow lies on the colour frames: the depth frames that do not are the ones with wrong timestamps.
         without_colour = np.flatnonzero(~_on(rgb, frames_ns))
         of_depth: tuple[Feature, ...] = ()
         if len(without_colour):
@@ -289,11 +290,11 @@ def timestamp_patterns(instants_ns: Int64, frames_ns: Int64) -> tuple[TimestampP
     step_ns = float(np.median(steps_ns)) if len(steps_ns) else np.inf
     instant_steps_ns = np.diff(np.unique(instants_ns))
     if np.median(np.abs(offsets_ns)) > step_ns:
-        # So far away no offset is measured; instants that step by a thousand times as much, or less, are in a unit.
+        # At such distances no offset is measured; steps that differ by a factor of 1000 or 1e6 are in another unit.
         ratio = float(np.median(instant_steps_ns)) / step_ns if len(instant_steps_ns) else 0.0
         unit = next((unit for unit in _UNITS if abs(ratio / unit - 1) < _SAME_UNIT), None)
         return () if unit is None else (TimestampPattern("unit", unit, 1.0),)
-    # A median is not moved by the few instants whose nearest frame is not their own.
+    # The few instants whose nearest frame is not their own do not change a median.
     middle_ns = float(np.median(offsets_ns))
     constant = ("constant", middle_ns / NS_PER_MS, offsets_ns - middle_ns)
     # A line through the offsets: its slope is the median of steps, so that a step across a frame does not count.
@@ -303,7 +304,7 @@ def timestamp_patterns(instants_ns: Int64, frames_ns: Int64) -> tuple[TimestampP
     slope = float(np.median(rises_ns[advancing] / runs_ns[advancing])) if advancing.any() else 0.0
     detrended_ns = offsets_ns - slope * (instants_ns - instants_ns.min())
     drift = ("drift", 1e6 * slope, detrended_ns - np.median(detrended_ns))
-    # Instants that are whole multiples of a grid explain offsets of up to half of it.
+    # A grid of the instants explains offsets of up to half of it.
     grid_ns = int(np.gcd.reduce(instant_steps_ns)) if len(instant_steps_ns) >= _FEWEST_ON_A_GRID - 1 else 0
     # A grid of up to two roundings is the unit of the timestamps and explains nothing.
     beyond_ns = np.maximum(np.abs(offsets_ns) - grid_ns / 2, 0.0) if grid_ns > 2 * _ROUNDING_NS else offsets_ns

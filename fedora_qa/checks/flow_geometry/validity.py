@@ -94,39 +94,41 @@ class WrongFlowValues(Feature):
 
 
 class FlowGeometryValidity(WindowCheck[tuple[FieldPattern, ...]]):
-    """Has flow values exactly where it must, over intervals from frame to frame?
+    """Does flow have values exactly at the required pixels, over intervals from frame to frame?
 
-    Counted are pixels that have a flow and no depth, or a depth and no flow, infinite values, and intervals that
-    start or end on no depth frame, leave gaps, overlap, or do not last as long as their rate says. Every count must
-    be zero.
+    The number of pixels with flow and without depth, of pixels with depth and without flow, and of infinite values. The
+    number of intervals that start or end on no depth frame, leave gaps, overlap, or have another length than the rate
+    implies. Every number must be zero.
 
     Why it matters
     --------------
-    A zero where no flow is known reads as standing still. An interval that is stamped beside its frames pairs each
-    field with the wrong images, and a dropped field shifts all that follow.
+    Zero at a pixel without flow means that the pixel does not move. An interval whose timestamps are not those of its
+    frames assigns each field to the wrong images, and a lost field shifts all later ones.
 
     How
     ---
-    Every pixel of every field is looked at: a value where the depth at the interval's start is valid and the point
-    stays before the camera, NaN elsewhere. Stamps are compared as integers. Where they leave the frames, an offset, a
-    drift and a grid are fitted to the distances from the nearest frames, and the share that each takes away weighs
-    it; colour frames decide whether flow or depth is late. Gaps are told from stamps out of order by sorting.
+    Every pixel of every field is tested. It must have a value where the depth at the interval's start is valid and the
+    point stays in front of the camera, and be NaN elsewhere. Timestamps are compared as integers. Where they are not
+    those of frames, a constant, a drift and a grid are fitted to the distances from the nearest frames; the share of
+    the distance that each removes is its weight. Colour frames decide whether the timestamps of flow or of depth are
+    wrong. Sorting separates gaps from rows in a wrong order.
 
     Noise model
     -----------
-    None: counts of an honest file are zero. Only points within eight standard deviations of declared pose noise of
-    the camera's plane are left out (two-sided probability 1e-15 each), and missing values of what moves by itself.
+    None: counts of a correct file are zero. Two kinds of pixels are left out: points within eight standard deviations
+    of declared pose noise from the camera's plane (two-sided probability 1e-15 each), and missing values of moving
+    objects.
 
     Cannot see
     ----------
-    Intervals that are shifted by whole frames in step with their stamps: `flow_geometry.endpoint` does. Offsets are
-    seen modulo the frame step. Without poses, where no pose covers an interval, or where it is not known what moves,
-    missing values are not counted.
+    Intervals that are shifted by whole frames together with their timestamps (``flow_geometry.endpoint``). Offsets are
+    measured modulo the frame step. Without poses, where no pose covers an interval, or where moving objects are not
+    known, missing values are not counted.
 
     Sources
     -------
-    First principles: format.md fixes where flow is finite; `checks/flow_geometry/interval_timestamps.py` derives the
-    patterns.
+    First principles: format.md defines where flow is finite; ``checks/flow_geometry/interval_timestamps.py`` derives
+    the patterns.
     """
 
     name = "flow_geometry.validity"
@@ -147,7 +149,7 @@ class FlowGeometryValidity(WindowCheck[tuple[FieldPattern, ...]]):
             static_m = static_depth_m(window, frame)
             may_pass = False
             if track is not None and static_m is not None:
-                # Whether any static point may end behind the camera's plane, or too near to it to be sure.
+                # Whether any static point may end behind the camera's plane, or too near to it to be certain.
                 motion = motion_over(window, track, interval)
                 range_m = window.once(("range of depth", frame), partial(depth_range_m, depth_m, static_m))
                 may_pass = motion is None or (
@@ -165,19 +167,19 @@ class FlowGeometryValidity(WindowCheck[tuple[FieldPattern, ...]]):
         return tuple(patterns)
 
     def conclude(self, state: Sequence[tuple[FieldPattern, ...]], facts: Facts) -> Observation:
-        """State how many pixels are wrong, of which kind, and how many intervals."""
+        """State the numbers of wrong pixels by kind, and of wrong intervals."""
         patterns = [pattern for patterns in state for pattern in patterns]
         total = sum(facts.sizes.get(f"path/{stream}", 0) for stream in facts.flow_streams)
         coverage = Coverage(len(patterns), total, "flow fields")
         if not facts.clocks["depth"].usable:
-            return Observation(coverage, unobservable="the stamps of depth do not advance")
+            return Observation(coverage, unobservable="the timestamps of depth do not increase")
         unfounded = [pattern for pattern in patterns if pattern.unfounded]
         missing = [pattern for pattern in patterns if pattern.missing]
         infinite = [pattern for pattern in patterns if pattern.infinite]
         count = max(sum(p.unfounded for p in unfounded), 1)
         mostly_zero = 2 * sum(p.unfounded_zero for p in unfounded) > count
         mostly_behind = 2 * sum(p.behind for p in unfounded) > count
-        text = "stand where the point falls behind the camera" if mostly_behind else "stand where depth is invalid"
+        text = "belong to points behind the camera" if mostly_behind else "lie where depth is invalid"
         statistics = []
         for name, rule, number, wrong, where_text in (
             ("values_without_depth", "unfounded", sum(p.unfounded for p in patterns), unfounded,
@@ -225,7 +227,7 @@ def _count_wrong_pixels(
     valid = np.isfinite(depth_m) & (depth_m > 0)
     unfounded, missing = present & ~valid, valid & ~present
     behind = np.zeros_like(valid)
-    # Pixels whose points end surely before the camera's plane.
+    # Pixels whose points certainly end in front of the camera's plane.
     before = np.zeros_like(valid)
     still = valid & np.isfinite(static_m) if track is not None and static_m is not None else before
     if track is not None and still.any():
@@ -242,7 +244,7 @@ def _count_wrong_pixels(
             before, behind = still & (Z1_m > margin_m), still & (Z1_m < -margin_m)
     unfounded |= present & behind
     missing &= before
-    # Of a fill value most values equal their median, of a flow hardly any.
+    # With a fill value most values equal their median; in a flow hardly any do.
     values_px = flow_px[unfounded]
     alike = int(np.count_nonzero(np.all(values_px == np.median(values_px, axis=0), axis=1))) if len(values_px) else 0
     wrong = unfounded | missing
@@ -265,7 +267,7 @@ def _count_wrong_pixels(
 def _all_before(
     track: PoseTrack, motion: RigidMotion, shape: tuple[int, ...], range_m: tuple[float, float], window: Window
 ) -> bool:
-    """Whether all points of an image end surely before the camera's plane, as the nearest in its corners does."""
+    """Whether all points of an image certainly end in front of the camera's plane, as the nearest in its corners."""
     height, width = shape
     corners = np.array([[0, 0], [width - 1, 0], [0, height - 1], [width - 1, height - 1]], dtype=np.float64)
     # Z1 = Z0 (R ray)_z + t_z: linear in the slopes of the ray, so that its least coefficient lies in a corner. With a
@@ -282,7 +284,7 @@ def _margin_m(noise: PoseModel | None, distance_m: float) -> float:
     """Return the largest error of a point's depth, m, by pose noise, or by rounding where the pose has no noise."""
     rounding_m = 1e-5 * distance_m
     if noise is None:
-        # Noise that is not declared may have any size: no point is certain to be before or behind.
+        # Noise that is not declared may have any size: for no point is the side of the plane certain.
         return distance_m
     # Noise of the position, and of the rotation at this distance, are independent.
     return _SIGMAS * float(np.hypot(noise.position_sigma_m, noise.rotation_sigma_rad * distance_m)) + rounding_m

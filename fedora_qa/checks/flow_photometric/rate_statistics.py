@@ -48,14 +48,14 @@ SIGNIFICANT_SIGMAS: Final = 6.0
 
 
 _GEOMETRIC: Final = (
-    ("focal", "percent", "its focal length were too large"),
-    ("centre_u", "px", "its principal point lay too far right"),
-    ("centre_v", "px", "its principal point lay too far down"),
-    ("mounting_pitch", "deg", "its camera were turned about the axis that points right"),
-    ("mounting_yaw", "deg", "its camera were turned about the axis that points down"),
-    ("mounting_roll", "deg", "its camera were turned about the optical axis"),
-    ("time", "percent", "it came too late, in percent of its interval,"),
-    ("roll", "deg", "the camera had rolled further within each interval"),
+    ("focal", "percent", "the focal length were too large"),
+    ("centre_u", "px", "the principal point were too far right"),
+    ("centre_v", "px", "the principal point were too far down"),
+    ("mounting_pitch", "deg", "the camera were rotated about its x axis (right)"),
+    ("mounting_yaw", "deg", "the camera were rotated about its y axis (down)"),
+    ("mounting_roll", "deg", "the camera were rotated about its optical axis"),
+    ("time", "percent", "its timestamps were too late, in percent of its interval,"),
+    ("roll", "deg", "the camera had rolled more within each interval"),
 )
 """Name, unit and meaning of each geometric template."""
 
@@ -272,7 +272,7 @@ def mean_statistics(
     mean_px, percent = rate.mean.sizes, 100 * float(rate.gain.sizes[0])
     statistics = [
         statistic(f"residual_{axis}", rate.mean, i, "px", "mean",
-                  f"{stream} carries frames {abs(mean_px[i]):.3g} px too far "
+                  f"{stream} displaces frames by {abs(mean_px[i]):.3g} px too far "
                   f"{('right', 'down')[i] if mean_px[i] > 0 else ('left', 'up')[i]} on average.")
         for i, axis in enumerate("uv")
     ]  # fmt: skip
@@ -283,7 +283,7 @@ def mean_statistics(
     if rate.geometric is not None:
         statistics += [
             statistic(name, rate.geometric, i, unit, "template",
-                      f"{stream} leads off the frames as if {meaning} by {rate.geometric.sizes[i]:.3g} {unit}.")
+                      f"{stream} deviates from the frames as if {meaning} by {rate.geometric.sizes[i]:.3g} {unit}.")
             for i, (name, unit, meaning) in enumerate(_GEOMETRIC) if np.isfinite(rate.geometric.errors[i])
             and rate.geometric.errors[i] < _UNDETERMINED
         ]  # fmt: skip
@@ -313,7 +313,7 @@ def worst_statistics(
     def unmatched_share(field: FieldResidual) -> float:
         return field.unmatched_share if field.textured >= _MANY_TILES else 0.0
 
-    # Fields of few tiles count together only.
+    # Fields of few tiles are counted only together.
     worst = max(fields, key=unmatched_share)
     of_all_fields = sum(field.unmatched for field in fields) / sum(field.textured for field in fields)
     share = max(unmatched_share(worst), of_all_fields)
@@ -326,8 +326,8 @@ def worst_statistics(
             standard_error=0.0,
             model_error_bound=100 * UNMATCHED_SHARE,
             side="upper",
-            statement=f"In {len(deviating)} of {len(fields)} fields of {stream} the flow leads to other places than "
-            f"the frames: up to {100 * share:.0f}% of a field's tiles do not match.",
+            statement=f"In {len(deviating)} of {len(fields)} fields of {stream} the flow contradicts the frames: up to "
+            f"{100 * share:.0f}% of a field's tiles do not match.",
             code="flow_photometric.residual.unmatched",
             where=place(facts, (deviating[0].interval, deviating[-1].interval), frame=worst.frame)
             if deviating
@@ -347,8 +347,8 @@ def worst_statistics(
                 standard_error=0.0,
                 model_error_bound=100 * UNMATCHED,
                 side="upper",
-                statement=f"In field {worst.interval.row} of {stream} the flow leads one tile to another place: "
-                f"{100 * worst.least_matched:.0f}% of its contrast is left unexplained.",
+                statement=f"In field {worst.interval.row} of {stream} the flow contradicts the frames in one tile: "
+                f"{100 * worst.least_matched:.0f}% of its contrast is not explained.",
                 code="flow_photometric.residual.tile_match",
                 where=where(worst, worst.least_matched_tile),
                 features=features,
@@ -372,8 +372,8 @@ def worst_statistics(
             side="upper",
             tests=len(fitted),
             sensitivity=sensitivity_range(errors_px, [_field_bias_px(field) for field in fitted]),
-            statement=f"Field {worst.interval.row} of {stream} carries frame {worst.frame} "
-            f"{_mean_px(worst):.3g} px past the frame at its end.",
+            statement=f"Field {worst.interval.row} of {stream} warps frame {worst.frame} with a mean error of "
+            f"{_mean_px(worst):.3g} px to the frame at its end.",
             code="flow_photometric.residual.field",
             where=where(worst),
             features=features,
@@ -391,7 +391,7 @@ def worst_statistics(
             # Each textured tile might have been the worst.
             tests=sum(field.textured for field in fitted),
             sensitivity=sensitivity_range([field.tile_errors_px for field in fitted], _TILE_BIAS_PX),
-            statement=f"Field {worst.interval.row} of {stream} is off by {worst.worst_px:.3g} px in one tile.",
+            statement=f"Field {worst.interval.row} of {stream} has an error of {worst.worst_px:.3g} px in one tile.",
             code="flow_photometric.residual.tile",
             where=where(worst, worst.worst_tile),
             features=features,

@@ -1,4 +1,4 @@
-"""Flow against the frames: the next frame is warped back, and its remaining displacement is estimated."""
+"""Flow against the frames: the next frame is warped back, and the remaining displacement is estimated."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -45,7 +45,7 @@ _ANOTHER_UNIT: Final = 0.5
 """Least deviation of a gain from 1 for another unit."""
 
 _TILE_STEP: Final = 4
-"""Step between the tried tiles where tiles deviate in the whole image."""
+"""Step between the tiles of a trial where tiles deviate in the whole image."""
 
 _FEWEST_UNMATCHED: Final = 2
 _TWO_CHANGES: Final = 0.95
@@ -95,40 +95,42 @@ class _FrameTransform:
 
 
 class FlowPhotometricResidual(WindowCheck[WindowResiduals]):
-    """Does the stored flow carry each frame onto the next?
+    """Does the stored flow warp each frame onto the next?
 
-    The frame at the end of a field's interval is warped back by the stored flow. How far it still lies from the frame
-    at its start is measured in tiles of 32 px, as a flow in px with its covariance. All tiles of a rate then give its
-    mean (u, v), its gain, and what it would take of focal length, principal point, mounting, time and roll to explain
-    it; the worst field, the worst tile, and the share of tiles that do not match at all are stated besides.
+    The frame at the end of a field's interval is warped back by the stored flow. Its remaining displacement against the
+    frame at the start is estimated in tiles of 32 px, as a residual flow in px with its covariance. All tiles of a rate
+    together give the mean (u, v), the gain, and the errors of focal length, principal point, mounting, time and roll
+    that would explain the residual. The worst field, the worst tile, and the share of tiles that do not match at all
+    are stated too.
 
     Why it matters
     --------------
-    A network learns flow from frames or events. Flow that is a hundredth too large, half a pixel to the side, in
-    another unit or an interval late trains it to be wrong, and neither depth nor pose need show it.
+    A network learns flow from frames or events. Flow that is 1% too large, shifted by half a pixel, in another unit or
+    late by an interval makes it learn this error, and depth and pose need not contain it.
 
     How
     ---
-    Tiles and fields are sampled by shares that the effort states. In each tile least squares fit the flow's error,
-    with gain and bias of brightness left free; beyond 0.5 px once more about the corrected flow. Pixels count where
-    depth and pose (never the flow under test) say that both frames show the same point, 4 px away from edges of the
-    depth; without depth or pose, away from breaks of the flow. After an alarm, faults are undone one by one (sign,
-    axes, mirrors, units, gains, neighbouring intervals, other rates, frames out of order) on the tiles that do not
-    match, and the share of the mismatch that this removes weighs them.
+    The effort determines the sampled shares of tiles and fields. In each tile, the error of the flow is estimated by
+    least squares, with gain and bias of brightness as free parameters; above 0.5 px it is estimated once more from the
+    corrected flow. Pixels are used where both frames show the same point by depth and pose (never by the flow under
+    test), 4 px away from edges of the depth; without depth or pose, away from discontinuities of the flow. After an
+    alarm, inverse transforms (sign, axes, mirrors, units, gains, neighbouring intervals, other rates, frames in a wrong
+    order) are applied one by one to the tiles that do not match. The share of the mismatch that a transform removes is
+    its weight.
 
     Noise model
     -----------
-    Formal errors follow from what each tile's fit leaves. They are multiplied by how far the tiles of a rate really
-    scatter (Birge's ratio, its median over fields); where fields scatter more than one honest rate in a hundred,
-    their own spread is taken, widened after Student. Consecutive fields share a frame, whose rounding enters with
-    opposite signs: z of a mean spreads less than 1. Allowance: aliases and interpolation err by at most 0.005 px
-    times sin(2 pi flow), of which only the mean over the tiles counts (0.02 px for a field, 0.2 px for a tile at
-    grazing angles).
+    Formal errors follow from the residuals of each tile's fit. They are multiplied by the scatter of a rate's tiles
+    over their formal errors (Birge's ratio, its median over fields). Where fields scatter more than those of one
+    correct rate in a hundred, their own spread is used, widened by Student's distribution. Consecutive fields share a
+    frame, whose rounding has opposite signs in both: the spread of z of a mean is below 1. The model error bound covers
+    aliasing and interpolation: at most 0.005 px times sin(2 pi flow), of which the mean over the tiles counts (0.02 px
+    for a field, 0.2 px for a tile at grazing angles).
 
     Cannot see
     ----------
-    Errors along the edges of a scene with texture in one direction only; much of a gain in slow fields. Tiles in
-    which rounding or noise hides 0.1 px, or whose ground is grazed, do not count: walls and nights may be not
+    Errors along the edges of a scene whose texture has one direction. Gains in slow fields. Tiles in which rounding or
+    noise hides 0.1 px, or whose ground is seen at a grazing angle, are not used: walls and night scenes may be not
     observable. Where poses are noisy, time is not fitted.
 
     Sources
@@ -205,15 +207,15 @@ class FlowPhotometricResidual(WindowCheck[WindowResiduals]):
         by_rate = {stream: of_rate for stream, of_rate in by_rate.items() if of_rate}
         if not by_rate:
             without_frames = sum(w.without_frames for w in state)
-            reason = "there is no field of flow whose image holds a tile of 32 px"
+            reason = "no field of flow contains a tile of 32 px"
             if fields:
                 tiles = sum(residual.tiles for residual in fields)
                 reason = (
-                    f"too few of {tiles} tiles in {len(fields)} fields have texture enough to tell its flow to 0.1 px "
-                    "where depth and pose let both frames show the same"
+                    f"too few of {tiles} tiles in {len(fields)} fields have enough texture for an error of 0.1 px, and "
+                    "show the same points in both frames by depth and pose"
                 )
             elif without_frames:
-                reason = f"of {without_frames} fields none starts and ends on the stamp of a colour frame"
+                reason = f"none of {without_frames} fields starts and ends at timestamps of colour frames"
             return Observation(coverage, unobservable=reason)
         trials = [trial for w in state for trial in w.trials]
         rates = {stream: fit_fields(of_rate) for stream, of_rate in by_rate.items()}
@@ -225,7 +227,7 @@ class FlowPhotometricResidual(WindowCheck[WindowResiduals]):
             statistics += mean_statistics(stream, of_rate, rates[stream], facts, features)
             statistics += worst_statistics(stream, of_rate, facts, features)
         maps = next((w.maps for w in state if w.maps), {})
-        # The unit that the frames give each rate whose gain is certain enough; it is known where all of them agree.
+        # The unit of each rate whose gain is certain enough, by the frames; it is known where all of them agree.
         units: set[str] = set()
         for stream, of_rate in by_rate.items():
             rate = rates[stream]
@@ -272,7 +274,7 @@ def _residual_maps(window: Window, optics: Optics, interval: Interval) -> Mappin
     by_tile = {
         "residual_u_px": (residuals.flow_errors_px[:, 0], f"Residual flow u (right) {of_field} [px]"),
         "residual_v_px": (residuals.flow_errors_px[:, 1], f"Residual flow v (down) {of_field} [px]"),
-        "unexplained_share": (residuals.unexplained, f"Share of the contrast left unexplained {of_field} [1]"),
+        "unexplained_share": (residuals.unexplained, f"Share of the contrast that is not explained {of_field} [1]"),
     }
     return {
         name: (np.where(is_textured, values, np.nan).reshape(-1, columns).astype(np.float32), title)
@@ -281,7 +283,7 @@ def _residual_maps(window: Window, optics: Optics, interval: Interval) -> Mappin
 
 
 def try_transforms(window: Window, optics: Optics, interval: Interval) -> list[ConventionTrial]:
-    """Try every inverse transform on one field.
+    """Apply every inverse transform to one field.
 
     Parameters
     ----------

@@ -41,14 +41,14 @@ _FEWEST_OFF: Final = 4 * FEWEST_PIXELS
 """Least number of deviating pixels for a trial on these alone: a quarter of them suffices for a comparison."""
 
 _EVERY: Final = 4
-"""Step between the tried pixels where pixels deviate in the whole image."""
+"""Step between the pixels of a trial where pixels deviate in the whole image."""
 
 _SAME_GAIN: Final = 0.02
 """Relative distance to a change of unit below which a gain is that change of unit."""
 
 COPIES: Final = ("field_of_another_rate", "repeated_field")
-"""Transforms that compare fields bit for bit: they remove all of the error or none, since copies do not occur by
-chance."""
+"""Transforms that compare fields bit for bit: they remove all of the error or none, because equal fields do not occur
+by chance."""
 
 _TRANSFORMS: Final[tuple[tuple[str, FieldTransform], ...]] = (
     ("negated", lambda flow_px: -flow_px),
@@ -57,7 +57,7 @@ _TRANSFORMS: Final[tuple[tuple[str, FieldTransform], ...]] = (
     ("mirrored", lambda flow_px: flow_px[:, ::-1]),
     ("mirrored", lambda flow_px: flow_px[::-1]),
 )
-"""Transforms of a whole field (H, W, 2): of its values, or of the grid that they lie on."""
+"""Transforms of a whole field (H, W, 2): of its values, or of their grid."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -109,52 +109,53 @@ class _TransformResidual:
 
 
 class FlowRatesComposition(WindowCheck[WindowComposition]):
-    """Do the fields of a faster rate compose to those of a slower one?
+    """Does the composition of fields of a faster rate equal the field of a slower one?
 
-    Each pixel is followed along the fields of either rate, from the start of an interval that both cover to its end:
-    five fields of 50 Hz lead where one of 10 Hz leads, two where one of 25 Hz does, five of 25 Hz where two of 10 Hz
-    do. The distance of the two endpoints is the error in px: its median over the worst interval, its median over the
-    worst of 48 tiles, and the share of pixels that only one of the rates carries out of the image.
+    Each pixel is moved along the fields of both rates, from the start of a common interval to its end: five fields of
+    50 Hz against one of 10 Hz, two of 50 Hz against one of 25 Hz, five of 25 Hz against two of 10 Hz. The error is the
+    distance of the two endpoints in px: its median over the worst interval, and its median over the worst of 48 tiles.
+    The share of pixels that leave the image by only one of the rates is measured too.
 
     Why it matters
     --------------
-    It needs neither depth nor pose nor frames, and it tells which of three rates is wrong: the two others agree. A
-    rate stored under another's name, or one field out of place, shows at once.
+    The comparison needs neither depth nor pose nor frames. With three rates it determines which one is wrong, because
+    the two others agree. It detects a rate that is stored under the name of another, and a single field at a wrong
+    place.
 
     How
     ---
-    Flow is read bilinearly between pixels of a lattice whose density the effort states. Paths within 4 px of breaks of
-    the flow are left out, and those that get midway to a place where another surface leads, too, and hides them or is
-    hidden: every fourth pixel of a field (from 880,000 pixels on every eighth) tells which flows lead where, and flows
-    that differ by more than 0.5 px, and than the flow's slope makes of their distance, are of two surfaces. After an
-    alarm the rate that disagrees with the others is named, and faults are undone on it (sign, axes, mirrors, unit,
-    gain, neighbouring intervals, fields of another rate, repeated fields), on the pixels that are off where these are
-    few.
+    Flow is interpolated bilinearly at pixels of a lattice, whose density depends on the effort. Paths within 4 px of
+    discontinuities of the flow are left out. Paths are also left out if another surface moves across their intermediate
+    point and occludes it or is occluded. For this test, every fourth pixel of a field (every eighth from 880,000 pixels
+    on) is moved to its endpoint; two flows belong to different surfaces if they differ by more than 0.5 px, and by more
+    than the flow's slope times their distance. After an alarm, the rate that disagrees with the others is named, and
+    inverse transforms are applied to it (sign, axes, mirrors, unit, gain, neighbouring intervals, fields of another
+    rate, repeated fields). Where few pixels deviate, these pixels alone are used.
 
     Noise model
     -----------
-    Bounds, not spreads: each path has, of each field around the place where it is read, a quarter of the second
-    differences (twice the bilinear error of a smooth surface) and half of the third (the step where two surfaces meet),
-    and single-precision rounding of each field, all grown by the flow's slope from field to field. Medians must not
-    exceed the bounds' medians.
+    The error has bounds, not a standard error. Each field of a path contributes a quarter of the second differences
+    around the interpolated position (twice the bilinear error of a smooth surface), half of the third differences (the
+    step between two surfaces), and single-precision rounding. All are multiplied by the flow's slope from field to
+    field. A median error must not exceed the median of its bounds.
 
     Cannot see
     ----------
-    A fault that all rates share and that composes, such as a turned camera; which of only two rates is wrong; pixels
-    that are hidden midway; faults of stamps, which change which fields are compared and nothing else.
+    An error that all rates share and that composes, such as a rotated camera. Which of only two rates is wrong. Pixels
+    that are occluded in between. Errors of timestamps, which only change which fields are compared.
 
     Sources
     -------
-    First principles: Lagrange's remainder for the reading, `geometry/rigid_flow.py` for the rounding; the derivation
-    stands in `estimators/flow/path_kernels.py`.
+    First principles: Lagrange's remainder for the interpolation, ``geometry/rigid_flow.py`` for the rounding;
+    derivation in ``estimators/flow/path_kernels.py``.
     """
 
     name = "flow_rates.composition"
     needs = ("flow",)
 
     def not_applicable(self, facts: Facts) -> str:
-        """State that there is nothing to compare with."""
-        return "" if len(facts.flow_streams) > 1 else "there is one rate of flow only"
+        """Require two rates."""
+        return "" if len(facts.flow_streams) > 1 else "the file has only one rate of flow"
 
     def measure(self, window: Window) -> WindowComposition | None:
         """Compare every pair of rates over the intervals that begin in the window."""
@@ -205,7 +206,7 @@ class FlowRatesComposition(WindowCheck[WindowComposition]):
         if not agreements:
             coverage = Coverage(0, not_compared, "common intervals")
         if not pairs:
-            return Observation(coverage, unobservable="no two rates cover a common interval by whole fields")
+            return Observation(coverage, unobservable="no two rates have a common interval of whole fields")
         trials = [trial for summary in state for trial in summary.trials]
         shares_off = {
             pair: sum(agreement.suspicion > 1 for agreement in group) / len(group) for pair, group in pairs.items()
@@ -240,7 +241,7 @@ class FlowRatesComposition(WindowCheck[WindowComposition]):
                 tile = max(compared, key=lambda errors: errors[2].rank)
                 off = [agreement for agreement, error, _ in compared if error.suspicion > 1]
                 off_tile = [agreement for agreement, _, error in compared if error.suspicion > 1]
-                extent = f"{len(off)} of {len(compared)} intervals are off"
+                extent = f"{len(off)} of {len(compared)} intervals deviate"
                 of_pair += [
                     _error(f"{name} error", pair, whole[1], extent, "error", _where(off or [whole[0]], facts)),
                     _error(f"{name} worst_tile", pair, tile[2], "in the worst tile", "tile",
@@ -266,8 +267,8 @@ def _error(name: str, pair: RatePair, error: MedianEndpointError, extent: str, r
         standard_error=0.0,
         model_error_bound=error.bound_px,
         side="upper",
-        statement=f"{pair[0]} leads {error.typical_px:.3g} px away from where fields of {pair[1]} lead together, "
-        f"and interpolation explains {error.bound_px:.1g} px; {extent}.",
+        statement=f"{pair[0]} differs by {error.typical_px:.3g} px from the composed fields of {pair[1]}; the bound by "
+        f"interpolation is {error.bound_px:.1g} px; {extent}.",
         code=f"flow_rates.composition.{rule}",
         where=where,
     )
@@ -285,7 +286,7 @@ def _where(group: Sequence[RateAgreement], facts: Facts) -> Where:
 
 
 def try_inverse_transforms(window: Window, segment: Segment) -> list[ConventionTrial]:
-    """Try transforms of either rate, and of both, on one segment, with the share of the error that each removes.
+    """Apply transforms to either rate, and to both, on one segment, with the share of the error that each removes.
 
     Parameters
     ----------
@@ -305,13 +306,13 @@ def try_inverse_transforms(window: Window, segment: Segment) -> list[ConventionT
     # Pixels that were not compared get 0 on both sides, and so do not deviate.
     apart_px = np.where(compared[:, None], slow.displacement_px - fast.displacement_px, 0.0)
     off = np.linalg.norm(apart_px, axis=-1) > np.where(compared, slow.bound_px + fast.bound_px, 0.0)
-    # Few deviating pixels are tried alone: a fault of a part of the image.
+    # Few deviating pixels are used alone: a fault of a part of the image.
     if _FEWEST_OFF <= np.count_nonzero(off) < 0.5 * np.count_nonzero(compared):
         columns, rows = columns[off], rows[off]
     else:
         columns, rows = columns[::_EVERY], rows[::_EVERY]
     slow, fast = (compose(window, chain, columns, rows) for chain in (segment.slow, segment.fast))
-    # The flow itself bounds the error that a transform can remove, so that dividing arbitrary values explains nothing.
+    # The flow itself bounds the error that a transform can remove: a division by a large factor removes no more.
     moved_px = np.linalg.norm(slow.displacement_px[slow.clear], axis=-1)
     reference_px = min(median_error_px(slow, fast), float(np.median(moved_px)) if len(moved_px) else np.inf)
     best: dict[tuple[str, str], ConventionTrial] = {}
@@ -365,7 +366,7 @@ def _transform_residuals(
                 candidates += [(rate, row) for row in {latest, min(first, len(starts_ns) - 1)}]
         field_px = window.flow_px(stream, first)
         is_copy = any(equal_bits(field_px, window.flow_px(rate, row)) for rate, row in candidates)
-        # A copy is exact: it explains all of the error or none (COPIES).
+        # A copy is exact: it removes all of the error or none (COPIES).
         yield residual_of("field_of_another_rate", 0.0 if is_copy else np.inf)
         repetitions = _count_repetitions(window, chain)
         yield residual_of("repeated_field", 0.0 if repetitions else np.inf, float(repetitions))
