@@ -36,35 +36,37 @@ class NearestChannelOrder(Feature):
 class ImagesChannels(ColourCheck):
     """Are the channels of the frames R, G and B, in this order?
 
-    How far the weights that events give to the three channels lie on the way from R, G, B to each of the five wrong
-    orders: 0 in the right order, 1 in the wrong one.
+    For each of the five wrong orders, the position of the fitted weights of the channels between the correct order (0)
+    and that wrong order (1).
 
     Why it matters
     --------------
-    BGR frames look like frames. A network that was trained on them sees blue skin elsewhere, and their luma is wrong
-    by the difference of 0.3 and 0.11 of red and blue.
+    BGR frames look like frames. A network that was trained on them has wrong colours on other data, and luma is wrong
+    by the difference of the weights of red (0.3) and blue (0.11).
 
     How
     ---
-    Events carry the luma 0.299 R + 0.587 G + 0.114 B of linear values. At frame times where a pixel's own events tell
-    its level, what the events say between two such times is regressed on the changes of the three channels, with the
-    time offset as a nuisance (``fedora_qa/estimators/images/event_colours.py``). Coefficients over their sum are the
-    weights. The line that tells a wrong order from the right one with the least error is Fisher's, with the covariance
-    of the weights (``fedora_qa/estimators/images/channel_orders.py``): it uses all three weights, which halves the
-    error against a difference of two. The nearest order is named.
+    Events measure the luma 0.299 R + 0.587 G + 0.114 B of linear values. The change by events is taken between two
+    frame times at which the pixel's own events determine its level. It is regressed on the changes of the three
+    channels, with the time offset as a nuisance parameter (``fedora_qa/estimators/images/event_colours.py``). The
+    coefficients over their sum are the weights. The line that separates a wrong order from the correct one with the
+    smallest error is Fisher's discriminant, with the covariance of the weights
+    (``fedora_qa/estimators/images/channel_orders.py``). It uses all three weights, which halves the error of a
+    difference of two. The nearest order is named.
 
     Noise model
     -----------
-    Standard errors are the larger of the formal one and the jackknife over quarters of the image and windows. The
-    allowance adds up what is known to bias the weights: attenuation by errors of the frames that are common to all
-    channels (bounded by the residual), what events do not tell of the level between them (cubics against straight
-    lines), and 0.01 in a difference of weights, seen with closed-form frames and events, where levels read between
-    events move it by up to 0.006.
+    The standard error is the larger of the formal one and the jackknife over quarters of the image and windows. The
+    model error bound is the sum of three biases of the weights: attenuation by errors of the frames that all channels
+    share (bounded by the residual); the error of the level between events (cubics against straight lines); and 0.01 in
+    a difference of weights, measured with closed-form frames and events, where interpolated levels change it by up to
+    0.006.
 
     Cannot see
     ----------
-    The order in a scene of little colour or little motion, where it says so. Frames that do not belong to the events
-    at all: ``event_response.orientation``. Constant exposure, and gains of single channels below a third.
+    The order in a scene with little colour or little motion, which is reported as not_observable. Frames that do not
+    belong to the events (``event_response.orientation``). Constant exposure, and gains of single channels below a
+    third.
 
     Sources
     -------
@@ -98,9 +100,9 @@ class ImagesChannels(ColourCheck):
                 model_error_bound=estimate.bound,
                 side="upper",
                 # 1 is the whole way from the right order to the wrong one.
-                statement=f"In what events see the channels weigh {weights}, {estimate.value:.2f} +/- "
+                statement=f"By the events, the channels have the weights {weights}: {estimate.value:.2f} +/- "
                 f"{hypot(estimate.standard_error, estimate.bound):.2g} of the way "
-                f"from R, G, B to {order}. They are best read as {nearest}.",
+                f"from R, G, B to {order}. The nearest order is {nearest}.",
                 code="images.channels.order",
                 where=Where(stream="rgb"),
                 features=(NearestChannelOrder(nearest),),
@@ -111,6 +113,6 @@ class ImagesChannels(ColourCheck):
     def why_blind(self, response: ColourResponse) -> str:
         """Return that an exchange of red and blue could not be detected; empty where it could."""
         estimate = towards(response.fit, EXCHANGED)
-        # One bias may hide an exchange and another may feign one, hence twice the bound (DETECTED_AT).
+        # A bias may hide an exchange, and another one may look like an exchange: twice the bound (DETECTED_AT).
         least = 2 * estimate.bound + DETECTED_AT * estimate.standard_error
-        return "" if least <= 1 else f"too little colour: {least:.2f} of an exchange of red and blue would be seen"
+        return "" if least <= 1 else f"too little colour: the detection limit is {least:.2f} of a red-blue exchange"

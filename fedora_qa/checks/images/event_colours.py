@@ -46,8 +46,8 @@ FEWEST_BLOCKS: Final = 8
 """Quarters of the image in two windows: with fewer, the spread between them is no standard error."""
 
 UNRELATED: Final = 0.7
-"""Largest share of the variance of the events that frames leave unexplained: with more, they are of another scene, or
-have only rounding."""
+"""Largest share of the variance of the events that frames do not explain: with more, they show another scene, or have
+only rounding."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -79,7 +79,7 @@ class ColourResponse:
     fit
         Under the declared curve.
     best_curve
-        Transfer curve under which events follow the frames best.
+        Transfer curve with the smallest residual.
     """
 
     fit: ColourFit
@@ -87,7 +87,7 @@ class ColourResponse:
 
 
 def colour_sums(window: Window) -> ColourSums | None:
-    """Return the sums of a window; None where it holds too few level samples."""
+    """Return the sums of a window; None where it has too few level samples."""
     return window.once("colour_sums", lambda: _colour_sums(window))
 
 
@@ -133,7 +133,7 @@ def _colour_sums(window: Window) -> ColourSums | None:
     def sums(curve: str, pairs: LevelPairs) -> ColourBlocks:
         steps = np.array([declared.threshold_on, declared.threshold_off])
         events, delay = pairs.regressors[:, :2] @ steps, pairs.regressors[:, 2:] @ steps
-        # The declared curve recovers the stored codes, which the curve on trial then linearises.
+        # The declared curve recovers the stored codes, which the tested curve then linearises.
         earlier, later = (each if curve == transfer else to_linear(to_code(each, transfer), curve) for each in colours)
         regressors = colour_columns(earlier, later, declared.model, declared.log_eps_dn)
         return colour_blocks(np.column_stack([regressors, -delay]), events, quarter, QUARTERS)
@@ -143,12 +143,12 @@ def _colour_sums(window: Window) -> ColourSums | None:
 
 
 def _curves(declared: str) -> tuple[str, ...]:
-    """Return the transfer curves to try, the declared one first."""
+    """Return the tested transfer curves, the declared one first."""
     return (declared, *(curve for curve in TRANSFERS if curve != declared))
 
 
-_TOO_FEW: Final = "too few pairs of frames at which events tell a pixel's level (slow motion, little texture, or dark)"
-_ALIKE: Final = "the channels of the frames are alike, as in grey images, so that their weights cannot be told apart"
+_TOO_FEW: Final = "too few pairs of frames at which events determine a level (slow motion, little texture, or dark)"
+_ALIKE: Final = "the channels of the frames are equal or proportional, as in grey images, and have no separate weights"
 
 
 class ColourCheck(WindowCheck[ColourSums]):
@@ -176,13 +176,13 @@ class ColourCheck(WindowCheck[ColourSums]):
             return Observation(coverage, unobservable=_TOO_FEW)
         linear = declared.model == "linear"
         fits = [fit_colours(blocks, with_exponent=False) for blocks in by_curve]
-        # Channels that are one another's multiples have no weights of their own, by any curve.
+        # Proportional channels have no separate weights, by any curve.
         if any(np.isnan(fit.variance) for fit in fits):
             return Observation(coverage, unobservable=_ALIKE)
         best = int(np.argmin([fit.variance for fit in fits]))
         if not fits[best].unexplained < UNRELATED:
             why = (
-                f"frames leave {fits[best].unexplained:.0%} of what the events say unexplained: they do not belong "
+                f"frames do not explain {fits[best].unexplained:.0%} of the variance of the events: they do not belong "
                 "together (see event_response.orientation)"
             )
             return Observation(coverage, unobservable=why)
@@ -195,7 +195,7 @@ class ColourCheck(WindowCheck[ColourSums]):
         return Observation(coverage, measured, unobservable=self.why_blind(response))
 
     def why_blind(self, response: ColourResponse) -> str:
-        """Return why the least fault is not detectable in the file, beyond the detection limit of each measurement."""
+        """Return why the smallest fault is not detectable in the file, in addition to the detection limits."""
         return ""
 
     def state(self, response: ColourResponse, declared: EventModel, facts: Facts) -> tuple[Statistic, ...]:

@@ -1,4 +1,4 @@
-"""Frames against each other: exposure."""
+"""Changes of exposure between frames."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -23,8 +23,7 @@ from fedora_qa.views.frame_pairs import flow_rate_of, neighbours, pairs_with_flo
 Float64 = NDArray[np.float64]
 
 NEIGHBOURS: Final = 3
-"""Number of pairs on either side whose median is the usual change of brightness, by slow changes of light or of the
-view."""
+"""Number of pairs on either side whose median is the slow change of brightness, by light or by the view."""
 
 FEWEST_PAIRS: Final = 4
 
@@ -116,41 +115,42 @@ class CodesMultiplied(Feature):
 class ImagesExposure(WindowCheck[WindowExposure]):
     """Is the exposure the same in all frames?
 
-    The largest jump of brightness from one frame to the next, at the same points; the frames of one value throughout;
-    and the frames that were multiplied after they had been rounded.
+    The largest jump of brightness from one frame to the next, at the same points, in percent; the number of frames of
+    one value throughout; and the number of frames that were multiplied after they had been rounded.
 
     Why it matters
     --------------
-    Event cameras see ratios, and so do photometric losses: a frame that is 2% brighter than its neighbours is 0.02
-    nat of change that no event accounts for, a tenth of a usual threshold at every pixel.
+    Event cameras measure ratios of brightness, and photometric losses compare them. A frame that is 2% brighter than
+    its neighbours has a change of 0.02 nat that no event explains: a tenth of a common threshold at every pixel.
 
     How
     ---
-    Points that both frames show, by the fastest flow where there is one, and else the same coarse pixels, are
-    compared tile by tile (``fedora_qa/estimators/images/gain.py``): the logarithm of the ratio of sums, and the median
-    over tiles. What the brightness does by itself, slowly, is the median of the pairs around; the pair that departs
-    from it most is judged. A frame that differs alone gives a jump up and one down. A gain of rounded values leaves
-    just those codes out (or puts two on one) that lie between its multiples: histograms of the frames tell it, to a
-    hundredth of a percent (``fedora_qa/estimators/images/gain.py``).
+    Points that both frames show are compared tile by tile (``fedora_qa/estimators/images/gain.py``): the gain is the
+    median over tiles of the logarithm of the ratio of sums. The points follow from the fastest flow; without flow,
+    coarse pixels at the same position are compared. The slow change of brightness is the median of the neighbouring
+    pairs, and the pair with the most significant difference from it is judged. A single deviating frame gives a jump up
+    and one down. A gain of rounded values leaves out exactly those codes (or puts two on one) that lie between its
+    multiples: histograms of the frames determine it to a hundredth of a percent
+    (``fedora_qa/estimators/images/gain.py``).
 
     Noise model
     -----------
-    A pair's error is that of a median over tiles, from their spread and from rounding, together with the spread of
-    all pairs (median absolute deviation). 0.2% is allowed for points that the flow misses by part of a pixel. Without
-    flow, motion makes tiles differ, so that errors grow by ten; only jumps of many percent are then seen. That the
-    codes of one gain, and no others, are missing by chance has a probability below one in a thousand of that of any
-    code missing among frequent ones.
+    The error of a pair is that of a median over tiles, from their spread and from rounding, combined with the spread of
+    all pairs (median absolute deviation). The bound is 0.2%, for points that the flow misses by part of a pixel.
+    Without flow, motion makes tiles differ, and errors are ten times as large: only jumps of many percent are then
+    detected. Of the probability that any code is missing among frequent ones, the codes of one gain and no others have
+    less than one thousandth.
 
     Cannot see
     ----------
-    Exposure that is wrong in all frames alike and was so before rounding: to the log model of events it means nothing
-    at all, and to the linear model it is a threshold. Gains of single tiles of the image. Vignetting that stays, which
-    ``images.vignetting`` measures. Light that changes slowly is no jump.
+    Exposure that is wrong by one factor in all frames, and was so before rounding: it has no effect in the log model of
+    events, and that of a threshold in the linear model. Gains of single tiles of the image. Constant vignetting
+    (``images.vignetting``). Slow changes of light are no jump.
 
     Sources
     -------
-    The canonical layout, version 1.0: DN = rint(clip(Y)); first principles, the derivations stand with the
-    estimators.
+    The canonical layout, version 1.0: DN = rint(clip(Y)); first principles, derivations in
+    ``fedora_qa/estimators/images/gain.py``.
     """
 
     name = "images.exposure"
@@ -180,10 +180,10 @@ class ImagesExposure(WindowCheck[WindowExposure]):
         frames = sum(len(w.frames) for w in state)
         coverage = Coverage(len(gains), max(facts.sizes.get("path/rgb", 0) - 1, 0), "frame intervals")
         if frames and len(blank) == frames:
-            return Observation(coverage, unobservable="every frame is of one value throughout")
+            return Observation(coverage, unobservable="every frame has only one value")
         measurements = [no_faults("blank_frames", "frames", "images.exposure.blank")]
         if blank:
-            statement = f"{len(blank)} frames are of one value throughout, the first of them frame {blank[0]}."
+            statement = f"{len(blank)} frames have only one value, the first of them frame {blank[0]}."
             where = _where(blank[0], blank[-1] + 1, facts)
             measurements = [
                 count_of_faults(
@@ -202,7 +202,7 @@ class ImagesExposure(WindowCheck[WindowExposure]):
             model_error_bound = MISREGISTRATION_PERCENT / 100
             # The most significant jump beyond misregistration, not the largest.
             worst = int(np.argmax((np.abs(jumps) - model_error_bound) / errors))
-            # One frame, or several, that are brighter give a jump up and one down of like size: the first is named.
+            # Brighter frames, one or several, give a jump up and one down of nearly equal size: the first is named.
             size, tolerance = abs(jumps[worst]), max(5 * float(errors[worst]), 0.2 * abs(jumps[worst]))
             first = int(np.flatnonzero(np.abs(np.abs(jumps) - size) < tolerance)[0])
             frame, percent = gains[first].after, 100 * expm1(float(jumps[first]))
@@ -224,7 +224,7 @@ class ImagesExposure(WindowCheck[WindowExposure]):
                     features=(BrightnessJump(percent, error),),
                 )
             )
-        # Without enough frequent codes a gain after rounding leaves no trace: the count is then not stated at all.
+        # Without enough frequent codes a gain after rounding cannot be detected: the count is then not stated.
         codes = np.sum([w.codes for w in state], axis=0) if state else np.zeros(CODES, dtype=np.int64)
         if is_informative(codes):
             measurements.append(_frames_with_gain(state, codes, facts))
@@ -237,7 +237,7 @@ class ImagesExposure(WindowCheck[WindowExposure]):
         why = (
             ""
             if len(gains) >= FEWEST_PAIRS
-            else "too few frames at the ends of the flow, or too little lit and not clipped"
+            else "too few frames at the ends of the flow, or too few pixels that are neither dark nor clipped"
         )
         return Observation(coverage, tuple(measurements), notices, why)
 
@@ -273,7 +273,7 @@ def _where(first: int, stop: int, facts: Facts) -> Where:
 def _frames_with_gain(windows: Sequence[WindowExposure], codes: NDArray[np.int64], facts: Facts) -> Statistic:
     """Return the count of frames with a gain, by the codes of all windows together, or else by those of each.
 
-    A gain of a part of the file is detected in that part only, as the codes that it leaves out occur elsewhere.
+    A gain of a part of the file is detected in that part only, because the missing codes occur elsewhere.
     """
     # A gain of the whole file leaves out the same codes in all windows; one of a part does so in its own windows only.
     of_all = gain_after_rounding(codes)
@@ -285,15 +285,15 @@ def _frames_with_gain(windows: Sequence[WindowExposure], codes: NDArray[np.int64
     where, statement, features = Where(stream="rgb"), "", tuple[Feature, ...]()
     if gains:
         first, last = gains[0][0].start, gains[-1][0].stop - 1
-        # The gain with the narrowest range is the best known.
+        # The gain with the narrowest range has the smallest error.
         sharpest = min((gain for _, gain in gains), key=lambda gain: gain.half_range)
         percent, half_range_percent = 100 * (sharpest.gain - 1), 100 * sharpest.half_range
         start_us, stop_us = (facts.to_file_us(int(facts.clocks["rgb"].times_ns[row])) for row in (first, last))
         where = Where("rgb", start_us, stop_us, index_start=first, index_stop=last + 1, frame=first)
         statement = (
             f"Frames {first} to {last} were made {percent:+.4g} +/- {half_range_percent:.2g}% brighter after they had "
-            "been rounded to 8 bits: just the codes that this leaves out are missing, or those that it puts on another "
-            "doubled."
+            "been rounded to 8 bits: exactly the codes between the multiples of this gain are missing, or codes that "
+            "fall on one are doubled."
         )
         features = (CodesMultiplied(percent, half_range_percent),)
     return Statistic(

@@ -1,4 +1,4 @@
-"""Frames along the flow: order in time, of whole frames and of their parts.
+"""Displacement of frames along the flow: order in time, of whole frames and of their parts.
 
 A part may be frozen, or of another frame, while the rest of the image moves.
 """
@@ -40,7 +40,7 @@ LEAST_RATIO: Final = 0.5
 FEWEST_PAIRS: Final = 4
 
 FEWEST_PAIRS_OF_PART: Final = 8
-"""Least number of pairs for the usual ratio of a part and its scatter."""
+"""Least number of pairs for the median ratio of a part and its scatter."""
 
 PARTS: Final = 4
 """Number of parts along each side: at least one lies within any region of half the width and height."""
@@ -64,7 +64,7 @@ class FramePairRatio:
     ratio, standard_error, rounding_error
         Ratio of the whole frames, its standard error, and its error by rounding of the frames.
     shown_part
-        Left, top, right, bottom of the part of the flow's grid that colour shows, px.
+        Left, top, right, bottom of the part of the flow's grid that colour frames cover, px.
     parts
         Ratios of the parts.
     """
@@ -86,7 +86,7 @@ class FrameInterval(NamedTuple):
     before, after
         Rows of the frames.
     relative_ratio
-        Ratio of the displacement to the flow, in units of the usual ratio.
+        Ratio of the displacement to the flow, in units of the median ratio.
     """
 
     before: int
@@ -101,7 +101,7 @@ class OutOfOrderIntervals(Feature):
     Attributes
     ----------
     relative_ratios
-        Ratios of the intervals that deviate by more than ``ALLOWED``, in the order of time; 1 is usual.
+        Ratios of the intervals that deviate by more than ``ALLOWED``, in the order of time; 1 is the median.
     frames_return
         Whether the ratio is too small in one interval and too large in one beside it, or the reverse. None where it is
         not, but an interval beside was not measured.
@@ -115,42 +115,41 @@ class OutOfOrderIntervals(Feature):
 
 
 class ImagesOrder(WindowCheck[tuple[FramePairRatio, ...]]):
-    """Does each frame lie where the flow carries the frame before it?
+    """Is each frame displaced from the frame before by the stored flow?
 
-    One number a pair of frames: the share of the flow by which the second lies away from the first. It is 1 in an
-    honest file. A frame that repeats the one before gives 0, and the one after it 2; exchanged neighbours give 2, -1,
-    2.
+    For each pair of frames, the ratio of the displacement of the second against the first to the flow. A correct file
+    gives 1. A frame that repeats the one before gives 0, and the one after it 2. Exchanged neighbours give 2, -1, 2.
 
     Why it matters
     --------------
-    A frame out of order, frozen or dropped turns motion round for two intervals. Anything that is learnt from pairs
-    of frames, or aligned to events by them, is wrong there.
+    A frame that is out of order, frozen or dropped gives wrong motion in two intervals. Everything that is learnt from
+    pairs of frames, or aligned to events by them, is wrong there.
 
     How
     ---
-    The change from each frame to the next is regressed on the change that the fastest flow predicts, with gain and
-    bias of brightness left free; images are first reduced until the flow is about a pixel. The pair that lies
-    farthest from the median of all is judged, and so is each of 4 x 4 parts of the image against its own median.
-    Exchanged frames are told from frozen ones by the sign of their shares. A frame that is out of its place comes back
-    to it in an interval beside: intervals that only fall short or only run ahead, with neighbours in order, are no
-    frames out of their places, but an image that was moved or turned.
+    The change from each frame to the next is regressed on the change that the fastest flow predicts, with gain and bias
+    of brightness as free parameters. Images are first reduced until the flow is about a pixel. The pair with the most
+    significant deviation from the median of all is judged. Each of 4 x 4 parts of the image is compared with its own
+    median. The sign of the ratio separates exchanged frames from frozen ones. If a frame is out of order, the ratio is
+    too small in one interval and too large in a neighbouring one. Ratios that are only too small or only too large,
+    with neighbours in order, mean an image that was moved or rotated.
 
     Noise model
     -----------
-    Standard error: the spread of all pairs (1.4826 times the median absolute deviation) and the pair's own, from what
-    its regression leaves, together. Allowance: half of the flow, halfway between a frame in its place and one that
-    repeats. Pairs count where rounding alone lets their share be known to 0.1; those of a part where its own error is
-    no larger than that either.
+    The standard error combines the spread of all pairs (1.4826 times the median absolute deviation) with that of the
+    pair's own regression. The bound is half of the flow: halfway between a correct frame and a repeated one. Pairs are
+    used if the error of their ratio by rounding alone is below 0.1; for a part, its own error must be below 0.1 as
+    well.
 
     Cannot see
     ----------
-    A fault of all frames alike, for which there is `flow_photometric.residual`; anything where little moves. With
-    flow slower than the frames only frames at its ends are seen. Whether flow or frames are out of order is open to
-    this check alone: `event_response.frames` asks events the same, and both failing means the frames.
+    An error of all frames together (``flow_photometric.residual``). Frames with little motion. If flow is slower than
+    the frames, only frames at its ends are tested. The check alone does not determine whether flow or frames are out of
+    order: ``event_response.frames`` compares frames with events, and if both fail, the frames are wrong.
 
     Sources
     -------
-    B. D. Lucas, T. Kanade, IJCAI (1981) 674, with one unknown a pair; `estimators/images/order.py` derives it.
+    B. D. Lucas, T. Kanade, IJCAI (1981) 674, with one unknown a pair; derivation in ``estimators/images/order.py``.
     """
 
     name = "images.order"
@@ -187,8 +186,8 @@ class ImagesOrder(WindowCheck[tuple[FramePairRatio, ...]]):
                     ratio if _is_informative(ratio) else flow_ratios_of_parts(before, after, flow_px, [box])[1][0]
                     for ratio, box in zip(of_middles, boxes, strict=True)
                 ]
-                # Middles of the parts are a sample of the frame: the whole frame is used where they constrain too
-                # little.
+                # Middles of the parts are a sample of the frame: the whole frame is used where their error is too
+                # large.
                 if whole is None or whole.rounding_error >= LARGEST_ERROR:
                     whole = flow_ratio(before, after, flow_px)
             else:
@@ -205,17 +204,17 @@ class ImagesOrder(WindowCheck[tuple[FramePairRatio, ...]]):
         return tuple(ratios)
 
     def conclude(self, state: Sequence[tuple[FramePairRatio, ...]], facts: Facts) -> Observation:
-        """Find the pair that is farthest from all others."""
+        """Find the pair with the most significant deviation from all others."""
         pairs = [pair for ratios in state for pair in ratios]
         clear = [pair for pair in pairs if pair.rounding_error < LARGEST_ERROR]
         coverage = Coverage(len(clear), max(facts.sizes.get("path/rgb", 0) - 1, 0), "frame intervals")
         if len(clear) < FEWEST_PAIRS:
-            return Observation(coverage, unobservable="too few frames lie at the ends of the flow, or too little moves")
+            return Observation(coverage, unobservable="too few frames at the ends of flow fields, or too little motion")
         ratios = np.array([pair.ratio for pair in clear])
-        # The median of the file is the reference, as a gain of the whole flow puts no frame out of order.
+        # The median of the file is the reference, because a gain of the whole flow does not change the order of frames.
         usual = float(np.median(ratios))
         if usual < LEAST_RATIO:
-            reason = f"frames do not follow the flow at all: {usual:.2g} of it (see flow_photometric.residual)"
+            reason = f"the median displacement of frames is {usual:.2g} of the flow (see flow_photometric.residual)"
             return Observation(coverage, unobservable=reason)
         scatter = MAD_TO_SIGMA * float(np.median(np.abs(ratios - usual)))
         errors = np.hypot(scatter, [pair.standard_error for pair in clear])
@@ -231,8 +230,8 @@ class ImagesOrder(WindowCheck[tuple[FramePairRatio, ...]]):
             expected=1.0,
             model_error_bound=ALLOWED,
             tests=max(facts.sizes.get("path/rgb", 0) - 1, 1),
-            statement=f"Frame {farthest.after} lies {farthest.ratio:.2f} of the flow from frame {farthest.before}; "
-            f"{usual:.2f} is usual. {len(off)} frame intervals are out of order.",
+            statement=f"Frame {farthest.after} is displaced by {farthest.ratio:.2f} of the flow from frame "
+            f"{farthest.before}; the median is {usual:.2f}. {len(off)} frame intervals are out of order.",
             code="images.order.share",
             where=_where(first, last, facts),
             features=(intervals_out_of_order([FrameInterval(p.before, p.after, p.ratio / usual) for p in clear]),),
@@ -263,7 +262,7 @@ def _is_informative(ratio: FlowRatio | None) -> TypeGuard[FlowRatio]:
 
 
 def _worst_part(pairs: Sequence[FramePairRatio], facts: Facts) -> Statistic | None:
-    """Return the statistic of the part whose ratio deviates most from its usual one; None where none is informative."""
+    """Return the statistic of the part whose ratio deviates most from its median; None where none is informative."""
     # Ratios and their errors, (pairs, parts) each.
     ratios, own_errors = np.moveaxis(np.array([pair.parts for pair in pairs]), -1, 0)
     usual = np.array([_median_of_finite(column) for column in ratios.T])
@@ -290,8 +289,8 @@ def _worst_part(pairs: Sequence[FramePairRatio], facts: Facts) -> Statistic | No
         model_error_bound=ALLOWED,
         tests=int(np.count_nonzero(np.isfinite(relative))),
         sensitivity=sensitivity_range(np.where(np.isfinite(relative), errors, np.nan), ALLOWED),
-        statement=f"In columns {left} to {right - 1}, rows {top} to {bottom - 1} frame {after} lies "
-        f"{relative[pair, part]:.2f} of what is usual from frame {before}.",
+        statement=f"In columns {left} to {right - 1}, rows {top} to {bottom - 1} the displacement of frame {after} "
+        f"from frame {before} is {relative[pair, part]:.2f} of the median.",
         code="images.order.part",
         where=replace(_where(off[0].after, off[-1].before, facts), tile=(left, top, right, bottom)),
         features=(intervals_out_of_order([p for p in series if np.isfinite(p.relative_ratio)]),),
@@ -318,13 +317,13 @@ class _IntervalRun(NamedTuple):
 
 
 def intervals_out_of_order(intervals: Sequence[FrameInterval]) -> OutOfOrderIntervals:
-    """Return the intervals that are out of order, and whether frames return to their places.
+    """Return the intervals that are out of order, and whether the displacement of frames returns to normal.
 
-    For a frame out of its place the ratio is too small in one interval and too large in one beside it.
+    For a frame out of order the ratio is too small in one interval and too large in one beside it.
     """
     ordered = sorted(intervals)
     off = [abs(interval.relative_ratio - 1) > ALLOWED for interval in ordered]
-    # No interval before the first and none behind the last.
+    # No interval before the first and none after the last.
     follows = [False, *(earlier.after == later.before for earlier, later in pairwise(ordered)), False]
     # Runs of intervals out of order, in which each begins with the frame at which that before it ends.
     runs: list[_IntervalRun] = []

@@ -1,4 +1,4 @@
-"""Frames against each other: repeats."""
+"""Frames that repeat an earlier frame."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -30,10 +30,10 @@ Float64 = NDArray[np.float64]
 FEWEST_FRAMES: Final = 2
 
 HIDDEN_DN: Final = 2.0
-"""Largest change that rounding may hide, DN: twice 1 DN."""
+"""Change by motion that rounding may hide, DN: twice 1 DN."""
 
 STEEP_PERCENTILE: Final = 99.0
-"""Percentile of the slopes at which a change is predicted: one pixel in a hundred is as steep."""
+"""Percentile of the slopes for which a change is predicted: one pixel in a hundred is steeper."""
 
 NOISE_SIGMAS: Final = 6.0
 FARTHEST_M: Final = 30.0
@@ -93,34 +93,33 @@ class FrameDigest:
 
 
 class ImagesRepeats(WindowCheck[tuple[FrameDigest, ...]]):
-    """Is each frame a picture of its own?
+    """Does any frame repeat an earlier one although the image must have changed?
 
-    The frames that repeat an earlier one bit for bit although the image must have changed in between.
+    The number of frames that repeat an earlier one bit for bit although the image must have changed in between.
 
     Why it matters
     --------------
-    A buffer that is written again without being refreshed pairs old frames with new stamps, events and poses. A
-    repeated frame is a training pair with flow and without motion.
+    A buffer that is written again without being refreshed assigns old frames to new timestamps, events and poses. For
+    training, a repeated frame is a pair with flow and without motion.
 
     How
     ---
-    Frames are compared by their digests, each with all before it. A repeat is a fault where something says that the
-    image must have changed in between: the fastest flow or the pose, when they move the frame's steep places by more
-    than rounding can hide, or events that are as many as while frames do change. A camera that by its pose comes back
-    to where it was may see what it saw. Frames of one value throughout are
-    for ``images.exposure``.
+    Frames are compared by their digests, each with all earlier ones. A repeat is a fault if another stream proves a
+    change of the image. The fastest flow or the pose proves it if it moves steep gradients of the frame by more than
+    rounding can hide. Events prove it if they are as many as between frames that differ. A camera that returns to an
+    earlier pose may take the same image again. Frames of one value throughout are tested by ``images.exposure``.
 
     Noise model
     -----------
-    The count is exact: two frames share a digest by chance with a probability of 5e-20. That the image must have
-    changed is asked of the steepest hundredth of its pixels (by a lattice of some 5000), which must change by 2 DN
-    where rounding hides 1 DN; of noisy poses six standard deviations are taken off first.
+    The count is exact: two different frames have the same digest with a probability of 5e-20. The change of the image
+    is predicted for the steepest hundredth of its pixels (on a lattice of some 5000), which must change by 2 DN where
+    rounding hides 1 DN. For noisy poses, six standard deviations are subtracted first.
 
     Cannot see
     ----------
-    Frames that repeat but for noise: ``images.order`` and ``event_response.frames``. A camera at rest may repeat its
-    frames: not_observable where it does and rests throughout. Where neither flow nor pose nor events tell, repeats are
-    noted.
+    Frames that repeat except for noise (``images.order`` and ``event_response.frames``). A camera at rest may repeat
+    its frames: not_observable where frames repeat and the camera never moves. Where the file has neither flow nor pose
+    nor events for a decision, repeats are noted.
 
     Sources
     -------
@@ -137,7 +136,7 @@ class ImagesRepeats(WindowCheck[tuple[FrameDigest, ...]]):
             rgb = window.rgb(frame)
             digest = _digest(window, frame)
             repeats = frame > 0 and _digest(window, frame - 1) == digest
-            # Only a repeat needs proof that the image must have changed; of other frames a motion of a pixel counts.
+            # Only a repeat needs a proof that the image must have changed; for other frames a motion of a pixel counts.
             moved = None
             if repeats:
                 moved = must_have_changed(window, frame)
@@ -153,7 +152,7 @@ class ImagesRepeats(WindowCheck[tuple[FrameDigest, ...]]):
         frames = sorted((digest for digests in state for digest in digests), key=lambda digest: digest.frame)
         coverage = Coverage(len(frames), facts.sizes.get("path/rgb", len(frames)), "frames")
         if sum(not digest.blank for digest in frames) < FEWEST_FRAMES:
-            return Observation(coverage, unobservable=f"fewer than {FEWEST_FRAMES} frames show anything at all")
+            return Observation(coverage, unobservable=f"fewer than {FEWEST_FRAMES} frames have more than one value")
         repeats = repeated(frames)
         by_events = moved_by_events(facts, {frame for frame, _ in repeats})
         moved = {digest.frame: digest.moved or bool(by_events[digest.frame]) for digest in frames}
@@ -163,7 +162,7 @@ class ImagesRepeats(WindowCheck[tuple[FrameDigest, ...]]):
         for frame, first in repeats:
             if not any(moved.get(i) for i in range(first + 1, frame + 1)):
                 continue
-            # A camera that moves away and returns, by its pose, takes the same image again: no fault, unless both
+            # A camera that moves away and returns, by its pose, may take the same image again: no fault, unless both
             # viewpoints differ so much that the images must differ.
             later, earlier = viewpoints.get(frame), viewpoints.get(first)
             if frame - first > 1 and later is not None and earlier is not None:
@@ -194,15 +193,13 @@ class ImagesRepeats(WindowCheck[tuple[FrameDigest, ...]]):
             )
             return Observation(coverage, (repeated_frames,))
         if repeats and motion_measured and not any(moved.values()):
-            at_rest = (
-                f"{len(repeats)} frames repeat an earlier one, and the camera rests: no frame must differ from others"
-            )
+            at_rest = f"{len(repeats)} frames repeat an earlier one, and the camera is at rest: images need not differ"
             return Observation(coverage, unobservable=at_rest)
         notices: tuple[Notice, ...] = ()
         if repeats and not motion_measured:
             message = (
-                f"{len(repeats)} frames repeat an earlier one bit for bit, the first is frame {repeats[0][0]}; no "
-                "pose, flow or events tell whether the camera moved."
+                f"{len(repeats)} frames repeat an earlier one bit for bit, the first is frame {repeats[0][0]}; "
+                "pose, flow and events do not determine whether the camera moved."
             )
             where = Where(stream="rgb", frame=repeats[0][0])
             notices = (Notice("images.repeats.unexplained", message, where),)
@@ -240,7 +237,7 @@ def _digest(window: Window, frame: int) -> bytes:
 
 
 def must_have_changed(window: Window, frame: int) -> bool | None:
-    """Return whether flow or pose move the image since the frame before so far that it must have changed.
+    """Return whether flow or pose move the image so far since the frame before that it must have changed.
 
     Parameters
     ----------
@@ -332,12 +329,12 @@ def moved_by_events(facts: Facts, repeats: set[int]) -> NDArray[np.bool_]:
 
 
 def _steepness(window: Window, frame: int) -> float:
-    """Return the slope of the image at its steep places, DN per px."""
+    """Return the ``STEEP_PERCENTILE`` of the slope of the image, DN per px."""
     return steepness(luma_dn(window, frame), STEEP_PERCENTILE)
 
 
 def _least_motion_px(window: Window, frame: int) -> float | None:
-    """Return by how much the image moves at least since the frame before; None where there is no pose."""
+    """Return the least motion of the image since the frame before, px; None where there is no pose."""
     facts, camera = window.facts, window.facts.declared.cameras.get("rgb")
     if camera is None or "pose" not in facts.streams:
         return None
@@ -351,9 +348,10 @@ def _pose_of(window: Window, frame: int, camera: Camera) -> Pose:
 
 
 def _least_shift_px(motion: RigidMotion, camera: Camera, facts: Facts) -> float:
-    """Return by how much a motion shifts the image at least, by its rotation or by the parallax of the farthest points.
+    """Return the least shift of the image by a motion, px: by its rotation, or by the parallax of the farthest points.
 
-    Rotation about the optical axis leaves the middle of the image; half of it moves by a quarter of its width or more.
+    Rotation about the optical axis keeps the middle of the image; half of the image is a quarter of its width or more
+    away from it.
     """
     focal_px, noise = float(camera.K[0, 0]), facts.declared.pose
     farthest_m = facts.declared.depth_range_m[1] if facts.declared.depth_range_m else FARTHEST_M

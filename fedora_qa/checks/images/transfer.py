@@ -21,47 +21,50 @@ EXPOSURE_OF_BIAS_US: Final = 5_000.0
 
 
 class ImagesTransfer(ColourCheck):
-    """Are the values of the frames linear in radiance, once the declared transfer is undone?
+    """Are the values of the frames linear in radiance after the declared transfer is inverted?
 
-    The exponent by which the values would have to be taken to be what events see: 1, or about 2.2 where codes for a
-    display are declared as linear (0.45: linear values declared as such codes).
+    The exponent to which the frames' values must be raised to agree with the events: 1 in a correct file, about 2.2
+    where display codes are declared as linear, 0.45 where linear values are declared as display codes.
 
     Why it matters
     --------------
-    Everything that compares brightness, thresholds of events first of all, is off by the exponent: a contrast of 0.2
-    nat reads 0.09 in codes of gamma 2.2.
+    Every comparison of brightness, above all thresholds of events, is wrong by the exponent: a contrast of 0.2 nat is
+    0.09 in codes of gamma 2.2.
 
     How
     ---
-    What events say between two frame times at which they tell a pixel's level is regressed on the change of the
-    frames, as in ``images.channels``. A sensor of grey values (the linear model) tells the exponent whatever its
-    threshold is: an exponent bends the frames' steps by their level. In the log model an exponent multiplies every
-    step alike and cannot be told from the threshold; there the declared thresholds are taken for true. The known
-    curves are tried in turn, and the one that leaves the least residual is named.
+    The change by events between two frame times at which they determine the level of a pixel is regressed on the change
+    of the frames, as in ``images.channels``. A sensor of grey values (the linear model) determines the exponent for any
+    threshold: the exponent changes the frames' steps as a function of their level. In the log model an exponent
+    multiplies every step by the same factor and cannot be separated from the threshold: the declared thresholds are
+    assumed to be correct. The known transfer curves are fitted in turn, and the one with the smallest residual is
+    named.
 
     Noise model
     -----------
-    Standard errors are the larger of the formal one and the jackknife over quarters of the image and windows. The
-    allowance adds up: attenuation by errors of the frames, bounded by the residual; what events do not tell of the
-    level between them (cubics against straight lines); 0.04, the most that clean files of all scenes lie below 1; six
-    times the squared relative spread of thresholds that is declared, and 5% at 5 ms of exposure.
+    The standard error is the larger of the formal one and the jackknife over quarters of the image and windows. The
+    model error bound is the sum of: attenuation by errors of the frames, bounded by the residual; the error of the
+    level between events (cubics against straight lines); 0.04, the largest deviation below 1 in clean files of all
+    scenes; six times the squared relative spread of declared thresholds; 5% for an exposure of 5 ms, proportional to
+    the square of the exposure.
 
     Cannot see
     ----------
-    Constant exposure: nothing to the log model, and a threshold to the other. In the log model an exponent from a
-    wrong threshold: whoever deviates by less than a display's curve is suspected of the threshold, which
-    ``event_response.threshold`` says better. Scenes of little motion or texture, where it says so.
+    Constant exposure: it has no effect in the log model, and that of a threshold in the linear one. In the log model,
+    an exponent is not separated from a wrong threshold: a deviation smaller than that of a display's curve is
+    attributed to the threshold, which ``event_response.threshold`` measures better. Scenes with little motion or
+    texture, which are reported as not_observable.
 
     Sources
     -------
-    IEC 61966-2-1 (sRGB); first principles, ``fedora_qa/estimators/images/event_colours.py``. The allowances for
-    declared effects are those of ``event_response.threshold``.
+    IEC 61966-2-1 (sRGB); first principles, ``fedora_qa/estimators/images/event_colours.py``. The bounds for declared
+    effects are those of ``event_response.threshold``.
     """
 
     name = "images.transfer"
 
     def state(self, response: ColourResponse, declared: EventModel, facts: Facts) -> tuple[Statistic, ...]:
-        """Return the exponent with which the frames' values follow the level of the events.
+        """Return the exponent with which the frames' values agree with the level of the events.
 
         Parameters
         ----------
@@ -90,8 +93,8 @@ class ImagesTransfer(ColourCheck):
                 standard_error=exponent.standard_error,
                 expected=1.0,
                 model_error_bound=exponent.bound + LEVEL_BIAS + of_declared_effects,
-                statement=f"Frames would have to be taken to the power {exponent.value:.2f} +/- {error:.2g} to be what "
-                f"events see{condition}; they are best read as {response.best_curve}.",
+                statement=f"Values of frames agree with the events when raised to the power {exponent.value:.2f} +/- "
+                f"{error:.2g}{condition}; the best transfer curve is {response.best_curve}.",
                 code="images.transfer.exponent",
                 where=Where(stream="rgb"),
             ),

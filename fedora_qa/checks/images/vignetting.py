@@ -1,4 +1,4 @@
-"""Frames against each other along the flow: fall-off of the brightness towards the corners."""
+"""Vignetting: fall-off of the brightness towards the corners, by frames along the flow."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -54,52 +54,52 @@ class CornerLoss(Feature):
 
 
 class ImagesVignetting(WindowCheck[WindowVignetting]):
-    """Is the brightness of the frames free of a fall-off towards the corners?
+    """Do frames get darker towards the corners?
 
     The loss of brightness in the corner that is farthest from the principal point, in percent of the brightness at the
     principal point, in linear light. It is negative where corners are too bright.
 
     Why it matters
     --------------
-    Events, depth and flow of a simulator know no vignetting. Where only the frames have it, a surface gets darker as it
-    moves outwards, and no event accounts for the change. Photometric losses and learned features then depend on the
-    place in the image.
+    Events, depth and flow of a simulator contain no vignetting. If only the frames have it, a surface gets darker as it
+    moves outwards, and no events correspond to the change. Photometric losses and learned features then depend on the
+    position in the image.
 
     How
     ---
-    The flow of the slowest rate leads from each frame to a later one. Cells of 8 x 8 pixels that both frames show, away
-    from edges of the depth and from clipped pixels, have the same radiance in both. The logarithm of the ratio of their
+    The flow of the slowest rate maps each frame to a later one. Cells of 8 x 8 pixels that both frames show, away from
+    edges of the depth and from clipped pixels, have the same radiance in both. The logarithm of the ratio of their
     brightness is proportional to the change of their squared distance from the principal point. Huber's regression over
-    the cells of a pair of frames gives that slope, beside one constant of the pair for its exposure. All pairs together
-    give the loss (``fedora_qa/estimators/images/vignetting.py``). A pair uses 48 tiles of 32 x 32 pixels, drawn anew
-    for each field; more where the effort asks for a larger share. Distances are tangents of angles, so that cropped
+    the cells of a pair of frames gives the slope, with one constant of the pair for its exposure. All pairs together
+    give the loss (``fedora_qa/estimators/images/vignetting.py``). A pair uses 48 tiles of 32 x 32 pixels, a new sample
+    for each field; more tiles if the effort requires a larger share. Distances are tangents of angles, so that cropped
     frames, whose principal point is not their middle, are measured about the optical axis.
 
     Noise model
     -----------
-    The scatter of the cells about the fit of their pair has noise, rounding, detail that the pixels do not resolve, and
-    errors of the flow in it. The standard error is the largest of three: that of independent cells, and those from the
-    scatter of whole pairs and of 24 parts of the image, whose cells may share errors. The bound of the model is half of
-    the variance of a cell's logarithm times its mean change of place: the logarithm of a noisy sum is too small by at
-    most that. Frames that were rounded and then darkened keep every code that changes by less than half a step. The
-    detection limit therefore includes the loss that darkens the compared surfaces by 1 DN on average.
+    The scatter of the cells about the fit of their pair contains noise, rounding, detail that the pixels do not
+    resolve, and errors of the flow. The standard error is the largest of three: that of independent cells, and those
+    from the scatter of whole pairs and of 24 parts of the image, whose cells may share errors. The model error bound is
+    half of the variance of a cell's logarithm times its mean change of position: the logarithm of a noisy sum is too
+    small by at most that. Frames that were rounded and then darkened keep every code that changes by less than half a
+    step. The detection limit therefore includes the loss that darkens the compared surfaces by 1 DN on average.
 
     Cannot see
     ----------
-    A fall-off that the events and all other streams share. Light that the camera carries with it, which has the same
-    effect and is reported as vignetting. A fall-off that is not symmetric about the principal point; one that is not
-    quadratic in the tangent of the angle is measured with an error of some hundredths of itself. Colour: only luma is
-    compared. A loss after rounding that darkens surfaces by less than 1 DN is missed, or measured too small by up to
-    two thirds; one of 1 to 2 DN by up to two fifths, where colours are flat.
-    Motion that moves nothing nearer to or farther from the principal point, as in hovering flight, where it states its
-    limit. Frames that are so dark or so clipped that few cells remain. Shining surfaces have another brightness from
-    each direction: they widen the error. The fall-off of a lamp that is fixed in the world belongs to the surfaces.
+    A fall-off that the events and all other streams share. Light that moves with the camera, which has the same effect
+    and is reported as vignetting. A fall-off that is not symmetric about the principal point. One that is not quadratic
+    in the tangent of the angle is measured with an error of some hundredths of itself. Colour: only luma is compared. A
+    loss after rounding that darkens surfaces by less than 1 DN is missed, or measured too small by up to two thirds;
+    one of 1 to 2 DN by up to two fifths, where colours are uniform. Motion that changes no distance from the principal
+    point, as in hovering flight: the detection limit is stated. Frames so dark or so clipped that few cells remain.
+    Specular surfaces have another brightness in each direction: they increase the error. The fall-off of a lamp that is
+    fixed in the world belongs to the surfaces.
 
     Sources
     -------
     D. B. Goldman, Vignette and exposure calibration and compensation, IEEE Trans. Pattern Anal. Mach. Intell. 32 (2010)
-    2276: brightness of the same points in several frames determines vignetting and exposure together. The derivation
-    stands with the estimator.
+    2276: brightness of the same points in several frames determines vignetting and exposure together. The derivation is
+    in ``fedora_qa/estimators/images/vignetting.py``.
     """
 
     name = "images.vignetting"
@@ -108,7 +108,7 @@ class ImagesVignetting(WindowCheck[WindowVignetting]):
     def not_applicable(self, facts: Facts) -> str:
         """Return why frames cannot be mapped onto the flow's grid, or have no optical axis; empty where they can."""
         if "rgb" not in facts.declared.cameras:
-            return "the camera rgb is not declared in /metadata/cameras, so that no principal point is known"
+            return "the camera rgb is not declared in /metadata/cameras, so that the principal point is not known"
         optics = optics_of(facts)
         return optics if isinstance(optics, str) else ""
 
@@ -135,7 +135,7 @@ class ImagesVignetting(WindowCheck[WindowVignetting]):
         coverage = Coverage(len(pairs), sum(w.intervals for w in state), "frame pairs")
         fit = fit_vignetting(pairs)
         if fit is None:
-            why = "no two frames at the ends of a flow field show enough of the same surfaces, lit and not clipped"
+            why = "no two frames at the ends of a flow field share enough surfaces that are neither dark nor clipped"
             return Observation(coverage, unobservable=why)
         loss = fit.loss_percent
         # d loss / d a = exp(-|a|), which is 1 for a correct file. The limit is that of a correct file.

@@ -68,7 +68,7 @@ def test_every_wrong_order_is_found_and_named(model: str, order: tuple[int, ...]
     path = clean.altered(frames=clean.frames[..., order]).write(tmp_path / "faulty.h5")
     result = run_check(path, "images.channels")
     assert result.outcome == "failed"
-    assert f"best read as {''.join('RGB'[i] for i in order)}" in result.findings[0].message
+    assert f"nearest order is {''.join('RGB'[i] for i in order)}" in result.findings[0].message
     assert (diagnoses_of(path, "images")[0].cause, diagnoses_of(path, "images")[0].stream) == ("channel_order", "rgb")
 
 
@@ -82,7 +82,7 @@ def test_display_codes_declared_as_linear_are_found(model: str, tmp_path: Path) 
     codes = np.rint(255 * (clean.frames / 255.0) ** (1 / 2.2)).astype(np.uint8)
     result = run_check(clean.altered(frames=codes).write(tmp_path / "faulty.h5"), "images.transfer")
     assert result.outcome == "failed"
-    assert any(f"best read as {curve}" in result.findings[0].message for curve in ("gamma2.2", "srgb"))
+    assert any(f"best transfer curve is {curve}" in result.findings[0].message for curve in ("gamma2.2", "srgb"))
     assert (result.measurements[0].value or 0.0) > 1.8
 
 
@@ -101,7 +101,7 @@ def test_grey_scene_cannot_tell_its_channels(tmp_path: Path) -> None:
         for check in ("images.channels", "images.transfer"):
             result = run_check(path, check)
             assert result.outcome == "not_observable"
-            assert result.reason.startswith("the channels of the frames are alike")
+            assert result.reason.startswith("the channels of the frames are equal or proportional")
 
 
 def test_frames_of_another_scene_are_left_to_other_checks(tmp_path: Path) -> None:

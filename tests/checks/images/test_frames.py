@@ -123,7 +123,7 @@ def test_resting_camera_may_repeat_its_frames(world: FlowWorld) -> None:
     )
     repeats = judged(ImagesRepeats(), still).result
     assert (repeats.outcome, repeats.findings) == ("not_observable", ())
-    assert "the camera rests" in repeats.reason
+    assert "the camera is at rest" in repeats.reason
     assert judged(ImagesOrder(), still).result.outcome == "not_observable"
     assert judged(ImagesExposure(), still).result.outcome == "passed"
 
