@@ -62,7 +62,7 @@ def noise_against_declared(
         With 1 expected for a ratio, and 0 for a noise in ``unit``.
     """
     features = (*features, MeasuredNoise(level.sigma, level.standard_error, declared))
-    # A declared sigma is compared as a ratio; none declared means none allowed beyond rounding and motion.
+    # A declared sigma is compared as a ratio; with sigma 0 only rounding and motion are allowed.
     if declared > 0:
         return Statistic(
             name=f"{name}_noise_ratio",
@@ -83,7 +83,7 @@ def noise_against_declared(
         unit=unit,
         standard_error=level.standard_error,
         model_error_bound=level.motion + floor,
-        # Only more noise than rounding and motion explain contradicts a declaration without noise.
+        # Only noise beyond rounding and motion contradicts a declaration of no noise.
         side="upper",
         statement=f"{name.capitalize()} has noise of {level.sigma:.3g} {unit}; none is declared.",
         code=f"{check}.{name}",
@@ -95,9 +95,9 @@ def noise_against_declared(
 def undeclared_noise(
     check: str, stream: str, levels: Mapping[str, tuple[NoiseLevel, str]]
 ) -> tuple[Notice, dict[str, str | float]]:
-    """State the noise of a stream of which nobody declares any; it is held against nothing.
+    """State the noise of a stream without declared noise; it is not judged.
 
-    Real sensors and trajectories have noise, and a dataset that says nothing of it claims nothing either.
+    Real sensors and trajectories have noise, and a dataset that declares none makes no claim about it.
 
     Parameters
     ----------
@@ -111,13 +111,13 @@ def undeclared_noise(
     Returns
     -------
     tuple
-        A notice with the noise of each quantity, and the same as facts for the record: ``pose.position_noise_m``. What
-        motion, rounding and stored digits add is contained.
+        A notice with the noise of each quantity, and the same as facts for the record: ``pose.position_noise_m``. The
+        contributions of motion, rounding and stored digits are included.
     """
     sizes = ", ".join(f"{level.sigma:.3g} {unit} of {name}" for name, (level, unit) in levels.items())
     notice = Notice(
         f"{check}.undeclared",
-        f"The noise of the {stream} is not declared, and is held against nothing: {sizes}.",
+        f"The noise of the {stream} is not declared, and is not judged: {sizes}.",
         Where(stream=stream),
     )
     return notice, {

@@ -1,4 +1,4 @@
-"""The IMU against the poses: how residuals and fitted parameters are stated."""
+"""The IMU compared with the poses: statistics of residuals and of fitted parameters."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -56,24 +56,24 @@ _SIGNS: Final = ("", "-")
 
 ROTATION_TEXTS: Final[Mapping[str, ParameterText]] = {
     "bias": ParameterText("The gyro has a bias of {sense}{size} rad/s about {axis}", _SIGNS, "rad/s", 1.0),
-    "tilt": ParameterText("The gyro is turned by {sense}{size} deg about {axis} against the body of the poses",
+    "tilt": ParameterText("The gyro is rotated by {sense}{size} deg about {axis} against the body of the poses",
                           _SIGNS, "deg", _DEGREES),
-    "scale": ParameterText("The gyro reads {size} percent too {sense}", ("much", "little"), "percent", 100.0),
+    "scale": ParameterText("The gain of the gyro is {size} percent too {sense}", ("large", "small"), "percent", 100.0),
 }  # fmt: skip
 
 TRANSLATION_TEXTS: Final[Mapping[str, ParameterText]] = {
     "gravity": ParameterText("Gravity is {size} m/s^2 {sense} than declared", ("larger", "smaller"), "m/s^2", 1.0),
     "bias": ParameterText("The accelerometer has a bias of {sense}{size} m/s^2 along {axis}", _SIGNS, "m/s^2", 1.0),
-    "slope": ParameterText("Gravity has a part of {sense}{size} m/s^2 along the world's {axis}", _SIGNS, "m/s^2", 1.0),
-    "lever": ParameterText("The IMU sits at {sense}{size} m along {axis} from the poses' origin", _SIGNS, "m", 1.0),
+    "slope": ParameterText("Gravity has {sense}{size} m/s^2 along the world's {axis}", _SIGNS, "m/s^2", 1.0),
+    "lever": ParameterText("The IMU is {sense}{size} m along {axis} from the poses' origin", _SIGNS, "m", 1.0),
 }  # fmt: skip
 
 TIMING_TEXTS: Final[Mapping[str, ParameterText]] = {
     "time_offset": ParameterText(
-        "The IMU's stamps are {size} ms {sense} against the poses'", ("late", "early"), "ms", 1e3
+        "The IMU's timestamps are {size} ms {sense} against the poses'", ("late", "early"), "ms", 1e3
     ),
-    "clock_rate": ParameterText("The IMU's clock runs {size} ppm {sense}", ("fast", "slow"), "ppm", 1e6),
-    "pose_clock_rate": ParameterText("The poses' clock runs {size} ppm {sense}", ("fast", "slow"), "ppm", 1e6),
+    "clock_rate": ParameterText("The IMU's clock is {size} ppm {sense}", ("fast", "slow"), "ppm", 1e6),
+    "pose_clock_rate": ParameterText("The poses' clock is {size} ppm {sense}", ("fast", "slow"), "ppm", 1e6),
 }
 
 
@@ -140,7 +140,7 @@ class RepeatsNearby(Feature):
 
 @dataclass(frozen=True, slots=True)
 class UnsettledFit(Feature):
-    """The fit did not converge, or gives parameters that no sensor has: the two motions differ in another way."""
+    """The fit did not converge, or gives implausible parameters: the two motions differ in another way."""
 
 
 def agreement_observation(
@@ -178,7 +178,7 @@ def agreement_observation(
         return Observation(coverage, unobservable=streams)
     fit = fit_of(streams, kind)
     if fit is None:
-        return Observation(coverage, unobservable="too few poses with IMU samples all the way between them")
+        return Observation(coverage, unobservable="too few poses with IMU samples throughout the time between them")
     trial = convention_trial(streams, kind, fit)
     # Under a wrong convention the fitted parameters do not measure small faults.
     if trial is not None and trial.is_certain:
@@ -199,8 +199,8 @@ def agreement_observation(
         expected=expected,
         model_error_bound=factor * fit.model_rms,
         side="upper",
-        statement=f"Between neighbouring poses IMU and pose differ in {kind} by {rms:.4g} {unit} rms; noise explains "
-        f"{expected:.4g}.",
+        statement=f"Between neighbouring poses IMU and pose differ in {kind} by {rms:.4g} {unit} rms; "
+        f"{expected:.4g} is expected from noise.",
         code=f"imu.{kind}.residual",
         where=Where(stream="imu"),
         features=(*defects, smoothness),
@@ -235,9 +235,9 @@ def agreement_observation(
     check = f"imu.{kind}"
     judged, properties = dict(texts), dict[str, ParameterText]()
     if not facts.declared.has_vertical:
-        judged.pop("slope", None)  # the world was turned to have none
+        judged.pop("slope", None)  # the world was rotated to have none
     if facts.declared.kind == "recorded" and facts.declared.imu is None:
-        # Real sensors have biases and gains, and nobody declared that this one has none.
+        # Real sensors have biases and gains; without a declaration they are not judged.
         properties = {group: judged.pop(group) for group in _OF_REAL_SENSORS & judged.keys()}
     parameters = parameter_statistics(kind, check, fit.parameters, judged, (*defects, *unsettled))
     inferred: dict[str, str | float] = {
@@ -267,10 +267,10 @@ def _disagreement(
     if trial.interval_s is not None:
         where = location_of(facts, "imu", *(streams.time_ns(time_s) for time_s in trial.interval_s))
         when = f" from {where.start_us:.0f} to {where.stop_us:.0f} us"
-    # What departs from the declared convention, in words.
+    # Differences from the declared convention, in words.
     convention, declared, parts = trial.convention, InertialConvention(), []
     if convention.quaternions != declared.quaternions:
-        parts.append(f"quaternions are read as {convention.quaternions}")
+        parts.append(f"quaternions are taken as {convention.quaternions}")
     if convention.sensor_axes != declared.sensor_axes:
         parts.append(f"the sensor's axes are {_axes_text(convention.sensor_axes)} of the body")
     if convention.world_axes != declared.world_axes:
@@ -289,7 +289,7 @@ def _disagreement(
         expected=1.0,
         side="upper",
         statement=f"Pose and IMU disagree in {kind}{when} {value:.3g} times as much as "
-        f"noise allows; they agree if {' and '.join(parts)}.",
+        f"noise implies; they agree if {' and '.join(parts)}.",
         code=f"imu.{kind}.disagreement",
         where=where,
         severity="critical",

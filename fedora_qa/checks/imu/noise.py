@@ -1,4 +1,4 @@
-"""The noise of the IMU against its declaration."""
+"""The noise of the IMU compared with its declaration."""
 
 from collections.abc import Sequence
 
@@ -21,33 +21,34 @@ Float64 = NDArray[np.float64]
 
 
 class ImuNoise(WindowCheck[ImuSamples]):
-    """Is the noise of the IMU what is declared?
+    """Does the noise of the IMU equal the declared noise?
 
     The standard deviation of white noise of gyro and accelerometer, as a ratio to ``density * sqrt(rate)``, or itself
-    where a density of 0 is declared; and how many samples are frozen. Where nobody declares any density, as in
-    recordings without a data sheet, both are stated and held against nothing.
+    where a density of 0 is declared; and the number of frozen samples. Where no density is declared, as in recordings
+    without a data sheet, both are stated and not judged.
 
     Why it matters
     --------------
-    Filters weigh IMU and cameras by the declared densities. A buffer that is written again without being refreshed
-    gives samples of the past that no filter expects.
+    Filters weight IMU and cameras by the declared densities. A buffer that is written again without being refreshed
+    gives old samples, which no filter models.
 
     How
     ---
-    As pose.noise: divided differences of order 8 over nine neighbouring samples, from which motion vanishes. A sample
-    is frozen where it repeats the one before in every bit while its neighbours change by a tenth of what is typical and
-    by more than rounding can: sixteen units in the last place, since a steady motion in rotated axes repeats to within
-    them.
+    As in ``pose.noise``: divided differences of order 8 over nine neighbouring samples, in which motion vanishes. A
+    sample is frozen if it equals the one before in every bit while its neighbours change by a tenth of the typical
+    change, and by more than rounding: sixteen units in the last place, because a steady motion in rotated axes repeats
+    to within them.
 
     Noise model
     -----------
-    As pose.noise: Gaussian and white; correlation of neighbouring differences, what two orders more take away, rounded
-    stamps, stored digits. Rates are differences of orientations, whose components reach 1, and are rounded as those.
+    As in ``pose.noise``: Gaussian and white; correlation of neighbouring differences; the amount that two higher orders
+    remove; rounded timestamps; stored digits. Rates are differences of orientations, whose components reach 1, and have
+    their rounding.
 
     Cannot see
     ----------
-    Biases and their walks, which are slow (imu.rotation, imu.translation); noise that is not white, but for its fastest
-    part. A body at rest repeats itself: nothing counts as frozen there.
+    Biases and their random walks, which are slow (``imu.rotation``, ``imu.translation``). Noise that is not white,
+    except for its highest frequencies. Frozen samples of a body at rest.
 
     Sources
     -------
@@ -71,13 +72,13 @@ class ImuNoise(WindowCheck[ImuSamples]):
         accel = noise_level(imu.times_ns, VectorSamples(forces), order=NOISE_ORDER)
         unusable = why_unusable(facts, "imu")
         if unusable or gyro is None or accel is None:
-            return Observation(coverage, unobservable=unusable or "too few samples in a row to tell noise from motion")
+            return Observation(coverage, unobservable=unusable or "too few consecutive samples to measure noise")
         frozen = frozen_imu(imu)
         repeats = count_of_faults(
             "frozen",
             len(frozen),
             "samples",
-            statement=f"{len(frozen)} IMU samples repeat the one before exactly while the body moves.",
+            statement=f"{len(frozen)} IMU samples equal the one before exactly while the body moves.",
             code="imu.noise.frozen",
             where=location_of(facts, "imu", int(imu.times_ns[frozen[0]])) if len(frozen) else Where(stream="imu"),
         )

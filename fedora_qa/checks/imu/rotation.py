@@ -1,4 +1,4 @@
-"""The gyro against the orientations."""
+"""The gyro compared with the orientations."""
 
 from collections.abc import Sequence
 
@@ -10,46 +10,51 @@ from fedora_qa.views.inertial_agreement import WindowMotion, motion_of
 
 
 class ImuRotation(WindowCheck[WindowMotion]):
-    """Does the gyro, integrated, give the rotation between poses?
+    """Does the integral of the gyro equal the rotation between poses?
 
-    The scatter of rotation residuals between neighbouring poses (mrad), the worst of them, and the gyro's bias (rad/s),
-    misalignment (deg) and gain (percent), and the segment where the bias differs most, each with its error. Where the
-    two streams disagree grossly: by how much, and which reading reconciles them, of the whole or of a part.
+    The rms of rotation residuals between neighbouring poses (mrad) and the worst residual; the bias (rad/s),
+    misalignment (deg) and gain (percent) of the gyro; and the segment whose bias differs most. Each is stated with its
+    error. Where the two streams follow different conventions: the size of the disagreement, and the convention under
+    which they agree, for the whole sequence or a part.
 
     Why it matters
     --------------
-    Gyro and pose are one motion told twice. Whoever integrates the one between the other's samples inherits every
-    difference: a bias of 0.01 rad/s is 10 deg after 17 s.
+    Gyro and poses measure the same motion. Integration of the gyro between poses accumulates every difference: a bias
+    of 0.01 rad/s is 10 deg after 17 s.
 
     How
     ---
-    Increments from the integral of a cubic spline through the gyro plus the coning term of each substep, against
-    q_k^-1 q_k+1; residuals in the world's axes. Gross readings first: exchanged axes, degrees, other orders of the
-    quaternion are tried where the fit does not settle. Then weighted least squares over the whole sequence, iterated in
-    the stamps; a group of parameters (bias, axes, gain, clocks) is freed only where it explains the residuals far
-    beyond chance, and every other is tested alone beside those. Rows far out are left out of the fit, and stated. The
-    sequence is cut into segments of 0.5 to 5 s, and each is asked for its own bias: one that steps does not average
-    out. Where the streams differ in a way that no parameter describes, such as smoothed poses, nearly collinear
-    parameters would take values of any size: a parameter whose detection limit the difference makes useless is not
-    stated as a fault, is not freed, and leaves the difference to the residuals. Bias and gain of a recorded IMU that
-    nobody declares are properties: they are stated among what was inferred, and not judged.
+    The integral of a cubic spline through the gyro, plus the coning term of each substep, is compared with q_k^-1
+    q_k+1; residuals are in the world's axes. Where the fit does not converge, other conventions are applied first:
+    exchanged axes, degrees, other orders of the quaternion. Then weighted least squares is iterated over the whole
+    sequence, with corrected timestamps. A group of parameters (bias, axes, gain, clocks) is fitted together with the
+    others only where it explains the residuals far beyond chance; every other group is tested alone in addition.
+    Outlying rows are left out of the fit, and stated.
+
+    A bias is also fitted to each segment of 0.5 to 5 s, so that a bias that steps does not average out. If the streams
+    differ in a way that no parameter describes, such as smoothed poses, nearly collinear parameters could have any
+    value. Where the difference makes the detection limit of a parameter useless, the parameter is not a finding and is
+    not fitted; the residuals state the difference. Bias and gain of a recorded IMU without declaration are properties:
+    the record states them among the inferred facts, and they are not judged.
 
     Noise model
     -----------
-    Pose noise as declared, which neighbours share with opposite sign, the gyro's white noise (of a stream of which
-    nobody declares any, as pose.noise and imu.noise measure it within that stream), stamps rounded to a microsecond
-    (0.29 us times the rate), stored digits; a declared walk of the bias as one unknown a segment. Errors are formal
-    ones, scaled by a misfit above 1, widened where the spread over segments exceeds them. Allowed for is the
-    integration's own error, from every second sample (Richardson: fourth order, a fifteenth of the difference). Gain
-    and timing are told by the gyro's own samples: what their noise does to the fit is measured from two halves of them,
-    taken off, and not counted as knowledge, so that quiet flight is uncertain rather than wrong. Samples in steps that
-    hardly change err by a mean of up to half a step: it is bounded by how far they move in steps and by the declared
-    noise (``fedora_qa/estimators/imu/rounding.py``), and is carried into every parameter.
+    Declared pose noise, which neighbouring residuals share with opposite sign; white noise of the gyro; timestamps
+    rounded to a microsecond (0.29 us times the rate); stored digits; a declared random walk of the bias, as one unknown
+    a segment. Without declared noise, the values of ``pose.noise`` and ``imu.noise`` are used. Errors are formal ones,
+    multiplied by a misfit above 1, and widened where the spread over segments exceeds them. The model error bound is
+    the error of the integration, estimated from every second sample (Richardson: fourth order, a fifteenth of the
+    difference).
+
+    The noise of the gyro's own samples biases gain and timing. Its effect is measured from two halves of the samples,
+    subtracted, and not counted as information: quiet flight increases the error and does not bias the result. Samples
+    in steps that hardly change have a mean error of up to half a step. It is bounded by their motion in steps and by
+    the declared noise (``fedora_qa/estimators/imu/rounding.py``), and propagated to every parameter.
 
     Cannot see
     ----------
-    Faults that gyro and pose share; misalignment about an axis about which the body never turns; drops of samples whose
-    stamps went with them (clocks.gaps).
+    Errors that gyro and poses share. Misalignment about an axis about which the body never rotates. Lost samples whose
+    timestamps were lost too (``clocks.gaps``).
 
     Sources
     -------

@@ -1,4 +1,4 @@
-"""The clock of the IMU against that of the poses."""
+"""The clock of the IMU compared with that of the poses."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -34,34 +34,36 @@ _MS_PER_S: Final = 1e3
 
 
 class ImuTiming(WindowCheck[WindowMotion]):
-    """Do IMU and poses run on one clock?
+    """Do IMU and poses have timestamps of one clock?
 
-    How late the IMU's stamps are against those of the poses at the first sample (ms), by how much each of the two
-    clocks runs fast (ppm), and where the offset differs most from that of the whole sequence, each with its error.
+    The clock offset of the IMU against the poses at the first sample (ms, positive: IMU late), the rate error of each
+    of the two clocks (ppm, positive: fast), and the segment whose offset differs most from that of the whole sequence.
+    Each is stated with its error.
 
     Why it matters
     --------------
-    Visual-inertial methods take one clock for granted. A millisecond at 4 rad/s is 0.23 deg, 5 px of a 1440 px image; a
-    clock that is 50 ppm off has drifted by 3 ms after a minute.
+    Visual-inertial methods assume one clock. A millisecond at 4 rad/s is 0.23 deg, 5 px of a 1440 px image. A clock
+    with an error of 50 ppm has drifted by 3 ms after a minute.
 
     How
     ---
-    From the fits of imu.rotation and imu.translation, which are independent data, averaged by their errors. Each
-    parameter is tested alone unless several are needed to explain the data. Which clock runs fast can be told, since in
-    a second that is too long a body seems to turn too far. Which stream is late cannot be told from the two alone: the
-    one whose stamps no longer fall where frames, beginnings or its own period put them is named. Samples that are means
-    over the interval before their stamp read as half an interval late; where that is what is found it is said, not
-    failed: such a mean is sound data that lacks its declaration (sampling="interval_mean").
+    The values are the means, weighted by their errors, of the fits of ``imu.rotation`` and ``imu.translation``, which
+    use independent data. Each parameter is tested alone unless several are needed to explain the data. The fit
+    determines which clock is fast: if a second of the IMU is too long, the integrated rotation is too large. It does
+    not determine which stream is late: the stream whose timestamps do not agree with frames, with the begin of the file
+    or with its own period is named. Samples that are means over the interval before their timestamp have an apparent
+    offset of half an interval. An offset of this size is a notice and no finding: such samples are correct, and only
+    their declaration (sampling="interval_mean") is missing.
 
     Noise model
     -----------
-    As imu.rotation and imu.translation. A derivative taken of noisy samples would bias an offset towards 0: they are
-    averaged over 20 ms first, which bends a motion of 3 Hz by 0.6%.
+    As in ``imu.rotation`` and ``imu.translation``. A derivative of noisy samples would bias an offset towards 0: they
+    are averaged over 20 ms first, which reduces a motion of 3 Hz by 0.6%.
 
     Cannot see
     ----------
-    An offset where the motion is constant: hovering, straight flight at one speed. Then the least detectable offset
-    exceeds the millisecond that matters, and the outcome is not_observable. Offsets that IMU and pose share.
+    An offset under constant motion: hovering, straight flight at constant speed. The least detectable offset then
+    exceeds the material size of a millisecond, and the outcome is not_observable. Offsets that IMU and poses share.
 
     Sources
     -------
@@ -98,7 +100,7 @@ class ImuTiming(WindowCheck[WindowMotion]):
         for name in TIMING_TEXTS:
             fitted = {kind: fit.parameters[name] for kind, fit in fits.items()}
             information = np.array([parameter.standard_error**-2 for parameter in fitted.values()])
-            # Inverse-variance weights: both fits rest on independent data. Features are those of the most precise.
+            # Inverse-variance weights: both fits use independent data. Features are those of the most precise.
             weights = information / information.sum()
             stated = max(fitted, key=lambda kind: (fitted[kind].free, -fitted[kind].standard_error))
             average = replace(
@@ -117,8 +119,8 @@ class ImuTiming(WindowCheck[WindowMotion]):
             resolved = half_ms > _RESOLVED_SIGMAS * offset.standard_error + offset.model_error_bound
             if resolved and not abs(offset.value - half_ms) > limit:
                 message = (
-                    f"IMU samples are {offset.value:.3g} ms late, half their interval: they read like means over it; "
-                    "declare sampling='interval_mean' if they are."
+                    f"IMU samples are {offset.value:.3g} ms late, half their interval, as means over it are; "
+                    "declare sampling='interval_mean' if they are means."
                 )
                 statistics[0] = replace(offset, expected=half_ms)
                 notices = (Notice("imu.timing.interval_mean", message),)

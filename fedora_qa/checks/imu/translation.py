@@ -1,4 +1,4 @@
-"""The accelerometer against the positions."""
+"""The accelerometer compared with the positions."""
 
 from collections.abc import Sequence
 
@@ -12,37 +12,39 @@ from fedora_qa.views.inertial_agreement import WindowMotion, motion_of
 class ImuTranslation(WindowCheck[WindowMotion]):
     """Does the specific force, integrated twice with gravity, give the path of the poses?
 
-    The scatter of the residuals of neighbouring second differences (m/s), the worst of them, and the accelerometer's
-    bias (m/s^2), the size and slope of gravity (m/s^2), the lever arm between IMU and poses (m), and the segment where
-    the bias differs most, each with its error. Where the two streams disagree grossly: by how much, and which reading
-    reconciles them, of the whole or of a part.
+    The rms of the residuals of neighbouring second differences (m/s) and the worst residual; the accelerometer's bias
+    (m/s^2), the size and slope of gravity (m/s^2), the lever arm between IMU and poses (m); and the segment whose bias
+    differs most. Each is stated with its error. Where the two streams follow different conventions: the size of the
+    disagreement, and the convention under which they agree, for the whole sequence or a part.
 
     Why it matters
     --------------
-    Specific force with gravity of another size, or none, or of another sign, passes every test of the stream alone and
-    ruins every filter. Lever arms of centimetres are forgotten easily, and look like timing in turns.
+    Specific force with gravity of another size, of the other sign, or without gravity passes every test of the stream
+    alone and makes every filter fail. Lever arms of centimetres are easily forgotten, and have the effect of a time
+    offset in turns.
 
     How
     ---
-    Second differences of consecutive positions against the double integral of ``R f + g``, R interpolated between the
-    poses: no velocity is needed, and the gyro has no part in it. Gross readings and fit as in imu.rotation. In level
-    flight gravity and bias along Z are one and the same to these streams: both are then named. Whether the sensor's
-    gravity or the declared one is odd is told by which of the two is a number in use (9.8, 9.80665, 9.81 ...). A world
-    whose vertical is declared unknown is turned until gravity, the median second difference of positions less that of
-    ``R f``, points down; its slope is then not judged. Bias and excess of gravity of a recorded IMU that nobody
-    declares are stated among what was inferred.
+    Second differences of consecutive positions are compared with the double integral of ``R f + g``, with R
+    interpolated between the poses: neither a velocity nor the gyro is used. Conventions and fit are as in
+    ``imu.rotation``. In level flight, gravity and bias along Z cannot be separated by these streams: both are then
+    named. Of the sensor's and the declared gravity, the one that is no common constant (9.8, 9.80665, 9.81 ...) is
+    suspected. A world whose vertical is declared unknown is rotated until gravity, the median second difference of
+    positions minus that of ``R f``, points down; its slope is then not judged. Bias and excess of gravity of a recorded
+    IMU without declaration are stated among the inferred facts.
 
     Noise model
     -----------
-    Position noise as declared, or measured where it is not (imu.rotation), which three neighbours share (1, -2, 1);
-    white noise of the accelerometer; noisy orientations, which turn the force and so disturb across it only; rounded
-    stamps (0.29 us times the speed), stored digits; a declared walk of the bias as one unknown a segment. Errors and
-    the integration's allowance as in imu.rotation, and so is the mean error of samples in steps.
+    Position noise as declared, or measured without a declaration (``imu.rotation``), which three neighbours share (1,
+    -2, 1); white noise of the accelerometer; noise of orientations, which rotates the force and has an effect only
+    across it; rounded timestamps (0.29 us times the speed); stored digits; a declared random walk of the bias, as one
+    unknown a segment. Errors, the bound of the integration, and the mean error of samples in steps are as in
+    ``imu.rotation``.
 
     Cannot see
     ----------
-    What stays below position noise over the time that it takes to average it; a lever arm where the body does not turn;
-    whether IMU or poses are off the body's origin.
+    Errors below the position noise over the time that is needed to average it. A lever arm where the body does not
+    rotate. Whether IMU or poses are displaced from the body's origin.
 
     Sources
     -------

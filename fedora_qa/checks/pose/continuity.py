@@ -1,4 +1,4 @@
-"""Continuity of the motion of the poses, and the transforms under which a jump is continuous."""
+"""Continuity of the motion of poses, and the transforms under which a jump is continuous."""
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
@@ -63,12 +63,12 @@ _BODY_RATIO: Final = 0.2
 """Largest ratio of their sum in the body's axes to that in the world's: the motion adds to the jumps of exact poses."""
 
 _CAPTURE_RATIO: Final = 0.02
-"""Largest ratio of deviation to jump for a transform. By chance one of the 48 tried transforms comes so close in one of
-2000 jumps: four times the square of the ratio is the share of the sphere, a twentieth that of lengths."""
+"""Largest ratio of deviation to jump for a transform. By chance one of the 48 transforms is so close in one of 2000
+jumps: four times the square of the ratio is the share of the sphere, a twentieth that of lengths."""
 
 _NOISY_CAPTURE_RATIO: Final = 0.1
-"""Largest such ratio with noise. By chance one transform of a quaternion comes so close in one of ten jumps, and one of
-a position in one of three; with a larger ratio a transform has no meaning."""
+"""Largest such ratio with noise. By chance one transform of a quaternion is so close in one of ten jumps, and one of a
+position in one of three; with a larger ratio a transform has no meaning."""
 
 _NOISE_SIGMAS: Final = 3.0 * 6.0**0.5
 """Three sigma, on each axis, of a pose against the straight line through the two before it: weights 1, -2, 1."""
@@ -128,35 +128,36 @@ class PoseTransform(Feature):
 
 
 class PoseContinuity(WindowCheck[PoseSamples]):
-    """Does the pose move as a body moves, without jumps, stops or straight lines?
+    """Is the motion of the poses continuous, without jumps, frozen poses or straight lines?
 
-    The largest jump of position (m) and orientation (deg) between two poses, the number of frozen poses, and how evenly
-    curvature is spread over them.
+    The largest jump of position (m) and of orientation (deg) between two poses, the number of frozen poses, and the
+    evenness of the curvature over the poses.
 
     Why it matters
     --------------
-    A reset of the simulator or a loop closure moves the body by millimetres within 5 ms: flow and depth warped across
-    it are wrong, velocities are absurd. Poses interpolated from a lower rate miss the motion between their knots.
+    A reset of the simulator or a loop closure moves the body by millimetres within 5 ms: flow and depth that are warped
+    across it are wrong, and velocities are impossible. Poses that are interpolated from a lower rate lack the motion
+    between their knots.
 
     How
     ---
-    *Jumps*: at every place, least squares of a polynomial plus a step over the poses around it, the matched filter of a
-    step. Several widths and degrees are at hand; the one with the least error on this file is used. *Stops*: poses
-    equal to the one before in every bit while the body moves. *Straight lines*: the median curvature off every n-th
-    pose over that at it, n from 2 to 20: 1 for any smooth or noisy motion, near 0 for linear interpolation; out of
-    order below 0.2.
+    *Jumps*: at every position, a polynomial plus a step is fitted to the surrounding poses by least squares (the
+    matched filter of a step). Of several widths and degrees, the one with the smallest error in this file is used.
+    *Frozen poses*: poses that equal the one before in every bit while the body moves. *Straight lines*: the ratio of
+    the median curvature between every n-th pose to that at every n-th pose, n from 2 to 20. It is 1 for any smooth or
+    noisy motion, and near 0 for linear interpolation; the limit is 0.2.
 
     Noise model
     -----------
-    White noise of the larger of the declared and the measured sigma (pose.noise), never less than rounded stamps
-    (speed times 0.29 us) and stored digits; the filter's gain turns it into the error of a jump. A polynomial of two
-    degrees less lets more motion through: where the two differ by more than noise can, that is the allowance, locally.
-    Each place and axis is a comparison of its own.
+    White noise with the larger of the declared and the measured sigma (``pose.noise``), and at least that of rounded
+    timestamps (speed times 0.29 us) and stored digits. The gain of the filter converts it to the error of a jump. A
+    polynomial of two degrees less leaves more motion in the estimate: where the two differ by more than noise, the
+    difference is the model error bound at that position. Each position and axis counts as a test.
 
     Cannot see
     ----------
-    Jumps below about seven times the filter's share of the noise: some 28 mm in poses with 5 mm of noise, 3 um in exact
-    ones. Interpolation by smooth curves, or under noise that hides its kinks (pose.noise sees noise that is then too
+    Jumps below about seven times the filtered noise: about 28 mm in poses with 5 mm of noise, 3 um in exact ones.
+    Interpolation by smooth curves, or under noise that hides its kinks (``pose.noise`` detects noise that is then too
     small or too large). A jump that is spread over many poses.
 
     Sources
@@ -204,7 +205,7 @@ class PoseContinuity(WindowCheck[PoseSamples]):
             steps = most_precise_steps(candidates, sigma)
             if not len(steps.before):
                 continue
-            # The worst place and axis: most standard errors beyond what the motion may have added.
+            # The worst place and axis: most standard errors beyond the bound by motion.
             errors = sigma * steps.gains
             excess = (np.abs(steps.sizes) - steps.motion[:, None]) / errors[:, None]
             row, axis = (int(index) for index in np.unravel_index(np.argmax(excess), excess.shape))
@@ -223,7 +224,7 @@ class PoseContinuity(WindowCheck[PoseSamples]):
                     unit=unit,
                     standard_error=factor * float(errors[row]),
                     model_error_bound=factor * float(steps.motion[row]),
-                    # Each place and axis is a comparison of its own.
+                    # Each place and axis is a separate comparison.
                     tests=steps.sizes.size,
                     sensitivity=sensitivity_range(factor * errors, factor * steps.motion[:, None]),
                     statement=f"The {name} jumps by {abs(size):.4g} {unit} within one step.",
@@ -238,7 +239,7 @@ class PoseContinuity(WindowCheck[PoseSamples]):
                 "frozen",
                 len(frozen_rows),
                 "poses",
-                statement=f"{len(frozen_rows)} poses repeat the one before exactly while the body moves.",
+                statement=f"{len(frozen_rows)} poses equal the one before exactly while the body moves.",
                 code="pose.continuity.frozen",
                 where=location_of(facts, "pose", int(poses.times_ns[frozen_rows[0]]))
                 if len(frozen_rows)
@@ -284,7 +285,7 @@ def _paired_steps(poses: PoseSamples, steps: StepEstimates, sigma_m: float, row:
     if not np.isfinite(excess_m[partner]):
         return ()
     rows = np.array(sorted((row, partner)))
-    # R^T turns each jump into the axes of the body.
+    # R^T rotates each jump into the axes of the body.
     jumps_m, errors_m = steps.sizes[rows], sigma_m * steps.gains[rows]
     R_world_body = so3.matrices_from_quaternions(so3.normalise(poses.orientations_xyzw[steps.before[rows]]))
     first_body_m, second_body_m = np.einsum("nji,nj->ni", R_world_body, jumps_m)
@@ -318,7 +319,7 @@ def position_transforms(poses: PoseSamples, before: int, sigma_m: float) -> tupl
         Transforms within the capture range; empty where the position continues under none.
     """
     positions_m = poses.positions_world_m
-    # Straight on from the two positions before the jump.
+    # Linear extrapolation of the two positions before the jump.
     expected_m = positions_m[before] + (positions_m[before] - positions_m[before - 1] if before else 0.0)
     # Into the part with another unit, and out of it.
     transformed = [(unit * expected_m, PoseTransform("length_unit")) for unit in (MM_PER_M, 1.0 / MM_PER_M)]
@@ -351,11 +352,10 @@ def orientation_transforms(poses: PoseSamples, before: int, sigma_rad: float) ->
         Transforms within the capture range; empty where the orientation continues under none.
     """
     q = so3.normalise(poses.orientations_xyzw)
-    # On by the rotation between the two orientations before the jump.
+    # Extrapolation by the rotation between the two orientations before the jump.
     turn = so3.compose(so3.inverse(q[before - 1]), q[before]) if before else np.array([0.0, 0.0, 0.0, 1.0])
     expected, measured = so3.compose(q[before], turn), q[before + 1]
-    # Each transform, and that of a quaternion that was transformed the other way round. Components are stored with w
-    # first in place of last, or the reverse.
+    # Each transform and its inverse. Components are stored with w first in place of last, or the reverse.
     transformed = [(expected[order], PoseTransform("component_order")) for order in ([3, 0, 1, 2], [1, 2, 3, 0])]
     transformed.append((so3.inverse(expected), PoseTransform("inverse")))
     # q' = q_ned_enu * q * q_frd_flu: both the world's and the body's axes are exchanged.

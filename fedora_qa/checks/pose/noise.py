@@ -1,4 +1,4 @@
-"""The noise of the poses against its declaration."""
+"""The noise of poses compared with its declaration."""
 
 from collections.abc import Sequence
 
@@ -20,34 +20,35 @@ from fedora_qa.views.sample_defects import ExcessNoise, pose_defects
 
 
 class PoseNoise(WindowCheck[PoseSamples]):
-    """Is the noise of the poses what is declared?
+    """Does the noise of the poses equal the declared noise?
 
     The standard deviation of white noise of positions (m, axes of the world) and of orientations (rad, axes of the
-    body), as a ratio to the declared sigma, or itself where a sigma of 0 is declared. Where nobody declares any, as of
-    real trajectories, both are stated and held against nothing.
+    body), as a ratio to the declared sigma, or itself where a sigma of 0 is declared. Where no noise is declared, as
+    for real trajectories, both are stated and not judged.
 
     Why it matters
     --------------
-    Whoever fuses or evaluates with these poses weighs them by the declared sigma, and flow that was made of noisy poses
-    is wrong by pixels: 0.2 deg at 1247 px are 4.4 px.
+    Sensor fusion and evaluation weight these poses by the declared sigma. Flow that was made from noisy poses is wrong
+    by pixels: 0.2 deg at a focal length of 1247 px are 4.4 px.
 
     How
     ---
-    Divided differences of order 8 over nine neighbouring poses, scaled to unit noise gain: what a polynomial of degree
-    7 describes vanishes for even and uneven stamps, and white noise stays. Rotations are differences of the vectors
-    Log(q_k^-1 q_j). Sigma follows from the size that nine in ten differences stay below, so that a few jumps do not
-    raise it. Straight lines, frozen poses and stamps on a coarse grid look like noise; where they are found they are
-    named first.
+    Divided differences of order 8 over nine neighbouring poses are scaled to unit noise gain. They vanish for a
+    polynomial of degree 7, with even and uneven timestamps, and keep white noise. Differences of rotations are those of
+    the vectors Log(q_k^-1 q_j). Sigma is estimated from the 90% quantile of their size, so that a few jumps do not
+    change it. Straight lines, frozen poses and timestamps on a coarse grid have the effect of noise; where they are
+    detected, they are named first.
 
     Noise model
     -----------
-    Gaussian and white. Neighbouring differences correlate: the variance of their mean square is C(4d, 2d) / C(2d, d)^2
-    times that of independent ones, and the quantile costs another factor of 1.25. Allowed for are what the motion may
-    still add (what differences of two orders more take away), rounded stamps (speed times 0.29 us) and stored digits.
+    Gaussian and white. Neighbouring differences are correlated: the variance of their mean square is C(4d, 2d) / C(2d,
+    d)^2 times that of independent ones, and the quantile adds a factor of 1.25. The model error bound is the sum of the
+    remaining motion (the amount that differences of two higher orders remove), of rounded timestamps (speed times 0.29
+    us) and of stored digits.
 
     Cannot see
     ----------
-    Noise that is not white, but for its fastest part; a drift. Noise under a motion of some 20 Hz.
+    Noise that is not white, except for its highest frequencies. A drift. Noise together with a motion of about 20 Hz.
 
     Sources
     -------
@@ -63,14 +64,14 @@ class PoseNoise(WindowCheck[PoseSamples]):
         return owned_poses(window)
 
     def conclude(self, state: Sequence[PoseSamples], facts: Facts) -> Observation:
-        """Compare both kinds of noise with their declarations, or state them where there is none."""
+        """Compare both kinds of noise with their declarations, or state them without a declaration."""
         poses = join_poses(state)
         coverage = Coverage(len(poses.times_ns), len(facts.clocks["pose"].times_ns), "poses")
         unusable = why_unusable(facts, "pose")
         position = noise_level(poses.times_ns, VectorSamples(poses.positions_world_m), order=NOISE_ORDER)
         rotation = noise_level(poses.times_ns, OrientationSamples(poses.orientations_xyzw), order=NOISE_ORDER)
         if unusable or position is None or rotation is None:
-            return Observation(coverage, unobservable=unusable or "too few poses in a row to tell noise from motion")
+            return Observation(coverage, unobservable=unusable or "too few consecutive poses to measure noise")
         model = facts.declared.pose
         if model is None:
             notice, inferred = undeclared_noise(

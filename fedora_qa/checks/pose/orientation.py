@@ -1,4 +1,4 @@
-"""Lengths of the orientations' quaternions."""
+"""Lengths of the quaternions of orientations."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -41,28 +41,31 @@ class QuaternionNorms:
 class PoseOrientation(WindowCheck[QuaternionNorms]):
     """Are all orientations unit quaternions?
 
-    The length of every quaternion against 1, and how many are no numbers.
+    The difference of the length of every quaternion from 1, and the number of quaternions that are not finite.
 
     Why it matters
     --------------
-    A rotation made of a quaternion of length 1.01 stretches by 2%: depth, flow and gravity turned by it are wrong by as
-    much. Lengths off 1 betray noise that was added component by component, and interpolation without normalising.
+    The rotation matrix of a quaternion of length 1.01 stretches by 2%: depth, flow and gravity that are rotated by it
+    have this error. Lengths other than 1 indicate noise that was added component by component, or interpolation without
+    normalisation.
 
     How
     ---
-    Every row is looked at, whatever its stamp. The worst length is stated with its row. The sign of a quaternion means
-    nothing, and is not looked at: q and -q are the same rotation, in any order.
+    Every row is tested, whatever its timestamp. The largest deviation is stated with its row. The sign of a quaternion
+    is not tested: q and -q are the same rotation, in any order.
 
     Noise model
     -----------
-    None; an allowance of four units in the last place of the stored type: four components that are each off by half a
-    unit move the length by one at most, and normalising and the sum by three more. The type is float32 where all values
-    are float32 numbers. Where components were rounded to steps s_i, as to six decimals, ``|s| / 2`` is added: each is
-    off by half its step at most, and the length by ``sum |q_i| s_i / (2 |q|)``, at most that (Cauchy and Schwarz).
+    No random error. The bound is four units in the last place of the stored type: four components, each with an error
+    of half a unit, change the length by at most one unit; normalisation and the sum add three. The type is float32 if
+    all values are float32 numbers. Where components were rounded to steps s_i, for example to six decimals, ``|s| / 2``
+    is added: the error of each is at most half its step, and that of the length ``sum |q_i| s_i / (2 |q|)``, which is
+    at most ``|s| / 2`` (Cauchy and Schwarz).
 
     Cannot see
     ----------
-    Noise that was normalised away afterwards; a wrong rotation of unit length (imu.rotation, flow_geometry.endpoint).
+    Noise that was removed by a later normalisation. A wrong rotation of unit length (``imu.rotation``,
+    ``flow_geometry.endpoint``).
 
     Sources
     -------
@@ -82,7 +85,7 @@ class PoseOrientation(WindowCheck[QuaternionNorms]):
         # In float64: the rounding of float32 squares would be as large as the tolerance.
         excess = np.linalg.norm(q, axis=1) - 1.0
         not_finite = ~np.isfinite(excess)
-        # Rows that are not finite are counted, and take no part in the worst length.
+        # Rows that are not finite are counted separately, and left out of the worst length.
         worst = int(np.argmax(np.where(not_finite, -1.0, np.abs(excess))))
         return QuaternionNorms(
             count=len(rows),
@@ -94,7 +97,7 @@ class PoseOrientation(WindowCheck[QuaternionNorms]):
         )
 
     def conclude(self, state: Sequence[QuaternionNorms], facts: Facts) -> Observation:
-        """State the worst length and count what is no number."""
+        """State the worst length, and the number of quaternions that are not finite."""
         coverage = Coverage(sum(norms.count for norms in state), len(facts.clocks["pose"].times_ns), "poses")
         if not state:
             return Observation(coverage, unobservable="the stream is empty")
@@ -113,7 +116,7 @@ class PoseOrientation(WindowCheck[QuaternionNorms]):
                     standard_error=0.0,
                     # Four units in the last place, and the step (derivations in the class docstring).
                     model_error_bound=4.0 * max(norms.resolution for norms in state) + by_steps,
-                    statement=f"A quaternion has the length {1 + worst.worst:.9g} (row {worst.worst_row}); normalise.",
+                    statement=f"A quaternion has the length {1 + worst.worst:.9g} (row {worst.worst_row}); expected 1.",
                     code="pose.orientation.length",
                     where=_row(facts, worst.worst_row),
                 ),
