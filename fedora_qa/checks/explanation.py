@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 PUBLISHED: Final = Path(__file__).with_name("explanations.json")
 """Of all checks in their order; ``make docs`` writes it."""
 
-SECTIONS: Final = ("Why it matters", "How", "Noise model", "Cannot see", "Sources")
+SECTIONS: Final = ("Why it matters", "How", "Noise model", "Cannot detect", "Sources")
 
 
 @dataclass(frozen=True, slots=True)

@@ -40,16 +40,14 @@ def cause_pages() -> Mapping[str, str]:
 
 
 def _page(cause: Cause) -> str:
-    unit = {"": "none: the fault is there or is not", "1": "a number without a unit"}.get(
-        cause.unit, f"in {cause.unit}"
-    )
+    unit = {"": "none: the fault exists or not", "1": "a number without a unit"}.get(cause.unit, f"in {cause.unit}")
     checks = [check.name for check in CHECKS if is_direct(cause.identifier, f"{check.name}.rule")]
     if checks:
         detection = f"Measured directly by {', '.join(check_link(check) for check in checks)}."
     elif any(_is_undoable(cause.identifier, stream) for stream in cause.streams):
-        detection = "Proposed where it explains what failed, and tested by a trial."
+        detection = "Proposed where it explains failed checks, and tested by a trial."
     else:
-        detection = "Proposed where it explains what failed. No trial can test it."
+        detection = "Proposed where it explains failed checks. No trial can test it."
     rows = "".join(
         f"| {code_list(streams)} | {in_memory} | {in_a_copy} |\n" for (in_memory, in_a_copy), streams in _undoing(cause)
     )
@@ -72,7 +70,7 @@ def _is_undoable(cause: str, stream: str) -> bool:
 
 
 def _undoing(cause: Cause) -> list[tuple[tuple[str, str], list[str]]]:
-    """Return what undoes a cause in memory and in a copy, in words, with the streams of which this holds."""
+    """Return how a cause is undone in memory and in a copy, in words, with the streams to which this applies."""
     streams_of: dict[tuple[str, str], list[str]] = {}
     for stream in cause.streams:
         entry = FAULTS[cause.identifier, stream]
@@ -85,7 +83,7 @@ def _undoing(cause: Cause) -> list[tuple[tuple[str, str], list[str]]]:
 
 
 def _first_line(fault: type[Any]) -> str:
-    """Return what a fault does, as its docstring states it."""
+    """Return the effect of a fault, by the first line of its docstring."""
     return f"yes: {markdown_of((fault.__doc__ or '').splitlines()[0])}"
 
 

@@ -21,7 +21,7 @@ def _help_of(explained: Explanation) -> RuleHelp:
     sections = {
         "What is checked": explained.measured,
         "Why it matters": explained.sections["Why it matters"],
-        "What it cannot detect": explained.sections["Cannot see"],
+        "What it cannot detect": explained.sections["Cannot detect"],
         "What to do": "\n".join([*_remedies(explained.check), _NAMED_IN_RESULTS]),
     }
     text = "\n\n".join(f"{title}\n{section}" for title, section in sections.items()).replace("``", "")

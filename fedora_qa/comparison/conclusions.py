@@ -1,7 +1,7 @@
-"""What a comparison concludes, in sentences: which subject is darker or faster, by how much, and in how many files.
+"""The conclusions of a comparison, in sentences: which subject is darker or faster, by how much, and in how many files.
 
-A sentence names a direction only where the mean moved beyond its standard error at the level of the comparison. A
-distribution may differ and keep its mean; then the sentence states its distance.
+A sentence names a direction only where the mean changed significantly at the level of the comparison. A distribution
+may differ with an equal mean; then the sentence states its distance.
 """
 
 from collections.abc import Iterator, Mapping, Sequence
@@ -15,7 +15,7 @@ from fedora_qa.record.wording import number, with_error, with_unit
 
 @dataclass(frozen=True, slots=True)
 class QuantityWords:
-    """A quantity in a sentence: its name, and what a subject does whose mean is higher, or lower."""
+    """A quantity in a sentence: its name, and the verb phrase of a subject whose mean is higher, or lower."""
 
     name: str
     higher: str
@@ -24,11 +24,11 @@ class QuantityWords:
 
 _FLOW: Final = "flow_"
 _WORDS: Final[Mapping[str, QuantityWords]] = {
-    "depth_m": QuantityWords("depth", "sees farther", "sees nearer"),
+    "depth_m": QuantityWords("depth", "has larger depths", "has smaller depths"),
     "luma_dn": QuantityWords("luma", "is brighter", "is darker"),
     "event_rate_per_ms": QuantityWords("event rate", "has more events", "has fewer events"),
     "pixel_interval_ms": QuantityWords(
-        "time between events of a pixel", "fires a pixel more slowly", "fires a pixel faster"
+        "time between events of a pixel", "has longer times between events", "has shorter times between events"
     ),
 }
 _MOST_STATISTICS: Final = 3
@@ -36,7 +36,7 @@ _MOST_RULES: Final = 3
 
 
 def conclusions_of(comparison: Comparison) -> tuple[str, ...]:
-    """Return what is concluded of each subject against the reference, the gravest first; each is a sentence."""
+    """Return the conclusions on each subject against the reference, the most serious first; each is a sentence."""
     return tuple(sentence for pair in comparison.pairs for sentence in _of_pair(comparison, pair))
 
 
@@ -53,10 +53,10 @@ def _of_pair(comparison: Comparison, pair: Pair) -> Iterator[str]:
             yield f"{name} and {reference} have identical distributions."
         elif "no_difference_seen" in conclusions:
             open_count = conclusions.count("not_told")
-            rest = f"; of {open_count} of {len(conclusions)} distributions there is too little to tell"
-            yield f"No difference is seen between {name} and {reference}{rest if open_count else ''}."
+            rest = f"; {open_count} of {len(conclusions)} distributions have too few independent samples to compare"
+            yield f"No difference is detected between {name} and {reference}{rest if open_count else ''}."
         else:
-            yield f"Whether {name} and {reference} differ cannot be told: too little of them is independent."
+            yield f"Differences between {name} and {reference} cannot be detected: too few samples are independent."
     yield from sentences
 
 
@@ -77,7 +77,7 @@ def _changed_distributions(name: str, reference: str, pair: Pair, level: float) 
     for quantity, compared in by_quantity.items():
         differing = [difference for difference in compared if difference.told == "differs"]
         words = _words_of(quantity)
-        # A file may be brighter and another one darker: each direction is a sentence of its own.
+        # One file may be brighter and another one darker: each direction is a separate sentence.
         for direction in (1, -1, 0):
             some = [difference for difference in differing if _direction(difference, level) == direction]
             if not some:
@@ -100,15 +100,15 @@ def _numbers(difference: Difference, words: QuantityWords, reference: str, direc
         shift = difference.mean_after - difference.mean_before
         return f"{means}, a shift of {with_error(shift, difference.shift_standard_error, difference.unit)}"
     distance = with_error(difference.distance, difference.distance_standard_error, difference.unit)
-    return f"it lies {distance} away, with {means}"
+    return f"the distance is {distance}, with {means}"
 
 
 def _direction(difference: Difference, level: float) -> int:
-    """Return the sign of a shift of the mean that chance gives with at most the probability ``level``; else 0."""
+    """Return the sign of a shift of the mean whose probability by chance is at most ``level``; else 0."""
     shift, error = difference.mean_after - difference.mean_before, difference.shift_standard_error
     if error is None or shift == 0:
         return 0
-    # P(|z| > x) = erfc(x / sqrt 2) of a normal shift; without an error any shift is certain.
+    # P(|z| > x) = erfc(x / sqrt 2) of a normal shift; without an error any shift is significant.
     chance = erfc(abs(shift) / (error * sqrt(2))) if error else 0.0
     return (1 if shift > 0 else -1) if chance <= level else 0
 
@@ -118,7 +118,7 @@ def _moved_statistics(name: str, pair: Pair) -> Iterator[str]:
     for change in moved[:_MOST_STATISTICS]:
         yield f"{name}, {change.file}: {_moved_words(change)}."
     if len(moved) > _MOST_STATISTICS:
-        yield f"{name}: {len(moved) - _MOST_STATISTICS} more statistics moved beyond their errors."
+        yield f"{name}: {len(moved) - _MOST_STATISTICS} more statistics changed beyond their errors."
 
 
 def _moved_words(change: StatisticChange) -> str:
@@ -131,7 +131,7 @@ def _moved_words(change: StatisticChange) -> str:
 def _words_of(quantity: str) -> QuantityWords:
     if quantity.startswith(_FLOW):
         rate = quantity.removeprefix(_FLOW).removesuffix("hz")
-        return QuantityWords(f"flow at {rate} Hz", f"moves faster at {rate} Hz", f"moves more slowly at {rate} Hz")
+        return QuantityWords(f"flow at {rate} Hz", f"has larger flow at {rate} Hz", f"has smaller flow at {rate} Hz")
     return _WORDS.get(quantity, QuantityWords(quantity, f"has more {quantity}", f"has less {quantity}"))
 
 

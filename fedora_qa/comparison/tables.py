@@ -21,9 +21,9 @@ from fedora_qa.record.wording import OUTCOME_WORDS, number, with_error
 
 CONCLUSION_WORDS: Final[dict[Conclusion, str]] = {
     "differs": "differs",
-    "no_difference_seen": "no difference seen",
+    "no_difference_seen": "no difference detected",
     "identical": "identical",
-    "not_told": "too little to tell",
+    "not_told": "too few samples",
 }
 MOVED_WORDS: Final[dict[Moved, str]] = {
     "moved": "moved",

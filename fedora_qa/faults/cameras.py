@@ -70,7 +70,7 @@ class FocalLength:
 
 @dataclass(frozen=True, slots=True)
 class PrincipalPointShift:
-    """Principal points lie too far to the right and down.
+    """Principal points are too far to the right and down.
 
     Attributes
     ----------

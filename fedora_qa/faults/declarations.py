@@ -57,7 +57,7 @@ class ThresholdMisdeclared:
 
 @dataclass(frozen=True, slots=True)
 class EventModelMisdeclared:
-    """Events are declared of the other sensor model.
+    """The other sensor model is declared.
 
     Attributes
     ----------

@@ -88,7 +88,7 @@ class ExposureGain:
 
 @dataclass(frozen=True, slots=True)
 class PowerCurve:
-    """Codes went through a power law, ``Y' = 255 (Y / 255)^exponent``, that is not declared.
+    """Codes are changed by an undeclared power law, ``Y' = 255 (Y / 255)^exponent``.
 
     Attributes
     ----------

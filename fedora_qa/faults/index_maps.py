@@ -57,7 +57,7 @@ class IndexShift:
 
 @dataclass(frozen=True, slots=True)
 class IndexSide:
-    """Indices point behind the events that have the timestamp of the frame.
+    """Indices point after the events with the timestamp of the frame.
 
     Attributes
     ----------

@@ -167,7 +167,7 @@ class PoseLeverArm:
 
 @dataclass(frozen=True, slots=True)
 class GravityError:
-    """Specific force has a wrong part of gravity: ``f + e g R_body_world (0, 0, 1)``, g the declared gravity.
+    """Specific force contains gravity with a wrong factor: ``f + e g R_body_world (0, 0, 1)``, g the declared gravity.
 
     Attitudes are those of the pose, interpolated at IMU times; beyond the poses the nearest.
 
@@ -237,7 +237,7 @@ class QuaternionOrder:
 
 @dataclass(frozen=True, slots=True)
 class QuaternionInversion:
-    """Quaternions take the world to the body."""
+    """Quaternions rotate from world to body."""
 
     cause: ClassVar[str] = "quaternion_inverted"
     stream: ClassVar[str] = "pose"

@@ -29,7 +29,7 @@ class WithoutInverse:
     Attributes
     ----------
     reason
-        What is lost, as a sentence.
+        The information that is lost, as a sentence.
     """
 
     reason: str
@@ -49,7 +49,7 @@ FAULTS: Final[Mapping[tuple[str, str], TableEntry]] = MappingProxyType(
     {
         **_every("time_offset", (clocks.ClockShift,)),
         **_every("clock_rate", (clocks.ClockRate,)),
-        **_every("dropped_samples", WithoutInverse("The missing samples are in no other row.")),
+        **_every("dropped_samples", WithoutInverse("The missing samples are not stored.")),
         **_every("duplicated_samples", (row_order.DuplicatedSamples,)),
         **_every("unsorted", (row_order.Unsorted,)),
         **_every("quantised_time", WithoutInverse("Rounding has removed the digits between two ticks.")),
@@ -65,8 +65,8 @@ FAULTS: Final[Mapping[tuple[str, str], TableEntry]] = MappingProxyType(
         **_every("spatial_offset", (pixels.PixelShift,)),
         **_every("threshold_misdeclared", (declarations.ThresholdMisdeclared,)),
         **_every("event_model_misdeclared", (declarations.EventModelMisdeclared,)),
-        **_every("interpolated_frames", WithoutInverse("Events between the frames were never made.")),
-        **_every("dead_region", WithoutInverse("Events of the region are in no row.")),
+        **_every("interpolated_frames", WithoutInverse("Events between the frames were never computed.")),
+        **_every("dead_region", WithoutInverse("Events of the region are not stored.")),
         **_every(
             "hot_pixels", WithoutInverse("False events of a pixel cannot be separated from its true ones in general.")
         ),
@@ -75,7 +75,7 @@ FAULTS: Final[Mapping[tuple[str, str], TableEntry]] = MappingProxyType(
         **_every("flow_unit", (units.FlowUnit,)),
         **_every("flow_sign", (units.FlowSign,)),
         **_every("flow_gain", (units.FlowGain,)),
-        **_every("flow_rate_mixed", WithoutInverse("The fields of the rate itself are in no row.")),
+        **_every("flow_rate_mixed", WithoutInverse("The correct fields of the rate are not stored.")),
         **_every("flow_interval_shifted", (flow.FlowIntervalShift,)),
         **_every("intrinsics_focal", (cameras.FocalLength,)),
         **_every("intrinsics_centre", (cameras.PrincipalPointShift,)),
@@ -83,7 +83,7 @@ FAULTS: Final[Mapping[tuple[str, str], TableEntry]] = MappingProxyType(
         **_every(
             "lever_arm",
             WithoutInverse(
-                "What is to be subtracted holds the derivative of noisy angular velocities, and depends on its filter."
+                "The correction contains the derivative of noisy angular velocities, and depends on its filter."
             ),
             ("imu",),
         ),
@@ -101,9 +101,9 @@ FAULTS: Final[Mapping[tuple[str, str], TableEntry]] = MappingProxyType(
         **_every("gyro_bias", (motion.GyroBias,)),
         **_every("accel_bias", (motion.AccelBias,)),
         **_every("teleport", (motion.Teleport,)),
-        **_every("interpolated_pose", WithoutInverse("The poses between those of the lower rate are in no row.")),
+        **_every("interpolated_pose", WithoutInverse("The poses between those of the lower rate are not stored.")),
         **_every("noise_misdeclared", (declarations.NoiseMisdeclared,)),
-        **_every("frozen_frames", WithoutInverse("The values that were not written are in no row.")),
+        **_every("frozen_frames", WithoutInverse("The values that were not written are not stored.")),
         **_every("swapped_frames", (row_order.SwappedFrames,)),
         **_every("other_sequence", WithoutInverse("The stream of this sequence is not in the file.")),
         **_every("channel_order", (images.ChannelOrder,)),
@@ -111,11 +111,11 @@ FAULTS: Final[Mapping[tuple[str, str], TableEntry]] = MappingProxyType(
         **_every("vignetting", (images.Vignetting,)),
         **_every("depth_ray_not_z", (images.RayLength,)),
         **_every("invalid_encoding", (images.InvalidCode,)),
-        **_every("truncated", WithoutInverse("What was behind the end is not in the file.")),
+        **_every("truncated", WithoutInverse("The rows after the end are not in the file.")),
         **_every("corrupt_chunk", WithoutInverse("Damaged bytes cannot be decoded.")),
-        **_every("nan_in_stream", WithoutInverse("The values that NaN has replaced are in no row.")),
+        **_every("nan_in_stream", WithoutInverse("The values that NaN has replaced are not stored.")),
         **_every("missing_stream", WithoutInverse("The stream is not in the file.")),
-        **_every("wrong_shape", WithoutInverse("Which axis or size was meant is unknown.")),
+        **_every("wrong_shape", WithoutInverse("The correct axes and sizes are unknown.")),
         **_every(
             "wrong_dtype",
             WithoutInverse("Rows are read in the canonical type already; digits that the type cannot hold are lost."),

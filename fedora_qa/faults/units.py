@@ -160,7 +160,7 @@ _IMAGES: Final = {"images": 1.0, "half images": 0.5}
 
 @dataclass(frozen=True, slots=True)
 class FlowUnit:
-    """Flow is divided by its interval, multiplied by it, or in shares of the image.
+    """Flow is divided by its interval, multiplied by it, or relative to the image size.
 
     Attributes
     ----------

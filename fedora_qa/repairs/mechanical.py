@@ -37,26 +37,26 @@ _Reason = str | Callable[[Any], str]
 
 def _only_declared(fault: Any) -> str:
     """Return why a fault is not repaired that concerns either a declaration or the flow made with it."""
-    made = "Flow would be made anew from noisy poses and rounded depth; make it again from their source."
+    made = "Flow would be computed from noisy poses and rounded depth; compute it again from their source."
     return _MECHANICAL if fault.stream == "metadata" else made
 
 
 def _only_permuted(fault: axes.VectorAxes) -> str:
-    """Return why axes are not turned back: only exchanged and negated ones are exact."""
+    """Return why axes are not rotated back: only exchanged and negated ones are exact."""
     matrices = np.array([fault.axes, fault.body_axes])
     # Every entry of an orthogonal matrix that only exchanges and negates axes is -1, 0 or 1.
-    turned = "The axes are turned by a fitted rotation, whose error would enter every value; make them anew."
+    turned = "The axes are rotated by a fitted rotation, whose error would enter every value; compute them again."
     return _MECHANICAL if np.all(np.isin(matrices, (-1.0, 0.0, 1.0))) else turned
 
 
 def _only_lengths(fault: images.RayLength) -> str:
-    fitted = "The values are no lengths of rays: the exponent is fitted."
+    fitted = "The values are not lengths of rays: the exponent is fitted."
     return _MECHANICAL if fault.exponent == 1 else fitted
 
 
-_CODES: Final = "Eight bits have lost what is needed: rounding merges codes, and white is clipped; render again."
-_BIAS: Final = "A bias is an estimate, and differs from sample to sample: declare it, or remove it where it arises."
-_GRAVITY: Final = "The vertical is known from noisy attitudes alone, whose errors would enter every sample."
+_CODES: Final = "Codes of 8 bits have lost information: rounding merges codes, and white is clipped; render again."
+_BIAS: Final = "A bias is an estimate, and differs between samples: declare it, or remove it at its source."
+_GRAVITY: Final = "The vertical is known only from noisy orientations, whose errors would enter every sample."
 
 MECHANICAL: Final[Mapping[type[Any], _Reason]] = MappingProxyType(
     {
@@ -71,7 +71,7 @@ MECHANICAL: Final[Mapping[type[Any], _Reason]] = MappingProxyType(
         pixels.PolarityInversion: _MECHANICAL,
         pixels.SwappedPixelAxes: _MECHANICAL,
         pixels.Mirroring: _MECHANICAL,
-        pixels.PixelShift: "What was shifted beyond the border is in no row; crop or render again.",
+        pixels.PixelShift: "Pixels that were shifted beyond the border are not stored; crop or render again.",
         axes.VectorAxes: _only_permuted,
         axes.CameraAxes: _MECHANICAL,
         cameras.FocalLength: _only_declared,
@@ -82,7 +82,7 @@ MECHANICAL: Final[Mapping[type[Any], _Reason]] = MappingProxyType(
         declarations.EventModelMisdeclared: _MECHANICAL,
         declarations.NoiseMisdeclared: _MECHANICAL,
         declarations.GravityMisdeclared: _MECHANICAL,
-        flow.FlowIntervalShift: "The field at one end of the sequence is in no row; make the flow again.",
+        flow.FlowIntervalShift: "The field at one end of the sequence is not stored; compute the flow again.",
         images.ChannelOrder: _MECHANICAL,
         images.ExposureGain: _CODES,
         images.PowerCurve: _CODES,
@@ -92,7 +92,7 @@ MECHANICAL: Final[Mapping[type[Any], _Reason]] = MappingProxyType(
         images.InvalidCode: _MECHANICAL,
         motion.GyroBias: _BIAS,
         motion.AccelBias: _BIAS,
-        motion.Teleport: "The size of a jump is an estimate, and what was measured between the jumps may be lost.",
+        motion.Teleport: "The size of a jump is an estimate, and positions between the jumps may be lost.",
         motion.PoseLeverArm: "The arm is an estimate, and noise of the orientations would enter every position.",
         motion.GravityError: _GRAVITY,
         motion.QuaternionOrder: _MECHANICAL,
@@ -102,7 +102,7 @@ MECHANICAL: Final[Mapping[type[Any], _Reason]] = MappingProxyType(
         units.AngleUnit: _MECHANICAL,
         units.FlowUnit: _MECHANICAL,
         units.FlowSign: _MECHANICAL,
-        units.FlowGain: "The factor is an estimate, and of no unit; make the flow again.",
+        units.FlowGain: "The factor is an estimate, and not the ratio of two units; compute the flow again.",
     }
 )
 """By class of fault: empty where it is repaired, else the reason why not."""

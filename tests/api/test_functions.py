@@ -119,7 +119,7 @@ def test_explanations() -> None:
     explained = fedora_qa.explain("clocks.order")
     (only,) = explained
     assert only.question in repr(explained)
-    assert "Cannot see" in explained._repr_html_()
+    assert "Cannot detect" in explained._repr_html_()
     assert len(fedora_qa.explain("clocks")) < len(fedora_qa.explain())
     assert fedora_qa.explain()._repr_html_().startswith("<table>")
 

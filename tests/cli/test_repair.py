@@ -116,7 +116,7 @@ def test_what_is_done_is_printed(given: None, sequence: Path, fedora_qa: Command
     done = fedora_qa("repair", sequence, "-o", out)
     assert done.code == 0
     lines = done.out.splitlines()
-    assert lines[0] == "D1  imu: stamps are late by a constant, 2 ms  (confirmed)"
+    assert lines[0] == "D1  imu: timestamps are late by a constant, 2 ms  (confirmed)"
     assert lines[1] == "    imu 2 ms earlier"
     assert lines[2].startswith("    path/imu/ts: ")
     assert lines[-1] == f"{out} is written, and was checked: what is repaired is gone, and nothing is new."

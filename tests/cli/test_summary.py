@@ -39,7 +39,7 @@ def test_everything_is_said_at_every_width(width: int, detail: Detail) -> None:
     for part in (
         "FINDINGS",
         "1 failed, 1 passed, 1 not observable",
-        "events: stamps are late by a constant, 2.06 ± 0.03 ms",
+        "events: timestamps are late by a constant, 2.06 ± 0.03 ms",
         "confirmed: undoing it clears 1 of 1 finding in 4 windows",
         "events, 0 s to 2 s",
         "Subtract the offset from the stamps.",
@@ -73,7 +73,7 @@ def test_quiet_is_a_line_a_file() -> None:
     lines = shown(record(file_record(passed(), path="a.h5"), *record().files), detail="quiet").splitlines()
     assert lines[0].split()[:2] == ["clean", "a.h5"]
     assert lines[1].split()[0] == "findings"
-    assert "stamps are late by a constant" in lines[1]
+    assert "timestamps are late by a constant" in lines[1]
     assert len(lines) == 2
 
 

@@ -40,7 +40,7 @@ def test_a_missing_section_is_noticed() -> None:
         """
 
     said = explanation(Terse())
-    assert said.missing == ("Why it matters", "Noise model", "Cannot see", "Sources")
+    assert said.missing == ("Why it matters", "Noise model", "Cannot detect", "Sources")
     assert said.sections["How"] == "Somehow."
 
 

@@ -24,7 +24,7 @@ def test_a_finding_is_a_failure() -> None:
     (failure,) = case.result
     assert isinstance(failure, Failure)
     assert failure.type == "event_response.timing.offset"
-    assert failure.message.startswith("Events are 2.06 ± 0.03 ms late. Probable cause: events: stamps are late")
+    assert failure.message.startswith("Events are 2.06 ± 0.03 ms late. Probable cause: events: timestamps are late")
     assert "Subtract the offset from the stamps." in failure.message
     assert "The frames are dark." in case.system_out
     assert "offset 2.06 ± 0.03 ms" in case.system_out

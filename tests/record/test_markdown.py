@@ -18,7 +18,7 @@ def test_a_reader_finds_verdict_cause_remedy_and_finding() -> None:
     text = record_to_markdown(record())
     for part in (
         "FINDINGS: 1 failed, 1 passed, 1 not observable",
-        "stamps are late by a constant, 2.06 ± 0.03 ms",
+        "timestamps are late by a constant, 2.06 ± 0.03 ms",
         "Subtract the offset from the stamps.",
         "Events are 2.06 ± 0.03 ms late.",
         "| clocks.order | passed | backward\\_steps 0 samples | 0 | 1 | all 101 frames |",
@@ -39,7 +39,7 @@ def test_several_files_begin_with_what_came_of_each() -> None:
     )
     first = record_to_markdown(both).split("\n\n")[0].splitlines()
     assert first[2] == "| good.h5 | clean | 1 passed |  |"
-    assert first[3] == "| late.h5 | findings | 1 failed | events: stamps are late by a constant, 2.06 ± 0.03 ms |"
+    assert first[3] == "| late.h5 | findings | 1 failed | events: timestamps are late by a constant, 2.06 ± 0.03 ms |"
     assert record_to_markdown(record()).startswith("## ")
 
 

@@ -123,7 +123,7 @@ def test_principal_of_nothing() -> None:
 
 def test_cause_in_one_sentence() -> None:
     """A diagnosis reads as stream, fault and size with its error."""
-    assert cause_sentence(late_events()) == "events: stamps are late by a constant, 2.06 ± 0.03 ms"
+    assert cause_sentence(late_events()) == "events: timestamps are late by a constant, 2.06 ± 0.03 ms"
 
 
 def test_cause_of_a_later_version_is_still_shown() -> None:

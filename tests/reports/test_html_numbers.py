@@ -165,7 +165,7 @@ def test_diagnosis_has_cause_size_remedy_and_findings() -> None:
     (cause,) = page_of(file_record(failed(), diagnoses=(late_events(),))).all("article", kind="cause")
     text = " ".join(cause.text.split())
     for part in (
-        "events: stamps are late by a constant, 2.06 ± 0.03 ms",
+        "events: timestamps are late by a constant, 2.06 ± 0.03 ms",
         "Subtract the offset from the stamps.",
         "events, 0 s to 2 s",
         "events:time_offset",

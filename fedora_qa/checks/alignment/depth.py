@@ -49,8 +49,8 @@ class AlignmentDepth(WindowCheck[DepthEdges]):
     (``fedora_qa/estimators/depth/edge_profiles.py``). It is larger where an edge beside the outlines is stronger on one
     side.
 
-    Cannot see
-    ----------
+    Cannot detect
+    -------------
     A shift along all edges of a scene. A smooth distortion. A shift smaller than the bound by texture. Scenes without
     steps of depth, or whose outlines are no stronger than the texture; these are reported as not_observable.
 

@@ -100,8 +100,8 @@ class AlignmentEvents(WindowCheck[IntervalCorrelations]):
     that has risen is above its reference by C/2 on average, so that events lag a constant drift by at most C/2 mean|g|
     / mean g^2, with g the slope of the level at pixels with events.
 
-    Cannot see
-    ----------
+    Cannot detect
+    -------------
     A shift smaller than the lag. A shift of a part of the time or of the image, except in the mean. Shifts beyond
     fourteen pixels, which leave no correlation. A late stream appears shifted along the mean motion, and is suspected
     as well.

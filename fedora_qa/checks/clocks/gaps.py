@@ -69,8 +69,8 @@ class ClocksGaps(FactsCheck):
     the period is five standard deviations away from half a period, at which a gap and a normal step would be confused.
     Streams with more jitter are noted and not judged.
 
-    Cannot see
-    ----------
+    Cannot detect
+    -------------
     Samples lost at the ends (``clocks.span``), among events (``event_stream.gaps``), or from a stream whose timestamps
     were written again after the loss: there the content is compared (``images.order``, ``imu.timing``).
 

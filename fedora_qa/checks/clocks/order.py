@@ -64,8 +64,8 @@ class ClocksOrder(FactsCheck):
     -----------
     None: the counts are exact, and both are zero in a correct file.
 
-    Cannot see
-    ----------
+    Cannot detect
+    -------------
     Samples that were exchanged together with their timestamps and then sorted. Events in a wrong order within one
     timestamp (``event_stream.duplicates``). Of events only the counts, the first step back and the longest steps are
     kept.

@@ -110,8 +110,8 @@ class ClocksRate(FactsCheck):
     slope, white over samples. Between quarters the bound has 10 ppm more, by which a quartz oscillator without
     compensation changes over 15 K.
 
-    Cannot see
-    ----------
+    Cannot detect
+    -------------
     The same ppm error of all clocks. Errors no larger than the bound, which is 1.5 ppm for one second: ``imu.timing``
     and ``depth.consistency`` compare the content of streams instead.
 

@@ -114,8 +114,8 @@ class ClocksResolution(WindowCheck[Comb]):
     deviation from the binomial mean, in standard deviations, is the number of standard errors. All combs and windows
     count as tests.
 
-    Cannot see
-    ----------
+    Cannot detect
+    -------------
     A grid that divides the period: an exact clock lies on every such grid, and loses nothing by it. Events of the
     linear model have the grid of rendered steps, which the format does not declare: this grid is correct. Grids of a
     part of the events that do not pass through zero, or are coarser than 2 ms.

@@ -104,8 +104,8 @@ class ClocksSpan(FactsCheck):
     sum of both periods. It includes one sample that was not yet written when the recorder stopped: such a sample is
     noted by the stricter rule, and is no finding.
 
-    Cannot see
-    ----------
+    Cannot detect
+    -------------
     Streams that all begin late or end early together. Events may begin late and end early, because a still scene gives
     none: it is only required that some of them lie within the span of the other streams. A stream without any event is
     noted.

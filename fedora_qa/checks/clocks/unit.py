@@ -39,8 +39,8 @@ class ClocksUnit(FactsCheck):
     No random error. A factor is assigned where the ratio of durations is within 20% of it: the factors differ by 30 and
     more, and ``clocks.span`` detects streams that end early by less than a fifth. Any other ratio counts as 1.
 
-    Cannot see
-    ----------
+    Cannot detect
+    -------------
     A unit error of all streams together, unless flow implies the duration. A file with a single stream and no flow.
 
     Sources

@@ -189,8 +189,8 @@ class DepthConsistency(WindowCheck[WindowAgreement]):
     the motion is fitted to each pair. The correction must have the size that the declared noise implies: its square is
     chi-square, and is made normal by the cube root.
 
-    Cannot see
-    ----------
+    Cannot detect
+    -------------
     An error that changes depth and pose consistently, such as one wrong unit in both. An error of a few pixels. Pixels
     beside edges and on moving objects. A camera that does not move.
 

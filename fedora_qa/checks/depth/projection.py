@@ -29,8 +29,8 @@ class DepthProjection(FittedParameter):
     As in ``depth.scale``: the bounds of ``depth.consistency``, propagated in the worst direction (model error bound),
     and the declared pose noise (standard error; the spread over pairs where that is larger).
 
-    Cannot see
-    ----------
+    Cannot detect
+    -------------
     Any exponent where the camera neither rotates nor moves: the check is not observable where an exponent of 0.5 could
     not be detected. A lens distortion that depth frames still contain appears as an exponent between 0 and 1.
 

@@ -109,8 +109,8 @@ class DepthRange(WindowCheck[WindowExtents]):
     The excess on an end is a Poisson count; its variance is the number that the neighbourhood implies, plus one. In one
     frame, one line at exactly that depth is allowed: as many pixels as its width plus height.
 
-    Cannot see
-    ----------
+    Cannot detect
+    -------------
     Wrong depths within the range. A declared range that is too wide. The code of invalid pixels (``integrity.finite``).
     Steps in scenes without a plane or a smooth surface.
 

@@ -70,8 +70,8 @@ class DepthScale(FittedParameter):
     declared pose noise, which changes the motion of each pair (standard error; the spread over pairs where that is
     larger).
 
-    Cannot see
-    ----------
+    Cannot detect
+    -------------
     Depths and positions that are wrong by one factor, which gravity determines (``imu.translation``). Where the camera
     hovers, the error of the factor exceeds a half, and the check is not observable.
 

@@ -146,8 +146,8 @@ class EventResponseAlignment(WindowCheck[ShiftCorrelations]):
     sum h^2), with h the slope of the change. Where there are ten or more parts, their scatter is used if it exceeds
     these errors.
 
-    Cannot see
-    ----------
+    Cannot detect
+    -------------
     Shifts beyond fourteen pixels. Unrelated scenes (correlation below 0.1). Shifts along edges that all have one
     direction. Rotations and scales. Parts with few edges. Hovering makes the error too large: not_observable.
 

@@ -145,8 +145,8 @@ class EventResponseConservation(Check[ConservationState]):
     are more uniform, with the Poisson error of that number plus one. A structure one pixel wide covers an eighth of a
     tile, which is the bound of the worst tile.
 
-    Cannot see
-    ----------
+    Cannot detect
+    -------------
     Events lost in pairs of opposite polarity. Faults that keep the signal within the thresholds, such as a dead region
     without contrast. After two seconds, or from an unknown start: a single event of a pixel that does not use its whole
     range.

@@ -89,8 +89,8 @@ class EventResponseFrames(WindowCheck[IntervalMoments]):
     events in the interval, a variance of 2/3 C+ C- a pixel. The bound is half a frame's change: halfway between a
     correct frame and a repeated one.
 
-    Cannot see
-    ----------
+    Cannot detect
+    -------------
     Fewer than five usable intervals (hovering, no texture): not_observable. A file most of whose frames are wrong
     (``event_response.orientation``). Frames that are late by a fraction of an interval (``event_response.timing``).
 

@@ -131,8 +131,8 @@ class EventResponseInterpolation(WindowCheck[RunCounts]):
     ``UNSEEN_LINES``). The model error bound is the probability of a line by chance, tick / spacing, so that coarse
     timestamps do not cause a finding. Runs with spacings of less than ten ticks are left out.
 
-    Cannot see
-    ----------
+    Cannot detect
+    -------------
     Interpolation between n > 1 renders a frame interval in which the image moves by n pixels or less, as adaptive
     simulators also do it. Renders at a rate that is no multiple of the frame rate, or more than ten times as high, or
     that are shifted against the frames. Changes of less than three thresholds from render to render (hovering, no

@@ -102,8 +102,8 @@ class EventResponseJitter(WindowCheck[JitterSummary]):
     intervals of a pixel smoothly. Noise events are in less than a tenth of the quadruples, up to the rate at which the
     check is not observable. Declared hot pixels are left out, and each pixel gives at most four quadruples of a window.
 
-    Cannot see
-    ----------
+    Cannot detect
+    -------------
     Jitter that all events of an edge share (``clocks.resolution`` measures packets of another length than declared).
     Jitter of a small part of the events, of a short time or of a region. Jitter below the bound. Near the detection
     limit, blur hides up to a quarter of the size. Where edges pass in less time than the jitter, the size is a lower

@@ -33,8 +33,8 @@ class EventResponseModel(WindowCheck[LevelSums]):
     The standard error is the spread between these blocks over the root of their number. There is no model error bound:
     errors of frames, and of levels between events, are the same in both domains, and a correct file is far below zero.
 
-    Cannot see
-    ----------
+    Cannot detect
+    -------------
     A scene of one brightness, where both domains are proportional: not_observable beyond a ratio of e. Smaller
     differences between models: the number of events a rendered step is visible in ``event_response.threshold`` as an
     overshoot.

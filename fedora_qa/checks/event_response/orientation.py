@@ -122,8 +122,8 @@ class EventResponseOrientation(WindowCheck[OrientationMoments]):
     + noise)). The standard error over the file is the delete-one jackknife over windows. For parts it is three times
     the error of independent blocks, because blocks of one moving texture are not independent.
 
-    Cannot see
-    ----------
+    Cannot detect
+    -------------
     Parts in which the expected correlation is below 0.3 (hovering, no texture, night): not_observable where this is the
     whole file. Shifts (``event_response.alignment``), small delays (``event_response.timing``), and symmetries of the
     scene itself.

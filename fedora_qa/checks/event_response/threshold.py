@@ -96,8 +96,8 @@ class EventResponseThreshold(WindowCheck[WeightedLevelSums]):
     checkers of contrast 19:1, 0.5 and 3%; park by day 1.3 and 3 to 5%, at C = 0.1 1.3 and 3%; park at 720x540,
     standard, 0.4 and 1.8%. In a closed-form world of contrast 19:1 and C from 0.1 to 0.5 the bias is at most 0.5%.
 
-    Cannot see
-    ----------
+    Cannot detect
+    -------------
     Gamma and threshold separately: gamma must be declared. Scenes with fewer than 100 level samples (hovering, night,
     slow motion). Thresholds of single pixels.
 

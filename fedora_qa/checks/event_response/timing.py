@@ -152,8 +152,8 @@ class EventResponseTiming(WindowCheck[TimingSummary]):
     large, and many lie at maxima and minima of light between two frames: the last event before each reversal is not
     used.
 
-    Cannot see
-    ----------
+    Cannot detect
+    -------------
     Delays that both streams share. A delay in a still scene. Offsets that last less than a window (0.2 s). Which stream
     is late, unless depth or flow determine it.
 

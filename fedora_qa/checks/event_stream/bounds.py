@@ -87,8 +87,8 @@ class EventStreamBounds(WindowCheck[BoundsCount]):
     -----------
     None: counts are exact, and a correct file has none.
 
-    Cannot see
-    ----------
+    Cannot detect
+    -------------
     Wrong positions within the sensor (``event_response.orientation``), exchanged axes of a square sensor, and inverted
     polarity. A declared size that is too large hides wrong events.
 

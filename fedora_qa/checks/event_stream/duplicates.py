@@ -116,8 +116,8 @@ class EventStreamDuplicates(WindowCheck[RepeatCount]):
     by chance with probability s^n, where n is the number of its 8 px tiles, and s the share of even tiles in the other
     ticks. The number of doubled ticks has a Poisson error.
 
-    Cannot see
-    ----------
+    Cannot detect
+    -------------
     Doubled events whose timestamps differ by a microsecond or more; ``event_response.conservation`` detects them where
     pixels are observable. On a grid: doubled events where neighbours fire more often than every nine ticks, at the
     border of the sensor, at pixels that fire more often than every 16 ticks, and on grids coarser than 1.25 ms. There

@@ -79,8 +79,8 @@ class EventStreamGaps(WindowCheck[SilenceCount]):
     at which this probability equals that of one standard deviation. Every silence counts as a test. The grid of
     timestamps is subtracted from each silence.
 
-    Cannot see
-    ----------
+    Cannot detect
+    -------------
     Losses in a part of the image (``event_response.conservation``). Losses shorter than the usual silences of the
     scene. Losses in quiet scenes: where 2 ms could not be detected, nothing is judged. A loss at the very end, after
     which no event comes. A loss within four of its own lengths after the first event, when the sensor only begins to

@@ -97,8 +97,8 @@ class EventStreamRates(Check[PixelCounts]):
     pixels count as tests. Declared hot pixels have the Poisson error of their sum, and lose events in refractory
     periods.
 
-    Cannot see
-    ----------
+    Cannot detect
+    -------------
     Pixels that are hot for a short time only, or whose excess is below the rate of the scene or its swings. Three or
     more adjacent hot pixels. Dead pixels and regions: without frames they cannot be distinguished from a scene at rest
     (``event_response.conservation``).

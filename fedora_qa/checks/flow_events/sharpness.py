@@ -231,8 +231,8 @@ class FlowEventsSharpness(WindowCheck[tuple[FieldSharpness, ...]]):
     to 4/3 a^2 at 30 degrees off the axis; the bound is 2 a^2. Another flow must be sharper by a fifth, which uniform
     motion along a curved path never is.
 
-    Cannot see
-    ----------
+    Cannot detect
+    -------------
     A time offset, which moves all events equally. Small local errors (``flow_photometric.residual`` detects them).
     Where no candidate makes events significantly sharper (five standard errors of counting), edges cross too few
     pixels, and nothing is judged.

@@ -215,8 +215,8 @@ class FlowGeometryEndpoint(WindowCheck[WindowErrors]):
     chi-square; the cube root of its mean is normal. A correction of zero means that the flow was made from the noisy
     pose.
 
-    Cannot see
-    ----------
+    Cannot detect
+    -------------
     Errors that depth, pose and flow share. The scale of a translation while hovering. Errors of time and mounting that
     are smaller than the declared pose noise, and all such errors where the noise is not declared. Moving objects are
     left out.

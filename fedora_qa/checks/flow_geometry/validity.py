@@ -119,8 +119,8 @@ class FlowGeometryValidity(WindowCheck[tuple[FieldPattern, ...]]):
     of declared pose noise from the camera's plane (two-sided probability 1e-15 each), and missing values of moving
     objects.
 
-    Cannot see
-    ----------
+    Cannot detect
+    -------------
     Intervals that are shifted by whole frames together with their timestamps (``flow_geometry.endpoint``). Offsets are
     measured modulo the frame step. Without poses, where no pose covers an interval, or where moving objects are not
     known, missing values are not counted.

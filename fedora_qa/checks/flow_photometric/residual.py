@@ -127,8 +127,8 @@ class FlowPhotometricResidual(WindowCheck[WindowResiduals]):
     aliasing and interpolation: at most 0.005 px times sin(2 pi flow), of which the mean over the tiles counts (0.02 px
     for a field, 0.2 px for a tile at grazing angles).
 
-    Cannot see
-    ----------
+    Cannot detect
+    -------------
     Errors along the edges of a scene whose texture has one direction. Gains in slow fields. Tiles in which rounding or
     noise hides 0.1 px, or whose ground is seen at a grazing angle, are not used: walls and night scenes may be not
     observable. Where poses are noisy, time is not fitted.

@@ -139,8 +139,8 @@ class FlowRatesComposition(WindowCheck[WindowComposition]):
     step between two surfaces), and single-precision rounding. All are multiplied by the flow's slope from field to
     field. A median error must not exceed the median of its bounds.
 
-    Cannot see
-    ----------
+    Cannot detect
+    -------------
     An error that all rates share and that composes, such as a rotated camera. Which of only two rates is wrong. Pixels
     that are occluded in between. Errors of timestamps, which only change which fields are compared.
 

@@ -62,8 +62,8 @@ class ImagesChannels(ColourCheck):
     a difference of weights, measured with closed-form frames and events, where interpolated levels change it by up to
     0.006.
 
-    Cannot see
-    ----------
+    Cannot detect
+    -------------
     The order in a scene with little colour or little motion, which is reported as not_observable. Frames that do not
     belong to the events (``event_response.orientation``). Constant exposure, and gains of single channels below a
     third.

@@ -141,8 +141,8 @@ class ImagesExposure(WindowCheck[WindowExposure]):
     detected. Of the probability that any code is missing among frequent ones, the codes of one gain and no others have
     less than one thousandth.
 
-    Cannot see
-    ----------
+    Cannot detect
+    -------------
     Exposure that is wrong by one factor in all frames, and was so before rounding: it has no effect in the log model of
     events, and that of a threshold in the linear model. Gains of single tiles of the image. Constant vignetting
     (``images.vignetting``). Slow changes of light are no jump.

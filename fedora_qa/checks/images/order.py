@@ -141,8 +141,8 @@ class ImagesOrder(WindowCheck[tuple[FramePairRatio, ...]]):
     used if the error of their ratio by rounding alone is below 0.1; for a part, its own error must be below 0.1 as
     well.
 
-    Cannot see
-    ----------
+    Cannot detect
+    -------------
     An error of all frames together (``flow_photometric.residual``). Frames with little motion. If flow is slower than
     the frames, only frames at its ends are tested. The check alone does not determine whether flow or frames are out of
     order: ``event_response.frames`` compares frames with events, and if both fail, the frames are wrong.

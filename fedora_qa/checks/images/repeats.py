@@ -115,8 +115,8 @@ class ImagesRepeats(WindowCheck[tuple[FrameDigest, ...]]):
     is predicted for the steepest hundredth of its pixels (on a lattice of some 5000), which must change by 2 DN where
     rounding hides 1 DN. For noisy poses, six standard deviations are subtracted first.
 
-    Cannot see
-    ----------
+    Cannot detect
+    -------------
     Frames that repeat except for noise (``images.order`` and ``event_response.frames``). A camera at rest may repeat
     its frames: not_observable where frames repeat and the camera never moves. Where the file has neither flow nor pose
     nor events for a decision, repeats are noted.

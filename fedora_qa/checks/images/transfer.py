@@ -48,8 +48,8 @@ class ImagesTransfer(ColourCheck):
     scenes; six times the squared relative spread of declared thresholds; 5% for an exposure of 5 ms, proportional to
     the square of the exposure.
 
-    Cannot see
-    ----------
+    Cannot detect
+    -------------
     Constant exposure: it has no effect in the log model, and that of a threshold in the linear one. In the log model,
     an exponent is not separated from a wrong threshold: a deviation smaller than that of a display's curve is
     attributed to the threshold, which ``event_response.threshold`` measures better. Scenes with little motion or

@@ -84,8 +84,8 @@ class ImagesVignetting(WindowCheck[WindowVignetting]):
     small by at most that. Frames that were rounded and then darkened keep every code that changes by less than half a
     step. The detection limit therefore includes the loss that darkens the compared surfaces by 1 DN on average.
 
-    Cannot see
-    ----------
+    Cannot detect
+    -------------
     A fall-off that the events and all other streams share. Light that moves with the camera, which has the same effect
     and is reported as vignetting. A fall-off that is not symmetric about the principal point. One that is not quadratic
     in the tangent of the angle is measured with an error of some hundredths of itself. Colour: only luma is compared. A

@@ -45,8 +45,8 @@ class ImuNoise(WindowCheck[ImuSamples]):
     remove; rounded timestamps; stored digits. Rates are differences of orientations, whose components reach 1, and have
     their rounding.
 
-    Cannot see
-    ----------
+    Cannot detect
+    -------------
     Biases and their random walks, which are slow (``imu.rotation``, ``imu.translation``). Noise that is not white,
     except for its highest frequencies. Frozen samples of a body at rest.
 

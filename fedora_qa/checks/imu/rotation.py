@@ -51,8 +51,8 @@ class ImuRotation(WindowCheck[WindowMotion]):
     in steps that hardly change have a mean error of up to half a step. It is bounded by their motion in steps and by
     the declared noise (``fedora_qa/estimators/imu/rounding.py``), and propagated to every parameter.
 
-    Cannot see
-    ----------
+    Cannot detect
+    -------------
     Errors that gyro and poses share. Misalignment about an axis about which the body never rotates. Lost samples whose
     timestamps were lost too (``clocks.gaps``).
 

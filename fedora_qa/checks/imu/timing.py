@@ -60,8 +60,8 @@ class ImuTiming(WindowCheck[WindowMotion]):
     As in ``imu.rotation`` and ``imu.translation``. A derivative of noisy samples would bias an offset towards 0: they
     are averaged over 20 ms first, which reduces a motion of 3 Hz by 0.6%.
 
-    Cannot see
-    ----------
+    Cannot detect
+    -------------
     An offset under constant motion: hovering, straight flight at constant speed. The least detectable offset then
     exceeds the material size of a millisecond, and the outcome is not_observable. Offsets that IMU and poses share.
 

@@ -41,8 +41,8 @@ class ImuTranslation(WindowCheck[WindowMotion]):
     unknown a segment. Errors, the bound of the integration, and the mean error of samples in steps are as in
     ``imu.rotation``.
 
-    Cannot see
-    ----------
+    Cannot detect
+    -------------
     Errors below the position noise over the time that is needed to average it. A lever arm where the body does not
     rotate. Whether IMU or poses are displaced from the body's origin.
 

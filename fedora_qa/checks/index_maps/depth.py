@@ -23,8 +23,8 @@ class IndexMapsDepth(_FrameToEvent):
     -----------
     None: an entry is correct or wrong.
 
-    Cannot see
-    ----------
+    Cannot detect
+    -------------
     Wrong timestamps: a map that was made of late timestamps is correct.
 
     Sources

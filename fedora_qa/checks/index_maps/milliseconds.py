@@ -25,8 +25,8 @@ class IndexMapsMilliseconds(FactsCheck):
     -----------
     None: an entry is correct or wrong.
 
-    Cannot see
-    ----------
+    Cannot detect
+    -------------
     Wrong timestamps: a map that was made of late timestamps is correct. Milliseconds that the map lacks at its end.
 
     Sources

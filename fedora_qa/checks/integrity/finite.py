@@ -80,8 +80,8 @@ class IntegrityFinite(WindowCheck[tuple[DatasetCounts, ...]]):
     camera is proportional to 1/Z and has no upper bound. With probability 1 - 1e-6, all K fields of W x H pixels with
     diagonal D stay below 1e6 K (W + H) D^2 px.
 
-    Cannot see
-    ----------
+    Cannot detect
+    -------------
     Wrong values that are finite and in range. Flow below the bound (1e11 px for a file with images of 1000 pixels, 1e17
     px for seconds at 1440 x 1080). Whether NaN lie at the correct pixels (``flow_geometry.validity``). A stream whose
     decoded images are all empty gives a notice and no finding, because a camera may have no surface within 30 m.

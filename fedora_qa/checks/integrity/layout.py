@@ -49,8 +49,8 @@ class IntegrityLayout(FactsCheck):
     -----------
     None: a dataset conforms or does not. Nothing is sampled.
 
-    Cannot see
-    ----------
+    Cannot detect
+    -------------
     Values: they are not read. A stream that the file neither holds nor declares is absent, and is a finding only if a
     profile or a policy requires it. Layouts that no dialect describes: see ``fedora-qa layout``.
 

@@ -76,8 +76,8 @@ class IntegrityReadable(WindowCheck[ReadSummary]):
     -----------
     None: a chunk decodes or does not. The coverage states how many of the file's chunks were read.
 
-    Cannot see
-    ----------
+    Cannot detect
+    -------------
     Damage in a dataset without checksum or compression: any bytes decode, so that only checks of the values can detect
     it. Fletcher-32 misses a random change with probability 2^-32, and 16-bit words of zeros that were replaced by ones,
     or ones by zeros.

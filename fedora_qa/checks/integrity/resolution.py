@@ -75,8 +75,8 @@ class IntegrityResolution(FactsCheck):
     Rounding to a step s is uniform, with variance ``s^2/12``. The step is exact, or known to 0.1%. The limit is 1,
     because the error is stated as a multiple of its material size.
 
-    Cannot see
-    ----------
+    Cannot detect
+    -------------
     Steps of a part of the stream. Steps of which too few occur, as for a body at rest. Steps of colour and of
     timestamps (``clocks.resolution``).
 

@@ -87,8 +87,8 @@ class MetadataCameras(FactsCheck):
     Matrices may have been stored in float32: 2^-24 an entry, three products and a sum of R^T R, with a margin of four,
     give the bound of 1e-6. Entries of a map are rounded to float32. Everything else is exact.
 
-    Cannot see
-    ----------
+    Cannot detect
+    -------------
     Whether K and T_body_camera are those with which the images were made: ``flow_geometry``, ``flow_photometric``,
     ``depth.consistency`` and ``alignment`` measure that. Whether the distortion is that of the lens. Camera models
     other than the pinhole with radial-tangential or equidistant distortion. A map and a calibration with the same

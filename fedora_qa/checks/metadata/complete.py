@@ -59,8 +59,8 @@ class MetadataComplete(FactsCheck):
     -----------
     None: an attribute exists with its type, or does not.
 
-    Cannot see
-    ----------
+    Cannot detect
+    -------------
     Whether a declaration is true: the checks that measure the declared quantity test that. Brightness does not
     distinguish day from night, because exposure compensates for the light. Declarations of streams that the file does
     not hold are not required.

@@ -44,8 +44,8 @@ class MetadataProfile(FactsCheck):
     No random error. Allowed are the rounding of timestamps to a microsecond, of the depth range to float32, and of a
     focal length to whole pixels. The last changes a field of view 2 atan(W / 2f) by W/2 / (f^2 + W^2/4) rad.
 
-    Cannot see
-    ----------
+    Cannot detect
+    -------------
     Properties that the paper does not state. Other checks test whether the declarations are true.
 
     Sources

@@ -66,8 +66,8 @@ class MetadataUnits(FactsCheck):
     -----------
     None: a label agrees or does not.
 
-    Cannot see
-    ----------
+    Cannot detect
+    -------------
     Whether the values are in that unit: ``clocks.unit``, ``depth.scale``, ``flow_photometric`` and the checks of the
     IMU infer units from the data.
 

@@ -154,8 +154,8 @@ class PoseContinuity(WindowCheck[PoseSamples]):
     polynomial of two degrees less leaves more motion in the estimate: where the two differ by more than noise, the
     difference is the model error bound at that position. Each position and axis counts as a test.
 
-    Cannot see
-    ----------
+    Cannot detect
+    -------------
     Jumps below about seven times the filtered noise: about 28 mm in poses with 5 mm of noise, 3 um in exact ones.
     Interpolation by smooth curves, or under noise that hides its kinks (``pose.noise`` detects noise that is then too
     small or too large). A jump that is spread over many poses.

@@ -46,8 +46,8 @@ class PoseNoise(WindowCheck[PoseSamples]):
     remaining motion (the amount that differences of two higher orders remove), of rounded timestamps (speed times 0.29
     us) and of stored digits.
 
-    Cannot see
-    ----------
+    Cannot detect
+    -------------
     Noise that is not white, except for its highest frequencies. A drift. Noise together with a motion of about 20 Hz.
 
     Sources

@@ -62,8 +62,8 @@ class PoseOrientation(WindowCheck[QuaternionNorms]):
     is added: the error of each is at most half its step, and that of the length ``sum |q_i| s_i / (2 |q|)``, which is
     at most ``|s| / 2`` (Cauchy and Schwarz).
 
-    Cannot see
-    ----------
+    Cannot detect
+    -------------
     Noise that was removed by a later normalisation. A wrong rotation of unit length (``imu.rotation``,
     ``flow_geometry.endpoint``).
 
