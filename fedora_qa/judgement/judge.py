@@ -171,12 +171,12 @@ def exceeds_limit(statistic: Statistic, tolerance: Tolerance, size: float = 0.0)
 
 
 def _immaterial(check: str, statistic: Statistic, tolerance: Tolerance, size: float) -> Finding:
-    """Return the finding, still without an identifier, of a deviation that is measurable and does not matter."""
+    """Return the finding, still without an identifier, of a deviation that is measurable and not material."""
     limit = tolerance.limit(statistic.standard_error, statistic.model_error_bound)
     deviation = abs(statistic.value - statistic.expected)
     message = (
-        f"Measurable, not material: {statistic.name} deviates by {with_unit(deviation, statistic.unit)}; noise "
-        f"explains {with_unit(limit, statistic.unit)}, and {with_unit(size, statistic.unit)} more would be material."
+        f"Measurable, not material: {statistic.name} deviates by {with_unit(deviation, statistic.unit)}; the "
+        f"limit is {with_unit(limit, statistic.unit)}, and {with_unit(size, statistic.unit)} more would be material."
     )
     return Finding("", f"{check}.{IMMATERIAL}", "info", message, statistic.where)
 
@@ -193,7 +193,7 @@ def _outcome(observation: Observation, failed: bool, tolerance: Tolerance) -> tu
         return "not_observable", observation.unobservable
     coverage = observation.coverage
     if not coverage.seen and not observation.notices:
-        none_seen = f"none of {coverage.of} {coverage.unit} could be seen"
+        none_seen = f"none of {coverage.of} {coverage.unit} could be measured"
         return "not_observable", none_seen if coverage.of else f"there are no {coverage.unit}"
     # Insensitive measurements: the detection limit exceeds the size from which they are of use, so that a fault of that
     # size can be undetected. ``not <=``: a detection limit of NaN counts as insensitive.
@@ -204,10 +204,10 @@ def _outcome(observation: Observation, failed: bool, tolerance: Tolerance) -> tu
         named: list[str] = []
         for statistic, use in insensitive[:_NAMED_IN_REASON]:
             least = _least_detectable(statistic, tolerance)
-            sizes = f"from {with_unit(least, statistic.unit)} on" if isfinite(least) else "at no size"
-            named.append(f"{statistic.name} ({sizes}; {with_unit(use, statistic.unit)} matters)")
+            limit = with_unit(least, statistic.unit) if isfinite(least) else "infinite"
+            named.append(f"{statistic.name} ({limit}; at most {with_unit(use, statistic.unit)} is of use)")
         more = f"; and {len(insensitive) - _NAMED_IN_REASON} more" if len(insensitive) > _NAMED_IN_REASON else ""
-        reason = f"could not be seen where it matters: {', '.join(named)}{more}"
+        reason = f"detection limit too large: {', '.join(named)}{more}"
     if insensitive and len(insensitive) == len(with_use):
         return "not_observable", reason
     if observation.notices:

@@ -45,7 +45,7 @@ def why_not_comparable(facts: Facts, first: str, second: str) -> str:
     # The trace of a rotation is 1 + 2 cos(angle).
     R_second_first = camera2.T_body_camera[:3, :3].T @ camera1.T_body_camera[:3, :3]
     if np.trace(R_second_first) < 1 + 2 * np.cos(_FARTHEST_TURN_RAD):
-        return f"the cameras {first} and {second} look in different directions"
+        return f"the optical axes of the cameras {first} and {second} differ"
     return ""
 
 
@@ -77,7 +77,7 @@ def why_not_one_view(facts: Facts, first: str, second: str) -> str:
     if difference[:3, 3].max() > CENTRES_AGREE_M:
         return f"the cameras {first} and {second} do not share one centre"
     if difference[:3, :3].max() > AXES_AGREE or camera1.K[0, 1] or camera2.K[0, 1]:
-        return f"the cameras {first} and {second} do not look in one direction without skew"
+        return f"the axes of the cameras {first} and {second} differ, or K has skew"
     return why_not_one_lens(camera1, camera2, (first, second))
 
 

@@ -342,7 +342,7 @@ def why_no_geometry(facts: Facts) -> str:
     if camera is None:
         return "the depth camera's intrinsics and mounting are not declared"
     if camera.model != "pinhole":
-        return f"the depth camera is declared as {camera.model}, and only a pinhole is modelled"
+        return f"the depth camera is declared as {camera.model}; the check needs a pinhole"
     return why_no_static_depth(facts)
 
 

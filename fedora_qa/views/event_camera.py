@@ -409,9 +409,9 @@ def why_frames_and_events_do_not_meet(facts: Facts) -> str:
         return "K of the cameras rgb and events is not that of pinhole cameras without skew"
     difference = np.abs(rgb.T_body_camera - event.T_body_camera)
     if not difference[:3, 3].max() <= CENTRES_AGREE_M:
-        return "the cameras rgb and events do not share one centre; frames would have to be reprojected through depth"
+        return "the cameras rgb and events do not share one centre; the check does not reproject frames through depth"
     if not difference[:3, :3].max() <= AXES_AGREE:
-        return "the cameras rgb and events do not look in one direction"
+        return "the optical axes of the cameras rgb and events differ"
     # One lens images a ray at one point of both image planes, so that footprints need K alone.
     return why_not_one_lens(rgb, event, ("rgb", "events"))
 
@@ -423,7 +423,7 @@ def why_not_one_lens(camera1: Camera, camera2: Camera, names: tuple[str, str]) -
     models = [each.lens.model if each.lens else "no distortion" for each in (camera1, camera2)]
     return (
         f"the cameras {names[0]} and {names[1]} have different lenses ({models[0]}, {models[1]}), whose images differ "
-        "by more than a scale; only cameras of one lens are modelled"
+        "by more than a scale; the check needs equal lenses"
     )
 
 

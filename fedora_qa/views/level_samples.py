@@ -213,9 +213,7 @@ def fit_thresholds(state: Sequence[LevelSums], facts: Facts) -> ThresholdFit | s
     """
     declared = facts.declared.events
     pairs = sum(sums.pairs for sums in state)
-    too_few = (
-        f"only {pairs} pairs of frames at which events tell a pixel's level (slow motion, little texture, or dark)"
-    )
+    too_few = f"only {pairs} pairs of frames at which events determine a level (slow motion, little texture, or dark)"
     if declared is None or not state:
         return too_few
     ours, theirs = ("linear", "log") if declared.model == "linear" else ("log", "linear")
@@ -227,7 +225,7 @@ def fit_thresholds(state: Sequence[LevelSums], facts: Facts) -> ThresholdFit | s
     least = min(fit.relative_sigma, other.relative_sigma if other is not None else fit.relative_sigma)
     if least > FOLLOWS:
         return (
-            f"events do not follow the frames at all: what is left is {least:.3g} thresholds "
+            f"events do not agree with the frames: the residual is {least:.3g} thresholds "
             "(see event_response.orientation)"
         )
     overshoot = sum(sums.overshoot * sums.pairs for sums in state) / pairs

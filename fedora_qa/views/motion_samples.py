@@ -373,7 +373,7 @@ def location_of(facts: Facts, stream: str, start_ns: int, stop_ns: int | None = 
 def why_unusable(facts: Facts, *streams: str) -> str:
     """Return a sentence that names the streams without a usable clock; empty where all have one."""
     unusable = [stream for stream in streams if not facts.clocks[stream].usable]
-    return f"most stamps of {' and '.join(unusable)} do not advance" if unusable else ""
+    return f"most timestamps of {' and '.join(unusable)} do not increase" if unusable else ""
 
 
 def _sharpened(values: Float64) -> Float64:

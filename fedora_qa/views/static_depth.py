@@ -11,7 +11,7 @@ def why_no_static_depth(facts: Facts) -> str:
     """Return why moving objects cannot be left out; empty where they can, or where no object moves by itself."""
     if facts.declared.flow_model != "scene" or masked_flows(facts):
         return ""
-    return "objects move on their own (flow model 'scene'), and no mask says which"
+    return "objects move (flow model 'scene'), and no mask marks their pixels"
 
 
 def masked_flows(facts: Facts) -> tuple[str, ...]:

@@ -104,16 +104,16 @@ def optics_of(facts: Facts) -> Optics | str:
     rgb, depth = cameras.get("rgb"), cameras.get("depth")
     for camera in (rgb, depth):
         if camera is not None and camera.model != "pinhole":
-            return f"a camera is declared as {camera.model}, and only a pinhole is modelled"
+            return f"a camera is declared as {camera.model}; the check needs pinholes"
     if rgb is None or depth is None:
         return Optics(None, 1.0)
     if reason := why_not_one_lens(rgb, depth, ("rgb", "depth")):
         return reason
     if np.abs(rgb.T_body_camera[:3, 3] - depth.T_body_camera[:3, 3]).max() > CENTRES_AGREE_M:
-        return "the colour camera sits elsewhere than the depth camera, on whose grid flow lies"
+        return "the colour camera is not at the position of the depth camera, whose grid flow has"
     R_rgb_depth = rgb.T_body_camera[:3, :3].T @ depth.T_body_camera[:3, :3]
     if rgb.lens is not None and np.abs(R_rgb_depth - np.eye(3)).max() > AXES_AGREE:
-        return "the colour camera looks in another direction than the depth camera, and their lens is distorted"
+        return "the optical axes of the colour and depth cameras differ, and their lens is distorted"
     # Homography of a pure rotation, H = K_rgb R K_depth^-1 (Hartley and Zisserman 2004, ch. 8.4): centres agree.
     H = rgb.K @ R_rgb_depth @ np.linalg.inv(depth.K)
     H_rgb_flow = H / H[2, 2]

@@ -71,14 +71,14 @@ def test_a_pass_names_what_it_could_not_see() -> None:
     """One sharp value among blunt ones can pass; the reason says which faults would have gone unseen, with numbers."""
     result = judged(Observation(SEEN, (SHARP, BLUNT))).result
     assert result.outcome == "passed"
-    assert result.reason == "could not be seen where it matters: drift (from 5.7 ppm on; 2 ppm matters)"
+    assert result.reason == "detection limit too large: drift (5.7 ppm; at most 2 ppm is of use)"
 
 
 def test_a_warning_names_what_it_could_not_see() -> None:
     """What is blind does not get lost behind what is unusual."""
     result = judged(Observation(SEEN, (SHARP, BLUNT), (Notice("toy.whole.odd", "odd but legal"),))).result
     assert result.outcome == "warned"
-    assert result.reason.startswith("odd but legal; could not be seen where it matters: drift")
+    assert result.reason.startswith("odd but legal; detection limit too large: drift")
 
 
 def test_a_reason_stays_short() -> None:
@@ -116,7 +116,7 @@ def test_a_pass_has_seen_something(of: int) -> None:
     """No check passes on rows that are not there, or that it did not see."""
     result = judged(Observation(Coverage(0, of, "rows"), (measured(),))).result
     assert (result.outcome, result.reason) == (
-        "not_observable", "none of 10 rows could be seen" if of else "there are no rows"
+        "not_observable", "none of 10 rows could be measured" if of else "there are no rows"
     )  # fmt: skip
 
 

@@ -176,10 +176,10 @@ def test_checks_with_one_reason_stand_together() -> None:
 def test_what_went_unseen_is_said_beside_passes_and_warnings() -> None:
     """A pass that could not see all of what matters says so, and so does a warning, beyond what it warns of."""
     unusual = (Finding("F1", "a.b.c", "warning", "unusual", Where()),)
-    warned = Result("a.b", "warned", "?", reason="unusual; could not be seen: drift", findings=unusual)
-    assert reasons((replace(passed(), reason="could not be seen: drift"), warned)) == (
-        f"{passed().check} (passed): could not be seen: drift",
-        "a.b (warned): could not be seen: drift",
+    warned = Result("a.b", "warned", "?", reason="unusual; detection limit too large: drift", findings=unusual)
+    assert reasons((replace(passed(), reason="detection limit too large: drift"), warned)) == (
+        f"{passed().check} (passed): detection limit too large: drift",
+        "a.b (warned): detection limit too large: drift",
     )
 
 

@@ -357,7 +357,7 @@ def _fitted_offset(sums: Sequence[TimingSums], facts: Facts) -> tuple[ClockOffse
         estimates.append(offset_by_levels(by_levels, declared))
     finite = [estimate for estimate in estimates if estimate is not None]
     if not finite:
-        return None, by_levels if isinstance(by_levels, str) else "events do not follow the frames"
+        return None, by_levels if isinstance(by_levels, str) else "events do not agree with the frames"
     # By error and bound together, since a limit is made of both.
     return min(finite, key=lambda estimate: estimate.error_s + estimate.bound_s), ""
 

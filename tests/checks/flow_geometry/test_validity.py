@@ -223,4 +223,4 @@ def broken(facts: Facts) -> Facts:
 def test_broken_depth_clock_is_not_observable() -> None:
     """Frames that share one stamp cannot be placed."""
     observation = observe(FlowGeometryValidity(), replace(clean(), facts=broken(clean().facts)))
-    assert "do not advance" in observation.unobservable
+    assert "do not increase" in observation.unobservable

@@ -135,4 +135,4 @@ def test_timestamps_that_do_not_advance_are_said(path: Path) -> None:
     file = MotionFile().altered(pose_times_s=np.zeros(401))
     result = run_check(file.write(path), "pose.continuity")
     assert result.outcome == "not_observable"
-    assert "do not advance" in result.reason
+    assert "do not increase" in result.reason
