@@ -34,7 +34,7 @@ class Explanation:
     check
         Name of the check.
     needs
-        Streams without which the question cannot be asked.
+        Streams without which the question cannot be answered.
     question
         First line of its docstring.
     measured

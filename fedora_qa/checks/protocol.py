@@ -139,9 +139,9 @@ class Check(ABC, Generic[State]):
     name: str
     """``<subject>.<property>``."""
     needs: tuple[str, ...] = ()
-    """Streams without which the question cannot be asked. ``flow`` stands for at least one rate."""
+    """Streams without which the question cannot be answered. ``flow`` stands for at least one rate."""
     looks_at: tuple[str, ...] = ()
-    """Further streams whose stored steps it looks at, where the file has them."""
+    """Further streams whose stored steps it uses, where the file has them."""
 
     @property
     def question(self) -> str:

@@ -110,7 +110,7 @@ def optics_of(facts: Facts) -> Optics | str:
     if reason := why_not_one_lens(rgb, depth, ("rgb", "depth")):
         return reason
     if np.abs(rgb.T_body_camera[:3, 3] - depth.T_body_camera[:3, 3]).max() > CENTRES_AGREE_M:
-        return "the colour camera is not at the position of the depth camera, whose grid flow has"
+        return "the colour camera is not at the position of the depth camera, whose pixel grid flow uses"
     R_rgb_depth = rgb.T_body_camera[:3, :3].T @ depth.T_body_camera[:3, :3]
     if rgb.lens is not None and np.abs(R_rgb_depth - np.eye(3)).max() > AXES_AGREE:
         return "the optical axes of the colour and depth cameras differ, and their lens is distorted"

@@ -201,7 +201,7 @@ def _interval_ns(flow_stream: str) -> float:
 def _nominal_period_ns(stream: str, period_ns: float, clock: Clock) -> float:
     """Return the nearest nominal period, ns; for flow the one in the stream's name, or a multiple of it.
 
-    Flow may have a field for each second or third interval alone: its fields then last as long as the name says.
+    Flow may have a field for only each second or third interval: its fields then last as long as the name states.
     Nominal rates of others are whole numbers of Hz, exactly or with a period rounded to whole microseconds (as many
     recorders write), and 1000/1001 of video rates (29.97 Hz and others).
     """

@@ -32,7 +32,8 @@ class ClocksUnit(FactsCheck):
     factors considered are those of seconds, milliseconds and nanoseconds written as microseconds, and 32: a simulation
     that runs 32 times slower than real time, with timestamps of the wall clock. Timestamps that increase by exactly
     one, while other streams last more than twice as long, are sample numbers; their factor is one microsecond over the
-    period. Three or more successive steps that are too long by one of the factors are a part in another unit.
+    period. Three or more successive steps that are too long or too short by one of the factors are a part in another
+    unit.
 
     Noise model
     -----------

@@ -132,11 +132,11 @@ class EventResponseConservation(Check[ConservationState]):
 
     Noise model
     -----------
-    Each frame gives a certain bound on the signal: half a step of the 8-bit code, which in L is proportional to 1/I,
-    plus the possible values of the pixels that a footprint cuts. Dark and curved regions need no mask: their bounds are
-    only wider. The thresholds of a pixel are constant: their declared spread widens the law by five sigma an event. A
-    declared leak moves the law. As many violations are allowed as declared spurious events may have caused; under a
-    declared low-pass, also the pixels with events around frame times.
+    The bounds of the signal by a frame hold with certainty: half a step of the 8-bit code, which in L is proportional
+    to 1/I, plus the possible values of the pixels that a footprint cuts. Dark and curved regions need no mask: their
+    bounds are only wider. The thresholds of a pixel are constant: their declared spread widens the law by five sigma an
+    event. A declared leak moves the law. As many violations are allowed as declared spurious events may have caused;
+    under a declared low-pass, also the pixels with events around frame times.
 
     No bound covers a renderer that samples its pixels too coarsely. Frames in which the cut pixels alone leave the
     signal uncertain by C+ + C- or more are therefore not used: their bound would have to be exact, and events determine

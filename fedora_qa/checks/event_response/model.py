@@ -41,8 +41,8 @@ class EventResponseModel(WindowCheck[LevelSums]):
 
     Sources
     -------
-    First principles (``estimators/events/threshold_fit.py``). The linear model is that of the simulated DVS
-    plugin, the log model that of the dynamic vision sensor (Lichtsteiner, Posch and Delbruck 2008).
+    First principles (``estimators/events/threshold_fit.py``). The linear model is that of the simulated DVS plugin, the
+    log model that of the dynamic vision sensor (Lichtsteiner, Posch and Delbruck 2008).
     """
 
     name = "event_response.model"

@@ -80,9 +80,9 @@ class EventResponseThreshold(WindowCheck[WeightedLevelSums]):
     of events as a nuisance parameter. Frames are averaged over the footprints of the event camera's pixels in linear
     intensity. Where an edge crosses a frame pixel that the border of a footprint cuts, its share is uncertain, and
     contrast appears too small. The fit is therefore made twice. In the first fit, all samples of the shortest gaps have
-    equal weight. In the second, each sample is weighted by the difference between two estimates of it, with uniform and
-    edge-aware footprints and with straight lines and cubics between events (``precision_weights``). The fit with the
-    smaller sum of error and bound is stated.
+    equal weight. In the second, a sample has less weight the more two estimates of it differ: by uniform and edge-aware
+    footprints, or by straight lines and cubics between events (``precision_weights``). The fit with the smaller sum of
+    error and bound is stated.
 
     Noise model
     -----------

@@ -239,9 +239,9 @@ class FlowEventsSharpness(WindowCheck[tuple[FieldSharpness, ...]]):
 
     Sources
     -------
-    G. Gallego, H. Rebecq, D. Scaramuzza, A unifying contrast maximization framework, CVPR (2018), eq. 1 to 4.
-    T. Stoffregen, L. Kleeman, Event cameras, contrast maximization and reward functions, CVPR (2019).
-    S. Shiba, Y. Aoki, G. Gallego, Event collapse, Sensors 22 (2022): why events go to the middle of the interval.
+    G. Gallego, H. Rebecq, D. Scaramuzza, A unifying contrast maximization framework, CVPR (2018), eq. 1 to 4. T.
+    Stoffregen, L. Kleeman, Event cameras, contrast maximization and reward functions, CVPR (2019). S. Shiba, Y. Aoki,
+    G. Gallego, Event collapse, Sensors 22 (2022): why events go to the middle of the interval.
     """
 
     name = "flow_events.sharpness"

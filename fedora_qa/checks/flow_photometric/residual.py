@@ -129,15 +129,15 @@ class FlowPhotometricResidual(WindowCheck[WindowResiduals]):
 
     Cannot detect
     -------------
-    Errors along the edges of a scene whose texture has one direction. Gains in slow fields. Tiles in which rounding or
-    noise hides 0.1 px, or whose ground is seen at a grazing angle, are not used: walls and night scenes may be not
-    observable. Where poses are noisy, time is not fitted.
+    Errors along the edges of a scene whose texture has one direction. All but large gains in slow fields. Tiles in
+    which rounding or noise hides 0.1 px, or whose ground has a grazing angle, are not used: walls and night scenes may
+    be not observable. Where poses are noisy, time is not fitted.
 
     Sources
     -------
     B. D. Lucas, T. Kanade, IJCAI (1981) 674; S. Birchfield (1997) for the symmetric gradient; M. Unser, IEEE Signal
-    Process. Mag. 16 (1999) 22 for the spline; J. Westerweel, Meas. Sci. Technol. 8 (1997) 1379 for peak locking; R.
-    T. Birge, Phys. Rev. 40 (1932) 207. Derivations: `estimators/flow/residual.py`, `field_fit.py`.
+    Process. Mag. 16 (1999) 22 for the spline; J. Westerweel, Meas. Sci. Technol. 8 (1997) 1379 for peak locking; R. T.
+    Birge, Phys. Rev. 40 (1932) 207. Derivations: `estimators/flow/residual.py`, `field_fit.py`.
     """
 
     name = "flow_photometric.residual"

@@ -138,8 +138,8 @@ class ImagesExposure(WindowCheck[WindowExposure]):
     The error of a pair is that of a median over tiles, from their spread and from rounding, combined with the spread of
     all pairs (median absolute deviation). The bound is 0.2%, for points that the flow misses by part of a pixel.
     Without flow, motion makes tiles differ, and errors are ten times as large: only jumps of many percent are then
-    detected. Of the probability that any code is missing among frequent ones, the codes of one gain and no others have
-    less than one thousandth.
+    detected. The probability that exactly the codes of one gain are missing by chance is less than a thousandth of the
+    probability that any frequent code is missing.
 
     Cannot detect
     -------------

@@ -106,8 +106,9 @@ class ImagesRepeats(WindowCheck[tuple[FrameDigest, ...]]):
     ---
     Frames are compared by their digests, each with all earlier ones. A repeat is a fault if another stream proves a
     change of the image. The fastest flow or the pose proves it if it moves steep gradients of the frame by more than
-    rounding can hide. Events prove it if they are as many as between frames that differ. A camera that returns to an
-    earlier pose may take the same image again. Frames of one value throughout are tested by ``images.exposure``.
+    rounding can hide. Events prove it if there are at least 50, and half as many as the median between frames that
+    differ. A camera that returns to an earlier pose may take the same image again. Frames of one value throughout are
+    tested by ``images.exposure``.
 
     Noise model
     -----------
