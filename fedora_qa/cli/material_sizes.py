@@ -1,4 +1,4 @@
-"""The sizes from which a check's deviations matter, in words, for ``fedora-qa explain`` and its pages."""
+"""The sizes from which a check's deviations are material, in words, for ``fedora-qa explain`` and its pages."""
 
 from fnmatch import fnmatchcase
 from typing import Final
@@ -25,7 +25,7 @@ def _sizes(row: MaterialityRow) -> str:
     if row.exact:
         return "every deviation"
     if row.drift:
-        return f"what adds up to {row.release:g} ms over the file, for training {row.training:g} ms"
+        return f"the rate that adds up to {row.release:g} ms over the file, for training {row.training:g} ms"
     if row.relative:
         return f"{row.release:.3g} of the expected value, for training {row.training:.3g}"
     return f"from {with_unit(row.release, row.unit)} on, for training {with_unit(row.training, row.unit)}"
