@@ -236,7 +236,9 @@ def test_camera_elsewhere_is_not_applicable() -> None:
     T = camera.T_body_camera.copy()
     T[0, 3] += 0.1
     cameras = {**clean().facts.declared.cameras, "rgb": replace(camera, T_body_camera=T)}
-    assert "position of the depth camera" in FlowPhotometricResidual().not_applicable(clean().declaring(cameras=cameras).facts)
+    assert "position of the depth camera" in FlowPhotometricResidual().not_applicable(
+        clean().declaring(cameras=cameras).facts
+    )
 
 
 def test_frames_between_intervals_are_not_observable() -> None:
