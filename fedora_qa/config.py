@@ -57,8 +57,8 @@ DEFAULT_MEMORY: Final = "1GB"
 """Of one job."""
 
 JOB_MEMORY_BYTES: Final = 700 * 10**6
-"""Memory of each of more jobs, where only their number is stated. Of a file of 1440x1080, two jobs decode 105% of the bytes
-with 1.3 GB and more, and 153% with 1 GB: rows that neighbouring windows share are decoded again."""
+"""Memory of each of more jobs, where only their number is stated. Of a file of 1440x1080, two jobs decode 105% of the
+bytes with 1.3 GB and more, and 153% with 1 GB: rows that neighbouring windows share are decoded again."""
 
 LEAST_JOB_MEMORY_BYTES: Final = 500 * 10**6
 """Memory that is stated starts no more jobs than get this much each."""

@@ -19,8 +19,8 @@ blue, or too few edges to tell a delay."""
 
 
 MESH_STEP_US = 2000
-"""Least step between renders of a world of meshes, of which each takes 0.1 s. At an eighth of the full size an image moves
-in 2 ms by a quarter of the pixels that it moves in 1 ms at full size."""
+"""Least step between renders of a world of meshes, of which each takes 0.1 s. At an eighth of the full size an image
+moves in 2 ms by a quarter of the pixels that it moves in 1 ms at full size."""
 
 
 def small_scene(name: str, width: int = 270, height: int = 200) -> Scene:
