@@ -59,7 +59,7 @@ def run_check(
     record = record_of(runs, settings, started, {"jobs": jobs, **workers})
     record = with_budget(record, budget) if budget else record
     outputs.write(record, evidence_arrays(runs))
-    print_record(record, github=outputs.github, detail=detail)
+    print_record(record, outputs, detail)
     return exit_code(record.files, settings.fail_on)
 
 

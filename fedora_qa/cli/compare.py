@@ -9,7 +9,8 @@ from typing import Any, Final
 from numpy.typing import NDArray
 
 from fedora_qa.cli.arrays import arrays_beside, read_arrays
-from fedora_qa.cli.console import print_table, stdout_console, text
+from fedora_qa.cli.console import print_table, text
+from fedora_qa.cli.documents import write_document
 from fedora_qa.cli.measured_file import Reading, measured_file, reading_of
 from fedora_qa.cli.outputs import Outputs
 from fedora_qa.cli.sequences import HDF5_SUFFIXES, require_hdf5
@@ -29,7 +30,6 @@ from fedora_qa.comparison.types import COMPARISON, Design
 from fedora_qa.errors import MisuseError
 from fedora_qa.layout.dialect import Dialect, split_choice
 from fedora_qa.layout.folder import is_sequence
-from fedora_qa.record.atomic import write_text
 from fedora_qa.record.evidence import MOMENTS, TRAJECTORY
 from fedora_qa.record.json_io import read_record
 
@@ -47,31 +47,28 @@ def run_compare(
     metadata: str | None,
     memory: str,
     allow_external: tuple[str, ...],
-    json_path: Path | None,
-    html_path: Path | None,
-    markdown_path: Path | None,
-    latex_path: Path | None,
+    outputs: Outputs,
 ) -> int:
     """Do what the command says and return its exit code."""
     reading = reading_of(dialect, metadata, memory, allow_external)
     sources = sources_of(paths, split_choice(reading.dialect)[0])
     read = [path for source in sources for path in source.paths]
     # The arrays beside each record are inputs as well: no output may overwrite them.
-    Outputs(json_path, markdown_path, html_path, (latex_path,)).require_writable([*read, *map(arrays_beside, read)])
+    outputs.require_writable([*read, *map(arrays_beside, read)])
     inputs = read_sources(sources, reading)
     comparison = compare_subjects(inputs, design, false_alarm_rate)
-    if json_path:
-        write_text(json_path, COMPARISON.to_json(comparison))
-    if markdown_path:
-        write_text(markdown_path, comparison_to_markdown(comparison))
-    if latex_path:
+    if outputs.json:
+        write_document(outputs.json, COMPARISON.to_json(comparison))
+    if outputs.markdown:
+        write_document(outputs.markdown, comparison_to_markdown(comparison))
+    if outputs.latex:
         of_pairs = (table for pair in pair_tables(comparison) for table in pair.tables)
-        write_text(latex_path, tables_to_latex([*paper_tables(comparison), *of_pairs]))
-    if html_path:
+        write_document(outputs.latex, tables_to_latex([*paper_tables(comparison), *of_pairs]))
+    if outputs.html:
         from fedora_reports.comparison import render_comparison  # noqa: PLC0415 - an extra
 
-        write_text(html_path, render_comparison(comparison, shared_evidence_of(inputs)))
-    console = stdout_console()
+        write_document(outputs.html, render_comparison(comparison, shared_evidence_of(inputs)))
+    console = outputs.console()
     for sentence in conclusions_of(comparison):
         console.print(text(sentence, "bold"))
     console.print()

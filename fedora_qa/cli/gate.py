@@ -28,7 +28,7 @@ def run_gate(
     # Evidence needs a follow-up of the worst places; it is gathered only where an output shows it.
     gated = gate_release(plan, evidence=outputs.show_evidence, with_digests=certificate is not None)
     outputs.write(gated.record, gated.arrays)
-    print_record(gated.record, github=outputs.github, detail=detail)
+    print_record(gated.record, outputs, detail)
     if certificate and gated.is_clean:
         gated.write_certificate(certificate)
     elif certificate:

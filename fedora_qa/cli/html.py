@@ -1,7 +1,6 @@
 """The report as one HTML file. ``fedora_reports`` is an optional package, imported only where a report is requested."""
 
 from collections.abc import Mapping
-from pathlib import Path
 from typing import Any
 
 from numpy.typing import NDArray
@@ -9,7 +8,6 @@ from numpy.typing import NDArray
 from fedora_qa.cli.detection_power import pass_detection_power
 from fedora_qa.comparison.types import Comparison
 from fedora_qa.errors import MisuseError
-from fedora_qa.record.atomic import write_text
 from fedora_qa.record.types import Record
 from fedora_qa.scoring.types import Score
 
@@ -51,8 +49,8 @@ def render_score_or_none(score: Score) -> str | None:
     return render_score(score)
 
 
-def write_html(target: Path, record: Record, arrays: Mapping[str, NDArray[Any]]) -> None:
-    """Draw the report from a record and its arrays, and write it entirely or not at all."""
+def render_record(record: Record, arrays: Mapping[str, NDArray[Any]]) -> str:
+    """Draw the report from a record and its arrays, with the detection power that was measured."""
     from fedora_reports.html import render_html  # noqa: PLC0415 - an extra
 
-    write_text(target, render_html(record, arrays, pass_detection_power()))
+    return render_html(record, arrays, pass_detection_power())

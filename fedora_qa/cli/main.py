@@ -95,7 +95,7 @@ def run(arguments: Sequence[str]) -> int:
         if isinstance(error, click.ClickException):
             error.show()
         else:
-            click.echo(f"fedora-qa: {unobeyed(str(error))}", err=True)
+            _print_error(str(error))
         if isinstance(error, click.ClickException | MisuseError):
             return MISUSE
         # An unreadable file is a finding about the file; any other error leaves open whether there are findings.
@@ -122,6 +122,17 @@ def run(arguments: Sequence[str]) -> int:
             err=True,
         )
         return INCOMPLETE
+
+
+def _print_error(message: str) -> None:
+    """Print an error on stderr: in a terminal its lines end between words, elsewhere it is one line."""
+    line = f"{PROGRAM}: {unobeyed(message)}"
+    if not sys.stderr.isatty():
+        click.echo(line, err=True)
+        return
+    from fedora_qa.cli.console import stderr_console, text  # noqa: PLC0415 - other commands need none of it
+
+    stderr_console().print(text(line))
 
 
 def _invoke(arguments: list[str]) -> int:

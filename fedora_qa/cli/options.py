@@ -3,11 +3,12 @@
 from collections.abc import Callable
 from functools import wraps
 from pathlib import Path
-from typing import Any, Final
+from typing import Any, Final, Literal
 
 import click
 
-from fedora_qa.cli.completion import complete_check
+from fedora_qa.cli.completion import complete_check, complete_dialect, complete_file
+from fedora_qa.cli.documents import document_paths
 from fedora_qa.errors import MisuseError
 
 PATH: Final = click.Path(path_type=Path)
@@ -36,12 +37,14 @@ config_option: Final = click.option(
 dialect_option: Final = click.option(
     "--dialect",
     metavar="NAME|FILE.toml",
+    shell_complete=complete_dialect,
     help="How the files name and scale their data; recognised from each file where absent.",
 )
 
 metadata_option: Final = click.option(
     "--metadata",
     metavar="FILE.toml",
+    shell_complete=complete_file,
     help="Declarations that the files lack, in a table [metadata]: cameras, thresholds, noise. They take precedence.",
 )
 
@@ -68,8 +71,24 @@ _OPTIONS: Final = (
 )
 
 _json_option = click.option(
-    "--json", type=PATH, metavar="OUT", help="Write the record, and its evidence to OUT.arrays.npz."
+    "--json", type=PATH, metavar="OUT", help="Write the record, and its evidence to OUT.arrays.npz; - is stdout."
 )
+
+_TABLE_OPTIONS: Final = {
+    "json": click.option("--json", type=PATH, metavar="OUT", help="Write every number; - is stdout."),
+    "html": click.option("--html", type=PATH, metavar="OUT", help="Write tables and plots, in one HTML file."),
+    "markdown": click.option("--markdown", type=PATH, metavar="OUT", help="Write the tables."),
+    "latex": click.option("--latex", type=PATH, metavar="OUT", help="Write the tables for a paper."),
+}
+
+
+def _format_option(*formats: str) -> Callable[[Callable[..., int]], Callable[..., int]]:
+    return click.option(
+        "--format",
+        "form",
+        type=click.Choice(formats),
+        help="Print this alone on stdout, and what people read on stderr.",
+    )
 
 
 def detail_options(command: Callable[..., int]) -> Callable[..., int]:
@@ -100,19 +119,21 @@ def output_options(command: Callable[..., int]) -> Callable[..., int]:
         csv: Path | None,
         parquet: Path | None,
         github: bool,
+        form: str | None,
         json: Path | None = None,
         **others: Any,
     ) -> int:
         from fedora_qa.cli.outputs import Outputs  # noqa: PLC0415 - loads NumPy, which no help needs
 
-        outputs = Outputs(
-            json=json, markdown=markdown, html=html, junit=junit, sarif=sarif, badge=badge, csv=csv, parquet=parquet,
-            github=github,
-        )  # fmt: skip
+        documents = {"json": json, "html": html, "markdown": markdown, "junit": junit, "sarif": sarif, "badge": badge}
+        paths = document_paths(form, documents)
+        # Annotations are no file of their own: on stdout alone, they take the place of the summary.
+        alone = paths.pop("github", None) is not None
+        outputs = Outputs(**paths, csv=csv, parquet=parquet, github=github or alone, summary=not alone)
         return command(outputs=outputs, **others)
 
     # click lists options in the order of decorators from top to bottom, and the last one applied is the top one.
-    for option in reversed(_OPTIONS):
+    for option in reversed((*_OPTIONS, _format_option("json", "markdown", "junit", "sarif", "github"))):
         with_outputs = option(with_outputs)
     return with_outputs
 
@@ -120,3 +141,33 @@ def output_options(command: Callable[..., int]) -> Callable[..., int]:
 def record_options(command: Callable[..., int]) -> Callable[..., int]:
     """Add ``--json`` and the options that render a record; the command gets them as ``outputs``."""
     return _json_option(output_options(command))
+
+
+def table_options(
+    *documents: Literal["json", "html", "markdown", "latex"], has_format: bool = True
+) -> Callable[[Callable[..., int]], Callable[..., int]]:
+    """Return what adds the options that write tables; the command gets them as ``outputs``.
+
+    Parameters
+    ----------
+    documents
+        What the command can write, in the order of its help.
+    has_format
+        Whether to add ``--format``, which prints a document; without it, ``-`` is the path of stdout all the same.
+    """
+
+    def decorator(command: Callable[..., int]) -> Callable[..., int]:
+        @wraps(command)
+        def with_outputs(**others: Any) -> int:
+            from fedora_qa.cli.outputs import Outputs  # noqa: PLC0415 - loads NumPy, which no help needs
+
+            form = others.pop("form") if has_format else None
+            paths = document_paths(form, {name: others.pop(name) for name in documents})
+            return command(outputs=Outputs(**paths), **others)
+
+        formats = [_format_option(*(name for name in documents if name != "html"))] if has_format else []
+        for option in reversed([*(_TABLE_OPTIONS[name] for name in documents), *formats]):
+            with_outputs = option(with_outputs)
+        return with_outputs
+
+    return decorator

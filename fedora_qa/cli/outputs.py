@@ -2,33 +2,43 @@
 
 import os
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 from numpy.typing import NDArray
+from rich.console import Console
 
 from fedora_qa.cli.arrays import arrays_beside, write_arrays
-from fedora_qa.cli.html import require_renderer, write_html
+from fedora_qa.cli.console import stderr_console, stdout_console
+from fedora_qa.cli.documents import STDOUT, write_document
+from fedora_qa.cli.html import render_record, require_renderer
 from fedora_qa.cli.parquet import PARQUET_NAMES, require_parquet, write_parquet
 from fedora_qa.cli.rule_help import rule_helps
 from fedora_qa.errors import MisuseError
-from fedora_qa.record.atomic import write_text
 from fedora_qa.record.badge import record_to_badge
 from fedora_qa.record.csv_tables import CSV_NAMES, record_to_csv
-from fedora_qa.record.json_io import write_record
+from fedora_qa.record.json_io import record_to_json
 from fedora_qa.record.junit import record_to_junit
 from fedora_qa.record.markdown import record_to_markdown
 from fedora_qa.record.sarif import record_to_sarif
-from fedora_qa.record.types import Record
+from fedora_qa.record.types import FileRecord, Record
 
 
 @dataclass(frozen=True, slots=True)
 class Outputs:
-    """Where to write what; None is not written.
+    """Where to write what; None is not written, and ``STDOUT`` is printed.
 
-    ``own`` is what a command writes by itself: a dialect, tables. ``csv`` and ``parquet`` are folders, and may be one.
-    ``github`` is whether to print annotations.
+    Attributes
+    ----------
+    own
+        What a command writes by itself: a dialect, a drawing.
+    csv, parquet
+        Folders, which may be the same.
+    github
+        Whether to print annotations.
+    summary
+        Whether to print what people read.
     """
 
     json: Path | None = None
@@ -38,24 +48,34 @@ class Outputs:
     junit: Path | None = None
     sarif: Path | None = None
     badge: Path | None = None
+    latex: Path | None = None
     csv: Path | None = None
     parquet: Path | None = None
     github: bool = False
+    summary: bool = True
 
     @property
     def arrays(self) -> Path | None:
-        """Where the evidence arrays lie: beside the record."""
-        return arrays_beside(self.json) if self.json else None
+        """Where the evidence arrays lie: beside the record; a record on stdout has none."""
+        return arrays_beside(self.json) if self.json and self.json != STDOUT else None
 
     @property
     def show_evidence(self) -> bool:
         """Whether an output is written that holds the evidence."""
-        return self.json is not None or self.html is not None
+        return self.arrays is not None or self.html is not None
+
+    @property
+    def _documents(self) -> tuple[Path | None, ...]:
+        return (self.json, self.markdown, self.html, self.junit, self.sarif, self.badge, self.latex)
+
+    def console(self) -> Console:
+        """Return where to print what people read: stderr where a document has stdout to itself."""
+        return stderr_console() if STDOUT in self._documents else stdout_console()
 
     def require_writable(self, inputs: Sequence[Path]) -> None:
         """Raise ``MisuseError`` where an output cannot be written, or would overwrite an input or another output."""
-        alone = (self.json, self.arrays, self.markdown, self.html, *self.own, self.junit, self.sarif, self.badge)
-        targets = [path for path in alone if path is not None]
+        documents = (path for path in self._documents if path != STDOUT)
+        targets = [path for path in (*documents, self.arrays, *self.own) if path is not None]
         for folder, names in ((self.csv, CSV_NAMES), (self.parquet, PARQUET_NAMES)):
             if not folder:
                 continue
@@ -90,23 +110,30 @@ class Outputs:
 
     def write(self, record: Record, arrays: Mapping[str, NDArray[Any]]) -> None:
         """Write everything; the arrays first, so that no record refers to what is not there."""
-        if self.json and self.arrays:
+        if self.arrays:
             write_arrays(self.arrays, arrays)
-            write_record(record, self.json)
+        if self.json:
+            # No arrays lie beside a record on stdout.
+            kept = record if self.arrays else replace(record, files=tuple(map(_without_evidence, record.files)))
+            write_document(self.json, record_to_json(kept))
         if self.markdown:
-            write_text(self.markdown, record_to_markdown(record))
+            write_document(self.markdown, record_to_markdown(record))
         if self.junit:
-            write_text(self.junit, record_to_junit(record))
+            write_document(self.junit, record_to_junit(record))
         if self.sarif:
-            write_text(self.sarif, record_to_sarif(record, rule_helps()))
+            write_document(self.sarif, record_to_sarif(record, rule_helps()))
         if self.badge:
-            write_text(self.badge, record_to_badge(record))
+            write_document(self.badge, record_to_badge(record))
         if self.csv:
             self.csv.mkdir(exist_ok=True)
             for name, table in record_to_csv(record).items():
-                write_text(self.csv / name, table)
+                write_document(self.csv / name, table)
         if self.parquet:
             self.parquet.mkdir(exist_ok=True)
             write_parquet(self.parquet, record)
         if self.html:
-            write_html(self.html, record, arrays)
+            write_document(self.html, render_record(record, arrays))
+
+
+def _without_evidence(file: FileRecord) -> FileRecord:
+    return replace(file, evidence={})

@@ -6,7 +6,8 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
-from fedora_qa.cli.console import print_table, stdout_console, text
+from fedora_qa.cli.console import print_table, text
+from fedora_qa.cli.documents import write_document
 from fedora_qa.cli.exit_codes import CLEAN, INCOMPLETE
 from fedora_qa.cli.html import require_renderer
 from fedora_qa.cli.outputs import Outputs
@@ -28,9 +29,7 @@ def run_power(
     config: Path | None,
     jobs: int | None,
     state: Path | None,
-    json_path: Path | None,
-    html_path: Path | None,
-    markdown_path: Path | None,
+    outputs: Outputs,
     svg_path: Path | None,
     publish: Path | None,
     publish_confidence: Path | None,
@@ -43,9 +42,7 @@ def run_power(
     options = replace(check_options(settings), evidence=None)
     manifests = {corpus: read_manifest(corpus) for corpus in corpora}
     require_other_names(manifests)
-    outputs = Outputs(
-        json=json_path, html=html_path, markdown=markdown_path, own=(svg_path, publish, publish_confidence)
-    )
+    outputs = replace(outputs, own=(svg_path, publish, publish_confidence))
     outputs.require_writable([corpus / MANIFEST for corpus in corpora])
     if svg_path:
         require_renderer()
@@ -73,25 +70,26 @@ def run_power(
         with progress_bar(corpus.name) as report:
             trials += run_study(manifest, kept, options, jobs, report)
     measured_power = power_of(trials, Origin(", ".join(corpus.resolve().name for corpus in corpora), started, settings))
-    if json_path:
-        write_text(json_path, POWER.to_json(measured_power))
+    if outputs.json:
+        write_document(outputs.json, POWER.to_json(measured_power))
     if publish:
         write_detection_power(detection_power_of(measured_power), publish)
     if publish_confidence:
         write_confidence(measured_power, publish_confidence)
-    if markdown_path:
+    if outputs.markdown:
         # A relative link works only where the drawing lies beside the page.
-        drawing = svg_path.name if svg_path and svg_path.parent.resolve() == markdown_path.parent.resolve() else ""
-        write_text(markdown_path, power_to_markdown(measured_power, drawing))
-    if html_path:
+        folder_of_page = outputs.markdown.parent.resolve()
+        drawing = svg_path.name if svg_path and svg_path.parent.resolve() == folder_of_page else ""
+        write_document(outputs.markdown, power_to_markdown(measured_power, drawing))
+    if outputs.html:
         from fedora_reports.power import render_power  # noqa: PLC0415 - an extra
 
-        write_text(html_path, render_power(measured_power))
+        write_document(outputs.html, render_power(measured_power))
     if svg_path:
         from fedora_reports.power import draw_power  # noqa: PLC0415 - an extra
 
         write_text(svg_path, draw_power(measured_power))
-    console = stdout_console()
+    console = outputs.console()
     console.print(text(headline(measured_power), "bold"))
     if measured_power.crashed:
         paths = ", ".join(measured_power.crashed[:3])

@@ -28,5 +28,5 @@ def run_report(record_path: Path, outputs: Outputs, detail: Detail) -> int:
             # A warning, not misuse: verdict, findings and tables need no arrays.
             click.echo(f"fedora-qa: {unobeyed(str(problem))}; the report is drawn without pictures", err=True)
     outputs.write(record, arrays)
-    print_record(record, github=outputs.github, detail=detail)
+    print_record(record, outputs, detail)
     return 0

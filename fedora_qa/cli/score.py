@@ -2,7 +2,8 @@
 
 from pathlib import Path
 
-from fedora_qa.cli.console import print_table, stdout_console, text
+from fedora_qa.cli.console import print_table, text
+from fedora_qa.cli.documents import write_document
 from fedora_qa.cli.exit_codes import CLEAN
 from fedora_qa.cli.isolated import run_isolated
 from fedora_qa.cli.outputs import Outputs
@@ -13,7 +14,6 @@ from fedora_qa.engine.tasks import opening_test
 from fedora_qa.engine.worker import Worker
 from fedora_qa.errors import MisuseError
 from fedora_qa.layout.dialect import DialectChoice, load_choice
-from fedora_qa.record.atomic import write_text
 from fedora_qa.scoring.predictions import PredictionsForm
 from fedora_qa.scoring.score import score_sequence
 from fedora_qa.scoring.tables import headline, score_tables, score_to_markdown
@@ -28,24 +28,22 @@ def run_score(
     dialect: str | None,
     metadata: str | None,
     allow_external: tuple[str, ...],
-    json_path: Path | None,
-    html_path: Path | None,
-    markdown_path: Path | None,
+    outputs: Outputs,
 ) -> int:
     """Do what the command says and return its exit code."""
     choice, folders = load_choice(dialect, metadata), external_folders(allow_external)
     require_readable(predictions, sequence)
-    Outputs(json_path, markdown_path, html_path).require_writable([predictions, sequence])
+    outputs.require_writable([predictions, sequence])
     score = scored_isolated(predictions, sequence, form, choice, folders)
-    if json_path:
-        write_text(json_path, SCORE.to_json(score))
-    if markdown_path:
-        write_text(markdown_path, score_to_markdown(score))
-    if html_path:
+    if outputs.json:
+        write_document(outputs.json, SCORE.to_json(score))
+    if outputs.markdown:
+        write_document(outputs.markdown, score_to_markdown(score))
+    if outputs.html:
         from fedora_reports.score import render_score  # noqa: PLC0415 - an extra
 
-        write_text(html_path, render_score(score))
-    console = stdout_console()
+        write_document(outputs.html, render_score(score))
+    console = outputs.console()
     for table in score_tables(score):
         print_table(console, table)
     for note in score.notes:

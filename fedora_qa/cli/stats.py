@@ -6,12 +6,12 @@ from pathlib import Path, PurePath
 from typing import Final
 
 from fedora_qa import __version__
-from fedora_qa.cli.console import print_table, stdout_console, text
+from fedora_qa.cli.console import print_table, text
+from fedora_qa.cli.documents import write_document
 from fedora_qa.cli.measured_file import measured_file, reading_of
 from fedora_qa.cli.outputs import Outputs
 from fedora_qa.cli.sequences import sequences_of
 from fedora_qa.comparison.tables import tables_to_latex
-from fedora_qa.record.atomic import write_text
 from fedora_qa.record.markdown import escape, table
 from fedora_qa.record.text_table import ABSENT, TextTable
 from fedora_qa.record.types import Scalar
@@ -32,26 +32,24 @@ def run_stats(
     metadata: str | None,
     memory: str,
     allow_external: tuple[str, ...],
-    json_path: Path | None,
-    markdown_path: Path | None,
-    latex_path: Path | None,
+    outputs: Outputs,
 ) -> int:
     """Do what the command says and return its exit code."""
     reading = reading_of(dialect, metadata, memory, allow_external)
     sequences = [place for place in sequences_of(files, reading.dialect, needs_rows=True) if isinstance(place, Path)]
-    Outputs(json_path, markdown_path, own=(latex_path,)).require_writable(sequences)
+    outputs.require_writable(sequences)
     by_file = {str(path): measured_file(path, reading).statistics for path in sequences}
     tables = tables_of(by_file)
-    if json_path:
+    if outputs.json:
         tool = {"name": "fedora-qa", "version": __version__}
         measured = [{"path": path, "statistics": statistics} for path, statistics in by_file.items()]
         # NaN is no JSON: an error here is better than a document that other parsers refuse.
-        write_text(json_path, json.dumps({"tool": tool, "files": measured}, indent=1, allow_nan=False) + "\n")
-    if markdown_path:
-        write_text(markdown_path, f"{tables_to_markdown(tables)}\n\n{escape(NOTES)}\n")
-    if latex_path:
-        write_text(latex_path, tables_to_latex(tables))
-    console = stdout_console()
+        write_document(outputs.json, json.dumps({"tool": tool, "files": measured}, indent=1, allow_nan=False) + "\n")
+    if outputs.markdown:
+        write_document(outputs.markdown, f"{tables_to_markdown(tables)}\n\n{escape(NOTES)}\n")
+    if outputs.latex:
+        write_document(outputs.latex, tables_to_latex(tables))
+    console = outputs.console()
     for source in tables:
         print_table(console, source)
     console.print(text(NOTES, "dim"))

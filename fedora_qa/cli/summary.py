@@ -13,7 +13,8 @@ from rich.padding import Padding
 from rich.table import Table
 from rich.text import Text
 
-from fedora_qa.cli.console import stdout_console, text
+from fedora_qa.cli.console import text
+from fedora_qa.cli.outputs import Outputs
 from fedora_qa.record.github import record_to_github, silenced
 from fedora_qa.record.types import Diagnosis, FileRecord, Outcome, Record, Result, Severity, Verdict
 from fedora_qa.record.wording import (
@@ -64,16 +65,19 @@ Detail = Literal["quiet", "normal", "verbose"]
 numbers."""
 
 
-def print_record(record: Record, *, github: bool, detail: Detail = "normal") -> None:
+def print_record(record: Record, outputs: Outputs, detail: Detail = "normal") -> None:
     """Print the summary, and annotations for GitHub if requested; GitHub obeys no command that a file contains."""
-    console = stdout_console()
-    if not github:
+    console = outputs.console()
+    if not outputs.summary:
+        click.echo(record_to_github(record), nl=False)
+        return
+    if not outputs.github:
         show_record(console, record, detail)
         return
     # Captured whole, because GitHub obeys commands in any line that is printed outside the silenced part.
     with console.capture() as captured:
         show_record(console, record, detail)
-    click.echo(silenced(captured.get()) + record_to_github(record), nl=False)
+    click.echo(silenced(captured.get()) + record_to_github(record), nl=False, err=console.stderr)
 
 
 def show_record(console: Console, record: Record, detail: Detail = "normal") -> None:

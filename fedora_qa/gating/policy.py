@@ -11,11 +11,12 @@ from typing import ClassVar, Final, Literal
 from pydantic import ConfigDict, TypeAdapter
 
 from fedora_qa.check_names import require_check_names
+from fedora_qa.checks.explanation import published_explanations
 from fedora_qa.config import RULESET_CHANGES, RULESET_VERSION, CheckConfig, files_beside, read_toml
 from fedora_qa.engine.run import select_checks
 from fedora_qa.errors import MisuseError, did_you_mean
 from fedora_qa.gating.release import is_plain
-from fedora_qa.gating.waivers import Waiver
+from fedora_qa.gating.waivers import Waiver, require_legal_names
 from fedora_qa.layout.canonical import FLOW_STREAMS, STREAMS, in_file_order, is_flow_stream
 from fedora_qa.record.types import Severity
 
@@ -130,6 +131,9 @@ def read_policy(path: Path) -> Policy:
                 )
     require_check_names(policy.severity, also=RULES)
     require_check_names([*policy.required_checks, *policy.check.select, *policy.check.ignore])
+    checks = [*(explained.check for explained in published_explanations()), *RULES[1:]]
+    for waiver in policy.waivers:
+        require_legal_names(waiver, checks)
     # Every required check is among those that the policy runs.
     running = {check.name for check in select_checks(policy.check.select, policy.check.ignore)}
     for name in policy.required_checks:

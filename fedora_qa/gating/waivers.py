@@ -1,14 +1,17 @@
 """Waivers: findings that somebody accepts until a day. A waiver that is not needed, or has expired, is a finding."""
 
-from collections.abc import Iterable
+from collections.abc import Collection, Iterable
 from dataclasses import dataclass, replace
 from datetime import date
 from typing import Annotated, ClassVar
 
 from pydantic import ConfigDict, Field
 
+from fedora_qa.causes import CAUSES, STREAMS
+from fedora_qa.errors import MisuseError, did_you_mean
 from fedora_qa.gating.release_result import ReleaseResult, Violation
 from fedora_qa.gating.severity_override import mark_findings
+from fedora_qa.layout.canonical import is_flow_stream
 from fedora_qa.record.several_files import FOLDER
 from fedora_qa.record.types import FileRecord, Finding, Result, Waived
 
@@ -50,6 +53,30 @@ class Waiver:
             self.cause == f"{diagnosis.stream}:{diagnosis.cause}" and finding.id in diagnosis.explains
             for diagnosis in file.diagnoses
         )
+
+
+def require_legal_names(waiver: Waiver, checks: Collection[str]) -> None:
+    """Raise ``MisuseError`` for a check, rule or cause that does not exist: such a waiver would never cover a finding.
+
+    Parameters
+    ----------
+    checks
+        Names of all checks, and of the rules about a release.
+    """
+    where = f"in the waiver of {waiver.owner} for {waiver.file}"
+    if waiver.check not in checks:
+        raise MisuseError(f"Expected a check {where}, got {waiver.check!r}{did_you_mean(waiver.check, checks)}")
+    # A code is the name of its check and that of a rule.
+    if waiver.code is not None and not waiver.code.startswith(f"{waiver.check}."):
+        raise MisuseError(f"Expected a code that begins with {waiver.check}. {where}, got {waiver.code!r}")
+    if waiver.cause is not None:
+        stream, _, cause = waiver.cause.partition(":")
+        if cause not in CAUSES or not (stream in STREAMS or is_flow_stream(stream)):
+            legal = [f"{stream}:{cause.identifier}" for cause in CAUSES.values() for stream in cause.streams]
+            raise MisuseError(
+                f"Expected a cause such as events:time_offset {where}, got {waiver.cause!r}"
+                f"{did_you_mean(waiver.cause, legal)}"
+            )
 
 
 def waive(name: str, file: FileRecord, waivers: Iterable[Waiver], today: date) -> FileRecord:

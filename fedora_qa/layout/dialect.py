@@ -18,6 +18,7 @@ from fedora_qa.errors import MisuseError, did_you_mean
 from fedora_qa.layout.binding import Polarity
 from fedora_qa.layout.canonical import (
     ATTRIBUTES,
+    DATASETS,
     FRAMES_OF_MAP,
     DatasetSpec,
     Size,
@@ -422,7 +423,8 @@ def _require_consistent(dialect: Dialect) -> None:
     # All keys before any unit: an unknown key has no canonical unit.
     for key, place in dialect.datasets.items():
         if not is_dataset_key(key):
-            raise MisuseError(f"datasets.{key}: Expected a canonical key such as path/events/t, got {key!r}")
+            hint = did_you_mean(key, DATASETS)
+            raise MisuseError(f"datasets.{key}: Expected a canonical key such as path/events/t, got {key!r}{hint}")
         fits = _CONVERTED.get(place.convert)
         if fits is not None and not fits(spec_of(key)):
             raise MisuseError(f"datasets.{key}.convert: Expected a conversion of such a dataset, got {place.convert!r}")
@@ -448,7 +450,8 @@ def _require_consistent(dialect: Dialect) -> None:
 def _require_known(metadata: Mapping[str, Declaration]) -> None:
     for key, value in metadata.items():
         if key not in METADATA_KEYS:
-            raise MisuseError(f"metadata.{key}: Expected a key such as metadata/cameras/events/K, got {key!r}")
+            hint = did_you_mean(key, METADATA_KEYS)
+            raise MisuseError(f"metadata.{key}: Expected a key such as metadata/cameras/events/K, got {key!r}{hint}")
         if key == KIND and value not in {"recorded", "synthetic"}:
             raise MisuseError(f"metadata.kind: Expected recorded or synthetic, got {value!r}")
         if key == VERTICAL and value != UNKNOWN:

@@ -31,7 +31,13 @@ COMMANDS: Final[Mapping[str, tuple[str, str]]] = MappingProxyType(
 """Where each command is in ``fedora_generator.commands``, and what it does, in the order in which help shows them."""
 
 
-@click.group(cls=LazyGroup, package="fedora_generator.commands", table=COMMANDS, no_args_is_help=False)
+@click.group(
+    cls=LazyGroup,
+    package="fedora_generator.commands",
+    table=COMMANDS,
+    no_args_is_help=False,
+    context_settings={"help_option_names": ["-h", "--help"]},
+)
 @click.version_option(package_name="fedora-qa")
 def commands() -> None:
     """Generate event-camera sequences whose truth is known, and plant faults in copies of them."""
@@ -56,5 +62,12 @@ def main() -> None:
 
 
 def _fail(message: str) -> None:
-    click.echo(f"Error: {message}", err=True)
+    line = f"Error: {message}"
+    if sys.stderr.isatty():
+        from rich.console import Console  # noqa: PLC0415 - other commands need none of it
+
+        # Lines end between words, at the width of the terminal.
+        Console(stderr=True, markup=False, highlight=False, emoji=False).print(line)
+    else:
+        click.echo(line, err=True)
     sys.exit(MISUSE_EXIT_CODE)

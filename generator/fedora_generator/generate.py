@@ -25,6 +25,7 @@ from fedora_generator.sampling import MOTION_BOUND_PX
 from fedora_generator.scene import Scene
 from fedora_generator.surroundings import Surroundings, render_surroundings, surroundings_of
 from fedora_qa.conventions import US_PER_S
+from fedora_qa.errors import did_you_mean
 
 RENDERED_STREAMS: Final = frozenset({"rgb", "depth", "events", "flow"})
 """Streams that are images of the world; the others follow from the flight alone."""
@@ -54,7 +55,8 @@ class Request:
         unknown = sorted(self.streams - set(STREAMS))
         if unknown or not self.streams:
             got = ", ".join(unknown) or "none"
-            raise SceneError(f"Expected streams among {', '.join(STREAMS)}, got {got}")
+            hint = did_you_mean(unknown[0], STREAMS) if unknown else ""
+            raise SceneError(f"Expected streams among {', '.join(STREAMS)}, got {got}{hint}")
         if self.quality not in MOTION_BOUND_PX:
             raise SceneError(f"Expected a quality among {', '.join(MOTION_BOUND_PX)}, got {self.quality!r}")
 

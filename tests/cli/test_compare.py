@@ -31,6 +31,8 @@ def test_a_planted_fault_is_a_new_finding(fedora_qa: Command, sequence: Path, tm
     assert [one["change"] for one in document["pairs"][0]["versions"]["findings"]] == ["new"]
     for kind in ("html", "markdown", "latex"):
         assert "new" in outputs[kind].read_text(encoding="utf-8")
+    printed = fedora_qa("compare", *records, "--format", "json")
+    assert (printed.out, printed.err) == (outputs["json"].read_text(encoding="utf-8"), done.out)
 
 
 def test_files_and_folders_are_measured(fedora_qa: Command, sequence: Path, tmp_path: Path) -> None:

@@ -10,6 +10,7 @@ from junitparser import JUnitXml
 
 from fedora_qa.cli.parquet import PARQUET_NAMES
 from fedora_qa.record.csv_tables import CSV_NAMES
+from fedora_qa.record.json_io import record_from_json
 from tests.cli.conftest import Command
 
 TIMESTAMPS = ("--select", "clocks.order", "--select", "index_maps")
@@ -82,3 +83,54 @@ def test_parquet_is_an_extra(fedora_qa: Command, sequence: Path, monkeypatch: py
     done = fedora_qa("check", *TIMESTAMPS, sequence, "--parquet", sequence.with_name("tables"))
     assert done.code == 2
     assert "pip install 'fedora-qa[parquet]'" in done.err
+
+
+def test_the_record_on_stdout_is_alone_there(fedora_qa: Command, unsorted: Path, tmp_path: Path) -> None:
+    """``--json -`` prints the record, which refers to no arrays; the summary is on stderr, and the exit code stays."""
+    done = fedora_qa("check", *TIMESTAMPS, unsorted, "--json", "-", "--html", tmp_path / "out.html")
+    assert done.code == 1
+    record = record_from_json(done.out)
+    assert [(file.verdict, file.evidence) for file in record.files] == [("findings", {})]
+    assert done.err.splitlines()[-1].split()[0] == "FINDINGS"
+    quiet = fedora_qa("check", *TIMESTAMPS, unsorted, "--quiet", "--format", "json")
+    assert record_from_json(quiet.out).files[0].results == record.files[0].results
+    assert (quiet.code, quiet.err.count("\n")) == (1, 1)
+
+
+def test_each_format_on_stdout_is_its_file(fedora_qa: Command, unsorted: Path, tmp_path: Path) -> None:
+    """What ``--format`` prints is what the option of that name writes; annotations stand without a summary."""
+    record = tmp_path / "out.json"
+    fedora_qa("check", *TIMESTAMPS, unsorted, "--json", record)
+    for name in ("markdown", "junit", "sarif"):
+        target = tmp_path / name
+        fedora_qa("report", record, f"--{name}", target)
+        printed = fedora_qa("report", record, "--format", name)
+        assert printed.out == target.read_text(encoding="utf-8")
+        assert "FINDINGS" in printed.err
+    printed, after = (fedora_qa("report", record, *github) for github in (("--format", "github"), ("--github",)))
+    assert printed.out.startswith("::error ")
+    assert after.out.endswith(f"::\n{printed.out}")
+    assert printed.err == ""
+
+
+def test_annotations_give_way_to_a_document(fedora_qa: Command, unsorted: Path) -> None:
+    """With a document on stdout, summary and annotations are on stderr."""
+    done = fedora_qa("check", *TIMESTAMPS, unsorted, "--format", "junit", "--github")
+    assert JUnitXml.fromstring(done.out.encode()).failures == 1
+    assert done.err.startswith("::stop-commands::")
+    assert done.err.splitlines()[-1].startswith("::error file=")
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        (("--json", "-", "--format", "sarif"), "Expected one document on stdout, got json and sarif"),
+        (("--json", "-", "--markdown", "-"), "Expected one document on stdout, got json and markdown"),
+        (("--junit", "out.xml", "--format", "junit"), "Expected either --junit OUT or --format junit, got both"),
+    ],
+)
+def test_stdout_takes_one_document(options: tuple[str, ...], message: str, fedora_qa: Command, sequence: Path) -> None:
+    """Two documents on stdout are misuse before any work, as is a format that is requested twice."""
+    done = fedora_qa("check", sequence, *options)
+    assert (done.code, done.out) == (2, "")
+    assert message in done.err

@@ -75,6 +75,8 @@ def test_stats_tables(fedora_qa: Command, sequence: Path, tmp_path: Path) -> Non
     assert file["path"] == str(sequence)
     assert file["statistics"]["motion"]["distance_m"] == pytest.approx(0.0, abs=1e-9)
     assert file["statistics"]["depth"]["min_m"] == 5.0
+    printed = fedora_qa("stats", sequence, "--format", "latex")
+    assert (printed.out, printed.err) == ((tmp_path / "out.tex").read_text(encoding="utf-8"), done.out)
 
 
 def test_stats_of_a_truncated_file(fedora_qa: Command, sequence: Path) -> None:

@@ -37,8 +37,8 @@ def test_measures_and_writes(fedora_qa: Command, corpus: Path, tmp_path: Path) -
     """Tables, JSON, HTML and the table for the package agree; the corpus is left as it was."""
     before = sorted(corpus.iterdir())
     outputs = (
-        "--json",
-        tmp_path / "p.json",
+        "--format",
+        "json",
         "--html",
         tmp_path / "p.html",
         "--publish",
@@ -49,10 +49,10 @@ def test_measures_and_writes(fedora_qa: Command, corpus: Path, tmp_path: Path) -
         tmp_path / "p.svg",
     )
     done = fedora_qa("power", corpus, *TIMESTAMPS, *outputs)
-    assert (done.code, done.err) == (0, "")
-    assert "imu:unsorted" in done.out
-    assert "3 of 3 (100.0%)" in done.out
-    document = json.loads((tmp_path / "p.json").read_text(encoding="utf-8"))
+    assert done.code == 0
+    assert "imu:unsorted" in done.err
+    assert "3 of 3 (100.0%)" in done.err
+    document = json.loads(done.out)
     jsonschema.validate(document, POWER.schema())
     assert (document["files"], document["clean"], document["false_alarms"]["files"]["count"]) == (5, 2, 0)
     assert [one["found"]["count"] for one in document["naming"]] == [3]

@@ -58,6 +58,13 @@ REFUSED = {
     "no amount": ('[check]\nmemory = "1000"', "'1000'"),
     "waiver without a target": (WAIVER, "either a code or a cause"),
     "waiver with two targets": (f'{WAIVER}code = "x"\ncause = "imu:y"', "either a code or a cause"),
+    "waiver of no check": (
+        f'{WAIVER}code = "imu.nois.x"'.replace('"imu.noise"', '"imu.nois"'),
+        "a.h5, got 'imu.nois'; did you mean 'imu.noise'?",
+    ),
+    "waiver of another check's rule": (f'{WAIVER}code = "imu.rate.gyro"', "begins with imu.noise. in the waiver of o"),
+    "waiver of no cause": (f'{WAIVER}cause = "imu:gyro_bia"', "did you mean 'imu:gyro_bias'?"),
+    "waiver of no stream": (f'{WAIVER}cause = "imo:gyro_bias"', "did you mean 'imu:gyro_bias'?"),
     "waiver without a reason": (f'{WAIVER}code = "x"'.replace('"r"', '""'), "'waivers.0.reason'"),
     "waiver without a day": (f'{WAIVER}code = "x"'.replace("2099-01-01", '"soon"'), "'waivers.0.expires'"),
 }

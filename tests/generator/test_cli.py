@@ -6,7 +6,7 @@ from pathlib import Path
 import h5py
 import pytest
 
-from fedora_generator.cli import main
+from fedora_generator.cli import COMMANDS, main
 from fedora_generator.scene_names import SCENE_NAMES
 
 
@@ -86,6 +86,7 @@ def test_force_replaces_a_file(
         (("sequence", "park-day", "-o", "{target}", "--size", "0x54"), "at least 1x1 pixels, got 0x54"),
         (("sequence", "park-day", "-o", "{target}", "--size", "1x1"), "leaves the event camera a pixel"),
         (("sequence", "park-day", "-o", "{target}", "--streams", "rgb,sonar"), "got sonar"),
+        (("sequence", "park-day", "-o", "{target}", "--streams", "evnts"), "did you mean 'events'?"),
         (("sequence", "park-day", "-o", "{target}", "--duration", "-1"), "Expected a duration above 0"),
         (("sequence", "park-day", "-o", "{target}", "--duration", "300"), "got inside 'pavilion'"),
         (("sequence", "park-day", "-o", "{target}", "--start", "-1"), "Expected start_s >= 0, got -1"),
@@ -110,6 +111,42 @@ def test_misuse_is_one_line_and_exit_code_2(
     assert captured.err.count("\n") == 1
     assert message in captured.err
     assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize("name", ["", *COMMANDS])
+def test_help_is_short_or_long(name: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+    """``-h`` is ``--help``, of the program and of each command."""
+    helps = []
+    for option in ("-h", "--help"):
+        assert run(monkeypatch, *filter(None, (name, option))) == 0
+        helps.append(capsys.readouterr().out)
+    assert helps[0] == helps[1]
+    assert "Usage: fedora-generate" in helps[0]
+
+
+COMPLETED = {
+    "scenes, or a file": ("sequence park-mesh", {"plain,park-mesh-day", "plain,park-mesh-night", "file,park-mesh"}),
+    "causes": ("fault a.h5 time_", {"plain,time_offset", "plain,time_jitter", "plain,time_unit"}),
+    "streams that the cause befalls": (
+        "fault a.h5 noise_misdeclared --stream ",
+        {"plain,imu", "plain,pose", "plain,events"},
+    ),
+    "the last scene of a list": ("corpus --scenes hover,fast", {"plain,hover,fast-turn"}),
+    "the last cause of a list": ("corpus --causes mirrored,telep", {"plain,mirrored,teleport"}),
+}
+
+
+@pytest.mark.parametrize(("words", "answered"), COMPLETED.values(), ids=COMPLETED.keys())
+def test_shells_complete_names(
+    words: str, answered: set[str], monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Names of scenes, causes and streams are offered where they can stand."""
+    whole = f"fedora-generate {words}"
+    monkeypatch.setenv("_FEDORA_GENERATE_COMPLETE", "bash_complete")
+    monkeypatch.setenv("COMP_WORDS", whole)
+    monkeypatch.setenv("COMP_CWORD", str(len(whole.split(" ")) - 1))
+    assert run(monkeypatch) == 0
+    assert set(capsys.readouterr().out.splitlines()) == answered
 
 
 def test_an_interrupt_leaves_nothing(

@@ -4,7 +4,14 @@ from typing import Any, Final
 
 import click
 
-from fedora_qa.cli.options import PATH, allow_external_option, dialect_option, memory_option, metadata_option
+from fedora_qa.cli.options import (
+    PATH,
+    allow_external_option,
+    dialect_option,
+    memory_option,
+    metadata_option,
+    table_options,
+)
 from fedora_qa.cli.startup import loading_modules
 
 DEFAULT_FALSE_ALARM_RATE: Final = 0.01
@@ -30,10 +37,7 @@ DEFAULT_FALSE_ALARM_RATE: Final = 0.01
 @metadata_option
 @memory_option
 @allow_external_option
-@click.option("--json", "json_path", type=PATH, metavar="OUT", help="Write every number.")
-@click.option("--html", "html_path", type=PATH, metavar="OUT", help="Write tables and plots, in one HTML file.")
-@click.option("--markdown", "markdown_path", type=PATH, metavar="OUT", help="Write the tables.")
-@click.option("--latex", "latex_path", type=PATH, metavar="OUT", help="Write the tables for a paper.")
+@table_options("json", "html", "markdown", "latex")
 def compare(**arguments: Any) -> int:
     """Compare B and the others with A: sequences, folders of them, or records that `check --json` wrote.
 

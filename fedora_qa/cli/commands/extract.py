@@ -4,6 +4,7 @@ from typing import Any, Final
 
 import click
 
+from fedora_qa.cli.completion import complete_dialect
 from fedora_qa.cli.options import PATH, allow_external_option
 from fedora_qa.cli.startup import loading_modules
 
@@ -29,7 +30,7 @@ LONGEST_S: Final = 20.0
 )
 @click.option("--effort", type=click.Choice(["quick", "standard", "full", "exhaustive"]), help="As `check` had it.")
 @click.option("--config", type=PATH, help="As `check` had it.")
-@click.option("--dialect", metavar="NAME|FILE.toml", help="As `check` had it.")
+@click.option("--dialect", metavar="NAME|FILE.toml", shell_complete=complete_dialect, help="As `check` had it.")
 @allow_external_option
 @click.option("--force", is_flag=True, help="Write over OUT where it exists.")
 def extract(**arguments: Any) -> int:

@@ -4,7 +4,7 @@ from typing import Any
 
 import click
 
-from fedora_qa.cli.options import PATH, config_option, ignore_option, select_option
+from fedora_qa.cli.options import PATH, config_option, ignore_option, select_option, table_options
 from fedora_qa.cli.startup import loading_modules
 
 
@@ -18,9 +18,7 @@ from fedora_qa.cli.startup import loading_modules
 @click.option(
     "--state", type=PATH, metavar="DIR", help="Where to keep results of files.  [default: beside each CORPUS]"
 )
-@click.option("--json", "json_path", type=PATH, metavar="OUT", help="Write every number.")
-@click.option("--html", "html_path", type=PATH, metavar="OUT", help="Write tables and plots, in one HTML file.")
-@click.option("--markdown", "markdown_path", type=PATH, metavar="OUT", help="Write the tables.")
+@table_options("json", "html", "markdown")
 @click.option("--svg", "svg_path", type=PATH, metavar="OUT", help="Draw the curves, for documents.")
 @click.option("--publish", type=PATH, metavar="OUT", help="Write the detection power of each check, for the package.")
 @click.option(

@@ -4,7 +4,7 @@ from typing import Any
 
 import click
 
-from fedora_qa.cli.options import PATH, allow_external_option, dialect_option, metadata_option
+from fedora_qa.cli.options import PATH, allow_external_option, dialect_option, metadata_option, table_options
 from fedora_qa.cli.startup import loading_modules
 
 
@@ -20,9 +20,7 @@ from fedora_qa.cli.startup import loading_modules
 @dialect_option
 @metadata_option
 @allow_external_option
-@click.option("--json", "json_path", type=PATH, metavar="OUT", help="Write every number.")
-@click.option("--html", "html_path", type=PATH, metavar="OUT", help="Write tables and plots, in one HTML file.")
-@click.option("--markdown", "markdown_path", type=PATH, metavar="OUT", help="Write the tables.")
+@table_options("json", "html", "markdown", has_format=False)
 def score(**arguments: Any) -> int:
     """Score PREDICTIONS of flow, depth and pose against the truth of SEQUENCE, a file or folder.
 

@@ -4,7 +4,14 @@ from typing import Any
 
 import click
 
-from fedora_qa.cli.options import PATH, allow_external_option, dialect_option, memory_option, metadata_option
+from fedora_qa.cli.options import (
+    PATH,
+    allow_external_option,
+    dialect_option,
+    memory_option,
+    metadata_option,
+    table_options,
+)
 from fedora_qa.cli.startup import loading_modules
 
 
@@ -14,9 +21,7 @@ from fedora_qa.cli.startup import loading_modules
 @metadata_option
 @memory_option
 @allow_external_option
-@click.option("--json", "json_path", type=PATH, metavar="OUT", help="Write the numbers.")
-@click.option("--markdown", "markdown_path", type=PATH, metavar="OUT", help="Write the tables.")
-@click.option("--latex", "latex_path", type=PATH, metavar="OUT", help="Write the tables for a paper.")
+@table_options("json", "markdown", "latex")
 def stats(**arguments: Any) -> int:
     """Print statistics of FILES or folders: duration, distance, greatest speeds, event rate, flow, depth, light."""
     with loading_modules():

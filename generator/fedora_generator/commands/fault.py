@@ -2,13 +2,11 @@
 
 import re
 from pathlib import Path
-from typing import Any, Final
+from typing import Any
 
 import click
 
-from fedora_qa.causes import CAUSES
-
-_CAUSES: Final = ", ".join(cause for cause in CAUSES if cause != "unknown")
+from fedora_generator.completion import CAUSE_NAMES, complete_cause, complete_stream
 
 
 def _read_region(_: click.Context, __: click.Parameter, value: str | None) -> tuple[int, int, int, int] | None:
@@ -22,10 +20,14 @@ def _read_region(_: click.Context, __: click.Parameter, value: str | None) -> tu
     return left, top, right, bottom
 
 
-@click.command(epilog=f"Causes: {_CAUSES}.")
+@click.command(epilog=f"Causes: {', '.join(CAUSE_NAMES)}.")
 @click.argument("file", type=click.Path(path_type=Path))
-@click.argument("cause")
-@click.option("--stream", help="Stream that the fault befalls; events, or the only one that it can befall.")
+@click.argument("cause", shell_complete=complete_cause)
+@click.option(
+    "--stream",
+    shell_complete=complete_stream,
+    help="Stream that the fault befalls; events, or the only one that it can befall.",
+)
 @click.option("--magnitude", type=float, help="Size; positive is too late, or too large. Needed where it has a unit.")
 @click.option("--unit", help="Unit of the magnitude; for a time ms unless given.")
 @click.option("--seed", type=click.IntRange(min=0), default=0, show_default=True, help="For what is placed at random.")

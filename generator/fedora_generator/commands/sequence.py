@@ -6,11 +6,12 @@ from typing import Any, get_args
 import click
 
 from fedora_generator.choices import DEFAULT_DURATION_S, MOST_SEED, STREAMS, Quality
+from fedora_generator.completion import complete_scene, list_completion
 from fedora_generator.image_size import read_size
 
 
 @click.command()
-@click.argument("scene", metavar="SCENE")
+@click.argument("scene", metavar="SCENE", shell_complete=complete_scene)
 @click.option("-o", "--output", required=True, type=click.Path(path_type=Path), help="The file to write.")
 @click.option(
     "--start", type=float, metavar="S", help="Seconds into the flight, where stamps are 0.  [default: the scene's]"
@@ -27,7 +28,14 @@ from fedora_generator.image_size import read_size
     callback=read_size,
     help="Size of RGB and depth; events scale by 640/1440.  [default: 1440x1080]",
 )
-@click.option("--streams", default=",".join(STREAMS), show_default=True, metavar="LIST", help="Comma-separated.")
+@click.option(
+    "--streams",
+    default=",".join(STREAMS),
+    show_default=True,
+    metavar="LIST",
+    shell_complete=list_completion(STREAMS),
+    help="Comma-separated.",
+)
 @click.option(
     "--quality",
     default="standard",

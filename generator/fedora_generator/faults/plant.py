@@ -91,7 +91,10 @@ def plant_fault(
         )
     if ("flow" if is_flow_stream(stream) else stream) not in legal_streams(cause):
         streams = ", ".join(legal_streams(cause))
-        raise FaultError(f"Expected a stream that {cause} can befall, got {stream!r}; choose from {streams}")
+        raise FaultError(
+            f"Expected a stream that {cause} can befall, got {stream!r}; choose from {streams}"
+            f"{did_you_mean(stream, legal_streams(cause))}"
+        )
     if (start_s, stop_s) != (None, None) and not allows_interval(cause, stream):
         raise FaultError(f"Expected no interval for {stream}:{cause}, got one: it befalls the whole stream or none")
     if region is not None and not allows_region(cause, stream):
