@@ -141,7 +141,8 @@ def sources_of(paths: Sequence[Path], dialect: Dialect | None = None) -> tuple[S
 def read_sources(sources: Sequence[Source], reading: Reading) -> tuple[SubjectInput, ...]:
     """Read the records, and measure the other files; raises as ``measured_file``."""
     names = labels([str(source.path) for source in sources])
-    subjects = []
+    count = sum(len(source.paths) for source in sources if not source.records)
+    subjects, done = [], 0
     for name, source in zip(names, sources, strict=True):
         files = []
         for path in source.paths:
@@ -155,7 +156,8 @@ def read_sources(sources: Sequence[Source], reading: Reading) -> tuple[SubjectIn
                     sampled = sampled_counts_of(arrays, kept.prefix)
                     files.append(FileInput(file.path, file.statistics, sampled, file, kept if arrays else None))
                 continue
-            counted = measured_file(path, reading, with_distributions=True)
+            counted = measured_file(path, reading, with_distributions=True, place=(done, count))
+            done += 1
             # As a record holds them: values that are not finite become None, which means unknown.
             statistics = {
                 group: {key: None if isinstance(v, float) and not math.isfinite(v) else v for key, v in values.items()}

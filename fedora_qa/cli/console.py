@@ -5,6 +5,7 @@ import sys
 from typing import TYPE_CHECKING, Final
 
 from rich.console import Console
+from rich.measure import Measurement
 from rich.table import Table
 from rich.text import Text
 
@@ -16,6 +17,9 @@ if TYPE_CHECKING:  # loads pydantic, which most commands that print need not
 
 # Columns. rich assumes 80 for a pipe, which is too narrow for the table of checks.
 _PIPED_WIDTH: Final = 132
+
+_ANY_WIDTH: Final = 1 << 16
+"""Columns, more than any table has."""
 
 
 class _PipedConsole(Console):
@@ -50,6 +54,10 @@ def print_table(console: Console, source: "TextTable | PowerTable") -> None:
         table.add_column(name, justify="left" if is_text else "right", overflow="fold")
     for row in source.rows:
         table.add_row(*(text(cell) for cell in row))
+    # rich would break the longest names within a word; units below the names leave them room.
+    if Measurement.get(console, console.options.update(max_width=_ANY_WIDTH), table).maximum > console.width:
+        for column, name in zip(table.columns, source.head, strict=True):
+            column.header = name.replace(" [", "\n[")
     console.print(Text(source.title, style="bold"))
     console.print(table)
     if source.note:

@@ -95,8 +95,8 @@ def run_extract(
 def _cut(
     file: Path, output: Path, wanted: CheckFinding, options: CheckOptions, longest_s: float, worker: Worker
 ) -> Extraction:
-    def report(piece: str) -> None:
-        worker.progress(f"checking {piece}", 0, 1)
+    def report(piece: str, done: int, of: int) -> None:
+        worker.progress(f"checking {piece}", done, of)
 
     return extract_piece(file, output, wanted, options, longest_s, report)
 

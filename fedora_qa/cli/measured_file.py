@@ -44,11 +44,20 @@ def reading_of(
     return Reading(load_choice(dialect, metadata), parse_bytes(memory), folders, in_process)
 
 
-def measured_file(path: Path, reading: Reading, *, with_distributions: bool = False) -> FileStatistics:
-    """Measure the statistics of a file and, if asked for, its distributions; raises as ``run_isolated``."""
+def measured_file(
+    path: Path, reading: Reading, *, with_distributions: bool = False, place: tuple[int, int] = (0, 1)
+) -> FileStatistics:
+    """Measure the statistics of a file and, if asked for, its distributions; raises as ``run_isolated``.
+
+    Parameters
+    ----------
+    place
+        How many files were measured before, and how many there are: the progress states both.
+    """
     arguments = (path, reading.dialect, reading.memory_bytes, reading.allow_external, with_distributions)
     opening = opening_test(path, reading.dialect, reading.allow_external)
-    with progress_bar(path.name) as bar:
+    done, count = place
+    with progress_bar(path.name if count == 1 else f"{path.name}, file {done + 1} of {count}") as bar:
         measured: FileStatistics = run_isolated(
             Task(collect_statistics, arguments), path, opening, bar, in_process=reading.in_process
         )

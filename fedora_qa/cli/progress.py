@@ -50,7 +50,8 @@ def files_progress(file_count: int) -> Iterator[FilesReport]:
     """
     counts = TextColumn("{task.fields[counts]}", markup=False)
     with _bar(counts, DownloadColumn(), TimeRemainingColumn()) as bar:
-        task = bar.add_task("", total=None, counts="")
+        # Invisible until the first report, which states the total.
+        task = bar.add_task("", total=None, counts="", visible=False)
 
         def report(tally: ProgressTally) -> None:
             bar.update(
@@ -59,6 +60,7 @@ def files_progress(file_count: int) -> Iterator[FilesReport]:
                 completed=tally.bytes_done,
                 total=tally.bytes,
                 counts=counts_words(tally, file_count),
+                visible=True,
             )
 
         yield report

@@ -38,7 +38,10 @@ def run_stats(
     reading = reading_of(dialect, metadata, memory, allow_external)
     sequences = [place for place in sequences_of(files, reading.dialect, needs_rows=True) if isinstance(place, Path)]
     outputs.require_writable(sequences)
-    by_file = {str(path): measured_file(path, reading).statistics for path in sequences}
+    by_file = {
+        str(path): measured_file(path, reading, place=(number, len(sequences))).statistics
+        for number, path in enumerate(sequences)
+    }
     tables = tables_of(by_file)
     if outputs.json:
         tool = {"name": "fedora-qa", "version": __version__}

@@ -22,8 +22,8 @@ from fedora_qa.record.types import Finding
 from fedora_qa.sequence.scan import scan
 from fedora_qa.sequence.sequence import open_sequence
 
-Report = Callable[[str], None]
-"""Called with a description of the present activity."""
+Report = Callable[[str, int, int], None]
+"""Called with the piece that is tried, how many were tried before, and how many there are."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -96,8 +96,9 @@ def extract(
         )
         place = place_of(wanted.finding.where, wanted.check, scanned)
         with replacing(target) as temporary:
-            for piece in pieces_around(place, round(longest_s * NS_PER_S)):
-                report(f"a piece of {(piece.stop_ns - piece.start_ns) / NS_PER_S:.3g} s")
+            pieces = tuple(pieces_around(place, round(longest_s * NS_PER_S)))
+            for number, piece in enumerate(pieces):
+                report(f"a piece of {(piece.stop_ns - piece.start_ns) / NS_PER_S:.3g} s", number, len(pieces))
                 kept, left_out = cutter.write(piece, temporary)
                 record = check_file(temporary, options).record
                 # The same rule, broken in the same stream. Place and size may differ: the piece has fewer rows, so that

@@ -12,8 +12,11 @@ from rich.console import Console
 
 from fedora_qa.catalogue import CHECKS
 from fedora_qa.cli import doctor as doctor_module
+from fedora_qa.cli.console import print_table
 from fedora_qa.cli.doctor import Symptom
-from fedora_qa.cli.progress import progress_bar
+from fedora_qa.cli.progress import files_progress, progress_bar
+from fedora_qa.engine.progress import ProgressTally
+from fedora_qa.record.text_table import TextTable
 from tests.cli.conftest import Command
 from tests.support.graphics import without_opengl
 
@@ -178,3 +181,26 @@ def test_progress_on_a_terminal(monkeypatch: pytest.MonkeyPatch) -> None:
         with progress_bar("[red]seq.h5") as report:
             report("measuring", 1, 2)
         assert ("[red]seq.h5: measuring" in buffer.getvalue()) == terminal
+
+
+def test_no_bar_before_its_total(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The bar of a run appears with its first report, which states how many bytes there are."""
+    buffer = io.StringIO()
+    console = Console(file=buffer, force_terminal=True, width=80)
+    monkeypatch.setattr("fedora_qa.cli.progress.stderr_console", lambda: console)
+    with files_progress(0) as report:
+        console.print("before")
+        report(ProgressTally("measuring", 0, 2, 1, 4, 1000, 4000))
+    before, after = buffer.getvalue().split("before", maxsplit=1)
+    assert "━" not in before
+    assert "1.0/4.0 kB" in after
+
+
+def test_units_stand_below_names_in_a_narrow_terminal() -> None:
+    """A table that is too wide breaks its head before the units, not within a name."""
+    table = TextTable("Rates", ("sequence", *(f"flow/{rate}hz [Hz]" for rate in (10, 25, 50))), (("a", "1", "2", "3"),))
+    console = Console(width=44, record=True, file=io.StringIO())
+    print_table(console, table)
+    lines = console.export_text().splitlines()
+    assert lines[1].split() == ["flow/10hz", "flow/25hz", "flow/50hz"]
+    assert lines[2].split() == ["sequence", "[Hz]", "[Hz]", "[Hz]"]

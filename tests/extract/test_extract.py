@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -30,7 +31,7 @@ def planted(park_day: Path, target: Path, name: str) -> CheckFinding:
 
 def cut(folder: Path, wanted: CheckFinding, longest_s: float = 1.0) -> Extraction:
     """Extract the finding from ``bad.h5`` to ``piece.h5``."""
-    return extract(folder / "bad.h5", folder / "piece.h5", wanted, CheckOptions(), longest_s, lambda _: None)
+    return extract(folder / "bad.h5", folder / "piece.h5", wanted, CheckOptions(), longest_s, lambda *_: None)
 
 
 @pytest.mark.parametrize("name", PLANTED)
@@ -48,9 +49,13 @@ def test_pieces_grow_until_the_finding_shows(park_day: Path, tmp_path: Path) -> 
     """The first piece that shows it is kept: 0.4 s are too short for a gap between streams that is 0.6 s away."""
     wanted = planted(park_day, tmp_path / "bad.h5", "a gap")
     elsewhere = CheckFinding(wanted.check, replace(wanted.finding, where=Where("imu", start_us=0.0)))
-    tried: list[str] = []
-    extracted = extract(tmp_path / "bad.h5", tmp_path / "piece.h5", elsewhere, CheckOptions(), 2.0, tried.append)
-    assert tried == ["a piece of 0.4 s", "a piece of 0.8 s", "a piece of 1.6 s"]
+    tried: list[tuple[str, int, int]] = []
+
+    def report(*progress: Any) -> None:
+        tried.append(progress)
+
+    extracted = extract(tmp_path / "bad.h5", tmp_path / "piece.h5", elsewhere, CheckOptions(), 2.0, report)
+    assert tried == [("a piece of 0.4 s", 0, 3), ("a piece of 0.8 s", 1, 3), ("a piece of 1.6 s", 2, 3)]
     assert extracted.finding is not None
 
 
