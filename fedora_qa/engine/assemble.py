@@ -161,7 +161,9 @@ def evidence_of_pass(
     images = round(mean * max(1.0, FOLLOW_UP_SHARE * len(chosen) - looked_again))
     parts = (
         attempt(states, collector.name, lambda: collector.conclude(states.states[collector.name], facts)),
-        attempt(states, collector.name, lambda: keep_trajectory(facts, source, options.trajectory_points)),
+        attempt(
+            states, collector.name, lambda: keep_trajectory(facts, source, options.trajectory_points, options.frusta)
+        ),
         attempt(
             states, collector.name, lambda: keep_worst_locations(findings, ready.spans, facts, source, options, images)
         ),

@@ -21,8 +21,8 @@ class EvidenceOptions:
         are kept.
     trials
         Largest number of diagnoses of which is kept what undoing their fault changes.
-    timeline_bins, trajectory_points
-        Number of bins of the timeline, and largest number of poses.
+    timeline_bins, trajectory_points, frusta
+        Number of bins of the timeline, largest number of poses, and of those at which the view of a camera is kept.
     event_clouds, cloud_events
         Largest number of snapshots of which single events are kept, and largest number of events of each.
     point_clouds, cloud_points
@@ -37,6 +37,7 @@ class EvidenceOptions:
     trials: int = 3
     timeline_bins: int = 200
     trajectory_points: int = 4000
+    frusta: int = 12
     event_clouds: int = 3
     cloud_events: int = 4000
     point_clouds: int = 5

@@ -1,4 +1,4 @@
-"""The trajectory: positions as stored, speeds smoothed as in the statistics, and directions of the body."""
+"""The trajectory: positions as stored, speeds smoothed as in the statistics, directions of the body, and frusta."""
 
 from typing import Final
 
@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 
 from fedora_qa.conventions import NS_PER_S, NS_PER_US
 from fedora_qa.errors import UnreadableRowsError
+from fedora_qa.evidence.frusta import frusta_of
 from fedora_qa.evidence.titled_arrays import TitledArrays
 from fedora_qa.geometry.so3 import matrices_from_quaternions
 from fedora_qa.record.evidence import TRAJECTORY, named
@@ -19,7 +20,7 @@ Float64 = NDArray[np.float64]
 _BLOCK_ROWS: Final = 1 << 14
 
 
-def keep_trajectory(facts: Facts, source: RowSource, points: int) -> TitledArrays:
+def keep_trajectory(facts: Facts, source: RowSource, points: int, frusta: int = 0) -> TitledArrays:
     """Return at most ``points`` poses, evenly chosen, as arrays of the record.
 
     All poses are read, also those outside of the plan: the poses of 1 s take less memory than a few rows of one
@@ -31,12 +32,14 @@ def keep_trajectory(facts: Facts, source: RowSource, points: int) -> TitledArray
         Of the file.
     points
         Greatest number of poses.
+    frusta
+        Greatest number of poses, evenly chosen, at which the view of a camera is kept.
 
     Returns
     -------
     TitledArrays
-        Times (us, clock of the file), positions (m, world), speeds (m/s) and forward directions (world); empty where no
-        pose advances and is finite.
+        Times (us, clock of the file), positions (m, world), speeds (m/s) and forward directions (world), and the frusta
+        of a camera; empty where no pose advances and is finite.
     """
     if "pose" not in facts.clocks:
         return TitledArrays()
@@ -65,6 +68,12 @@ def keep_trajectory(facts: Facts, source: RowSource, points: int) -> TitledArray
     # The first column of R_world_body is the body's X axis, forward, in the world (east, north, up).
     forward = matrices_from_quaternions(orientations_xyzw[chosen])[:, :, 0]
     times_us = facts.origin_us + times_ns[chosen] / NS_PER_US
+    views = {}
+    if frusta:
+        at = np.unique(np.linspace(0, len(times_ns) - 1, min(frusta, len(times_ns))).round().astype(np.intp))
+        at_us = facts.origin_us + times_ns[at] / NS_PER_US
+        R_world_body = matrices_from_quaternions(orientations_xyzw[at])
+        views = frusta_of(facts.declared.cameras, at_us, positions_m[at], R_world_body)
     return TitledArrays.titled(
         {
             named(TRAJECTORY, "times_us"): (times_us, "Instants of the poses, us on the file's clock"),
@@ -77,5 +86,6 @@ def keep_trajectory(facts: Facts, source: RowSource, points: int) -> TitledArray
                 "Speed, m/s, of quintic splines through the positions, so that noise does not add to it",
             ),
             named(TRAJECTORY, "forward_world"): (forward, "Direction of the body's X axis in the world, unit vectors"),
+            **views,
         }
     )

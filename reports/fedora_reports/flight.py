@@ -13,6 +13,7 @@ from fedora_qa.record.wording import number, printable
 from fedora_reports import trajectory
 from fedora_reports.clouds import CloudAxis, CloudView, box_scene
 from fedora_reports.evidence import Array, Evidence
+from fedora_reports.frusta import OUTLINE, frusta_of
 from fedora_reports.pictures import png_uri
 from fedora_reports.scales import Tick
 from fedora_reports.timeline import AnchoredFinding
@@ -69,7 +70,7 @@ def flight_of(evidence: Evidence, findings: Sequence[AnchoredFinding]) -> Flight
     poses = poses_of(evidence)
     if poses is None:
         return None
-    path = flown_path(*poses, most=MOST_POINTS)
+    path, frusta = flown_path(*poses, most=MOST_POINTS), frusta_of(evidence)
     # A mark stands for a grave finding whose time lies within the flight. One of most of the flight has no place on it.
     order = np.argsort(path.times_us, kind="stable")
     sorted_us = path.times_us[order]
@@ -87,7 +88,7 @@ def flight_of(evidence: Evidence, findings: Sequence[AnchoredFinding]) -> Flight
     marks = marks[:: max(1, -(-len(marks) // _MOST_MARKS))]
     views, views_caption = trajectory.flat_views(path, marks)
     try:
-        picture = trajectory.render_trajectory(*poses)
+        picture = trajectory.render_trajectory(*poses, frusta)
     except Exception as problem:  # noqa: BLE001 - no failure of a graphics library may spoil the report
         picture = TrajectoryPicture(b"", "", f"No picture in space: {type(problem).__name__}: {problem}")
     # The path about the middle of its box, in units of its longest side, with a colour for each point.
@@ -106,6 +107,8 @@ def flight_of(evidence: Evidence, findings: Sequence[AnchoredFinding]) -> Flight
             "levels": levels.tolist(),
             "colours": list(speed_colours(_LEVELS)),
             "runs": [list(run) for run in path.runs],
+            "frusta": [] if frusta is None else _rounded(frusta.places(box)),
+            "outline": OUTLINE,
             "marks": [[*_rounded((mark.position_world_m - box.centre_m) / box.span_m), mark.word] for mark in marks],
         }
         if world is None:

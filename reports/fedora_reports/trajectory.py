@@ -14,7 +14,8 @@ from typing import Any, Final
 import numpy as np
 
 from fedora_qa.record.wording import number
-from fedora_reports.trajectory_path import FlownPath, flown_path
+from fedora_reports.frusta import Frusta
+from fedora_reports.trajectory_path import FlownPath, box_around, flown_path
 from fedora_reports.trajectory_views import Mark, draw_views, without_path
 
 TIME_LIMIT_S: Final = 120.0
@@ -22,9 +23,8 @@ TIME_LIMIT_S: Final = 120.0
 _MOST_POINTS: Final = 600
 _CRASHED: Final = "VTK ended without a word"
 _NO_PATH: Final = "No pose has a finite position: there is no path to draw."
-_IN_SPACE: Final = (
-    "White cones show where the body points, the thin line on the ground is the path seen from above; axes in metres."
-)
+_CONES: Final = "White cones show where the body points."
+_IN_SPACE: Final = "The thin line on the ground is the path seen from above; axes in metres."
 _FLAT: Final = "Arrowheads show where the body points. Seen from above and from the side at one scale; axes in metres."
 
 
@@ -42,7 +42,13 @@ class TrajectoryPicture:
 
 
 def render_trajectory(
-    times_us: Any, positions_world_m: Any, speeds_m_s: Any, forward_world: Any, *, time_limit_s: float = TIME_LIMIT_S
+    times_us: Any,
+    positions_world_m: Any,
+    speeds_m_s: Any,
+    forward_world: Any,
+    frusta: Frusta | None = None,
+    *,
+    time_limit_s: float = TIME_LIMIT_S,
 ) -> TrajectoryPicture:
     """Draw the path of the body through the world, coloured by its speed.
 
@@ -59,6 +65,8 @@ def render_trajectory(
         (n,); poses of unknown speed (NaN) are grey.
     forward_world
         (n, 3), the body's X axis; rows of NaN have no arrow.
+    frusta
+        Of a camera along the path; they take the place of the arrows.
     time_limit_s
         For the picture in space.
 
@@ -81,9 +89,13 @@ def render_trajectory(
     path = flown_path(**arrays, most=_MOST_POINTS)
     if not path.runs:
         return TrajectoryPicture(b"", _NO_PATH, "")
+    views = _CONES
+    if frusta is not None and len(frusta.places(box_around(path.positions_world_m))):
+        arrays |= {"frustum_centres_world_m": frusta.centres_world_m, "frustum_rays_world": frusta.rays_world}
+        views = frusta.sentence
     png, reason = _render(arrays, time_limit_s)
     if png:
-        return TrajectoryPicture(png, _caption(path, "ball", "cube", _IN_SPACE), "")
+        return TrajectoryPicture(png, _caption(path, "ball", "cube", f"{views} {_IN_SPACE}"), "")
     return TrajectoryPicture(b"", "", reason)
 
 

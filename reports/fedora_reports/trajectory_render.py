@@ -14,6 +14,7 @@ import numpy as np
 import pyvista as pv
 from numpy.typing import NDArray
 
+from fedora_reports.frusta import OUTLINE, Frusta
 from fedora_reports.trajectory_camera import View, view_of
 from fedora_reports.trajectory_path import Box, FlownPath, box_around, flown_path, speed_colours
 
@@ -44,7 +45,7 @@ _CLOSEST: Final = 2e-4
 """Least distance of neighbouring points of a tube."""
 
 
-def draw(path: FlownPath, target: Path) -> None:
+def draw(path: FlownPath, target: Path, frusta: Frusta | None = None) -> None:
     """Write the picture of a path, SIZE_PX large, as PNG.
 
     Parameters
@@ -53,6 +54,8 @@ def draw(path: FlownPath, target: Path) -> None:
         At least one pose.
     target
         The file to be written.
+    frusta
+        Of a camera along the path; None: cones show the direction of the body.
     """
     box = box_around(path.positions_world_m)
     plotter: Any = pv.Plotter(off_screen=True, window_size=list(SIZE_PX), lighting="light kit")
@@ -86,7 +89,20 @@ def draw(path: FlownPath, target: Path) -> None:
 
     _draw_speeds(plotter, path, places)
 
-    # Cones in the direction of the body, at even distances along the path.
+    if frusta is not None:
+        for corners in frusta.places(box):
+            line = pv.lines_from_points(corners[list(OUTLINE)])
+            plotter.add_mesh(line, color=_INK, line_width=3.0, lighting=False)
+    else:
+        _draw_cones(plotter, path, places)
+    _draw_ends(plotter, places)
+    plotter.reset_camera_clipping_range()
+    plotter.screenshot(str(target))
+    plotter.close()
+
+
+def _draw_cones(plotter: Any, path: FlownPath, places: Float64) -> None:
+    """Draw cones in the direction of the body, at even distances along the path."""
     travelled = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(places, axis=0), axis=1))])
     wanted = np.linspace(0.0, travelled[-1], _CONES)
     rows = np.unique(np.searchsorted(travelled, wanted, side="left").clip(0, len(places) - 1))
@@ -96,11 +112,6 @@ def draw(path: FlownPath, target: Path) -> None:
         if np.linalg.norm(forward) > 0:
             cone = pv.Cone(resolution=24, center=places[row], direction=forward, height=length, radius=radius)
             plotter.add_mesh(cone, color=_INK, ambient=0.4)
-
-    _draw_ends(plotter, places)
-    plotter.reset_camera_clipping_range()
-    plotter.screenshot(str(target))
-    plotter.close()
 
 
 def _scaled(points_m: Float64, box: Box) -> Float64:
@@ -225,8 +236,11 @@ def main(source: str, target: str) -> None:
     target
         The picture to be written, PNG.
     """
-    with np.load(source) as arrays:
-        draw(flown_path(**arrays, most=_MOST_POINTS), Path(target))
+    with np.load(source) as stored:
+        arrays = dict(stored)
+    centres_m, rays = (arrays.pop(name, None) for name in ("frustum_centres_world_m", "frustum_rays_world"))
+    frusta = None if centres_m is None or rays is None else Frusta("", centres_m, rays)
+    draw(flown_path(**arrays, most=_MOST_POINTS), Path(target), frusta)
 
 
 if __name__ == "__main__":

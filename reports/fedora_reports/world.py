@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from fedora_qa.record.evidence import POINT_CLOUD, named
 from fedora_reports.clouds import CloudAxis, CloudView, box_scene, draw_cloud, packed_points
 from fedora_reports.evidence import Evidence
+from fedora_reports.frusta import OUTLINE, frusta_of
 from fedora_reports.scales import Axis
 from fedora_reports.trajectory_path import Box, FlownPath, box_around
 
@@ -48,6 +49,10 @@ class World:
         Number of depth frames that they are from.
     beyond
         Number of points that lie outside of the box.
+    frusta
+        (f, 6, 3) corners of frusta, as ``Frusta.places`` returns them.
+    views
+        What the frusta are, in a sentence; empty where there are none.
     """
 
     box: Box
@@ -56,6 +61,8 @@ class World:
     gain: float
     frames: int
     beyond: int
+    frusta: NDArray[np.float64]
+    views: str
 
     @property
     def sides(self) -> NDArray[np.float64]:
@@ -95,7 +102,10 @@ def world_of(evidence: Evidence, path: FlownPath) -> World | None:
     # Grey stands for an unknown colour, and stays.
     gain = min(max(_BRIGHT_DN / brightest_dn, 1.0), _MOST_GAIN) if _is_coloured(rgb) else 1.0
     bright = np.rint(np.minimum(rgb[within] * gain, 255.0)).astype(np.uint8)
-    return World(box, points, bright, gain, len(times_us), int((~within).sum()))
+    frusta = frusta_of(evidence)
+    corners = np.empty((0, 6, 3)) if frusta is None else frusta.places(box)
+    views = frusta.sentence if frusta is not None and len(corners) else ""
+    return World(box, points, bright, gain, len(times_us), int((~within).sum()), corners, views)
 
 
 def draw_world(world: World, path: FlownPath) -> tuple[Markup, str]:
@@ -109,14 +119,16 @@ def draw_world(world: World, path: FlownPath) -> tuple[Markup, str]:
     coloured = "in their colours" if _is_coloured(world.rgb) else "in grey"
     coloured += f", {world.gain:.1f} times as bright" if world.gain > 1.05 else ""
     beyond = f" {world.beyond} points lie outside of the box." if world.beyond else ""
+    views = f" {world.views}" if world.views else ""
     caption = (
         f"{count} points of {world.frames} depth frames, {coloured}, each carried into the world by its "
-        f"pose and the camera; the line is the path.{beyond} Where the frames do not join to one world, depth, pose, "
-        "mounting or a convention of theirs is wrong."
+        f"pose and the camera; the line is the path.{views}{beyond} Where the frames do not join to one world, depth, "
+        "pose, mounting or a convention of theirs is wrong."
     )
-    runs = [(places[start:stop], 'class="way"') for start, stop in path.runs]
+    lines = [(corners[list(OUTLINE)], 'class="frustum"') for corners in world.frusta]
+    lines += [(places[start:stop], 'class="way"') for start, stop in path.runs]
     label = f"The world: {caption}"
-    svg = draw_cloud(world.points[still], paint.reshape(-1), paints, world.sides, _axes(world.box), _VIEW, label, runs)
+    svg = draw_cloud(world.points[still], paint.reshape(-1), paints, world.sides, _axes(world.box), _VIEW, label, lines)
     return Markup(svg), caption
 
 

@@ -97,6 +97,18 @@ def point_cloud() -> dict[str, NDArray[Any]]:
     }
 
 
+def frusta(centre_world_m: NDArray[Any] | None = None) -> dict[str, NDArray[Any]]:
+    """Two views to the north of a camera that sees 90 x 60 degrees or so, the second of them rolled upside down."""
+    right, up = np.array([1.0, 0.0, 0.0]), np.array([0.0, 0.0, 0.6])
+    corners = np.array([up - right, up + right, right - up, -up - right]) + np.array([0.0, 1.0, 0.0])
+    centre = np.array([5e6, 6.0, 2.0]) if centre_world_m is None else centre_world_m
+    return {
+        "frusta/rgb/times_us": np.array([0.0, 1e6]),
+        "frusta/rgb/centres_world_m": np.tile(centre, (2, 1)),
+        "frusta/rgb/rays_world": np.stack([corners, np.roll(corners, 2, axis=0)]),
+    }
+
+
 def distributions() -> dict[str, NDArray[Any]]:
     """Times between events of a pixel, in two blocks; one of them shorter than what a logarithm can show."""
     edges = np.array([0.0, 1.0, 2.0, 4.0, 8.0])

@@ -14,7 +14,7 @@ from fedora_reports.evidence import Evidence
 from fedora_reports.trajectory_path import FlownPath, flown_path
 from fedora_reports.world import draw_world, world_of, world_scene
 from tests.reports.drawn_dots import dots_of
-from tests.reports.evidence_samples import point_cloud
+from tests.reports.evidence_samples import frusta, point_cloud
 
 MOST_BYTES = 60_000
 WALL = 2 * 13 * 9
@@ -67,6 +67,20 @@ def test_still_picture_holds_points_path_and_axes() -> None:
     assert svg.count('class="way"') == 1
     assert {"X east, m", "Y north, m", "Z up, m"} <= set(re.findall(r"<text[^>]*>([^<]*)</text>", svg))
     assert caption.startswith(f"{WALL} points of 2 depth frames")
+
+
+def test_frusta_stand_along_the_path() -> None:
+    """Each a line below the path, and a sentence of the caption; without any there is neither."""
+    world = world_of(Evidence(point_cloud() | frusta(), {}), path())
+    assert world is not None
+    svg, caption = draw_world(world, path())
+    assert svg.count('class="frustum"') == 2
+    assert svg.rindex('class="frustum"') < svg.index('class="way"')
+    assert "Frusta show the view of the camera of rgb" in caption
+    without = world_of(evidence(), path())
+    assert without is not None
+    svg, caption = draw_world(without, path())
+    assert ("frustum" in svg, "Frusta" in caption) == (False, False)
 
 
 def test_scene_holds_every_point_with_its_colour() -> None:

@@ -94,6 +94,8 @@ function drawSpace(canvas, scene, view) {
     pen.fillRect(left - side / 2, top - side / 2, side, side);
   }
 
+  for (const corners of scene.frusta ?? []) line(scene.outline.map(corner => corners[corner]), ink.color, 1.25);
+
   // Beside colours of the world the path has one of its own.
   const single = scene.cloud.length ? ink.getPropertyValue("--here") : "";
   for (const [start, stop] of scene.runs ?? []) {

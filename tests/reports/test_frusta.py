@@ -1,0 +1,50 @@
+"""Frusta in drawings: at a size that suits the box, upright, and only those that lie in it."""
+
+from itertools import pairwise
+
+import numpy as np
+import pytest
+
+from fedora_reports.evidence import Evidence
+from fedora_reports.frusta import OUTLINE, frusta_of
+from fedora_reports.trajectory_path import Box
+from tests.reports.evidence_samples import frusta
+
+BOX = Box(np.array([5e6 - 10.0, -10.0, 0.0]), np.array([5e6 + 10.0, 10.0, 8.0]))
+
+
+def test_frusta_have_the_size_of_the_drawing() -> None:
+    """The longest ray is 8% of the longest side; the peak is above the upper edge of the image, or below it."""
+    kept = frusta_of(Evidence(frusta(), {}))
+    assert kept is not None
+    places = kept.places(BOX)
+    assert places.shape == (2, 6, 3)
+    np.testing.assert_allclose(places[:, 0], [[0.0, 0.3, -0.1]] * 2, atol=1e-9)
+    np.testing.assert_allclose(np.linalg.norm(places[:, 1:5] - places[:, :1], axis=-1), 0.08, rtol=1e-9)
+    assert places[0, 5, 2] > places[0, 1:5, 2].max()
+    assert places[1, 5, 2] < places[1, 1:5, 2].min()
+    assert "camera of rgb" in kept.sentence
+
+
+def test_one_line_draws_every_edge() -> None:
+    """Four rays, four sides of the image, and the peak over its upper edge."""
+    edges = {frozenset(edge) for edge in pairwise(OUTLINE)}
+    rays, sides = {frozenset({0, k}) for k in range(1, 5)}, {frozenset({k, k % 4 + 1}) for k in range(1, 5)}
+    assert edges == rays | sides | {frozenset({1, 5}), frozenset({2, 5})}
+
+
+@pytest.mark.parametrize("centre_m", [[0.0, 0.0, 0.0], [np.nan, 0.0, 0.0], [np.inf, 0.0, 0.0]])
+def test_a_camera_outside_of_the_box_is_left_out(centre_m: list[float]) -> None:
+    """Far away, or nowhere."""
+    kept = frusta_of(Evidence(frusta(np.array(centre_m)), {}))
+    assert kept is not None
+    assert kept.places(BOX).shape == (0, 6, 3)
+
+
+def test_arrays_that_do_not_fit_are_no_frusta() -> None:
+    """Of other lengths; rays of no length are left out."""
+    short = frusta() | {"frusta/rgb/rays_world": np.ones((3, 4, 3))}
+    assert frusta_of(Evidence(short, {})) is None
+    empty = frusta_of(Evidence(frusta() | {"frusta/rgb/rays_world": np.zeros((2, 4, 3))}, {}))
+    assert empty is not None
+    assert not len(empty.places(BOX))
