@@ -20,9 +20,11 @@ _COMMANDS: Final = {
     "→": r"$\to$",
     "−": "$-$",
     "–": "--",
+    "·": r"$\cdot$",
     "²": "$^2$",
     "ω": r"$\omega$",
     "µ": r"$\mu$",
+    "\N{REPLACEMENT CHARACTER}": "?",
 }
 """Characters that LaTeX reads as commands, or that not every font has."""
 

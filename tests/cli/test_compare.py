@@ -10,6 +10,7 @@ import pytest
 from fedora_generator.faults import plant_fault
 from fedora_qa.comparison.types import COMPARISON
 from tests.cli.conftest import Command
+from tests.support.latex_reader import read_latex
 
 
 def test_a_planted_fault_is_a_new_finding(fedora_qa: Command, sequence: Path, tmp_path: Path) -> None:
@@ -29,6 +30,7 @@ def test_a_planted_fault_is_a_new_finding(fedora_qa: Command, sequence: Path, tm
     jsonschema.validate(document, COMPARISON.schema())
     assert document["pairs"][0]["design"] == "versions"
     assert [one["change"] for one in document["pairs"][0]["versions"]["findings"]] == ["new"]
+    assert any("Findings" in table.caption for table in read_latex(outputs["latex"].read_text(encoding="utf-8")))
     for kind in ("html", "markdown", "latex"):
         assert "new" in outputs[kind].read_text(encoding="utf-8")
     printed = fedora_qa("compare", *records, "--format", "json")

@@ -3,8 +3,11 @@
 import re
 
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
-from fedora_qa.record.latex import latex_table
+from fedora_qa.record.latex import LATEX_NEEDS, latex_table
+from tests.support.latex_reader import read_latex
 
 
 @pytest.mark.parametrize(
@@ -40,3 +43,21 @@ def test_table() -> None:
     assert text.count(r"\\") == 3
     bare = re.sub(r"\\[{}]", "", text)
     assert bare.count("{") == bare.count("}")
+
+
+@given(
+    st.lists(st.tuples(st.text(st.characters(codec="latin-1")), st.text(st.characters(codec="latin-1"))), min_size=1)
+)
+def test_whatever_a_file_says_is_a_table(rows: list[tuple[str, str]]) -> None:
+    """A strict reader gets as many rows and cells as were written, and no command that a name spells."""
+    (table,) = read_latex(f"{LATEX_NEEDS}\n{latex_table('T', ('name', 'value'), rows, rows[0][0])}")
+    assert [len(row) for row in table.rows] == [2] * (1 + len(rows))
+
+
+@pytest.mark.parametrize("cell", ["{", "$x", "a & b", "50% $", r"\input{x}", "x_1", "a → b", "}{"])
+def test_the_reader_refuses_what_is_not_escaped(cell: str) -> None:
+    """The same cells, as they are, are no table."""
+    text = latex_table("T", ("name", "value"), [("PLACE", "1")])
+    assert len(read_latex(text)) == 1
+    with pytest.raises(ValueError, match="Expected"):
+        read_latex(text.replace("PLACE", cell))

@@ -10,11 +10,13 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as npst
 from numpy.typing import NDArray
 
+from fedora_qa.record.latex import LATEX_NEEDS
 from fedora_qa.record.types import Finding, Result, Where
 from fedora_reports.html import render_html
 from tests.reports.evidence_samples import all_kinds, moments, timeline
 from tests.reports.hostile_records import MARKUP, files
 from tests.reports.page_reader import complaints_about, read_page
+from tests.support.latex_reader import read_latex
 from tests.support.records import crashed, failed, file_record, late_events, passed, record
 
 KNOWN_TAGS = {one.tag for one in read_page(render_html(record(), all_kinds())).elements} | {"pre", "nav"}
@@ -48,6 +50,9 @@ def test_markup_from_a_file_is_text(text: str) -> None:
     assert {one.tag for one in page.elements} <= KNOWN_TAGS
     assert page.all("h1")[0].text in {text, text.rsplit("/", maxsplit=1)[-1]}
     assert page.text.count(text) >= 10
+    copies = [button.attributes.get("data-copy") or "" for button in page.all("button")]
+    tables = [table for copy in copies if copy.startswith(LATEX_NEEDS) for table in read_latex(copy)]
+    assert [len(table.rows) for table in tables] == [2]
 
 
 def test_controls_and_turned_directions_are_shown_as_replacements() -> None:
