@@ -5,12 +5,19 @@ from importlib import resources
 import click
 from click.shell_completion import CompletionItem
 
+from fedora_qa.causes import CAUSES
 from fedora_qa.check_names import check_names
 
 
 def complete_check(_context: click.Context, _parameter: click.Parameter, incomplete: str) -> list[str]:
     """Return the subjects and checks that begin with ``incomplete``."""
     return [name for name in check_names() if name.startswith(incomplete)]
+
+
+def complete_explained(context: click.Context, parameter: click.Parameter, incomplete: str) -> list[str]:
+    """Return the subjects, checks and causes that begin with ``incomplete``."""
+    causes = [cause for cause in CAUSES if cause.startswith(incomplete)]
+    return [*complete_check(context, parameter, incomplete), *causes]
 
 
 def complete_file(_context: click.Context, _parameter: click.Parameter, incomplete: str) -> list[CompletionItem]:

@@ -1,4 +1,4 @@
-"""``fedora-qa checks`` and ``fedora-qa explain``: the question of each check, and how the check answers it."""
+"""``fedora-qa checks`` and ``fedora-qa explain``: the question of each check and how it answers it; what a cause is."""
 
 import sys
 from dataclasses import replace
@@ -7,9 +7,10 @@ import click
 from rich.table import Table
 from rich.text import Text
 
+from fedora_qa.causes import CAUSES
 from fedora_qa.check_names import require_check_names
 from fedora_qa.checks.explanation import Explanation, published_explanations
-from fedora_qa.cli.completion import complete_check
+from fedora_qa.cli.completion import complete_explained
 from fedora_qa.cli.console import stdout_console
 
 
@@ -31,10 +32,23 @@ def checks() -> int:
 
 
 @click.command()
-@click.argument("name", metavar="CHECK", shell_complete=complete_check)
+@click.argument("name", metavar="CHECK|CAUSE", shell_complete=complete_explained)
 def explain(name: str) -> int:
-    """Explain what CHECK, or every check of a subject, measures, how, and what it cannot detect."""
+    """Explain what CHECK, or every check of a subject, measures, how, and what it cannot detect.
+
+    A CAUSE, such as events:time_offset or time_offset, is explained with its size and its remedy.
+    """
     console = stdout_console()
+    cause = CAUSES.get(name.rpartition(":")[2])
+    if cause is not None:
+        console.print(Text(cause.identifier, style="bold"))
+        console.print(Text(f"befalls: {', '.join(cause.streams)}", style="dim"))
+        size = "a pure number" if cause.unit == "1" else f"in {cause.unit}"
+        sign = f"{size}; positive means timestamps too late, or values too large" if cause.unit else "it has none"
+        for title, sentence in (("What is wrong", cause.meaning), ("Size", sign), ("Remedy", cause.remedy)):
+            console.print(Text.assemble("\n", (title, "bold"), f"\n{sentence[0].upper()}{sentence[1:].rstrip('.')}."))
+        return 0
+    require_check_names([name], also=CAUSES)
     for explained in explanations_of(name):
         console.print(Text(explained.check, style="bold"))
         console.print(Text(needs_words(explained), style="dim"))

@@ -37,7 +37,7 @@ COMMANDS: Final[Mapping[str, tuple[str, str]]] = MappingProxyType(
         "export": ("commands.export:export", "Write a sequence in a layout of others: a trajectory, a folder."),
         "report": ("commands.report:report", "Render a record again, without the data."),
         "checks": ("explain:checks", "List the checks, each with its question."),
-        "explain": ("explain:explain", "Explain what a check measures, how, and what it cannot detect."),
+        "explain": ("explain:explain", "Explain a check and what it cannot detect, or a cause."),
         "layout": ("commands.layout:layout", "Describe what a file holds, where, and what was inferred."),
         "schema": ("schema:schema", "Print the JSON schema of a document or configuration."),
         "doctor": ("doctor:doctor", "Test whether this machine can run the checks."),

@@ -46,6 +46,7 @@ COMPLETED = {
     "choices": ("fedora-qa extract a.h5 F1 --effort st", {"plain,standard"}),
     "checks": ("fedora-qa explain imu.t", {"plain,imu.translation", "plain,imu.timing"}),
     "dialects, or a file": ("fedora-qa check a.h5 --dialect m", {"plain,m3ed", "plain,mvsec", "file,m"}),
+    "causes": ("fedora-qa explain vign", {"plain,vignetting"}),
     "files": ("fedora-qa verify cert", {"file,cert"}),
     "schemas": ("fedora-qa schema p", {"plain,power", "plain,policy"}),
 }

@@ -11,6 +11,7 @@ import pytest
 from rich.console import Console
 
 from fedora_qa.catalogue import CHECKS
+from fedora_qa.causes import CAUSES
 from fedora_qa.cli import doctor as doctor_module
 from fedora_qa.cli.console import print_table
 from fedora_qa.cli.doctor import Symptom
@@ -58,6 +59,15 @@ def test_explain_tells_the_whole_text(fedora_qa: Command) -> None:
     assert check.question in done.out
     assert "needs:" in done.out
     assert len(done.out.splitlines()) > 4
+
+
+def test_explain_a_cause(fedora_qa: Command) -> None:
+    """As the summary names it, with its stream, or without; a misspelt one is answered with the nearest."""
+    done = fedora_qa("explain", "events:time_offset")
+    assert (done.code, done.out) == (0, fedora_qa("explain", "time_offset").out)
+    for words in ("Stamps are late by a constant.", "In ms; positive means", CAUSES["time_offset"].remedy):
+        assert words in done.out
+    assert fedora_qa("explain", "time_ofset").err.endswith("did you mean 'time_offset'?\n")
 
 
 def test_explain_a_subject(fedora_qa: Command) -> None:
