@@ -12,7 +12,7 @@ from fedora_qa.record.types import Finding, Measurement, Record, Where
 from fedora_reports import trajectory
 from fedora_reports.detection_power import DetectableCause, PassDetectionPower
 from fedora_reports.html import render_html
-from tests.reports.evidence_samples import all_kinds, point_cloud
+from tests.reports.evidence_samples import all_kinds, frusta, point_cloud
 from tests.support.records import crashed, failed, file_record, late_events, not_observable, passed, record
 
 FINDINGS: Final = 40
@@ -56,8 +56,8 @@ def sample_arrays() -> dict[str, NDArray[Any]]:
 
 
 def sample_world() -> dict[str, NDArray[Any]]:
-    """Points of a wall beside the path."""
-    return point_cloud() | {"point_cloud/origin_world_m": np.zeros(3)}
+    """Points of a wall beside the path, and two views of a camera at its start."""
+    return point_cloud() | frusta(np.array([9.0, 0.0, 0.0])) | {"point_cloud/origin_world_m": np.zeros(3)}
 
 
 def write_sample(target: Path, *, with_world: bool = True) -> Path:

@@ -10,8 +10,10 @@ from fedora_qa.record.types import Finding, Where
 from fedora_reports import trajectory
 from fedora_reports.evidence import Evidence
 from fedora_reports.flight import flight_of
+from fedora_reports.frusta import Frusta
 from fedora_reports.html import render_html
 from fedora_reports.timeline import AnchoredFinding
+from tests.reports.evidence_samples import frusta
 from tests.reports.page_reader import complaints_about, read_page
 from tests.support.records import record
 
@@ -108,3 +110,23 @@ def test_without_all_of_a_path_none_is_drawn(name: str) -> None:
     """A path lacks nothing or is left out."""
     arrays = {other: array for other, array in PATH.items() if other != name}
     assert not read_page(render_html(record(), arrays)).all("figure", kind="flight")
+
+
+def test_frusta_are_in_the_scene(monkeypatch: pytest.MonkeyPatch) -> None:
+    """About the middle of the box, with the order of the line that draws them; the render gets them as well."""
+    passed: list[tuple[object, ...]] = []
+
+    def render(*arguments: object) -> trajectory.TrajectoryPicture:
+        passed.append(arguments)
+        return picture()
+
+    monkeypatch.setattr(trajectory, "render_trajectory", render)
+    flight = flight_of(Evidence(PATH | frusta(np.zeros(3)), {}), [])
+    assert flight is not None
+    scene = json.loads(flight.space)
+    assert np.array(scene["frusta"]).shape == (2, 6, 3)
+    assert set(scene["outline"]) == set(range(6))
+    assert isinstance(passed[0][-1], Frusta)
+    without = flight_of(Evidence(PATH, {}), [])
+    assert without is not None
+    assert (json.loads(without.space)["frusta"], passed[1][-1]) == ([], None)

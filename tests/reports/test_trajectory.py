@@ -10,9 +10,11 @@ import numpy as np
 import pytest
 
 from fedora_reports import trajectory
+from fedora_reports.frusta import Frusta
 from fedora_reports.trajectory import TrajectoryPicture, flat_views, render_trajectory
 from fedora_reports.trajectory_path import flown_path, speed_colours
 from fedora_reports.trajectory_views import draw_views
+from tests.reports.evidence_samples import frusta
 from tests.reports.trajectory_shapes import SHAPES, loop
 from tests.support.graphics import without_opengl
 
@@ -46,6 +48,19 @@ def test_render_shows_the_path_in_its_colours(rendered: TrajectoryPicture) -> No
 def test_render_is_repeatable(rendered: TrajectoryPicture) -> None:
     """The same path gives the same picture."""
     np.testing.assert_array_equal(decoded(rendered), decoded(render_trajectory(**loop())))
+
+
+def test_frusta_take_the_place_of_cones(rendered: TrajectoryPicture) -> None:
+    """With the views of a camera the picture shows these, and the caption says which camera and which side is up."""
+    arrays = loop()
+    views = frusta()
+    rays, at = views["frusta/rgb/rays_world"], arrays["positions_world_m"][[10, 100]]
+    picture = render_trajectory(**arrays, frusta=Frusta("rgb", at, rays))
+    assert picture.note == ""
+    assert "cones" in rendered.caption
+    assert "cones" not in picture.caption
+    assert "the camera of rgb; a peak marks the upper edge" in picture.caption
+    assert (decoded(picture) != decoded(rendered)).any(axis=-1).sum() > 1000
 
 
 @pytest.mark.parametrize("name", ["gaps", "still", "two poses", "one pose", "vertical"])
