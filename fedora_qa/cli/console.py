@@ -56,8 +56,8 @@ def print_table(console: Console, source: "TextTable | PowerTable") -> None:
         table.add_row(*(text(cell) for cell in row))
     # rich would break the longest names within a word; units below the names leave them room.
     if Measurement.get(console, console.options.update(max_width=_ANY_WIDTH), table).maximum > console.width:
-        for column, name in zip(table.columns, source.head, strict=True):
-            column.header = name.replace(" [", "\n[")
+        for drawn, name in zip(table.columns, source.head, strict=True):
+            drawn.header = name.replace(" [", "\n[")
     console.print(Text(source.title, style="bold"))
     console.print(table)
     if source.note:

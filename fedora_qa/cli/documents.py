@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Final
+from typing import Any, Final
 
 import click
 
@@ -13,8 +13,8 @@ STDOUT: Final = Path("-")
 """As the path of a document: stdout. What people read is then printed on stderr."""
 
 
-def document_paths(form: str | None, paths: Mapping[str, Path | None]) -> dict[str, Path | None]:
-    """Return the path of each document, with stdout for the format that is to be printed.
+def document_paths(form: str | None, paths: Mapping[str, Path | None]) -> dict[str, Any]:
+    """Return the path of each document or None, with stdout for the format that is to be printed.
 
     Parameters
     ----------

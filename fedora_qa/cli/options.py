@@ -1,6 +1,6 @@
 """Options that several commands share, each with the same help everywhere."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from functools import wraps
 from pathlib import Path
 from typing import Any, Final, Literal
@@ -70,6 +70,9 @@ _OPTIONS: Final = (
     click.option("--github", is_flag=True, help="Print annotations for GitHub Actions after the summary."),
 )
 
+Decorator = Callable[[Callable[..., int]], Callable[..., int]]
+"""Adds options to a command."""
+
 _json_option = click.option(
     "--json", type=PATH, metavar="OUT", help="Write the record, and its evidence to OUT.arrays.npz; - is stdout."
 )
@@ -82,13 +85,21 @@ _TABLE_OPTIONS: Final = {
 }
 
 
-def _format_option(*formats: str) -> Callable[[Callable[..., int]], Callable[..., int]]:
+def _format_option(*formats: str) -> Decorator:
     return click.option(
         "--format",
         "form",
         type=click.Choice(formats),
         help="Print this alone on stdout, and what people read on stderr.",
     )
+
+
+def _with_options(command: Callable[..., int], options: Sequence[Decorator]) -> Callable[..., int]:
+    """Add options to a command, in the order of its help."""
+    # click lists options in the order of decorators from top to bottom, and the last one applied is the top one.
+    for option in reversed(options):
+        command = option(command)
+    return command
 
 
 def detail_options(command: Callable[..., int]) -> Callable[..., int]:
@@ -132,10 +143,7 @@ def output_options(command: Callable[..., int]) -> Callable[..., int]:
         outputs = Outputs(**paths, csv=csv, parquet=parquet, github=github or alone, summary=not alone)
         return command(outputs=outputs, **others)
 
-    # click lists options in the order of decorators from top to bottom, and the last one applied is the top one.
-    for option in reversed((*_OPTIONS, _format_option("json", "markdown", "junit", "sarif", "github"))):
-        with_outputs = option(with_outputs)
-    return with_outputs
+    return _with_options(with_outputs, (*_OPTIONS, _format_option("json", "markdown", "junit", "sarif", "github")))
 
 
 def record_options(command: Callable[..., int]) -> Callable[..., int]:
@@ -143,9 +151,7 @@ def record_options(command: Callable[..., int]) -> Callable[..., int]:
     return _json_option(output_options(command))
 
 
-def table_options(
-    *documents: Literal["json", "html", "markdown", "latex"], has_format: bool = True
-) -> Callable[[Callable[..., int]], Callable[..., int]]:
+def table_options(*documents: Literal["json", "html", "markdown", "latex"], has_format: bool = True) -> Decorator:
     """Return what adds the options that write tables; the command gets them as ``outputs``.
 
     Parameters
@@ -165,9 +171,9 @@ def table_options(
             paths = document_paths(form, {name: others.pop(name) for name in documents})
             return command(outputs=Outputs(**paths), **others)
 
-        formats = [_format_option(*(name for name in documents if name != "html"))] if has_format else []
-        for option in reversed([*(_TABLE_OPTIONS[name] for name in documents), *formats]):
-            with_outputs = option(with_outputs)
-        return with_outputs
+        options: list[Decorator] = [_TABLE_OPTIONS[name] for name in documents]
+        if has_format:
+            options.append(_format_option(*(name for name in documents if name != "html")))
+        return _with_options(with_outputs, options)
 
     return decorator

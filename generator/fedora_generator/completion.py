@@ -28,7 +28,7 @@ def complete_cause(_context: click.Context, _parameter: click.Parameter, incompl
 def complete_stream(context: click.Context, _parameter: click.Parameter, incomplete: str) -> list[CompletionItem]:
     """Return the streams that begin so, of those that the cause on the command line can befall."""
     # click parses no arguments behind an option that still lacks its value, and leaves them in `args`.
-    names = (context.params.get("cause"), *context.args)
+    names = (str(context.params.get("cause")), *context.args)
     streams = next((CAUSES[name].streams for name in names if name in CAUSES), STREAMS)
     return _beginning(streams, incomplete)
 

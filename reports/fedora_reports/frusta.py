@@ -15,7 +15,7 @@ Float64 = NDArray[np.float64]
 OUTLINE: Final = (0, 1, 5, 2, 1, 4, 0, 3, 4, 3, 2, 0)
 """Corners of a frustum in the order in which one line draws all of its edges."""
 
-_REACH: Final = 0.08
+_REACH: Final = 0.1
 """Length of the rays to the corners as a share of the longest side of the box."""
 _PEAK: Final = 0.3
 """Height of the peak above the upper edge as a share of the image's height."""
@@ -45,7 +45,10 @@ class Frusta:
         return f"Frusta show the view of the camera of {self.camera}; a peak marks the upper edge of its image."
 
     def places(self, box: Box) -> Float64:
-        """Return the corners of the frusta whose centre lies in a box, about its middle, in units of its longest side.
+        """Return the corners of frusta that can be told apart, about the middle of a box, in units of its longest side.
+
+        One whose centre lies outside of the box is left out, and one of which no corner is as far from that of another
+        as the rays are long: neighbours touch at most.
 
         Returns
         -------
@@ -62,7 +65,11 @@ class Frusta:
         peak = top + _PEAK * (top - bottom)
         offsets = np.concatenate([np.zeros_like(peak)[:, None], image, peak[:, None]], axis=1)
         places: Float64 = centres[:, None] + offsets
-        return places
+        apart: list[int] = []
+        for row, corners in enumerate(places):
+            if all(np.linalg.norm(corners - places[other], axis=-1).max() >= _REACH for other in apart):
+                apart.append(row)
+        return places[apart]
 
 
 def frusta_of(evidence: Evidence) -> Frusta | None:

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from fedora_reports.evidence import Evidence
-from fedora_reports.frusta import OUTLINE, frusta_of
+from fedora_reports.frusta import OUTLINE, Frusta, frusta_of
 from fedora_reports.trajectory_path import Box
 from tests.reports.evidence_samples import frusta
 
@@ -14,16 +14,27 @@ BOX = Box(np.array([5e6 - 10.0, -10.0, 0.0]), np.array([5e6 + 10.0, 10.0, 8.0]))
 
 
 def test_frusta_have_the_size_of_the_drawing() -> None:
-    """The longest ray is 8% of the longest side; the peak is above the upper edge of the image, or below it."""
+    """The longest ray is a tenth of the longest side; the peak is above the upper edge of the image, or below it."""
     kept = frusta_of(Evidence(frusta(), {}))
     assert kept is not None
     places = kept.places(BOX)
     assert places.shape == (2, 6, 3)
     np.testing.assert_allclose(places[:, 0], [[0.0, 0.3, -0.1]] * 2, atol=1e-9)
-    np.testing.assert_allclose(np.linalg.norm(places[:, 1:5] - places[:, :1], axis=-1), 0.08, rtol=1e-9)
+    np.testing.assert_allclose(np.linalg.norm(places[:, 1:5] - places[:, :1], axis=-1), 0.1, rtol=1e-9)
     assert places[0, 5, 2] > places[0, 1:5, 2].max()
     assert places[1, 5, 2] < places[1, 1:5, 2].min()
     assert "camera of rgb" in kept.sentence
+
+
+def test_frusta_that_cover_each_other_are_one() -> None:
+    """Of views 0.1 m apart one is drawn each 2 m, in a box of 20 m; of a camera that turns by right angles, all."""
+    views = frusta()
+    ray, along = views["frusta/rgb/rays_world"][:1], np.arange(41.0)[:, None] / 10
+    flight = Frusta("rgb", [5e6, 6.0, 2.0] + along * [1.0, 0.0, 0.0], np.repeat(ray, 41, axis=0))
+    np.testing.assert_allclose(flight.places(BOX)[:, 0, 0] * BOX.span_m, [0.0, 2.0, 4.0], atol=1e-9)
+    quarter = np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
+    turns = np.concatenate([ray @ np.linalg.matrix_power(quarter, k) for k in range(4)])
+    assert len(Frusta("rgb", np.tile([5e6, 6.0, 2.0], (4, 1)), turns).places(BOX)) == 4
 
 
 def test_one_line_draws_every_edge() -> None:
