@@ -20,11 +20,14 @@ from fedora_reports.trajectory_path import Box, FlownPath, box_around, flown_pat
 
 Float64 = NDArray[np.float64]
 
-SIZE_PX: Final = (1200, 750)
+SIZE_PX: Final = (960, 640)
+"""On a phone, at 0.37 of this, the labels are still legible."""
 
 _MOST_POINTS: Final = 4000
 _FIELD_OF_VIEW_DEG: Final = 30.0
-_MARGINS: Final = (0.72, 0.82)
+_LEFT: Final = 0.14
+"""By how much the drawing stands left of the middle, in halves of the picture: the scale of speeds is on the right."""
+_MARGINS: Final = (0.66, 0.8)
 """Shares of the picture, right and up, that the box may fill; the rest is for labels and the scale of speeds."""
 
 # A dark ground of its own reads equally well on a light and on a dark page.
@@ -39,7 +42,7 @@ _TUBE: Final = 0.0055
 _BALL: Final = 0.014
 _CONE: Final = (0.045, 0.013)
 """Length and radius of the cones that show the direction of the body."""
-_LABEL_OFFSET: Final = 0.045
+_LABEL_OFFSET: Final = 0.055
 _CONES: Final = 14
 _CLOSEST: Final = 2e-4
 """Least distance of neighbouring points of a tube."""
@@ -69,6 +72,7 @@ def draw(path: FlownPath, target: Path, frusta: Frusta | None = None) -> None:
     view = view_of(places, _scaled(corners, box), (_MARGINS[0] * slope_right, _MARGINS[1] * slope_up))
     plotter.camera.position, plotter.camera.focal_point = view.eye.tolist(), view.target.tolist()
     plotter.camera.up, plotter.camera.view_angle = (0.0, 0.0, 1.0), _FIELD_OF_VIEW_DEG
+    plotter.camera.SetWindowCenter(_LEFT, 0.0)
 
     # Lines of round metres on the floor of the box.
     low, high = box.low_m, box.high_m
@@ -135,11 +139,11 @@ def _draw_labels(plotter: Any, box: Box, view: View) -> None:
     along_z = [((foot[0] + aside[0], foot[1] + aside[1], z), label) for z, label in box.ticks(2)[1:]]
     middle = (low + high) / 2
     names = [
-        ((middle[0], near[1] + 2.6 * outward[1], low[2]), "X east, m"),
-        ((near[0] + 2.6 * outward[0], middle[1], low[2]), "Y north, m"),
+        ((middle[0], near[1] + 3.0 * outward[1], low[2]), "X east, m"),
+        ((near[0] + 3.0 * outward[0], middle[1], low[2]), "Y north, m"),
         ((foot[0] + aside[0], foot[1] + aside[1], high[2] + 1.2 * _LABEL_OFFSET * box.span_m), "Z up, m"),
     ]
-    for places, size in (([*along_x, *along_y, *along_z], 17), (names, 18)):
+    for places, size in (([*along_x, *along_y, *along_z], 24), (names, 25)):
         points, words = zip(*places, strict=True)
         _write(plotter, _scaled(np.array(points), box), words, size)
 
@@ -183,15 +187,15 @@ def _draw_speeds(plotter: Any, path: FlownPath, places: Float64) -> None:
     plotter.add_scalar_bar(
         "speed, m/s",
         vertical=True,
-        position_x=0.92,
+        position_x=0.89,
         position_y=0.2,
-        width=0.055,
+        width=0.07,
         height=0.6,
         n_labels=5,
         fmt=f"{{:.{decimals}f}}",
         color=_INK,
-        title_font_size=18,
-        label_font_size=17,
+        title_font_size=25,
+        label_font_size=24,
     )
 
 
@@ -206,9 +210,9 @@ def _draw_ends(plotter: Any, places: Float64) -> None:
         )
     above = np.array([0.0, 0.0, 3 * _BALL])
     if apart < 4 * _BALL:
-        _write(plotter, places[:1] + above, ("start and end" if len(places) > 1 else "the only pose",), 18)
+        _write(plotter, places[:1] + above, ("start and end" if len(places) > 1 else "the only pose",), 25)
     else:
-        _write(plotter, places[[0, -1]] + above, ("start", "end"), 18)
+        _write(plotter, places[[0, -1]] + above, ("start", "end"), 25)
 
 
 def _write(plotter: Any, points: Float64, words: Any, size: int) -> None:

@@ -36,10 +36,10 @@ def test_render_shows_the_path_in_its_colours(rendered: TrajectoryPicture) -> No
     """The picture is large, has no note, and holds the colours of slow and of fast."""
     assert rendered.note == ""
     pixels = decoded(rendered)
-    assert pixels.shape == (750, 1200, 3)
+    assert pixels.shape == (640, 960, 3)
     for colour in (speed_colours(2)[0], speed_colours(2)[-1]):
         hue = np.array([int(colour[i : i + 2], 16) for i in (1, 3, 5)], dtype=float)
-        path = pixels[:, :1050].reshape(-1, 3).astype(float)
+        path = pixels[:, :840].reshape(-1, 3).astype(float)
         # Shading darkens a colour; its direction stays.
         cosine = path @ hue / (np.linalg.norm(path, axis=1) * np.linalg.norm(hue) + 1e-9)
         assert ((cosine > 0.995) & (np.linalg.norm(path, axis=1) > 90)).sum() > 100

@@ -109,6 +109,9 @@ function drawSpace(canvas, scene, view) {
     pen.arc(left, top, 5, 0, 2 * Math.PI);
     pen.fillStyle = colour;
     pen.fill();
+    pen.strokeStyle = ink.backgroundColor; // words stay legible over points and lines
+    pen.lineWidth = 3;
+    pen.strokeText(word, left + 8, top + 14);
     pen.fillStyle = ink.color;
     pen.fillText(word, left + 8, top + 14);
   };
