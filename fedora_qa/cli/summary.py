@@ -34,6 +34,9 @@ from fedora_qa.record.wording import (
     why_incomplete,
 )
 
+VERDICTS: Final[Sequence[Verdict]] = ("clean", "findings", "incomplete")
+"""From the least grave to the gravest, as exit codes order them."""
+
 VERDICT_STYLES: Final[Mapping[Verdict, str]] = {
     "clean": "bold green",
     "findings": "bold red",
@@ -100,6 +103,16 @@ def show_record(console: Console, record: Record, detail: Detail = "normal") -> 
         first = cause_sentence(file.diagnoses[0]) if file.diagnoses else why_incomplete(file) or tally(file.results)
         table.add_row(verdict, text(file.path), text(first))
     console.print(table)
+    if len(record.files) > 1 and detail != "quiet":
+        console.print(Group(Text(), _common_verdict(record.files)))
+
+
+def _common_verdict(files: Sequence[FileRecord]) -> Text:
+    """Return the gravest verdict, how many files have it, and the first of them."""
+    gravest = max((file.verdict for file in files), key=VERDICTS.index)
+    paths = [file.path for file in files if file.verdict == gravest]
+    count = f"{len(paths)} of {len(files)}" + ("" if gravest == "clean" else f", first {paths[0]}")
+    return Text.assemble((f" {gravest.upper()} ", VERDICT_STYLES[gravest] + " reverse"), "  ", text(count))
 
 
 def _run_lines(record: Record) -> Iterator[str]:
@@ -141,9 +154,10 @@ def _verdict(file: FileRecord) -> Iterator[RenderableType]:
 
 
 def _details(file: FileRecord, width: int, detail: Detail) -> Iterator[RenderableType]:
-    if file.results:
+    checks = [*(_checks if detail == "verbose" else _folded_checks)(file.results, width)] if file.results else []
+    if checks:
         yield Text("Checks", style="bold")
-        yield from _checks(file.results, width) if detail == "verbose" else _folded_checks(file.results, width)
+        yield from checks
         yield Text()
     if reasons(file.results):
         yield from _section("Reasons", [text(reason) for reason in reasons(file.results)])

@@ -9,7 +9,7 @@ from rich.console import Console
 
 from fedora_qa.cli.summary import Detail, show_record
 from fedora_qa.record.types import Record, Where
-from tests.support.records import crashed, failed, file_record, late_events, passed, record
+from tests.support.records import crashed, failed, file_record, late_events, not_observable, passed, record
 
 HOSTILE = "[bold red]x[/] \x1b[31m\x1b]0;owned\x07 \r\n\u202eevil [link=http://x]"
 
@@ -112,12 +112,22 @@ def test_many_findings_are_counted_not_listed() -> None:
     assert "988 more" in text
 
 
-def test_several_files_end_in_a_table() -> None:
-    """After the details of each file, one line a file sums up."""
-    text = shown(record(file_record(passed(), path="one.h5"), file_record(failed(), path="two.h5")))
-    last = text.splitlines()[-2:]
-    assert last[0].split()[:2] == ["clean", "one.h5"]
-    assert last[1].split()[:2] == ["findings", "two.h5"]
+def test_several_files_end_in_a_table_and_a_verdict() -> None:
+    """After the details of each file, one line a file sums up; below, the gravest verdict. Quiet, these lines alone."""
+    both = record(file_record(failed(), path="one.h5"), file_record(passed(), path="two.h5"))
+    last = shown(both).splitlines()[-4:]
+    assert last[0].split()[:2] == ["findings", "one.h5"]
+    assert last[1].split()[:2] == ["clean", "two.h5"]
+    assert last[2:] == ["", " FINDINGS   1 of 2, first one.h5"]
+    assert [line.split()[1] for line in shown(both, detail="quiet").splitlines()] == ["one.h5", "two.h5"]
+    clean = record(*(file_record(passed(), path=path) for path in ("one.h5", "two.h5")))
+    assert shown(clean).splitlines()[-1] == " CLEAN   2 of 2"
+
+
+def test_no_head_without_checks() -> None:
+    """Where no check applies, there is no head of a list of checks."""
+    text = shown(record(file_record(replace(not_observable(), outcome="not_applicable"))))
+    assert "Checks" not in text
 
 
 def test_a_file_without_checks() -> None:
