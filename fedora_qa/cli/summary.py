@@ -16,6 +16,7 @@ from rich.text import Text
 from fedora_qa.cli.console import text
 from fedora_qa.cli.outputs import Outputs
 from fedora_qa.record.github import record_to_github, silenced
+from fedora_qa.record.several_files import gravest_verdict
 from fedora_qa.record.types import Diagnosis, FileRecord, Outcome, Record, Result, Severity, Verdict
 from fedora_qa.record.wording import (
     OUTCOME_WORDS,
@@ -33,9 +34,6 @@ from fedora_qa.record.wording import (
     tally,
     why_incomplete,
 )
-
-VERDICTS: Final[Sequence[Verdict]] = ("clean", "findings", "incomplete")
-"""From the least grave to the gravest, as exit codes order them."""
 
 VERDICT_STYLES: Final[Mapping[Verdict, str]] = {
     "clean": "bold green",
@@ -109,7 +107,7 @@ def show_record(console: Console, record: Record, detail: Detail = "normal") -> 
 
 def _common_verdict(files: Sequence[FileRecord]) -> Text:
     """Return the gravest verdict, how many files have it, and the first of them."""
-    gravest = max((file.verdict for file in files), key=VERDICTS.index)
+    gravest = gravest_verdict(files)
     paths = [file.path for file in files if file.verdict == gravest]
     count = f"{len(paths)} of {len(files)}" + ("" if gravest == "clean" else f", first {paths[0]}")
     return Text.assemble((f" {gravest.upper()} ", VERDICT_STYLES[gravest] + " reverse"), "  ", text(count))

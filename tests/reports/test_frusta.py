@@ -1,5 +1,6 @@
 """Frusta in drawings: at a size that suits the box, upright, and only those that lie in it."""
 
+from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
@@ -7,8 +8,10 @@ import pytest
 
 from fedora_reports.evidence import Evidence
 from fedora_reports.frusta import OUTLINE, Frusta, frusta_of
+from fedora_reports.html import render_html
 from fedora_reports.trajectory_path import Box
 from tests.reports.evidence_samples import frusta
+from tests.support.records import file_record, passed, record
 
 BOX = Box(np.array([5e6 - 10.0, -10.0, 0.0]), np.array([5e6 + 10.0, 10.0, 8.0]))
 
@@ -50,6 +53,16 @@ def test_a_camera_outside_of_the_box_is_left_out(centre_m: list[float]) -> None:
     kept = frusta_of(Evidence(frusta(np.array(centre_m)), {}))
     assert kept is not None
     assert kept.places(BOX).shape == (0, 6, 3)
+
+
+def test_what_is_drawn_along_the_path_is_no_picture_of_a_check() -> None:
+    """The arrays of the frusta are neither drawn as maps nor listed as what was not drawn."""
+    arrays = frusta()
+    page = render_html(
+        record(replace(file_record(passed()), evidence={name: f"Title of {name}" for name in arrays})), arrays
+    )
+    assert "Kept beside the record, not drawn" not in page
+    assert page.count("Title of frusta") == len(arrays)  # in the list of all arrays
 
 
 def test_arrays_that_do_not_fit_are_no_frusta() -> None:
