@@ -58,9 +58,8 @@ def test_a_camera_outside_of_the_box_is_left_out(centre_m: list[float]) -> None:
 def test_what_is_drawn_along_the_path_is_no_picture_of_a_check() -> None:
     """The arrays of the frusta are neither drawn as maps nor listed as what was not drawn."""
     arrays = frusta()
-    page = render_html(
-        record(replace(file_record(passed()), evidence={name: f"Title of {name}" for name in arrays})), arrays
-    )
+    file = replace(file_record(passed()), evidence={name: f"Title of {name}" for name in arrays})
+    page = render_html(record(file), arrays)
     assert "Kept beside the record, not drawn" not in page
     assert page.count("Title of frusta") == len(arrays)  # in the list of all arrays
 
