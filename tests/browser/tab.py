@@ -83,6 +83,15 @@ class Tab:
             self.call("Input.dispatchTouchEvent", type=kind, touchPoints=[point])
         self.call("Input.dispatchTouchEvent", type="touchEnd", touchPoints=[])
 
+    def pinch(self, selector: str, first_px: float, last_px: float) -> None:
+        """Put two fingers so far to either side of the middle of an element, move them to another distance, lift both."""
+        x, y = self.place_of(selector)
+        self.call("Emulation.setTouchEmulationEnabled", enabled=True, maxTouchPoints=2)
+        for kind, side in (("touchStart", first_px), ("touchMove", (first_px + last_px) / 2), ("touchMove", last_px)):
+            points = [{"x": x - side, "y": y, "id": 0}, {"x": x + side, "y": y, "id": 1}]
+            self.call("Input.dispatchTouchEvent", type=kind, touchPoints=points)
+        self.call("Input.dispatchTouchEvent", type="touchEnd", touchPoints=[])
+
     def point_at(self, selector: str, across: float, down: float) -> None:
         """Move the mouse to a place in an element."""
         x, y = self.place_of(selector, across, down)

@@ -201,6 +201,21 @@ def test_world_is_in_sight_and_turned(tab: Tab) -> None:
     assert len(set(pictures)) == 2
 
 
+def test_two_fingers_come_closer(tab: Tab) -> None:
+    """Fingers that part do what plus does, and back together they restore the picture; one finger then turns it."""
+    canvas = "document.querySelector('.clouds canvas')"
+    drawn = f"{canvas}.toDataURL()"
+    pictures = [tab.evaluate(drawn)]
+    tab.pinch(".clouds canvas", 20, 60)
+    pictures.append(tab.evaluate(drawn))
+    tab.pinch(".clouds canvas", 60, 20)
+    assert tab.evaluate(drawn) == pictures[0]
+    tab.swipe(".clouds canvas", (60, 0))
+    pictures.append(tab.evaluate(drawn))
+    assert len(set(pictures)) == 3
+    assert tab.complaints == []
+
+
 def test_event_cloud_is_turned(tab: Tab) -> None:
     """It is drawn at once and does not move by itself; the mouse, a finger and keys turn it, and plus comes closer."""
     canvas = "document.querySelector('.clouds canvas')"

@@ -15,9 +15,25 @@ function space(canvas) {
     view.zoom = Math.min(Math.max(view.zoom * factor, 0.5), 20);
     draw();
   };
-  canvas.addEventListener("pointerdown", event => canvas.setPointerCapture(event.pointerId));
+  // One finger or the mouse turns it; two fingers come closer as they part.
+  const fingers = new Map();
+  const spread = () => {
+    const [a, b] = [...fingers.values()];
+    return Math.hypot(a.clientX - b.clientX, a.clientY - b.clientY) || 1;
+  };
+  canvas.addEventListener("pointerdown", event => {
+    canvas.setPointerCapture(event.pointerId);
+    fingers.set(event.pointerId, event);
+  });
+  for (const end of ["pointerup", "pointercancel"]) {
+    canvas.addEventListener(end, event => fingers.delete(event.pointerId));
+  }
   canvas.addEventListener("pointermove", event => {
-    if (event.buttons) turn(-event.movementX / 150, event.movementY / 150);
+    if (!fingers.has(event.pointerId)) return;
+    const before = fingers.size === 2 ? spread() : 0;
+    fingers.set(event.pointerId, event);
+    if (before) closer(spread() / before);
+    else if (fingers.size === 1) turn(-event.movementX / 150, event.movementY / 150);
   });
   canvas.addEventListener("wheel", event => {
     if (!event.ctrlKey) return; // the page scrolls
@@ -60,7 +76,12 @@ function drawSpace(canvas, scene, view) {
   pen.font = `12px ${ink.fontFamily}`;
   const size = 0.62 * Math.min(width, 1.5 * height) * view.zoom;
   const [c, s, up, over] = [Math.cos(view.yaw), Math.sin(view.yaw), Math.cos(view.pitch), Math.sin(view.pitch)];
-  const place = ([x, y, z]) => [width / 2 + size * (c * x + s * y), height / 2 - size * (up * z + over * (c * y - s * x))];
+  // Coming closer leads to the middle of the path.
+  const middle = scene.points?.[scene.points.length >> 1] ?? [0, 0, 0], share = Math.max(0, 1 - 1 / view.zoom);
+  const place = point => {
+    const [x, y, z] = point.map((value, axis) => value - share * middle[axis]);
+    return [width / 2 + size * (c * x + s * y), height / 2 - size * (up * z + over * (c * y - s * x))];
+  };
   const toward = ([x, y, z]) => over * z - up * (c * y - s * x);
   const line = (points, colour, thick) => {
     pen.beginPath();
