@@ -84,7 +84,7 @@ class Tab:
         self.call("Input.dispatchTouchEvent", type="touchEnd", touchPoints=[])
 
     def pinch(self, selector: str, first_px: float, last_px: float) -> None:
-        """Put two fingers so far to either side of the middle of an element, move them to another distance, lift both."""
+        """Put two fingers at a distance from the middle of an element, move them to another distance, and lift both."""
         x, y = self.place_of(selector)
         self.call("Emulation.setTouchEmulationEnabled", enabled=True, maxTouchPoints=2)
         for kind, side in (("touchStart", first_px), ("touchMove", (first_px + last_px) / 2), ("touchMove", last_px)):
