@@ -1,15 +1,17 @@
 """Consoles for results and messages; text from files is never interpreted as markup."""
 
 import os
+import re
 import sys
 from typing import TYPE_CHECKING, Final
 
 from rich.console import Console
 from rich.measure import Measurement
+from rich.padding import Padding
 from rich.table import Table
 from rich.text import Text
 
-from fedora_qa.record.text_table import SOURCE, TextTable
+from fedora_qa.record.text_table import ABSENT, SOURCE, TextTable
 from fedora_qa.record.wording import unobeyed
 
 if TYPE_CHECKING:  # loads pydantic, which most commands that print need not
@@ -54,12 +56,21 @@ def print_table(console: Console, source: "TextTable | PowerTable") -> None:
         table.add_column(name, justify="left" if is_text else "right", overflow="fold")
     for row in source.rows:
         table.add_row(*(text(cell) for cell in row))
-    # rich would break the longest names within a word; units below the names leave them room.
-    if Measurement.get(console, console.options.update(max_width=_ANY_WIDTH), table).maximum > console.width:
-        for drawn, name in zip(table.columns, source.head, strict=True):
-            drawn.header = name.replace(" [", "\n[")
     console.print(Text(source.title, style="bold"))
-    console.print(table)
+    needed = Measurement.get(console, console.options.update(max_width=_ANY_WIDTH), table)
+    if needed.minimum > console.width:
+        # Not even the longest words fit beside each other: the cells of each row, with their names.
+        for row in source.rows:
+            named = zip(source.head[1:], row[1:], strict=True)
+            content = "; ".join(f"{name} {cell}" for name, cell in named if cell not in {"", ABSENT})
+            console.print(text(row[0], "bold"))
+            console.print(Padding(text(content), (0, 0, 0, 4), expand=False))
+    else:
+        if needed.maximum > console.width:
+            # rich would break the longest names within a word; units below the names leave them room.
+            for drawn, name in zip(table.columns, source.head, strict=True):
+                drawn.header = re.sub(r" (?=[\[(])", "\n", name)
+        console.print(table)
     if source.note:
         console.print(text(source.note, "dim"))
     console.print()

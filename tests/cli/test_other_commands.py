@@ -216,3 +216,11 @@ def test_units_stand_below_names_in_a_narrow_terminal() -> None:
     lines = console.export_text().splitlines()
     assert lines[1].split() == ["flow/10hz", "flow/25hz", "flow/50hz"]
     assert lines[2].split() == ["sequence", "[Hz]", "[Hz]", "[Hz]"]
+
+
+def test_rows_are_listed_where_no_table_fits() -> None:
+    """Where the longest words do not fit beside each other, each row names its cells that have a value."""
+    table = TextTable("Rates", ("sequence", *(f"flow/{rate}hz [Hz]" for rate in (10, 25, 50))), (("a", "1", "-", "3"),))
+    console = Console(width=30, record=True, file=io.StringIO())
+    print_table(console, table)
+    assert console.export_text().split() == ["Rates", "a", "flow/10hz", "[Hz]", "1;", "flow/50hz", "[Hz]", "3"]
