@@ -51,7 +51,7 @@ kernels: $(READY)
 
 demo: $(READY_TO_USE)
 	@mkdir -p $(OUT)
-	$(BIN)/fedora-generate sequence park-day -o $(OUT)/park-day.h5 --duration 2 --size 720x540 --force
+	$(BIN)/fedora-generate sequence park-day -o $(OUT)/park-day.h5 --duration 2 --size 540x400 --force
 	$(BIN)/fedora-qa check $(OUT)/park-day.h5 --json $(OUT)/park-day.json --markdown $(OUT)/park-day.md \
 	  --html $(OUT)/park-day.html
 	@echo

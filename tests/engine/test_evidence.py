@@ -29,10 +29,10 @@ def check_evidence(run: FileRun) -> None:
 
 
 def test_clean_file_shows_no_worst_place(park_day: Path) -> None:
-    """A clean file keeps moments, trajectory, timeline, histograms and distributions, and no place."""
+    """A clean file keeps moments, trajectory, frusta, timeline, histograms and distributions, and no place."""
     run = check_file(park_day, CheckOptions(select=("depth.range", "images.repeats")))
     check_evidence(run)
-    assert groups(run) == {"moments", "trajectory", "timeline", "histograms", "distributions"}
+    assert groups(run) == {"moments", "trajectory", "frusta", "timeline", "histograms", "distributions"}
     assert run.arrays["moments/rgb"].shape == (EvidenceOptions().snapshots, 200, 270, 3)
     with h5py.File(park_day) as file:
         times_us = np.asarray(file["path/rgb_ts"])
