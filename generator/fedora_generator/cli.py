@@ -50,6 +50,10 @@ def main() -> None:
             signal.signal(number, lambda number, _: sys.exit(128 + number))
     try:
         commands.main(prog_name="fedora-generate", standalone_mode=False)
+    except click.UsageError as error:
+        command = error.ctx.command_path if error.ctx else "fedora-generate"
+        message = error.format_message()
+        _fail(f"{message}{'' if message.endswith(('.', '?')) else '.'} Try `{command} -h`")
     except click.ClickException as error:
         _fail(error.format_message())
     except GeneratorError as error:

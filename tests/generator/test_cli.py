@@ -87,6 +87,8 @@ def test_force_replaces_a_file(
         (("sequence", "park-day", "-o", "{target}", "--size", "1x1"), "leaves the event camera a pixel"),
         (("sequence", "park-day", "-o", "{target}", "--streams", "rgb,sonar"), "got sonar"),
         (("sequence", "park-day", "-o", "{target}", "--streams", "evnts"), "did you mean 'events'?"),
+        (("fault", "{target}"), "Missing argument 'CAUSE'. Try `fedora-generate fault -h`"),
+        ((), "Missing command. Try `fedora-generate -h`"),
         (("sequence", "park-day", "-o", "{target}", "--duration", "-1"), "Expected a duration above 0"),
         (("sequence", "park-day", "-o", "{target}", "--duration", "300"), "got inside 'pavilion'"),
         (("sequence", "park-day", "-o", "{target}", "--start", "-1"), "Expected start_s >= 0, got -1"),
