@@ -25,9 +25,9 @@ SIZE_PX: Final = (960, 640)
 
 _MOST_POINTS: Final = 4000
 _FIELD_OF_VIEW_DEG: Final = 30.0
-_LEFT: Final = 0.14
+_LEFT: Final = 0.16
 """By how much the drawing stands left of the middle, in halves of the picture: the scale of speeds is on the right."""
-_MARGINS: Final = (0.66, 0.8)
+_MARGINS: Final = (0.61, 0.8)
 """Shares of the picture, right and up, that the box may fill; the rest is for labels and the scale of speeds."""
 
 # A dark ground of its own reads equally well on a light and on a dark page.
@@ -140,7 +140,7 @@ def _draw_labels(plotter: Any, box: Box, view: View) -> None:
     middle = (low + high) / 2
     names = [
         ((middle[0], near[1] + 3.0 * outward[1], low[2]), "X east, m"),
-        ((near[0] + 3.0 * outward[0], middle[1], low[2]), "Y north, m"),
+        ((near[0] + 3.4 * outward[0], middle[1], low[2]), "Y north, m"),
         ((foot[0] + aside[0], foot[1] + aside[1], high[2] + 1.2 * _LABEL_OFFSET * box.span_m), "Z up, m"),
     ]
     for places, size in (([*along_x, *along_y, *along_z], 24), (names, 25)):
