@@ -60,7 +60,7 @@ def _require_text(text: str) -> None:
         elif token.startswith("\\") and token not in (_MATHEMATICS if in_mathematics else _TEXT):
             raise ValueError(f"Expected a command of this mode, got {token} in {text!r}")
         elif any(ord(sign) > 0xFF and not sign.isalpha() for sign in token):
-            raise ValueError(f"Expected signs of Latin 1, which LaTeX sets up, got {token!r}")
+            raise ValueError(f"Expected signs of Latin 1, which LaTeX sets up (some in T1 only), got {token!r}")
         if depth < 0:
             raise ValueError(f"Expected an open group before each end, got {text!r}")
     if depth or in_mathematics:
