@@ -18,6 +18,7 @@ SCENE_NAMES: Final = (
     "fast-turn",
     "park-noisy",
     "park-traffic",
+    "street-day",
     "park-mesh-day",
     "park-mesh-night",
     "racetrack-mesh-day",
