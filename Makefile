@@ -20,6 +20,8 @@
 #   make study-named-foreign  faults of real pipelines, 169 kinds by code of their own: found, and named? docs/named-foreign.md; hours
 #   make study-blind-spots  real faults of three scenes, from which size they are found: printed, for docs/blind-spots.md; some minutes
 #   make study-trade  what each effort costs, and what it finds: docs/trade.md; an hour
+#   make study-learning  what a dataset teaches, and what a fault costs a learner: docs/learning.md; hours, and PyTorch
+#   make study-learning-smoke  the same in two minutes, of so little data that it says nothing: out/learning-smoke.md
 #   make mutation     random small changes of estimators and judgement: do their unit tests notice? docs/mutation.md; half an hour
 #   make fuzz         100,000 mutants of a small file: nothing may crash, hang, eat memory, or be wrongly clean; hours
 #   make lock         the development dependencies, pinned with their hashes: requirements/dev.lock
@@ -47,7 +49,7 @@ kernels: $(READY)
 	$(BIN)/fedora-generate sequence park-day -o $(OUT)/kernels.h5 --duration 0.5 --size 180x136 --force
 	$(BIN)/python -m fedora_qa.cli.kernel_list $(OUT)/kernels.h5
 
-.PHONY: demo test lint compiled-generator compiled-checks docs fuzz lock same-results test-lowest test-newest audit sbom wheel study-causes study-composites study-false-alarms study-foreign study-named-foreign study-blind-spots study-mesh study-presets study-trade mutation bench bench-costs bench-files bench-flow bench-imu bench-readings bench-releases site clean
+.PHONY: demo test lint compiled-generator compiled-checks docs fuzz lock same-results test-lowest test-newest audit sbom wheel study-causes study-composites study-false-alarms study-foreign study-learning study-learning-smoke study-named-foreign study-blind-spots study-mesh study-presets study-trade mutation bench bench-costs bench-files bench-flow bench-imu bench-readings bench-releases site clean
 
 demo: $(READY_TO_USE)
 	@mkdir -p $(OUT)
@@ -114,6 +116,30 @@ power: $(READY)
 	$(BIN)/fedora-qa power $(OUT)/power-corpus $(OUT)/power-late $(OUT)/power-full-size --jobs $(JOBS) \
 	  --json $(OUT)/power.json --html $(OUT)/power.html --markdown docs/power-tables.md --svg docs/power-tables.svg \
 	  --publish fedora_qa/power/published.json --publish-confidence fedora_qa/diagnosis/confidence.json
+
+# Networks are trained in an environment of their own. PyTorch for the CPU has an index of its own, and takes 0.7 GB; one for
+# a GPU comes with TORCH_INDEX= (empty), and 5 GB. BUDGET=small takes an hour and a half in all, full up to three hours a part.
+LEARNING := $(OUT)/learning-env
+TORCH ?= torch
+TORCH_INDEX ?= https://download.pytorch.org/whl/cpu
+BUDGET ?= full
+PARTS ?= a,b,c,price
+LEARN := OMP_NUM_THREADS=1 NUMBA_NUM_THREADS=1 PYTHONPATH=. $(LEARNING)/bin/python -m
+
+$(LEARNING)/.ready: pyproject.toml
+	test -x $(LEARNING)/bin/python || $(PYTHON) -m venv $(LEARNING)
+	$(LEARNING)/bin/python -m pip install --quiet --disable-pip-version-check \
+	  $(if $(TORCH_INDEX),--extra-index-url $(TORCH_INDEX)) '$(TORCH)'
+	$(LEARNING)/bin/python -m pip install --quiet --disable-pip-version-check --editable . pytest
+	touch $@
+
+study-learning: $(LEARNING)/.ready
+	$(LEARN) tests.benchmarks.learning.study --budget $(BUDGET) --parts $(PARTS) --processes $(JOBS) \
+	  --publish fedora_qa/scoring/fault_prices.json
+
+study-learning-smoke: $(LEARNING)/.ready
+	$(LEARN) pytest -q --noconftest tests/benchmarks/learning/network_tests.py
+	$(LEARN) tests.benchmarks.learning.study --budget smoke --fresh --processes $(JOBS) --page $(OUT)/learning-smoke.md
 
 study-false-alarms: $(READY)
 	OMP_NUM_THREADS=1 NUMBA_NUM_THREADS=1 $(BIN)/python -m tests.benchmarks.false_alarms.study --fresh

@@ -10,9 +10,9 @@ from torch.nn import functional
 from tests.benchmarks.learning.budget import BINS, EVENT_SIZE
 from tests.benchmarks.learning.samples import MOTION_COLUMNS, Targets
 
-CHANNELS: Final = (24, 48, 96)
+CHANNELS: Final = (16, 24, 48)
 """Of the encoder, whose levels have a half, a quarter and an eighth of the size."""
-_MOTION_CHANNELS: Final = 16
+_MOTION_CHANNELS: Final = 8
 _HIDDEN: Final = 64
 _ONE_BY_SOFTPLUS: Final = 0.5413
 """softplus(0.5413) = 1: an untrained decoder predicts the mean disparity."""

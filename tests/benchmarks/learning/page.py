@@ -6,7 +6,7 @@ from itertools import groupby
 from typing import Final
 
 from fedora_qa.scoring.fault_prices import FaultPrice, FaultPrices
-from tests.benchmarks.learning.budget import BINS, BUDGETS, COLOUR_SIZE, EVENT_SIZE, FLIGHT_S, Budget
+from tests.benchmarks.learning.budget import BATCH, BINS, BUDGETS, COLOUR_SIZE, EVENT_SIZE, FLIGHT_S, Budget
 from tests.benchmarks.learning.flights import MOTION_KINDS, REGIONS_M, THRESHOLD_DN, MotionKind
 from tests.benchmarks.learning.planted import PLANTED, PlantedFault
 from tests.benchmarks.learning.price import (
@@ -62,7 +62,7 @@ predictors that look at no events, and then what one fault in the training data 
 - *Network*: one encoder of four convolutions, a decoder each for flow, for disparity at the interval's start, and for
   the motion over the interval; all are trained together. The loss is NAEE + NADE + the mean of both NAE, on the
   training set's own means.
-- *Training*: Adam from 2e-3 along a cosine, at most {steps} steps of 16 samples, whatever the number of samples; half
+- *Training*: Adam from 2e-3 along a cosine, at most {steps} steps of {batch} samples, whatever the number of samples; half
   of them mirrored left to right. The validation loss is taken every {every} steps; training stops after {patience}
   times without a lower one, and the best network counts. Validation flights have the fault of the training flights.
 - *Score*: `fedora_qa.score` on the test flights, which are correct. Flow and disparity are enlarged to the colour
@@ -105,6 +105,7 @@ def page(results: Results, budget_name: str, parameters: int) -> Iterator[str]:
         test_low=test_low,
         test_high=test_high,
         bins=BINS,
+        batch=BATCH,
         steps=budget.steps,
         every=budget.evaluate_every,
         patience=budget.patience,
@@ -342,8 +343,7 @@ def _material_rows(costs: Mapping[PlantedFault, Mapping[str, Cost]]) -> Iterator
 
 
 def measured_costs(results: Results, budget: Budget) -> dict[PlantedFault, dict[str, Cost]]:
-    """Return the costs of the faults whose runs are all there, by error measure; nothing without those on correct "
-    "data."""
+    """Return the costs, by error measure, of faults whose runs are complete; none without those on correct data."""
     complete = [
         fault for fault in PLANTED if len(results.of(Arrangement("flying", fault=fault), budget.seeds)) == budget.seeds
     ]

@@ -151,7 +151,7 @@ def chained(first_position_m: Float64, first_xyzw: Float64, motion: Float64) -> 
 
 
 def _at_events(image: NDArray[np.float32]) -> NDArray[np.float32]:
-    """Return the colour pixels (H, W, ...) that hold the centres of the pixels of the event camera, of the same view."""
+    """Return the colour pixels (H, W, ...) at the centres of the event camera's pixels; both have one view."""
     (width, height), (colour_width, colour_height) = EVENT_SIZE, COLOUR_SIZE
     rows = ((np.arange(height) + 0.5) * colour_height / height).astype(np.int64)
     columns = ((np.arange(width) + 0.5) * colour_width / width).astype(np.int64)

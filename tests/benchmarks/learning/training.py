@@ -9,12 +9,11 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from tests.benchmarks.learning.budget import Budget
+from tests.benchmarks.learning.budget import BATCH, Budget
 from tests.benchmarks.learning.mirroring import MIRRORED_FLOW, MIRRORED_MOTION
 from tests.benchmarks.learning.network import MotionNetwork, TargetScales, loss_of
 from tests.benchmarks.learning.samples import Samples
 
-BATCH: Final = 16
 LEARNING_RATE: Final = 2e-3
 LARGEST_GRADIENT: Final = 1.0
 
