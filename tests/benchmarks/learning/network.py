@@ -10,7 +10,7 @@ from torch.nn import functional
 from tests.benchmarks.learning.budget import BINS, EVENT_SIZE
 from tests.benchmarks.learning.samples import MOTION_COLUMNS, Targets
 
-CHANNELS: Final = (16, 24, 48)
+CHANNELS: Final = (12, 24, 48)
 """Of the encoder, whose levels have a half, a quarter and an eighth of the size."""
 _MOTION_CHANNELS: Final = 8
 _HIDDEN: Final = 64

@@ -62,9 +62,10 @@ predictors that look at no events, and then what one fault in the training data 
 - *Network*: one encoder of four convolutions, a decoder each for flow, for disparity at the interval's start, and for
   the motion over the interval; all are trained together. The loss is NAEE + NADE + the mean of both NAE, on the
   training set's own means.
-- *Training*: Adam from 2e-3 along a cosine, at most {steps} steps of {batch} samples, whatever the number of samples; half
-  of them mirrored left to right. The validation loss is taken every {every} steps; training stops after {patience}
-  times without a lower one, and the best network counts. Validation flights have the fault of the training flights.
+- *Training*: Adam from 2e-3 along a cosine, at most {steps} steps of {batch} samples, whatever the number of samples;
+  half of them mirrored left to right. The validation loss is taken every {every} steps; training stops after
+  {patience} times without a lower one, and the best network counts. Validation flights have the fault of the training
+  flights.
 - *Score*: `fedora_qa.score` on the test flights, which are correct. Flow and disparity are enlarged to the colour
   camera. Errors are averages over all test flights, divided by the average truth.
 - Runs differ by their seed (initial weights, order, mirroring). Intervals of part a to c are {confidence:.0%}, by

@@ -38,7 +38,8 @@ def train(samples: Samples, validation: Samples, budget: Budget, seed: int, devi
     nonzero = samples.voxels[samples.voxels != 0]
     voxel_scale = float(np.sqrt(np.mean(nonzero**2))) if nonzero.size else 1.0
     mean_motion = torch.from_numpy(samples.targets.motion.mean(axis=0))
-    network = MotionNetwork(scales, voxel_scale, mean_motion).to(device)
+    # Channels last: a step takes two thirds of the time on a CPU.
+    network = MotionNetwork(scales, voxel_scale, mean_motion).to(device, memory_format=torch.channels_last)
     data, held_out = _tensors(samples, device), _tensors(validation, device)
     optimiser = torch.optim.Adam(network.parameters(), lr=LEARNING_RATE)
     schedule = torch.optim.lr_scheduler.LambdaLR(
@@ -82,7 +83,7 @@ def _tensors(samples: Samples, device: str) -> Batch:
     targets = samples.targets
     arrays = (samples.voxels, targets.flow_px, targets.disparity_per_m, targets.motion)
     voxels, flow, disparity, motion = (torch.from_numpy(values).to(device) for values in arrays)
-    return voxels, flow, disparity, motion
+    return voxels.contiguous(memory_format=torch.channels_last), flow, disparity, motion
 
 
 def _mirrored(batch: tuple[Tensor, ...], draws: Tensor) -> Batch:
