@@ -60,7 +60,7 @@ def explain(name: str) -> int:
 
 
 def explanations_of(name: str) -> tuple[Explanation, ...]:
-    """Return the explanations of a check, or of every check of a subject, with the power that was measured.
+    """Return the explanations of a check, or of every check of a subject, with measured power and price.
 
     Raises
     ------
@@ -69,10 +69,20 @@ def explanations_of(name: str) -> tuple[Explanation, ...]:
     """
     require_check_names([name])
     explanations = [each for each in published_explanations() if name in {each.check, each.check.split(".")[0]}]
-    from fedora_qa.cli.detection_power import TITLE, detection_power_text  # noqa: PLC0415 - `checks` needs none
+    # `checks` needs none of both.
+    from fedora_qa.cli import detection_power, fault_price  # noqa: PLC0415
 
-    powers = [(each, detection_power_text(each.check)) for each in explanations]
-    return tuple(replace(each, sections={**each.sections, TITLE: power}) if power else each for each, power in powers)
+    measured = [
+        {
+            detection_power.TITLE: detection_power.detection_power_text(each.check),
+            fault_price.TITLE: fault_price.fault_price_text(each.check),
+        }
+        for each in explanations
+    ]
+    return tuple(
+        replace(each, sections={**each.sections, **{title: text for title, text in sections.items() if text}})
+        for each, sections in zip(explanations, measured, strict=True)
+    )
 
 
 def needs_words(explained: Explanation) -> str:

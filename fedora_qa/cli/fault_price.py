@@ -1,5 +1,6 @@
 """What the faults that a check measures cost a learner, in words, for ``fedora-qa explain`` and reports."""
 
+from collections.abc import Mapping
 from itertools import groupby
 
 from fedora_qa.scoring.fault_prices import FaultPrice, FaultPrices, read_fault_prices
@@ -18,6 +19,13 @@ def fault_price_text(check: str) -> str:
         for fault, costs in ((fault, _cost_words(list(of))) for fault, of in groupby(rows, key=_fault_of))
     ]
     return "\n".join([*lines, "", _source_sentence(prices)])
+
+
+def fault_price_texts() -> Mapping[str, str]:
+    """Return the text of every check that measures a fault whose price was measured."""
+    prices = read_fault_prices()
+    checks = dict.fromkeys(check for price in prices.prices for check in price.checks) if prices else {}
+    return {check: fault_price_text(check) for check in checks}
 
 
 def _fault_of(price: FaultPrice) -> tuple[str, float | None, str]:

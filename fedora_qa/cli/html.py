@@ -6,6 +6,7 @@ from typing import Any
 from numpy.typing import NDArray
 
 from fedora_qa.cli.detection_power import pass_detection_power
+from fedora_qa.cli.fault_price import fault_price_texts
 from fedora_qa.comparison.types import Comparison
 from fedora_qa.errors import MisuseError
 from fedora_qa.record.types import Record
@@ -53,4 +54,4 @@ def render_record(record: Record, arrays: Mapping[str, NDArray[Any]]) -> str:
     """Draw the report from a record and its arrays, with the detection power that was measured."""
     from fedora_reports.html import render_html  # noqa: PLC0415 - an extra
 
-    return render_html(record, arrays, pass_detection_power())
+    return render_html(record, arrays, pass_detection_power(), fault_price_texts())

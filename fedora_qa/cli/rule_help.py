@@ -4,6 +4,7 @@ from collections.abc import Mapping
 
 from fedora_qa.causes import CAUSES
 from fedora_qa.checks.explanation import Explanation, published_explanations
+from fedora_qa.cli.fault_price import fault_price_text
 from fedora_qa.cli.markdown import markdown_of
 from fedora_qa.diagnosis.direct import is_direct
 from fedora_qa.record.sarif import RuleHelp
@@ -18,9 +19,10 @@ def rule_helps() -> Mapping[str, RuleHelp]:
 
 def _help_of(explained: Explanation) -> RuleHelp:
     """Return what a check measures, why it matters, what it cannot detect, and what to do."""
+    price = "\n".join(f"- {line}" if line else "" for line in fault_price_text(explained.check).splitlines()[:-1])
     sections = {
         "What is checked": explained.measured,
-        "Why it matters": explained.sections["Why it matters"],
+        "Why it matters": "\n\n".join(filter(None, (explained.sections["Why it matters"], price))),
         "What it cannot detect": explained.sections["Cannot detect"],
         "What to do": "\n".join([*_remedies(explained.check), _NAMED_IN_RESULTS]),
     }

@@ -18,14 +18,17 @@ from fedora_qa.record.latex import LATEX_NEEDS, latex_table
 from fedora_qa.record.types import Record
 from fedora_qa.record.wording import printable
 from fedora_reports.detection_power import NOTHING_KNOWN, PassDetectionPower
-from fedora_reports.page import page_of
+from fedora_reports.page import NO_PRICES, page_of
 from fedora_reports.statistics import Table
 
 _SCRIPTS: Final = ("listing.js", "frames.js", "space.js", "copy.js", "start.js")
 
 
 def render_html(
-    record: Record, arrays: Mapping[str, NDArray[Any]], detection_power: PassDetectionPower = NOTHING_KNOWN
+    record: Record,
+    arrays: Mapping[str, NDArray[Any]],
+    detection_power: PassDetectionPower = NOTHING_KNOWN,
+    fault_prices: Mapping[str, str] = NO_PRICES,
 ) -> str:
     """Return the report of a record as one HTML document.
 
@@ -39,6 +42,8 @@ def render_html(
         that.
     detection_power
         The faults that each check detects, where that was measured.
+    fault_prices
+        What the faults that a check measures cost a learner, by check, where that was measured.
 
     Returns
     -------
@@ -46,7 +51,8 @@ def render_html(
         A document that loads no other file and runs one script of its own: its policy allows the script by its digest,
         and forbids all else. The document can be read without the script. Everything from a file is shown as text.
     """
-    return rendered("report.html.j2", page_of(record_from_json(record_to_json(record)), arrays, detection_power))
+    same = record_from_json(record_to_json(record))
+    return rendered("report.html.j2", page_of(same, arrays, detection_power, fault_prices))
 
 
 def rendered(template: str, page: object) -> str:

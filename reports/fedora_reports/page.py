@@ -4,6 +4,7 @@ from collections import Counter
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import PurePath
+from types import MappingProxyType
 from typing import Any, Final
 
 from numpy.typing import NDArray
@@ -40,6 +41,9 @@ from fedora_reports.strip import Strip, pictures_of
 from fedora_reports.subjects import Subject, subjects_of
 from fedora_reports.timeline import AnchoredFinding, Sparkline, Timeline, sparkline_of, timeline_of
 from fedora_reports.verdict import TITLES, VerdictText, verdict_of
+
+NO_PRICES: Final[Mapping[str, str]] = MappingProxyType({})
+"""Where no price of a fault was measured."""
 
 _KEPT_BY_THE_PASS = (
     MOMENTS,
@@ -141,7 +145,10 @@ class Page:
 
 
 def page_of(
-    record: Record, arrays: Mapping[str, NDArray[Any]], detection_power: PassDetectionPower = NOTHING_KNOWN
+    record: Record,
+    arrays: Mapping[str, NDArray[Any]],
+    detection_power: PassDetectionPower = NOTHING_KNOWN,
+    fault_prices: Mapping[str, str] = NO_PRICES,
 ) -> Page:
     """Return the page of a record.
 
@@ -153,6 +160,8 @@ def page_of(
         The evidence by name. With several files each name begins with the file's index: ``0/name``.
     detection_power
         The faults that each check detects, where that was measured.
+    fault_prices
+        What the faults that a check measures cost a learner, by check, where that was measured.
     """
     names = names_of(record)
     release = release_of(record)
@@ -162,7 +171,7 @@ def page_of(
         title = names[0]
     else:
         title = f"{len(record.files)} files" if record.files else "No file was checked"
-    sections = tuple(_section(record, k, name, arrays, detection_power) for k, name in enumerate(names))
+    sections = tuple(_section(record, k, name, arrays, detection_power, fault_prices) for k, name in enumerate(names))
     overview, leaks = list[OverviewRow](), list[Leak]()
     if len(record.files) != 1:
         for file, section in zip(record.files, sections, strict=True):
@@ -224,7 +233,12 @@ def _first_cause(file: FileRecord) -> str:
 
 
 def _section(
-    record: Record, place: int, name: str, arrays: Mapping[str, NDArray[Any]], detection_power: PassDetectionPower
+    record: Record,
+    place: int,
+    name: str,
+    arrays: Mapping[str, NDArray[Any]],
+    detection_power: PassDetectionPower,
+    fault_prices: Mapping[str, str],
 ) -> FileSection:
     file, anchors, evidence = record.files[place], Anchors(place), evidence_of(record, place, arrays)
     # A finding has a mark at each of its places.
@@ -263,7 +277,7 @@ def _section(
         strip=pictures.strip,
         event_clouds=event_clouds_of(evidence),
         flight=flight_of(evidence, findings),
-        subjects=subjects_of(file, evidence, anchors, links, detection_power),
+        subjects=subjects_of(file, evidence, anchors, links, detection_power, fault_prices),
         paper=paper_tables((file,), (name,)),
         statistics=all_statistics(file),
         distributions=distributions_of(evidence),

@@ -1,7 +1,7 @@
 """Every check, by subject: its question, and its measurements against expected value, limit and detection limit."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Final
 
@@ -112,6 +112,7 @@ class CheckView:
     findings: tuple[Link, ...]
     exhibits: Exhibits
     detection_power: tuple[DetectableCause, ...]
+    fault_price: tuple[str, ...]
     nearness: float
 
     @property
@@ -135,7 +136,12 @@ class Subject:
 
 
 def subjects_of(
-    file: FileRecord, evidence: Evidence, anchors: Anchors, links: Sequence[Link], detection_power: PassDetectionPower
+    file: FileRecord,
+    evidence: Evidence,
+    anchors: Anchors,
+    links: Sequence[Link],
+    detection_power: PassDetectionPower,
+    fault_prices: Mapping[str, str],
 ) -> tuple[Subject, ...]:
     """Return the checks by subject, in the order of the record.
 
@@ -151,6 +157,8 @@ def subjects_of(
         A link to each finding, by its identifier.
     detection_power
         The faults that each check detects, where that was measured.
+    fault_prices
+        What the faults that a check measures cost a learner, by check, where that was measured.
     """
     by_subject: dict[str, list[CheckView]] = {}
     for k, result in enumerate(file.results):
@@ -180,6 +188,7 @@ def subjects_of(
             findings=tuple(link for link in links if link.word in finding_ids),
             exhibits=exhibits(evidence, tuple(evidence.under(result.check))),
             detection_power=detection_power.of(result.check),
+            fault_price=tuple(filter(None, fault_prices.get(result.check, "").splitlines())),
             nearness=nearness,
         )
         by_subject.setdefault(result.check.split(".", 1)[0], []).append(view)
