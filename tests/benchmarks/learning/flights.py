@@ -38,6 +38,7 @@ THRESHOLD_DN: Final = 15.0
 """Half of the paper's: pixels of a small camera average over more of a texture, and show less contrast."""
 
 _FLOWN: Final = ("baylands-day1", "baylands-day2")
+_DRIVEN: Final = "street-day"
 _SPEEDS_M_S: Final = (6.0, 14.0)
 _LANES_M: Final = (-1.0, 1.0)
 _SWAY_M: Final = (0.1, 0.5)
@@ -85,7 +86,7 @@ class FlightDraw:
             partial.rename(target)
 
     def _before_sensor(self, scene: Scene) -> Scene:
-        """Return the scene with the study's sensor, which has been running before the flight begins."""
+        """Return the scene with the study's light and sensor, which has been running before the flight begins."""
         events = replace(
             scene.events,
             threshold_on=THRESHOLD_DN * self.threshold_gain,
@@ -93,7 +94,9 @@ class FlightDraw:
             initial_phase="uniform",
         )
         seed = 10_000 * MOTION_KINDS.index(self.kind) + 1_000 * SPLITS.index(self.split) + self.number
-        return replace(scene.with_size(*COLOUR_SIZE), events=events, seed=seed)
+        # One of the paper's sequences has another light.
+        light = load_scene(_DRIVEN).light
+        return replace(scene.with_size(*COLOUR_SIZE), events=events, light=light, seed=seed)
 
 
 def _draw_flying(rng: np.random.Generator, number: int) -> Scene:
@@ -106,7 +109,7 @@ def _draw_flying(rng: np.random.Generator, number: int) -> Scene:
 
 
 def _draw_driving(rng: np.random.Generator, region_m: tuple[float, float]) -> Scene:
-    scene = load_scene("street-day")
+    scene = load_scene(_DRIVEN)
     if not isinstance(scene.flight, FlightOptions):
         raise RuntimeError(f"Expected a drive of steady rates and sines, got {type(scene.flight).__name__}")
     eastward = bool(rng.integers(2))

@@ -112,6 +112,7 @@ def page(results: Results, budget_name: str, parameters: int) -> Iterator[str]:
         patience=budget.patience,
         confidence=CONFIDENCE,
     )
+    yield from _findings(results, budget)
     yield from _rates(results, budget)
     yield from _cross_tests(results, budget)
     yield from _pose(results, budget)
@@ -146,8 +147,8 @@ def _status(results: Results, budget_name: str, budget: Budget) -> str:
     if budget_name != "full":
         full = BUDGETS["full"]
         lines.append(
-            f"The full study was not run: {full.train} flights of a kind to train on, {full.steps} steps, {full.seeds} "
-            "seeds (`--budget full`)."
+            f"The full study was not run: {full.train} flights of a kind to train on, {full.steps} steps, "
+            f"{full.seeds} seeds (`--budget full`)."
         )
     return "\n".join(lines)
 
@@ -160,6 +161,52 @@ def _seeds(part: str, arrangement: Arrangement, budget: Budget) -> int:
     return budget.control_seeds if part == "price" and arrangement.fault is None else budget.seeds
 
 
+def _findings(results: Results, budget: Budget) -> Iterator[str]:
+    """Yield which findings of the paper hold here; those whose runs are not there are left out."""
+
+    def interval(metric: str, trained: Arrangement, tested: MotionKind = "flying") -> tuple[float, float] | None:
+        of_runs = results.errors(trained, budget.seeds, metric, tested)
+        return mean_interval(of_runs) if len(of_runs) > 1 else None
+
+    rows = []
+    for sampling in ("iso-time", "iso-sample"):
+        ends = interval("naee", CORRECT), interval("naee", Arrangement("flying", RATES_HZ[-1], sampling))
+        first, last = ends
+        if first and last:
+            rows.append(
+                (f"NAEE of flow falls from 10 to 50 Hz, {sampling}", "0.794 to 0.398", ends, _trend(first, last) < 0)
+            )
+    for metric, what, paper in (
+        ("naee", "flow", PAPER_CROSS_FLOW),
+        ("nade", "disparity", PAPER_CROSS_DISPARITY),
+    ):
+        for tested in MOTION_KINDS:
+            (other,) = (kind for kind in MOTION_KINDS if kind != tested)
+            ends = interval(metric, Arrangement(tested), tested), interval(metric, Arrangement(other), tested)
+            first, last = ends
+            if first and last:
+                rows.append(
+                    (
+                        f"{other.capitalize()} does not replace {tested} for {what}: {METRICS[metric]} rises",
+                        f"{paper[tested, tested]} to {paper[other, tested]}",
+                        ends,
+                        _trend(first, last) > 0,
+                    )
+                )
+    crossed = [interval("naee", Arrangement(a), b) for a, b in (("driving", "flying"), ("flying", "driving"))]
+    first, last = crossed
+    if first and last:
+        holds = all(mean - half > 1 for mean, half in (first, last))
+        rows.append(
+            ("Flow that is learned from the other motion is worse than zero flow", "1.346, 2.77", crossed, holds)
+        )
+    if rows:
+        yield "\n## Which findings hold\n\n| finding of the paper | paper | here | holds |\n| --- | --- | --- | --- |\n"
+    for finding, paper_words, ends, holds in rows:
+        here = ", ".join(_plus_minus(end) for end in ends)
+        yield f"| {finding} | {paper_words} | {here} | {'yes' if holds else 'no'} |\n"
+
+
 def _rates(results: Results, budget: Budget) -> Iterator[str]:
     yield "\n## a. Flow at 10, 25 and 50 Hz\n\n"
     base = results.trivial(CORRECT)
@@ -169,9 +216,9 @@ def _rates(results: Results, budget: Budget) -> Iterator[str]:
     yield (
         "*Iso-time*: every interval of every flight, so that a higher rate has more samples. *Iso-sample*: as many "
         "intervals as at 10 Hz, the first of each flight. *Constant* predicts the mean flow vector of the training "
-        "set, "
-        "*mean field* the mean of each pixel. Zero flow has a NAEE of 1 by definition.\n\n"
-        "| rate | sampling | samples | mean flow, px | AEE, px | NAEE | constant | mean field | NAEE / mean field |\n"
+        "set, *mean field* the mean of each pixel. Zero flow has a NAEE of 1 by definition.\n\n"
+        "| rate | sampling | samples | mean flow, px | AEE, px | NAEE | constant | mean field | NAEE / mean field "
+        "|\n"
         "| --- | --- | --- | --- | --- | --- | --- | --- | --- |\n"
     )
     naee: dict[tuple[Sampling, int], tuple[float, float]] = {}
@@ -186,11 +233,10 @@ def _rates(results: Results, budget: Budget) -> Iterator[str]:
             naee[sampling, rate] = mean_interval([value["naee"] for value in values])
             field = trivial["mean field"]["flying"]["naee"]
             yield (
-                f"| {rate} Hz | {sampling} | {present[0]['samples']} | {values[0]['mean_flow_px']:.2f} "
-                f"| {mean_interval([value['aee_px'] for value in values])[0]:.2f} | "
-                f"{_plus_minus(naee[sampling, rate])} "
-                f"| {trivial['constant']['flying']['naee']:.3f} | {field:.3f} "
-                f"| {naee[sampling, rate][0] / field:.3f} |\n"
+                f"| {rate} Hz | {sampling} | {present[0]['samples']} | {values[0]['mean_flow_px']:.2f} | "
+                f"{mean_interval([value['aee_px'] for value in values])[0]:.2f} | "
+                f"{_plus_minus(naee[sampling, rate])} | {trivial['constant']['flying']['naee']:.3f} | {field:.3f} | "
+                f"{naee[sampling, rate][0] / field:.3f} |\n"
             )
     yield ("\nThe paper:\n\n| rate | mean flow, px | AEE, px | NAEE |\n| --- | --- | --- | --- |\n")
     for rate, (mean_flow, aee, printed) in PAPER_FLOW.items():
@@ -213,9 +259,8 @@ def _cross_tests(results: Results, budget: Budget) -> Iterator[str]:
         yield "Not run.\n"
         return
     yield (
-        "The paper has FEDORA for flying and DSEC for driving. *Mean field* predicts the mean flow, or disparity, of "
-        "each "
-        "pixel in the set that is trained on.\n\n"
+        "The paper has FEDORA for flying and DSEC for driving. *Mean field* predicts the mean flow, or disparity, "
+        "of each pixel in the set that is trained on.\n\n"
         "| trained on | tested on | NAEE | mean field | paper's NAEE | NADE | mean field | paper's NADE |\n"
         "| --- | --- | --- | --- | --- | --- | --- | --- |\n"
     )
@@ -228,9 +273,9 @@ def _cross_tests(results: Results, budget: Budget) -> Iterator[str]:
                 errors[metric, trained, tested] = mean_interval(of_runs) if of_runs else (math.nan, math.nan)
             field = trivial["mean field"][tested]
             yield (
-                f"| {trained} | {tested} | {_plus_minus(errors['naee', trained, tested])} | {field['naee']:.3f} "
-                f"| {PAPER_CROSS_FLOW[trained, tested]} | {_plus_minus(errors['nade', trained, tested])} "
-                f"| {field['nade']:.3f} | {PAPER_CROSS_DISPARITY[trained, tested]} |\n"
+                f"| {trained} | {tested} | {_plus_minus(errors['naee', trained, tested])} | {field['naee']:.3f} | "
+                f"{PAPER_CROSS_FLOW[trained, tested]} | {_plus_minus(errors['nade', trained, tested])} | "
+                f"{field['nade']:.3f} | {PAPER_CROSS_DISPARITY[trained, tested]} |\n"
             )
     yield "\n"
     for metric, what in (("naee", "flow"), ("nade", "disparity")):
@@ -239,8 +284,7 @@ def _cross_tests(results: Results, budget: Budget) -> Iterator[str]:
             own, foreign = errors[metric, tested, tested], errors[metric, other, tested]
             yield (
                 f"- {what.capitalize()}, tested on {tested}: {METRICS[metric]} {_direction(own, foreign)} from "
-                "training on "
-                f"{tested} to training on {other}, by a factor of {foreign[0] / own[0]:.2f}.\n"
+                f"training on {tested} to training on {other}, by a factor of {foreign[0] / own[0]:.2f}.\n"
             )
 
 
@@ -251,9 +295,10 @@ def _pose(results: Results, budget: Budget) -> Iterator[str]:
         return
     yield (
         "NAE of the motion over 0.1 s, translation and rotation from the body at the start to the body at the end. "
-        "*Constant* predicts the mean motion of the set that is trained on; zero motion has 1. The paper's figures are "
-        "0.0206 for position and 0.0754 for orientation; it does not say by which numbers a pose is represented, and a "
-        "pose in the world can have any mean, so the two are not comparable ([score](score.md#the-papers-figures)).\n\n"
+        "*Constant* predicts the mean motion of the set that is trained on; zero motion has 1. The paper's figures "
+        "are 0.0206 for position and 0.0754 for orientation; it does not say by which numbers a pose is "
+        "represented, and a pose in the world can have any mean, so the two are not comparable "
+        "([score](score.md#the-papers-figures)).\n\n"
         "| trained on | tested on | NAE, position | constant | NAE, orientation | constant |\n"
         "| --- | --- | --- | --- | --- | --- |\n"
     )
@@ -278,13 +323,12 @@ def _prices(results: Results, budget: Budget) -> Iterator[str]:
     }
     yield (
         "Flying at 10 Hz, all flights for training and validation with one fault, the test flights correct. Cost: "
-        "the mean "
-        f"error less that of networks trained on correct data ({budget.control_seeds} of them, {budget.seeds} with "
-        "each "
-        f"fault). Intervals are Dunnett's, {CONFIDENCE:.0%} for all faults of a column together; **bold**: the cost "
-        "leaves "
-        "the noise, the interval is above 0. The first row is the error on correct data.\n\n"
-        f"| fault | made | {' | '.join(METRICS.values())} |\n| --- | --- |{' --- |' * len(METRICS)}\n"
+        f"the mean error less that of networks trained on correct data ({budget.control_seeds} of them, "
+        f"{budget.seeds} with each fault). Intervals are Dunnett's, {CONFIDENCE:.0%} for all faults of a column "
+        "together; **bold**: the cost leaves the noise, the interval is above 0. The first row is the error on "
+        "correct data.\n\n"
+        f"| fault | made | {' | '.join(METRICS.values())} |\n"
+        f"| --- | --- |{' --- |' * len(METRICS)}\n"
         f"| none | | {' | '.join(_plus_minus(correct[metric]) for metric in METRICS)} |\n"
     )
     for fault in PLANTED:
@@ -292,25 +336,24 @@ def _prices(results: Results, budget: Budget) -> Iterator[str]:
         cells = [_cost_cell(of_fault[metric]) for metric in METRICS] if of_fault else ["not run"] + [""] * 3
         yield f"| {_fault_words(fault)} | {_made_words(fault)} | {' | '.join(cells)} |\n"
     yield (
-        "\n*Generator*: planted in copies of the files by `fedora-generate fault`. *Arrays*: made in the arrays of "
-        "events or "
-        "poses that were read, where the generator plants the fault in one place only. *Anew*: half of the sequences "
-        "are "
-        "generated again with other thresholds. Index maps only matter where events are taken by them, as in these "
-        "rows; "
-        "elsewhere events are taken by their timestamps.\n"
+        "\n"
+        "*Generator*: planted in copies of the files by `fedora-generate fault`. *Arrays*: made in the arrays of "
+        "events or poses that were read, where the generator plants the fault in one place only. *Anew*: half of "
+        "the sequences are generated again with other thresholds. Index maps only matter where events are taken by "
+        "them, as in these rows; elsewhere events are taken by their timestamps.\n"
     )
     yield from _material_rows(costs)
 
 
 def _material_rows(costs: Mapping[PlantedFault, Mapping[str, Cost]]) -> Iterator[str]:
     yield (
-        "\n### Against the material sizes\n\n"
+        "\n"
+        "### Against the material sizes\n\n"
         "The profile `training` says from which size a deviation matters to those who train "
         "([materiality](../fedora_qa/judgement/materiality.toml)). A row is tightened where a smaller size costs "
-        "beyond the "
-        "noise, and never loosened.\n\n"
-        "| fault | code | material size | costs beyond the noise | row |\n| --- | --- | --- | --- | --- |\n"
+        "beyond the noise, and never loosened.\n\n"
+        "| fault | code | material size | costs beyond the noise | row |\n"
+        "| --- | --- | --- | --- | --- |\n"
     )
     for (text, unit), group in groupby(PLANTED, key=lambda fault: (fault.text, fault.unit)):
         faults = [fault for fault in group if fault in costs]
@@ -416,11 +459,21 @@ def _cost_cell(cost: Cost) -> str:
 
 def _plus_minus(interval: tuple[float, float]) -> str:
     mean, half = interval
+    if math.isnan(mean):
+        return "not run"
     return f"{mean:.3f}" if math.isnan(half) else f"{mean:.3f} ± {half:.3f}"
 
 
 def _direction(first: tuple[float, float], second: tuple[float, float]) -> str:
     """Return whether a mean rises or falls beyond both intervals."""
-    if not abs(second[0] - first[0]) > first[1] + second[1]:
+    trend = _trend(first, second)
+    if not trend:
         return f"does not change beyond the intervals ({first[0]:.3f} and {second[0]:.3f})"
-    return f"{'rises' if second[0] > first[0] else 'falls'} ({first[0]:.3f} to {second[0]:.3f})"
+    return f"{'rises' if trend > 0 else 'falls'} ({first[0]:.3f} to {second[0]:.3f})"
+
+
+def _trend(first: tuple[float, float], second: tuple[float, float]) -> int:
+    """Return 1 where a mean rises beyond both intervals, -1 where it falls, else 0."""
+    if abs(second[0] - first[0]) > first[1] + second[1]:
+        return 1 if second[0] > first[0] else -1
+    return 0

@@ -80,7 +80,12 @@ def least_costly_size(costs: Mapping[float, Cost]) -> float | None:
 
 
 def mean_interval(values: Sequence[float]) -> tuple[float, float]:
-    """Return the mean of some runs, and half the width of its interval by Student's t; NaN for a single run."""
+    """Return the mean of some runs, and half the width of its interval by Student's t; NaN for a single run.
+
+    Both are NaN without any.
+    """
+    if not values:
+        return float("nan"), float("nan")
     mean = float(np.mean(values))
     if len(values) < 2:
         return mean, float("nan")
