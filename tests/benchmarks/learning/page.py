@@ -7,7 +7,7 @@ from typing import Final
 
 from fedora_qa.scoring.fault_prices import FaultPrice, FaultPrices
 from tests.benchmarks.learning.budget import BATCH, BINS, BUDGETS, COLOUR_SIZE, EVENT_SIZE, FLIGHT_S, Budget
-from tests.benchmarks.learning.flights import MOTION_KINDS, REGIONS_M, THRESHOLD_DN, MotionKind
+from tests.benchmarks.learning.flights import MOTION_KINDS, REGIONS_M, THRESHOLD, MotionKind
 from tests.benchmarks.learning.planted import PLANTED, PlantedFault
 from tests.benchmarks.learning.price import (
     CONFIDENCE,
@@ -51,8 +51,8 @@ predictors that look at no events, and then what one fault in the training data 
 
 ## What is trained
 
-- *Flights*: {flight:g} s each, {width}x{height} pixels of depth and flow, {event_width}x{event_height} of events
-  (linear sensor, {threshold:g} DN). *Flying*: the paper's first two sequences, six degrees of freedom, up to 5 m/s.
+- *Flights*: {flight:g} s each, {width}x{height} pixels of depth and flow, {event_width}x{event_height} of events (log
+  sensor, {threshold:g} nat). *Flying*: the paper's first two sequences in gusts, six degrees of freedom, up to 5 m/s.
   *Driving*: the scene `street-day`, planar position and yaw, 6 to 14 m/s, the camera at 1.5 m. World, light and
   sensor are the same; only the motion differs.
 - *Splits*: {train} flights of a kind to train on, {validation} for early stopping, {test} to test on. Test flights
@@ -97,7 +97,7 @@ def page(results: Results, budget_name: str, parameters: int) -> Iterator[str]:
         height=COLOUR_SIZE[1],
         event_width=EVENT_SIZE[0],
         event_height=EVENT_SIZE[1],
-        threshold=THRESHOLD_DN,
+        threshold=THRESHOLD,
         train=budget.train,
         validation=budget.validation,
         test=budget.test,
