@@ -18,7 +18,7 @@ SCENE_NAMES: Final = (
     "fast-turn",
     "park-noisy",
     "park-traffic",
-    "street-day",
+    "racetrack-drive",
     "park-mesh-day",
     "park-mesh-night",
     "racetrack-mesh-day",

@@ -2,7 +2,7 @@
 
 Both kinds move through one world, in one light, before one sensor, so that only the motion differs. *Flying* is any
 second of the paper's first two sequences, in gusts of its own: six degrees of freedom, up to 5 m/s. *Driving* is the
-scene ``street-day``, planar position and yaw, with a speed, lane, direction and sway drawn for each drive.
+scene ``racetrack-drive`` on the same avenue, planar position and yaw; speed, lane, direction and sway are drawn.
 """
 
 import math
@@ -43,7 +43,7 @@ WIND_M_S: Final = 4.0
 """Mean wind at 20 ft, with Dryden gusts. In a calm a quadrotor on a straight leg does not turn at all."""
 
 _FLOWN: Final = ("baylands-day1", "baylands-day2")
-_DRIVEN: Final = "street-day"
+_DRIVEN: Final = "racetrack-drive"
 _SPEEDS_M_S: Final = (6.0, 14.0)
 _LANES_M: Final = (-1.0, 1.0)
 _SWAY_M: Final = (0.1, 0.5)
@@ -71,7 +71,8 @@ class FlightDraw:
         rng = np.random.default_rng([MOTION_KINDS.index(self.kind), SPLITS.index(self.split), self.number])
         low_m, high_m = REGIONS_M[self.split]
         for _ in range(_MOST_DRAWS):
-            drawn = _draw_flying(rng, self.number) if self.kind == "flying" else _draw_driving(rng, (low_m, high_m))
+            flying = self.kind == "flying"
+            drawn = _draw_flying(rng, self.number) if flying else _draw_driving(rng, (low_m, high_m))
             scene = self._before_sensor(drawn)
             east_m = scene.fly().states_at(np.linspace(0.0, FLIGHT_S, 11)).positions_world_m[:, 0]
             if east_m.min() < low_m or east_m.max() > high_m:
@@ -92,7 +93,7 @@ class FlightDraw:
             partial.rename(target)
 
     def _before_sensor(self, scene: Scene) -> Scene:
-        """Return the scene with the study's light and sensor, which has been running before the flight begins."""
+        """Return the scene with the study's world, light and sensor, which has been running before the flight begins."""
         events = replace(
             scene.events,
             model="log",
@@ -101,9 +102,16 @@ class FlightDraw:
             initial_phase="uniform",
         )
         seed = 10_000 * MOTION_KINDS.index(self.kind) + 1_000 * SPLITS.index(self.split) + self.number
-        # One of the paper's sequences has another light.
-        light = load_scene(_DRIVEN).light
-        return replace(scene.with_size(*COLOUR_SIZE), events=events, event_step_us=0, light=light, seed=seed)
+        # The drive is another world's, and one of the paper's sequences has another light.
+        first = load_scene(_FLOWN[0])
+        return replace(
+            scene.with_size(*COLOUR_SIZE),
+            events=events,
+            event_step_us=0,
+            world=first.world,
+            light=first.light,
+            seed=seed,
+        )
 
 
 def _draw_flying(rng: np.random.Generator, number: int) -> Scene:

@@ -53,8 +53,8 @@ predictors that look at no events, and then what one fault in the training data 
 
 - *Flights*: {flight:g} s each, {width}x{height} pixels of depth and flow, {event_width}x{event_height} of events (log
   sensor, {threshold:g} nat). *Flying*: the paper's first two sequences in gusts, six degrees of freedom, up to 5 m/s.
-  *Driving*: the scene `street-day`, planar position and yaw, 6 to 14 m/s, the camera at 1.5 m. World, light and
-  sensor are the same; only the motion differs.
+  *Driving*: the scene `racetrack-drive` on the same avenue, planar position and yaw, 6 to 14 m/s, the camera at 1.5
+  m. World, light and sensor are the same; only the motion differs.
 - *Splits*: {train} flights of a kind to train on, {validation} for early stopping, {test} to test on. Test flights
   are between {test_low:g} and {test_high:g} m along the avenue, all others between {train_low:g} and {train_high:g}
   m.
