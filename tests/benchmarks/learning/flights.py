@@ -93,7 +93,7 @@ class FlightDraw:
             partial.rename(target)
 
     def _before_sensor(self, scene: Scene) -> Scene:
-        """Return the scene with the study's world, light and sensor, which has been running before the flight begins."""
+        """Return the scene with the study's world, light and sensor, which ran before the flight began."""
         events = replace(
             scene.events,
             model="log",
