@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy.stats import ttest_ind
 
 from fedora_qa.catalogue import CHECKS
 from fedora_qa.causes import CAUSES
@@ -274,14 +275,15 @@ def test_costs_leave_the_noise_only_where_they_do() -> None:
     assert not costs["free"].leaves_noise
 
 
-def test_intervals_of_all_faults_hold_together() -> None:
-    """Without any cost, at most about 5% of the studies find one; with 200 studies at most 20."""
+def test_the_interval_of_a_single_fault_is_students() -> None:
+    """With one fault there is nothing to compare together: Student's t with the pooled variance; with five, wider."""
     rng = np.random.default_rng(5)
-    alarms = 0
-    for _ in range(200):
-        faulty = {str(number): values for number, values in enumerate(rng.normal(size=(5, 3)))}
-        alarms += any(cost.leaves_noise for cost in costs_of(rng.normal(size=6), faulty).values())
-    assert alarms <= 20
+    correct, faulty = rng.normal(size=6), rng.normal(size=3)
+    (cost,) = costs_of(correct, {"only": faulty}).values()
+    expected = ttest_ind(faulty, correct).confidence_interval(0.95)
+    assert (cost.low, cost.high) == pytest.approx((expected.low, expected.high), rel=1e-2)
+    five = costs_of(correct, {"only": faulty, **{str(k): rng.normal(size=3) for k in range(4)}})
+    assert five["only"].high - five["only"].low > 1.05 * (cost.high - cost.low)
 
 
 def test_the_least_costly_size_is_one_above_which_all_cost() -> None:
