@@ -14,6 +14,8 @@ CHANNELS: Final = (12, 24, 48)
 """Of the encoder, whose levels have a half, a quarter and an eighth of the size."""
 _MOTION_CHANNELS: Final = 8
 _HIDDEN: Final = 64
+_SLOPE: Final = 0.1
+"""Of rectifiers below 0."""
 _ONE_BY_SOFTPLUS: Final = 0.5413
 """softplus(0.5413) = 1: an untrained decoder predicts the mean disparity."""
 
@@ -50,7 +52,7 @@ class MotionNetwork(nn.Module):
             _convolution(third, _MOTION_CHANNELS),
             nn.Flatten(),
             nn.Linear(_MOTION_CHANNELS * (width // 8) * (height // 8), _HIDDEN),
-            nn.LeakyReLU(0.1),
+            nn.LeakyReLU(_SLOPE),
             nn.Linear(_HIDDEN, MOTION_COLUMNS),
         )
 
@@ -109,7 +111,11 @@ class _ImageDecoder(nn.Module):
 
 
 def _convolution(inputs: int, outputs: int, stride: int = 1) -> nn.Module:
-    return nn.Sequential(nn.Conv2d(inputs, outputs, 3, stride=stride, padding=1), nn.LeakyReLU(0.1))
+    convolution = nn.Conv2d(inputs, outputs, 3, stride=stride, padding=1)
+    # He et al., ICCV 2015: signals keep their size from layer to layer. By PyTorch's default they shrink by 2.4.
+    nn.init.kaiming_normal_(convolution.weight, a=_SLOPE, nonlinearity="leaky_relu")
+    nn.init.zeros_(convolution.bias)
+    return nn.Sequential(convolution, nn.LeakyReLU(_SLOPE))
 
 
 def _doubled(image: Tensor) -> Tensor:

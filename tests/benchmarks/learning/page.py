@@ -62,7 +62,7 @@ predictors that look at no events, and then what one fault in the training data 
 - *Network*: one encoder of four convolutions, a decoder each for flow, for disparity at the interval's start, and for
   the motion over the interval; all are trained together. The loss is NAEE + NADE + the mean of both NAE, on the
   training set's own means.
-- *Training*: Adam from 2e-3 along a cosine, at most {steps} steps of {batch} samples, whatever the number of samples;
+- *Training*: Adam from 3e-3 along a cosine, at most {steps} steps of {batch} samples, whatever the number of samples;
   half of them mirrored left to right. The validation loss is taken every {every} steps; training stops after
   {patience} times without a lower one, and the best network counts. Validation flights have the fault of the training
   flights.

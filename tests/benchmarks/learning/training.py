@@ -14,7 +14,7 @@ from tests.benchmarks.learning.mirroring import MIRRORED_FLOW, MIRRORED_MOTION
 from tests.benchmarks.learning.network import MotionNetwork, TargetScales, loss_of
 from tests.benchmarks.learning.samples import Samples
 
-LEARNING_RATE: Final = 2e-3
+LEARNING_RATE: Final = 3e-3
 LARGEST_GRADIENT: Final = 1.0
 
 Batch = tuple[Tensor, Tensor, Tensor, Tensor]
