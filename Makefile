@@ -20,7 +20,7 @@
 #   make study-named-foreign  faults of real pipelines, 169 kinds by code of their own: found, and named? docs/named-foreign.md; hours
 #   make study-blind-spots  real faults of three scenes, from which size they are found: printed, for docs/blind-spots.md; some minutes
 #   make study-trade  what each effort costs, and what it finds: docs/trade.md; an hour
-#   make study-learning  what a dataset teaches, and what a fault costs a learner: docs/learning.md; hours, and PyTorch
+#   make study-learning  what a dataset teaches, and what a fault costs a learner: docs/learning.md; hours; BUDGET=small: an hour
 #   make study-learning-smoke  the same in two minutes, of so little data that it says nothing: out/learning-smoke.md
 #   make mutation     random small changes of estimators and judgement: do their unit tests notice? docs/mutation.md; half an hour
 #   make fuzz         100,000 mutants of a small file: nothing may crash, hang, eat memory, or be wrongly clean; hours
@@ -117,8 +117,8 @@ power: $(READY)
 	  --json $(OUT)/power.json --html $(OUT)/power.html --markdown docs/power-tables.md --svg docs/power-tables.svg \
 	  --publish fedora_qa/power/published.json --publish-confidence fedora_qa/diagnosis/confidence.json
 
-# Networks are trained in an environment of their own. PyTorch for the CPU has an index of its own, and takes 0.7 GB; one for
-# a GPU comes with TORCH_INDEX= (empty), and 5 GB. BUDGET=small takes an hour and a half in all, full up to three hours a part.
+# Networks are trained in an environment of their own. PyTorch for the CPU has an index of its own, and takes 0.6 GB on disk; with
+# TORCH_INDEX= (empty) it is that of PyPI, which may need a GPU. PARTS chooses parts, and results that are there are not repeated.
 LEARNING := $(OUT)/learning-env
 TORCH ?= torch
 TORCH_INDEX ?= https://download.pytorch.org/whl/cpu

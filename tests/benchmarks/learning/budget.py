@@ -44,8 +44,8 @@ class Budget:
 
 BUDGETS: Final[Mapping[str, Budget]] = MappingProxyType(
     {
-        "smoke": Budget(3, 1, 1, steps=20, evaluate_every=10, patience=2, seeds=2, control_seeds=2),
+        "smoke": Budget(3, 1, 1, steps=12, evaluate_every=6, patience=2, seeds=2, control_seeds=2),
         "small": Budget(32, 6, 6, steps=300, evaluate_every=50, patience=4, seeds=3, control_seeds=6),
-        "full": Budget(128, 16, 24, steps=5000, evaluate_every=200, patience=6, seeds=5, control_seeds=12),
+        "full": Budget(128, 16, 24, steps=3000, evaluate_every=200, patience=6, seeds=5, control_seeds=12),
     }
 )
