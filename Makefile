@@ -117,7 +117,7 @@ power: $(READY)
 	  --json $(OUT)/power.json --html $(OUT)/power.html --markdown docs/power-tables.md --svg docs/power-tables.svg \
 	  --publish fedora_qa/power/published.json --publish-confidence fedora_qa/diagnosis/confidence.json
 
-# Networks are trained in an environment of their own. PyTorch for the CPU has an index of its own, and takes 0.6 GB on disk; with
+# Networks are trained in an environment of their own. PyTorch for the CPU has an index of its own, and takes 1 GB with the rest; with
 # TORCH_INDEX= (empty) it is that of PyPI, which may need a GPU. PARTS chooses parts, and results that are there are not repeated.
 LEARNING := $(OUT)/learning-env
 TORCH ?= torch

@@ -2,7 +2,7 @@
 
 Flights are generated, networks trained on them, and their predictions scored by ``fedora_qa.score``. The result of each
 run lies in out/learning, so that an interrupted study goes on where it was; ``--fresh`` forgets it, but for the
-flights. It needs PyTorch, and uses a GPU where there is one.
+flights: after a change to these, remove the folder. It needs PyTorch, and uses a GPU where there is one.
 """
 
 import time
@@ -51,8 +51,9 @@ def main(budget_name: str, parts: str, processes: int, fresh: bool, target: Path
     in_processes(processes, partial(_train_all, results, budget), groups, _report)
     target.write_text("".join(page(results, budget_name, parameter_count())), encoding="utf-8")
     click.echo(f"{target} written", err=True)
-    if publish is not None:
-        write_fault_prices(fault_prices(results, budget_name), publish)
+    prices = fault_prices(results, budget_name)
+    if publish is not None and prices.prices:
+        write_fault_prices(prices, publish)
 
 
 def _missing(parts: Sequence[Part], budget: Budget, results: Results) -> list[tuple[TrainingRun, ...]]:
