@@ -309,7 +309,7 @@ def write_results(results: Results, arrangements: tuple[Arrangement, ...], naee:
         for seed in range(max(budget.seeds, budget.control_seeds)):
             error = level + 0.001 * seed
             errors = Errors(error, error, error, error, 2.0, 4.0, 0.05, 0.2).to_json()
-            values = {"samples": 30, "device": "cpu", "seconds": 36.0, "date": "2026-11-26"}
+            values = {"samples": 30, "best_step": 12, "device": "cpu", "seconds": 36.0, "date": "2026-11-26"}
             results.write(
                 TrainingRun(arrangement, seed).name,
                 {**values, "errors": dict.fromkeys(arrangement.tested_on, errors)},
