@@ -148,7 +148,7 @@ def _status(results: Results, budget_name: str, budget: Budget) -> str:
         cut = sum(result["best_step"] == budget.steps for result in every)
         lines.append(
             f"In {cut / len(every):.0%} of the runs the last step had the least validation loss: there the budget ended "
-            "training, and more steps would have lowered the errors."
+            "training, and more steps would lower the errors."
         )
     if budget_name != "full":
         full = BUDGETS["full"]
