@@ -322,7 +322,7 @@ def write_results(results: Results, arrangements: tuple[Arrangement, ...], naee:
 
 def test_the_page_says_what_was_not_run(tmp_path: Path) -> None:
     """Without any result each part says so, and no price is published."""
-    text = "".join(page(Results(tmp_path), "smoke", 1000))
+    text = page(Results(tmp_path), "smoke", 1000)
     assert text.count("Not run.") == 4
     assert "The full study was not run" in text
     assert fault_prices(Results(tmp_path), "smoke").prices == ()
@@ -334,7 +334,7 @@ def test_the_page_holds_the_papers_numbers_beside_ours(tmp_path: Path) -> None:
     late = fault_of("events:time_offset", 10)
     faults = [Arrangement("flying", fault=fault) for fault in PLANTED if fault.cause == "events:time_offset"]
     write_results(results, (*arrangements_of("a"), *arrangements_of("b"), *faults), {late.name: 0.8})
-    text = "".join(page(results, "smoke", 1000))
+    text = page(results, "smoke", 1000)
     assert "Not run." not in text
     assert "| NAEE of flow falls from 10 to 50 Hz, iso-time | 0.794 to 0.398 |" in text
     assert "| 10 Hz | 18.841 | 13.44 | 0.794 |" in text

@@ -49,7 +49,7 @@ def main(budget_name: str, parts: str, processes: int, fresh: bool, target: Path
         processes, partial(_generate, results), _draws([runs[0].arrangement for runs in groups], budget), _report
     )
     in_processes(processes, partial(_train_all, results, budget), groups, _report)
-    target.write_text("".join(page(results, budget_name, parameter_count())), encoding="utf-8")
+    target.write_text(page(results, budget_name, parameter_count()), encoding="utf-8")
     click.echo(f"{target} written", err=True)
     prices = fault_prices(results, budget_name)
     if publish is not None and prices.prices:
