@@ -162,7 +162,7 @@ def _status(results: Results, budget_name: str, budget: Budget) -> str:
     dates = sorted({str(result["date"]) for result in every})
     devices = ", ".join(sorted({str(result["device"]) for result in every})) or "none"
     lines.append(
-        f"Budget `{budget_name}`, {' to '.join(dict.fromkeys((dates[0], dates[-1]))) if dates else 'not run'}, "
+        f"`make study-learning BUDGET={budget_name}`, {' to '.join(dict.fromkeys((dates[0], dates[-1]))) if dates else 'not run'}, "
         f"device: {devices}.\n"
     )
     lines.append("| part | networks that were trained | of | hours of training |\n| --- | --- | --- | --- |")
