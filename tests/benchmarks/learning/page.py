@@ -83,6 +83,8 @@ CANNOT_TELL: Final = """
 - The network has about {parameters} parameters and sees {event_width}x{event_height} pixels. A large network on large
   images learns finer things, and may suffer from faults that are lost here.
 - No cost beyond the scatter is no proof that a fault is harmless. A material size is never loosened by this study.
+- Within a second the motion changes little, and neighbouring intervals are alike: a delay, or flow of another interval,
+  costs less than it would where motion is abrupt.
 - All flights are of one generated world. Nothing was measured on real recordings.
 - The paper trains on whole sequences of its own worlds, with DSEC as the driving data: another place, sensor and
   rate. Its figures stand beside ours to compare directions, not sizes.
@@ -439,7 +441,7 @@ def _material_rows(costs: Mapping[PlantedFault, Mapping[str, Cost]]) -> Iterator
             )
         else:
             code, size = material
-            size_words = "every deviation" if size == 0 else f"{size:g} {unit}"
+            size_words = "every deviation" if size == 0 else f"{size:g} {unit}".rstrip()
             tighter = size > 0 and least is not None and least < size
             verdict = f"to tighten, to {least:g} {unit}" if tighter else "stays"
         yield f"| {text} | {code} | {size_words} | {cost_words} | {verdict} |\n"
