@@ -44,7 +44,7 @@ def _cost_words(prices: list[FaultPrice]) -> list[str]:
         for price in prices
         if price.leaves_noise
     ]
-    bounds = ", ".join(f"{max(price.high, 0):.3f} in {price.metric}" for price in prices)
+    bounds = "; ".join(f"{max(price.high, 0):.3f} in {price.metric}" for price in prices)
     return costs or [f"no cost beyond the scatter of training; at most {bounds}"]
 
 

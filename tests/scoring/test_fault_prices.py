@@ -58,7 +58,7 @@ def test_explain_quotes_costs_and_bounds() -> None:
     text = fault_price_text(CHECK)
     assert "events are late, 10 ms: NAEE 0.450 + 0.150 (0.130 to 0.170)\n" in text
     assert (
-        "events are late, 2 ms: no cost beyond the scatter of training; at most 0.024 in NAEE, 0.011 in NADE\n" in text
+        "events are late, 2 ms: no cost beyond the scatter of training; at most 0.024 in NAEE; 0.011 in NADE\n" in text
     )
     assert "40 generated flights" in text
     (explained,) = explanations_of(CHECK)
