@@ -1,6 +1,6 @@
 """What the faults that a check measures cost a learner, in words, for ``fedora-qa explain`` and reports."""
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from itertools import groupby
 
 from fedora_qa.scoring.fault_prices import FaultPrice, FaultPrices, read_fault_prices
@@ -9,23 +9,24 @@ TITLE = "Measured price"
 
 
 def fault_price_text(check: str) -> str:
-    """Return what each fault of a check was measured to cost, a fault a line; empty where none was measured."""
+    """Return what each fault of a check was measured to cost, a fault a line; empty where no cost was measured.
+
+    A cost within the scatter of training is left out: a small network that shows no cost does not prove that there is
+    none.
+    """
     prices = read_fault_prices()
-    rows = prices.of(check) if prices else ()
-    if prices is None or not rows:
+    costly = [price for price in prices.of(check) if price.leaves_noise] if prices else []
+    if prices is None or not costly:
         return ""
-    lines = [
-        f"{_fault_words(fault)}: {'; '.join(costs)}"
-        for fault, costs in ((fault, _cost_words(list(of))) for fault, of in groupby(rows, key=_fault_of))
-    ]
+    lines = [f"{_fault_words(fault)}: {_cost_words(of)}" for fault, of in groupby(costly, key=_fault_of)]
     return "\n".join([*lines, "", _source_sentence(prices)])
 
 
 def fault_price_texts() -> Mapping[str, str]:
-    """Return the text of every check that measures a fault whose price was measured."""
+    """Return the text of every check that measures a fault for which a cost was measured."""
     prices = read_fault_prices()
     checks = dict.fromkeys(check for price in prices.prices for check in price.checks) if prices else {}
-    return {check: fault_price_text(check) for check in checks}
+    return {check: text for check in checks if (text := fault_price_text(check))}
 
 
 def _fault_of(price: FaultPrice) -> tuple[str, float | None, str]:
@@ -37,15 +38,12 @@ def _fault_words(fault: tuple[str, float | None, str]) -> str:
     return text if size is None else f"{text}, {size:g} {unit}"
 
 
-def _cost_words(prices: list[FaultPrice]) -> list[str]:
-    """Return the costs beyond the scatter of training; where there is none, the cost that would have been one."""
-    costs = [
+def _cost_words(prices: Iterable[FaultPrice]) -> str:
+    """Return the error on correct data, the cost, and its interval, by measure."""
+    return "; ".join(
         f"{price.metric} {price.correct:.3f} + {price.cost:.3f} ({price.low:.3f} to {price.high:.3f})"
         for price in prices
-        if price.leaves_noise
-    ]
-    bounds = "; ".join(f"{max(price.high, 0):.3f} in {price.metric}" for price in prices)
-    return costs or [f"no cost beyond the scatter of training; at most {bounds}"]
+    )
 
 
 def _source_sentence(prices: FaultPrices) -> str:
