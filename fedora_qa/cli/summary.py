@@ -13,7 +13,7 @@ from rich.padding import Padding
 from rich.table import Table
 from rich.text import Text
 
-from fedora_qa.cli.console import text
+from fedora_qa.cli.console import ANY_WIDTH, text
 from fedora_qa.cli.outputs import Outputs
 from fedora_qa.record.github import record_to_github, silenced
 from fedora_qa.record.several_files import gravest_verdict
@@ -100,7 +100,8 @@ def show_record(console: Console, record: Record, detail: Detail = "normal") -> 
         verdict = Text(file.verdict, style=VERDICT_STYLES[file.verdict])
         first = cause_sentence(file.diagnoses[0]) if file.diagnoses else why_incomplete(file) or tally(file.results)
         table.add_row(verdict, text(file.path), text(first))
-    console.print(table)
+    # Programs that read a pipe rely on one line a file, however long.
+    console.print(table, width=None if console.is_terminal else ANY_WIDTH)
     if len(record.files) > 1 and detail != "quiet":
         console.print(Group(Text(), _common_verdict(record.files)))
 

@@ -65,7 +65,7 @@ def test_explain_a_cause(fedora_qa: Command) -> None:
     """As the summary names it, with its stream, or without; a misspelt one is answered with the nearest."""
     done = fedora_qa("explain", "events:time_offset")
     assert (done.code, done.out) == (0, fedora_qa("explain", "time_offset").out)
-    for words in ("Stamps are late by a constant.", "In ms; positive means", CAUSES["time_offset"].remedy):
+    for words in ("Timestamps are late by a constant.", "In ms; positive means", CAUSES["time_offset"].remedy):
         assert words in done.out
     assert fedora_qa("explain", "time_ofset").err.endswith("did you mean 'time_offset'?\n")
 

@@ -51,6 +51,16 @@ def test_everything_is_said_at_every_width(width: int, detail: Detail) -> None:
         assert part in words(text)
 
 
+def test_a_pipe_gets_a_line_a_file() -> None:
+    """However long the path is: programs count and split lines. A terminal gets lines of its width."""
+    (late,) = record().files
+    long = record(replace(late, path="/data/" + "long/" * 40 + "late.h5"), late)
+    lines = shown(long, 80, detail="quiet").splitlines()
+    assert len(lines) == 2
+    assert lines[0].split()[:2] == ["findings", long.files[0].path]
+    assert len(shown(long, 80, terminal=True, detail="quiet").splitlines()) > 2
+
+
 def test_verdict_comes_last_after_causes() -> None:
     """A terminal shows its last lines: the verdict, above it the causes, above them the findings."""
     text = shown(record())
