@@ -20,7 +20,7 @@ if TYPE_CHECKING:  # loads pydantic, which most commands that print need not
 # Columns. rich assumes 80 for a pipe, which is too narrow for the table of checks.
 _PIPED_WIDTH: Final = 132
 
-ANY_WIDTH: Final = 1 << 16
+_ANY_WIDTH: Final = 1 << 16
 """Columns, more than any table has."""
 
 
@@ -57,7 +57,7 @@ def print_table(console: Console, source: "TextTable | PowerTable") -> None:
     for row in source.rows:
         table.add_row(*(text(cell) for cell in row))
     console.print(Text(source.title, style="bold"))
-    needed = Measurement.get(console, console.options.update(max_width=ANY_WIDTH), table)
+    needed = Measurement.get(console, console.options.update(max_width=_ANY_WIDTH), table)
     if needed.minimum > console.width:
         # Not even the longest words fit beside each other: the cells of each row, with their names.
         for row in source.rows:

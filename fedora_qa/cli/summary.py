@@ -13,7 +13,7 @@ from rich.padding import Padding
 from rich.table import Table
 from rich.text import Text
 
-from fedora_qa.cli.console import ANY_WIDTH, text
+from fedora_qa.cli.console import text
 from fedora_qa.cli.outputs import Outputs
 from fedora_qa.record.github import record_to_github, silenced
 from fedora_qa.record.several_files import gravest_verdict
@@ -92,18 +92,28 @@ def show_record(console: Console, record: Record, detail: Detail = "normal") -> 
         if len(record.files) == 1:
             console.print(Group(*_verdict(record.files[0])))
             return
-    table = Table(box=None, pad_edge=False, padding=(0, 2, 0, 0), show_header=False)
-    table.add_column(no_wrap=True)
-    table.add_column(overflow="fold")
-    table.add_column(overflow="fold")
-    for file in record.files:
-        verdict = Text(file.verdict, style=VERDICT_STYLES[file.verdict])
-        first = cause_sentence(file.diagnoses[0]) if file.diagnoses else why_incomplete(file) or tally(file.results)
-        table.add_row(verdict, text(file.path), text(first))
-    # Programs that read a pipe rely on one line a file, however long.
-    console.print(table, width=None if console.is_terminal else ANY_WIDTH)
+    rows = [(file.verdict, text(file.path), text(_first_words(file))) for file in record.files]
+    if console.is_terminal:
+        table = Table(box=None, pad_edge=False, padding=(0, 2, 0, 0), show_header=False)
+        table.add_column(no_wrap=True)
+        table.add_column(overflow="fold")
+        table.add_column(overflow="fold")
+        for verdict, path, first in rows:
+            table.add_row(Text(verdict, style=VERDICT_STYLES[verdict]), path, first)
+        console.print(table)
+    else:
+        # Programs that read a pipe rely on one line a file, however long.
+        verdict_width, path_width = (max((len(row[column]) for row in rows), default=0) for column in (0, 1))
+        for verdict, path, first in rows:
+            path.pad_right(path_width - len(path))
+            console.print(Text(f"{verdict:<{verdict_width}}  ") + path + Text("  ") + first, soft_wrap=True)
     if len(record.files) > 1 and detail != "quiet":
         console.print(Group(Text(), _common_verdict(record.files)))
+
+
+def _first_words(file: FileRecord) -> str:
+    """Return the first cause of a file, or else why it is incomplete, or the number of checks by outcome."""
+    return cause_sentence(file.diagnoses[0]) if file.diagnoses else why_incomplete(file) or tally(file.results)
 
 
 def _common_verdict(files: Sequence[FileRecord]) -> Text:
