@@ -21,17 +21,20 @@ DEPTH_STRIDE = 5
 Array = np.ndarray[Any, Any]
 
 
-def write_dsec_folder(source: Path, folder: Path) -> Path:
-    """Write a canonical file of the generator as a folder of DSEC, and return the folder."""
+def write_dsec_folder(source: Path, folder: Path, baseline_m: float = BASELINE_M) -> Path:
+    """Write a canonical file of the generator as a folder of DSEC, and return the folder.
+
+    Disparity of 256 px and more does not fit into 16 bits and is invalid: large images need a short baseline.
+    """
     for name in ("events/left", "images/left/rectified", "optical_flow/forward", "disparity/event", "calibration"):
         (folder / name).mkdir(parents=True)
     with h5py.File(source) as file:
         _events(file, folder / "events/left")
         _images(file, folder / "images")
         _flow(file, folder / "optical_flow")
-        _disparity(file, folder / "disparity")
+        _disparity(file, folder / "disparity", baseline_m)
         cameras = {name: dict(file[f"metadata/cameras/{name}"].attrs) for name in ("rgb", "depth", "events")}
-    _calibration(cameras, folder / "calibration/cam_to_cam.yaml")
+    _calibration(cameras, folder / "calibration/cam_to_cam.yaml", baseline_m)
     return folder
 
 
@@ -87,18 +90,18 @@ def _flow(file: h5py.File, folder: Path) -> None:
     (folder / "forward_timestamps.txt").write_text("\n".join(lines) + "\n")
 
 
-def _disparity(file: h5py.File, folder: Path) -> None:
+def _disparity(file: h5py.File, folder: Path, baseline_m: float) -> None:
     focal_px = file["metadata/cameras/depth"].attrs["K"][0, 0]
     rows = range(0, len(file["path/depth_ts"]), DEPTH_STRIDE)
     for number, row in enumerate(rows):
         depth_m = file["path/depth"][row] / 1000
-        disparity = np.rint(np.nan_to_num(256 * focal_px * BASELINE_M / depth_m, nan=0.0))
+        disparity = np.rint(np.nan_to_num(256 * focal_px * baseline_m / depth_m, nan=0.0))
         write_png(folder / f"event/{5 * number:06d}.png", np.where(disparity < 65536, disparity, 0).astype(np.uint16))
     times = file["path/depth_ts"][:][::DEPTH_STRIDE] + T_OFFSET_US
     (folder / "timestamps.txt").write_text("".join(f"{time}\n" for time in times))
 
 
-def _calibration(cameras: dict[str, dict[str, Any]], path: Path) -> None:
+def _calibration(cameras: dict[str, dict[str, Any]], path: Path, baseline_m: float) -> None:
     def intrinsics(name: str) -> dict[str, Any]:
         K = cameras[name]["K"]
         numbers = [float(K[0, 0]), float(K[1, 1]), float(K[0, 2]), float(K[1, 2])]
@@ -119,7 +122,7 @@ def _calibration(cameras: dict[str, dict[str, Any]], path: Path) -> None:
     offset = np.linalg.inv(cameras["rgb"]["T_body_camera"]) @ cameras["depth"]["T_body_camera"]
     T_10 = T_10 @ offset
     focal, cx, cy = (float(cameras["depth"]["K"][place]) for place in ((0, 0), (0, 2), (1, 2)))
-    Q = [[1.0, 0, 0, -cx], [0, 1.0, 0, -cy], [0, 0, 0, focal], [0, 0, 1 / BASELINE_M, 0]]
+    Q = [[1.0, 0, 0, -cx], [0, 1.0, 0, -cy], [0, 0, 0, focal], [0, 0, 1 / baseline_m, 0]]
     document = {
         "intrinsics": {
             "cam0": intrinsics("events"), "camRect0": intrinsics("depth"), "camRect1": intrinsics("rgb"),

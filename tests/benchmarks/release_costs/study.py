@@ -37,6 +37,10 @@ TURNS: Final = 3
 DSEC_RATES: Final = RateOptions(frames_hz=20.0, depth_hz=50.0, flow_hz=(10.0,))
 """The writer of the folder keeps every fifth depth frame: 10 Hz."""
 
+BASELINE_M: Final = 0.2
+"""Points nearer than 1 m have a disparity of 256 px or more, which does not fit into 16 bits. The nearest point of the
+scene is 2.7 m away."""
+
 
 @click.command()
 def main() -> None:
@@ -69,7 +73,7 @@ def _dsec_like(length_s: float) -> Path:
         with TemporaryDirectory(dir=KEPT) as temporary:
             source = Path(temporary) / "source.h5"
             generate_sequence(scene, source, Request(duration_s=length_s, quality="draft"))
-            write_dsec_folder(source, Path(temporary) / "folder").rename(folder)
+            write_dsec_folder(source, Path(temporary) / "folder", BASELINE_M).rename(folder)
     return folder
 
 
