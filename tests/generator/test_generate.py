@@ -21,13 +21,14 @@ from fedora_generator.render import ExactWorld
 from fedora_generator.scene import Scene, load_scene
 from fedora_generator.scene_names import SCENE_NAMES
 from fedora_qa.layout.canonical import ATTRIBUTES, DATASETS
+from tests.support.sequences import small_scene
 
 KEYS = [key for key, spec in DATASETS.items() if not spec.optional]
 SHORT = Request(duration_s=0.1, quality="draft")
 
 
 def tiny(name: str) -> Scene:
-    return load_scene(name).with_size(72, 54)
+    return small_scene(name, 72, 54)
 
 
 @pytest.fixture(scope="module", params=SCENE_NAMES)
