@@ -7,6 +7,7 @@ from tempfile import TemporaryDirectory
 import click
 
 from fedora_qa.cli.exit_codes import CLEAN
+from fedora_qa.cli.host import usable_cores
 from fedora_qa.cli.isolated import run_isolated
 from fedora_qa.cli.outputs import Outputs
 from fedora_qa.cli.progress import progress_bar
@@ -27,6 +28,7 @@ def run_import(
     topics: Path | None,
     kind: Kind | None,
     allow_backwards: bool,
+    compression: int,
     force: bool,
 ) -> int:
     """Do what the command says and return its exit code."""
@@ -39,7 +41,9 @@ def run_import(
             raise MisuseError(f"Expected a new file to write, got {output}, which exists; use --force to write over it")
     # Before another process is started.
     recognise(source)
-    options = ImportOptions(resolution, kind, load_topics(topics) if topics else None, allow_backwards)
+    options = ImportOptions(
+        resolution, kind, load_topics(topics) if topics else None, allow_backwards, compression, usable_cores()
+    )
     # By another process, in a folder that is removed even if that process dies; beside the output, because `replace` is
     # atomic only within one file system.
     with progress_bar(source.name) as bar, TemporaryDirectory(prefix=f".{output.name}.", dir=output.parent) as folder:

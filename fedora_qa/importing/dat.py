@@ -26,7 +26,7 @@ _PERIOD_US: Final = 1 << 32
 _LAST_US, _OVERFLOW_US = range(2)
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def decode_words(
     words: NDArray[np.uint64],
     state: NDArray[np.int64],

@@ -28,7 +28,7 @@ _PERIOD_US: Final = 1 << 34
 _HIGH, _OVERFLOW_US, _DROPPED, _TRIGGERS, _UNKNOWN = range(5)
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def decode_words(
     words: NDArray[np.uint32],
     state: NDArray[np.int64],

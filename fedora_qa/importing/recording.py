@@ -11,8 +11,9 @@ Kind = Literal["recorded", "synthetic"]
 Resolution = tuple[int, int]
 """Width and height, px."""
 
-BLOCK_BYTES: Final = 256 * 1024
-"""Bytes of an event file that are decoded together. EVT3 has at most 6 events a byte, so that a block is 20 MB."""
+BLOCK_BYTES: Final = 64 * 1024
+"""Bytes of an event file that are decoded together. EVT3 has at most 6 events a byte, so that a block is 5 MB at most;
+fewer bytes stay in the cache until they are copied."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -22,8 +23,8 @@ class Block:
     Attributes
     ----------
     columns
-        Arrays of one length by canonical key, in canonical type and unit. The writer may keep them: their memory is not
-        used again.
+        Arrays of one length by canonical key, in canonical type and unit. The writer copies them: their memory may be
+        used again for the next block.
     """
 
     columns: Mapping[str, NDArray[Any]]
@@ -61,12 +62,12 @@ class Recording:
 
 
 def event_block(x: NDArray[Any], y: NDArray[Any], t_us: NDArray[Any], p: NDArray[Any]) -> Block:
-    """Return a block of events (n,), whose arrays are copied: column, row, time in us, 1 brighter or 0 darker."""
+    """Return a block of events (n,): column, row, time in us, 1 brighter or 0 darker."""
     return Block(
         {
-            "path/events/x": np.array(x, np.uint16),
-            "path/events/y": np.array(y, np.uint16),
-            "path/events/t": np.array(t_us, np.int64),
-            "path/events/p": np.array(p, np.uint8),
+            "path/events/x": np.asarray(x, np.uint16),
+            "path/events/y": np.asarray(y, np.uint16),
+            "path/events/t": np.asarray(t_us, np.int64),
+            "path/events/p": np.asarray(p, np.uint8),
         }
     )

@@ -2,6 +2,7 @@
 
 import json
 from collections.abc import Callable, Mapping
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import AbstractContextManager
 from dataclasses import dataclass
 from datetime import UTC, datetime
@@ -20,8 +21,9 @@ from fedora_qa.importing.recording import Kind, Recording, Resolution
 from fedora_qa.importing.ros_bag import open_bag
 from fedora_qa.importing.ros_topics import TopicMap
 from fedora_qa.importing.sequence_writer import SequenceWriter, present_streams
+from fedora_qa.layout.chunk_writer import ChunkWriter
 from fedora_qa.layout.deferred_errors import DeferredErrorFile
-from fedora_qa.storage.digest import file_digest
+from fedora_qa.storage.digest import Digest, file_digest
 from fedora_qa.storage.version import local_version
 
 PROVENANCE: Final = "provenance/import"
@@ -48,12 +50,18 @@ class ImportOptions:
         Which topic of a bag holds which stream; None: the usual ones.
     allow_backwards
         Whether timestamps that decrease are written as they are.
+    level
+        Of compression: 1 is the fastest, 9 makes the smallest file.
+    threads
+        Number of threads that compress.
     """
 
     resolution: Resolution | None = None
     kind: Kind | None = None
     topics: TopicMap | None = None
     allow_backwards: bool = False
+    level: int = 2
+    threads: int = 1
 
 
 @dataclass(frozen=True, slots=True)
@@ -92,8 +100,14 @@ def import_recording(source: Path, target: Path, options: ImportOptions, report:
     """
     version = local_version(source)
     with DeferredErrorFile(target, "the sequence") as file:
-        with h5py.File(file, "w") as sequence, open_recording(source, options) as recording:
-            writer = SequenceWriter(sequence, allow_backwards=options.allow_backwards)
+        with (
+            h5py.File(file, "w") as sequence,
+            open_recording(source, options) as recording,
+            ChunkWriter(options.threads) as chunks,
+            ThreadPoolExecutor(1) as beside,
+        ):
+            digest = beside.submit(file_digest, source)
+            writer = SequenceWriter(sequence, chunks, level=options.level, allow_backwards=options.allow_backwards)
             reported = 0
             for block in recording.blocks:
                 writer.append(block)
@@ -115,7 +129,7 @@ def import_recording(source: Path, target: Path, options: ImportOptions, report:
                     **({"kind": kind} if kind else {}),
                 },
             )
-            sequence[PROVENANCE] = json.dumps(_provenance(source, recording, rows), indent=1)
+            sequence[PROVENANCE] = json.dumps(_provenance(source.name, digest.result(), recording, rows), indent=1)
         file.raise_failure()
     if local_version(source) != version:
         raise MisuseError(f"Expected {source} to stay as it is, got a change meanwhile; import it again")
@@ -132,13 +146,12 @@ def open_recording(source: Path, options: ImportOptions) -> AbstractContextManag
     return openers[recognise(source)](source, options.resolution)
 
 
-def _provenance(source: Path, recording: Recording, rows: dict[str, int]) -> dict[str, Any]:
-    digest = file_digest(source)
+def _provenance(name: str, digest: Digest, recording: Recording, rows: dict[str, int]) -> dict[str, Any]:
     return {
         "tool": {"name": "fedora-qa", "version": __version__},
         "imported": datetime.now(UTC).isoformat(timespec="seconds"),
         "source": {
-            "name": source.name,
+            "name": name,
             "format": recording.format,
             "size": digest.version.size,
             "sha256": digest.sha256,

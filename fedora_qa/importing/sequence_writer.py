@@ -11,47 +11,61 @@ from fedora_qa.conventions import FORMAT_NAME, FORMAT_VERSION, R_BODY_OPTICAL
 from fedora_qa.errors import MisuseError
 from fedora_qa.importing.recording import Block, Resolution
 from fedora_qa.layout.canonical import DATASETS, FRAMES_OF_MAP, STREAMS, TIMESTAMPS_OF
+from fedora_qa.layout.chunk_writer import ChunkWriter
 from fedora_qa.layout.create import create_dataset
 
 UNCALIBRATED: Final = "unknown"
 """Camera model of a recording without calibration: every check that projects is not applicable."""
 
 
-_LEVEL: Final = 3
-"""Of compression. Level 5, of files that are written once and read often, takes 2.4 times as long and saves 4%."""
-
-
 class GrowingDataset:
-    """A dataset to which rows are appended by whole chunks, so that none is compressed twice."""
+    """A dataset to which rows are appended by whole chunks, so that none is compressed twice.
 
-    def __init__(self, dataset: h5py.Dataset) -> None:
+    Parameters
+    ----------
+    dataset
+        Empty.
+    chunks
+        Writes its chunks.
+    """
+
+    def __init__(self, dataset: h5py.Dataset, chunks: ChunkWriter) -> None:
         self._dataset = dataset
-        self._chunk_rows = int(dataset.chunks[0])
-        self.row_shape: tuple[int, ...] = tuple(dataset.shape[1:])
-        """Shape of a row; kept, as HDF5 would be asked for it with every row."""
-        self._waiting: list[NDArray[Any]] = []
-        self._waiting_rows = 0
+        self._chunks = chunks
+        self._shape: tuple[int, ...] = dataset.chunks
+        self._dtype = dataset.dtype
+        self._rows = 0
+        """Rows of the chunks that are given to the writer."""
+        self._chunk = np.empty(self._shape, self._dtype)
+        self._filled = 0
+
+    @property
+    def row_shape(self) -> tuple[int, ...]:
+        """Shape of a row."""
+        return self._shape[1:]
 
     def append(self, rows: NDArray[Any]) -> None:
-        """Add rows; whole chunks are written."""
-        self._waiting.append(rows)
-        self._waiting_rows += len(rows)
-        if self._waiting_rows >= self._chunk_rows:
-            self._write(self._waiting_rows // self._chunk_rows * self._chunk_rows)
+        """Add a copy of rows."""
+        while len(rows):
+            count = min(len(rows), len(self._chunk) - self._filled)
+            self._chunk[self._filled : self._filled + count] = rows[:count]
+            self._filled += count
+            rows = rows[count:]
+            if self._filled == len(self._chunk):
+                self._write()
 
     def finish(self) -> None:
-        """Write the rows that wait."""
-        if self._waiting_rows:
-            self._write(self._waiting_rows)
+        """Give the rows that wait to the writer."""
+        if self._filled:
+            # HDF5 fills the rest of the last chunk in the same way.
+            self._chunk[self._filled :] = 0
+            self._write()
 
-    def _write(self, count: int) -> None:
-        rows = np.concatenate(self._waiting) if len(self._waiting) > 1 else self._waiting[0]
-        written = len(self._dataset)
-        self._dataset.resize(written + count, axis=0)
-        self._dataset[written:] = rows[:count]
-        # A copy: a view would keep all rows that are written.
-        self._waiting = [rows[count:].copy()] if count < len(rows) else []
-        self._waiting_rows = len(rows) - count
+    def _write(self) -> None:
+        self._dataset.resize(self._rows + self._filled, axis=0)
+        self._chunks.write(self._dataset, self._rows, self._chunk)
+        self._rows += self._filled
+        self._chunk, self._filled = np.empty(self._shape, self._dtype), 0
 
 
 class SequenceWriter:
@@ -61,12 +75,18 @@ class SequenceWriter:
     ----------
     file
         Open for writing, and empty.
+    chunks
+        Writes its chunks.
+    level
+        Of compression, 1 to 9.
     allow_backwards
         Whether timestamps that decrease are written as they are; else they are refused.
     """
 
-    def __init__(self, file: h5py.File, *, allow_backwards: bool) -> None:
+    def __init__(self, file: h5py.File, chunks: ChunkWriter, *, level: int, allow_backwards: bool) -> None:
         self._file = file
+        self._chunks = chunks
+        self._level = level
         self._allow_backwards = allow_backwards
         self._datasets: dict[str, GrowingDataset] = {}
         self._last_us: dict[str, int] = {}
@@ -90,7 +110,8 @@ class SequenceWriter:
             if dataset is None:
                 # The sizes of a row are those of the first one; the axis of time is empty.
                 sizes = dict(zip(map(str, spec.shape), (0, *rows.shape[1:]), strict=True))
-                dataset = self._datasets[key] = GrowingDataset(create_dataset(self._file, key, sizes, level=_LEVEL))
+                stored = create_dataset(self._file, key, sizes, level=self._level)
+                dataset = self._datasets[key] = GrowingDataset(stored, self._chunks)
             if rows.shape[1:] != dataset.row_shape:
                 raise MisuseError(
                     f"Expected all {spec.stream} images to have the shape {dataset.row_shape}, got {rows.shape[1:]}; "
@@ -110,6 +131,7 @@ class SequenceWriter:
         """
         for dataset in self._datasets.values():
             dataset.finish()
+        self._chunks.finish()
         for index_map, frames in FRAMES_OF_MAP.items():
             if frames in self.rows and "events" in self.rows:
                 self._write_index_map(f"metadata/{index_map}", TIMESTAMPS_OF[frames])
@@ -132,15 +154,15 @@ class SequenceWriter:
     def _require_order(self, stream: str, times_us: NDArray[np.int64]) -> None:
         if self._allow_backwards or not len(times_us):
             return
-        before = np.concatenate([[self._last_us.get(stream, times_us[0])], times_us[:-1]])
-        backwards = np.flatnonzero(times_us < before)
-        if len(backwards):
-            first = int(backwards[0])
+        last_us = self._last_us.get(stream, int(times_us[0]))
+        if times_us[0] < last_us or np.any(times_us[1:] < times_us[:-1]):
+            before_us = np.concatenate([[last_us], times_us[:-1]])
+            first = int(np.flatnonzero(times_us < before_us)[0])
             row = self.rows.get(stream, 0) + first
             raise MisuseError(
-                f"Expected {stream} timestamps that do not decrease, got {times_us[first]} us after {before[first]} us "
-                f"at row {row}; record again, or write them as they are with --allow-backwards and let check report "
-                "them"
+                f"Expected {stream} timestamps that do not decrease, got {times_us[first]} us after "
+                f"{before_us[first]} us at row {row}; record again, or write them as they are with --allow-backwards "
+                "and let check report them"
             )
         self._last_us[stream] = int(times_us[-1])
 
@@ -148,10 +170,18 @@ class SequenceWriter:
         """Count the events before each frame, a chunk of events at a time."""
         frames_us = np.asarray(self._file[timestamps_key][:])
         events = self._file[TIMESTAMPS_OF["events"]]
-        indices = np.zeros(len(frames_us), np.int64)
+        order = np.argsort(frames_us, kind="stable")
+        ascending_us = frames_us[order]
+        # Sums over chunks: for sorted events this is the index of the earliest event not before the frame.
+        events_before = np.zeros(len(frames_us), np.int64)
         for start in range(0, len(events), events.chunks[0]):
-            # Sums over chunks: for sorted events this is the index of the earliest event not before the frame.
-            indices += np.searchsorted(np.sort(events[start : start + events.chunks[0]]), frames_us, side="left")
+            times_us = np.sort(events[start : start + events.chunks[0]])
+            # Frames up to the first event of the chunk have none of its events before them, those after the last all.
+            first, last = np.searchsorted(ascending_us, times_us[[0, -1]], side="right")
+            events_before[first:last] += np.searchsorted(times_us, ascending_us[first:last], side="left")
+            events_before[last:] += len(times_us)
+        indices = np.empty_like(events_before)
+        indices[order] = events_before
         dataset = create_dataset(self._file, key, {str(DATASETS[key].shape[0]): len(frames_us)})
         dataset[:] = indices
 

@@ -106,7 +106,7 @@ def _halves(checksum: int) -> tuple[int, int]:
     return (checksum >> 16) % 65535, (checksum & 0xFFFF) % 65535
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def fletcher32(words: NDArray[np.uint16], last: int) -> int:
     """Return the Fletcher-32 checksum of bytes as HDF5 computes it (H5_checksum_fletcher32).
 

@@ -20,6 +20,14 @@ from fedora_qa.cli.startup import loading_modules
 )
 @click.option("--kind", type=click.Choice(["recorded", "synthetic"]), help="Whether sensors made SOURCE.")
 @click.option("--allow-backwards", is_flag=True, help="Write timestamps that decrease as they are.")
+@click.option(
+    "--compression",
+    type=click.IntRange(1, 9),
+    default=2,
+    show_default=True,
+    metavar="LEVEL",
+    help="Of Zstandard: 1 is the fastest, 9 makes the smallest file.",
+)
 @click.option("--force", is_flag=True, help="Write over OUT.h5 where it exists.")
 def import_(**arguments: Any) -> int:
     """Write a canonical file from SOURCE, a recording in a format of event cameras.
