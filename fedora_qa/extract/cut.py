@@ -1,6 +1,6 @@
 """Write a file with some rows of another: the same groups, attributes and links, and index maps of its own events."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Collection, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, field
 from math import lcm
@@ -20,14 +20,14 @@ from fedora_qa.extract.hdf5_copy import (
     opened_beside_its_file,
 )
 from fedora_qa.extract.place import Piece
-from fedora_qa.extract.rows import CutRows, rows_kept
-from fedora_qa.layout.canonical import FRAMES_OF_MAP, datasets_of_all, spec_of
+from fedora_qa.extract.rows import MILLISECONDS, CutRows, rows_kept
+from fedora_qa.layout.canonical import BESIDE, FRAMES_OF_MAP, datasets_of, datasets_of_all, spec_of
 from fedora_qa.layout.deferred_errors import DeferredErrorFile
 from fedora_qa.layout.dialect import Dialect
 from fedora_qa.layout.external_files import ExternalFiles
 from fedora_qa.layout.links import READ_ERRORS, RefusedError, find_dataset, find_object
 from fedora_qa.sequence.facts import IndexMap
-from fedora_qa.sequence.scan import Scan
+from fedora_qa.sequence.scan import Scan, definition_of_map, entries_by_definition
 from fedora_qa.sequence.sequence import SequenceRows
 
 _Address = tuple[str, int]
@@ -37,16 +37,32 @@ _SMALL_BYTES: Final = 64 << 10
 """Largest dataset of no stream that is copied. It is copied whole: no row of it belongs to a time."""
 
 
-def entries_kept(index_map: IndexMap, frames: CutRows, events: CutRows) -> NDArray[np.int64]:
-    """Return the entries of the frames of a piece, which count from the first event of the piece.
+def entries_kept(index_map: IndexMap, rows: CutRows, events: CutRows, definition: str = "") -> NDArray[np.int64]:
+    """Return the entries that a piece has of an index map, which count from the first event of the piece.
 
     The error of an entry (events) is preserved: a cut must not correct a wrong map.
+
+    Parameters
+    ----------
+    rows
+        The entries that are kept.
+    events
+        The events that are kept.
+    definition
+        By which the map was made (``conversions.MapDefinition``); empty for that of the layout.
     """
     # A map with fewer entries than frames stays as short in the piece.
-    rows = slice(frames.start, min(frames.stop, len(index_map.expected_left)))
-    expected, stored = index_map.expected_left[rows], index_map.stored[rows]
-    # entry = (events of the piece before the frame) + (stored - expected): the error in events, unchanged by the cut.
-    return shift_entries(expected, events) + (stored - expected)
+    kept = slice(rows.start, min(rows.stop, len(index_map.expected_left)))
+    left, right = (
+        shift_entries(entries[kept], events) for entries in (index_map.expected_left, index_map.expected_right)
+    )
+    if definition == "nearest_event":
+        # Where the nearest event is not kept, the first or the last that is kept is the nearest.
+        correct = np.clip(index_map.correct[kept] - events.start, 0, max(events.stop - events.start - 1, 0))
+    else:
+        correct = entries_by_definition(definition, left, right, events.stop - events.start)
+    # entry = (correct entry in the piece) + (stored - expected): the error in events, unchanged by the cut.
+    return correct + (index_map.stored[kept] - index_map.expected_left[kept])
 
 
 def shift_entries(entries: NDArray[np.int64], events: CutRows) -> NDArray[np.int64]:
@@ -83,15 +99,22 @@ class Cutter:
         self._scanned = scanned
         # Every dataset of a stream that can be opened, by canonical key, also of streams that lack another dataset.
         datasets: dict[str, h5py.Dataset] = {}
-        for spec in datasets_of_all({*sequence.layout.streams, *sequence.layout.absent}):
+        # Contiguous in the canonical layout: values of the whole file and not rows of a stream; copied whole.
+        self._whole: set[_Address] = set()
+        streams = {*sequence.layout.streams, *sequence.layout.absent}
+        beside = (spec for stream in BESIDE for spec in datasets_of(stream))
+        for spec in (*datasets_of_all(streams), *beside):
             key = spec.key
             place = dialect.place_of(key)
-            # Contiguous in the canonical layout: values of the whole file and not rows of a stream; copied whole.
-            if place is None or not spec.chunk_rows:
+            if place is None:
                 continue
+            # Bound: its size was tested.
+            is_whole = not spec.chunk_rows and key in sequence.layout.bindings
             with suppress(RefusedError):
                 dataset = find_dataset(file, place.path or key, external_files)
-                if dataset is not None and dataset.shape:
+                if dataset is not None and is_whole:
+                    self._whole.add(_linked_address(dataset.file, dataset.name))
+                elif dataset is not None and dataset.shape and spec.chunk_rows:
                     # External files are named relative to their own file, not to the working directory.
                     datasets[key] = opened_beside_its_file(dataset) if dataset.external else dataset
         self._datasets = datasets
@@ -126,21 +149,23 @@ class Cutter:
             stream = spec_of(key).stream
             # Entries of an index map; None of everything else, and where they cannot be read.
             entries: NDArray[np.int64] | None = None
-            if stream in FRAMES_OF_MAP and "events" in kept:
-                frames, events = kept[stream], kept["events"]
-                index_map = self._scanned.facts.index_maps.get(stream)
+            if stream in {*FRAMES_OF_MAP, MILLISECONDS} and "events" in kept:
+                rows, events = kept[stream], kept["events"]
+                index_map = self._scanned.facts.maps_to_events.get(stream)
                 if index_map is not None:
                     # Entries count events from the start of the file; those of the piece count from its first event.
-                    entries = entries_kept(index_map, frames, events)
+                    stated = index_map.by_definition is not None
+                    definition = definition_of_map(self._sequence, stream) if stated else ""
+                    entries = entries_kept(index_map, rows, events, definition)
                 else:
                     with suppress(*READ_ERRORS):
-                        stored = np.asarray(dataset[frames.start : _stop(frames, dataset)]).astype(np.int64)
+                        stored = np.asarray(dataset[rows.start : _stop(rows, dataset)]).astype(np.int64)
                         entries = shift_entries(stored, events)
             # By address, not by path: a dataset may have several names, and the walk meets any of them first.
             cuts[_linked_address(dataset.file, dataset.name)] = _Cut(dataset, kept[stream], entries)
         with DeferredErrorFile(target, "the piece") as file:
             with h5py.File(file, "w") as copy:
-                writer = _Writer(cuts, file, self._file.filename, self._external_files)
+                writer = _Writer(cuts, self._whole, file, self._file.filename, self._external_files)
                 writer.group(self._file, copy)
             file.raise_failure()
         return kept, tuple(writer.left_out)
@@ -169,6 +194,7 @@ class _Writer:
     """Walks a file and writes the rows of a piece; an object that has several names is written once."""
 
     cuts: Mapping[_Address, _Cut]
+    whole: Collection[_Address]
     file: DeferredErrorFile
     source: str
     external_files: ExternalFiles | None
@@ -234,7 +260,7 @@ class _Writer:
             return
         if not isinstance(source, h5py.Dataset):
             copy[name] = source.dtype
-        elif source.nbytes > _SMALL_BYTES:
+        elif source.nbytes > _SMALL_BYTES and address not in self.whole:
             self.left_out.append(source.name)
             return
         else:

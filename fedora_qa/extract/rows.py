@@ -8,9 +8,12 @@ import numpy as np
 
 from fedora_qa.errors import UnreadableRowsError
 from fedora_qa.extract.place import Piece, shared_time_ns
-from fedora_qa.layout.canonical import FRAMES_OF_MAP, timestamps_of
+from fedora_qa.layout.canonical import FRAMES_OF_MAP, MS_TO_EVENT, spec_of, timestamps_of
 from fedora_qa.sequence.scan import Runs, Scan
 from fedora_qa.sequence.sequence import SequenceRows
+
+MILLISECONDS: Final = spec_of(MS_TO_EVENT).stream
+"""The map from milliseconds to events. It has no timestamps, and its entries are no rows of a stream."""
 
 _ANOTHER_UNIT: Final = 100
 """Ratio of durations from which two streams are of different units.
@@ -50,7 +53,7 @@ def rows_kept(piece: Piece, sequence: SequenceRows, scanned: Scan, counts: Mappi
     first_ns, last_ns = shared_time_ns(scanned)
     length_ns = max(last_ns - first_ns, 1)
     for stream, count in counts.items():
-        if stream in FRAMES_OF_MAP:
+        if stream in {*FRAMES_OF_MAP, MILLISECONDS}:
             continue
         clock, runs = scanned.facts.clocks.get(stream), scanned.runs.get(stream)
         if clock is not None and clock.usable and _is_of(first_ns, last_ns, clock.times_ns[0], clock.times_ns.max()):
@@ -78,6 +81,14 @@ def rows_kept(piece: Piece, sequence: SequenceRows, scanned: Scan, counts: Mappi
         if stream in counts:
             # An index map has one entry for each frame, so that it keeps exactly the frames' rows.
             kept[stream] = kept.get(frames, CutRows(0, counts[stream], counts[stream]))
+    if MILLISECONDS in counts:
+        milliseconds, count = scanned.facts.millisecond_map, counts[MILLISECONDS]
+        stop = count
+        if milliseconds is not None and "events" in kept and not kept["events"].to_the_end:
+            # Milliseconds count from 0 on the clock of the events, which a cut does not change: the first entry stays,
+            # and the last is the first one that no event of the piece follows.
+            stop = int(np.searchsorted(milliseconds.index_map.expected_left, kept["events"].stop)) + 1
+        kept[MILLISECONDS] = CutRows(0, min(stop, count), count)
     return kept
 
 

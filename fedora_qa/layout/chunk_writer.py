@@ -19,8 +19,8 @@ _WAITING_BYTES: Final = 64 << 20
 """Decoded chunks that wait for a thread, or to be written. More are not accepted before the oldest is written."""
 
 _BLOCK_BYTES: Final = 256 << 10
-"""Bytes of a chunk that are compressed together. Each block begins without knowledge: larger ones become smaller, and in
-less time, than the 64 KiB that Blosc chooses. They fit the cache of a core. A reader takes the size from the chunk."""
+"""Bytes of a chunk that are compressed together. Each block begins without knowledge: larger ones become smaller, in
+less time, than the 64 KiB that Blosc chooses, and fit the cache of a core. A reader takes the size from the chunk."""
 
 # Places in the parameters of the filter (blosc_filter.c of hdf5-blosc).
 _LEVEL, _SHUFFLE = 4, 5

@@ -253,7 +253,7 @@ def scan(sequence: SequenceRows, cell_ns: int) -> Scan:
         for name, frames in FRAMES_OF_MAP.items()
         if name in streams and frames in clocks and "events" in streams
     }
-    definitions = {name: _definition(sequence, name) for name in frame_timestamps}
+    definitions = {name: definition_of_map(sequence, name) for name in frame_timestamps}
     around = {
         name: _NearestEvents(frames_ns)
         for name, frames_ns in frame_timestamps.items()
@@ -326,10 +326,29 @@ def scan(sequence: SequenceRows, cell_ns: int) -> Scan:
     return Scan(facts, runs, cell_ns, np.asarray(tally.block_first, dtype=np.int64))
 
 
-def _definition(sequence: SequenceRows, name: str) -> str:
-    """Return by which definition a map from frames to events was made; empty for that of the layout."""
+def definition_of_map(sequence: SequenceRows, name: str) -> str:
+    """Return the definition of an index map (``conversions.MapDefinition``); empty for that of the layout."""
     conversion = sequence.layout.bindings[f"metadata/{name}"].conversion
     return conversion.name if conversion is not None else ""
+
+
+def entries_by_definition(definition: str, left: Int64, right: Int64, event_count: int) -> Int64:
+    """Return the correct entries (n,) of a map that is made by a definition; of ``nearest_event`` those of the layout.
+
+    Parameters
+    ----------
+    definition
+        One of ``conversions.MapDefinition``; empty for that of the layout.
+    left, right
+        (n,) number of events earlier than each frame, and not later.
+    event_count
+        Number of events.
+    """
+    return {
+        "event_not_before": np.where(left < event_count, left, 0),
+        "event_before": left - 1,
+        "event_after": right,
+    }.get(definition, left)
 
 
 def _index_map(
@@ -342,11 +361,7 @@ def _index_map(
     count = min(len(stored), len(left))
     entries = np.full(len(left), -FARTHEST_INDEX)
     entries[:count] = stored[:count]
-    by_definition = {
-        "event_not_before": np.where(left < count_of_events, left, 0),
-        "event_before": left - 1,
-        "event_after": right,
-    }.get(definition, left)
+    by_definition = entries_by_definition(definition, left, right, count_of_events)
     if around is not None:
         by_definition = around.expected(entries, left)
     moved = stored.copy()

@@ -65,6 +65,24 @@ def test_rows_of_its_time(park_day: Path, tmp_path: Path) -> None:
         assert values(piece, "metadata/rgb_to_event").tolist() == [int(np.sum(events < frame)) for frame in frames]
 
 
+def test_milliseconds_count_on_the_clock_of_the_piece(copy: Path, tmp_path: Path) -> None:
+    """The map from milliseconds ends with the piece, and counts its events, before whose first there are none."""
+    with h5py.File(copy, "r+") as file:
+        # Long after the last event, so that the map is larger than what is copied whole.
+        file["metadata/ms_to_event"] = np.searchsorted(file["path/events/t"][:], 1000 * np.arange(10_000))
+        file["metadata/rectify_map"] = np.zeros((180, 240, 2), np.float32)
+    kept, left_out = cut(copy, tmp_path / "piece.h5")
+    assert left_out == ()
+    with h5py.File(tmp_path / "piece.h5") as piece:
+        times_us, entries = values(piece, "path/events/t"), values(piece, "metadata/ms_to_event")
+        assert entries.tolist() == [int(np.sum(times_us < 1000 * k)) for k in range(len(entries))]
+        assert entries[-1] == len(times_us) > entries[-2]
+        assert kept["ms_to_event"] == CutRows(0, len(entries), 10_000)
+        assert values(piece, "metadata/rectify_map").shape == (180, 240, 2)
+    record = check_file(tmp_path / "piece.h5", CheckOptions(select=("index_maps",), evidence=None)).record
+    assert {result.outcome for result in record.results} == {"passed"}
+
+
 def test_a_piece_of_a_clean_file_is_clean(park_day: Path, tmp_path: Path) -> None:
     """Cutting plants nothing: what is asked of stamps, maps and declarations is in order in a piece too."""
     cut(park_day, tmp_path / "piece.h5")
@@ -231,12 +249,38 @@ def cuts(draw: st.DrawFn) -> tuple[np.ndarray, np.ndarray, CutRows, CutRows]:
     return events, frames, rows(len(frames)), rows(len(events))
 
 
-@given(cuts(), st.integers(-3, 3))
-def test_what_an_entry_is_off_by_stays(cut: tuple[np.ndarray, np.ndarray, CutRows, CutRows], off: int) -> None:
-    """By the format's own definition, counted in the piece: the earliest kept event not before the frame."""
+Cut = tuple[np.ndarray, np.ndarray, CutRows, CutRows]
+
+
+DEFINITIONS: dict[str, Callable[[np.ndarray, int], int]] = {
+    "": lambda events, frame: int(np.sum(events < frame)),
+    "event_not_before": lambda events, frame: int(np.sum(events < frame)) if np.any(events >= frame) else 0,
+    "event_before": lambda events, frame: int(np.sum(events < frame)) - 1,
+    "event_after": lambda events, frame: int(np.sum(events <= frame)),
+}
+
+
+@pytest.mark.parametrize("definition", DEFINITIONS)
+@given(cut=cuts(), off=st.integers(-3, 3))
+def test_what_an_entry_is_off_by_stays(definition: str, cut: Cut, off: int) -> None:
+    """By the definition of the map, counted in the piece, entries are right but for what they were off by."""
     events, frames, kept_frames, kept_events = cut
-    left = np.searchsorted(events, frames, "left")
-    index_map = IndexMap(left + off, left, np.searchsorted(events, frames, "right"))
     piece = events[kept_events.start : kept_events.stop]
-    defined = [int(np.sum(piece < frame)) for frame in frames[kept_frames.start : kept_frames.stop]]
-    assert list(entries_kept(index_map, kept_frames, kept_events) - off) == defined
+    left, right = np.searchsorted(events, frames, "left"), np.searchsorted(events, frames, "right")
+    correct = np.array([DEFINITIONS[definition](events, frame) for frame in frames])
+    index_map = IndexMap(left + off, left, right, correct if definition else None)
+    rows = frames[kept_frames.start : kept_frames.stop]
+    defined = [DEFINITIONS[definition](piece, frame) for frame in rows]
+    assert list(entries_kept(index_map, kept_frames, kept_events, definition) - off) == defined
+
+
+@given(cuts().filter(lambda cut: cut[3].stop > cut[3].start))
+def test_the_nearest_of_the_events_that_are_kept(cut: Cut) -> None:
+    """An entry of a map to the nearest event names one of the piece than which none is nearer."""
+    events, frames, kept_frames, kept_events = cut
+    left, right = np.searchsorted(events, frames, "left"), np.searchsorted(events, frames, "right")
+    index_map = IndexMap(left, left, right, np.abs(events - frames[:, np.newaxis]).argmin(axis=1))
+    entries = entries_kept(index_map, kept_frames, kept_events, "nearest_event")
+    piece = events[kept_events.start : kept_events.stop]
+    for frame, entry in zip(frames[kept_frames.start : kept_frames.stop], entries, strict=True):
+        assert abs(piece[entry] - frame) == np.abs(piece - frame).min()
