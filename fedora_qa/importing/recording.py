@@ -11,9 +11,9 @@ Kind = Literal["recorded", "synthetic"]
 Resolution = tuple[int, int]
 """Width and height, px."""
 
-BLOCK_BYTES: Final = 64 * 1024
-"""Bytes of an event file that are decoded together. EVT3 has at most 6 events a byte, so that a block is 5 MB at most;
-fewer bytes stay in the cache until they are copied."""
+BLOCK_BYTES: Final = 128 * 1024
+"""Bytes of an event file that are decoded together. EVT3 has at most 6 events a byte, so that a block is 10 MB at most;
+the usual one stays in the cache until it is copied."""
 
 
 @dataclass(frozen=True, slots=True)
