@@ -18,7 +18,15 @@ from numpy.typing import NDArray
 
 from fedora_qa.conventions import FLOW_RATES_HZ, NS_PER_S
 from fedora_qa.layout.bitshuffle import require_sound_blocks
-from fedora_qa.layout.canonical import STREAMS, datasets_of, datasets_of_all, in_file_order, spec_of
+from fedora_qa.layout.canonical import (
+    BESIDE,
+    MS_TO_EVENT,
+    STREAMS,
+    datasets_of,
+    datasets_of_all,
+    in_file_order,
+    spec_of,
+)
 from fedora_qa.layout.dialect import NS_PER_TIME_UNIT, Form
 from fedora_qa.layout.filters import require_filters
 from fedora_qa.layout.links import READ_ERRORS, RefusedError
@@ -60,6 +68,9 @@ _NAMES: Final = {
     "path/pose/position": ("pos", "trans", "p"),
 }
 """Beginnings of the names of datasets with three columns."""
+
+_MILLISECONDS: Final = ("ms_to", "ms_map")
+"""Beginnings of the names of maps from milliseconds to events (DSEC, M3ED, TUM-VIE)."""
 
 _INTRINSICS: Final = ("intrinsic", "camera_matrix", "fx_fy")
 _CAMERAS: Final = {
@@ -161,7 +172,8 @@ def draft_dialect(file: h5py.File, name: str) -> str:
 def in_order(guesses: Mapping[str, Guess]) -> list[Guess]:
     """Return guesses, by key, in the order of the layout."""
     streams = {spec_of(key).stream for key in guesses}
-    return [guesses[spec.key] for spec in datasets_of_all(streams) if spec.key in guesses]
+    beside = (spec for stream in BESIDE for spec in datasets_of(stream))
+    return [guesses[spec.key] for spec in (*datasets_of_all(streams), *beside) if spec.key in guesses]
 
 
 def draft_lines(guesses: Sequence[Guess], items: Sequence[StoredObject]) -> list[str]:
@@ -269,8 +281,10 @@ def unit_of_timestamps(timestamps: NDArray[np.float64], kind: str) -> tuple[str,
         # The mean, not the median: many events share a timestamp, so that the median step can be 0.
         step = float(timestamps[-1] - timestamps[0]) / max(len(timestamps) - 1, 1)
     low, high = _STEP_NS[kind]
-    # Plausible ranges of neighbouring units overlap; the canonical unit comes first.
-    for unit in ("us", "ns", "s", "ms"):
+    # Plausible ranges of neighbouring units overlap; the canonical unit comes first. Events may lie any short time apart, but
+    # cameras count whole microseconds: fractions are those of seconds.
+    is_whole = bool(np.all(timestamps == np.floor(timestamps)))
+    for unit in ("us", "ns", "s", "ms") if is_whole or kind != "events" else ("s", "us", "ns", "ms"):
         if low <= step * NS_PER_TIME_UNIT[unit] <= high:
             return unit, f"steps of {step:.4g} {unit} are plausible for {kind}"
     return "us", "no unit makes the steps plausible; microseconds assumed"
@@ -314,6 +328,9 @@ def _events_apart(items: Sequence[StoredObject]) -> Iterator[Guess]:
             fields["offset_path"], why = offset.path, f"{why}; {offset.path} is taken for what is added"
         yield Guess("path/events/t", fields, why)
         yield Guess("path/events/p", {**p.place, **_polarity(codes)}, _code_reason(codes))
+        for other in flat.values():
+            if other.role == x.role and other.dtype.kind in "iu" and other.name.startswith(_MILLISECONDS):
+                yield Guess(MS_TO_EVENT, other.place, "its name; whole numbers in the file of the events")
 
 
 def _images(items: Sequence[StoredObject]) -> Iterator[Guess]:

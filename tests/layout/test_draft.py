@@ -106,3 +106,25 @@ def test_unit_of_frames(unit: str, origin_s: float) -> None:
     per_s = {"s": 1.0, "ms": 1e3, "us": 1e6, "ns": 1e9}[unit]
     timestamps = (origin_s + np.arange(5) * 0.02) * per_s
     assert unit_of_timestamps(timestamps, "frames")[0] == unit
+
+
+@pytest.mark.parametrize("rate_hz", [2_000, 400_000, 20_000_000])
+@pytest.mark.parametrize("unit", ["s", "us"])
+def test_unit_of_events(unit: str, rate_hz: float) -> None:
+    """Seconds have fractions, and whole microseconds have none."""
+    times_us = np.floor(np.arange(256) * 1e6 / rate_hz) + 40
+    assert unit_of_timestamps(times_us / {"s": 1e6, "us": 1.0}[unit], "events")[0] == unit
+
+
+def test_map_from_milliseconds(tmp_path: Path) -> None:
+    """It is placed by its name, where the events are."""
+    with h5py.File(tmp_path / "events.h5", "w") as file:
+        times_us = np.arange(0, 90_000, 300)
+        for name, values in (("x", times_us % 7), ("y", times_us % 5), ("t", times_us), ("p", times_us // 300 % 2)):
+            file[f"events/{name}"] = values
+        file["ms_to_idx"] = np.searchsorted(times_us, 1000 * np.arange(90))
+    _, dialect = draft(tmp_path / "events.h5")
+    with h5py.File(tmp_path / "events.h5") as file:
+        layout = resolve(file, dialect)
+    assert layout.bindings["metadata/ms_to_event"].path == "ms_to_idx"
+    assert not layout.problems
