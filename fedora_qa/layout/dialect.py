@@ -109,8 +109,8 @@ class MetadataPlace:
     entry
         Number of the entry of a list that is meant; None: all of it.
     convert
-        ``fx_fy_cx_cy``: four numbers make the matrix of a pinhole camera. ``projection``: it is the left part of a
-        projection matrix (3, 4).
+        ``fx_fy_cx_cy``: four numbers, or a table that names them so, make the matrix of a pinhole camera.
+        ``projection``: it is the left part of a projection matrix (3, 4).
     invert
         Whether the matrix is that of the inverse transformation.
     """

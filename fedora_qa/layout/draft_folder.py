@@ -26,6 +26,7 @@ from fedora_qa.layout.draft import (
     take_inventory,
     unit_of_timestamps,
 )
+from fedora_qa.layout.metadata import PINHOLE
 from fedora_qa.sources.arrays import npy_array, npy_frames, npz_array, npz_names
 from fedora_qa.sources.documents import document_value
 from fedora_qa.sources.images import images_of, numbers_of
@@ -42,8 +43,6 @@ _LEAST_TIME: Final = 1_000_000
 
 _MOST_FILES: Final = 200
 """Files that are opened for a draft; others of a folder are listed."""
-
-_PINHOLE: Final = 4
 
 
 def draft_folder(folder: Path, name: str) -> str:
@@ -178,7 +177,7 @@ def _document_cameras(groups: Mapping[str, list[Path]]) -> list[str]:
         with suppress(SourceError, OSError):
             for keys, value in _leaves(document_value(paths[0], "")):
                 numbers = np.asarray(value, np.float64)
-                is_list = numbers.shape == (_PINHOLE,) and names_intrinsics(keys)
+                is_list = numbers.shape == (len(PINHOLE),) and names_intrinsics(keys)
                 if is_list or (numbers.shape == (3, 3) and numbers[2].tolist() == [0, 0, 1] and numbers[0, 0] > 1):
                     convert = ', convert = "fx_fy_cx_cy"' if is_list else ""
                     lines += camera_line(keys, f"file = {quoted(role)}, path = {quoted(keys)}{convert}")
@@ -186,8 +185,10 @@ def _document_cameras(groups: Mapping[str, list[Path]]) -> list[str]:
 
 
 def _leaves(value: Any, keys: str = "") -> Iterator[tuple[str, Any]]:
-    """Yield lists of numbers in a document, with the keys that lead to them."""
+    """Yield lists of numbers in a document, and intrinsics that have names, with the keys that lead to them."""
     if isinstance(value, dict):
+        if all(isinstance(value.get(name), int | float) for name in PINHOLE):
+            yield keys, [value[name] for name in PINHOLE]
         for key, below in value.items():
             yield from _leaves(below, f"{keys}/{key}" if keys else str(key))
     elif isinstance(value, list) and value:

@@ -21,7 +21,9 @@ from fedora_qa.sources.documents import document_value
 MOST_VALUES: Final = 4096
 """Values of a dataset that is read for a declaration; a list of hot pixels has hundreds."""
 
-_PINHOLE: Final = 4
+PINHOLE: Final = ("fx", "fy", "cx", "cy")
+"""Names of the intrinsics in documents that name them, such as those of Basalt."""
+
 _PROJECTION: Final = (3, 4)
 _MATRICES: Final = {(3, 3), (4, 4)}
 
@@ -159,8 +161,8 @@ def _converted(place: MetadataPlace, stored: Any) -> Any:
             raise ValueError(f"{len(entries)} entries where number {place.entry} is wanted")
         value = entries[place.entry]
     if place.convert == "fx_fy_cx_cy":
-        numbers = _numbers(value).reshape(-1)
-        if len(numbers) != _PINHOLE:
+        numbers = _numbers([value.get(name) for name in PINHOLE] if isinstance(value, dict) else value).reshape(-1)
+        if len(numbers) != len(PINHOLE):
             raise ValueError(f"{len(numbers)} numbers where fx, fy, cx, cy are wanted")
         fx, fy, cx, cy = numbers
         value = np.array([[fx, 0.0, cx], [0.0, fy, cy], [0.0, 0.0, 1.0]])

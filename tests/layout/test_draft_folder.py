@@ -1,5 +1,6 @@
 """A drafted dialect opens the folder that it was drafted from, and says what it could not place."""
 
+import json
 from contextlib import closing
 from pathlib import Path
 
@@ -122,3 +123,25 @@ def test_names_cannot_break_the_draft(tmp_path: Path) -> None:
         write_png(folder / f'x = 1 "y/{number}.png', np.zeros((2, 3, 3), np.uint8))
     _, dialect = drafted(folder, tmp_path)
     assert load_dialect(dialect).files == {"x_1_y": ('x = 1 "y/*.png',)}
+
+
+def test_intrinsics_that_have_names(tmp_path: Path) -> None:
+    """The table of a calibration that names the four is offered as a matrix, which reads as it is stated."""
+    folder = tmp_path / "flight"
+    (folder / "images").mkdir(parents=True)
+    for number in range(2):
+        write_png(folder / f"images/{number}.png", np.zeros((8, 10, 3), np.uint8))
+    (folder / "times.txt").write_text("0\n50000\n")
+    named = {"fx": 9.0, "fy": 8.0, "cx": 4.5, "cy": 3.5, "k1": 0.0}
+    (folder / "calibration.json").write_text(json.dumps({"cameras": [{"intrinsics": named, "kind": "kb4"}]}))
+    text, path = drafted(folder, tmp_path)
+    assert (
+        '# The matrix of a camera, but of which? "metadata/cameras/.../K" = { file = "calibration", '
+        'path = "cameras/0/intrinsics", convert = "fx_fy_cx_cy" }'
+    ) in text
+    stated = text.replace('# The matrix of a camera, but of which? "metadata/cameras/...', '"metadata/cameras/rgb')
+    sizes = '"metadata/cameras/rgb/width" = 10\n"metadata/cameras/rgb/height" = 8\n'
+    path.write_text(f'{stated}{sizes}"metadata/cameras/rgb/T_body_camera" = {np.eye(4).tolist()}\n', "utf-8")
+    with open_sequence(folder, load_dialect(path)) as sequence:
+        K = sequence.declared.cameras["rgb"].K
+    np.testing.assert_array_equal(K, [[9, 0, 4.5], [0, 8, 3.5], [0, 0, 1]])
