@@ -281,8 +281,8 @@ def unit_of_timestamps(timestamps: NDArray[np.float64], kind: str) -> tuple[str,
         # The mean, not the median: many events share a timestamp, so that the median step can be 0.
         step = float(timestamps[-1] - timestamps[0]) / max(len(timestamps) - 1, 1)
     low, high = _STEP_NS[kind]
-    # Plausible ranges of neighbouring units overlap; the canonical unit comes first. Events may lie any short time apart.
-    # Cameras count whole microseconds, so that fractions are those of seconds.
+    # Ranges of neighbouring units overlap; the canonical unit comes first. No step between events is too short,
+    # but cameras count whole microseconds: fractions are those of seconds.
     is_whole = bool(np.all(timestamps == np.floor(timestamps)))
     for unit in ("us", "ns", "s", "ms") if is_whole or kind != "events" else ("s", "us", "ns", "ms"):
         if low <= step * NS_PER_TIME_UNIT[unit] <= high:
