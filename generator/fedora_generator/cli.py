@@ -19,21 +19,21 @@ INTERRUPT_EXIT_CODE = 130
 
 COMMANDS: Final[Mapping[str, tuple[str, str]]] = MappingProxyType(
     {
-        "scenes": ("scenes:scenes", "List the scenes of the package."),
-        "sequence": ("sequence:sequence", "Generate one sequence of a scene."),
-        "fault": ("fault:fault", "Plant a fault in a copy of a file."),
+        "scenes": ("commands:scenes", "List the scenes of the package."),
+        "sequence": ("commands:sequence", "Generate one sequence of a scene."),
+        "fault": ("commands:fault", "Plant a fault in a copy of a file."),
         "corpus": (
-            "corpus:corpus",
+            "commands:corpus",
             "Make clean sequences of several scenes, and copies of them with every fault.",
         ),
     }
 )
-"""Where each command is in ``fedora_generator.commands``, and what it does, in the order in which help shows them."""
+"""Where each command is in ``fedora_generator``, and what it does, in the order in which help shows them."""
 
 
 @click.group(
     cls=LazyGroup,
-    package="fedora_generator.commands",
+    package="fedora_generator",
     table=COMMANDS,
     no_args_is_help=False,
     context_settings={"help_option_names": ["-h", "--help"]},

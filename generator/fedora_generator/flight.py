@@ -17,8 +17,7 @@ from scipy.special import erf
 from fedora_generator.flights.burst import BurstOptions
 from fedora_generator.flights.gusts import draw_gusts
 from fedora_generator.flights.kinds import HoverOptions, LoopOptions, SurveyOptions, WaypointsOptions
-from fedora_generator.flights.quadrotor import Quadrotor
-from fedora_generator.flights.state import FlightState
+from fedora_generator.flights.quadrotor import FlightState, Quadrotor
 from fedora_generator.rotations import body_rates_from_zyx, matrices_from_quaternions, quaternions_from_zyx
 
 Floats = NDArray[np.float64]

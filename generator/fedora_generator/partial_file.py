@@ -128,7 +128,7 @@ def partial_file(target: Path, *, overwrite: bool) -> Iterator[PartialFile]:
     Raises
     ------
     OutputError
-        As ``require_writable`` says; or the disk is full, or another run writes the same target.
+        As ``require_writable`` does; or the disk is full, or another run writes the same target.
     """
     require_writable(target, overwrite=overwrite)
     final = target.resolve()

@@ -48,6 +48,7 @@ from typing import ClassVar, Final, Literal
 from pydantic import ConfigDict, TypeAdapter, ValidationError
 
 from fedora_generator.camera import CameraOptions
+from fedora_generator.choices import SCENE_NAMES
 from fedora_generator.errors import SceneError
 from fedora_generator.events.options import EventSensorOptions
 from fedora_generator.flight import Flight
@@ -57,7 +58,6 @@ from fedora_generator.imu import ImuOptions
 from fedora_generator.mesh.detail import MeshDetail
 from fedora_generator.pose import PoseOptions
 from fedora_generator.rates import RateOptions
-from fedora_generator.scene_names import SCENE_NAMES
 from fedora_generator.scene_tables import impossible_value, read_scene, scene_path
 from fedora_generator.surfaces.light import Light
 from fedora_generator.surfaces.world import World

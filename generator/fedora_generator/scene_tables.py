@@ -6,10 +6,9 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any, Final
 
-from fedora_generator.choices import MOST_SEED
+from fedora_generator.choices import MOST_SEED, SCENE_NAMES, SCENES
 from fedora_generator.errors import SceneError
 from fedora_generator.flights.choice import resolve_flight
-from fedora_generator.scene_names import SCENE_NAMES, SCENES
 from fedora_qa.errors import did_you_mean
 
 _WORLDS: Final = SCENES / "worlds"

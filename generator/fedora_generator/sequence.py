@@ -26,7 +26,7 @@ def run_sequence(
     seed: int | None,
     force: bool,
 ) -> None:
-    """Do what the command says."""
+    """Run the command."""
     start_time = time.monotonic()
     description = load_scene(scene)
     if start is not None:

@@ -88,7 +88,7 @@ def render_surroundings(
 
 
 def mesh_detail(light: Light, quality: Quality) -> MeshDetail:
-    """Antialiasing that a light asks for, at a quality."""
+    """Antialiasing that a light needs, at a quality."""
     detail, least = MESH_DETAIL[quality], LEAST_DETAIL_BY_LAMPS
     if light.sun_strength > 0:
         return detail

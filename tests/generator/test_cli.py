@@ -6,8 +6,8 @@ from pathlib import Path
 import h5py
 import pytest
 
+from fedora_generator.choices import SCENE_NAMES
 from fedora_generator.cli import COMMANDS, main
-from fedora_generator.scene_names import SCENE_NAMES
 
 
 def run(monkeypatch: pytest.MonkeyPatch, *arguments: str) -> int:

@@ -16,7 +16,7 @@ import pytest
 from click.testing import CliRunner, Result
 
 from fedora_generator import disk_space
-from fedora_generator.commands.corpus import corpus as corpus_command
+from fedora_generator.commands import corpus as corpus_command
 from fedora_generator.corpus import CorpusOptions, PlannedFile, build, plan_corpus
 from fedora_generator.corpus.ladders import STEP, ladder_of
 from fedora_generator.corpus.manifest import MANIFEST, PROGRESS, digest_of

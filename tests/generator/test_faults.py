@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 
-from fedora_generator.commands.fault import fault as fault_command
+from fedora_generator.commands import fault as fault_command
 from fedora_generator.errors import GeneratorError, OutputError
 from fedora_generator.faults import BYTE_FAULTS, FAULTS, FaultError, legal_causes, legal_streams, plant_fault
 from fedora_generator.faults.fault import default_unit

@@ -14,7 +14,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from fedora_generator.commands.fault import fault as fault_command
+from fedora_generator.commands import fault as fault_command
 from fedora_generator.faults import FAULTS, FaultError, allows_interval, allows_region, plant_fault
 from fedora_qa.layout.canonical import FLOW_STREAMS, TIMESTAMPS_OF, datasets_of
 from tests.generator.tiny_sequence import HEIGHT, WIDTH, declare_noise, write_tiny_sequence

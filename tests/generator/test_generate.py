@@ -11,7 +11,7 @@ import pytest
 
 from fedora_generator import generate, instants
 from fedora_generator.camera import event_camera
-from fedora_generator.choices import STREAMS
+from fedora_generator.choices import SCENE_NAMES, STREAMS
 from fedora_generator.errors import OutputError, SceneError
 from fedora_generator.flight import Flight
 from fedora_generator.flights.presets import PRESET_NAMES
@@ -19,7 +19,6 @@ from fedora_generator.frames import as_8_bit
 from fedora_generator.generate import Request, generate_sequence
 from fedora_generator.render import ExactWorld
 from fedora_generator.scene import Scene, load_scene
-from fedora_generator.scene_names import SCENE_NAMES
 from fedora_qa.layout.canonical import ATTRIBUTES, DATASETS
 from tests.support.sequences import small_scene
 

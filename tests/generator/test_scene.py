@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 
 import fedora_generator.scene
+from fedora_generator.choices import SCENE_NAMES
 from fedora_generator.errors import SceneError
 from fedora_generator.generate import require_free_flight
 from fedora_generator.scene import list_scenes, load_scene
-from fedora_generator.scene_names import SCENE_NAMES
 from fedora_generator.surfaces.textures import Texture
 from fedora_generator.surfaces.world import Box, Rectangle, World
 

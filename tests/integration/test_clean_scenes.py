@@ -4,10 +4,9 @@ from pathlib import Path
 
 import pytest
 
-from fedora_generator.choices import STREAMS
+from fedora_generator.choices import SCENE_NAMES, STREAMS
 from fedora_generator.flights.presets import PRESET_NAMES
 from fedora_generator.generate import Request, generate_sequence
-from fedora_generator.scene_names import SCENE_NAMES
 from fedora_qa.catalogue import CHECKS
 from fedora_qa.engine.run import CheckOptions, check_file
 from fedora_qa.record.types import FileRecord

@@ -1,4 +1,4 @@
-"""A corpus: clean sequences, faulty copies of known size, and a manifest that says which is which.
+"""A corpus: clean sequences, faulty copies of known size, and a manifest that lists them.
 
 Read ``plan`` (which files a corpus holds), with ``ladders`` and ``spread`` (the sizes of faults); then ``build`` (how
 they are made) and ``manifest`` (how they are listed). ``cli`` is the command.

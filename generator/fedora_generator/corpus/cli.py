@@ -32,7 +32,7 @@ def run_corpus(
     dry_run: bool,
     force: bool,
 ) -> None:
-    """Do what the command says."""
+    """Run the command."""
     if not scenes:
         raise click.UsageError("Expected at least one scene, got none; see `fedora-generate scenes`")
     selected_scenes = tuple(load_scene(name).with_size(*size) for name in scenes)

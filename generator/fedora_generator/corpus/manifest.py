@@ -10,8 +10,8 @@
 An item has ``file`` (beneath the manifest's folder), ``scene``, ``seed``, ``base`` (the clean file it is a copy of,
 null for a clean one), ``faults``, ``sha256`` and ``bytes``; ``observable`` (whether a good tool should detect the fault
 where the sequence has texture and motion) and ``notes``; and its first fault once more as ``cause``, ``stream``,
-``magnitude`` and ``unit``, all null for a clean file, for readers that know one fault a file. Where sequences begin at
-different places of their flight, ``start_s`` says where.
+``magnitude`` and ``unit``, all null for a clean file, for readers of one fault a file. Where sequences begin at
+different times of their flight, ``start_s`` is that time.
 
 Each of ``faults`` has ``cause``, ``stream``, ``magnitude`` (positive: timestamps too late, values too large; null
 where the fault has no size), ``unit``, ``seed``, ``start_s`` and ``stop_s`` (half-open, seconds after the file's first

@@ -43,7 +43,7 @@ class EventRecorder:
         self._world = world
         self._camera = event_camera(scene.camera)
         self._flight = scene.fly()
-        # Only the exact world gives light at all times, through a pinhole, and a fixed grid asks for images.
+        # Only the exact world gives light at all times, through a pinhole; a fixed grid of times needs images.
         self._follower: Follower | None = None
         is_followed = not scene.event_step_us and self._camera.lens is None and follows_light(scene.events)
         if is_followed and isinstance(world, ExactWorld):

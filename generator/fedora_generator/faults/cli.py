@@ -26,7 +26,7 @@ def run_fault(
     force: bool,
     output: Path,
 ) -> None:
-    """Do what the command says."""
+    """Run the command."""
     if output.exists() and not force:
         raise OutputError(f"Expected a new file, got {output}, which exists; choose another name or use --force")
     result = plant_fault(

@@ -133,7 +133,7 @@ def _crossings(
     columns = []
     for polarity, threshold, sign in ((1, thresholds[0], 1.0), (0, thresholds[1], -1.0)):
         counts = np.maximum(np.floor(sign * (after - reference) / threshold), 0).astype(np.int64)
-        # A line that rises crosses nothing downwards, whatever rounding says.
+        # A line that rises crosses no level downwards; rounding could give a count.
         counts[sign * (after - before) <= 0] = 0
         y, x = np.nonzero(counts)
         count = counts[y, x]

@@ -94,7 +94,7 @@ def declare_noise(file: h5py.File, key: str, names: tuple[str, ...], fault: Faul
 
 
 def group_in(file: h5py.File, key: str) -> h5py.Group:
-    """Return a group of the file, or say that it is missing."""
+    """Return a group of the file; raises ``FaultError`` where it is missing."""
     if key not in file:
         raise FaultError(f"Expected {key} in the file, got none; there is nothing to misdeclare")
     return file[key]

@@ -1,4 +1,4 @@
-"""Faults of the file itself: missing, truncated, damaged, or stored in another form."""
+"""Faults of the file itself: missing, truncated, damaged, rounded, or stored in another form."""
 
 import os
 from pathlib import Path
@@ -7,10 +7,20 @@ from typing import Any, Final
 import h5py
 import hdf5plugin
 import numpy as np
+from numpy.typing import NDArray
 
 from fedora_generator.faults.fault import Fault, FaultError
 from fedora_generator.faults.metadata import CAMERAS, group_in
-from fedora_generator.faults.rows import blocks, datasets_in, delete_rows, length_of, streams_in, values_in
+from fedora_generator.faults.rows import (
+    blocks,
+    datasets_in,
+    delete_rows,
+    edit,
+    length_of,
+    streams_in,
+    values_in,
+    window_of,
+)
 
 _LOSSY_TYPE: Final = {"uint8": "int8", "int64": "float32", "float64": "float16", "float32": "float16"}
 """Types that lose values: of 8-bit codes those above 127, of microseconds and indices those above 2^24, of samples all
@@ -95,6 +105,20 @@ def wrong_dtype(file: h5py.File, fault: Fault) -> None:
         dataset = file[_EVENT_TIMESTAMPS] if stream == "events" else _first_values(file, stream)
         lossy = _LOSSY_DEPTH if stream == "depth" else _LOSSY_TYPE[dataset.dtype.name]
         _store_again(file, dataset, dataset.shape, np.dtype(lossy))
+
+
+def quantised_values(file: h5py.File, fault: Fault) -> None:
+    """Round every dataset of a stream to steps of so many percent of its largest absolute value."""
+    share = abs(fault.magnitude_in("percent")) / 100
+    for stream in streams_in(file, fault.stream):
+        for dataset in values_in(file, stream):
+            largest = max((float(np.nanmax(np.abs(block), initial=0.0)) for block in dataset), default=0.0)
+            step = share * largest or 1.0
+
+            def rounded(rows: NDArray[Any], step: float = step) -> NDArray[Any]:
+                return (step * np.rint(rows / step)).astype(rows.dtype)
+
+            edit(dataset, window_of(file, stream, fault), rounded)
 
 
 def _cut_length(length: int, fault: Fault) -> int:

@@ -22,7 +22,6 @@ from fedora_generator.faults import (
     rgb,
     samples,
     storage,
-    values,
 )
 from fedora_generator.faults.fault import Fault
 from fedora_qa.causes import CAUSES, INDEX_MAPS, TIMED, stream_family
@@ -46,7 +45,7 @@ FAULTS: Final[Mapping[tuple[str, str], Edit]] = MappingProxyType(
         **_by_stream("clock_rate", TIMED, clocks.clock_rate),
         **_by_stream("quantised_time", TIMED, clocks.quantised_time),
         **_by_stream("time_unit", TIMED, clocks.time_unit),
-        **_by_stream("quantised_values", ("depth", "flow", "pose", "imu"), values.quantised_values),
+        **_by_stream("quantised_values", ("depth", "flow", "pose", "imu"), storage.quantised_values),
         **_by_stream("dropped_samples", TIMED, samples.dropped_samples),
         **_by_stream("duplicated_samples", TIMED, samples.duplicated_samples),
         **_by_stream("unsorted", TIMED, samples.unsorted),

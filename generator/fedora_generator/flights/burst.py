@@ -2,7 +2,7 @@
 
 A burst of yaw steps the yaw by ``angle_deg``: the rate is a Gaussian, so its peak gives the standard deviation.
 
-A burst of roll is a sudden start (or stop) sideways. A change of velocity dv spread over sigma asks for the
+A burst of roll is a sudden start (or stop) sideways. A change of velocity dv spread over sigma needs the
 acceleration g A exp(-x^2 / 2), with x = t / sigma and A = dv / (sigma g sqrt(2 pi)), the tangent of the greatest roll.
 The roll is its arc tangent, so the roll rate is (A / sigma) x e / (1 + A^2 e^2) with e = exp(-x^2 / 2), up to its sign.
 That is greatest where 1 - x^2 + A^2 e^2 (1 + x^2) = 0; the root is found numerically, and ``sigma`` follows from the

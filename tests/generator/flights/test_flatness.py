@@ -6,7 +6,7 @@ from scipy.spatial.transform import Rotation
 
 from fedora_generator.errors import SceneError
 from fedora_generator.flight import BurstOptions, Flight, HoverOptions, LoopOptions
-from fedora_generator.flights.flatness import attitude_of_thrust
+from fedora_generator.flights.quadrotor import attitude_of_thrust
 from fedora_generator.flights.route import Waypoint
 from fedora_generator.imu import Imu, ImuOptions
 from fedora_qa.conventions import STANDARD_GRAVITY_M_S2

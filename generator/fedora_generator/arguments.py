@@ -1,18 +1,53 @@
-"""Completion of names in shells. A shell waits for it at every key: it loads nothing that draws."""
+"""Arguments of the commands: sizes, regions and lists of names, and completion of names in shells.
 
+A shell waits for completion at every key: this file loads nothing that draws.
+"""
+
+import re
 from collections.abc import Callable, Sequence
 
 import click
 from click.shell_completion import CompletionItem
 
-from fedora_generator.choices import STREAMS
-from fedora_generator.scene_names import SCENE_NAMES
+from fedora_generator.choices import SCENE_NAMES, STREAMS
 from fedora_qa.causes import CAUSES
 
 CAUSE_NAMES = tuple(cause for cause in CAUSES if cause != "unknown")
 """Causes that can be planted."""
 
 Complete = Callable[[click.Context, click.Parameter, str], list[CompletionItem]]
+
+
+def read_size(_: click.Context, __: click.Parameter, value: str | None) -> tuple[int, int] | None:
+    """Read ``WIDTHxHEIGHT``, px.
+
+    Raises
+    ------
+    click.BadParameter
+        Not two whole numbers with an x between.
+    """
+    if value is None:
+        return None
+    match = re.fullmatch(r"([0-9]{1,6})x([0-9]{1,6})", value, flags=re.IGNORECASE)
+    if match is None:
+        raise click.BadParameter(f"Expected WIDTHxHEIGHT such as 720x540, got {value!r}")
+    return int(match[1]), int(match[2])
+
+
+def read_region(_: click.Context, __: click.Parameter, value: str | None) -> tuple[int, int, int, int] | None:
+    """Read ``x0,y0,x1,y1``."""
+    if value is None:
+        return None
+    match = re.fullmatch(r"([0-9]{1,6}),([0-9]{1,6}),([0-9]{1,6}),([0-9]{1,6})", value)
+    if match is None:
+        raise click.BadParameter(f"Expected x0,y0,x1,y1 such as 0,0,320,240, got {value!r}")
+    left, top, right, bottom = (int(digits) for digits in match.groups())
+    return left, top, right, bottom
+
+
+def read_list(_: click.Context, __: click.Parameter, value: str) -> tuple[str, ...]:
+    """Read names with commas between."""
+    return tuple(dict.fromkeys(name.strip() for name in value.split(",") if name.strip()))
 
 
 def complete_scene(_context: click.Context, _parameter: click.Parameter, incomplete: str) -> list[CompletionItem]:
