@@ -14,7 +14,7 @@ from fedora_qa.comparison.paper_tables import paper_tables
 from fedora_qa.comparison.subjects import SharedEvidence
 from fedora_qa.comparison.tables import CONCLUSION_WORDS, false_alarm_sentence, headline, pair_tables
 from fedora_qa.comparison.types import COMPARISON, Comparison, Overlay
-from fedora_qa.record.text_table import TextTable
+from fedora_qa.record.tables import TextTable
 from fedora_qa.record.wording import number, with_error
 from fedora_reports.charts import HEIGHT, WIDTH
 from fedora_reports.html import rendered

@@ -45,7 +45,7 @@ class Frusta:
         return f"Frusta show the view of the camera of {self.camera}; a peak marks the upper edge of its image."
 
     def places(self, box: Box) -> Float64:
-        """Return the corners of frusta that can be told apart, about the middle of a box, in units of its longest side.
+        """Return the corners of frusta that do not overlap, about the middle of a box, in units of its longest side.
 
         One whose centre lies outside of the box is left out, and one of which no corner is as far from that of another
         as the rays are long: neighbours touch at most.

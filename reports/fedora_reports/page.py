@@ -28,12 +28,18 @@ from fedora_qa.record.wording import cause_sentence, findings_of, identity, tall
 from fedora_reports.agreement import Agreement, agreement_of
 from fedora_reports.anchors import Anchors
 from fedora_reports.charts import Chart, distributions_of
-from fedora_reports.detection_power import NOTHING_KNOWN, DetectionPowerRow, PassDetectionPower, detection_power_rows
+from fedora_reports.detection_power import (
+    NOTHING_KNOWN,
+    DetectionPowerRow,
+    PassDetectionPower,
+    PassLimits,
+    detection_power_rows,
+    pass_limits_of,
+)
 from fedora_reports.event_clouds import EventCloud, event_clouds_of
 from fedora_reports.evidence import evidence_of
 from fedora_reports.flight import Flight, flight_of
 from fedora_reports.maps import Exhibits, exhibits
-from fedora_reports.pass_limits import PassLimits, pass_limits_of
 from fedora_reports.problems import Link, Problems, problems_of
 from fedora_reports.provenance import Provenance, file_provenance, run_provenance
 from fedora_reports.statistics import Table, all_statistics, paper_tables

@@ -6,7 +6,7 @@ from pathlib import PurePath
 
 import numpy as np
 
-from fedora_qa.record.text_table import TextTable
+from fedora_qa.record.tables import TextTable
 from fedora_qa.scoring.tables import depth_table, flow_tables, headline, headlines, pose_tables
 from fedora_qa.scoring.types import SCORE, ErrorAtTime, Score
 from fedora_reports.charts import Chart, series_chart

@@ -2,9 +2,8 @@
 
 from dataclasses import replace
 
-from fedora_reports.detection_power import DetectableCause, PassDetectionPower, detection_power_rows
+from fedora_reports.detection_power import DetectableCause, PassDetectionPower, detection_power_rows, pass_limits_of
 from fedora_reports.html import render_html
-from fedora_reports.pass_limits import pass_limits_of
 from fedora_reports.problems import Link
 from tests.reports.page_reader import complaints_about, read_page
 from tests.support.records import failed, file_record, not_observable, passed, record
