@@ -8,6 +8,7 @@
     │   └── StorageError       a file behind a URL cannot be read, or was changed meanwhile
     ├── UnreadableFileError    an HDF5 signature, and it cannot be opened (a finding, not misuse)
     ├── UnreadableRowsError    some rows of one dataset cannot be decoded (a finding; the rest goes on)
+    ├── NotRepairableError     a file cannot be repaired, or its copy would not be better (nothing is written)
     └── WorkerLostError        the process that did a task died (the task is done again; the rest goes on)
         └── EndlessError       the task exceeded its limit of time (the task is not done again)
 """
@@ -65,6 +66,10 @@ class UnreadableRowsError(FedoraError):
         self.stop = stop
         self.reason = reason
         self.chunks = chunks
+
+
+class NotRepairableError(FedoraError):
+    """The file cannot be repaired, or its copy would not be better; the message states the reason."""
 
 
 class WorkerLostError(FedoraError):

@@ -54,7 +54,7 @@ def check(
     dialect
         How the files name and scale their data: a name, or a TOML file; default: as it is recognised.
     metadata
-        A TOML file whose table ``[metadata]`` declares what the sequences do not say; default: none.
+        A TOML file whose table ``[metadata]`` declares what the sequences do not declare; default: none.
     profile
         From which size a deviation matters: ``"release"`` (default) to publish the data, ``"training"`` to train on
         them, ``"strict"`` for any size.

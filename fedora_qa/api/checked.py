@@ -12,12 +12,11 @@ from typing import TYPE_CHECKING, Any, Final
 
 from numpy.typing import NDArray
 
-from fedora_qa.api.frame import isolated_frame
 from fedora_qa.cli.arrays import arrays_beside, write_arrays
 from fedora_qa.cli.html import render_html_or_none
 from fedora_qa.errors import MisuseError
 from fedora_qa.record.json_io import write_record
-from fedora_qa.record.notebook import html_table, html_text
+from fedora_qa.record.notebook import html_table, html_text, isolated_frame
 from fedora_qa.record.several_files import gravest_verdict
 from fedora_qa.record.tables import Kind, Table, table_of
 from fedora_qa.record.types import Record, Verdict

@@ -5,12 +5,11 @@ from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import get_args
 
-from fedora_qa.api.frame import isolated_frame
 from fedora_qa.api.options import AnyPath, folder_texts, path_text, require_choice
 from fedora_qa.cli.commands.compare import DEFAULT_FALSE_ALARM_RATE
 from fedora_qa.cli.compare import read_sources, sources_of
 from fedora_qa.cli.html import render_comparison_or_none
-from fedora_qa.cli.measured_file import reading_of
+from fedora_qa.cli.stats import reading_of
 from fedora_qa.comparison.compare import compare as compare_subjects
 from fedora_qa.comparison.conclusions import conclusions_of
 from fedora_qa.comparison.paper_tables import paper_tables
@@ -19,8 +18,8 @@ from fedora_qa.comparison.types import COMPARISON, Comparison, Design
 from fedora_qa.errors import MisuseError
 from fedora_qa.layout.dialect import split_choice
 from fedora_qa.record.atomic import write_text
-from fedora_qa.record.notebook import html_table, html_text
-from fedora_qa.record.text_table import TextTable
+from fedora_qa.record.notebook import html_table, html_text, isolated_frame
+from fedora_qa.record.tables import TextTable
 
 
 @dataclass(frozen=True, slots=True, repr=False)
@@ -82,16 +81,8 @@ def compare(
         the same names, else sequences or datasets.
     false_alarm_rate
         Probability, between 0 and 1, that the comparison reports any difference where there is none.
-    dialect
-        How the files name and scale their data: a name, or a TOML file; None: as it is recognised.
-    metadata
-        A TOML file whose table ``[metadata]`` declares what the sequences do not say.
-    memory
-        Memory to aim at, with its unit.
-    allow_external
-        Folders with other files that a file may link to, or consist of.
-    apart
-        Whether to open each file in another process, as for ``check``.
+    dialect, metadata, memory, allow_external, apart
+        How the files are read, as for ``stats``.
 
     Returns
     -------

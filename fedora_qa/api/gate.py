@@ -5,7 +5,7 @@ from pathlib import Path
 
 from fedora_qa.api.checked import CheckedRecord, with_arrays
 from fedora_qa.api.options import AnyPath, folder_texts
-from fedora_qa.cli.gate_release import gate_release, plan_gate
+from fedora_qa.cli.gate import gate_release, plan_gate
 from fedora_qa.cli.outputs import Outputs
 from fedora_qa.errors import MisuseError
 

@@ -5,15 +5,14 @@ from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import get_args
 
-from fedora_qa.api.frame import isolated_frame
 from fedora_qa.api.options import AnyPath, folder_texts, path_text, require_choice
 from fedora_qa.cli.html import render_score_or_none
 from fedora_qa.cli.score import require_readable, scored_isolated
 from fedora_qa.cli.settings import external_folders
 from fedora_qa.layout.dialect import load_choice
 from fedora_qa.record.atomic import write_text
-from fedora_qa.record.notebook import html_table, html_text
-from fedora_qa.record.text_table import TextTable
+from fedora_qa.record.notebook import html_table, html_text, isolated_frame
+from fedora_qa.record.tables import TextTable
 from fedora_qa.scoring.predictions import PredictionsForm
 from fedora_qa.scoring.tables import headline, score_tables
 from fedora_qa.scoring.types import SCORE, Score
@@ -67,11 +66,11 @@ def score(
     sequence
         An HDF5 file, or a folder that is one sequence.
     form
-        What the predictions are: ``"canonical"`` or ``"dsec"``; None: as they lie there.
+        What the predictions are: ``"canonical"`` or ``"dsec"``; None: as they are recognised.
     dialect
         How the sequence names and scales its data: a name, or a TOML file; None: as it is recognised.
     metadata
-        A TOML file whose table ``[metadata]`` declares what the sequence does not say.
+        A TOML file whose table ``[metadata]`` declares what the sequence does not declare.
     allow_external
         Folders with other files that the sequence may link to, or consist of.
     apart

@@ -29,7 +29,7 @@ def open_sequence(
     dialect
         How the sequence names and scales its data: a name, or a TOML file; None: as it is recognised.
     metadata
-        A TOML file whose table ``[metadata]`` declares what the sequence does not say.
+        A TOML file whose table ``[metadata]`` declares what the sequence does not declare.
     allow_external
         Folders with other files that a local file may link to, or consist of.
 

@@ -7,13 +7,11 @@ from typing import TYPE_CHECKING
 
 from fedora_qa.api.checked import frame_of
 from fedora_qa.api.options import AnyPath, folder_texts, path_text
-from fedora_qa.cli.measured_file import measured_file, reading_of
 from fedora_qa.cli.sequences import sequences_of
-from fedora_qa.cli.stats import NOTES, tables_of, tables_to_markdown
+from fedora_qa.cli.stats import NOTES, measured_file, reading_of, tables_of, tables_to_markdown
 from fedora_qa.errors import MisuseError
 from fedora_qa.record.notebook import html_table, html_text
-from fedora_qa.record.tables import statistics_table
-from fedora_qa.record.text_table import TextTable
+from fedora_qa.record.tables import TextTable, statistics_table
 from fedora_qa.statistics.collector import Statistics
 
 if TYPE_CHECKING:
@@ -69,7 +67,7 @@ def stats(
     dialect
         How the files name and scale their data: a name, or a TOML file; None: as it is recognised.
     metadata
-        A TOML file whose table ``[metadata]`` declares what the sequences do not say.
+        A TOML file whose table ``[metadata]`` declares what the sequences do not declare.
     memory
         Memory to aim at, with its unit.
     allow_external

@@ -34,7 +34,7 @@ def run_check(
     detail: Detail,
     **overrides: Any,
 ) -> int:
-    """Do what the command says and return its exit code."""
+    """Run the command and return its exit code."""
     settings = settings_from(config, overrides)
     # An effort from the command line contradicts a budget; one in the configuration file is overridden by it.
     require_budget_alone(budget, overrides["effort"], settings)

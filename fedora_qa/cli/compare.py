@@ -11,13 +11,13 @@ from numpy.typing import NDArray
 from fedora_qa.cli.arrays import arrays_beside, read_arrays
 from fedora_qa.cli.console import print_table, text
 from fedora_qa.cli.documents import write_document
-from fedora_qa.cli.measured_file import Reading, measured_file, reading_of
 from fedora_qa.cli.outputs import Outputs
 from fedora_qa.cli.sequences import HDF5_SUFFIXES, require_hdf5
+from fedora_qa.cli.stats import Reading, measured_file, reading_of
 from fedora_qa.comparison.compare import compare as compare_subjects
 from fedora_qa.comparison.conclusions import conclusions_of
+from fedora_qa.comparison.distributions import sampled_counts_of
 from fedora_qa.comparison.paper_tables import paper_tables
-from fedora_qa.comparison.sampled import sampled_counts_of
 from fedora_qa.comparison.subjects import FileInput, KeptArrays, SharedEvidence, SubjectInput, labels, shared_files
 from fedora_qa.comparison.tables import (
     comparison_to_markdown,
@@ -49,7 +49,7 @@ def run_compare(
     allow_external: tuple[str, ...],
     outputs: Outputs,
 ) -> int:
-    """Do what the command says and return its exit code."""
+    """Run the command and return its exit code."""
     reading = reading_of(dialect, metadata, memory, allow_external)
     sources = sources_of(paths, split_choice(reading.dialect)[0])
     read = [path for source in sources for path in source.paths]

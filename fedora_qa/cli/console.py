@@ -3,7 +3,7 @@
 import os
 import re
 import sys
-from typing import TYPE_CHECKING, Final
+from typing import Final
 
 from rich.console import Console
 from rich.measure import Measurement
@@ -11,11 +11,8 @@ from rich.padding import Padding
 from rich.table import Table
 from rich.text import Text
 
-from fedora_qa.record.text_table import ABSENT, SOURCE, TextTable
+from fedora_qa.record.tables import ABSENT, SOURCE, TextTable
 from fedora_qa.record.wording import unobeyed
-
-if TYPE_CHECKING:  # loads pydantic, which most commands that print need not
-    from fedora_qa.record.power_tables import PowerTable
 
 # Columns. rich assumes 80 for a pipe, which is too narrow for the table of checks.
 _PIPED_WIDTH: Final = 132
@@ -47,7 +44,7 @@ def text(content: str, style: str = "") -> Text:
     return Text(unobeyed(content), style=style)
 
 
-def print_table(console: Console, source: "TextTable | PowerTable") -> None:
+def print_table(console: Console, source: TextTable) -> None:
     """Print a table between its title and its note, and a blank line after it."""
     table = Table(box=None, pad_edge=False, padding=(0, 2, 0, 0))
     for column, name in enumerate(source.head):

@@ -10,8 +10,8 @@ from rich.text import Text
 from fedora_qa.causes import CAUSES
 from fedora_qa.check_names import require_check_names
 from fedora_qa.checks.explanation import Explanation, published_explanations
-from fedora_qa.cli.completion import complete_explained
 from fedora_qa.cli.console import stdout_console
+from fedora_qa.cli.parameters import complete_explained
 
 
 @click.command()
@@ -69,20 +69,10 @@ def explanations_of(name: str) -> tuple[Explanation, ...]:
     """
     require_check_names([name])
     explanations = [each for each in published_explanations() if name in {each.check, each.check.split(".")[0]}]
-    # `checks` needs none of both.
-    from fedora_qa.cli import detection_power, fault_price  # noqa: PLC0415
+    # Loads pydantic, which `checks` does not need.
+    from fedora_qa.cli.published_studies import measured_sections  # noqa: PLC0415
 
-    measured = [
-        {
-            detection_power.TITLE: detection_power.detection_power_text(each.check),
-            fault_price.TITLE: fault_price.fault_price_text(each.check),
-        }
-        for each in explanations
-    ]
-    return tuple(
-        replace(each, sections={**each.sections, **{title: text for title, text in sections.items() if text}})
-        for each, sections in zip(explanations, measured, strict=True)
-    )
+    return tuple(replace(each, sections={**each.sections, **measured_sections(each.check)}) for each in explanations)
 
 
 def needs_words(explained: Explanation) -> str:

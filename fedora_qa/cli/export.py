@@ -1,6 +1,7 @@
 """``fedora-qa export``: a sequence in a layout of others."""
 
 from pathlib import Path
+from typing import Literal
 
 import click
 
@@ -9,14 +10,18 @@ from fedora_qa.cli.isolated import run_isolated
 from fedora_qa.cli.progress import progress_bar
 from fedora_qa.engine.executor import Task
 from fedora_qa.engine.worker import Worker
-from fedora_qa.errors import MisuseError
-from fedora_qa.exporting.run import ExportForm, export_sequence
+from fedora_qa.errors import MisuseError, UnreadableRowsError
+from fedora_qa.exporting.dsec import write_dsec
+from fedora_qa.exporting.tum import write_tum
 from fedora_qa.layout.dialect import DialectChoice, load_choice
 from fedora_qa.record.wording import unobeyed
+from fedora_qa.sequence.sequence import open_sequence
 
 
-def run_export(source: Path, output: Path, form: ExportForm, dialect: str | None, metadata: str | None) -> int:
-    """Do what the command says and return its exit code."""
+def run_export(
+    source: Path, output: Path, form: Literal["tum", "dsec"], dialect: str | None, metadata: str | None
+) -> int:
+    """Run the command and return its exit code."""
     if output.exists() or output.is_symlink():
         raise MisuseError(f"Expected a new output, got {output}, which exists; remove it, or choose another name")
     if not output.parent.is_dir():
@@ -31,5 +36,12 @@ def run_export(source: Path, output: Path, form: ExportForm, dialect: str | None
     return CLEAN
 
 
-def _export(source: Path, output: Path, form: ExportForm, dialect: DialectChoice, worker: Worker) -> dict[str, int]:
-    return export_sequence(source, output, form, dialect, worker.progress)
+def _export(
+    source: Path, output: Path, form: Literal["tum", "dsec"], dialect: DialectChoice, worker: Worker
+) -> dict[str, int]:
+    """Write a sequence in the layout of a name, and return the number of rows by stream."""
+    try:
+        with open_sequence(source, dialect) as sequence:
+            return write_tum(sequence, output) if form == "tum" else write_dsec(sequence, output, worker.progress)
+    except UnreadableRowsError as error:
+        raise MisuseError(f"{error}: {source}; check the file first, and repair it or cut out a part") from error

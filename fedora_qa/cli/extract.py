@@ -1,14 +1,13 @@
 """``fedora-qa extract``: the smallest file that shows a finding, to be sent to somebody."""
 
 from pathlib import Path
-from tempfile import TemporaryDirectory
 from typing import Any, get_args
 
 import click
 
 from fedora_qa.cli.exit_codes import CLEAN, INCOMPLETE
 from fedora_qa.cli.isolated import run_isolated
-from fedora_qa.cli.outputs import Outputs
+from fedora_qa.cli.outputs import require_new_file
 from fedora_qa.cli.progress import progress_bar
 from fedora_qa.cli.sequences import require_hdf5
 from fedora_qa.cli.settings import check_options, settings_from
@@ -22,6 +21,7 @@ from fedora_qa.errors import MisuseError, UnreadableFileError
 from fedora_qa.extract.extract import CheckFinding, Extraction
 from fedora_qa.extract.extract import extract as extract_piece
 from fedora_qa.judgement.materiality import PROFILES
+from fedora_qa.record.atomic import staging_path
 from fedora_qa.record.json_io import read_record
 from fedora_qa.record.types import FileRecord, Record
 from fedora_qa.record.wording import unobeyed
@@ -38,11 +38,9 @@ def run_extract(
     force: bool,
     **overrides: Any,
 ) -> int:
-    """Do what the command says and return its exit code."""
-    read = [path for path in (file, record_path, config) if path is not None]
-    Outputs(own=(output,)).require_writable(read)
-    if output.exists() and not force:
-        raise MisuseError(f"Expected a new file to write, got {output}, which exists; use --force to write over it")
+    """Run the command and return its exit code."""
+    inputs = [path for path in (file, record_path, config) if path is not None]
+    require_new_file(output, inputs, force=force)
     record = read_record(record_path) if record_path else None
     # The piece must be checked with effort and profile of the record: with others the finding may not be there.
     effort = record.effort if record and record.effort in get_args(Effort) else None
@@ -60,10 +58,7 @@ def run_extract(
     wanted = _wanted(finding, file_record)
     with progress_bar(file.name) as bar:
         try:
-            # By another process, in a folder that is removed even if that process dies; beside the output, because
-            # `replace` is atomic only within one file system.
-            with TemporaryDirectory(prefix=f".{output.name}.", dir=output.parent) as folder:
-                written = Path(folder) / output.name
+            with staging_path(output) as written:
                 task = Task(_cut, (file, written, wanted, options, longest_s))
                 extracted = run_isolated(task, file, opening, bar)
                 written.replace(output)

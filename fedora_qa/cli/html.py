@@ -5,8 +5,7 @@ from typing import Any
 
 from numpy.typing import NDArray
 
-from fedora_qa.cli.detection_power import pass_detection_power
-from fedora_qa.cli.fault_price import fault_price_texts
+from fedora_qa.cli.published_studies import fault_price_texts, pass_detection_power
 from fedora_qa.comparison.types import Comparison
 from fedora_qa.errors import MisuseError
 from fedora_qa.record.types import Record

@@ -2,22 +2,21 @@
 
 from collections.abc import Iterator
 from pathlib import Path
-from tempfile import TemporaryDirectory
 
 import click
 
 from fedora_qa.cli.exit_codes import CLEAN
 from fedora_qa.cli.host import usable_cores
 from fedora_qa.cli.isolated import run_isolated
-from fedora_qa.cli.outputs import Outputs
+from fedora_qa.cli.outputs import require_new_file
 from fedora_qa.cli.progress import progress_bar
 from fedora_qa.engine.executor import Task
 from fedora_qa.engine.worker import Worker
-from fedora_qa.errors import MisuseError
 from fedora_qa.importing.recognise import recognise
 from fedora_qa.importing.recording import Kind, Resolution
 from fedora_qa.importing.ros_topics import load_topics
 from fedora_qa.importing.run import Imported, ImportOptions, import_recording
+from fedora_qa.record.atomic import staging_path
 from fedora_qa.record.wording import unobeyed
 
 
@@ -31,23 +30,14 @@ def run_import(
     compression: int,
     force: bool,
 ) -> int:
-    """Do what the command says and return its exit code."""
-    Outputs(own=(output,)).require_writable([source, *([topics] if topics else [])])
-    if output.exists():
-        # Hard links: two names of one file, neither of which leads to the other.
-        if source.exists() and source.samefile(output):
-            raise MisuseError(f"Expected an output of its own, got {output}, which is {source}")
-        if not force:
-            raise MisuseError(f"Expected a new file to write, got {output}, which exists; use --force to write over it")
+    """Run the command and return its exit code."""
+    require_new_file(output, [source, *([topics] if topics else [])], force=force)
     # Before another process is started.
     recognise(source)
     options = ImportOptions(
         resolution, kind, load_topics(topics) if topics else None, allow_backwards, compression, usable_cores()
     )
-    # By another process, in a folder that is removed even if that process dies; beside the output, because `replace` is
-    # atomic only within one file system.
-    with progress_bar(source.name) as bar, TemporaryDirectory(prefix=f".{output.name}.", dir=output.parent) as folder:
-        written = Path(folder) / output.name
+    with progress_bar(source.name) as bar, staging_path(output) as written:
         imported: Imported = run_isolated(Task(_import, (source, written, options)), source, None, bar)
         written.replace(output)
     for line in import_lines(imported, output):

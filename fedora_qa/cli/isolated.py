@@ -25,7 +25,7 @@ def run_isolated(
     opening
         Tests first whether the file opens at all (``opening_test``).
     in_process
-        Whether to do it in this process after all: for a caller that knows its files.
+        Whether to do it in this process after all: for a caller that trusts its files.
 
     Raises
     ------

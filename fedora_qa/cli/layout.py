@@ -43,7 +43,7 @@ def run_layout(
     draft_path: Path | None,
     allow_external: tuple[str, ...],
 ) -> int:
-    """Do what the command says and return its exit code."""
+    """Run the command and return its exit code."""
     dialect_read = load_choice(dialect, metadata)
     Outputs(own=(draft_path,)).require_writable([file])
     if not file.is_dir():

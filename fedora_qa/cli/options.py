@@ -7,8 +7,8 @@ from typing import Any, Final, Literal
 
 import click
 
-from fedora_qa.cli.completion import complete_check, complete_dialect, complete_file
 from fedora_qa.cli.documents import document_paths
+from fedora_qa.cli.parameters import complete_check, complete_dialect, complete_file
 from fedora_qa.errors import MisuseError
 
 PATH: Final = click.Path(path_type=Path)
@@ -103,7 +103,7 @@ def _with_options(command: Callable[..., int], options: Sequence[Decorator]) -> 
 
 
 def detail_options(command: Callable[..., int]) -> Callable[..., int]:
-    """Add how much the summary in the terminal says; the command gets it as ``detail``."""
+    """Add the options that set how detailed the summary in the terminal is; the command gets them as ``detail``."""
 
     @click.option("--quiet", "-q", is_flag=True, help="Print one line a file: verdict and first cause.")
     @click.option("--verbose", "-v", is_flag=True, help="Print every check with its numbers.")

@@ -137,3 +137,18 @@ class Outputs:
 
 def _without_evidence(file: FileRecord) -> FileRecord:
     return replace(file, evidence={})
+
+
+def require_new_file(
+    output: Path, inputs: Sequence[Path], *, force: bool, remedy: str = "use --force to write over it"
+) -> None:
+    """Raise ``MisuseError`` where a file cannot be written, is an input under any name, or exists without ``force``."""
+    Outputs(own=(output,)).require_writable(inputs)
+    if not output.exists():
+        return
+    for path in inputs:
+        # Hard links: two names of one file, neither of which leads to the other.
+        if path.exists() and path.samefile(output):
+            raise MisuseError(f"Expected an output of its own, got {output}, which is {path}")
+    if not force:
+        raise MisuseError(f"Expected a new file to write, got {output}, which exists; {remedy}")

@@ -1,13 +1,20 @@
-"""Types of arguments: a place, an amount of time, a size of images. Each raises ``MisuseError`` for other text."""
+"""Types of arguments (a place, an amount of time, a size of images), and the completion of arguments in shells.
+
+Each type raises ``MisuseError`` for other text. A shell waits for completion at every key, so that this file loads no
+numerical library.
+"""
 
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass
+from importlib import resources
 from typing import TYPE_CHECKING, Final
 
 import click
 from click.shell_completion import CompletionItem
 
+from fedora_qa.causes import CAUSES
+from fedora_qa.check_names import check_names
 from fedora_qa.errors import MisuseError
 from fedora_qa.storage.place import Place, place_of
 
@@ -78,3 +85,28 @@ def parse_budget(text: str) -> Budget:
     if seconds <= 0:
         raise MisuseError(f"Expected a time with a unit, such as 60s, 5m or 0.5h, got {text!r}")
     return Budget(text.strip(), seconds)
+
+
+def complete_check(_context: click.Context, _parameter: click.Parameter, incomplete: str) -> list[str]:
+    """Return the subjects and checks that begin with ``incomplete``."""
+    return [name for name in check_names() if name.startswith(incomplete)]
+
+
+def complete_explained(context: click.Context, parameter: click.Parameter, incomplete: str) -> list[str]:
+    """Return the subjects, checks and causes that begin with ``incomplete``."""
+    causes = [cause for cause in CAUSES if cause.startswith(incomplete)]
+    return [*complete_check(context, parameter, incomplete), *causes]
+
+
+def complete_file(_context: click.Context, _parameter: click.Parameter, incomplete: str) -> list[CompletionItem]:
+    """Leave it to the shell to complete a path."""
+    return [CompletionItem(incomplete, type="file")]
+
+
+def complete_dialect(context: click.Context, parameter: click.Parameter, incomplete: str) -> list[CompletionItem]:
+    """Return the dialects of the package that begin with ``incomplete``, and leave files to the shell."""
+    # By the names of their files: the module of dialects loads numerical libraries.
+    files = (resources.files("fedora_qa") / "layout" / "dialects").iterdir()
+    names = sorted(file.name.removesuffix(".toml") for file in files if file.name.endswith(".toml"))
+    items = [CompletionItem(name) for name in names if name.startswith(incomplete)]
+    return [*items, *complete_file(context, parameter, incomplete)]

@@ -14,9 +14,8 @@ from fedora_qa.cli.outputs import Outputs
 from fedora_qa.cli.progress import progress_bar
 from fedora_qa.cli.settings import check_options, settings_from, with_jobs
 from fedora_qa.errors import MisuseError
-from fedora_qa.power.detection_power import detection_power_of, write_detection_power
+from fedora_qa.power.detection_power import detection_power_of, write_confidence, write_detection_power
 from fedora_qa.power.manifest import MANIFEST, read_manifest, require_files, require_other_names
-from fedora_qa.power.published_confidence import write_confidence
 from fedora_qa.power.study import State, Trial, measured_with, run_study, state_folder
 from fedora_qa.power.tables import Origin, power_of
 from fedora_qa.record.atomic import write_text
@@ -35,7 +34,7 @@ def run_power(
     publish_confidence: Path | None,
     **overrides: Any,
 ) -> int:
-    """Do what the command says and return its exit code."""
+    """Run the command and return its exit code."""
     # Detection is measured: whether a size matters is asked of the tables, not of the study.
     settings = replace(settings_from(config, {**overrides, "jobs": jobs}), profile="strict")
     # A study counts outcomes; evidence of thousands of files would only cost time and space.

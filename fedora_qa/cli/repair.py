@@ -2,14 +2,13 @@
 
 from collections.abc import Iterator
 from pathlib import Path
-from tempfile import TemporaryDirectory
 from typing import Any
 
 import click
 
 from fedora_qa.cli.exit_codes import CLEAN, FINDINGS
 from fedora_qa.cli.isolated import run_isolated
-from fedora_qa.cli.outputs import Outputs
+from fedora_qa.cli.outputs import require_new_file
 from fedora_qa.cli.progress import progress_bar
 from fedora_qa.cli.sequences import require_hdf5
 from fedora_qa.cli.settings import check_options, settings_from
@@ -18,6 +17,7 @@ from fedora_qa.engine.options import CheckOptions
 from fedora_qa.engine.tasks import opening_test
 from fedora_qa.engine.worker import Worker
 from fedora_qa.errors import MisuseError
+from fedora_qa.record.atomic import staging_path
 from fedora_qa.record.wording import cause_sentence, unobeyed
 from fedora_qa.repairs.repair import repair as repair_file
 from fedora_qa.repairs.result import Repair
@@ -35,7 +35,7 @@ def run_repair(
     force: bool,
     **overrides: Any,
 ) -> int:
-    """Do what the command says and return its exit code."""
+    """Run the command and return its exit code."""
     if isinstance(file, RemoteFile):
         raise MisuseError(f"Expected a file on this machine, got {file}; copy it first")
     if output is None and not dry_run:
@@ -50,10 +50,7 @@ def run_repair(
         if output is None or dry_run:
             result = run_isolated(Task(_repair, (file, None, options, named)), file, opening, bar)
         else:
-            # By another process, in a folder that is removed even if that process dies; beside the output, because
-            # `replace` is atomic only within one file system.
-            with TemporaryDirectory(prefix=f".{output.name}.", dir=output.parent) as folder:
-                written = Path(folder) / output.name
+            with staging_path(output) as written:
                 result = run_isolated(Task(_repair, (file, written, options, named)), file, opening, bar)
                 if not result.refusal:
                     written.replace(output)
@@ -66,16 +63,9 @@ def require_writable(
     file: Path, output: Path | None, config: Path | None, metadata: str | None, *, force: bool
 ) -> None:
     """Raise ``MisuseError`` where the output is an input under any name, exists, or cannot be written."""
-    Outputs(own=(output,)).require_writable([file, *(Path(each) for each in (config, metadata) if each)])
-    if output is None or not output.exists():
-        return
-    # Hard links: two names of one file, neither of which leads to the other.
-    if file.exists() and file.samefile(output):
-        raise MisuseError(f"Expected an output of its own, got {output}, which is {file}")
-    if not force:
-        raise MisuseError(
-            f"Expected a new file to write, got {output}, which exists; use --force to write over it, or force=True"
-        )
+    if output is not None:
+        inputs = [file, *(Path(each) for each in (config, metadata) if each)]
+        require_new_file(output, inputs, force=force, remedy="use --force to write over it, or force=True")
 
 
 def repair_lines(result: Repair, output: Path | None) -> Iterator[str]:

@@ -16,7 +16,7 @@ from fedora_qa.record.wording import unobeyed
 
 
 def run_report(record_path: Path, outputs: Outputs, detail: Detail) -> int:
-    """Do what the command says and return its exit code."""
+    """Run the command and return its exit code."""
     # The record and its arrays are inputs, even where no picture is drawn from them.
     outputs.require_writable([record_path, arrays_beside(record_path)])
     record = read_record(record_path)

@@ -4,8 +4,8 @@ from collections.abc import Mapping
 
 from fedora_qa.causes import CAUSES
 from fedora_qa.checks.explanation import Explanation, published_explanations
-from fedora_qa.cli.fault_price import fault_price_text
 from fedora_qa.cli.markdown import markdown_of
+from fedora_qa.cli.published_studies import fault_price_text
 from fedora_qa.diagnosis.direct import is_direct
 from fedora_qa.record.sarif import RuleHelp
 

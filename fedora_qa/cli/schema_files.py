@@ -16,10 +16,9 @@ from fedora_qa.config import CONFIG_READER
 from fedora_qa.gating.certificate import CERTIFICATE
 from fedora_qa.gating.policy import POLICY_READER
 from fedora_qa.record.atomic import write_text
-from fedora_qa.record.documents import DocumentKind
+from fedora_qa.record.documents import DocumentKind, schema_of, schema_text
 from fedora_qa.record.json_io import RECORD
 from fedora_qa.record.power_types import POWER
-from fedora_qa.record.schemas import schema_of, schema_text
 from fedora_qa.scoring.types import SCORE
 
 _DOCUMENTS: tuple[DocumentKind[Any], ...] = (RECORD, COMPARISON, SCORE, POWER, CERTIFICATE)

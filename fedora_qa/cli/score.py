@@ -30,7 +30,7 @@ def run_score(
     allow_external: tuple[str, ...],
     outputs: Outputs,
 ) -> int:
-    """Do what the command says and return its exit code."""
+    """Run the command and return its exit code."""
     choice, folders = load_choice(dialect, metadata), external_folders(allow_external)
     require_readable(predictions, sequence)
     outputs.require_writable([predictions, sequence])

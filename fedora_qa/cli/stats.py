@@ -1,19 +1,30 @@
-"""``fedora-qa stats``: the sequence and flow tables of the paper, and tables of images and rates."""
+"""``fedora-qa stats``: the sequence and flow tables of the paper, and tables of images and rates.
+
+``compare`` measures files in the same way.
+"""
 
 import json
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path, PurePath
 from typing import Final
 
 from fedora_qa import __version__
 from fedora_qa.cli.console import print_table, text
 from fedora_qa.cli.documents import write_document
-from fedora_qa.cli.measured_file import measured_file, reading_of
+from fedora_qa.cli.isolated import run_isolated
 from fedora_qa.cli.outputs import Outputs
+from fedora_qa.cli.progress import progress_bar
 from fedora_qa.cli.sequences import sequences_of
+from fedora_qa.cli.settings import external_folders
 from fedora_qa.comparison.tables import tables_to_latex
-from fedora_qa.record.markdown import escape, table
-from fedora_qa.record.text_table import ABSENT, TextTable
+from fedora_qa.config import parse_bytes
+from fedora_qa.engine.executor import Task
+from fedora_qa.engine.statistics import FileStatistics, collect_statistics
+from fedora_qa.engine.tasks import opening_test
+from fedora_qa.layout.dialect import DialectChoice, load_choice
+from fedora_qa.record.markdown import escape, table_section
+from fedora_qa.record.tables import ABSENT, TextTable
 from fedora_qa.record.types import Scalar
 from fedora_qa.record.wording import number, with_error
 from fedora_qa.statistics.collector import Statistics
@@ -34,7 +45,7 @@ def run_stats(
     allow_external: tuple[str, ...],
     outputs: Outputs,
 ) -> int:
-    """Do what the command says and return its exit code."""
+    """Run the command and return its exit code."""
     reading = reading_of(dialect, metadata, memory, allow_external)
     sequences = [place for place in sequences_of(files, reading.dialect, needs_rows=True) if isinstance(place, Path)]
     outputs.require_writable(sequences)
@@ -59,9 +70,59 @@ def run_stats(
     return 0
 
 
+@dataclass(frozen=True, slots=True)
+class Reading:
+    """How files are read.
+
+    Attributes
+    ----------
+    dialect
+        How they name and scale their data; None: as it is recognised.
+    memory_bytes
+        Memory to aim at.
+    allow_external
+        Folders with other files that a file may link to.
+    in_process
+        Whether they are opened in this process, which ends where HDF5 crashes on one.
+    """
+
+    dialect: DialectChoice
+    memory_bytes: int
+    allow_external: tuple[Path, ...]
+    in_process: bool = False
+
+
+def reading_of(
+    dialect: str | None, metadata: str | None, memory: str, allow_external: Sequence[str], *, in_process: bool = False
+) -> Reading:
+    """Return how files are read, by the options of a command; raises ``MisuseError`` where one is illegal."""
+    folders = external_folders(tuple(allow_external))
+    return Reading(load_choice(dialect, metadata), parse_bytes(memory), folders, in_process)
+
+
+def measured_file(
+    path: Path, reading: Reading, *, with_distributions: bool = False, place: tuple[int, int] = (0, 1)
+) -> FileStatistics:
+    """Measure the statistics of a file and, if asked for, its distributions; raises as ``run_isolated``.
+
+    Parameters
+    ----------
+    place
+        How many files were measured before, and how many there are: the progress states both.
+    """
+    arguments = (path, reading.dialect, reading.memory_bytes, reading.allow_external, with_distributions)
+    opening = opening_test(path, reading.dialect, reading.allow_external)
+    done, count = place
+    with progress_bar(path.name if count == 1 else f"{path.name}, file {done + 1} of {count}") as bar:
+        measured: FileStatistics = run_isolated(
+            Task(collect_statistics, arguments), path, opening, bar, in_process=reading.in_process
+        )
+    return measured
+
+
 def tables_to_markdown(tables: Iterable[TextTable]) -> str:
     """Return tables as GitHub-flavoured markdown, each under its title."""
-    return "\n\n".join(f"## {source.title}\n\n{table(source.head, source.rows)}" for source in tables)
+    return "\n\n".join(map(table_section, tables))
 
 
 def tables_of(by_file: Mapping[str, Statistics]) -> tuple[TextTable, ...]:

@@ -11,7 +11,7 @@ from fedora_qa.record.wording import unobeyed
 
 
 def run_verify(certificate_path: Path, folder: Path) -> int:
-    """Do what the command says and return its exit code."""
+    """Run the command and return its exit code."""
     certificate = read_certificate(certificate_path)
     # The day in UTC, as in `gate`: whether a waiver has expired must not depend on the time zone.
     deviations = differences(certificate, folder, datetime.now(UTC).date())

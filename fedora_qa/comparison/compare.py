@@ -7,9 +7,8 @@ import numpy as np
 
 from fedora_qa import __version__
 from fedora_qa.comparison.distances import PairedCounts, difference_of, paired_counts
-from fedora_qa.comparison.histograms import Int64, shares_of
+from fedora_qa.comparison.distributions import Int64, meaning_of, shares_of, unit_of
 from fedora_qa.comparison.paper_tables import PUBLISHED
-from fedora_qa.comparison.sampled import meaning_of, unit_of
 from fedora_qa.comparison.subjects import Match, SubjectInput, design_of, matches
 from fedora_qa.comparison.types import COMPARISON_VERSION, Comparison, Design, Overlay, Pair, Versions
 from fedora_qa.comparison.versions import count_with_errors, record_changes, statistic_changes

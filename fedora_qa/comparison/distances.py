@@ -17,8 +17,16 @@ from typing import Final
 
 import numpy as np
 
-from fedora_qa.comparison.histograms import Float64, Int64, mean_of, shares_of, wasserstein
-from fedora_qa.comparison.sampled import paired_blocks, unit_of, without_empty_ends
+from fedora_qa.comparison.distributions import (
+    Float64,
+    Int64,
+    mean_of,
+    paired_blocks,
+    shares_of,
+    unit_of,
+    wasserstein,
+    without_empty_ends,
+)
 from fedora_qa.comparison.subjects import SubjectInput, matches
 from fedora_qa.comparison.types import Conclusion, Design, Difference
 
@@ -31,7 +39,7 @@ _NOUNS: Final[dict[Design, str]] = {
 _AT_ONCE: Final = 500
 _MOST_RELABELLINGS: Final = 400_000
 _SURELY_CHANCE: Final = 20
-"""So many relabellings at least as far apart are enough to stop: the chance is known to a fourth of itself."""
+"""Relabelling stops after so many that are at least as far apart: the relative error of the chance is then a fourth."""
 
 _RESAMPLINGS: Final = 400
 _FEWEST_RESAMPLED: Final = 5

@@ -4,7 +4,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from typing import Final, Literal
 
 from fedora_qa.comparison.types import ComparedFile, Comparison, Published, Subject
-from fedora_qa.record.text_table import ABSENT, SOURCE, TextTable
+from fedora_qa.record.tables import ABSENT, SOURCE, TextTable
 from fedora_qa.record.types import Scalar
 from fedora_qa.record.wording import number, with_error
 

@@ -7,7 +7,7 @@ from typing import Any
 
 from numpy.typing import NDArray
 
-from fedora_qa.comparison.sampled import SampledCounts
+from fedora_qa.comparison.distributions import SampledCounts
 from fedora_qa.comparison.types import ComparedFile, Design, Subject
 from fedora_qa.record.types import FileRecord, Scalar
 

@@ -15,8 +15,8 @@ from fedora_qa.comparison.types import (
     Versions,
 )
 from fedora_qa.record.latex import LATEX_NEEDS, latex_table
-from fedora_qa.record.markdown import escape, table
-from fedora_qa.record.text_table import ABSENT, TextTable
+from fedora_qa.record.markdown import escape, table_section
+from fedora_qa.record.tables import ABSENT, TextTable
 from fedora_qa.record.wording import OUTCOME_WORDS, number, with_error
 
 CONCLUSION_WORDS: Final[dict[Conclusion, str]] = {
@@ -101,8 +101,12 @@ def comparison_to_markdown(comparison: Comparison) -> str:
     parts += [f"- {escape(sentence)}" for sentence in conclusions_of(comparison)]
     parts += [f"- {escape(note)}" for note in comparison.notes]
     for pair in pair_tables(comparison):
-        parts += [f"## {escape(pair.title)}", escape(pair.summary), *(_section(source) for source in pair.tables)]
-    parts += ["## Tables of the paper", *(_section(source) for source in paper_tables(comparison))]
+        parts += [
+            f"## {escape(pair.title)}",
+            escape(pair.summary),
+            *(table_section(source, 3) for source in pair.tables),
+        ]
+    parts += ["## Tables of the paper", *(table_section(source, 3) for source in paper_tables(comparison))]
     return "\n\n".join([*parts, f"<sub>{escape(f'{comparison.tool.name} {comparison.tool.version}')}</sub>"]) + "\n"
 
 
@@ -110,10 +114,6 @@ def tables_to_latex(tables: Iterable[TextTable]) -> str:
     """Return tables as LaTeX, to be put into a paper."""
     parts = [latex_table(source.title, source.head, source.rows, source.note) for source in tables]
     return "\n\n".join([LATEX_NEEDS, *parts]) + "\n"
-
-
-def _section(source: TextTable) -> str:
-    return f"### {escape(source.title)}\n\n{table(source.head, source.rows)}\n\n{escape(source.note)}".rstrip()
 
 
 def _distances(pair: Pair) -> TextTable:

@@ -5,10 +5,8 @@ https://dsec.ifi.uzh.ch/optical-flow-submission-format (16-bit flow). Disparity 
 camera, which a sequence does not have.
 """
 
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
 from pathlib import Path
-from tempfile import TemporaryDirectory
 from typing import Any, Final
 
 import cv2
@@ -20,9 +18,9 @@ from numpy.typing import NDArray
 
 from fedora_qa.errors import MisuseError
 from fedora_qa.layout.canonical import flow_rate_hz, is_flow_stream
+from fedora_qa.record.atomic import staging_path
 from fedora_qa.sequence.declared import Camera
-from fedora_qa.sequence.file_time import file_times_us, row_blocks
-from fedora_qa.sequence.sequence import Sequence
+from fedora_qa.sequence.sequence import Sequence, file_times_us, row_blocks
 
 Report = Callable[[str, int, int], None]
 
@@ -60,7 +58,8 @@ def write_dsec(sequence: Sequence, target: Path, report: Report) -> dict[str, in
     if not {"events", "rgb"} & layout.streams:
         raise MisuseError("Expected events or images to write as DSEC has them, got neither; check the file first")
     rows: dict[str, int] = {}
-    with _new_folder(target) as folder:
+    with staging_path(target) as folder:
+        folder.mkdir()
         if "events" in layout.streams:
             rows["events"] = _write_events(sequence, folder / "events/left", report)
         if "rgb" in layout.streams:
@@ -71,17 +70,8 @@ def write_dsec(sequence: Sequence, target: Path, report: Report) -> dict[str, in
         if calibration is not None:
             (folder / "calibration").mkdir()
             (folder / "calibration/cam_to_cam.yaml").write_text(yaml.safe_dump(calibration), "utf-8")
-    return rows
-
-
-@contextmanager
-def _new_folder(target: Path) -> Iterator[Path]:
-    """Yield a folder beside the target that gets its name when the block ends well, and is removed otherwise."""
-    with TemporaryDirectory(prefix=f".{target.name}.", dir=target.parent) as parent:
-        folder = Path(parent) / target.name
-        folder.mkdir()
-        yield folder
         folder.rename(target)
+    return rows
 
 
 def _write_events(sequence: Sequence, folder: Path, report: Report) -> int:
@@ -175,7 +165,7 @@ def _calibration(cameras: Any) -> dict[str, Any] | None:
     Raises
     ------
     MisuseError
-        The event camera and the view of flow have different centres, which the layout cannot say.
+        The event camera and the view of flow have different centres, which the layout cannot express.
     """
     if not {"events", "rgb"} <= set(cameras) or any(camera.model != "pinhole" for camera in cameras.values()):
         return None

@@ -8,8 +8,7 @@ from pathlib import Path
 from fedora_qa.conventions import US_PER_S
 from fedora_qa.errors import MisuseError
 from fedora_qa.record.atomic import replacing
-from fedora_qa.sequence.file_time import file_times_us, row_blocks
-from fedora_qa.sequence.sequence import Sequence
+from fedora_qa.sequence.sequence import Sequence, file_times_us, row_blocks
 
 
 def write_tum(sequence: Sequence, target: Path) -> dict[str, int]:

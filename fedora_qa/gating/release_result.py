@@ -54,7 +54,7 @@ def with_release_results(name: str, file: FileRecord, release_results: Iterable[
         if not broken and (release_result.about == FOLDER) != (name == FOLDER):
             continue
         rule, question = release_result.rule, release_result.question
-        # Numbers go on over all rules, so that the findings of a file have different ids.
+        # Numbering continues over all rules, so that the findings of a file have different identifiers.
         findings = tuple(
             Finding(
                 f"R{number}",

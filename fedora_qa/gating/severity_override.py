@@ -44,7 +44,7 @@ def with_severity(
     Returns
     -------
     FileRecord
-        With deviations that are not material as information still: the profile of the policy decides about them.
+        Deviations that are not material stay information: the profile of the policy decides about them.
     """
 
     def mark(result: Result, finding: Finding) -> Finding:

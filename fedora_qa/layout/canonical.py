@@ -76,7 +76,7 @@ class DatasetSpec:
 class AttributeSpec:
     """One attribute: the object that carries it, its name, type and whether the format requires it.
 
-    ``opposites`` are texts that say the opposite of the only choice.
+    ``opposites`` are texts that mean the opposite of the only choice.
     """
 
     owner: str

@@ -1,4 +1,4 @@
-"""Open a dataset where the dialect has it, and say how its rows are read: its binding, or why it has none."""
+"""Open a dataset where the dialect has it: the binding that states how its rows are read, or why it has none."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
@@ -107,7 +107,7 @@ class DatasetBinder:
         return self.place(key).path or key
 
     def place(self, key: str) -> DatasetPlace:
-        """Return where the dialect has a dataset; the canonical place where it says nothing."""
+        """Return where the dialect has a dataset; the canonical place where it states none."""
         return self.dialect.place_of(key) or DatasetPlace()
 
     def has_place(self, key: str) -> bool:

@@ -31,7 +31,7 @@ def detect_dialect(file: h5py.File, external_files: ExternalFiles | None = None)
         count, hinted = 0, False
         for spec in map(spec_of, dict.fromkeys((*DATASETS, *dialect.datasets))):
             place = dialect.place_of(spec.key)
-            # What lies in other files of a folder does not tell whose file this is.
+            # Datasets in other files of the folder do not identify the dialect of this file.
             place = place if place is None or place.file == dialect.first_role else None
             dataset = None if place is None else _dataset(file, place.path or spec.key, external_files)
             # Rank only: a dataset of a wrong size still identifies its dialect, and the size is reported later.

@@ -204,7 +204,7 @@ def _path_in_folder(item: StoredObject) -> str:
 
 
 def camera_lines(items: Iterable[StoredObject]) -> list[str]:
-    """Return what may be the matrices of cameras, as remarks where no name tells whose they are."""
+    """Return what may be the matrices of cameras, as remarks where no name identifies the camera."""
     lines: list[str] = []
     for item in items:
         is_matrix = item.shape == (3, 3) and item.head[2].tolist() == [0, 0, 1] and item.head[0, 0] > 1

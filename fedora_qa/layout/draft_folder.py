@@ -71,7 +71,7 @@ def draft_folder(folder: Path, name: str) -> str:
     # Of two views the rectified one: that of the sensor has a distortion.
     items.sort(key=lambda item: "rect" not in item.path.lower())
     guesses = {guess.key: guess for guess in guess_places(items)}
-    # Before what a file says: a table of as many rows may be of anything.
+    # Timestamps in names of images override other guesses: a table of as many rows may belong to any stream.
     guesses |= {guess.key: guess for guess in tuple(_times_of_names(groups, guesses))}
     ordered = in_order(guesses)
     cameras = [*camera_lines(item for item in items if item.form == "hdf5"), *_document_cameras(groups)]

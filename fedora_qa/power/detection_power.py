@@ -1,7 +1,7 @@
-"""The faults that each check finds with 95% probability, as measured and published.
+"""What is published of a study: the faults that each check finds with 95% probability, and how often causes are right.
 
-The table is a file of the package, made by ``make power``, with the digest of the code that it was measured with. Where
-that code has changed since, the table is stale; callers that show it must state so.
+Both are files of the package, made by ``make power``. The first has the digest of the code that it was measured with.
+Where that code has changed since, the table is stale; callers that show it must state so. Diagnosis reads the second.
 """
 
 import json
@@ -13,7 +13,7 @@ from pydantic import TypeAdapter
 
 from fedora_qa.code_digest import PACKAGE, code_digest
 from fedora_qa.record.atomic import write_text
-from fedora_qa.record.documents import read_json
+from fedora_qa.record.documents import read_published
 from fedora_qa.record.power_types import WHOLE_FILE, Estimate, Power, Share
 
 PUBLISHED: Final = Path(__file__).with_name("published.json")
@@ -92,13 +92,11 @@ def write_detection_power(detection_power: DetectionPower, target: Path = PUBLIS
 
 
 def read_detection_power(source: Path = PUBLISHED) -> DetectionPower | None:
-    """Read the table; None where none has been published.
+    """Read the table; None where none has been published. Raises ``MisuseError`` where the file is damaged."""
+    return read_published(source, _ADAPTER, "a table of detection power", "run `make power`")
 
-    Raises
-    ------
-    MisuseError
-        The file is damaged.
-    """
-    if not source.exists():
-        return None
-    return read_json(source, _ADAPTER, "a table of detection power", "run `make power`")
+
+def write_confidence(power: Power, target: Path) -> None:
+    """Write how many diagnoses of each status and cause are right, entirely or not at all; one line a row."""
+    rows = [(row.status, row.cause, row.right.count, row.right.of) for row in power.statuses]
+    write_text(target, "[\n" + ",\n".join(f"  {json.dumps(row)}" for row in rows) + "\n]\n")

@@ -15,7 +15,7 @@ file is a copy of a clean one, noise and all, so that the difference of the two 
 measurement by. That effect is compared with the limit stated of the clean file, and found is what the measurement
 itself exceeded. Of several, the one that exceeded most often is taken, and of those alike the one that moves most.
 Trials whose fault makes the measurement's own limit more than twice what it was are counted like all others, and their
-number is stated: who reads the limit of a clean file cannot know that a fault disturbs what the measurement is made of.
+number is stated: the limit of a clean file does not show that a fault disturbs the data of the measurement.
 
 Either way each trial has its ratio to the limit that was stated of its own clean file, because limits differ from file
 to file as their information does. A stated limit is too bold where fewer than 90% of the faults from 1 on were found,

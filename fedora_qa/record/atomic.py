@@ -1,10 +1,10 @@
 """Write a file entirely or not at all."""
 
 import os
-import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from tempfile import TemporaryDirectory, mkstemp
 
 
 @contextmanager
@@ -14,7 +14,7 @@ def replacing(target: Path) -> Iterator[Path]:
     When the block raises, the temporary file is removed and ``target`` stays as it was.
     """
     # In the same folder, because `replace` is atomic only within one file system.
-    handle, name = tempfile.mkstemp(prefix=f".{target.name}.", suffix=".part", dir=target.parent)
+    handle, name = mkstemp(prefix=f".{target.name}.", suffix=".part", dir=target.parent)
     os.close(handle)
     temporary = Path(name)
     try:
@@ -28,6 +28,17 @@ def replacing(target: Path) -> Iterator[Path]:
     except BaseException:
         temporary.unlink(missing_ok=True)
         raise
+
+
+@contextmanager
+def staging_path(target: Path) -> Iterator[Path]:
+    """Yield a path to write to, and then to rename to ``target``.
+
+    It lies in a folder that is removed when the block ends, even if another process that was writing there has died.
+    """
+    # Beside the target, because `replace` is atomic only within one file system.
+    with TemporaryDirectory(prefix=f".{target.name}.", dir=target.parent) as folder:
+        yield Path(folder) / target.name
 
 
 def write_text(target: Path, text: str) -> None:

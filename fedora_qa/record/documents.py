@@ -10,13 +10,12 @@ from dataclasses import dataclass
 from datetime import date
 from numbers import Integral, Real
 from pathlib import Path
-from typing import Any, Final, Generic, TypeVar
+from typing import Any, Final, Generic, Literal, TypeVar
 
 from pydantic import TypeAdapter, ValidationError
 
 from fedora_qa.errors import MisuseError
 from fedora_qa.record.atomic import write_text
-from fedora_qa.record.schemas import schema_of
 
 T = TypeVar("T")
 
@@ -108,6 +107,25 @@ class DocumentKind(Generic[T]):
         return schema_of(f"{self.name}:{self.version}", self.adapter, "serialization")
 
 
+def schema_of(urn: str, adapter: TypeAdapter[Any], mode: Literal["validation", "serialization"]) -> dict[str, Any]:
+    """Return the JSON schema (draft 2020-12) of a type.
+
+    Parameters
+    ----------
+    urn
+        What the schema is called, below ``urn:fedora-qa:``: name and version.
+    mode
+        ``serialization``: of what is written; ``validation``: of what is read.
+    """
+    head = {"$schema": "https://json-schema.org/draft/2020-12/schema", "$id": f"urn:fedora-qa:{urn}"}
+    return head | adapter.json_schema(mode=mode)
+
+
+def schema_text(schema: dict[str, Any]) -> str:
+    """Return a schema as it is published."""
+    return json.dumps(schema, indent=1) + "\n"
+
+
 def read_json(path: Path, adapter: TypeAdapter[T], noun: str, advice: str) -> T:
     """Read a JSON file that has no version.
 
@@ -124,6 +142,11 @@ def read_json(path: Path, adapter: TypeAdapter[T], noun: str, advice: str) -> T:
         There is no file, it is longer than ``MOST_BYTES``, or it does not fit the type; the message names the place.
     """
     return _parsed(path, lambda text: _validated(text, adapter, noun, advice), noun, advice)
+
+
+def read_published(path: Path, adapter: TypeAdapter[T], noun: str, advice: str) -> T | None:
+    """Read a file of the package that a study writes, as ``read_json`` does; None where it was not published."""
+    return read_json(path, adapter, noun, advice) if path.exists() else None
 
 
 def _parsed(path: Path, parse: Callable[[bytes], T], noun: str, advice: str) -> T:

@@ -37,10 +37,10 @@ title in the record that can serve as its caption. Times are on the file's clock
     smoothed as the statistics are, NaN where too few poses are there · ``forward_world`` (n, 3) float64: the body's X
     axis.
 ``frusta/<camera>/...``
-    What a camera sees at f of these poses, evenly chosen, by its declared intrinsics, lens and mounting: of ``rgb``,
-    or else of ``depth`` or ``events``. ``times_us`` (f,) float64 · ``centres_world_m`` (f, 3) float64: its centre of
-    projection · ``rays_world`` (f, 4, 3) float64: from there to the top left, top right, bottom right and bottom left
-    corner of the image, of length 1 along the optical axis, axes of the world.
+    The view of a camera at f of these poses, evenly chosen, by its declared intrinsics, lens and mounting: of
+    ``rgb``, or else of ``depth`` or ``events``. ``times_us`` (f,) float64 · ``centres_world_m`` (f, 3) float64: its
+    centre of projection · ``rays_world`` (f, 4, 3) float64: from there to the top left, top right, bottom right and
+    bottom left corner of the image, of length 1 along the optical axis, axes of the world.
 ``timeline/...``
     ``edges_us`` (b + 1,) float64, and ``<stream>`` (b,) int64 (``timeline/flow/10hz``): samples of the stream within
     each bin. Samples far outside the time that most streams share are in no bin. Events of windows that were not

@@ -14,7 +14,7 @@ _COMMANDS: Final[dict[Level, str]] = {"error": "error", "warning": "warning", "n
 
 
 def record_to_github(record: Record) -> str:
-    """Return one annotation a line; empty where there is nothing to say."""
+    """Return one annotation a line; empty without problems."""
     lines: list[str] = []
     for problem in (problem for file in record.files for problem in problems_of(file)):
         where = place(problem.where)

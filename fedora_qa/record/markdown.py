@@ -3,6 +3,7 @@
 import re
 from collections.abc import Iterable
 
+from fedora_qa.record.tables import TextTable
 from fedora_qa.record.types import FileRecord, Record
 from fedora_qa.record.wording import (
     OUTCOME_WORDS,
@@ -58,6 +59,12 @@ def table(head: Iterable[str], rows: Iterable[Iterable[str]]) -> str:
     head = tuple(head)
     lines = [_row(head), _row("---" for _ in head)]
     return "\n".join([*lines, *(_row(escape(cell) for cell in row) for row in rows)])
+
+
+def table_section(source: TextTable, level: int = 2) -> str:
+    """Return a table of text below its title, a heading of a level, and above its note."""
+    heading = f"{'#' * level} {escape(source.title)}"
+    return f"{heading}\n\n{table(source.head, source.rows)}\n\n{escape(source.note)}".rstrip()
 
 
 def _row(cells: Iterable[str]) -> str:

@@ -1,4 +1,4 @@
-"""Text, lines and tables as light HTML for a notebook; all text from a file is escaped."""
+"""Text, lines, tables and whole pages as HTML for a notebook; all text from a file is escaped."""
 
 from collections.abc import Iterable, Sequence
 from html import escape
@@ -21,6 +21,15 @@ def html_table(head: Sequence[str], rows: Iterable[Sequence[str]], title: str = 
     """Return a table; ``title`` stands above it."""
     caption = f"<caption>{html_text(title)}</caption>" if title else ""
     return f"<table>{caption}{_row('th', head)}{''.join(_row('td', row) for row in rows)}</table>"
+
+
+def isolated_frame(page: str) -> str:
+    """Return an HTML document in a frame whose scripts cannot reach the notebook."""
+    return (
+        # Sandboxed without ``allow-same-origin``: scripts of the report cannot reach the page of the notebook.
+        f'<iframe srcdoc="{escape(page)}" sandbox="allow-scripts" title="fedora-qa report" '
+        'style="width: 100%; height: 800px; border: 1px solid #8888"></iframe>'
+    )
 
 
 def _row(tag: str, cells: Sequence[str]) -> str:

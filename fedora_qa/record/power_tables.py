@@ -1,10 +1,9 @@
 """A study of detection as tables of text, the same in the terminal and in the report."""
 
-from dataclasses import dataclass
 from itertools import groupby
 from typing import Final
 
-from fedora_qa.record.markdown import escape, table
+from fedora_qa.record.markdown import escape, table_section
 from fedora_qa.record.power_types import (
     NOT_FOUND,
     WHOLE_FILE,
@@ -15,6 +14,7 @@ from fedora_qa.record.power_types import (
     Share,
     Truth,
 )
+from fedora_qa.record.tables import TextTable
 from fedora_qa.record.wording import number
 
 ANY_CHECK: Final = "any check"
@@ -39,18 +39,7 @@ _CHECKS_SHOWN: Final = 3
 _WRONG_SHOWN: Final = 30
 
 
-@dataclass(frozen=True, slots=True)
-class PowerTable:
-    """A table of text: the first ``words`` columns hold words, the others numbers."""
-
-    title: str
-    head: tuple[str, ...]
-    rows: tuple[tuple[str, ...], ...]
-    words: int = 1
-    note: str = ""
-
-
-def tables_of(power: Power) -> tuple[PowerTable, ...]:
+def tables_of(power: Power) -> tuple[TextTable, ...]:
     """Return the tables of a study that have rows."""
     false = power.false_alarms
     note = (
@@ -61,7 +50,7 @@ def tables_of(power: Power) -> tuple[PowerTable, ...]:
         note += f" {power.set_aside} faulty copies of files that failed are set aside, and not counted below."
     rows: list[tuple[str, ...]] = [(ANY_CHECK, share_words(false.files), interval_words(false.files))]
     rows += [(check, share_words(share), interval_words(share)) for check, share in false.by_check.items()]
-    alarms = PowerTable("False alarms on clean files", ("check", "failed", "95% interval"), tuple(rows), note=note)
+    alarms = TextTable("False alarms on clean files", ("check", "failed", "95% interval"), tuple(rows), note, words=1)
 
     head = ("faults", "found", "of those expected to be", "named first, of those found", "95% interval", "all named")
     rows = [
@@ -69,14 +58,16 @@ def tables_of(power: Power) -> tuple[PowerTable, ...]:
          interval_words(naming.named_first), share_words(naming.all_named))
         for naming in power.naming
     ]  # fmt: skip
-    kinds = PowerTable("Faults found and named", head, tuple(rows))
+    kinds = TextTable("Faults found and named", head, tuple(rows), words=1)
 
     rows = [
         (row.status, share_words(row.right), interval_words(row.right))
         for row in power.statuses
         if not row.cause  # each cause is in the JSON
     ]
-    statuses = PowerTable("Diagnoses that name a planted cause", ("status", "right", "95% interval"), tuple(rows))
+    statuses = TextTable(
+        "Diagnoses that name a planted cause", ("status", "right", "95% interval"), tuple(rows), words=1
+    )
 
     # Of several planted causes any is right in the first place; what was not found is a miss, not a wrong name.
     wrong = [
@@ -88,7 +79,7 @@ def tables_of(power: Power) -> tuple[PowerTable, ...]:
     ]
     more = len(wrong) - len(rows)
     note = f"And {more} more, in the JSON." if more else ""
-    confusions = PowerTable("Wrong names", ("planted", "named first", "kind", "files"), tuple(rows), 3, note)
+    confusions = TextTable("Wrong names", ("planted", "named first", "kind", "files"), tuple(rows), note, words=3)
 
     head_of_sizes = (
         "cause", "files", "median relative error", "with error", "median pull", "spread of pulls", "within 2",
@@ -101,7 +92,7 @@ def tables_of(power: Power) -> tuple[PowerTable, ...]:
         for error in power.magnitudes
     ]  # fmt: skip
     title = "Fitted sizes against planted ones, where the cause is named first"
-    sizes = PowerTable(title, head_of_sizes, tuple(rows))
+    sizes = TextTable(title, head_of_sizes, tuple(rows), words=1)
 
     tables = (alarms, kinds, statuses, _detections(power), confusions, sizes, _limits(power))
     return tuple(candidate for candidate in tables if candidate.rows)
@@ -123,11 +114,8 @@ def power_to_markdown(power: Power, drawing: str = "") -> str:
         f"A check crashed in {len(power.crashed)} files: {escape(', '.join(power.crashed))}." if power.crashed else ""
     )
     picture = f"![Detection against size, and stated limits against measured ones]({drawing})" if drawing else ""
-    sections = [
-        f"## {table_source.title}\n\n{table(table_source.head, table_source.rows)}\n\n{escape(table_source.note)}"
-        for table_source in tables_of(power)
-    ]
-    return "\n\n".join(section.rstrip() for section in [head, crashed, picture, *sections] if section) + "\n"
+    sections = [table_section(source) for source in tables_of(power)]
+    return "\n\n".join(section for section in [head, crashed, picture, *sections] if section) + "\n"
 
 
 def share_words(share: Share) -> str:
@@ -159,7 +147,7 @@ def _rounded(value: float) -> float:
     return float(f"{value:.3g}")
 
 
-def _detections(power: Power) -> PowerTable:
+def _detections(power: Power) -> TextTable:
     rows: list[tuple[str, ...]] = []
     for _, group in groupby(power.detections, key=lambda detection: (detection.cause, detection.unit)):
         # First how often any check finds the cause, then the checks that find it most often.
@@ -181,10 +169,10 @@ def _detections(power: Power) -> PowerTable:
         "is found if its deviation is significant (profile strict). It fails a release if the deviation is also "
         "material (profile release)."
     )
-    return PowerTable("Detection", head, tuple(rows), words=2, note=note)
+    return TextTable("Detection", head, tuple(rows), note)
 
 
-def _limits(power: Power) -> PowerTable:
+def _limits(power: Power) -> TextTable:
     head = ("cause", "check", "verdict", "compared by", "states (median)", "found from it on", "from twice it on",
             "95% at, of it")  # fmt: skip
     rows = [
@@ -206,4 +194,4 @@ def _limits(power: Power) -> PowerTable:
         f"size on, the check that states it finds {count} of {of}, and any check {by_any}. "
         f"{len(power.not_comparable)} pairs of cause and check cannot be compared; the JSON has the reasons."
     )
-    return PowerTable("Limits that the checks state, against what they find", head, tuple(rows), words=4, note=note)
+    return TextTable("Limits that the checks state, against what they find", head, tuple(rows), note, words=4)

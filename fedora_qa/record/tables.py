@@ -1,4 +1,4 @@
-"""The record as tables of typed columns, from which CSV, Parquet and data frames are made."""
+"""Tables: a record as tables of typed columns, from which CSV, Parquet and data frames are made; and tables of text."""
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
@@ -11,6 +11,13 @@ Kind = Literal["text", "texts", "integer", "integers", "number", "scalar"]
 
 Cell = Scalar | tuple[str, ...] | tuple[int, ...]
 Row = tuple[Cell, ...]
+
+
+ABSENT: Final = "-"
+"""Stands in a table of text for an absent value."""
+
+SOURCE: Final = "source"
+"""Heads a column of a table of text that names who published a row."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -28,6 +35,17 @@ class Table:
     name: str
     columns: tuple[Column, ...]
     rows: tuple[Row, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class TextTable:
+    """A table of text: the first ``words`` columns hold words, the others numbers."""
+
+    title: str
+    head: tuple[str, ...]
+    rows: tuple[tuple[str, ...], ...]
+    note: str = ""
+    words: int = 2
 
 
 def tables_of(record: Record) -> tuple[Table, ...]:

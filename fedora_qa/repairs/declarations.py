@@ -7,10 +7,10 @@ from typing import Any, Final
 import h5py
 import numpy as np
 
+from fedora_qa.errors import NotRepairableError
 from fedora_qa.layout.canonical import ATTRIBUTES
 from fedora_qa.layout.metadata import Supplied
 from fedora_qa.layout.resolve import Layout
-from fedora_qa.repairs.not_repairable import NotRepairableError
 from fedora_qa.sequence.declared import Declared
 from fedora_qa.sequence.read_declared import MalformedError, read_attribute
 

@@ -16,7 +16,7 @@ from fedora_qa.engine.options import CheckOptions, FileRun
 from fedora_qa.engine.plan import window_length_ns
 from fedora_qa.engine.progress import Progress
 from fedora_qa.engine.run import check_file
-from fedora_qa.errors import MisuseError, UnreadableFileError
+from fedora_qa.errors import MisuseError, NotRepairableError, UnreadableFileError
 from fedora_qa.faults.clocks import TimeUnit
 from fedora_qa.faults.fault import FaultySequence
 from fedora_qa.faults.reversible import InapplicableError, ReversibleFault
@@ -27,7 +27,6 @@ from fedora_qa.record.atomic import replacing
 from fedora_qa.record.types import Diagnosis
 from fedora_qa.repairs.declarations import changed_declarations, write_declaration
 from fedora_qa.repairs.mechanical import ROW_FAULTS, UNIT_FAULTS, exact, why_not_mechanical
-from fedora_qa.repairs.not_repairable import NotRepairableError
 from fedora_qa.repairs.result import Omission, Repair, RepairStep
 from fedora_qa.repairs.verify import why_not_better
 from fedora_qa.repairs.write import (

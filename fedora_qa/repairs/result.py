@@ -46,7 +46,7 @@ class Repair:
     datasets, attributes
         What was altered, or would be: datasets, and attributes as ``path.name = value``.
     beside
-        Datasets that the dialect of the file does not know, and that may refer to what was altered; they stay.
+        Datasets that the dialect does not describe and that may refer to what was altered; they are not altered.
     refusal
         Why nothing is written, as a sentence; empty where the file is written, or would be.
     before, after

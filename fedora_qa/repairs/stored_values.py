@@ -6,10 +6,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fedora_qa.conventions import NS_PER_US, POLARITY_BRIGHTER, POLARITY_DARKER
+from fedora_qa.errors import NotRepairableError
 from fedora_qa.layout.binding import POLARITY_CODES, Binding, canonical_values, selected_columns, timestamps_ns
 from fedora_qa.layout.canonical import spec_of
 from fedora_qa.layout.conversions import MAP_DEFINITIONS
-from fedora_qa.repairs.not_repairable import NotRepairableError
 
 _RESOLUTION_NS: Final = NS_PER_US // 2
 """Rounding error of a timestamp that the format has itself: half of its microsecond."""
@@ -65,7 +65,7 @@ def replace_values(stored: NDArray[Any], binding: Binding, canonical: NDArray[An
 def _converted(values: NDArray[Any], binding: Binding, origin_ns: int) -> NDArray[Any]:
     """Return canonical values (m,) in the stored unit and type."""
     dtype = binding.dtype
-    # The definition of a map says what its entries mean, and leaves them as they are.
+    # The definition of a map states the meaning of its entries and does not convert them.
     if binding.conversion is not None and binding.conversion.name not in MAP_DEFINITIONS:
         raise _refused(binding, "values that its dialect does not convert")
     if binding.ns_per_unit is not None:

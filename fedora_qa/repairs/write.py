@@ -17,14 +17,13 @@ import h5py
 import numpy as np
 from numpy.typing import NDArray
 
-from fedora_qa.errors import UnreadableRowsError
+from fedora_qa.errors import NotRepairableError, UnreadableRowsError
 from fedora_qa.layout.binding import Binding
 from fedora_qa.layout.bitshuffle import require_sound_blocks
 from fedora_qa.layout.canonical import spec_of
 from fedora_qa.layout.links import READ_ERRORS
 from fedora_qa.layout.resolve import Layout
 from fedora_qa.layout.walk import walk
-from fedora_qa.repairs.not_repairable import NotRepairableError
 from fedora_qa.repairs.stored_values import replace_values
 from fedora_qa.sequence.sequence import SequenceRows
 
@@ -103,7 +102,7 @@ def require_whole(file: h5py.File) -> None:
 
 
 def require_known_rows(file: h5py.File, layout: Layout, streams: Collection[str]) -> None:
-    """Raise ``NotRepairableError`` where a stream whose rows move has companions that no dialect knows.
+    """Raise ``NotRepairableError`` where rows move and no dialect describes what belongs to them.
 
     These are further columns of its tables, and datasets beside its own that have as many rows; they would stay.
     """

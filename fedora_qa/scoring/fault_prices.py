@@ -1,6 +1,6 @@
 """What faults in training data cost a small network, as measured and published.
 
-The table is a file of the package, written by ``make study-learning``; docs/learning.md says how it was measured.
+The table is a file of the package, written by ``make study-learning``; docs/learning.md states how it was measured.
 """
 
 from dataclasses import dataclass
@@ -10,7 +10,7 @@ from typing import Final
 from pydantic import TypeAdapter
 
 from fedora_qa.record.atomic import write_text
-from fedora_qa.record.documents import read_json
+from fedora_qa.record.documents import read_published
 
 PUBLISHED: Final = Path(__file__).with_name("fault_prices.json")
 
@@ -78,13 +78,5 @@ def write_fault_prices(prices: FaultPrices, target: Path = PUBLISHED) -> None:
 
 
 def read_fault_prices(source: Path = PUBLISHED) -> FaultPrices | None:
-    """Read the table; None where none has been published.
-
-    Raises
-    ------
-    MisuseError
-        The file is damaged.
-    """
-    if not source.exists():
-        return None
-    return read_json(source, _ADAPTER, "a table of the prices of faults", "run `make study-learning`")
+    """Read the table; None where none has been published. Raises ``MisuseError`` where the file is damaged."""
+    return read_published(source, _ADAPTER, "a table of the prices of faults", "run `make study-learning`")

@@ -9,11 +9,10 @@ from numpy.typing import NDArray
 from fedora_qa.conventions import MM_PER_M
 from fedora_qa.errors import MisuseError
 from fedora_qa.layout.canonical import timestamps_of
-from fedora_qa.scoring.error_sums import Partition
-from fedora_qa.scoring.image_parts import by_depth, near_edges
+from fedora_qa.scoring.error_sums import Partition, by_depth, near_edges
 from fedora_qa.scoring.predictions import Predictions, RowReader, canonical_shape, matched_rows
-from fedora_qa.sequence.file_time import file_times_us
 from fedora_qa.sequence.sequence import Sequence as OpenSequence
+from fedora_qa.sequence.sequence import file_times_us
 
 Float32 = NDArray[np.float32]
 Int64 = NDArray[np.int64]
@@ -27,7 +26,7 @@ class PairedSequence:
     truth, predicted
         Both open.
     notes
-        What a reader of the score needs to know besides.
+        Remarks for the reader of the score.
     """
 
     def __init__(self, truth: OpenSequence, predicted: Predictions) -> None:

@@ -16,8 +16,7 @@ from fedora_qa.errors import MisuseError, UnreadableFileError, UnreadableRowsErr
 from fedora_qa.layout.canonical import is_flow_stream, timestamps_of
 from fedora_qa.layout.conversions import Conversion, converted
 from fedora_qa.layout.dialect import load_dialect
-from fedora_qa.sequence.file_time import file_times_us
-from fedora_qa.sequence.sequence import Sequence, open_sequence
+from fedora_qa.sequence.sequence import Sequence, file_times_us, open_sequence
 from fedora_qa.sources.images import Images, images_of, number_in
 from fedora_qa.sources.source import SourceError
 from fedora_qa.sources.text import number_table

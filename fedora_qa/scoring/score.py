@@ -17,9 +17,8 @@ from fedora_qa.layout.canonical import flow_rate_hz, in_file_order, is_flow_stre
 from fedora_qa.layout.dialect import DialectChoice
 from fedora_qa.record.types import Tool
 from fedora_qa.scoring.depth_errors import depth_accuracy, depth_errors
-from fedora_qa.scoring.error_sums import ErrorSums, share
+from fedora_qa.scoring.error_sums import ErrorSums, by_motion, share, whole_image
 from fedora_qa.scoring.flow_errors import flow_accuracy, flow_errors
-from fedora_qa.scoring.image_parts import by_motion, whole_image
 from fedora_qa.scoring.pairing import PairedSequence, depth_in_m
 from fedora_qa.scoring.predictions import Predictions, PredictionsForm, can_be_scored, open_predictions
 from fedora_qa.scoring.trajectory_errors import absolute_errors, normalised_errors, relative_errors

@@ -3,8 +3,8 @@
 from collections.abc import Iterator, Sequence
 from typing import Final
 
-from fedora_qa.record.markdown import escape, table
-from fedora_qa.record.text_table import ABSENT, TextTable
+from fedora_qa.record.markdown import escape, table_section
+from fedora_qa.record.tables import ABSENT, TextTable
 from fedora_qa.record.wording import number
 from fedora_qa.scoring.types import Alignment, DepthScore, FlowScore, PoseScore, Score
 
@@ -70,10 +70,7 @@ def score_to_markdown(score: Score) -> str:
         f"**{escape(headline(score))}**",
     ]
     parts += [f"- {escape(note)}" for note in score.notes]
-    parts += [
-        f"## {escape(source.title)}\n\n{table(source.head, source.rows)}\n\n{escape(source.note)}"
-        for source in score_tables(score)
-    ]
+    parts += [table_section(source) for source in score_tables(score)]
     return "\n\n".join([*parts, f"<sub>{escape(f'{score.tool.name} {score.tool.version}')}</sub>"]) + "\n"
 
 

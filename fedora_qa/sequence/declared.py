@@ -159,7 +159,7 @@ class DeclarationProblem:
     usable
         Whether its meaning is plain, so that it was read in spite of its form.
     stream
-        Whose fault the cause is: a declaration may contradict the layout by what it says of a stream.
+        The stream that the cause concerns: a declaration may contradict the layout of a stream.
     """
 
     owner: str

@@ -1,7 +1,7 @@
 """Open a sequence: read-only, lazy, in canonical units."""
 
 import os
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from contextlib import ExitStack, closing
 from dataclasses import dataclass
 from math import prod
@@ -10,9 +10,10 @@ from types import TracebackType
 from typing import Any, Final, Protocol, Self
 
 import h5py
+import numpy as np
 from numpy.typing import NDArray
 
-from fedora_qa.conventions import NS_PER_S
+from fedora_qa.conventions import NS_PER_S, NS_PER_US
 from fedora_qa.errors import UnreadableFileError, UnreadableRowsError
 from fedora_qa.layout.binding import Binding, Opened, canonical_rows, instant_ns, raw_rows
 from fedora_qa.layout.canonical import is_timed, timestamps_of
@@ -39,6 +40,9 @@ _FIRST_ROWS: Final = 5
 
 _LONGEST_PAUSE_NS: Final = 86_400 * NS_PER_S
 """A day, ns: no recording pauses for longer between its first samples, of a stream or of all of them."""
+
+_BLOCK_ROWS: Final = 1 << 18
+"""Rows that are read together: a few MB of events."""
 
 
 class SequenceRows(Protocol):
@@ -84,6 +88,20 @@ class SequenceRows(Protocol):
     def chunk_rows(self, key: str) -> int:
         """Return how many rows are stored together."""
         ...
+
+
+def row_blocks(count: int) -> Iterator[tuple[int, int]]:
+    """Yield the first row of each block, and the row after its last."""
+    for start in range(0, count, _BLOCK_ROWS):
+        yield start, min(start + _BLOCK_ROWS, count)
+
+
+def file_times_us(sequence: SequenceRows, key: str, start: int, stop: int) -> NDArray[np.int64]:
+    """Return timestamps in us on the clock of the file, rounded down, so that their order stays."""
+    times_ns: NDArray[np.int64] = sequence.rows(key, start, stop)
+    # The origin may lie far away and need not be whole us: both parts are divided before they are added.
+    whole_us, rest_ns = divmod(sequence.origin_ns, NS_PER_US)
+    return whole_us + (times_ns + rest_ns) // NS_PER_US
 
 
 @dataclass(frozen=True, slots=True)

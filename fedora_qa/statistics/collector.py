@@ -72,9 +72,9 @@ class StatisticsCollector:
     """The paper's sequence table (T, D, v max, w max, mean event rate) and flow table, and more.
 
     Images, depth and flow are sampled at every fourth column and row, in every frame of the given windows. Small images
-    are used whole; large images are sampled less densely unless the effort asks for all. Rows that cannot be decoded
-    are left out; the check ``integrity.readable`` names them. Of streams outside of ``families`` (``flow`` is every
-    rate; None: all) only the timestamps count, and nothing is decoded.
+    are used whole; large images are sampled less densely unless the effort requires all pixels. Rows that cannot be
+    decoded are left out; the check ``integrity.readable`` names them. Of streams outside of ``families`` (``flow`` is
+    every rate; None: all) only the timestamps count, and nothing is decoded.
     """
 
     name = "statistics"

@@ -13,7 +13,7 @@ from fedora_qa.storage.traffic import Traffic
 from fedora_qa.storage.version import Version
 
 BLOCK_BYTES: Final = 1 << 18
-"""For HDF5 files: large against its structure, small against images (docs/remote.md says how it was chosen)."""
+"""For HDF5 files: large against its structure, small against images (docs/remote.md states how it was chosen)."""
 
 _BLOCKS: Final = 256
 """Largest number of blocks that are kept: those that were read last."""

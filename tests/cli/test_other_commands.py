@@ -17,7 +17,7 @@ from fedora_qa.cli.console import print_table
 from fedora_qa.cli.doctor import Symptom
 from fedora_qa.cli.progress import files_progress, progress_bar
 from fedora_qa.engine.progress import ProgressTally
-from fedora_qa.record.text_table import TextTable
+from fedora_qa.record.tables import TextTable
 from tests.cli.conftest import Command
 from tests.support.graphics import without_opengl
 from tests.support.latex_reader import read_latex

@@ -8,7 +8,7 @@ import pytest
 
 from fedora_qa.diagnosis import confidence
 from fedora_qa.diagnosis.confidence import FEWEST, confidence_of
-from fedora_qa.power.published_confidence import write_confidence
+from fedora_qa.power.detection_power import write_confidence
 from fedora_qa.power.tables import power_of
 from tests.support.studies import ORIGIN, study
 

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from fedora_qa.evidence.frusta import frusta_of
+from fedora_qa.evidence.trajectory import frusta_of
 from fedora_qa.geometry.lens import pixels_of_rays
 from fedora_qa.sequence.declared import Camera, Lens
 from tests.evidence.test_point_cloud import LEVER_M, T_BODY_CAMERA, K

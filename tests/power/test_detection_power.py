@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from fedora_qa.cli.detection_power import detection_power_text, pass_detection_power
+from fedora_qa.cli.published_studies import detection_power_text, pass_detection_power
 from fedora_qa.errors import MisuseError
 from fedora_qa.power.detection_power import (
     detection_power_of,
@@ -52,15 +52,15 @@ def test_no_table_and_a_damaged_one(tmp_path: Path) -> None:
 def test_explain_says_what_a_pass_is_worth(monkeypatch: pytest.MonkeyPatch) -> None:
     """The sizes stand in words, with a warning where the code has changed since; without a table nothing is said."""
     published = detection_power_of(POWER)
-    monkeypatch.setattr("fedora_qa.cli.detection_power.read_detection_power", lambda: published)
+    monkeypatch.setattr("fedora_qa.cli.published_studies.read_detection_power", lambda: published)
     assert "events:time_offset: 95% at 0.8" in detection_power_text(CHECK)
     assert "has changed" not in detection_power_text(CHECK)
     assert "No cause" in detection_power_text("imu.timing")
     monkeypatch.setattr(
-        "fedora_qa.cli.detection_power.read_detection_power", lambda: replace(published, estimators_digest="0")
+        "fedora_qa.cli.published_studies.read_detection_power", lambda: replace(published, estimators_digest="0")
     )
     assert "The code has changed since" in detection_power_text(CHECK)
-    monkeypatch.setattr("fedora_qa.cli.detection_power.read_detection_power", lambda: None)
+    monkeypatch.setattr("fedora_qa.cli.published_studies.read_detection_power", lambda: None)
     assert detection_power_text(CHECK) == ""
 
 
@@ -74,7 +74,7 @@ def test_a_report_gets_all_of_it_with_the_best_check_of_each_cause(monkeypatch: 
     )
     unsure = replace(surer, check="clocks.rate", found=Share(3, 4, 0.2, 0.99))
     both = replace(published, found=(blunter, known, unsure, surer))
-    monkeypatch.setattr("fedora_qa.cli.detection_power.read_detection_power", lambda: both)
+    monkeypatch.setattr("fedora_qa.cli.published_studies.read_detection_power", lambda: both)
     handed_over = pass_detection_power()
     assert {(one.cause, one.check, one.best) for one in handed_over.causes} == {
         (known.cause, "imu.timing", False),
@@ -83,5 +83,5 @@ def test_a_report_gets_all_of_it_with_the_best_check_of_each_cause(monkeypatch: 
     }
     assert [one.text for one in handed_over.causes if one.cause == "rgb:unsorted"] == ["found 4 of 4 (100.0%)"]
     assert "short and small files" in handed_over.source
-    monkeypatch.setattr("fedora_qa.cli.detection_power.read_detection_power", lambda: None)
+    monkeypatch.setattr("fedora_qa.cli.published_studies.read_detection_power", lambda: None)
     assert pass_detection_power() == NOTHING_KNOWN

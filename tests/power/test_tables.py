@@ -9,10 +9,9 @@ import pytest
 from fedora_qa.power.checked_file import NamedCause, checked_from
 from fedora_qa.power.detection import by_cause, curve_of, detections, false_alarms
 from fedora_qa.power.manifest import PlantedFault
-from fedora_qa.power.naming import accuracy_by_status, confusions, naming
 from fedora_qa.power.stated_limits import stated_limits
 from fedora_qa.power.study import Trial
-from fedora_qa.power.tables import magnitude_errors, power_of
+from fedora_qa.power.tables import accuracy_by_status, confusions, magnitude_errors, naming, power_of
 from fedora_qa.power.units import factor_between
 from fedora_qa.record.power_types import NOT_FOUND, StatedLimit
 from fedora_qa.record.types import Coverage, Measurement, Result

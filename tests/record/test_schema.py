@@ -14,8 +14,8 @@ from fedora_qa.cli.schema_files import schema_path, schemas
 from fedora_qa.config import CONFIG_READER, CheckConfig
 from fedora_qa.gating.certificate import CERTIFICATE
 from fedora_qa.gating.policy import POLICY_READER, Policy
+from fedora_qa.record.documents import schema_text
 from fedora_qa.record.json_io import RECORD, record_to_json
-from fedora_qa.record.schemas import schema_text
 from tests.support.certificates import CERTIFIED
 from tests.support.documented import CONFIG_EXAMPLE, POLICY_EXAMPLE
 from tests.support.records import crashed, failed, file_record, late_events, not_observable, passed, record

@@ -9,8 +9,8 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 from numpy.typing import NDArray
 
+from fedora_qa.errors import NotRepairableError
 from fedora_qa.layout.binding import Binding, canonical_values, selected_columns
-from fedora_qa.repairs.not_repairable import NotRepairableError
 from fedora_qa.repairs.stored_values import replace_values
 
 

@@ -7,8 +7,7 @@ import numpy as np
 import pytest
 
 from fedora_qa.scoring.depth_errors import depth_accuracy, depth_errors
-from fedora_qa.scoring.error_sums import ErrorSums
-from fedora_qa.scoring.image_parts import whole_image
+from fedora_qa.scoring.error_sums import ErrorSums, whole_image
 from fedora_qa.scoring.types import DepthAccuracy
 
 Array = np.ndarray[Any, Any]

@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 
 from fedora_qa.cli.explain import explanations_of
-from fedora_qa.cli.fault_price import TITLE, fault_price_text, fault_price_texts
+from fedora_qa.cli.published_studies import PRICE_TITLE, fault_price_text, fault_price_texts
 from fedora_qa.cli.rule_help import rule_helps
 from fedora_qa.errors import MisuseError
 from fedora_qa.scoring.fault_prices import FaultPrice, FaultPrices, read_fault_prices, write_fault_prices
@@ -38,7 +38,7 @@ PRICES = FaultPrices(
 @pytest.fixture
 def published(monkeypatch: pytest.MonkeyPatch) -> None:
     """The prices above are those of the package."""
-    monkeypatch.setattr("fedora_qa.cli.fault_price.read_fault_prices", lambda: PRICES)
+    monkeypatch.setattr("fedora_qa.cli.published_studies.read_fault_prices", lambda: PRICES)
 
 
 def test_the_table_is_the_same_when_read_again(tmp_path: Path) -> None:
@@ -61,7 +61,7 @@ def test_explain_quotes_costs() -> None:
     assert "NADE" not in text
     assert "40 generated flights" in text
     (explained,) = explanations_of(CHECK)
-    assert explained.sections[TITLE] == text
+    assert explained.sections[PRICE_TITLE] == text
     assert fault_price_texts() == {CHECK: text}
 
 
@@ -70,7 +70,7 @@ def test_what_was_not_measured_is_not_quoted() -> None:
     """A check whose faults have no price has no section."""
     assert fault_price_text("imu.noise") == ""
     (explained,) = explanations_of("imu.noise")
-    assert TITLE not in explained.sections
+    assert PRICE_TITLE not in explained.sections
 
 
 @pytest.mark.usefixtures("published")

@@ -7,9 +7,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from fedora_qa.scoring.error_sums import ErrorSums, Partition
+from fedora_qa.scoring.error_sums import ErrorSums, Partition, whole_image
 from fedora_qa.scoring.flow_errors import flow_accuracy, flow_errors
-from fedora_qa.scoring.image_parts import whole_image
 from fedora_qa.scoring.types import FlowAccuracy
 
 Array = np.ndarray[Any, Any]

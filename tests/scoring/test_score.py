@@ -12,8 +12,7 @@ from fedora_qa.errors import MisuseError, UnreadableRowsError
 from fedora_qa.scoring.predictions import PredictionsForm, RowReader
 from fedora_qa.scoring.score import MOST_POINTS, errors_over_time, score_sequence
 from fedora_qa.scoring.types import Score
-from fedora_qa.sequence.file_time import file_times_us
-from fedora_qa.sequence.sequence import open_sequence
+from fedora_qa.sequence.sequence import file_times_us, open_sequence
 from tests.support.dsec_folder import encode_flow, write_dsec_folder, write_png
 from tests.support.handmade import write_handmade
 from tests.support.predictions import (

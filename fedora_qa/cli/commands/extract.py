@@ -4,8 +4,8 @@ from typing import Any, Final
 
 import click
 
-from fedora_qa.cli.completion import complete_dialect
 from fedora_qa.cli.options import PATH, allow_external_option
+from fedora_qa.cli.parameters import complete_dialect
 from fedora_qa.cli.startup import loading_modules
 
 LONGEST_S: Final = 20.0
