@@ -109,9 +109,10 @@ def gather_candidates(
     _add_findings_of_any_cause(evidence, hypotheses)
     candidates = []
     for (cause, stream), of_cause in evidence.items():
-        # One fault shifts or scales in one direction: sizes of the sign with less support are left out.
+        # One fault shifts or scales in one direction: sizes of the sign with less support are left out. Each check
+        # counts once, however many of its findings have a size.
         signs = {finding: (h.magnitude or 0.0) > 0 for finding, h in of_cause.items() if h.magnitude}
-        support = {sign: sum(of_cause[f].support for f in signs if signs[f] is sign) for sign in (True, False)}
+        support = {s: sum(of_cause[f].support * weights[f] for f in signs if signs[f] is s) for s in (True, False)}
         sign = support[True] >= support[False]
         of_one_sign = {finding: h for finding, h in of_cause.items() if signs.get(finding, sign) is sign}
         if of_one_sign:

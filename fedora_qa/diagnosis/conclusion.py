@@ -14,9 +14,17 @@ Trials = Mapping[tuple[str, str], UndoTrial]
 """Trials by cause and stream."""
 
 _MANY_MECHANISMS: Final = frozenset(
-    {"exposure_or_gamma", "frame_convention", "duplicated_samples", "unsorted", "invalid_encoding"}
+    {
+        "exposure_or_gamma",
+        "frame_convention",
+        "duplicated_samples",
+        "unsorted",
+        "invalid_encoding",
+        "quaternion_not_unit",
+    }
 )
-"""Causes with more mechanisms than are tried: that those clear nothing rules nothing out."""
+"""Causes with more mechanisms than are tried: that those clear nothing rules nothing out. Of noise of the components of
+quaternions normalising takes the lengths alone."""
 
 _MOSTLY: Final = 0.5
 """Share of the deviations of a cause that undoing it must remove for the cause to be supported."""

@@ -32,6 +32,9 @@ _REVERSED_BELOW: Final = -0.5
 _DOMAIN_PREFERRED: Final = 3.0
 """Standard errors by which the other domain must fit better to become a hypothesis (after an alarm only)."""
 
+_FEWEST_UNRELATED: Final = 3
+"""Least number of successive intervals without correlation for another sequence: two lie beside one wrong frame."""
+
 _EVENTS: Final = support("event_response.clock_of_events")
 _FRAMES: Final = support("event_response.clock_of_frames")
 
@@ -307,8 +310,16 @@ def propose_frames(alarm: Alarm, facts: Facts) -> tuple[Hypothesis, ...]:
     # A repeated frame causes an interval without any change; exchanged frames cause changes of the opposite sign.
     frozen = "frames.unchanged" if anomalies.unchanged else "frames.no_unchanged"
     swapped = "frames.reversed" if anomalies.reversed and not anomalies.unchanged else "frames.no_reversed"
+    # Frames of another scene change from one to the next, as events do, and not with them.
+    unrelated: tuple[Hypothesis, ...] = ()
+    if anomalies.unrelated >= _FEWEST_UNRELATED:
+        unrelated = (
+            Hypothesis("other_sequence", "rgb", support("event_response.frames.unrelated_frames")),
+            Hypothesis("other_sequence", "events", support("event_response.frames.unrelated_events")),
+        )
     # At least one frame is wrong, as its interval caused the alarm.
     return (
+        *unrelated,
         Hypothesis(
             "frozen_frames", "rgb", support(f"event_response.{frozen}"), float(max(anomalies.unchanged, 1)), "samples"
         ),

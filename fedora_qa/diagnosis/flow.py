@@ -45,6 +45,15 @@ CAUSES_OF_TRANSFORM: Final[Mapping[str, tuple[str, ...]]] = MappingProxyType({
 A transform without a row has the name of its cause ("mirrored").
 """
 
+CAUSES_OF_TWO_TRANSFORMS: Final[Mapping[str, tuple[str, ...]]] = MappingProxyType(
+    {
+        "negated_in_another_unit": ("flow_unit", "flow_sign"),
+        "transposed_axes_in_another_unit": ("flow_unit", "axes_swapped"),
+        "flipped_v_in_another_unit": ("flow_unit", "frame_convention"),
+    }
+)
+"""Causes that are there together where one transform after the other removes the deviation; the first has the size."""
+
 _SUPPORT_OF_TRANSFORM: Final = MappingProxyType({"triangulated_depth": support("flow.triangulated_depth")})
 """Factor on the removed share; 1 for transforms without a row."""
 
@@ -99,13 +108,14 @@ def convention_hypotheses(
     list[Hypothesis]
         One for each cause and stream, in the order of the trials.
     """
-    by_cause: dict[tuple[str, str], list[ConventionTrial]] = {}
+    by_cause: dict[tuple[str, str, str], list[ConventionTrial]] = {}
     for trial in trials:
         if trial.rate == rate:
-            for cause in CAUSES_OF_TRANSFORM.get(trial.transform, (trial.transform,)):
-                by_cause.setdefault((cause, trial.stream), []).append(trial)
-    hypotheses = []
-    for (cause, stream), group in by_cause.items():
+            together = CAUSES_OF_TWO_TRANSFORMS.get(trial.transform)
+            for cause in together or CAUSES_OF_TRANSFORM.get(trial.transform, (trial.transform,)):
+                by_cause.setdefault((cause, trial.stream, trial.transform if together else ""), []).append(trial)
+    hypotheses: dict[tuple[str, str], Hypothesis] = {}
+    for (cause, stream, _), group in by_cause.items():
         supports = [_SUPPORT_OF_TRANSFORM.get(trial.transform, 1.0) * trial.removed_share for trial in group]
         mean_support = float(np.mean(supports))
         mean_support *= support_of_extent(cause, share_off)
@@ -115,9 +125,13 @@ def convention_hypotheses(
             magnitude = abs(magnitude)
         # A transform without a row raises ``KeyError`` here, unless it is named as a cause.
         unit = CAUSES[cause].unit
+        size = magnitude if unit else None
         blamed = flow if stream == "flow" else stream
-        hypotheses.append(Hypothesis(cause, blamed, mean_support, magnitude, "" if magnitude is None else unit))
-    return hypotheses
+        hypothesis = Hypothesis(cause, blamed, mean_support, size, "" if size is None else unit)
+        # Alone, or beside a second cause: by the transform that removes most.
+        if (cause, stream) not in hypotheses or mean_support > hypotheses[cause, stream].support:
+            hypotheses[cause, stream] = hypothesis
+    return list(hypotheses.values())
 
 
 def gain_hypothesis(

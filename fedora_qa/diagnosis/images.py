@@ -5,6 +5,7 @@ from typing import Final
 from fedora_qa.checks.images.channels import NearestChannelOrder
 from fedora_qa.checks.images.exposure import BrightnessJump, CodesMultiplied
 from fedora_qa.checks.images.order import ALLOWED, OutOfOrderIntervals
+from fedora_qa.checks.images.transfer import CodesBent
 from fedora_qa.checks.images.vignetting import CornerLoss
 from fedora_qa.diagnosis.features import only_feature
 from fedora_qa.diagnosis.hypothesis import Hypothesis
@@ -130,8 +131,9 @@ def propose_transfer(alarm: Alarm, facts: Facts) -> tuple[Hypothesis, ...]:
     exponent, (low, high) = alarm.statistic.value, EXPONENTS_OF_DISPLAYS
     # Either direction of the curve: linear light encoded for a display (1 / 2.2), or such codes taken as linear (2.2).
     of_a_display = low <= exponent <= high or 1 / high <= exponent <= 1 / low
-    # In the linear model an exponent changes steps by their level; a threshold does not.
-    bent = of_a_display or alarm.statistic.name == "exponent"
+    # In the linear model an exponent changes steps by their level; a threshold does not. Nor does it leave codes out.
+    by_codes = any(isinstance(feature, CodesBent) for feature in alarm.statistic.features)
+    bent = of_a_display or by_codes or alarm.statistic.name == "exponent"
     spoils = support("images.fault_spoils_exponent")
     transfer = "transfer_of_a_display" if bent else "transfer_of_no_display"
     return (

@@ -1,9 +1,16 @@
 """Hypotheses for alarms of the checks of the IMU."""
 
+from collections.abc import Sequence
 from math import degrees, hypot, sqrt
 from typing import Final
 
-from fedora_qa.checks.imu.agreement import InertialParameter, RepeatsNearby, ResidualSmoothness, UnsettledFit
+from fedora_qa.checks.imu.agreement import (
+    BiasOfPart,
+    InertialParameter,
+    RepeatsNearby,
+    ResidualSmoothness,
+    UnsettledFit,
+)
 from fedora_qa.diagnosis.features import only_feature
 from fedora_qa.diagnosis.hypothesis import ANY_CAUSE, Hypothesis
 from fedora_qa.diagnosis.motion import axes_cause, defect_hypotheses, noise_hypotheses
@@ -11,6 +18,8 @@ from fedora_qa.diagnosis.support import support
 from fedora_qa.diagnosis.timing_cues import TimingCues, gravity_likelihoods, timing_cues_of
 from fedora_qa.estimators.fitting.grouped_fit import group_of
 from fedora_qa.estimators.imu.conventions import InertialConvention
+from fedora_qa.faults.reversible import signed_length
+from fedora_qa.features import Feature
 from fedora_qa.judgement.judge import Alarm
 from fedora_qa.sequence.declared import ImuModel
 from fedora_qa.sequence.facts import Facts
@@ -55,7 +64,7 @@ def _of_agreement(kind: MotionKind, alarm: Alarm, facts: Facts) -> tuple[Hypothe
     features = alarm.statistic.features
     trials = (feature for feature in features if isinstance(feature, InertialConventionTrial))
     conventions = tuple(hypothesis for trial in trials for hypothesis in convention_hypotheses(kind, trial.convention))
-    defects = (*conventions, *defect_hypotheses(features))
+    defects = (*conventions, *defect_hypotheses(features), *_of_part(features))
     rule = alarm.finding.code.rpartition(".")[2]
     if rule == "disagreement":
         return conventions
@@ -91,6 +100,21 @@ def _of_agreement(kind: MotionKind, alarm: Alarm, facts: Facts) -> tuple[Hypothe
         *_any_cause(support("imu.worst_of_any_cause") * (1 - smooth)),
         *_other_sequence(smooth),
         *defects,
+    )
+
+
+def _of_part(features: Sequence[Feature]) -> tuple[Hypothesis, ...]:
+    """Return a bias of a part of the sequence, where it explains nearly all of the residuals."""
+    return tuple(
+        Hypothesis(
+            "gyro_bias" if part.kind == "rotation" else "accel_bias",
+            "imu",
+            support("imu.bias_of_part") * part.explained,
+            signed_length(part.bias),
+            "rad/s" if part.kind == "rotation" else "m/s^2",
+        )
+        for part in features
+        if isinstance(part, BiasOfPart)
     )
 
 

@@ -12,6 +12,7 @@ from fedora_qa.diagnosis.support import support
 from fedora_qa.features import Feature
 from fedora_qa.judgement.judge import Alarm
 from fedora_qa.views.sample_defects import (
+    ComponentNoise,
     ExcessNoise,
     LinearInterpolation,
     RepeatedSamples,
@@ -43,6 +44,9 @@ def defect_hypotheses(features: Sequence[Feature]) -> tuple[Hypothesis, ...]:
             case RepeatedSamples(stream, count):
                 strength = support("motion.repeated_samples")
                 hypotheses.append(Hypothesis("frozen_frames", stream, strength, float(count), "samples"))
+            case ComponentNoise(stream):
+                strength = support("motion.noise_of_components")
+                hypotheses.append(Hypothesis("quaternion_not_unit", stream, strength))
             case ExcessNoise(stream):
                 hypotheses.append(Hypothesis("noise_misdeclared", stream, support("motion.excess_noise")))
     return tuple(hypotheses)

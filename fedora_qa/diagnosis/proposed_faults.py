@@ -2,12 +2,16 @@
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from math import copysign, hypot, isclose, isfinite
+from math import copysign, hypot, isclose, isfinite, isinf
 from types import MappingProxyType
 from typing import Any, Final, get_args
 
+import numpy as np
+
 from fedora_qa.causes import stream_family
 from fedora_qa.checks.flow_geometry.endpoint import FlowParameterFit
+from fedora_qa.checks.images.transfer import CodesBent
+from fedora_qa.checks.imu.agreement import BiasOfPart
 from fedora_qa.conventions import NS_PER_MS
 from fedora_qa.diagnosis.measured_sizes import Results, deviation, flow_vector, measured, rgb_px_per_event_px, vector
 from fedora_qa.faults import (
@@ -23,11 +27,11 @@ from fedora_qa.faults import (
     row_order,
     units,
 )
-from fedora_qa.faults.reversible import Matrix3, ReversibleFault
+from fedora_qa.faults.reversible import Matrix3, ReversibleFault, RowRange, Vector3
 from fedora_qa.faults.table import faults_of
 from fedora_qa.judgement.judge import Alarm
 from fedora_qa.sequence.facts import Facts
-from fedora_qa.views.inertial_agreement import InertialConventionTrial
+from fedora_qa.views.inertial_agreement import InertialConventionTrial, MotionKind
 
 Faults = Iterator[ReversibleFault]
 
@@ -280,13 +284,27 @@ def _gravity(fit: FittedCause) -> Faults:
 
 
 def _gyro_bias(fit: FittedCause) -> Faults:
+    for part, rows in _biases_of_parts(fit, "rotation"):
+        yield motion.GyroBias(part, rows)
     if bias := vector("bias", fit.results.get("imu.rotation")):
         yield motion.GyroBias(bias)
 
 
 def _accel_bias(fit: FittedCause) -> Faults:
+    for part, rows in _biases_of_parts(fit, "translation"):
+        yield motion.AccelBias(part, rows)
     if bias := vector("bias", fit.results.get("imu.translation")):
         yield motion.AccelBias(bias)
+
+
+def _biases_of_parts(fit: FittedCause, kind: MotionKind) -> Iterator[tuple[Vector3, RowRange]]:
+    """Yield the biases of parts of the IMU, with the rows of these parts."""
+    times_ns = fit.facts.clocks["imu"].times_ns
+    features = (feature for alarm in fit.alarms for feature in alarm.statistic.features)
+    for part in dict.fromkeys(feature for feature in features if isinstance(feature, BiasOfPart)):
+        if part.kind == kind:
+            first, last = np.searchsorted(times_ns, (part.start_ns, part.stop_ns))
+            yield part.bias, (int(first), None if isinf(part.stop_ns) else int(last))
 
 
 def _lever_arm(fit: FittedCause) -> Faults:
@@ -304,6 +322,9 @@ def _channel_order(fit: FittedCause) -> Faults:
 
 
 def _curves(fit: FittedCause) -> Faults:
+    features = (feature for alarm in fit.alarms for feature in alarm.statistic.features)
+    for bent in (feature for feature in features if isinstance(feature, CodesBent)):
+        yield images.PowerCurve(bent.exponent)
     for name in ("exponent", "exponent_at_declared_thresholds"):
         measurement = measured(fit.results.get("images.transfer"), name)
         if measurement is not None and measurement.value is not None and measurement.value > 0:

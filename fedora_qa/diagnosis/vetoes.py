@@ -1,6 +1,7 @@
 """Measurements that contradict a cause: what a check measured and found in order is not the fault."""
 
 from collections.abc import Mapping
+from math import hypot
 from types import MappingProxyType
 from typing import Final
 
@@ -24,6 +25,16 @@ _MEASURED: Final[Mapping[tuple[str, str], tuple[str, str]]] = MappingProxyType(
     }
 )
 """Check and measurement of the size of a cause, in its unit, by cause and stream."""
+
+_OF_FLOW: Final[Mapping[str, tuple[str, ...]]] = MappingProxyType(
+    {
+        "flow_gain": ("gain",),
+        "intrinsics_focal": ("focal",),
+        "intrinsics_centre": ("centre_u", "centre_v"),
+        "extrinsic_rotation": ("mounting_pitch", "mounting_yaw", "mounting_roll"),
+    }
+)
+"""Components of the size of a fault of flow that the frames measure for each rate, in the unit of the cause."""
 
 _CORRELATED: Final[Mapping[str, tuple[str, ...]]] = MappingProxyType(
     {
@@ -59,12 +70,16 @@ def contradicts(
     """
     family = stream_family(stream)
     if cause == "other_sequence":
-        correlates = any(_passed(results.get(check)) for check in _CORRELATED.get(family, ()))
+        # A whole that correlates says nothing of a while in which single changes do not.
+        while_apart = family in ("rgb", "events") and _failed(results.get("event_response.frames"))
+        correlates = any(_passed(results.get(check)) for check in _CORRELATED.get(family, ()) if not while_apart)
         return correlates or any(_failed(results.get(check)) for check in _OWN.get(family, ()))
     if cause in ("time_offset", "clock_rate") and family in places:
         offset_ms = magnitude if cause == "time_offset" else None
         if places[family].excludes(offset_ms):
             return True
+    if family == "flow" and cause in _OF_FLOW and magnitude is not None:
+        return _frames_contradict(cause, stream, magnitude, results.get("flow_photometric.residual"))
     if (cause, family) in _MEASURED and magnitude is not None:
         check, name = _MEASURED[cause, family]
         result = results.get(check)
@@ -73,6 +88,21 @@ def contradicts(
             return False
         # A fault larger than the limit would have exceeded it.
         return abs(magnitude) > measurement.limit
+    return False
+
+
+def _frames_contradict(cause: str, stream: str, magnitude: float, result: Result | None) -> bool:
+    """Whether the frames follow a flow, or any rate of it, more closely than the fault would let them."""
+    if result is None or not _passed(result):
+        return False
+    for rate in dict.fromkeys(m.name.partition(" ")[0] for m in result.measurements):
+        if stream not in ("flow", rate):
+            continue
+        limits = [m.limit for name in _OF_FLOW[cause] if (m := measured(result, f"{rate} {name}")) is not None]
+        sizes = [limit for limit in limits if limit is not None]
+        # A vector as long as that exceeds the limit of a component at least.
+        if len(sizes) == len(_OF_FLOW[cause]) and abs(magnitude) > hypot(*sizes):
+            return True
     return False
 
 

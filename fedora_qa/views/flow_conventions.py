@@ -141,12 +141,16 @@ def _with_other_flow(
     def transformed(name: str, values: NDArray[np.floating], magnitude: float | None = None) -> _TransformedField:
         return _TransformedField(name, "flow", _with_flow(sample, values), motion, magnitude)
 
-    yield transformed("negated", -flow)
-    yield transformed("transposed_axes", flow[:, ::-1])
-    yield transformed("flipped_v", flow * (1, -1))
+    turned = {"negated": -flow, "transposed_axes": flow[:, ::-1], "flipped_v": flow * (1, -1)}
+    for name, values in turned.items():
+        yield transformed(name, values)
     if seconds > 0:
         yield transformed("another_unit", flow * seconds, 1 / seconds)
         yield transformed("another_unit", flow / seconds, seconds)
+        # Of two conventions at once neither alone removes much. An interval of a second has no other unit.
+        for name, values in turned.items() if abs(seconds - 1) > _ANOTHER_GAIN else ():
+            yield transformed(f"{name}_in_another_unit", values * seconds, 1 / seconds)
+            yield transformed(f"{name}_in_another_unit", values / seconds, seconds)
     # Shares of the image, or of halves of it.
     yield transformed("another_unit", flow * (width, height), 1 / width)
     yield transformed("another_unit", flow * (width / 2, height / 2), 2 / width)

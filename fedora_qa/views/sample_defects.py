@@ -8,16 +8,24 @@ from numpy.typing import NDArray
 
 from fedora_qa.conventions import NS_PER_S, NS_PER_US
 from fedora_qa.estimators.clocks.regular_clock import displaced_part, rounding_grid_ns
+from fedora_qa.estimators.fitting.robust import MAD_TO_SIGMA
 from fedora_qa.estimators.imu.local_motion import CurvatureEvenness, VectorSamples, find_interpolation, repeated_samples
 from fedora_qa.features import Feature
 from fedora_qa.sequence.declared import PoseModel
 from fedora_qa.sequence.facts import Facts
+from fedora_qa.sequence.stored_step import StoredStep
 from fedora_qa.sequence.window import ImuSamples, PoseSamples
 from fedora_qa.views.motion_samples import imu_roundings, measured_pose_sigmas, stored_resolution
 
 LEAST_EVENNESS: Final = 0.2
 """Least evenness of a sampled motion: the curvature of a smooth motion does not change fivefold within a step, nor does
 the median of noise."""
+
+_SAME_NOISE: Final = 0.25
+"""Largest relative difference of two measurements of one noise: each is known to a tenth from a hundred samples."""
+
+_LEAST_LENGTH_NOISE: Final = 1e-7
+"""Least scatter of lengths that counts as noise: that of quaternions in single precision is smaller."""
 
 _EXCESS_NOISE: Final = 1.2
 """Ratio of measured to declared sigma above which poses are noisier than declared: sigma is measured to a few
@@ -105,6 +113,22 @@ class RepeatedSamples(Feature):
 
 
 @dataclass(frozen=True, slots=True)
+class ComponentNoise(Feature):
+    """Noise was added to the components of quaternions: lengths scatter by half as much as rotations, in rad.
+
+    Attributes
+    ----------
+    stream
+        ``pose``.
+    sigma
+        Standard deviation of the noise of a component.
+    """
+
+    stream: str
+    sigma: float
+
+
+@dataclass(frozen=True, slots=True)
 class ExcessNoise(Feature):
     """White noise of a stream is larger than declared.
 
@@ -166,11 +190,36 @@ def timestamp_defects(facts: Facts, *streams: str) -> tuple[Feature, ...]:
     return tuple(features)
 
 
+def component_noise(poses: PoseSamples, step: float, rotation_rad: float, declared_rad: float) -> ComponentNoise | None:
+    """Return the noise of the components of quaternions, where lengths scatter as it makes them.
+
+    A quaternion holds half angles. Independent noise of a standard deviation s in its four components changes its
+    length by s, and the rotation about each axis by 2 s.
+
+    Parameters
+    ----------
+    poses
+        All finite poses of the file, as stored.
+    step
+        Coarsest step to which a component was rounded; 0 for none. Rounding is no noise that was added.
+    rotation_rad, declared_rad
+        Measured and declared noise of the orientation about each axis, rad.
+    """
+    lengths = np.linalg.norm(poses.orientations_xyzw, axis=1)
+    sigma = MAD_TO_SIGMA * float(np.median(np.abs(lengths - np.median(lengths)))) if len(lengths) else 0.0
+    # Independent noises add in squares: what exceeds the declaration is left to the components.
+    excess_rad = max(rotation_rad**2 - declared_rad**2, 0.0) ** 0.5
+    if sigma > max(_LEAST_LENGTH_NOISE, step) and abs(excess_rad / (2.0 * sigma) - 1.0) < _SAME_NOISE:
+        return ComponentNoise("pose", sigma)
+    return None
+
+
 def pose_defects(facts: Facts, poses: PoseSamples, model: PoseModel) -> tuple[Feature, ...]:
     """Return the defects of the poses themselves, which disturb estimates from them.
 
     Defects of timestamps are tested first. A coarse grid has the effects of straight lines, repeats and noise, so these
-    are then not tested. Noise is not tested where straight lines or repeats were detected.
+    are then not tested. Noise is not tested where straight lines or repeats were detected. Noise of components is more
+    than its excess over the declaration, which is then not stated.
 
     Parameters
     ----------
@@ -199,6 +248,10 @@ def pose_defects(facts: Facts, poses: PoseSamples, model: PoseModel) -> tuple[Fe
         features.append(RepeatedSamples("pose", len(frozen)))
     if not features:
         position_m, rotation_rad = measured_pose_sigmas(poses)
+        stored = facts.steps.get("path/pose/orientation", StoredStep())
+        step = max(stored.component(i).size for i in range(4))
+        if noise := component_noise(poses, step, rotation_rad, model.rotation_sigma_rad):
+            return (noise,)
         exceeds = (
             position_m > _EXCESS_NOISE * model.position_sigma_m
             or rotation_rad > _EXCESS_NOISE * model.rotation_sigma_rad

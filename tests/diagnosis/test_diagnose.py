@@ -5,6 +5,8 @@ from dataclasses import dataclass, replace
 from types import MappingProxyType
 from typing import Any
 
+import pytest
+
 from fedora_qa.checks.protocol import Statistic
 from fedora_qa.diagnosis.candidates import CauseCandidate
 from fedora_qa.diagnosis.coincidence import ClockPlace
@@ -248,6 +250,31 @@ def test_a_measurement_in_order_contradicts_a_cause() -> None:
     related = Result("event_response.orientation", "passed", "?")
     assert diagnosed(other)[0].cause == "other_sequence"
     assert diagnosed(other, results={"event_response.orientation": related})[0].cause == "unknown"
+
+
+@pytest.mark.parametrize(
+    ("cause", "components"),
+    [("intrinsics_focal", ("focal",)), ("flow_gain", ("gain",)), ("intrinsics_centre", ("centre_u", "centre_v"))],
+)
+def test_frames_that_follow_the_flow_contradict_a_fault_of_it(cause: str, components: tuple[str, ...]) -> None:
+    """A focal length that flow and declaration do not share is the declared one, where frames agree with the flow."""
+    measurements = tuple(Measurement(f"flow/10hz {name}", 0.1, "1", 0.1, 0.0, 0.6, 1.0) for name in components)
+    frames = "flow_photometric.residual"
+    passed = {frames: Result(frames, "passed", "?", measurements=measurements)}
+    for size, stream in ((3.0, "metadata"), (0.5, "flow")):
+        of_flow, of_camera = Hypothesis(cause, "flow", 0.9, size, "1"), Hypothesis(cause, "metadata", 0.8, -size, "1")
+        both = [alarm(1, of_flow, of_camera, code="flow_geometry.endpoint.error")]
+        assert diagnosed(both, results=passed)[0].stream == stream
+        assert diagnosed(both)[0].stream == "flow"
+
+
+def test_a_whole_that_correlates_excludes_no_part() -> None:
+    """Frames of another sequence for a while leave most of the file as it was."""
+    other = [alarm(1, Hypothesis("other_sequence", "rgb", 0.9), code="event_response.frames.change", stream="rgb")]
+    related = Result("event_response.orientation", "passed", "?")
+    single = Result("event_response.frames", "failed", "?")
+    assert diagnosed(other, results={related.check: related})[0].cause == "unknown"
+    assert diagnosed(other, results={related.check: related, single.check: single})[0].cause == "other_sequence"
 
 
 def test_a_stream_that_is_not_in_order_by_itself_is_no_other_sequence() -> None:

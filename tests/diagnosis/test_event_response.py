@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from fedora_qa.checks.event_response.alignment import ShiftAxis
+from fedora_qa.checks.event_response.frames import ChangeAnomalies, longest_unrelated
 from fedora_qa.checks.event_response.jitter import TimestampScatter
 from fedora_qa.checks.event_response.orientation import EventSymmetry
 from fedora_qa.checks.event_response.timing import DelayCourses, delay_courses
@@ -21,7 +22,7 @@ from fedora_qa.sequence.facts import EventScan, EventStep
 from fedora_qa.views.clock_resets import clock_reset
 from fedora_qa.views.event_clock_offset import LocalOffset
 from tests.support.facts import MS, exact_facts
-from tests.support.proposals import proposed
+from tests.support.proposals import named, proposed
 
 
 def test_mirrored_frames_are_hypotheses_beside_mirrored_events() -> None:
@@ -84,3 +85,20 @@ def test_scatter_of_stamps_is_jitter_with_its_size() -> None:
     assert noise == Hypothesis("noise_misdeclared", "events", 0.3)
     bound, _ = proposed("event_response.jitter.spread", TimestampScatter(1.5, 0.2, saturated=True))
     assert bound == Hypothesis("time_jitter", "events", 0.9, None, "ms")
+
+
+@pytest.mark.parametrize(("length", "is_named"), [(2, False), (3, True)])
+def test_frames_that_change_without_their_events_are_of_another_sequence(length: int, is_named: bool) -> None:
+    """Two intervals lie beside one wrong frame; a run of three belongs to frames, or events, of another scene."""
+    change = np.ones(12)
+    correlations = np.full(12, 0.9)
+    correlations[4 : 4 + length] = -0.05
+    run = longest_unrelated(change, change, correlations)
+    assert run == length
+    hypotheses = proposed("event_response.frames.change", ChangeAnomalies(0, 0, run))
+    assert (("other_sequence", "rgb") in named(hypotheses[:1])) == is_named
+
+
+def test_frames_of_another_sequence_do_not_stand_out_of_their_like() -> None:
+    """Where no interval correlates, that is a fault of the whole file."""
+    assert longest_unrelated(np.ones(9), np.ones(9), np.zeros(9)) == 0

@@ -5,6 +5,7 @@ import pytest
 from fedora_qa.checks.images.channels import NearestChannelOrder
 from fedora_qa.checks.images.exposure import BrightnessJump, CodesMultiplied
 from fedora_qa.checks.images.order import OutOfOrderIntervals
+from fedora_qa.checks.images.transfer import CodesBent
 from fedora_qa.diagnosis.hypothesis import Hypothesis
 from tests.support.proposals import named, proposed
 
@@ -115,3 +116,16 @@ def test_an_exponent_may_be_a_threshold(name: str, exponent: float, threshold: b
     support = {hypothesis.cause: hypothesis.support for hypothesis in hypotheses}
     assert ("threshold_misdeclared" in support) == threshold
     assert support["exposure_or_gamma"] == (0.3 if threshold else 0.95)
+
+
+def test_codes_that_a_curve_leaves_out_are_no_threshold() -> None:
+    """An exponent of no display may be a threshold, but a threshold leaves no code of the frames out."""
+    name = "exponent_at_declared_thresholds"
+    by_steps, by_codes = (
+        {(h.cause, h.stream): h.support for h in proposed("images.transfer.exponent", *features, name=name, value=0.8)}
+        for features in ((), (CodesBent(1.25),))
+    )
+    threshold, curve = ("threshold_misdeclared", "events"), ("exposure_or_gamma", "rgb")
+    assert by_steps[threshold] > by_steps[curve]
+    assert threshold not in by_codes
+    assert by_codes[curve] == 0.95

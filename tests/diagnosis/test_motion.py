@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from fedora_qa.engine.run import CheckOptions, check_file
 from tests.support.checked import diagnoses_of, run_check
 from tests.support.motion_world import HOVER, NOISY, RESTLESS, MotionFile, sample_motion
 
@@ -43,3 +44,14 @@ def test_rounded_timestamps_of_the_poses_are_named(tmp_path: Path, grid_s: float
         diagnosis = diagnoses_of(tmp_path / "motion.h5", subject)[0]
         assert (diagnosis.cause, diagnosis.stream) == ("quantised_time", "pose")
         assert diagnosis.magnitude == pytest.approx(1e3 * grid_s)
+
+
+def test_noise_of_the_components_is_that_of_quaternions(tmp_path: Path) -> None:
+    """Lengths scatter by half of what rotations do; noise of the rotations, whose lengths are exact, is noise."""
+    exact, random = sample_motion(), np.random.default_rng(4)
+    by_component = exact.orientations_xyzw + random.normal(0.0, 0.003, exact.orientations_xyzw.shape)
+    of_rotation = sample_motion(noise=replace(NOISY, rotation_sigma_rad=0.006)).orientations_xyzw
+    for orientations, cause in ((by_component, "quaternion_not_unit"), (of_rotation, "noise_misdeclared")):
+        MotionFile().altered(orientations_xyzw=orientations).write(tmp_path / "motion.h5")
+        record = check_file(tmp_path / "motion.h5", CheckOptions(select=("imu", "pose"), evidence=None)).record
+        assert (record.diagnoses[0].cause, record.diagnoses[0].stream) == (cause, "pose")

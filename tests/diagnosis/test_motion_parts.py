@@ -154,3 +154,16 @@ def test_an_imu_that_sits_elsewhere_for_a_while_is_no_bias(tmp_path: Path) -> No
     forces = file.samples.specific_forces_body_m_s2 + (times_s < 1.7)[:, None] * turning
     diagnosis = first_diagnosis(file.altered(specific_forces_body_m_s2=forces), tmp_path / "motion.h5")
     assert (diagnosis.cause, diagnosis.stream) == ("lever_arm", "imu")
+
+
+@pytest.mark.parametrize(
+    ("field", "cause"),
+    [("angular_velocities_body_rad_s", "gyro_bias"), ("specific_forces_body_m_s2", "accel_bias")],
+)
+def test_a_bias_of_a_part_is_undone_in_that_part(tmp_path: Path, field: str, cause: str) -> None:
+    """A second is too short for segments: residuals place the bias, and it clears all that they show."""
+    bias = np.array([0.02, -0.03, 0.05])
+    part = altered_in_part(**{field: lambda values: values + bias})
+    diagnosis = first_diagnosis(part, tmp_path / "motion.h5")
+    assert (diagnosis.cause, diagnosis.stream, diagnosis.status) == (cause, "imu", "confirmed")
+    assert diagnosis.magnitude == pytest.approx(float(np.linalg.norm(bias)), rel=1e-2)

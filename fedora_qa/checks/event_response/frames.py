@@ -32,6 +32,10 @@ CHANGE_BOUND: Final = 0.5
 
 FEWEST_INTERVALS: Final = 5
 
+UNRELATED: Final = 0.3
+"""Largest correlation of unrelated changes, relative to the median: those of another scene scatter about 0 by a tenth or
+so. A repeated or exchanged frame leaves one or two such intervals."""
+
 
 @dataclass(frozen=True, slots=True)
 class IntervalMoments:
@@ -59,10 +63,13 @@ class ChangeAnomalies(Feature):
         Number of intervals in which the image does not change.
     reversed
         Number of intervals in which the image changes with the opposite sign of the events.
+    unrelated
+        Number of successive intervals in which image and events both change, and not together.
     """
 
     unchanged: int
     reversed: int
+    unrelated: int = 0
 
 
 class EventResponseFrames(WindowCheck[IntervalMoments]):
@@ -80,8 +87,9 @@ class EventResponseFrames(WindowCheck[IntervalMoments]):
     How
     ---
     The change of the signal is regressed on the signed events in between, averaged over 4 x 4 px blocks. A frame that
-    repeats the one before gives 0, and the next one 2. Exchanged frames give 2, -1, 2. Intervals in which the
-    uncertainty between events gives the coefficient an error of 0.05 or more are left out.
+    repeats the one before gives 0, and the next one 2. Exchanged frames give 2, -1, 2. Frames of
+    another scene change without correlation. Intervals in which the uncertainty between events gives the coefficient an
+    error of 0.05 or more are left out.
 
     Noise model
     -----------
@@ -148,7 +156,9 @@ class EventResponseFrames(WindowCheck[IntervalMoments]):
         gain = float(gains[worst])
         # Exchanged frames change by -1 times the usual change: halfway from 0 to that counts as reversed.
         anomalies = ChangeAnomalies(
-            unchanged=int(np.count_nonzero(dd[clear] == 0)), reversed=int(np.count_nonzero(gains < -0.5 * middle))
+            unchanged=int(np.count_nonzero(dd[clear] == 0)),
+            reversed=int(np.count_nonzero(gains < -0.5 * middle)),
+            unrelated=longest_unrelated(dd[clear], ee[clear], de[clear]),
         )
         statistic = Statistic(
             name="change_shown",
@@ -178,3 +188,26 @@ class EventResponseFrames(WindowCheck[IntervalMoments]):
             evidence={"change_shown": np.stack([times_s, gains], axis=1)},
             titles={"change_shown": "Change between frames over change by events; x time [s]; y ratio [1]"},
         )
+
+
+def longest_unrelated(dd: Float64, ee: Float64, de: Float64) -> int:
+    """Return the length of the longest run of intervals in which frames and events change without correlation.
+
+    Parameters
+    ----------
+    dd, ee, de
+        (n,) sums of squares of the frames' change d and of the events' change e, and of d e, in the order of time.
+
+    Returns
+    -------
+    int
+        0 where most intervals have no correlation, so that none stands out.
+    """
+    correlations = de / np.sqrt(np.maximum(dd * ee, 1e-300))
+    usual = float(np.median(correlations))
+    unrelated = (np.abs(correlations) < UNRELATED * usual) & (dd > 0)
+    longest = run = 0
+    for is_unrelated in unrelated.tolist():
+        run = run + 1 if is_unrelated else 0
+        longest = max(longest, run)
+    return longest if usual > 0 else 0

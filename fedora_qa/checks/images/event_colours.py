@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from fedora_qa.checks.protocol import Observation, Statistic, WindowCheck
 from fedora_qa.conventions import NS_PER_S, NS_PER_US
 from fedora_qa.estimators.events.levels import LevelImages, LevelPairs, level_pairs
+from fedora_qa.estimators.images.code_curve import exponent_after_rounding
 from fedora_qa.estimators.images.event_colours import (
     ColourBlocks,
     ColourFit,
@@ -19,7 +20,9 @@ from fedora_qa.estimators.images.event_colours import (
     edge_aware_colours,
     fit_colours,
 )
+from fedora_qa.estimators.images.gain import CODES
 from fedora_qa.estimators.images.transfer import TRANSFERS, to_code, to_linear
+from fedora_qa.estimators.images.values import count_codes
 from fedora_qa.record.types import Coverage
 from fedora_qa.sequence.declared import EventModel
 from fedora_qa.sequence.facts import Facts
@@ -32,6 +35,9 @@ from fedora_qa.views.event_camera import (
 )
 from fedora_qa.views.event_tick import local_tick_ns
 from fedora_qa.views.level_samples import FEWEST_PAIRS, LINEAR_LEAST_TICKS, hot_pixels, least_dn
+
+_SAMPLED_EVERY_PX: Final = 4
+"""Every fourth pixel along both axes of a frame: its codes need no more."""
 
 ENOUGH_PAIRS: Final = 1500
 """Number of pairs of the shortest gaps that are taken of a window."""
@@ -63,11 +69,14 @@ class ColourSums:
         enough to select the curve.
     straight
         By the declared curve, with straight lines between events in place of cubics.
+    codes
+        (256,) number of values of each code among some pixels of the frames.
     """
 
     samples: int
     by_curve: tuple[ColourBlocks, ...]
     straight: ColourBlocks
+    codes: NDArray[np.int64]
 
 
 @dataclass(frozen=True, slots=True)
@@ -80,10 +89,13 @@ class ColourResponse:
         Under the declared curve.
     best_curve
         Transfer curve with the smallest residual.
+    exponent_of_codes
+        Of the power law through which rounded values went, by the codes that are absent; None where there is none.
     """
 
     fit: ColourFit
     best_curve: str
+    exponent_of_codes: float | None = None
 
 
 def colour_sums(window: Window) -> ColourSums | None:
@@ -121,11 +133,13 @@ def _colour_sums(window: Window) -> ColourSums | None:
     transfer = window.facts.declared.transfer
     linear_dn = to_linear(np.arange(256.0), transfer)
     colours = np.empty((len(pairs), 3)), np.empty((len(pairs), 3))
+    codes = np.zeros(CODES, dtype=np.int64)
     for i, frame in enumerate(frames.frames):
         at_start, at_end = pairs.earlier == i, pairs.later == i
         if not (at_start.any() or at_end.any()):
             continue
         rgb = window.rgb(int(frame))
+        count_codes(rgb, _SAMPLED_EVERY_PX, codes)
         prints = event_footprints(window, (rgb.shape[0], rgb.shape[1]))
         for at_frame, rgb_dn in zip((at_start, at_end), colours, strict=True):
             rgb_dn[at_frame] = edge_aware_colours(prints, rgb, linear_dn, pairs.pixels[at_frame])
@@ -139,7 +153,7 @@ def _colour_sums(window: Window) -> ColourSums | None:
         return colour_blocks(np.column_stack([regressors, -delay]), events, quarter, QUARTERS)
 
     by_curve = tuple(sums(curve, pairs) for curve in _curves(transfer))
-    return ColourSums(len(pairs), by_curve, sums(transfer, pairs.with_straight_lines()))
+    return ColourSums(len(pairs), by_curve, sums(transfer, pairs.with_straight_lines()), codes)
 
 
 def _curves(declared: str) -> tuple[str, ...]:
@@ -190,7 +204,8 @@ class ColourCheck(WindowCheck[ColourSums]):
         fit = fit_colours(by_curve[0], with_exponent=linear, frame_variance=fits[best].variance)
         # Straight lines in place of cubics bound the error of the level between events.
         straight = fit_colours(concatenate_colours([sums.straight for sums in state]), with_exponent=linear)
-        response = ColourResponse(fit.widened(straight), curves[best])
+        exponent = exponent_after_rounding(np.sum([sums.codes for sums in state], axis=0))
+        response = ColourResponse(fit.widened(straight), curves[best], exponent)
         measured = self.state(response, declared, facts)
         return Observation(coverage, measured, unobservable=self.why_blind(response))
 

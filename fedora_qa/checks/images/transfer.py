@@ -1,10 +1,12 @@
 """Colours against events: the transfer curve."""
 
+from dataclasses import dataclass
 from math import hypot
 from typing import Final
 
 from fedora_qa.checks.images.event_colours import ColourCheck, ColourResponse
 from fedora_qa.checks.protocol import Statistic
+from fedora_qa.features import Feature
 from fedora_qa.record.types import Where
 from fedora_qa.sequence.declared import EventModel
 from fedora_qa.sequence.facts import Facts
@@ -18,6 +20,19 @@ Correct files of all scenes give 0.963 to 0.992 with either model; closed-form f
 EXPOSURE_BIAS: Final = 0.05
 EXPOSURE_OF_BIAS_US: Final = 5_000.0
 """An exposure of 5 ms reduces the contrast by 5%; the loss grows with the square of the time."""
+
+
+@dataclass(frozen=True, slots=True)
+class CodesBent(Feature):
+    """Codes are absent as under a power law that was applied to rounded values.
+
+    Attributes
+    ----------
+    exponent
+        Of the power law.
+    """
+
+    exponent: float
 
 
 class ImagesTransfer(ColourCheck):
@@ -38,7 +53,8 @@ class ImagesTransfer(ColourCheck):
     threshold: the exponent changes the frames' steps as a function of their level. In the log model an exponent
     multiplies every step by the same factor and cannot be separated from the threshold: the declared thresholds are
     assumed to be correct. The known transfer curves are fitted in turn, and the one with the smallest residual is
-    named.
+    named. A power law that was applied after values had been rounded to 8 bits leaves codes out, which show
+    its exponent: it is then no threshold (``fedora_qa/estimators/images/code_curve.py``).
 
     Noise model
     -----------
@@ -51,9 +67,9 @@ class ImagesTransfer(ColourCheck):
     Cannot detect
     -------------
     Constant exposure: it has no effect in the log model, and that of a threshold in the linear one. In the log model,
-    an exponent is not separated from a wrong threshold: a deviation smaller than that of a display's curve is
-    attributed to the threshold, which ``event_response.threshold`` measures better. Scenes with little motion or
-    texture, which are reported as not_observable.
+    an exponent before rounding is not separated from a wrong threshold: a deviation smaller than that of a display's
+    curve is attributed to the threshold, which ``event_response.threshold`` measures better. Scenes with little motion
+    or texture, which are reported as not_observable.
 
     Sources
     -------
@@ -84,6 +100,7 @@ class ImagesTransfer(ColourCheck):
         spread = declared.threshold_sigma / min(declared.threshold_on, declared.threshold_off)
         exposure_us = facts.declared.cameras["rgb"].exposure_us
         of_declared_effects = 6 * spread**2 + EXPOSURE_BIAS * (exposure_us / EXPOSURE_OF_BIAS_US) ** 2
+        bent = () if response.exponent_of_codes is None else (CodesBent(response.exponent_of_codes),)
         condition = "" if by_level else ", if the thresholds are as declared"
         return (
             Statistic(
@@ -97,5 +114,6 @@ class ImagesTransfer(ColourCheck):
                 f"{error:.2g}{condition}; the best transfer curve is {response.best_curve}.",
                 code="images.transfer.exponent",
                 where=Where(stream="rgb"),
+                features=bent,
             ),
         )

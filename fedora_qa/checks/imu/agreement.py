@@ -139,6 +139,29 @@ class RepeatsNearby(Feature):
 
 
 @dataclass(frozen=True, slots=True)
+class BiasOfPart(Feature):
+    """The bias of a part of the sequence that removes most of the residuals.
+
+    Attributes
+    ----------
+    kind
+        Kind of the comparison.
+    bias
+        (3,) along the axes of the sensor, rad/s or m/s^2.
+    start_ns, stop_ns
+        Of the part, ns from the file's origin; infinite where it reaches an end of the sequence.
+    explained
+        Share of the squares beyond noise that it removes, 0 to 1.
+    """
+
+    kind: MotionKind
+    bias: tuple[float, float, float]
+    start_ns: float
+    stop_ns: float
+    explained: float
+
+
+@dataclass(frozen=True, slots=True)
 class UnsettledFit(Feature):
     """The fit did not converge, or gives implausible parameters: the two motions differ in another way."""
 
@@ -188,6 +211,9 @@ def agreement_observation(
         *timestamp_defects(facts, "imu"),
         *pose_defects(facts, streams.poses, pose_model(facts, streams.poses)),
     )
+    if part := fit.partial_bias:
+        start_ns, stop_ns = (streams.origin_ns + NS_PER_S * end_s for end_s in (part.start_s, part.stop_s))
+        defects = (*defects, BiasOfPart(kind, part.bias, start_ns, stop_ns, part.explained))
     smoothness = ResidualSmoothness(max(fit.smoothness, 0.0))
 
     rms, expected = factor * fit.rms, factor * fit.expected_rms

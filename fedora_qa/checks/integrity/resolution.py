@@ -69,6 +69,8 @@ class IntegrityResolution(FactsCheck):
     rounding relative to the median depth, which is also the relative error of a parallax; for positions, the length of
     the error vector; for orientations, twice the length of the quaternion's error, in rad; for the IMU, the bias of a
     sensor at rest, which is half a step, or less where noise is declared (``fedora_qa/estimators/imu/rounding.py``).
+    Single precision counts where values are so far from 0 that its rounding is material, such as positions in metres
+    from the equator.
 
     Noise model
     -----------
@@ -102,7 +104,9 @@ class IntegrityResolution(FactsCheck):
             if step is None or not step.is_identifiable:
                 continue
             size, unit, _ = MATERIAL[_material_key(key)]
-            error = _derived_error(key, step, facts) if step.is_coarse else 0.0
+            error = _derived_error(key, step, facts)
+            # Single precision is no step, unless the values are so far from 0 that its rounding is material.
+            error = error if step.is_coarse or error > size else 0.0
             text = step.text(spec_of(key).units)
             statistics.append(
                 Statistic(

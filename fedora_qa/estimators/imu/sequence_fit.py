@@ -62,6 +62,8 @@ class InertialComparison:
         Removes faults of the sizes of the parameters (P,) from samples.
     nonlinear
         (P,) which parameters ``without`` removes; residuals are linear in all others.
+    centre
+        Time from that of a row to the middle of what it compares, in spans of the row.
     """
 
     rows_of: Callable[[InertialSamples, InertialNoise], ComparisonRows]
@@ -70,6 +72,7 @@ class InertialComparison:
     parameters: FitParameters
     without: Callable[[InertialSamples, Float64], InertialSamples]
     nonlinear: tuple[bool, ...]
+    centre: float
 
 
 ROTATION: Final = InertialComparison(
@@ -79,6 +82,7 @@ ROTATION: Final = InertialComparison(
     parameters=ROTATION_PARAMETERS,
     without=without_rotation_faults,
     nonlinear=(*[True] * 3, *[False] * 3, *[True] * 4),
+    centre=0.5,
 )
 TRANSLATION: Final = InertialComparison(
     rows_of=translation_rows,
@@ -87,6 +91,7 @@ TRANSLATION: Final = InertialComparison(
     parameters=TRANSLATION_PARAMETERS,
     without=without_translation_faults,
     nonlinear=(*[True] * 3, *[False] * 9),
+    centre=0.0,
 )
 
 
@@ -160,10 +165,17 @@ def _converged(
         errors = np.array([fitted[name].standard_error for name in fit.parameters.names])
         # Converged: no parameter moves by more than a hundredth of its error.
         if np.all(np.abs(free - linearised_at) <= 0.01 * errors):
-            return summarise(fit, segments, kept, linearised_at, disturbed, declared, settled=True), fit.free
+            return (
+                summarise(
+                    fit, segments, kept, linearised_at, disturbed, declared, settled=True, centre=comparison.centre
+                ),
+                fit.free,
+            )
         if first is None:
             free_values = fit.values_of_free()
-            first = summarise(fit, segments, kept, free_values, disturbed, declared, settled=False)
+            first = summarise(
+                fit, segments, kept, free_values, disturbed, declared, settled=False, centre=comparison.centre
+            )
             first_free = fit.free
         if np.any(np.abs(free) > _CAPTURE_RANGE * np.array(comparison.parameters.largest)):
             return first, first_free

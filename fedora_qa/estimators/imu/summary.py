@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from fedora_qa.estimators.fitting.grouped_fit import GroupedFit, ParameterEstimate
 from fedora_qa.estimators.fitting.sensitivity import SensitivityRange, sensitivity_range
+from fedora_qa.estimators.imu.partial_bias import PartialBias, partial_bias
 from fedora_qa.estimators.imu.samples import ComparisonRows
 
 Float64 = NDArray[np.float64]
@@ -112,6 +113,9 @@ class InertialFit:
     course
         (n, 2) instant, s, and length of the residual of the samples as declared, without any parameter: the longest
         of each of n <= 1000 runs of rows.
+    partial_bias
+        The part of the sequence whose bias removes most of the residuals as declared; None where that is the whole
+        sequence.
     """
 
     parameters: Mapping[str, ParameterEstimate]
@@ -128,6 +132,7 @@ class InertialFit:
     local_deviations: Mapping[str, LocalDeviation]
     disturbed: tuple[float, float] | None
     course: Float64
+    partial_bias: PartialBias | None
 
 
 def summarise(
@@ -139,6 +144,7 @@ def summarise(
     declared: list[ComparisonRows],
     *,
     settled: bool,
+    centre: float = 0.0,
 ) -> InertialFit:
     """Return the summary of a fit.
 
@@ -155,7 +161,9 @@ def summarise(
     disturbed, settled
         As of ``InertialFit``.
     declared
-        Rows of the samples as declared, for the course.
+        Rows of the samples as declared, for the course and a bias of a part.
+    centre
+        As of ``partial_bias``.
 
     Returns
     -------
@@ -240,6 +248,7 @@ def summarise(
         local_deviations=local_deviations,
         disturbed=disturbed,
         course=np.stack([times_s[longest], lengths[longest]], axis=1),
+        partial_bias=partial_bias(declared, centre=centre),
     )
 
 

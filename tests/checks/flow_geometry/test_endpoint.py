@@ -124,6 +124,27 @@ def test_fault_of_the_values_is_named(change: object, cause: str, magnitude: flo
         assert hypothesis.magnitude == pytest.approx(magnitude, rel=1e-3)
 
 
+TWO_CONVENTIONS = {
+    "v up": (lambda flow: flow * np.array([1, -1]), "frame_convention"),
+    "axes": (lambda flow: flow[..., ::-1], "axes_swapped"),
+    "sign": (lambda flow: -flow, "flow_sign"),
+}
+
+
+@pytest.mark.parametrize(("change", "cause"), TWO_CONVENTIONS.values(), ids=TWO_CONVENTIONS)
+def test_two_conventions_at_once_are_both_proposed(change: object, cause: str) -> None:
+    """Neither alone removes much: the unit with its factor, and what else was done to the vectors."""
+    per_second = VALUE_FAULTS["px/s"][0]
+    off = clean().with_flow(lambda stream, flow: change(per_second(stream, flow)))  # type: ignore[operator]
+    result = judged(FlowGeometryEndpoint(), off)
+    hypotheses = sorted(hypotheses_of(result.alarms[0], off.facts), key=lambda hypothesis: hypothesis.support)
+    supports = {h.cause: h for h in hypotheses if h.stream == "flow"}
+    assert supports["flow_unit"].support > 0.98
+    assert supports["flow_unit"].magnitude == pytest.approx(10.0, rel=1e-3)
+    assert supports[cause].support > 0.98
+    assert supports[cause].magnitude is None
+
+
 def test_one_rate_alone_is_named() -> None:
     """A gain in one rate is that rate's, and the other rates pass."""
     off = clean().with_flow(lambda stream, flow: flow * (1.01 if stream == "flow/25hz" else 1.0))

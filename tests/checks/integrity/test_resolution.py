@@ -48,6 +48,13 @@ def test_the_types_of_the_layout_have_no_step(roundoff: float) -> None:
     assert share("path/depth", StoredStep(roundoff=roundoff, typical=1.0)) == 0.0
 
 
+def test_single_precision_far_away_is_a_step() -> None:
+    """Metres from the equator in float32 lie 0.5 m apart; those from the take-off a micrometre."""
+    of_utm, of_flight = (StoredStep(roundoff=SINGLE_ROUNDOFF, typical=metres) for metres in (5e6, 10.0))
+    assert share("path/pose/position", of_utm) == pytest.approx(5e6 * SINGLE_ROUNDOFF / 1e-3)
+    assert share("path/pose/position", of_flight) == 0.0
+
+
 def test_declared_noise_of_an_imu_averages_its_step() -> None:
     """A sensor with noise of two steps is not biased by them."""
     facts = exact_facts()

@@ -1,0 +1,48 @@
+"""A bias that begins and ends is placed and sized by the residuals of IMU and poses."""
+
+import numpy as np
+import pytest
+
+from fedora_qa.estimators.imu.partial_bias import PartialBias, partial_bias
+from fedora_qa.estimators.imu.preintegration import rotation_rows
+from fedora_qa.estimators.imu.specific_force import translation_rows
+from tests.support.motion_world import EXACT, sample_motion
+
+BIAS = np.array([0.02, -0.05, 0.03])
+
+
+def bias_of(start_s: float, stop_s: float, *, of_forces: bool = False) -> PartialBias | None:
+    samples = sample_motion()
+    part = (samples.imu_times_s >= start_s) & (samples.imu_times_s < stop_s)
+    if of_forces:
+        samples.specific_forces_body_m_s2[part] += 10 * BIAS
+        return partial_bias([translation_rows(samples, EXACT)], centre=0.0)
+    samples.angular_velocities_body_rad_s[part] += BIAS
+    return partial_bias([rotation_rows(samples, EXACT)], centre=0.5)
+
+
+@pytest.mark.parametrize("of_forces", [False, True], ids=["gyro", "accelerometer"])
+@pytest.mark.parametrize(("start_s", "stop_s"), [(0.6, 1.4), (0.6025, 0.7265), (1.234, 1.9)])
+def test_ends_are_known_between_the_poses(start_s: float, stop_s: float, of_forces: bool) -> None:
+    """Poses come every 5 ms; a sample of the IMU, every ms, is on the right side of either end."""
+    part = bias_of(start_s, stop_s, of_forces=of_forces)
+    assert part is not None
+    assert part.bias == pytest.approx(tuple((10 if of_forces else 1) * BIAS), rel=1e-3)
+    # Half-way between the last sample without and the first sample with the bias.
+    steps_s = np.ceil(np.round(1e3 * np.array([start_s, stop_s]), 6)) / 1e3 - 0.0005
+    assert (part.start_s, part.stop_s) == pytest.approx(tuple(steps_s), abs=4e-4)
+    assert part.explained > 0.98
+
+
+def test_an_end_of_the_sequence_is_infinite() -> None:
+    """No row shows where a bias begins that is there from the first."""
+    part = bias_of(0.0, 0.8)
+    assert part is not None
+    assert part.start_s == -np.inf
+    assert part.stop_s == pytest.approx(0.8, abs=1e-3)
+
+
+def test_a_bias_of_the_whole_sequence_is_none_of_a_part() -> None:
+    """Nor is one of nearly all of it, nor is there a part without any rows of a bias."""
+    assert bias_of(0.0, 3.0) is None
+    assert bias_of(0.0, 1.95) is None
