@@ -10,7 +10,8 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 
 from fedora_generator.faults import plant_fault
-from fedora_qa.engine.kernels import compile_group, listed_groups
+from fedora_qa.engine.kernel_groups import listed_groups
+from fedora_qa.engine.kernels import compile_group
 from fedora_qa.engine.run import CheckOptions, check_file
 from fedora_qa.engine.worker import OpenFile, Worker
 from tests.support.handmade import write_handmade

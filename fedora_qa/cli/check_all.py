@@ -7,6 +7,7 @@ from typing import Final
 
 import click
 
+from fedora_qa.check_names import selected_explanations
 from fedora_qa.cli.compiling import compile_for
 from fedora_qa.cli.host import usable_cores
 from fedora_qa.cli.progress import files_progress
@@ -16,15 +17,15 @@ from fedora_qa.config import LEAST_MEMORY_BYTES, CheckConfig
 from fedora_qa.engine.cluster import DaskExecutor
 from fedora_qa.engine.executor import Executor, InProcess
 from fedora_qa.engine.files import check_files
+from fedora_qa.engine.opening import opening_test
 from fedora_qa.engine.options import CheckOptions, FileRun
 from fedora_qa.engine.processes import ProcessExecutor
-from fedora_qa.engine.run import select_checks
-from fedora_qa.engine.tasks import opening_test
 from fedora_qa.errors import MisuseError
 from fedora_qa.judgement.verdict import with_required_coverage
 from fedora_qa.record.types import FileRecord, Result
 from fedora_qa.storage.place import Place, RemoteFile
 from fedora_qa.storage.version import Version, local_version
+from fedora_qa.subjects import subject_of
 
 _UNCHANGED: Final = "unchanged"
 _UNCHANGED_QUESTION: Final = "Did the file stay as it was while it was checked?"
@@ -80,10 +81,10 @@ def check_all(files: Sequence[Place], request: Request, executor: Executor) -> l
     try:
         with executor:
             if missing:
-                checks = select_checks(request.options.select, request.options.ignore)
                 options = request.options
+                selected = selected_explanations(options.select, options.ignore)
                 tests = (opening_test(path, options.dialect, options.allow_external) for path in missing)
-                compile_for(frozenset(check.name.split(".")[0] for check in checks), executor, tests)
+                compile_for(frozenset(subject_of(each.check) for each in selected), executor, tests)
             with files_progress(file_count=len(runs)) as report:
                 for path, run in check_files(missing, request.options, executor, report, request.began):
                     record = incomplete_if_changed(run.record, path, versions[path])

@@ -10,9 +10,10 @@ import click
 from fedora_qa.cli.host import usable_cores
 from fedora_qa.cli.progress import progress_bar
 from fedora_qa.engine.executor import Executor, Task
-from fedora_qa.engine.kernels import KernelGroup, compile_group, listed_groups, uncompiled
+from fedora_qa.engine.kernel_groups import KernelGroup, listed_groups
 from fedora_qa.engine.processes import ProcessExecutor
 from fedora_qa.engine.progress import quiet
+from fedora_qa.engine.task_functions import COMPILE_GROUP, UNCOMPILED
 from fedora_qa.errors import FedoraError
 
 TITLE: Final = "compiling for this machine, once"
@@ -40,14 +41,14 @@ def compile_for(
     listed = listed_groups() if groups is None else groups
     try:
         # In a worker: the process of the command loads no measuring code.
-        missing: Sequence[KernelGroup] = executor.submit(Task(uncompiled, (subjects, listed)), quiet).result()
+        missing: Sequence[KernelGroup] = executor.submit(Task(UNCOMPILED, (subjects, listed)), quiet).result()
     except FedoraError:
         return ()
     if not missing or not any(_opens(test, executor) for test in tests):
         return ()
     click.echo(f"fedora-qa: {TITLE}", err=True)
     with ProcessExecutor(usable_cores()) as compilers, progress_bar(TITLE) as report:
-        futures: list[Future[Any]] = [compilers.submit(Task(compile_group, (group,)), quiet) for group in missing]
+        futures: list[Future[Any]] = [compilers.submit(Task(COMPILE_GROUP, (group,)), quiet) for group in missing]
         for done, future in enumerate(as_completed(futures), start=1):
             # A process that died leaves its group to the check that needs it.
             with suppress(FedoraError):

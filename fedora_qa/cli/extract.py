@@ -13,9 +13,9 @@ from fedora_qa.cli.sequences import require_hdf5
 from fedora_qa.cli.settings import check_options, settings_from
 from fedora_qa.engine.effort import Effort
 from fedora_qa.engine.executor import Task
+from fedora_qa.engine.opening import opening_test
 from fedora_qa.engine.options import CheckOptions
-from fedora_qa.engine.run import select_checks
-from fedora_qa.engine.tasks import check_whole, opening_test
+from fedora_qa.engine.task_functions import CHECK_WHOLE
 from fedora_qa.engine.worker import Worker
 from fedora_qa.errors import MisuseError, UnreadableFileError
 from fedora_qa.extract.extract import CheckFinding, Extraction
@@ -53,8 +53,7 @@ def run_extract(
         file_record = _part_about(file, record, record_path)
     else:
         with progress_bar(file.name) as bar:
-            checks = select_checks(options.select, options.ignore)
-            file_record = run_isolated(Task(check_whole, (file, checks, options)), file, opening, bar).record
+            file_record = run_isolated(Task(CHECK_WHOLE, (file, None, options)), file, opening, bar).record
     wanted = _wanted(finding, file_record)
     with progress_bar(file.name) as bar:
         try:

@@ -14,7 +14,8 @@ from numba.core.dispatcher import Dispatcher
 
 from fedora_qa.catalogue import CHECKS
 from fedora_qa.engine.executor import Task
-from fedora_qa.engine.kernels import KERNELS_PATH, KernelGroup, kernel_of, text_of
+from fedora_qa.engine.kernel_groups import KERNELS_PATH, KernelGroup
+from fedora_qa.engine.kernels import kernel_of, text_of
 from fedora_qa.engine.options import CheckOptions
 from fedora_qa.engine.processes import ProcessExecutor
 from fedora_qa.engine.progress import quiet

@@ -10,7 +10,7 @@ from fedora_qa.cli.outputs import Outputs
 from fedora_qa.cli.progress import progress_bar
 from fedora_qa.cli.settings import external_folders
 from fedora_qa.engine.executor import Task
-from fedora_qa.engine.tasks import opening_test
+from fedora_qa.engine.opening import opening_test
 from fedora_qa.engine.worker import Worker
 from fedora_qa.errors import MisuseError
 from fedora_qa.layout.dialect import DialectChoice, load_choice

@@ -6,7 +6,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
-from fedora_qa.check_names import require_check_names
+from fedora_qa.check_names import require_check_names, selected_explanations
 from fedora_qa.cli.host import memory_mib, usable_cores
 from fedora_qa.cli.startup import IN_PROCESS_VARIABLE
 from fedora_qa.config import JOB_MEMORY_BYTES, LEAST_JOB_MEMORY_BYTES, CheckConfig, read_config
@@ -57,13 +57,10 @@ def check_options(settings: CheckConfig) -> CheckOptions:
     """Return the engine's options; raises ``MisuseError`` for a check, dialect or amount that does not exist."""
     # The same names as in `select` are legal in `required_coverage`; a misspelt one would otherwise require nothing.
     require_check_names([*settings.required_coverage, *settings.select, *settings.ignore])
-    if settings.select or settings.ignore:
-        from fedora_qa.engine.run import select_checks  # noqa: PLC0415 - loads every check
-
-        if not select_checks(settings.select, settings.ignore):
-            raise MisuseError(
-                "Expected at least one check to run, got a selection that leaves none; see `fedora-qa checks`"
-            )
+    if not selected_explanations(settings.select, settings.ignore):
+        raise MisuseError(
+            "Expected at least one check to run, got a selection that leaves none; see `fedora-qa checks`"
+        )
     return CheckOptions(
         effort=settings.effort,
         select=settings.select,

@@ -4,6 +4,7 @@ import gc
 import os
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
+from itertools import pairwise
 from typing import Final
 
 # Monotonic time in s: a correction of the wall clock must not shorten or lengthen a budget.
@@ -29,7 +30,13 @@ def preload_workers(arguments: Sequence[str]) -> None:
     if arguments and arguments[0] in _COMMANDS and not options & _WITHOUT and IN_PROCESS_VARIABLE not in os.environ:
         from fedora_qa.engine.fork_server import begin_preloading  # noqa: PLC0415 - other commands need none of it
 
-        begin_preloading()
+        begin_preloading(_selected(arguments))
+
+
+def _selected(arguments: Sequence[str]) -> list[str]:
+    """Return what follows each ``--select``: names of checks and subjects, if the command line is right."""
+    joined = [argument.partition("=")[2] for argument in arguments if argument.startswith("--select=")]
+    return joined + [name for option, name in pairwise(arguments) if option == "--select"]
 
 
 @contextmanager

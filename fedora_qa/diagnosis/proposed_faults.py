@@ -9,7 +9,6 @@ from typing import Any, Final, get_args
 import numpy as np
 
 from fedora_qa.causes import stream_family
-from fedora_qa.checks.flow_geometry.endpoint import FlowParameterFit
 from fedora_qa.checks.images.transfer import CodesBent
 from fedora_qa.checks.imu.agreement import BiasOfPart
 from fedora_qa.conventions import NS_PER_MS
@@ -31,6 +30,7 @@ from fedora_qa.faults.reversible import Matrix3, ReversibleFault, RowRange, Vect
 from fedora_qa.faults.table import faults_of
 from fedora_qa.judgement.judge import Alarm
 from fedora_qa.sequence.facts import Facts
+from fedora_qa.views.flow_parameter_fit import FlowParameterFit
 from fedora_qa.views.inertial_agreement import InertialConventionTrial, MotionKind
 
 Faults = Iterator[ReversibleFault]

@@ -101,7 +101,7 @@ def assemble(
     # The version tag of a file behind a URL, as its partial digest does not cover all bytes.
     if isinstance(survey.path, RemoteFile) and survey.version.tag:
         inferred["storage.version"] = survey.version.tag
-    crossing = crossing_streams(survey.checks)
+    crossing = crossing_streams({check.name: check.needs for check in survey.checks})
     record = FileRecord(
         path=str(survey.path),
         size=survey.version.size,

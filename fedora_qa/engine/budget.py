@@ -23,12 +23,13 @@ from fedora_qa.checks.protocol import Check
 from fedora_qa.engine.effort import Effort
 from fedora_qa.engine.executor import Executor, Kept, Task
 from fedora_qa.engine.file_work import equal_parts
+from fedora_qa.engine.lost_file import DIED_TWICE, ENDLESS, lost_file
+from fedora_qa.engine.opening import opening_test
 from fedora_qa.engine.options import CheckOptions, FileRun
-from fedora_qa.engine.outcomes import DIED_TWICE, ENDLESS, lost_file
 from fedora_qa.engine.plan import FEWEST_WINDOWS, WINDOW_NS, Plan, sampling_of, sees_every_window
 from fedora_qa.engine.progress import Progress, ProgressTally, Report, quiet
 from fedora_qa.engine.survey import Survey, frame_pixels
-from fedora_qa.engine.tasks import finish_file, measure_windows, opening_test, survey_file, traffic_of
+from fedora_qa.engine.task_functions import FINISH_FILE, MEASURE_WINDOWS, SURVEY_FILE, TRAFFIC_OF
 from fedora_qa.errors import EndlessError, WorkerLostError
 from fedora_qa.storage.place import Place, RemoteFile
 from fedora_qa.storage.server import version_of
@@ -116,7 +117,7 @@ class _Density:
 
 def check_within_budget(
     paths: Sequence[Place],
-    checks: tuple[Check[Any], ...],
+    checks: tuple[Check[Any], ...] | None,
     options: CheckOptions,
     executor: Executor,
     report: Report,
@@ -173,7 +174,7 @@ class _BudgetedFile:
     def __init__(
         self,
         path: Place,
-        checks: tuple[Check[Any], ...],
+        checks: tuple[Check[Any], ...] | None,
         options: CheckOptions,
         executor: Executor,
         tell: Progress,
@@ -198,7 +199,7 @@ class _BudgetedFile:
         try:
             run, density = self._checked()
         except _GivenUpError as lost:
-            run, density = lost_file(self._path, self._checks, lost.doing, lost.end), None
+            run, density = lost_file(self._path, self._checks, self._options, lost.doing, lost.end), None
         overrun_s = time.monotonic() - self._deadline
         if density is None:
             reached = "the file was given up" if self.windows else "the file cannot be opened"
@@ -223,7 +224,7 @@ class _BudgetedFile:
         place = self._path.absolute()
         if test := opening_test(place, self._options.dialect, self._options.allow_external):
             self._do(test, "being opened")
-        survey = self._do(Task(survey_file, (place, self._checks, self._options)), "being opened")
+        survey = self._do(Task(SURVEY_FILE, (place, self._checks, self._options)), "being opened")
         if isinstance(survey, FileRun):
             return survey, None
         self.windows = survey.plan.of
@@ -232,7 +233,7 @@ class _BudgetedFile:
             # Tasks end in any order; states merge in the order of time.
             parts: dict[int, Kept] = {}
             batches = equal_parts(self.windows, self._executor.capacity)
-            tasks = (Task(measure_windows, (survey, batch, "steady", None), keeps_result=True) for batch in batches)
+            tasks = (Task(MEASURE_WINDOWS, (survey, batch, "steady", None), keeps_result=True) for batch in batches)
             for task, part, _ in self._do_all(tasks):
                 if isinstance(part, _LostTask):
                     raise _GivenUpError("being measured", part.end)
@@ -289,7 +290,7 @@ class _BudgetedFile:
                 if time.monotonic() + density.longest_s > until:
                     return
                 window = density.pending.popleft()
-                yield Task(measure_windows, (density.survey, (window,), "sampled", None), keeps_result=True)
+                yield Task(MEASURE_WINDOWS, (density.survey, (window,), "sampled", None), keeps_result=True)
 
         for task, part, seconds in self._do_all(tasks()):
             (window,) = task.arguments[1]
@@ -308,7 +309,7 @@ class _BudgetedFile:
         """Return the run of the file by the windows that were visited at a density."""
         began = time.monotonic()
         parts = [*self._steady, *(part for _, part in sorted(density.parts.items()))]
-        run: FileRun = self._do(Task(finish_file, (density.visited, parts, sorted(density.lost))), "being judged")
+        run: FileRun = self._do(Task(FINISH_FILE, (density.visited, parts, sorted(density.lost))), "being judged")
         self._judging_s.append(time.monotonic() - began)
         self._judged_windows = max(len(density.parts), 1)
         # Its own traffic: that of the survey and of the parts is counted once for all judgements.
@@ -319,7 +320,7 @@ class _BudgetedFile:
         """Return the requests to a server for passes over windows."""
         if not isinstance(self._path, RemoteFile):
             return NO_TRAFFIC
-        traffic: Traffic = self._do(Task(traffic_of, (parts,)), "being judged")
+        traffic: Traffic = self._do(Task(TRAFFIC_OF, (parts,)), "being judged")
         return traffic
 
     def _discard(self, parts: Sequence[Kept]) -> None:

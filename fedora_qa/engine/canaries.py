@@ -13,17 +13,17 @@ from typing import Any
 
 import numpy as np
 
-from fedora_qa.catalogue import CANARIES
 from fedora_qa.checks.protocol import Check
 from fedora_qa.engine.altered import PlainRun, WindowPass, growing
 from fedora_qa.engine.measure import PassState, attempt
 from fedora_qa.engine.outcomes import crashed_result
 from fedora_qa.engine.plan import sees_every_window
 from fedora_qa.engine.progress import Progress
-from fedora_qa.faults.canary_conditions import MULTIPLES, CanaryConditions, UnplantableError
+from fedora_qa.faults.canary_conditions import MULTIPLES, CanaryConditions, PlantCanary, UnplantableError
 from fedora_qa.faults.fault import Fault
 from fedora_qa.record.types import Canary, Outcome, Result
 from fedora_qa.record.wording import OUTCOME_WORDS
+from fedora_qa.subjects.rows import canary_of
 
 _IN_ORDER: tuple[Outcome, ...] = ("passed", "warned")
 
@@ -49,19 +49,20 @@ def prove_alive(
         place_ns = (busiest.start_ns + busiest.stop_ns) // 2
     proofs = []
     for done, result in enumerate(results):
+        plant, reason = canary_of(result.check), ""
         progress("planting canaries", done, len(results))
         if result.outcome == "failed":
             reason = "it failed on the file itself"
         elif result.outcome not in _IN_ORDER:
             reason = f"it was {OUTCOME_WORDS[result.outcome]} on the file"
-        else:
-            reason = "" if result.check in CANARIES else "there is no canary for it"
-        if reason:
+        elif plant is None:
+            reason = "there is no canary for it"
+        if plant is None or reason:
             proofs.append(Proof(Canary(result.check, "not_planted", reason=reason)))
             continue
         check, attempted = by_name[result.check], PassState({})
         proof = attempt(
-            attempted, check.name, partial(_plant_ever_larger, check, run.strict[check.name], run, place_ns)
+            attempted, check.name, partial(_plant_ever_larger, check, plant, run.strict[check.name], run, place_ns)
         )
         # A canary that fails itself proves nothing, and counts as not detected.
         if proof is None:
@@ -87,14 +88,12 @@ def held_to_canaries(results: Sequence[Result], proofs: Sequence[Proof]) -> tupl
     return tuple(held)
 
 
-def _plant_ever_larger(check: Check[Any], result: Result, run: PlainRun, place_ns: int) -> Proof:
+def _plant_ever_larger(check: Check[Any], plant: PlantCanary, result: Result, run: PlainRun, place_ns: int) -> Proof:
     """Plant ever larger faults until one is detected; a fault without a size is planted once."""
     proofs: dict[str, Proof] = {}
     for multiple in MULTIPLES:
         try:
-            fault = CANARIES[check.name](
-                CanaryConditions(run.sequence, run.ready.facts, result.measurements, place_ns, multiple)
-            )
+            fault = plant(CanaryConditions(run.sequence, run.ready.facts, result.measurements, place_ns, multiple))
         except UnplantableError as why:
             return Proof(Canary(check.name, "not_planted", reason=str(why)))
         # A fault without a size is the same at every multiple.

@@ -11,7 +11,6 @@ from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
-from fedora_qa.catalogue import hypotheses_of
 from fedora_qa.checks.protocol import Check
 from fedora_qa.diagnosis.coincidence import ClockPlace, places_of_clocks
 from fedora_qa.diagnosis.conclusion import Trials
@@ -24,6 +23,7 @@ from fedora_qa.engine.trials import TrialBench, run_trials
 from fedora_qa.judgement.judge import Alarm
 from fedora_qa.judgement.materiality import Materiality
 from fedora_qa.record.types import Diagnosis
+from fedora_qa.subjects.rows import hypotheses_of
 
 
 @dataclass(frozen=True, slots=True)

@@ -5,16 +5,19 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from itertools import pairwise
-from typing import Any, Final
+from typing import TYPE_CHECKING, Any, Final
 
-from fedora_qa.checks.protocol import Check
 from fedora_qa.engine.executor import Kept, Task
+from fedora_qa.engine.lost_file import DIED_TWICE, ENDLESS, lost_file
+from fedora_qa.engine.opening import opening_test
 from fedora_qa.engine.options import CheckOptions, FileRun
-from fedora_qa.engine.outcomes import DIED_TWICE, ENDLESS, lost_file
 from fedora_qa.engine.progress import MEASURING, Progress
-from fedora_qa.engine.survey import Survey
-from fedora_qa.engine.tasks import check_whole, finish_file, measure_windows, opening_test, survey_file
+from fedora_qa.engine.task_functions import CHECK_WHOLE, FINISH_FILE, MEASURE_WINDOWS, SURVEY_FILE
 from fedora_qa.storage.place import Place
+
+if TYPE_CHECKING:  # loads what measures
+    from fedora_qa.checks.protocol import Check
+    from fedora_qa.engine.survey import Survey
 
 _OPENED: Final = "being opened"
 
@@ -68,7 +71,7 @@ class FileWork:
         self,
         path: Place,
         size: int,
-        checks: tuple[Check[Any], ...],
+        checks: "tuple[Check[Any], ...] | None",
         options: CheckOptions,
         workers: int,
         report: Callable[[str], None],
@@ -81,6 +84,7 @@ class FileWork:
         # Absolute, because workers may have another working directory.
         self._of_file = (path.absolute(), checks, options)
         self._checks = checks
+        self._options = options
         self._workers = workers
         self._report = report
         self._parts: dict[int, Part] = {}
@@ -125,12 +129,12 @@ class FileWork:
                 self.windows, self._reported[0] = of, done
             self._tell(what, done, of)
 
-        task = Task(check_whole, self._of_file)
+        task = Task(CHECK_WHOLE, self._of_file)
         self.ready.append(WorkStep(task, tell, self._finished, self._do_in_steps))
 
     def _do_in_steps(self) -> None:
         self._reported.clear()
-        self._do(_OPENED, Task(survey_file, self._of_file), self._surveyed)
+        self._do(_OPENED, Task(SURVEY_FILE, self._of_file), self._surveyed)
 
     def _do(
         self,
@@ -145,9 +149,9 @@ class FileWork:
         self.ready.append(replace(once, when_lost=partial(self.ready.append, once)))
 
     def _give_up(self, doing: str, end: str) -> None:
-        self.run = lost_file(self.path, self._checks, doing, end)
+        self.run = lost_file(self.path, self._checks, self._options, doing, end)
 
-    def _surveyed(self, survey: Survey | FileRun) -> None:
+    def _surveyed(self, survey: "Survey | FileRun") -> None:
         if isinstance(survey, FileRun):
             self._finished(survey)
             return
@@ -156,7 +160,7 @@ class FileWork:
         self._survey = survey
         self._finish_if_measured(survey)
 
-    def _measuring(self, survey: Survey, windows: Sequence[int], when_lost: Callable[[], None]) -> WorkStep:
+    def _measuring(self, survey: "Survey", windows: Sequence[int], when_lost: Callable[[], None]) -> WorkStep:
         first = windows[0]
         # A batch that follows a part extends its state: fewer large states have to be merged in the end.
         before = next((part for part in self._parts.values() if part.stop == first), None)
@@ -184,29 +188,29 @@ class FileWork:
 
         numbers = [survey.windows[place] for place in windows]
         arguments = (survey, numbers, "planned", before.states if before else None)
-        task = Task(measure_windows, arguments, keeps_result=True)
+        task = Task(MEASURE_WINDOWS, arguments, keeps_result=True)
         return WorkStep(task, tell, measured, lost)
 
     def _keep(self, part: Part) -> None:
         self._parts[part.start] = part
 
-    def _each_alone(self, survey: Survey, windows: Sequence[int]) -> None:
+    def _each_alone(self, survey: "Survey", windows: Sequence[int]) -> None:
         for window in windows:
             # What the lost batch had reported no longer counts.
             self._reported[window] = 0
             self.ready.append(self._measuring(survey, [window], when_lost=partial(self._lose, survey, window)))
 
-    def _lose(self, survey: Survey, window: int) -> None:
+    def _lose(self, survey: "Survey", window: int) -> None:
         self._reported[window] = 1
         self._settled += 1
         self._lost.append(window)
         self._finish_if_measured(survey)
 
-    def _finish_if_measured(self, survey: Survey) -> None:
+    def _finish_if_measured(self, survey: "Survey") -> None:
         if self._settled == self.windows:
             lost = [survey.windows[place] for place in sorted(self._lost)]
             parts = [part.states for _, part in sorted(self._parts.items())]
-            self._do("being judged", Task(finish_file, (survey, parts, lost)), self._finished)
+            self._do("being judged", Task(FINISH_FILE, (survey, parts, lost)), self._finished)
 
     def _finished(self, run: FileRun) -> None:
         # Tasks carry the absolute path; the record states the path that was given.

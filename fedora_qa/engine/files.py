@@ -4,18 +4,18 @@ from collections import deque
 from collections.abc import Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, wait
 from dataclasses import replace
-from typing import Any, Final
+from typing import TYPE_CHECKING, Any, Final
 
-from fedora_qa.checks.protocol import Check
-from fedora_qa.engine.budget import check_within_budget
 from fedora_qa.engine.executor import Executor
 from fedora_qa.engine.file_work import FileWork, WorkStep
 from fedora_qa.engine.options import CheckOptions, FileRun
 from fedora_qa.engine.progress import ProgressTally, Report
-from fedora_qa.engine.run import select_checks
 from fedora_qa.errors import EndlessError, WorkerLostError
 from fedora_qa.storage.place import Place
 from fedora_qa.storage.server import version_of
+
+if TYPE_CHECKING:  # loads what measures
+    from fedora_qa.checks.protocol import Check
 
 _LIBRARIES_BYTES: Final = 320_000_000
 """Bytes that all processes of a run share, as they are forked from one, and bytes of the process of the command.
@@ -42,7 +42,7 @@ def check_files(
     report: Report,
     began: float | None = None,
     *,
-    checks: tuple[Check[Any], ...] | None = None,
+    checks: "tuple[Check[Any], ...] | None" = None,
 ) -> Iterator[tuple[Place, FileRun]]:
     """Check files, and yield each as soon as it is done. The result does not depend on which worker measures.
 
@@ -68,8 +68,9 @@ def check_files(
     beside = _LIBRARIES_BYTES + executor.sharing * _COPIED_BYTES
     for_tasks = max(options.memory_bytes - beside, int(_LEAST_SHARE * options.memory_bytes))
     options = replace(options, memory_bytes=for_tasks // executor.sharing)
-    checks = select_checks(options.select, options.ignore) if checks is None else checks
     if options.budget_s is not None:
+        from fedora_qa.engine.budget import check_within_budget  # noqa: PLC0415 - loads HDF5
+
         yield from check_within_budget(paths, checks, options, executor, report, began)
         return
 

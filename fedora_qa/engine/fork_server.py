@@ -1,4 +1,4 @@
-"""Where worker processes come from: forks of one that has loaded everything, so that memory holds it once.
+"""Where worker processes come from: forks of one that has loaded what they need, so that memory holds it once.
 
 Nothing that measures is imported here, so that the fork server starts before the command line is parsed.
 """
@@ -7,13 +7,13 @@ import multiprocessing
 import os
 import sys
 import tempfile
+from collections.abc import Iterable
 from contextlib import suppress
 from multiprocessing import forkserver
 from multiprocessing.context import BaseContext
 from typing import Final
 
-_PRELOADED: Final = ["fedora_qa.engine.preload", "click"]
-"""What a worker needs, and what the command's own module imports, which each process imports again."""
+from fedora_qa.subjects import SUBJECTS, subject_of
 
 _LONGEST_FOLDER: Final = 70
 """Characters of a temporary folder in which a socket of the fork server can lie: its path may have 107, of which
@@ -30,14 +30,20 @@ def start_method() -> str:
     return "forkserver" if sys.platform == "linux" and not deep else "spawn"
 
 
-def worker_context() -> BaseContext:
+def worker_context(names: Iterable[str] = ()) -> BaseContext:
     """Return the context that starts worker processes, after beginning to load what they need, where they share it.
 
     Returns at once: the caller continues while the other process loads on another core.
+
+    Parameters
+    ----------
+    names
+        Of subjects and checks that will be needed; empty: all. A worker loads what else it needs by itself. They have
+        no effect where the loading has begun before.
     """
     context = multiprocessing.get_context(start_method())
     if start_method() == "forkserver":
-        context.set_forkserver_preload(_PRELOADED)
+        context.set_forkserver_preload(preloaded_modules(names))
         forkserver.ensure_running()
     else:
         # Processes inherit it. OpenBLAS reads it when NumPy is loaded; a worker has one core and small matrices.
@@ -45,10 +51,22 @@ def worker_context() -> BaseContext:
     return context
 
 
-def begin_preloading() -> None:
-    """Begin to load what workers need, where they share it, before their tasks are known.
+def begin_preloading(names: Iterable[str] = ()) -> None:
+    """Begin to load what workers need, where they share it, before their tasks are known; ``worker_context`` says more.
 
     An error of the system is raised again where a worker is first needed.
     """
     with suppress(OSError):
-        worker_context()
+        worker_context(names)
+
+
+def preloaded_modules(names: Iterable[str]) -> list[str]:
+    """Return the modules that are loaded before workers are forked: the engine, then the checks of some subjects."""
+    selected = {subject_of(name) for name in names} or {*SUBJECTS}
+    # Each process imports again what the module of the command imports: click.
+    return [
+        "fedora_qa.engine.preload",
+        *(f"fedora_qa.subjects.{subject}" for subject in SUBJECTS if subject in selected),
+        "click",
+        "fedora_qa.engine.preloaded",
+    ]

@@ -1,58 +1,26 @@
 """Compile the loops of checks in several processes at once, before they are needed.
 
 Numba compiles a function when it is first called, and keeps the result on disk. In one process that takes a minute for
-all checks. ``kernels.json`` lists which functions the checks call, with which types; what is not listed there is
-compiled when it is called. ``python -m fedora_qa.cli.kernel_list`` writes the list.
+all checks. What ``kernel_groups`` does not list is compiled when it is called. ``python -m fedora_qa.cli.kernel_list``
+writes the list.
 """
 
 import hashlib
 import importlib
 import json
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Sequence
 from contextlib import suppress
-from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Final
+from typing import Any
 
 import numba
 from numba.core import registry, types
 from numba.core.dispatcher import Dispatcher
 from numba.core.sigutils import normalize_signature
 
+from fedora_qa.engine.kernel_groups import KernelGroup, TypeText
 from fedora_qa.engine.worker import Worker
 from fedora_qa.record.atomic import write_text
-
-TypeText = str | dict[str, list[Any]]
-"""A type as Numba writes and reads it; a tuple as its class with the types of its elements."""
-
-KERNELS_PATH: Final = Path(__file__).with_name("kernels.json")
-
-
-@dataclass(frozen=True, slots=True)
-class KernelGroup:
-    """The compiled functions of a module that checks call.
-
-    Attributes
-    ----------
-    module
-        Where they are defined.
-    subjects
-        Subjects of the checks that call one of them.
-    argument_types
-        Of each function by its name: the types of its arguments.
-    """
-
-    module: str
-    subjects: tuple[str, ...]
-    argument_types: Mapping[str, Sequence["TypeText"]]
-
-
-def listed_groups(path: Path = KERNELS_PATH) -> tuple[KernelGroup, ...]:
-    """Return the groups of a list, in the order in which they are best compiled: the dearest first."""
-    return tuple(
-        KernelGroup(group["module"], tuple(group["subjects"]), group["argument_types"])
-        for group in json.loads(path.read_text(encoding="utf-8"))
-    )
 
 
 def uncompiled(subjects: Iterable[str], groups: Sequence[KernelGroup], _: Worker) -> list[KernelGroup]:

@@ -6,19 +6,15 @@ from typing import Any, Final
 
 from fedora_qa.causes import CAUSES, stream_family
 from fedora_qa.checks.protocol import Check
+from fedora_qa.engine.lost_file import DIED_TWICE
 from fedora_qa.engine.measure import PassState
-from fedora_qa.engine.options import FileRun
 from fedora_qa.judgement.judge import Judged
 from fedora_qa.record.types import Coverage, Diagnosis, FileRecord, Finding, Result, Verdict, Where
 from fedora_qa.record.wording import NOT_RECOGNISED
 from fedora_qa.sequence.facts import Facts
 from fedora_qa.sequence.window import Span
-from fedora_qa.storage.digest import Digest, file_digest
+from fedora_qa.storage.digest import Digest
 from fedora_qa.storage.place import Place
-
-DIED_TWICE: Final = "died twice over it (out of memory, or a library crashed)"
-ENDLESS: Final = "did not come to an end, and was ended"
-"""How the processes that did a task ended, as a record states it."""
 
 _READING_CHECK: Final = "integrity.readable"
 """The check that fails on a file which cannot be opened."""
@@ -180,27 +176,4 @@ def lost_windows(lost: Sequence[Span], of: int, facts: Facts) -> tuple[Result, .
         Result(
             LOST_WINDOWS, "crashed", _COULD_BE_MEASURED, coverage=Coverage(of - len(lost), of, "windows"), reason=reason
         ),
-    )
-
-
-def lost_file(path: Place, checks: Iterable[Check[Any]], doing: str, end: str) -> FileRun:
-    """Return the run of a file that no process could open, or judge: every check crashed.
-
-    ``doing`` and ``end`` are parts of the reason: the step that failed, and how its process ended.
-    """
-    # Reads bytes only, not through HDF5, which may have ended the processes before.
-    digest = file_digest(path)
-    reason = f"the process by which it was {doing} {end}"
-    return FileRun(
-        FileRecord(
-            path=str(path),
-            size=digest.version.size,
-            sha256=digest.sha256,
-            digest_kind=digest.kind,
-            dialect="",
-            inferred={},
-            statistics={},
-            verdict="incomplete",
-            results=tuple(Result(check.name, "crashed", check.question, reason=reason) for check in checks),
-        )
     )

@@ -1,4 +1,4 @@
-"""Importing this loads everything that measures: into the process that worker processes are forked from.
+"""Importing this loads the engine into the process that worker processes are forked from; checks are loaded after it.
 
 No file is open here, and no library has started threads of its own.
 """
@@ -16,13 +16,10 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 from numcodecs import blosc  # noqa: E402
 
+import fedora_qa.engine.kernels  # noqa: E402
 import fedora_qa.engine.processes  # noqa: E402
 import fedora_qa.engine.tasks  # noqa: E402, F401
 
 # The codec of images creates a lock that it never takes without threads. If each worker created its own, the tracker of
 # resources would warn of the lock of every worker that is ended.
 blosc.get_mutex()
-
-# A collection writes into each object that it scans, and would copy its page in every forked worker.
-gc.freeze()
-gc.enable()

@@ -25,7 +25,6 @@ from types import TracebackType
 from typing import Any, Final, Self
 from uuid import uuid4
 
-import cv2
 from pebble import ProcessExpired, ProcessPool
 
 from fedora_qa.engine.executor import Task
@@ -227,6 +226,8 @@ _here: Final = _Process()
 def _begin_worker(reporting: "Connection[Any, Any]", threads: int) -> None:
     """Note where to report progress, and limit the threads of OpenCV, whose images do not depend on them."""
     _here.reporting = reporting
+    import cv2  # noqa: PLC0415 - the process of the command computes no image
+
     cv2.setNumThreads(threads)
 
 

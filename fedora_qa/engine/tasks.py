@@ -2,11 +2,11 @@
 
 from collections.abc import Iterable, Sequence
 from pathlib import Path
-from typing import Any, Final, Literal
+from typing import Any, Literal
 
 from fedora_qa.checks.protocol import Check
 from fedora_qa.engine.assemble import assemble
-from fedora_qa.engine.executor import Kept, Task
+from fedora_qa.engine.executor import Kept
 from fedora_qa.engine.measure import Accumulator, PassState, measure
 from fedora_qa.engine.options import CheckOptions, FileRun
 from fedora_qa.engine.progress import Progress
@@ -16,28 +16,15 @@ from fedora_qa.engine.worker import Worker
 from fedora_qa.errors import UnreadableFileError
 from fedora_qa.layout.dialect import DialectChoice
 from fedora_qa.sequence.sequence import open_sequence
-from fedora_qa.storage.opening_limit import opening_limit_s
-from fedora_qa.storage.place import Place, RemoteFile
+from fedora_qa.storage.place import Place
 from fedora_qa.storage.traffic import NO_TRAFFIC, Traffic
+from fedora_qa.subjects.rows import select_checks
 
-_OPENING_S: Final = 60.0
-"""A file opens in hundredths of a second, over a slow network in some seconds."""
+Asked = tuple[Check[Any], ...] | None
+"""The checks of a file; None: those that the options select."""
 
 Audience = Literal["planned", "steady", "sampled"]
 """Who gets a window: all whom the plan gives it to; checks that get every window, whatever the plan; all others."""
-
-
-def opening_test(path: Place, dialect: DialectChoice = None, allow_external: Iterable[Path] = ()) -> Task | None:
-    """Return the task that tests whether a file opens within a limit of time; None for a file behind a URL.
-
-    Raises
-    ------
-    MisuseError
-        The environment sets a limit that is no number above 0.
-    """
-    if isinstance(path, RemoteFile):
-        return None
-    return Task(open_and_close, (path, dialect, tuple(allow_external)), limit_s=opening_limit_s(_OPENING_S))
 
 
 def open_and_close(path: Place, dialect: DialectChoice, allow_external: Iterable[Path], _: Worker) -> bool:
@@ -49,7 +36,7 @@ def open_and_close(path: Place, dialect: DialectChoice, allow_external: Iterable
     return True
 
 
-def check_whole(path: Place, checks: tuple[Check[Any], ...], options: CheckOptions, worker: Worker) -> FileRun:
+def check_whole(path: Place, checks: Asked, options: CheckOptions, worker: Worker) -> FileRun:
     """Check a file from beginning to end in one process, so that follow-ups find rows that are still decoded."""
     survey = survey_file(path, checks, options, worker)
     return survey if isinstance(survey, FileRun) else measure_and_assemble(survey, worker.progress)
@@ -62,11 +49,12 @@ def measure_and_assemble(survey: Survey, progress: Progress) -> FileRun:
         return assemble(survey, file, [measured], [], progress)
 
 
-def survey_file(path: Place, checks: tuple[Check[Any], ...], options: CheckOptions, worker: Worker) -> Survey | FileRun:
+def survey_file(path: Place, checks: Asked, options: CheckOptions, worker: Worker) -> Survey | FileRun:
     """Scan the timestamps of a file and plan its windows; its whole run where HDF5 refuses to open it."""
     # Rows of another file are of no use any more.
     worker.open_file.close()
-    return survey_of(path, checks, options, worker.progress)
+    asked = select_checks(options.select, options.ignore) if checks is None else checks
+    return survey_of(path, asked, options, worker.progress)
 
 
 def measure_windows(

@@ -4,11 +4,14 @@ import sys
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 from fedora_qa.engine.progress import Progress, quiet
-from fedora_qa.engine.survey import OpenSurvey, Survey, opened, receivers, require_same
 from fedora_qa.storage.place import RemoteFile
 from fedora_qa.storage.server import version_of
+
+if TYPE_CHECKING:
+    from fedora_qa.engine.survey import OpenSurvey, Survey
 
 
 class OpenFile:
@@ -28,8 +31,11 @@ class OpenFile:
         self._opened = ExitStack()
 
     @contextmanager
-    def opened(self, survey: Survey) -> Iterator[OpenSurvey]:
+    def opened(self, survey: "Survey") -> "Iterator[OpenSurvey]":
         """Open a surveyed file, or go on with it; raises ``FedoraError`` where it has been changed since."""
+        # The process of the command imports this module as well, and measures nothing.
+        from fedora_qa.engine.survey import opened, receivers, require_same  # noqa: PLC0415 - loads what measures
+
         if self._file is not None and self._token == survey.token:
             require_same(survey, version_of(survey.path))
             # The same survey may come with another plan.

@@ -10,10 +10,9 @@ from typing import ClassVar, Final, Literal
 
 from pydantic import ConfigDict, TypeAdapter
 
-from fedora_qa.check_names import require_check_names
+from fedora_qa.check_names import require_check_names, selected_explanations
 from fedora_qa.checks.explanation import published_explanations
 from fedora_qa.config import RULESET_CHANGES, RULESET_VERSION, CheckConfig, files_beside, read_toml
-from fedora_qa.engine.run import select_checks
 from fedora_qa.errors import MisuseError, did_you_mean
 from fedora_qa.gating.release import is_plain
 from fedora_qa.gating.waivers import Waiver, require_legal_names
@@ -135,9 +134,9 @@ def read_policy(path: Path) -> Policy:
     for waiver in policy.waivers:
         require_legal_names(waiver, checks)
     # Every required check is among those that the policy runs.
-    running = {check.name for check in select_checks(policy.check.select, policy.check.ignore)}
+    running = {each.check for each in selected_explanations(policy.check.select, policy.check.ignore)}
     for name in policy.required_checks:
-        required = {check.name for check in select_checks((name,), ())}
+        required = {each.check for each in selected_explanations((name,), ())}
         if not required <= running:
             left_out = ", ".join(sorted(required - running))
             raise MisuseError(

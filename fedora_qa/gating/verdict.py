@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 from datetime import date
 from typing import Final
 
-from fedora_qa.engine.run import select_checks
+from fedora_qa.check_names import selected_explanations
 from fedora_qa.gating.baseline import Baseline, accept_known
 from fedora_qa.gating.policy import Policy
 from fedora_qa.gating.release import Release
@@ -73,7 +73,7 @@ def judge_release(
     ruled = [with_release_results(name, file, release_results) for name, file in zip(names, record.files, strict=True)]
     weighed = [with_severity(file, policy.severity, policy.check.fail_on) for file in ruled]
     # A sequence is incomplete where a required check came to no verdict; the reason of the check states it.
-    required = {check.name for name in policy.required_checks for check in select_checks((name,), ())}
+    required = {each.check for name in policy.required_checks for each in selected_explanations((name,), ())}
     shortfall = f"could not tell {SHORT_OF_COVERAGE} it"
     files_judged = []
     for file in weighed[:-1]:
@@ -94,7 +94,8 @@ def judge_release(
     # Before anything is waived: a waiver is needed where its finding exists, in whichever order waivers are applied.
     on_waivers = rule_on_waivers(zip(names, files_judged, strict=True), policy.waivers, judgement.today)
     accepted[-1] = with_release_results(FOLDER, accepted[-1], [on_waivers])
-    crossing = crossing_streams(select_checks(policy.check.select, policy.check.ignore))
+    selected = selected_explanations(policy.check.select, policy.check.ignore)
+    crossing = crossing_streams({each.check: each.needs for each in selected})
     verdicts = [_with_verdict(file, crossing) for file in accepted[:-1]]
     return replace(record, config_digest=policy.digest, files=(*verdicts, _with_verdict(accepted[-1], frozenset())))
 

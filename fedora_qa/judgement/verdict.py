@@ -4,11 +4,10 @@ Two more places make a verdict ``incomplete``: ``engine/outcomes.py``, where not
 layout, a lost worker), and ``cli/check_all.py``, where the file changed. ``gating/verdict.py`` judges a release.
 """
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import replace
-from typing import Any, Final
+from typing import Final
 
-from fedora_qa.checks.protocol import Check
 from fedora_qa.record.types import FileRecord, Result, Verdict
 from fedora_qa.record.wording import SHORT_OF_COVERAGE
 
@@ -16,9 +15,9 @@ INDEX_MAPS: Final = "index_maps."
 """Start of the names of the checks that compare an index map with the timestamps that it was made from."""
 
 
-def crossing_streams(checks: Iterable[Check[Any]]) -> frozenset[str]:
-    """Return the names of the checks that compare streams with each other."""
-    return frozenset(check.name for check in checks if len(check.needs) > 1)
+def crossing_streams(needs: Mapping[str, Collection[str]]) -> frozenset[str]:
+    """Return the names of the checks that compare streams with each other, by the streams that each check needs."""
+    return frozenset(check for check, streams in needs.items() if len(streams) > 1)
 
 
 def comparisons_of(results: tuple[Result, ...], crossing: frozenset[str]) -> int:

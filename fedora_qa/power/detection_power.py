@@ -18,7 +18,7 @@ from fedora_qa.record.power_types import WHOLE_FILE, Estimate, Power, Share
 
 PUBLISHED: Final = Path(__file__).with_name("published.json")
 
-MEASURED: Final = ("catalogue.py", "checks", "diagnosis", "estimators", "faults", "geometry", "judgement", "views")
+MEASURED: Final = ("checks", "diagnosis", "estimators", "faults", "geometry", "judgement", "subjects", "views")
 """Folders and files whose code and data decide which faults are found and which causes are named."""
 
 

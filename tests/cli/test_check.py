@@ -10,13 +10,13 @@ import numpy as np
 import pytest
 
 from fedora_qa.catalogue import CHECKS
-from fedora_qa.checks.explanation import explanation
 from fedora_qa.checks.protocol import Check, Notice, Observation
 from fedora_qa.record.json_io import read_record
 from fedora_qa.record.types import Coverage
 from fedora_qa.sequence.facts import Facts
 from fedora_qa.sequence.window import Window
 from tests.cli.conftest import Command
+from tests.support.replaced_checks import replace_checks
 
 TIMESTAMPS = ("--select", "clocks", "--select", "index_maps")
 
@@ -75,13 +75,6 @@ class CannotSay(Answers):
         raise ZeroDivisionError("focal length of zero")
 
 
-def replace_checks(monkeypatch: pytest.MonkeyPatch, *checks: Check[Any]) -> None:
-    """Run these checks in place of the real ones, by names that options may name."""
-    explanations = tuple(explanation(check) for check in checks)
-    monkeypatch.setattr("fedora_qa.engine.run.CHECKS", checks)
-    monkeypatch.setattr("fedora_qa.check_names.published_explanations", lambda: explanations)
-
-
 @pytest.fixture
 def test_checks(monkeypatch: pytest.MonkeyPatch) -> None:
     """Run these checks in place of the real ones."""
@@ -128,7 +121,7 @@ def test_no_colour_when_piped(fedora_qa: Command, sequence: Path) -> None:
 
 def test_warnings_count_when_asked(fedora_qa: Command, sequence: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """``--fail-on warned`` turns what is unusual into exit code 1; without it the file is clean."""
-    monkeypatch.setattr("fedora_qa.engine.run.CHECKS", (Warns(),))
+    replace_checks(monkeypatch, Warns())
     lenient, strict = fedora_qa("check", sequence), fedora_qa("check", sequence, "--fail-on", "warned")
     assert "1 warned" in lenient.out
     assert "The frames are unusually square." in " ".join(lenient.out.split())
@@ -151,7 +144,7 @@ def test_crash_is_an_outcome(fedora_qa: Command, sequence: Path, tmp_path: Path)
 def test_a_check_that_cannot_say_whether_it_applies_crashes_alone(
     fedora_qa: Command, sequence: Path, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
-    monkeypatch.setattr("fedora_qa.engine.run.CHECKS", (CannotSay(), Answers()))
+    replace_checks(monkeypatch, CannotSay(), Answers())
     assert fedora_qa("check", sequence, "--json", tmp_path / "out.json").code == 3
     crashed, answered = read_record(tmp_path / "out.json").files[0].results
     assert (crashed.outcome, answered.outcome) == ("crashed", "passed")

@@ -19,6 +19,7 @@ from fedora_qa.engine.progress import ProgressTally
 from fedora_qa.storage.place import place_of
 from tests.cli.conftest import Command, Outcome
 from tests.support.killers import Counts
+from tests.support.replaced_checks import replace_checks
 
 
 def facts_of(path: Path) -> dict[str, Any]:
@@ -105,7 +106,7 @@ def watch(monkeypatch: pytest.MonkeyPatch) -> Watch:
     """Quick checks in place of the real ones, watched."""
     watch = Watch()
     monkeypatch.setattr(cli_check_all, "check_files", watch)
-    monkeypatch.setattr("fedora_qa.engine.run.CHECKS", (Counts(),))
+    replace_checks(monkeypatch, Counts())
     return watch
 
 

@@ -3,7 +3,6 @@
 import pytest
 
 from fedora_qa.causes import CAUSES, stream_family
-from fedora_qa.checks.flow_geometry.endpoint import FlowParameterFit
 from fedora_qa.checks.protocol import Statistic
 from fedora_qa.diagnosis.proposed_faults import faults_for, is_length_unit, is_testable
 from fedora_qa.faults.cameras import FocalLength, MountingRotation
@@ -12,6 +11,7 @@ from fedora_qa.faults.table import faults_of
 from fedora_qa.features import Feature
 from fedora_qa.judgement.judge import Alarm
 from fedora_qa.record.types import Finding, Measurement, Result, Where
+from fedora_qa.views.flow_parameter_fit import FlowParameterFit
 from tests.support.memory_sequence import facts_of, memory_sequence
 
 NEED_ROWS = {"teleport", "swapped_frames", "noise_misdeclared"}

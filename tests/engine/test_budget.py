@@ -19,7 +19,7 @@ from fedora_qa.engine.options import CheckOptions, FileRun
 from fedora_qa.engine.plan import EFFORTS, FEWEST_WINDOWS
 from fedora_qa.engine.processes import ProcessExecutor
 from fedora_qa.engine.progress import Progress, ProgressTally
-from fedora_qa.engine.tasks import finish_file, measure_windows
+from fedora_qa.engine.task_functions import FINISH_FILE, MEASURE_WINDOWS
 from fedora_qa.errors import WorkerLostError
 from fedora_qa.record.types import Coverage
 from fedora_qa.sequence.facts import Facts
@@ -28,6 +28,7 @@ from tests.support.fake_executors import Loses, Travels
 from tests.support.handmade import write_handmade
 from tests.support.identical import identical
 from tests.support.killers import Counts
+from tests.support.replaced_checks import replace_checks
 
 
 @given(windows=st.integers(0, 400), together=st.integers(1, 12))
@@ -108,7 +109,7 @@ def many_windows(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 @pytest.fixture
 def slow(monkeypatch: pytest.MonkeyPatch) -> Clock:
     """Run the slow check alone, by a clock that only it moves."""
-    monkeypatch.setattr("fedora_qa.engine.run.CHECKS", (Slow(),))
+    replace_checks(monkeypatch, Slow())
     monkeypatch.setattr("fedora_qa.engine.budget.time", CLOCK)
     CLOCK.now = 100.0
     return CLOCK
@@ -174,7 +175,7 @@ def test_the_densest_with_which_all_windows_fit(
     budget_s: float, reached: str, many_windows: Path, slow: Clock, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Density is bought only where it costs no window; what it is tried with never makes the run late."""
-    monkeypatch.setattr("fedora_qa.engine.run.CHECKS", (Denser(),))
+    replace_checks(monkeypatch, Denser())
     # In frames as small as these the efforts look at all places alike: told apart by fields, each is tried in its turn.
     strides = {"quick": 3, "standard": 2}
     told_apart = {
@@ -213,7 +214,7 @@ def test_with_time_for_all_it_is_a_full_check(
 @pytest.mark.parametrize(("times", "gone"), [(1, []), (2, []), (9, [0])])
 def test_a_window_that_kills(times: int, gone: list[int], many_windows: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """It is looked at again, at each density; one that kills always is told, and the file is incomplete."""
-    monkeypatch.setattr("fedora_qa.engine.run.CHECKS", (Counts(),))
+    replace_checks(monkeypatch, Counts())
     executor = Loses("measure_windows seq.h5 [0]", times=times)
     run = run_of(many_windows, 3600.0, executor)
     assert (run.record.verdict == "incomplete") == bool(gone)
@@ -244,13 +245,13 @@ def test_progress_never_runs_backwards(many_windows: Path, slow: Clock, tmp_path
 
 def test_a_judgement_that_is_lost_leaves_the_one_before(many_windows: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Where a later round kills whoever judges it, the run by fewer windows stands."""
-    monkeypatch.setattr("fedora_qa.engine.run.CHECKS", (Counts(),))
+    replace_checks(monkeypatch, Counts())
 
     class Forgets(Travels):
         judged = 0
 
         def submit(self, task: Task, progress: Progress) -> Future[Any]:
-            if task.function is finish_file:
+            if task.function == FINISH_FILE:
                 self.judged += 1
                 if self.judged > 1:
                     future: Future[Any] = Future()
@@ -265,11 +266,11 @@ def test_a_judgement_that_is_lost_leaves_the_one_before(many_windows: Path, monk
 
 def test_all_windows_lost_is_no_crash_of_checks(many_windows: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Checks whose windows were all lost have seen none, beside checks that get every window."""
-    monkeypatch.setattr("fedora_qa.engine.run.CHECKS", (Counts(), Steady()))
+    replace_checks(monkeypatch, Counts(), Steady())
 
     class Kills(Travels):
         def submit(self, task: Task, progress: Progress) -> Future[Any]:
-            if task.function is measure_windows and task.arguments[2] == "sampled":
+            if task.function == MEASURE_WINDOWS and task.arguments[2] == "sampled":
                 future: Future[Any] = Future()
                 future.set_exception(WorkerLostError("lost"))
                 return future

@@ -14,10 +14,11 @@ from fedora_generator.faults import plant_fault
 from fedora_qa.engine.executor import Executor, InProcess, Task
 from fedora_qa.engine.file_work import WorkQueue
 from fedora_qa.engine.files import check_files
+from fedora_qa.engine.opening import opening_test
 from fedora_qa.engine.options import CheckOptions, FileRun
 from fedora_qa.engine.processes import ProcessExecutor
 from fedora_qa.engine.progress import Progress, ProgressTally
-from fedora_qa.engine.tasks import open_and_close, opening_test, survey_file
+from fedora_qa.engine.task_functions import OPEN_AND_CLOSE, SURVEY_FILE
 from fedora_qa.errors import EndlessError, MisuseError
 from fedora_qa.storage.opening_limit import OPENING_VARIABLE
 from fedora_qa.storage.place import RemoteFile
@@ -25,6 +26,7 @@ from tests.support.fake_executors import Loses, Travels
 from tests.support.handmade import write_handmade
 from tests.support.identical import identical
 from tests.support.killers import Counts, CrashesLate, Kills
+from tests.support.replaced_checks import replace_checks
 
 WINDOWS = 6
 """Of 20 ms, in the tenth of a second and its last frame that the handmade file holds."""
@@ -44,11 +46,7 @@ def handmade(tmp_path: Path, short_windows: None) -> Path:
 @pytest.fixture
 def counting(monkeypatch: pytest.MonkeyPatch) -> None:
     """Run checks that are quick in place of the real ones."""
-    run_checks(monkeypatch, Counts())
-
-
-def run_checks(monkeypatch: pytest.MonkeyPatch, *checks: Counts) -> None:
-    monkeypatch.setattr("fedora_qa.engine.run.CHECKS", checks)
+    replace_checks(monkeypatch, Counts())
 
 
 def all_runs(
@@ -84,7 +82,7 @@ def test_what_is_found_does_not_depend_on_the_workers(park_day: Path, tmp_path: 
 
 def test_a_crash_in_a_worker_is_an_outcome(handmade: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """A check that fails on a later window has the same crash and traceback; the others have seen every window."""
-    run_checks(monkeypatch, CrashesLate(), Counts())
+    replace_checks(monkeypatch, CrashesLate(), Counts())
     alone, dealt = only_run(handmade, InProcess()), only_run(handmade, Travels())
     assert same(alone, dealt)
     crashed, counted = dealt.record.results
@@ -187,7 +185,7 @@ def test_memory_is_shared(handmade: Path) -> None:
 
     class Looks(Travels):
         def submit(self, task: Task, progress: Progress) -> Future[Any]:
-            if task.function is survey_file:
+            if task.function == SURVEY_FILE:
                 seen.append(task.arguments[2])
             return super().submit(task, progress)
 
@@ -232,7 +230,7 @@ def test_a_file_that_does_not_end_opening_is_not_opened_again(handmade: Path, tm
 
     class Endless(Travels):
         def submit(self, task: Task, progress: Progress) -> Future[Any]:
-            if task.function is open_and_close and task.arguments[0].name == "seq.h5":
+            if task.function == OPEN_AND_CLOSE and task.arguments[0].name == "seq.h5":
                 tried.append(task.arguments[0].name)
                 future: Future[Any] = Future()
                 future.set_exception(EndlessError("endless"))

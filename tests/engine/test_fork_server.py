@@ -14,9 +14,10 @@ import pytest
 from fedora_qa.cli.startup import IN_PROCESS_VARIABLE, preload_workers
 from fedora_qa.engine import fork_server
 from fedora_qa.engine.executor import Task
-from fedora_qa.engine.fork_server import start_method
+from fedora_qa.engine.fork_server import preloaded_modules, start_method
 from fedora_qa.engine.processes import ProcessExecutor
 from fedora_qa.engine.progress import quiet
+from fedora_qa.subjects import SUBJECTS
 from tests.support import tasks
 from tests.support.handmade import write_handmade
 
@@ -76,15 +77,25 @@ def _is_marked(process: psutil.Process, mark: str) -> bool:
 
 @pytest.mark.parametrize(
     ("arguments", "begins"),
-    [("check a.h5 --jobs 2", True), ("gate release --policy p.toml", True), ("check --help", False),
-     ("check a.h5 --dask=tcp://host:1", False), ("report record.json", False), ("", False)],
+    [("check a.h5 --jobs 2", [[]]), ("check --select=imu a.h5 --select clocks.rate", [["imu", "clocks.rate"]]),
+     ("gate release --policy p.toml", [[]]), ("check --help", []), ("check a.h5 --dask=tcp://host:1", []),
+     ("report record.json", []), ("", [])],
 )  # fmt: skip
 def test_loading_begins_where_workers_will_be_needed(
-    arguments: str, begins: bool, monkeypatch: pytest.MonkeyPatch
+    arguments: str, begins: list[list[str]], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Commands that measure begin to load before they are understood; others load nothing."""
-    begun: list[bool] = []
-    monkeypatch.setattr(fork_server, "begin_preloading", lambda: begun.append(True))
+    """Commands that measure begin to load what they select before they are understood; others load nothing."""
+    begun: list[list[str]] = []
+    monkeypatch.setattr(fork_server, "begin_preloading", lambda names: begun.append([*names]))
     monkeypatch.delenv(IN_PROCESS_VARIABLE, raising=False)
     preload_workers(arguments.split())
-    assert begun == [True] * begins
+    assert begun == begins
+
+
+def test_a_selection_loads_its_own_checks_alone() -> None:
+    """For a selection of clocks no check of another subject is loaded, and a wrong name changes nothing."""
+    modules = preloaded_modules(["clocks.rate", "no\udcffsense"])
+    command = f"import sys\nfor name in {modules}: __import__(name)\nprint(*sys.modules)"
+    done = subprocess.run([sys.executable, "-c", command], capture_output=True, text=True, check=True)
+    checks = {name.split(".")[2] for name in done.stdout.split() if name.startswith("fedora_qa.checks.")}
+    assert checks & set(SUBJECTS) == {"clocks"}

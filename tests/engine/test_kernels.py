@@ -16,9 +16,10 @@ from fedora_qa.cli.compiling import TITLE, compile_for
 from fedora_qa.cli.kernel_list import groups_of
 from fedora_qa.engine import kernels
 from fedora_qa.engine.executor import InProcess
-from fedora_qa.engine.kernels import KernelGroup, compile_group, kernel_of, listed_groups, text_of, type_of, uncompiled
+from fedora_qa.engine.kernel_groups import KernelGroup, listed_groups
+from fedora_qa.engine.kernels import compile_group, kernel_of, text_of, type_of, uncompiled
+from fedora_qa.engine.opening import opening_test
 from fedora_qa.engine.processes import ProcessExecutor
-from fedora_qa.engine.tasks import opening_test
 from fedora_qa.engine.worker import OpenFile, Worker
 from tests.support.handmade import write_handmade
 

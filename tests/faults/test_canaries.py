@@ -23,6 +23,7 @@ from fedora_qa.sequence.facts import Facts
 from tests.extremes.test_streams import ALL, without
 from tests.integration.test_planted_faults import PLANTED
 from tests.support.handmade import write_handmade
+from tests.support.replaced_checks import replace_checks
 from tests.support.sequences import CleanSequence
 
 CHECK_NAMES = tuple(check.name for check in CHECKS)
@@ -139,7 +140,7 @@ def test_nothing_is_seen_where_nothing_is_planted(park_day: Path, monkeypatch: p
         return islice(growing(chosen, place_ns), 2)
 
     monkeypatch.setattr(canaries, "growing", few)
-    monkeypatch.setattr(canaries, "CANARIES", dict.fromkeys(CHECK_NAMES, lambda conditions: Fault("nothing at all")))
+    monkeypatch.setattr(canaries, "canary_of", lambda check: lambda conditions: Fault("nothing at all"))
     planted = [canary for canary in proven(park_day).canaries if canary.outcome != "not_planted"]
     assert len(planted) > 40
     assert [canary.check for canary in planted if canary.outcome not in {"silent", "withheld"}] == []
@@ -162,7 +163,7 @@ def deaf(check: Check[Any]) -> Check[Any]:
 def test_every_deaf_check_is_found_out(handmade: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Checks that always measure what is expected crash, one by one; hearing ones see their canaries."""
     hearing = {canary.check for canary in proven(handmade).canaries if canary.outcome == "seen"}
-    monkeypatch.setattr("fedora_qa.engine.run.CHECKS", tuple(deaf(check) for check in CHECKS))
+    replace_checks(monkeypatch, *(deaf(check) for check in CHECKS))
     record = proven(handmade)
     crashed = {result.check: result.reason for result in record.results if result.outcome == "crashed"}
     assert len(hearing) > 20
@@ -209,7 +210,7 @@ def test_check_that_crashes_on_its_canary_shows_where(park_day: Path, monkeypatc
 
 def test_canary_that_fails_itself_proves_nothing(handmade: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """A fault that cannot be made counts as not seen: never a silent pass."""
-    monkeypatch.setattr(canaries, "CANARIES", {"clocks.rate": lambda conditions: 1 / 0})
+    monkeypatch.setattr(canaries, "canary_of", lambda check: lambda conditions: 1 / 0)
     (result,) = proven(handmade, "clocks.rate").results
     assert result.outcome == "crashed"
     assert "ZeroDivisionError" in result.traceback

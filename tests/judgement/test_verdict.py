@@ -44,7 +44,7 @@ def test_no_check_across_streams_was_selected(outcome: Outcome) -> None:
 
 def test_crossing_streams() -> None:
     """Flow against frames compares two streams, the orientation of poses none."""
-    crossing = crossing_streams(CHECKS)
+    crossing = crossing_streams({check.name: check.needs for check in CHECKS})
     assert "flow_photometric.residual" in crossing
     assert "pose.orientation" not in crossing
 

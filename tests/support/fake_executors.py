@@ -48,6 +48,6 @@ class Loses(Travels):
 
 def describe(task: Task) -> str:
     """Return the task's function, the name of its file, and its windows."""
-    subject, name = task.arguments[0], task.function.__name__
+    subject, name = task.arguments[0], task.function.name
     place = subject.path if isinstance(subject, Survey) else subject
     return f"{name} {place.name} {list(task.arguments[1]) if name == 'measure_windows' else ''}".strip()

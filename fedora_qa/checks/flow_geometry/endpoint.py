@@ -19,6 +19,7 @@ from fedora_qa.views.camera_motion import motion_over
 from fedora_qa.views.flow_comparison import FieldError, compare_field, is_noisy
 from fedora_qa.views.flow_conventions import ConventionTrial, try_inverse_transforms
 from fedora_qa.views.flow_intervals import PoseTrack, ends_on_frame, frame_at, owned_intervals, place, pose_track
+from fedora_qa.views.flow_parameter_fit import FlowParameterFit
 from fedora_qa.views.static_depth import why_no_static_depth
 
 _MOST_FOLLOW_UPS: Final = 8
@@ -125,30 +126,6 @@ class FlowGainFit(Feature):
     removed_share: float
     correlation: float
     interval_s: float
-
-
-@dataclass(frozen=True, slots=True)
-class FlowParameterFit(Feature):
-    """An error of one parameter of the recomputed flow, fitted alone to all fields of one rate.
-
-    Attributes
-    ----------
-    parameter, unit
-        Cause and unit of the parameter's template.
-    value, standard_error
-        The error of the parameter, and its standard error, in that unit.
-    removed_share
-        Share of the rms deviation that the error explains, 0 to 1.
-    components
-        Of the error, of which ``value`` is the norm with the sign of the largest.
-    """
-
-    parameter: str
-    value: float
-    unit: str
-    standard_error: float
-    removed_share: float
-    components: tuple[float, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)

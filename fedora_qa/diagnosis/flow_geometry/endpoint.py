@@ -11,7 +11,6 @@ from scipy.spatial.transform import Rotation
 from fedora_qa.checks.flow_geometry.endpoint import (
     FieldsOff,
     FlowGainFit,
-    FlowParameterFit,
     FlowRatesOff,
     FreeMotionCorrection,
     PoseCorrectionRatios,
@@ -28,6 +27,7 @@ from fedora_qa.sequence.declared import Camera, Declared
 from fedora_qa.sequence.facts import Facts
 from fedora_qa.views.flow_comparison import is_noisy
 from fedora_qa.views.flow_conventions import ConventionTrial
+from fedora_qa.views.flow_parameter_fit import FlowParameterFit
 
 _EXACT: Final = 0.98
 """Removed share above which an inverse transform is preferred over a fitted error of a parameter."""
