@@ -33,8 +33,8 @@ CHANGE_BOUND: Final = 0.5
 FEWEST_INTERVALS: Final = 5
 
 UNRELATED: Final = 0.3
-"""Largest correlation of unrelated changes, relative to the median: those of another scene scatter about 0 by a tenth or
-so. A repeated or exchanged frame leaves one or two such intervals."""
+"""Largest correlation of unrelated changes, relative to the median: those of another scene scatter about 0 by a tenth
+or so. A repeated or exchanged frame leaves one or two such intervals."""
 
 
 @dataclass(frozen=True, slots=True)
