@@ -36,6 +36,17 @@ _OF_FLOW: Final[Mapping[str, tuple[str, ...]]] = MappingProxyType(
 )
 """Components of the size of a fault of flow that the frames measure for each rate, in the unit of the cause."""
 
+_IN_ORDER: Final[Mapping[tuple[str, str], tuple[str, ...]]] = MappingProxyType(
+    {
+        ("exposure_or_gamma", "rgb"): ("images.exposure", "images.transfer", "event_response.threshold"),
+        ("threshold_misdeclared", "events"): ("event_response.threshold",),
+        ("event_model_misdeclared", "events"): ("event_response.model",),
+        ("vignetting", "rgb"): ("images.vignetting",),
+    }
+)
+"""Checks that measure a cause of the whole file: where all of them pass, it is not the cause, whatever its undoing may
+clear by chance."""
+
 _CORRELATED: Final[Mapping[str, tuple[str, ...]]] = MappingProxyType(
     {
         "events": ("event_response.orientation",),
@@ -78,6 +89,8 @@ def contradicts(
         offset_ms = magnitude if cause == "time_offset" else None
         if places[family].excludes(offset_ms):
             return True
+    if (cause, family) in _IN_ORDER:
+        return all(_passed(results.get(check)) for check in _IN_ORDER[cause, family])
     if family == "flow" and cause in _OF_FLOW and magnitude is not None:
         return _frames_contradict(cause, stream, magnitude, results.get("flow_photometric.residual"))
     if (cause, family) in _MEASURED and magnitude is not None:

@@ -318,3 +318,24 @@ def test_a_cause_is_named_once() -> None:
     partly = tried("F1", left={"F2": 1.4}, caused=("a.new.one",))
     named = diagnosed(BOTH, {IS_LATE: partly, IS_SHIFTED: tried(left={"F1": 1.0, "F2": 1.0})})
     assert [(d.cause, d.explains) for d in named] == [("time_offset", ("F1",)), ("unknown", ("F2",))]
+
+
+def test_what_its_own_checks_find_in_order_is_not_the_cause() -> None:
+    """A curve may clear the violations of a window by chance, while exposure, curve and thresholds are in order."""
+    curve, lost = Hypothesis("exposure_or_gamma", "rgb", 0.3), Hypothesis("dropped_samples", "events", 0.4)
+    broken = [alarm(1, curve, lost, code="event_response.conservation.pixels")]
+    clears = {("exposure_or_gamma", "rgb"): tried("F1")}
+    own = ("images.exposure", "images.transfer", "event_response.threshold")
+    in_order = {check: Result(check, "passed", "?") for check in own}
+    assert diagnosed(broken, clears, in_order)[0].cause == "dropped_samples"
+    unmeasured = {**in_order, own[0]: Result(own[0], "not_observable", "?")}
+    assert diagnosed(broken, clears, unmeasured)[0].cause == "exposure_or_gamma"
+
+
+def test_a_size_counts_once_a_check() -> None:
+    """Three rates that one check measures have one voice on the sign of a size, as one finding of another check has."""
+    of_frames = Hypothesis("intrinsics_focal", "metadata", 0.6, 7.0, "percent")
+    of_depth = Hypothesis("intrinsics_focal", "metadata", 0.9, -8.0, "percent")
+    rates = [alarm(i, of_frames, code="flow_photometric.residual.template", stream="flow") for i in (1, 2, 3)]
+    first = diagnosed([*rates, alarm(4, of_depth, code="flow_geometry.endpoint.error", stream="flow")])[0]
+    assert (first.magnitude, first.explains) == (-8.0, ("F4",))
