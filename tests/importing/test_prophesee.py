@@ -14,6 +14,7 @@ from hypothesis import strategies as st
 from fedora_qa.errors import MisuseError
 from fedora_qa.importing import recording
 from fedora_qa.importing.run import PROVENANCE, ImportOptions
+from fedora_qa.layout.filters import filter_parameters
 from tests.importing.reading import events_of, imported
 from tests.support.prophesee import (
     DAT_HEADER,
@@ -215,3 +216,18 @@ def test_mutated_recordings(name: str, data: st.DataObject) -> None:
         except MisuseError as error:
             refusal = str(error)
         assert refusal.startswith("Expected ") or len(events_of(Path(folder) / "out.h5")) == done.rows["events"] > 0
+
+
+def test_how_it_is_compressed_alters_no_value(tmp_path: Path) -> None:
+    """Level and number of threads: the level stands in the file, and the number of threads leaves no trace."""
+    events = random_events(20_000, 4)
+    source = write_evt3(tmp_path / "a.raw", events)
+    stored = []
+    for level, threads in ((2, 1), (2, 3), (7, 2)):
+        imported(source, tmp_path / "out.h5", ImportOptions(level=level, threads=threads))
+        assert events_of(tmp_path / "out.h5") == events
+        with h5py.File(tmp_path / "out.h5") as file:
+            columns = [file[f"path/events/{name}"] for name in "xytp"]
+            assert {filter_parameters(column, 0)[4] for column in columns} == {level}
+            stored.append([column.id.read_direct_chunk((0,)) for column in columns])
+    assert stored[0] == stored[1] != stored[2]
