@@ -91,10 +91,12 @@ def partial_bias(segments: Sequence[ComparisonRows], *, centre: float) -> Partia
 
     def biases(first: NDArray[np.intp], last: NDArray[np.intp]) -> Float64:
         sums = projection[last] - projection[first]
-        return np.linalg.solve(information[last] - information[first] + floor, sums[..., np.newaxis])[..., 0]
+        solved: Float64 = np.linalg.solve(information[last] - information[first] + floor, sums[..., np.newaxis])
+        return solved[..., 0]
 
     def removed(first: NDArray[np.intp], last: NDArray[np.intp]) -> Float64:
-        return np.einsum("ni,ni->n", projection[last] - projection[first], biases(first, last))
+        squares: Float64 = np.einsum("ni,ni->n", projection[last] - projection[first], biases(first, last))
+        return squares
 
     if count < _FEWEST_ROWS or not floor.any():
         return None
