@@ -5,7 +5,7 @@ import os
 import shutil
 import subprocess
 import sys
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from dataclasses import dataclass
 from importlib import import_module
 from typing import Final, Literal
@@ -141,13 +141,13 @@ def _drawing_symptom(what: str, trial: DrawingTrial, consequence: str) -> Sympto
     return Symptom(what, "ok" if trial.works else "missing", detail, needed=False)
 
 
-def try_pyrender(environment: Mapping[str, str] | None = None) -> DrawingTrial:
+def try_pyrender() -> DrawingTrial:
     """Draw a triangle off-screen through EGL with pyrender, as the mesh world does.
 
     In a process of its own: an installed library may still not draw, and a driver that fails may end the process.
     """
     # EGL renders without a display server. PyOpenGL reads the variable when it is imported.
-    variables = {**(os.environ if environment is None else environment), "PYOPENGL_PLATFORM": "egl"}
+    variables = {**os.environ, "PYOPENGL_PLATFORM": "egl"}
     try:
         done = subprocess.run(
             [sys.executable, "-W", "ignore", "-c", _DRAW_A_TRIANGLE],

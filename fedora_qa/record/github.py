@@ -24,12 +24,12 @@ def record_to_github(record: Record) -> str:
     return "".join(lines)
 
 
-def silenced(text: str, token: str | None = None) -> str:
+def silenced(text: str) -> str:
     """Return text between commands that keep GitHub from executing any command in it.
 
-    The token resumes commands, so that it must be unpredictable; by default it is random.
+    The token resumes commands, so that it is random and cannot be predicted.
     """
-    token = token or secrets.token_hex(16)
+    token = secrets.token_hex(16)
     return f"::stop-commands::{token}\n{text}\n::{token}::\n"
 
 

@@ -268,9 +268,9 @@ class Window:
         """
         return self.once(("events", before_ns, after_ns), lambda: self._read_events(before_ns, after_ns))
 
-    def imu(self, margin_ns: int = 0) -> ImuSamples:
-        """Return IMU samples from the window's start to its stop, both inclusive, with a margin on both sides."""
-        rows = self._rows_within("imu", margin_ns)
+    def imu(self) -> ImuSamples:
+        """Return IMU samples from the window's start to its stop, both inclusive."""
+        rows = self._rows_within("imu", 0)
         return ImuSamples(
             times_ns=self.facts.clocks["imu"].times_ns[rows],
             angular_velocities_body_rad_s=self._take("path/imu/angular_velocity", rows),

@@ -73,7 +73,7 @@ def legends_for(panels: tuple[Panel, ...], scales: PictureScales) -> tuple[Legen
     return tuple(legends)
 
 
-def colour_bar(axis: Axis, table: colour_maps.Picture, alt: str, *, reverse: bool = False, ticks: int = 4) -> ColourBar:
+def colour_bar(axis: Axis, table: colour_maps.Picture, alt: str, *, reverse: bool = False) -> ColourBar:
     """Return the colours of a table along an axis.
 
     Parameters
@@ -86,9 +86,7 @@ def colour_bar(axis: Axis, table: colour_maps.Picture, alt: str, *, reverse: boo
         What the bar shows, in words.
     reverse
         Give the low end the last colour of the table.
-    ticks
-        About how many values are labelled.
     """
     ramp = np.linspace(1.0, 0.0, _BAR_STEPS) if reverse else np.linspace(0.0, 1.0, _BAR_STEPS)
     picture = np.repeat(colour_maps.by_table(ramp[None, :], table), 8, axis=0)
-    return ColourBar(drawing(picture, alt), axis.ticks(ticks))
+    return ColourBar(drawing(picture, alt), axis.ticks(4))

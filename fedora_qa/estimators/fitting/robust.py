@@ -40,30 +40,6 @@ def robust_sigma(values: ArrayLike, middle: ArrayLike | None = None) -> Float64:
     return np.asarray(MAD_TO_SIGMA * np.median(np.abs(values - about), axis=0))
 
 
-def huber_weights(deviations: Float64, tuning: float | Float64) -> Float64:
-    """Return the weights of Huber's M-estimate: 1 up to ``tuning``, beyond it inversely proportional to the deviation.
-
-    Parameters
-    ----------
-    deviations
-        Absolute residuals, of any shape.
-    tuning
-        The largest deviation of full weight, in the unit of the deviations; scalar or broadcast against them.
-
-    Returns
-    -------
-    ndarray
-        Of the shape of ``deviations``, from 0 to 1.
-
-    Sources
-    -------
-    P. J. Huber, Robust estimation of a location parameter, Ann. Math. Statist. 35 (1964) 73.
-    """
-    # w = min(1, k / |r|) (Huber 1964). The floor avoids a division by 0; the weight of a residual of 0 is 1.
-    weights: Float64 = np.minimum(1.0, tuning / np.maximum(deviations, 1e-300))
-    return weights
-
-
 def jackknife_errors(left_out: ArrayLike) -> Float64:
     """Return the standard errors of estimates by the delete-one jackknife.
 

@@ -1,4 +1,4 @@
-"""Robust scale, Huber's weights and the jackknife against closed forms."""
+"""Robust scale and the jackknife against closed forms."""
 
 import numpy as np
 import pytest
@@ -7,7 +7,6 @@ from scipy.stats import norm
 from fedora_qa.estimators.fitting.robust import (
     MAD_TO_SIGMA,
     NORMAL_QUARTILE,
-    huber_weights,
     jackknife_errors,
     robust_sigma,
 )
@@ -27,13 +26,6 @@ def test_the_robust_sigma_of_normal_values_is_theirs() -> None:
     columns = np.stack([quantiles, 2 * quantiles + 7], axis=1)
     np.testing.assert_allclose(robust_sigma(columns), (3.0, 6.0), rtol=2e-3)
     assert robust_sigma(np.array([1.0, 2.0, 3.0]), 0.0) == 2.0 * MAD_TO_SIGMA
-
-
-def test_hubers_weights_bound_the_influence() -> None:
-    """Weight times deviation is the deviation up to the tuning constant, and that constant beyond."""
-    deviations = np.array([0.0, 0.5, 1.0, 2.0, 100.0])
-    np.testing.assert_allclose(huber_weights(deviations, 1.0) * deviations, (0.0, 0.5, 1.0, 1.0, 1.0))
-    assert huber_weights(deviations, 1.0)[0] == 1.0
 
 
 def test_the_jackknife_of_a_mean_is_its_standard_error() -> None:

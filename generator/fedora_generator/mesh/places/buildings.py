@@ -130,8 +130,9 @@ def window(width_m: float, height_m: float, pane: str) -> Group:
     return painted("white paint", *frame, *cross) + painted("stone", sill) + painted(pane, glass)
 
 
-def entrance(width_m: float = 1.1, height_m: float = 2.2) -> Group:
+def entrance() -> Group:
     """Build a panelled door with a frame and a step, in the plane y = 0, seen from -y."""
+    width_m, height_m = 1.1, 2.2
     posts = [standing_box((0.14, 0.28, height_m + 0.14), x_m=side * (0.5 * width_m + 0.07)) for side in (-1, 1)]
     lintel = standing_box((width_m, 0.28, 0.14), z_m=height_m)
     leaf = standing_box((width_m, 0.2, height_m))

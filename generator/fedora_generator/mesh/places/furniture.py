@@ -83,11 +83,11 @@ def block(_: np.random.Generator, material: str, size_m: Point, foot_m: Point) -
     return painted(material, standing_box(size_m, *foot_m))
 
 
-def railing(length_m: float, height_m: float = 1.0) -> Group:
-    """Steel posts with three bars, along x about the origin."""
+def railing(length_m: float) -> Group:
+    """Steel posts of 1 m with three bars, along x about the origin."""
     xs = np.linspace(-0.5 * length_m, 0.5 * length_m, max(2, round(length_m / 1.8) + 1))
-    posts = [standing_box((0.08, 0.08, height_m), x_m=x) for x in xs.tolist()]
-    bars = [standing_box((length_m, 0.06, 0.06), y_m=-0.02, z_m=z * height_m) for z in (0.35, 0.64, 0.93)]
+    posts = [standing_box((0.08, 0.08, 1.0), x_m=x) for x in xs.tolist()]
+    bars = [standing_box((length_m, 0.06, 0.06), y_m=-0.02, z_m=z) for z in (0.35, 0.64, 0.93)]
     return painted("steel", *posts, *bars)
 
 

@@ -50,7 +50,7 @@ def painted(material: str, *surfaces: Surface) -> Group:
     return Group(tuple((material, surface) for surface in surfaces))
 
 
-def solid(name: str, size_m: Vector, center_m: Vector, yaw_deg: float = 0.0) -> Group:
+def solid(name: str, size_m: Vector, center_m: Vector) -> Group:
     """Build an upright box that a camera must not enter; nothing is drawn.
 
     Parameters
@@ -61,10 +61,8 @@ def solid(name: str, size_m: Vector, center_m: Vector, yaw_deg: float = 0.0) -> 
         Along the box's own x, y and z.
     center_m
         In the frame of the group.
-    yaw_deg
-        Rotation, counter-clockwise.
     """
-    return Group(solids=(Box(name=name, center_m=center_m, size_m=size_m, texture=name, yaw_deg=yaw_deg),))
+    return Group(solids=(Box(name=name, center_m=center_m, size_m=size_m, texture=name),))
 
 
 def together(groups: Iterable[Group]) -> Group:

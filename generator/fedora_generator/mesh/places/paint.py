@@ -93,11 +93,8 @@ def flakes(
     length_px: float,
     width_px: float,
     colours: Sequence[Rgb],
-    *,
-    direction_deg: float = 0.0,
-    spread_deg: float = 180.0,
 ) -> Image:
-    """Scatter pointed flakes: leaves, blades or pebbles. They continue across the edges of the picture.
+    """Scatter pointed flakes in all directions: leaves, blades or pebbles. They continue across the edges.
 
     Parameters
     ----------
@@ -111,8 +108,6 @@ def flakes(
         Size; each flake is from 0.6 to 1.3 of it.
     colours
         Of the flakes; those of the first colours lie lowest.
-    direction_deg, spread_deg
-        Mean direction, from the right towards down, and largest deviation from it.
     """
     height, width = below.shape[0] * FINER, below.shape[1] * FINER
     levels = cv2.resize(below, (width, height), interpolation=cv2.INTER_NEAREST)
@@ -120,7 +115,7 @@ def flakes(
     palette = np.array(colours)[(np.arange(count) * len(colours)) // count]
     palette = np.rint(255 * palette * rng.uniform(0.8, 1.2, (count, 1))).clip(0, 255)
     centers = rng.uniform(0, 1, (count, 2)) * (width, height)
-    angles = np.radians(direction_deg + spread_deg * rng.uniform(-1, 1, count))
+    angles = np.radians(180.0 * rng.uniform(-1, 1, count))
     along = np.stack([np.cos(angles), np.sin(angles)], axis=-1)
     across = along[:, ::-1] * (-1, 1)
     sizes = FINER * rng.uniform(0.6, 1.3, (count, 2)) * (length_px, width_px) / 2
@@ -184,8 +179,8 @@ def courses(
     return tones[row[:, None], column].astype(np.float32), joints.astype(np.float32), down.astype(np.float32)
 
 
-def lettering(below: Image, text: str, rgb: Rgb, *, height_share: float = 0.6) -> Image:
-    """Write a text across the middle of a picture, as large as it fits.
+def lettering(below: Image, text: str, rgb: Rgb) -> Image:
+    """Write a text across the middle of a picture, over 0.6 of its height or 0.86 of its width at most.
 
     Parameters
     ----------
@@ -195,15 +190,13 @@ def lettering(below: Image, text: str, rgb: Rgb, *, height_share: float = 0.6) -
         A line of text.
     rgb
         Colour of the text.
-    height_share
-        Largest height of the text over that of the picture.
     """
     height, width = below.shape[:2]
     sheet = np.zeros((240, 120 * (len(text) + 2)), dtype=np.uint8)
     cv2.putText(sheet, text, (60, 160), cv2.FONT_HERSHEY_DUPLEX, 4.0, 255, 14, cv2.LINE_AA)
     rows, columns = (np.flatnonzero(sheet.any(axis=axis)) for axis in (1, 0))
     word = sheet[rows[0] : rows[-1] + 1, columns[0] : columns[-1] + 1].astype(np.float32) / np.float32(255)
-    scale = min(height_share * height / word.shape[0], 0.86 * width / word.shape[1])
+    scale = min(0.6 * height / word.shape[0], 0.86 * width / word.shape[1])
     fitted = cv2.resize(
         word, (round(scale * word.shape[1]), round(scale * word.shape[0])), interpolation=cv2.INTER_AREA
     )

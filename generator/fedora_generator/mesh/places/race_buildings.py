@@ -33,7 +33,7 @@ def grandstand(_: np.random.Generator, length_m: float, rows: int) -> Group:
     columns = [standing_box((0.3, 0.3, top), x, back_y - 0.4, 0) for x in np.linspace(-0.46, 0.46, 6) * length_m]
     roof = box((length_m + 1.0, back_y + 2.0, 0.35), (0, 0.5 * back_y - 0.2, top + 0.1))
     edge = box((length_m + 1.1, 0.3, 0.9), (0, -1.15, top + 0.1))
-    rail = railing(length_m, 1.0).at(0, 0.2, first)
+    rail = railing(length_m).at(0, 0.2, first)
     size_m = (length_m + 1, back_y + 2.5, top + 0.6)
     return (
         painted("concrete", *steps, back)
@@ -76,7 +76,7 @@ def pits(_: np.random.Generator, length_m: float, garages: int) -> Group:
         + painted("pit sign", *signs)
         + together(bands)
         + painted("white paint", *bars)
-        + railing(length_m, 1.0).at(0, front - 1.2, lower + 0.14)
+        + railing(length_m).at(0, front - 1.2, lower + 0.14)
         + solid("pits", size_m, (0, -0.5, 0.5 * size_m[2]))
     )
 

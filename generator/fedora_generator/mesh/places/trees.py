@@ -88,7 +88,7 @@ def avenue(rng: np.random.Generator, trees: Sequence[Tree]) -> Group:
     )
 
 
-def conifer(rng: np.random.Generator, height_m: float, radius_m: float, material: str = "deep leaves") -> Group:
+def conifer(rng: np.random.Generator, height_m: float, radius_m: float) -> Group:
     """Build a spruce: a trunk and skirts of branches, each smaller than the one below."""
     trunk = tube([(0, 0, -0.1), (0, 0, 0.3 * height_m)], [0.03 * height_m, 0.025 * height_m], sides=8)
     skirts = []
@@ -98,7 +98,7 @@ def conifer(rng: np.random.Generator, height_m: float, radius_m: float, material
         profile = [(0.0, low_m + 0.12 * reach_m), (reach_m, low_m), (0.0, top_m)]
         skirts.append(roughened(turned(profile, sides=14), 0.1 * reach_m, 0.6 * reach_m, rng))
     size_m = (1.3 * radius_m, 1.3 * radius_m, height_m)
-    return painted("bark", trunk) + painted(material, *skirts) + solid("conifer", size_m, (0, 0, 0.5 * height_m))
+    return painted("bark", trunk) + painted("deep leaves", *skirts) + solid("conifer", size_m, (0, 0, 0.5 * height_m))
 
 
 def bush(rng: np.random.Generator, radius_m: float, foliage: Foliage = DEEP) -> Group:
