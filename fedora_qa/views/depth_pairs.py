@@ -346,8 +346,7 @@ def why_no_geometry(facts: Facts) -> str:
     return why_no_static_depth(facts)
 
 
-def where_of_frames(facts: Facts, first: int, last: int, pixel: tuple[int, int] | None = None,
-          tile: tuple[int, int, int, int] | None = None) -> Where:  # fmt: skip
+def where_of_frames(facts: Facts, first: int, last: int) -> Where:
     """Return where depth frames from the first to the last row (both included) lie in the file.
 
     Parameters
@@ -356,10 +355,6 @@ def where_of_frames(facts: Facts, first: int, last: int, pixel: tuple[int, int] 
         With the depth clock.
     first, last
         Rows of the depth stream.
-    pixel
-        Column and row, px, in the first frame.
-    tile
-        Left, top, right, bottom, px, half-open.
 
     Returns
     -------
@@ -374,6 +369,4 @@ def where_of_frames(facts: Facts, first: int, last: int, pixel: tuple[int, int] 
         index_start=first,
         index_stop=last + 1,
         frame=first,
-        pixel=pixel,
-        tile=tile,
     )

@@ -1,4 +1,4 @@
-"""Robust scale, Huber's weights and the delete-one jackknife."""
+"""Robust scale and the delete-one jackknife."""
 
 from typing import Final
 
